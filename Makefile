@@ -1,0 +1,85 @@
+# Every target sets itself up: a machine needs Python 3.11 or newer with venv, make and a package index.
+# The environment is made again only when a lock file or pyproject.toml changes.
+
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+# The first of these that is 3.11 or newer; `make PYTHON=...` overrules.
+PYTHON ?= python3 python3.13 python3.12 python3.11 python
+
+RUN := $(VENV)/.run
+DEV := $(VENV)/.dev
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+
+.PHONY: help
+help:  ## This list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+
+.PHONY: demo
+demo: $(RUN) bytecode  ## Calibrate the recording that ships with the package
+	$(BIN)/tumble demo
+
+.PHONY: test
+test: $(DEV) bytecode  ## Run every test; `make test ARGS="tests/laws -x"` runs some
+	$(BIN)/python -m pytest $(ARGS)
+
+.PHONY: lint
+lint: $(DEV)  ## Check style and layout of the code (ruff)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+
+.PHONY: format
+format: $(DEV)  ## Bring the code into layout, mending what can be mended
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+.PHONY: types
+types: $(DEV)  ## Check the types (pyright, strict)
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+.PHONY: contract
+contract: $(DEV)  ## Check which way imports point (import-linter)
+	$(BIN)/lint-imports --no-cache
+
+.PHONY: docs
+docs: $(DEV)  ## Check the docs: links, commands, worked examples (plain Markdown; there is no site to build)
+	$(BIN)/python -m pytest tests/docs
+
+.PHONY: bench
+bench: $(DEV) bytecode  ## Run the benchmarks; they print ratios within one run
+	@for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
+
+.PHONY: lock
+lock:  ## Compile requirements/ anew from pyproject.toml (needs uv)
+	uv pip compile pyproject.toml --group build --group dev $(LOCK) -o requirements/dev.txt
+	uv pip compile pyproject.toml --group build -c requirements/dev.txt $(LOCK) -o requirements/run.txt
+
+# Hashes for every platform and Python; neither the index's address nor a path of this machine.
+LOCK := --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
+        --no-emit-index-url --no-emit-find-links
+
+.PHONY: clean
+clean:  ## Remove the environment and everything that was made
+	rm -rf $(VENV) build dist tumble-demo .pytest_cache .ruff_cache .hypothesis .import_linter_cache .coverage
+	find src tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
+
+$(RUN): requirements/run.txt pyproject.toml
+	@found=; for python in $(PYTHON); do \
+	    if "$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then found=$$python; break; fi; \
+	done; \
+	if [ -z "$$found" ]; then echo "No Python 3.11 or newer among: $(PYTHON). Name one: make PYTHON=..." >&2; exit 1; fi; \
+	"$$found" -m venv --clear $(VENV)
+	$(PIP) install --quiet --compile --require-hashes -r requirements/run.txt
+	$(PIP) install --quiet --no-deps --no-build-isolation -e .
+	@touch $@
+
+$(DEV): requirements/dev.txt $(RUN)
+	$(PIP) install --quiet --compile --require-hashes -r requirements/dev.txt
+	@touch $@
+
+# Python may be told not to write bytecode (PYTHONDONTWRITEBYTECODE), and then compiles at every start.
+.PHONY: bytecode
+bytecode: $(RUN)
+	@$(BIN)/python -m compileall -q src
