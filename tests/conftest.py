@@ -1,0 +1,62 @@
+"""What every test stands on: shapes are checked, examples are the same every time, data are found."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+os.environ["TUMBLE_CHECK_SHAPES"] = "1"  # before tumble.arrays is first imported
+
+import hypothesis
+import pytest
+from jaxtyping import install_import_hook
+
+# The rooms that numbers pass through. The outer rooms import lazily, so that names in their
+# annotations may not exist while they run, and have no shapes to check.
+CHECKED_ROOMS = (
+    "attitude",
+    "earth",
+    "sensor",
+    "recording",
+    "estimation",
+    "segmentation",
+    "simulation",
+    "calibration",
+)
+
+
+def check_shapes() -> None:
+    """Check every annotated shape of the core rooms at run time, compiled kernels excepted."""
+    already = [name for name in sys.modules if name.startswith("tumble.")]
+    if already:
+        raise RuntimeError(f"{already[0]} was imported before its shapes could be checked.")
+    hook = install_import_hook([f"tumble.{room}" for room in CHECKED_ROOMS], "beartype.beartype").hook
+    instruments = hook.should_instrument
+    # numba compiles the function that it is given: a checking wrapper around it would not compile.
+    hook.should_instrument = lambda name: instruments(name) and name.rpartition(".")[2] != "kernels"
+
+
+check_shapes()
+
+hypothesis.settings.register_profile(
+    "tumble",
+    derandomize=True,  # the same examples every time: a red test stays red until it is mended
+    deadline=None,  # numba compiles at the first example
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+)
+hypothesis.settings.load_profile("tumble")
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """The repository's top folder."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def reference_data() -> Path:
+    """The folder of reference sets; each has its data and a SOURCE.md."""
+    return ROOT / "tests" / "reference"
