@@ -26,12 +26,16 @@ CHECKED_ROOMS = (
 )
 
 
+# An int is a float, as type checkers have it (PEP 484).
+CHECKER = "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))"
+
+
 def check_shapes() -> None:
     """Check every annotated shape of the core rooms at run time, compiled kernels excepted."""
     already = [name for name in sys.modules if name.startswith("tumble.")]
     if already:
         raise RuntimeError(f"{already[0]} was imported before its shapes could be checked.")
-    hook = install_import_hook([f"tumble.{room}" for room in CHECKED_ROOMS], "beartype.beartype").hook
+    hook = install_import_hook([f"tumble.{room}" for room in CHECKED_ROOMS], CHECKER).hook
     instruments = hook.should_instrument
     # numba compiles the function that it is given: a checking wrapper around it would not compile.
     hook.should_instrument = lambda name: instruments(name) and name.rpartition(".")[2] != "kernels"

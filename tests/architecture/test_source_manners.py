@@ -1,0 +1,142 @@
+"""What the plan of the house asks of every module, read from the source itself."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).resolve().parents[2] / "src" / "tumble"
+MODULES = sorted(SOURCE.rglob("*.py"))
+CORE = ("attitude", "earth", "sensor", "recording", "estimation", "segmentation", "simulation", "calibration")
+
+# Suffixes of what is not SI. `_celsius` is let in: every temperature of this field is given in it.
+NOT_SI = re.compile(
+    r"(_(deg|degrees|mdeg|arcmin|arcsec|rpm|dps|g|mg|ug|gal|mgal|gauss|ppm|ppb|percent"
+    r"|km|cm|mm|um|minutes|hours|days|ms|us|ns|knots|kmh|fahrenheit|deg_per_\w+)|_per_(h|hour|min|deg))$"
+)
+# The letter g is also a frame, the gyro triad's: no rate and no rotation has the unit g.
+FRAME_G = re.compile(r"^(angular_rate|earth_rate|C|rotation|quaternion)(_\w+)?_g$")
+
+type_of_function = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def functions_of(tree: ast.Module) -> Iterator[tuple[str, type_of_function]]:
+    """Every public function, and every public method of a public class."""
+    for node in tree.body:
+        if isinstance(node, type_of_function) and not node.name.startswith("_"):
+            yield node.name, node
+        elif isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            for member in node.body:
+                if isinstance(member, type_of_function) and not member.name.startswith("_"):
+                    yield f"{node.name}.{member.name}", member
+
+
+def statements_of(function: type_of_function) -> Iterator[ast.AST]:
+    """What stands in the function itself, not in one that is defined inside it."""
+    pending: list[ast.AST] = list(function.body)
+    while pending:
+        node = pending.pop()
+        yield node
+        if not isinstance(node, type_of_function | ast.Lambda | ast.ClassDef):
+            pending.extend(ast.iter_child_nodes(node))
+
+
+def has_silent_raise(function: type_of_function) -> bool:
+    """Whether the function raises and its docstring has no Raises section."""
+    raises = any(isinstance(node, ast.Raise) for node in statements_of(function))
+    return raises and not re.search(r"^\s*Raises\n\s*------\s*$", ast.get_docstring(function) or "", re.M)
+
+
+def wears_other_s_docstring(function: type_of_function) -> bool:
+    """Whether the function is an overload, a setter or an override: its docstring stands elsewhere."""
+    names = {ast.unparse(decorator).rpartition(".")[2] for decorator in function.decorator_list}
+    return bool(names & {"overload", "setter", "deleter", "override"})
+
+
+def names_of(tree: ast.Module) -> Iterator[str]:
+    """Names that a caller writes: parameters of every function, fields of every class."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.arguments):
+            yield from (argument.arg for argument in [*node.posonlyargs, *node.args, *node.kwonlyargs])
+        elif isinstance(node, ast.ClassDef):
+            for field in node.body:
+                if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
+                    yield field.target.id
+
+
+def names_that_are_not_si(tree: ast.Module) -> list[str]:
+    return [name for name in names_of(tree) if NOT_SI.search(name) and not FRAME_G.search(name)]
+
+
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def label(path: Path) -> str:
+    return path.relative_to(SOURCE).as_posix()
+
+
+@pytest.mark.parametrize("path", MODULES, ids=label)
+def test_every_public_function_that_raises_says_so(path: Path) -> None:
+    if path.is_relative_to(SOURCE / "cli"):
+        return  # a command's docstring is its help text; what it raises is its exit status
+    silent = [name for name, function in functions_of(tree_of(path)) if has_silent_raise(function)]
+    assert not silent, f"{label(path)} raises without a Raises section: {', '.join(silent)}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=label)
+def test_everything_public_has_a_docstring(path: Path) -> None:
+    tree = tree_of(path)
+    bare = [] if ast.get_docstring(tree) else ["the module"]
+    bare += [
+        node.name
+        for node in tree.body
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_") and not ast.get_docstring(node)
+    ]
+    bare += [
+        name
+        for name, function in functions_of(tree)
+        if not ast.get_docstring(function) and not wears_other_s_docstring(function)
+    ]
+    assert not bare, f"{label(path)} has no docstring on: {', '.join(bare)}"
+
+
+@pytest.mark.parametrize("path", [p for p in MODULES if p.relative_to(SOURCE).parts[0] in CORE], ids=label)
+def test_the_core_names_no_unit_that_is_not_si(path: Path) -> None:
+    found = names_that_are_not_si(tree_of(path))
+    assert not found, f"{label(path)} takes other units than SI inside: {', '.join(found)}"
+
+
+def test_no_module_is_a_drawer_for_anything() -> None:
+    drawers = {"utils", "util", "helpers", "helper", "common", "misc", "tools", "stuff"}
+    assert not [label(path) for path in MODULES if drawers & set(path.with_suffix("").parts[-3:])]
+
+
+# What follows shows that the checks above can fail.
+
+
+def test_a_raise_without_its_section_is_found() -> None:
+    tree = ast.parse('def find(x):\n    """Find."""\n    if x:\n        raise ValueError\n')
+    assert [name for name, function in functions_of(tree) if has_silent_raise(function)] == ["find"]
+
+
+def test_a_raise_with_its_section_or_in_an_inner_function_is_let_through() -> None:
+    said = 'def f():\n    """F.\n\n    Raises\n    ------\n    OSError\n        Always.\n    """\n    raise OSError\n'
+    inner = 'def f():\n    """F."""\n    def g():\n        raise ValueError\n    return g\n'
+    for source in (said, inner):
+        assert not [name for name, function in functions_of(ast.parse(source)) if has_silent_raise(function)]
+
+
+@pytest.mark.parametrize("name", ["latitude_deg", "bias_mg", "noise_g", "rate_deg_per_h", "drift_per_hour"])
+def test_a_name_with_a_unit_that_is_not_si_is_found(name: str) -> None:
+    assert names_that_are_not_si(ast.parse(f"def f(*, {name}): ...")) == [name]
+    assert names_that_are_not_si(ast.parse(f"class A:\n    {name}: float")) == [name]
+
+
+@pytest.mark.parametrize("name", ["angular_rate_ib_g", "C_ag", "temperature_celsius", "matrix", "weights"])
+def test_frames_and_celsius_are_let_through(name: str) -> None:
+    assert not names_that_are_not_si(ast.parse(f"def f({name}): ..."))
