@@ -125,7 +125,8 @@ def test_a_raise_without_its_section_is_found() -> None:
 
 
 def test_a_raise_with_its_section_or_in_an_inner_function_is_let_through() -> None:
-    said = 'def f():\n    """F.\n\n    Raises\n    ------\n    OSError\n        Always.\n    """\n    raise OSError\n'
+    section = "Raises\n    ------\n    OSError\n        Always."
+    said = f'def f():\n    """F.\n\n    {section}\n    """\n    raise OSError\n'
     inner = 'def f():\n    """F."""\n    def g():\n        raise ValueError\n    return g\n'
     for source in (said, inner):
         assert not [name for name, function in functions_of(ast.parse(source)) if has_silent_raise(function)]
