@@ -1,0 +1,23 @@
+"""Holds and turns: where the unit was at rest, where it moved, and what each hold tells.
+
+`find_timeline` finds them, `observe_holds` averages them; `read_intervals` reads a user's own list.
+"""
+
+from tumble.segmentation.intervals import read_intervals
+from tumble.segmentation.observations import HoldMeans, MeanCovariance, mean_covariance, observe_holds
+from tumble.segmentation.search import find_timeline
+from tumble.segmentation.timeline import Hold, NoiseFloor, Rejection, Timeline, Turn
+
+__all__ = [
+    "Hold",
+    "HoldMeans",
+    "MeanCovariance",
+    "NoiseFloor",
+    "Rejection",
+    "Timeline",
+    "Turn",
+    "find_timeline",
+    "mean_covariance",
+    "observe_holds",
+    "read_intervals",
+]

@@ -1,0 +1,75 @@
+"""Passes over the samples, compiled.
+
+Every pass takes the raw arrays as they are (any layout, read-only included) and fills small arrays
+of blocks that the caller made: no temporary grows with the samples. The signatures are explicit, so
+that a warm cache is loaded and nothing is compiled for a new layout.
+"""
+
+from __future__ import annotations
+
+from numba import njit, types
+
+_SIGNAL = types.Array(types.float64, 2, "A", readonly=True)
+_BLOCKS = types.float64[:, ::1]
+
+
+@njit([types.void(_SIGNAL, types.int64, _BLOCKS, _BLOCKS)], cache=True, nogil=True)
+def block_moments(signal, size, mean, roughness):  # type: ignore[no-untyped-def]
+    """Fill each block's mean and roughness (half the mean square of successive differences).
+
+    The difference from the last sample of the block before counts too, so that a block of one
+    sample has a roughness. White noise of variance v has the expected roughness v.
+    """
+    for block in range(mean.shape[0]):
+        first = block * size
+        s0 = s1 = s2 = 0.0
+        q0 = q1 = q2 = 0.0
+        # the first block has no sample before it: its first difference is zero
+        before = first - 1 if first > 0 else 0
+        b0, b1, b2 = signal[before, 0], signal[before, 1], signal[before, 2]
+        for i in range(first, first + size):
+            x0, x1, x2 = signal[i, 0], signal[i, 1], signal[i, 2]
+            s0 += x0
+            s1 += x1
+            s2 += x2
+            q0 += (x0 - b0) * (x0 - b0)
+            q1 += (x1 - b1) * (x1 - b1)
+            q2 += (x2 - b2) * (x2 - b2)
+            b0, b1, b2 = x0, x1, x2
+        mean[block, 0] = s0 / size
+        mean[block, 1] = s1 / size
+        mean[block, 2] = s2 / size
+        roughness[block, 0] = 0.5 * q0 / size
+        roughness[block, 1] = 0.5 * q1 / size
+        roughness[block, 2] = 0.5 * q2 / size
+
+
+@njit([types.void(_BLOCKS, types.int64, _BLOCKS)], cache=True, nogil=True)
+def triangle_smooth(mean, half_width, smooth):  # type: ignore[no-untyped-def]
+    """Fill the triangle-weighted mean over `half_width` blocks to either side (shortened at the ends)."""
+    blocks = mean.shape[0]
+    for k in range(blocks):
+        reach = min(half_width - 1, k, blocks - 1 - k)
+        total = 0.0
+        s0 = s1 = s2 = 0.0
+        for j in range(-reach, reach + 1):
+            weight = reach + 1.0 - abs(j)
+            total += weight
+            s0 += weight * mean[k + j, 0]
+            s1 += weight * mean[k + j, 1]
+            s2 += weight * mean[k + j, 2]
+        smooth[k, 0] = s0 / total
+        smooth[k, 1] = s1 / total
+        smooth[k, 2] = s2 / total
+
+
+@njit([types.void(_SIGNAL, types.int64, types.int64, types.float64[::1])], cache=True, nogil=True)
+def stretch_sum(signal, start, stop, total):  # type: ignore[no-untyped-def]
+    """Add the samples from `start` up to `stop` to `total`."""
+    for i in range(start, stop):
+        total[0] += signal[i, 0]
+        total[1] += signal[i, 1]
+        total[2] += signal[i, 2]
+
+
+__all__ = ["block_moments", "stretch_sum", "triangle_smooth"]

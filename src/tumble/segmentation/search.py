@@ -1,0 +1,201 @@
+"""Finding holds and turns in a recording that nobody has described.
+
+A *hold* is a stretch in which the attitude stays. The search looks at block means smoothed over
+0.15 s, which keep the slow beginning of a turn and lose hand tremor and motor vibration; takes bias,
+noise and scale from the recording itself (`activity`); refines each end against the hold's own
+scatter; and then asks physics: a pose that creeps is no hold, and two rests with the same specific
+force and no net turn between them are one hold with a knock in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tumble.arrays import Series
+from tumble.errors import SegmentationError
+from tumble.recording.recording import Recording
+from tumble.segmentation.activity import Activity, find_activity, noise_per_sample
+from tumble.segmentation.blocks import Blocks, cut_blocks
+from tumble.segmentation.stretches import (
+    Stretch,
+    find_knocks,
+    find_runs,
+    join_stretches,
+    shape_stretch,
+)
+from tumble.segmentation.timeline import Hold, NoiseFloor, Rejection, Timeline
+from tumble.segmentation.turns import find_turns
+
+MINIMUM_HOLD = 0.75
+# Rests shorter than this are moments of a turn and not worth a word.
+SHORTEST_MENTIONED = 0.3
+# A gap in which a turn can hide: no hold goes across it.
+LONGEST_HARMLESS_GAP = 0.25
+LARGEST_CREEP = np.radians(1.0)
+STATISTIC = "angular rate without bias, smoothed over 0.15 s, in approximate rad/s"
+
+
+def find_timeline(
+    recording: Recording,
+    *,
+    minimum_hold: float = MINIMUM_HOLD,
+    intervals: Sequence[tuple[float, float]] | None = None,
+) -> Timeline:
+    """Find where the unit was held still and where it was turned.
+
+    Nothing is to be tuned: noise, bias and scale are found in the recording, in whatever units it
+    has. See the module's text for how, and ``docs/segmentation.md`` for how well.
+
+    Parameters
+    ----------
+    recording : with an accelerometer, a gyro, or both; raw units.
+    minimum_hold : seconds at rest that make a hold.
+    intervals : (start, stop) of the holds in seconds on the recording's clock; they replace the
+        search.
+
+    Raises
+    ------
+    SegmentationError
+        If the recording is too short or has neither triad, if no hold is found, or if `intervals`
+        overlap or reach outside the recording.
+    """
+    blocks = _blocks_of(recording)
+    activity = find_activity(blocks)
+    if intervals is not None:
+        from tumble.segmentation.intervals import holds_of_intervals
+
+        holds, rejections = holds_of_intervals(recording, intervals), []
+    else:
+        walls = _walls(recording, blocks)
+        holds, rejections = _search(recording, blocks, activity, walls, minimum_hold)
+    if not holds:
+        raise SegmentationError(_nothing_found(rejections, minimum_hold))
+    turns = find_turns(recording, holds, activity)
+    return Timeline(
+        tuple(holds),
+        tuple(turns),
+        tuple(sorted([*rejections, *_outside(recording, holds)], key=lambda r: r.start)),
+        _noise_floor(blocks, activity),
+    )
+
+
+def _blocks_of(recording: Recording) -> Blocks:
+    if recording.specific_force is None and recording.angular_rate is None:
+        raise SegmentationError(
+            "The recording has neither accelerometer nor gyro: there is nothing to search."
+        )
+    blocks = cut_blocks(recording)
+    if len(blocks) < 20:
+        raise SegmentationError(
+            f"The recording has {len(recording)} samples ({recording.duration:.2f} s); "
+            "finding holds takes at least one second."
+        )
+    return blocks
+
+
+def _walls(recording: Recording, blocks: Blocks) -> np.ndarray:
+    """Blocks that begin after, or contain, a gap long enough for a turn to hide in."""
+    long = [i for i in recording.gaps if recording.time[i] - recording.time[i - 1] > LONGEST_HARMLESS_GAP]
+    return np.minimum(np.asarray(long, dtype=int) // blocks.size, len(blocks) - 1)
+
+
+def _search(
+    recording: Recording, blocks: Blocks, activity: Activity, walls: np.ndarray, minimum_hold: float
+) -> tuple[list[Hold], list[Rejection]]:
+    rest = activity.rate < activity.threshold
+    rest[walls] = False
+    shortest = max(blocks.half_width, 2)
+    stretches = [
+        shape_stretch(blocks, activity, a, b, (a > 0, b < len(blocks)))
+        for a, b in find_runs(rest)
+        if b - a >= shortest
+    ]
+    for stretch in stretches:
+        stretch.excluded = find_knocks(blocks, stretch)
+    holds: list[Hold] = []
+    rejections: list[Rejection] = []
+    for stretch in join_stretches(blocks, activity, stretches, walls):
+        reason = _reason_against(blocks, activity, stretch, minimum_hold)
+        hold = _hold(recording, blocks, stretch)
+        if not reason:
+            holds.append(hold)
+        elif stretch.length * blocks.seconds >= SHORTEST_MENTIONED:
+            rejections.append(Rejection(hold.start, hold.stop, reason))
+    return holds, rejections
+
+
+def _reason_against(blocks: Blocks, activity: Activity, stretch: Stretch, minimum_hold: float) -> str:
+    seconds = stretch.length * blocks.seconds
+    if seconds < minimum_hold:
+        return f"at rest for only {seconds:.1f} s, shorter than {minimum_hold:.1f} s"
+    creep, sigma = _creep(blocks, activity, stretch)
+    if creep > LARGEST_CREEP + 5.0 * sigma:
+        return f"creeps by {np.degrees(creep):.1f}° in {seconds:.1f} s"
+    return ""
+
+
+def _creep(blocks: Blocks, activity: Activity, stretch: Stretch) -> tuple[float, float]:
+    """Angle by which the specific force moves from end to end, and its standard uncertainty, rad."""
+    if blocks.specific_force is None or activity.gravity is None or stretch.force_scatter is None:
+        return 0.0, 0.0
+    first, last = int(np.ceil(stretch.start)), max(int(stretch.stop), int(np.ceil(stretch.start)) + 3)
+    values = blocks.specific_force.smooth[first:last]
+    third = max(len(values) // 3, 1)
+    moved: Series = np.median(values[-third:], axis=0) - np.median(values[:third], axis=0)
+    sigma = float(np.linalg.norm(stretch.force_scatter)) * np.sqrt(12.0 / max(third, 6))
+    return 1.5 * float(np.linalg.norm(moved)) / activity.gravity, sigma / activity.gravity
+
+
+def _hold(recording: Recording, blocks: Blocks, stretch: Stretch) -> Hold:
+    size, total = blocks.size, len(recording)
+    start = int(np.ceil(stretch.start * size))
+    stop = total if stretch.last == len(blocks) == stretch.stop else int(stretch.stop * size)
+    holes = [(max(a * size, start), min(b * size, stop)) for a, b in stretch.excluded]
+    return Hold(start, min(stop, total), tuple((a, b) for a, b in _united(holes) if b > a))
+
+
+def _united(ranges: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    united: list[tuple[int, int]] = []
+    for a, b in sorted(ranges):
+        if united and a <= united[-1][1]:
+            united[-1] = (united[-1][0], max(b, united[-1][1]))
+        else:
+            united.append((a, b))
+    return united
+
+
+def _outside(recording: Recording, holds: list[Hold]) -> list[Rejection]:
+    rejections: list[Rejection] = []
+    if holds[0].start > 0:
+        rejections.append(Rejection(0, holds[0].start, "motion before the first hold"))
+    if holds[-1].stop < len(recording):
+        rejections.append(Rejection(holds[-1].stop, len(recording), "motion after the last hold"))
+    return rejections
+
+
+def _noise_floor(blocks: Blocks, activity: Activity) -> NoiseFloor:
+    rest = activity.rate < activity.threshold
+    force, rate = blocks.specific_force, blocks.angular_rate
+    unknown = np.full(3, np.nan)
+    return NoiseFloor(
+        unknown if force is None else noise_per_sample(force, rest),
+        unknown if rate is None else noise_per_sample(rate, rest),
+        activity.threshold,
+        STATISTIC
+        if rate is not None
+        else STATISTIC.replace("angular rate without bias", "turning of the specific force"),
+    )
+
+
+def _nothing_found(rejections: list[Rejection], minimum_hold: float) -> str:
+    if rejections:
+        return (
+            f"No hold was found; the first candidate was left out because it {rejections[0].reason}. "
+            "Keep each pose for three seconds or more, or give the holds in an interval file."
+        ).replace("because it at rest", "because it was at rest")
+    return (
+        f"No hold was found: the unit is nowhere at rest for {minimum_hold:.1f} s. "
+        "Keep each pose for three seconds or more, or give the holds in an interval file."
+    )

@@ -1,0 +1,65 @@
+"""Turns: the motion from one hold to the next, and whether the angular rate can be trusted there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tumble.arrays import Vectors
+from tumble.recording.recording import Recording
+from tumble.segmentation.activity import Activity
+from tumble.segmentation.timeline import Hold, Turn
+
+AXES = "xyz"
+SATURATED_RUN = 3
+
+
+def find_turns(recording: Recording, holds: list[Hold], activity: Activity) -> list[Turn]:
+    """Return the turns between consecutive holds; one that cannot be integrated says why.
+
+    Parameters
+    ----------
+    recording, holds : the samples and the holds in them, in order.
+    activity : of the same recording; the gyro's bias and scale tell full scale from rest.
+    """
+    limits = _full_scale(recording.angular_rate, activity)
+    turns: list[Turn] = []
+    for number in range(len(holds) - 1):
+        start, stop = holds[number].stop, holds[number + 1].start
+        reason = _reason_against(recording, start, stop, limits)
+        turns.append(Turn(number, number + 1, start, stop, not reason, reason))
+    return turns
+
+
+def _full_scale(rate: Vectors | None, activity: Activity) -> tuple[np.ndarray, np.ndarray] | None:
+    """The extreme values per axis (lowest, highest) where they are far from rest, else infinite."""
+    if rate is None or activity.rate_bias is None or activity.rate_scale is None:
+        return None
+    low, high = rate.min(axis=0), rate.max(axis=0)
+    fast = 0.5 / activity.rate_scale
+    low = np.where(activity.rate_bias - low > fast, low, -np.inf)
+    high = np.where(high - activity.rate_bias > fast, high, np.inf)
+    return low, high
+
+
+def _reason_against(
+    recording: Recording, start: int, stop: int, limits: tuple[np.ndarray, np.ndarray] | None
+) -> str:
+    for gap in recording.gaps:
+        if start <= gap <= stop and gap > 0:
+            missing = recording.time[gap] - recording.time[gap - 1] - 1.0 / recording.rate
+            return f"{missing:.2f} s of samples are missing in it"
+    if recording.angular_rate is None or limits is None:
+        return "there is no gyro" if recording.angular_rate is None else ""
+    piece = recording.angular_rate[start:stop]
+    for axis in range(3):
+        at_limit = (piece[:, axis] <= limits[0][axis]) | (piece[:, axis] >= limits[1][axis])
+        run = longest_run(at_limit)
+        if run >= SATURATED_RUN:
+            return f"the gyro's {AXES[axis]} axis is at its extreme value for {run} samples: saturated"
+    return ""
+
+
+def longest_run(flags: np.ndarray) -> int:
+    """Return the length of the longest run of true values."""
+    edge = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return int((edge[1::2] - edge[::2]).max()) if edge.size else 0
