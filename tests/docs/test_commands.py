@@ -1,0 +1,100 @@
+"""The commands on the pages are the commands that there are, option by option."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+COMMANDS = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+PROMISED = ("inspect", "calibrate", "apply", "verify", "convert", "demo")
+
+RUN = "import sys; from tumble.cli.main import main; sys.argv[0] = 'tumble'; main()"
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*[a-z]")
+
+
+@cache
+def help_of(*command: str) -> str:
+    """What `tumble COMMAND --help` prints, without colours and wide enough not to break a line."""
+    plain = {"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "240"}
+    answer = subprocess.run(
+        [sys.executable, "-c", RUN, *command, "--help"],
+        env={**os.environ, **plain},
+        capture_output=True,
+        encoding="utf-8",
+        check=False,
+    )
+    assert answer.returncode == 0, f"tumble {' '.join(command)} --help: {answer.stderr}"
+    return answer.stdout
+
+
+def commands_of(text: str) -> list[str]:
+    """The names in the Commands section of a help text, in a frame of rich or without."""
+    section = re.split(r"^\W*Commands\b.*$", text, maxsplit=1, flags=re.M)
+    assert len(section) == 2, "the help text has no section Commands"
+    return re.findall(r"^[│| ]{1,3}([a-z][a-z-]*)(?=\s{2,}|\s*│?$)", section[1], re.M)
+
+
+def options_of(command: str) -> set[str]:
+    """The options that a command's help lists, without those that every program has."""
+    return set(OPTION.findall(help_of(command))) - {"--help", "--install-completion", "--show-completion"}
+
+
+def sections() -> dict[str, str]:
+    """The text of each command's section on the page of commands."""
+    parts = re.split(r"^## tumble ([a-z-]+)$", COMMANDS, flags=re.M)
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def test_every_promised_command_exists() -> None:
+    assert set(PROMISED) <= set(commands_of(help_of()))
+
+
+def test_every_command_has_a_section_and_every_section_a_command() -> None:
+    assert set(sections()) == set(commands_of(help_of()))
+
+
+def common_options() -> set[str]:
+    """Options that the page explains once, ahead of the commands."""
+    return set(OPTION.findall(COMMANDS.partition("\n## ")[0]))
+
+
+@pytest.mark.parametrize("command", sorted(sections()))
+def test_every_option_is_documented_and_every_documented_option_exists(command: str) -> None:
+    written = set(OPTION.findall(sections()[command]))
+    there = options_of(command)
+    assert written <= there, "documented, but not there"
+    assert there <= written | common_options(), "there, but not documented"
+
+
+@pytest.mark.parametrize("command", sorted(set(re.findall(r"^\$ tumble (\S+)", README, re.M))))
+def test_every_command_of_the_readme_exists_with_its_options(command: str) -> None:
+    lines = re.findall(rf"^\$ tumble {command} .*$", README, re.M)
+    assert {option for line in lines for option in OPTION.findall(line)} <= options_of(command)
+
+
+def test_the_readme_shows_the_four_steps() -> None:
+    shown = re.findall(r"^\$ tumble (\S+)", README, re.M)
+    assert shown == ["inspect", "calibrate", "apply", "verify"]
+
+
+@pytest.mark.parametrize(("left", "right"), [("│ ", " │"), ("  ", "")])
+def test_commands_are_found_in_a_help_text(left: str, right: str) -> None:
+    """With rich's frame and without; text that is broken over lines is not taken for a command."""
+    help_text = "\n".join(
+        [
+            "Usage: tumble [OPTIONS] COMMAND",
+            "╭─ Commands ─────╮" if right else "Commands:",
+            f"{left}inspect     Say what a recording holds.{right}",
+            f"{left}            and more of it.{right}",
+            f"{left}demo-two    Calibrate.{right}",
+        ]
+    )
+    assert commands_of(help_text) == ["inspect", "demo-two"]

@@ -1,0 +1,84 @@
+"""The documentation is true: links lead somewhere, make targets exist, worked examples run."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
+
+FENCED = re.compile(r"^```.*?^```$", re.M | re.S)
+LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+
+
+def label(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def anchors_of(page: Path) -> set[str]:
+    """The anchors of a page's headings, as code hosts make them."""
+    headings = re.findall(r"^#+ (.+)$", FENCED.sub("", page.read_text(encoding="utf-8")), re.M)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def leads_nowhere(page: Path, link: str) -> bool:
+    """Whether a link to a file of this repository, or to a heading in it, has no such end."""
+    if re.match(r"[a-z]+:", link):
+        return False  # an address elsewhere: tests use no network
+    path, _, anchor = link.partition("#")
+    end = (page.parent / path).resolve() if path else page
+    return not end.exists() or (bool(anchor) and anchor not in anchors_of(end))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=label)
+def test_every_link_leads_somewhere(page: Path) -> None:
+    links = LINK.findall(FENCED.sub("", page.read_text(encoding="utf-8")))
+    assert not [link for link in links if leads_nowhere(page, link)]
+
+
+def test_a_link_to_nothing_is_found() -> None:
+    assert leads_nowhere(ROOT / "README.md", "docs/no-such-page.md")
+    assert leads_nowhere(ROOT / "README.md", "docs/conventions.md#no-such-heading")
+    assert not leads_nowhere(ROOT / "README.md", "docs/conventions.md#the-one-model")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=label)
+def test_every_make_target_that_is_mentioned_exists(page: Path) -> None:
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.M))
+    text = page.read_text(encoding="utf-8")
+    mentioned = set(re.findall(r"(?:`|^ {4}|^\$ )make ([a-z]+)\b", text, re.M))
+    assert mentioned <= targets
+
+
+def test_the_worked_example_of_the_conventions_runs() -> None:
+    """Its assertions are numbers that were worked out by hand on the page."""
+    page = ROOT / "docs" / "conventions.md"
+    text = page.read_text(encoding="utf-8")
+    blocks = list(re.finditer(r"^```python\n(.*?)^```$", text, re.M | re.S))
+    assert sum(block[1].count("assert ") for block in blocks) >= 10
+    names: dict[str, object] = {}
+    for block in blocks:
+        line = text.count("\n", 0, block.start(1))
+        exec(compile("\n" * line + block[1], str(page), "exec"), names)
+
+
+def test_every_page_can_be_reached_from_the_first() -> None:
+    seen: set[Path] = set()
+    pending = [ROOT / "README.md"]
+    while pending:
+        page = pending.pop()
+        if page in seen or not page.exists():
+            continue
+        seen.add(page)
+        if page.is_dir():
+            pending.extend(page.rglob("*.md"))
+        elif page.suffix == ".md":
+            links = LINK.findall(FENCED.sub("", page.read_text(encoding="utf-8")))
+            pending.extend(
+                (page.parent / link.partition("#")[0]).resolve() for link in links if ":" not in link
+            )
+    unreachable = {label(page) for page in PAGES} - {label(page) for page in seen} - {"CHANGELOG.md"}
+    assert not unreachable
