@@ -1,0 +1,57 @@
+"""Shape-typed names of arrays: `Vectors` is an array of shape (samples, 3), and so on.
+
+The shapes stand in every public signature. They are checked while the tests run (jaxtyping with
+beartype, switched on in ``tests/conftest.py``); in use they cost nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    Vector: TypeAlias = npt.NDArray[np.float64]
+    Vectors: TypeAlias = npt.NDArray[np.float64]
+    Matrix: TypeAlias = npt.NDArray[np.float64]
+    Matrices: TypeAlias = npt.NDArray[np.float64]
+    Quaternion: TypeAlias = npt.NDArray[np.float64]
+    Quaternions: TypeAlias = npt.NDArray[np.float64]
+    Series: TypeAlias = npt.NDArray[np.float64]
+    Table: TypeAlias = npt.NDArray[np.float64]
+    Square: TypeAlias = npt.NDArray[np.float64]
+    AnyArray: TypeAlias = npt.NDArray[np.float64]
+else:
+    from os import environ
+
+    if environ.get("TUMBLE_CHECK_SHAPES"):
+        from jaxtyping import Float
+
+        Vector = Float[np.ndarray, "3"]
+        Vectors = Float[np.ndarray, "samples 3"]
+        Matrix = Float[np.ndarray, "3 3"]
+        Matrices = Float[np.ndarray, "items 3 3"]
+        Quaternion = Float[np.ndarray, "4"]
+        Quaternions = Float[np.ndarray, "items 4"]
+        Series = Float[np.ndarray, "samples"]
+        Table = Float[np.ndarray, "rows columns"]
+        Square = Float[np.ndarray, "size size"]
+        AnyArray = Float[np.ndarray, "..."]
+    else:
+        # jaxtyping costs 50 ms to import: outside the tests the names are plain arrays.
+        Vector = Vectors = Matrix = Matrices = Quaternion = Quaternions = np.ndarray
+        Series = Table = Square = AnyArray = np.ndarray
+
+__all__ = [
+    "AnyArray",
+    "Matrices",
+    "Matrix",
+    "Quaternion",
+    "Quaternions",
+    "Series",
+    "Square",
+    "Table",
+    "Vector",
+    "Vectors",
+]

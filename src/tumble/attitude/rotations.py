@@ -1,0 +1,122 @@
+"""Rotation matrices, rotation vectors and the angles between directions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tumble.arrays import Matrix, Table, Vector
+
+
+def skew(vector: Vector) -> Matrix:
+    """Return the matrix ``S`` with ``S @ w == cross(vector, w)``."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def matrix_from_rotation_vector(rotation_vector: Vector) -> Matrix:
+    """Return ``exp(skew(rotation_vector))``, Rodrigues' formula.
+
+    Parameters
+    ----------
+    rotation_vector : (3,) axis times angle, rad. Any angle; below 1e-4 rad the series is used,
+        whose first neglected term is under 1e-18.
+
+    Examples
+    --------
+    A quarter turn about z carries x to y:
+
+    >>> import numpy as np
+    >>> C = matrix_from_rotation_vector(np.array([0.0, 0.0, np.pi / 2]))
+    >>> bool(np.allclose(C @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
+    True
+    """
+    angle = float(np.sqrt(rotation_vector @ rotation_vector))
+    cross = skew(rotation_vector)
+    if angle < 1e-4:
+        first, second = 1.0 - angle**2 / 6.0, 0.5 - angle**2 / 24.0
+    else:
+        first, second = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle**2
+    return np.eye(3) + first * cross + second * (cross @ cross)
+
+
+def rotation_vector_from_matrix(C: Matrix) -> Vector:
+    """Return the rotation vector of a rotation matrix, its angle in [0, pi] rad.
+
+    The axis comes from the quaternion with the largest component (Shepperd 1978), so that half
+    turns are as accurate as small ones.
+    """
+    trace = float(np.trace(C))
+    squares = np.array([1 + 2 * C[0, 0] - trace, 1 + 2 * C[1, 1] - trace, 1 + 2 * C[2, 2] - trace, 1 + trace])
+    largest = int(np.argmax(squares))
+    q = np.empty(4)
+    if largest == 3:
+        q[:3] = C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]
+        q[3] = squares[3]
+    else:
+        i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
+        q[i], q[j], q[k] = squares[i], C[i, j] + C[j, i], C[i, k] + C[k, i]
+        q[3] = C[k, j] - C[j, k]
+    q /= np.sqrt(q @ q)
+    if q[3] < 0:
+        q = -q
+    sine = float(np.sqrt(q[:3] @ q[:3]))
+    scale = 2.0 if sine < 1e-12 else 2.0 * np.arctan2(sine, q[3]) / sine
+    return scale * q[:3]
+
+
+def rotation_between(start: Vector, end: Vector) -> Matrix:
+    """Return the smallest rotation that carries the direction `start` to the direction `end`.
+
+    For opposite directions it is a half turn about an axis perpendicular to both.
+
+    Raises
+    ------
+    ValueError
+        If a vector is zero.
+    """
+    a, b = _unit(start), _unit(end)
+    cosine = float(a @ b)
+    if cosine < -1.0 + 1e-12:
+        axis = tangent_basis(a)[:, 0]
+        return 2.0 * np.outer(axis, axis) - np.eye(3)
+    cross = skew(np.cross(a, b))
+    return np.eye(3) + cross + cross @ cross / (1.0 + cosine)
+
+
+def angle_between(start: Vector, end: Vector) -> float:
+    """Return the angle between two directions in rad, accurate for small and for large angles.
+
+    Raises
+    ------
+    ValueError
+        If a vector is zero.
+    """
+    a, b = _unit(start), _unit(end)
+    return float(2.0 * np.arctan2(np.linalg.norm(a - b), np.linalg.norm(a + b)))
+
+
+def tangent_basis(direction: Vector) -> Table:
+    """Return (3, 2): two unit vectors perpendicular to `direction` and to each other.
+
+    Raises
+    ------
+    ValueError
+        If the vector is zero.
+    """
+    unit = _unit(direction)
+    first = np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
+    first /= np.linalg.norm(first)
+    return np.column_stack([first, np.cross(unit, first)])
+
+
+def find_nearest_rotation(matrix: Matrix) -> Matrix:
+    """Return the rotation nearest to `matrix` in the Frobenius norm (by singular values)."""
+    left, _, right = np.linalg.svd(matrix)
+    return left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+
+
+def _unit(vector: Vector) -> Vector:
+    norm = float(np.sqrt(vector @ vector))
+    if norm == 0.0:
+        raise ValueError("a zero vector has no direction")
+    return vector / norm

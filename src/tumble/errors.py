@@ -1,0 +1,47 @@
+"""What can go wrong, one class per thing that a user can do something about.
+
+Every message is one or two plain sentences: what was found, where, and what to do. The command line
+prints the message alone and exits with the class's `exit_status` (see ``docs/contract.md``).
+"""
+
+from __future__ import annotations
+
+
+class TumbleError(Exception):
+    """Base of every error that tumble raises on purpose; `exit_status` is the command line's."""
+
+    exit_status: int = 2
+
+
+class UsageError(TumbleError):
+    """The call itself is off: an unknown name, two options that exclude each other."""
+
+
+class RecordingError(TumbleError):
+    """A recording cannot be read, or contradicts what was said of it (units, columns, stamps)."""
+
+
+class CalibrationFileError(TumbleError):
+    """A file given as a calibration is not one, or is of an unknown version."""
+
+
+class SiteError(TumbleError):
+    """A latitude, height or gravity is outside what the Earth offers."""
+
+
+class SegmentationError(TumbleError):
+    """No usable holds or turns were found in a recording, or the interval file is wrong."""
+
+
+class ObservabilityError(TumbleError):
+    """The poses or turns do not determine what was asked for; the message names what is missing."""
+
+
+class ConvergenceError(TumbleError):
+    """The adjustment diverged or ended in a mirror root."""
+
+
+class OutputError(TumbleError):
+    """A result could not be written (full disk, no permission); earlier results are intact."""
+
+    exit_status = 3

@@ -1,0 +1,102 @@
+"""Body frames by name: what is held fixed in the matrices.
+
+A unit's two matrices are known up to one common rotation of the body frame b. A *frame* fixes it:
+
+- ``accelerometer-x``: the accelerometer's forward matrix is lower triangular. b's x axis is the x
+  sensing axis, its y axis lies in the plane of the x and y sensing axes (Shin, Zhang, Kalibr).
+- ``accelerometer-z``: it is upper triangular. b's z axis is the z sensing axis, its y axis lies in
+  the plane of the y and z sensing axes (imu_tk).
+
+Everything here is analytic in the matrices (Cholesky factors instead of QR), so that covariances
+are carried exactly to first order by the complex step.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.arrays import Matrix
+from tumble.errors import UsageError
+from tumble.sensor.imu import ImuModel
+
+Complex = npt.NDArray[Any]
+
+FRAMES: dict[str, str] = {
+    "accelerometer-x": (
+        "x along the sensing axis of the x accelerometer, y in the plane of the x and y accelerometers "
+        "(forward accelerometer matrix lower triangular)"
+    ),
+    "accelerometer-z": (
+        "z along the sensing axis of the z accelerometer, y in the plane of the y and z accelerometers "
+        "(forward accelerometer matrix upper triangular)"
+    ),
+}
+
+
+def lower_factor(matrix: Complex) -> Complex:
+    """Return L, lower triangular with a positive diagonal, with ``matrix = L @ rotation``.
+
+    Row 0's length keeps its sign by convention: L is the Cholesky factor of matrix @ matrix.T, so a
+    matrix with a negative determinant leaves a reflection in the second factor.
+    """
+    product = matrix @ matrix.T
+    zero = product[0, 0] * 0.0
+    a = np.sqrt(product[0, 0])
+    b = product[1, 0] / a
+    c = np.sqrt(product[1, 1] - b * b)
+    d = product[2, 0] / a
+    e = (product[2, 1] - d * b) / c
+    f = np.sqrt(product[2, 2] - d * d - e * e)
+    return np.array([[a, zero, zero], [b, c, zero], [d, e, f]])
+
+
+def upper_factor(matrix: Complex) -> Complex:
+    """Return U, upper triangular with a positive diagonal, with ``matrix = U @ rotation``."""
+    return lower_factor(matrix[::-1, ::-1])[::-1, ::-1]
+
+
+def frame_rotation(matrix: Complex, frame: str) -> Complex:
+    """Return ``C_new_b``, from the frame of the accelerometer `matrix` to the named frame.
+
+    ``matrix @ C_new_b.T`` is the triangular matrix of the new frame.
+
+    Raises
+    ------
+    UsageError
+        If the frame's name is unknown.
+    """
+    if frame == "accelerometer-x":
+        return inverse(lower_factor(matrix)) @ matrix
+    if frame == "accelerometer-z":
+        return inverse(upper_factor(matrix)) @ matrix
+    raise UsageError(f"There is no frame {frame!r}: choose one of {', '.join(FRAMES)}.")
+
+
+def change_frame(model: ImuModel, frame: str) -> ImuModel:
+    """Return `model` described in the named frame; corrected vectors are turned, nothing is lost.
+
+    Raises
+    ------
+    UsageError
+        If the frame's name is unknown, or the model has no accelerometer to fix it by.
+    """
+    if model.accelerometer is None:
+        raise UsageError(f"The frame {frame!r} is fixed by the accelerometers, and there are none.")
+    C_new_b: Matrix = np.real(frame_rotation(model.accelerometer.matrix, frame))
+    return model.turned(C_new_b)
+
+
+def inverse(matrix: Complex) -> Complex:
+    """Return the inverse of a 3x3 matrix by cofactors: analytic, for complex steps."""
+    (a, b, c), (d, e, f), (g, h, i) = matrix
+    adjugate = np.array(
+        [
+            [e * i - f * h, c * h - b * i, b * f - c * e],
+            [f * g - d * i, a * i - c * g, c * d - a * f],
+            [d * h - e * g, b * g - a * h, a * e - b * d],
+        ]
+    )
+    return adjugate / (a * adjugate[0, 0] + b * adjugate[1, 0] + c * adjugate[2, 0])

@@ -1,0 +1,66 @@
+"""A triad: three sensors of one kind on three roughly perpendicular axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import Matrix, Vector, Vectors
+
+
+@dataclass(frozen=True, slots=True)
+class Triad:
+    """Three accelerometers or three gyros: how true values become raw ones.
+
+    Attributes
+    ----------
+    matrix : (3, 3) raw units per SI unit; row i is sensor i's sensitivity to the true vector in b.
+    bias : (3,) raw units, the output at zero input.
+    asymmetry : (3,) dimensionless or None: scale-factor difference of positive and negative input.
+    quadratic : (3,) 1 / raw unit or None.
+    """
+
+    matrix: Matrix
+    bias: Vector
+    asymmetry: Vector | None = None
+    quadratic: Vector | None = None
+
+    def distort(self, true: Vectors) -> Vectors:
+        """Return the raw output for the true input in frame b (SI), without noise."""
+        own_input = true @ self.matrix.T
+        raw = own_input + self.bias
+        if self.asymmetry is not None:
+            raw = raw + self.asymmetry * np.abs(own_input)
+        if self.quadratic is not None:
+            raw = raw + self.quadratic * own_input**2
+        return raw
+
+    def correct(self, raw: Vectors) -> Vectors:
+        """Return the true input in frame b (SI) for the raw output: the inverse of `distort`.
+
+        The sign that asymmetry needs is the sign of each sensor's own input, which the output
+        without bias has as long as the asymmetry is below 1 and the quadratic term is a correction.
+
+        Raises
+        ------
+        ValueError
+            If the matrix cannot be inverted.
+        """
+        own_input = self.own_input(raw)
+        try:
+            return np.ascontiguousarray(np.linalg.solve(self.matrix, own_input.T).T)
+        except np.linalg.LinAlgError as error:
+            raise ValueError("the triad's matrix is singular: it cannot be corrected") from error
+
+    def own_input(self, raw: Vectors) -> Vectors:
+        """Return each sensor's own input ``u`` in raw units, before cross-coupling is removed."""
+        output = raw - self.bias
+        slope = np.ones_like(output)
+        if self.asymmetry is not None:
+            slope = slope + self.asymmetry * np.sign(output)
+        if self.quadratic is None:
+            return output / slope
+        # output = slope u + q u²: the root that tends to output / slope as q does to zero.
+        root = np.sqrt(np.maximum(slope**2 + 4.0 * self.quadratic * output, 0.0))
+        return 2.0 * output / (slope + root)
