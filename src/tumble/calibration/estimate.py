@@ -1,0 +1,104 @@
+"""What a procedure hands over: the model, its covariance, and everything that a report needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tumble.arrays import Series, Square, Table
+from tumble.sensor import ImuModel
+
+
+@dataclass(frozen=True, slots=True)
+class NamedValue:
+    """One parameter in the procedure's own convention, SI or raw units as `unit` says."""
+
+    name: str
+    value: float
+    standard_uncertainty: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A hold or a turn that took no part, with the reason as a sentence."""
+
+    kind: str
+    index: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class TermTest:
+    """The test of an optional term: kept if `probability` (of chance) is below `limit`."""
+
+    name: str
+    kept: bool
+    statistic: float
+    degrees: int
+    probability: float
+    limit: float
+    largest: str
+
+
+@dataclass(slots=True)
+class Estimate:
+    """The outcome of a procedure, before it becomes a document.
+
+    Attributes
+    ----------
+    procedure : its name.
+    model : both triads, in the frame ``accelerometer-x``.
+    names, covariance : canonical parameters (entries of matrix and bias, raw units) and (n, n).
+    parameters : the same knowledge in the procedure's own convention.
+    sigma0 : square root of the variance of unit weight against the noise seen at rest alone.
+    sigma0_final : the same with the variance components; about 1.
+    degrees_of_freedom : conditions minus unknowns.
+    coverage_factor : for 95 %.
+    variance_components : name -> standard deviation, SI.
+    hold_norms : (holds,) corrected norm minus gravity, m/s².
+    hold_sigmas : (holds,) its standard deviation as the adjustment had it, m/s².
+    turn_angles, turn_sigmas : (holds,) rad, of the turn after each hold; nan where there is none.
+    turn_sizes : (holds,) how far the turn went, rad.
+    left_out : holds and turns without part in the estimate.
+    terms : tests of optional terms.
+    not_determined : sentences.
+    remarks : sentences on how the estimate was made.
+    """
+
+    procedure: str
+    model: ImuModel
+    names: list[str]
+    covariance: Square
+    parameters: list[NamedValue]
+    correlations: Table
+    sigma0: float
+    sigma0_final: float
+    degrees_of_freedom: int
+    coverage_factor: float
+    largest_normalised: float
+    hold_norms: Series
+    hold_sigmas: Series
+    turn_angles: Series
+    turn_sigmas: Series
+    turn_sizes: Series
+    variance_components: dict[str, float] = field(default_factory=dict[str, float])
+    left_out: list[LeftOut] = field(default_factory=list[LeftOut])
+    terms: list[TermTest] = field(default_factory=list[TermTest])
+    not_determined: list[str] = field(default_factory=list[str])
+    remarks: list[str] = field(default_factory=list[str])
+
+
+def coverage_factor(degrees_of_freedom: int) -> float:
+    """Return Student's factor for 95 % coverage (GUM G.3), 1.96 for many degrees of freedom."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(max(degrees_of_freedom, 1), 0.975))
+
+
+def correlation_matrix(covariance: Square) -> Table:
+    """Return the correlations of a covariance; rows of parameters without variance are zero."""
+    sigma = np.sqrt(np.diag(covariance))
+    inverse = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=sigma > 0)
+    return covariance * np.outer(inverse, inverse)

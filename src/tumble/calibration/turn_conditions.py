@@ -1,0 +1,346 @@
+"""The conditions of a recording tumbled by hand: holds, and the turns between them.
+
+Nothing is known of the motion but that the unit rests in the holds. Each hold k gives a group of six:
+
+- norm: the hold's mean specific force, corrected, has the norm of gravity;
+- rate (3): the hold's mean raw rate is the gyro's bias, its g-sensitivity times the specific force,
+  and what it sees of the Earth's rotation;
+- turn (2): the specific force at the end of hold k, carried by the integrated gyro over the turn to
+  hold k + 1, is the specific force seen there; two components, perpendicular to it.
+
+Frames: s is the body frame at the last sample of hold k, e that at the first sample of hold k + 1.
+The Earth turns by ``earth_rate_s * T`` meanwhile, so that with C_se from the gyro
+
+    C_se @ f_e = (1 + skew(earth_rate_s) T) @ f_s.
+
+The Earth's rotation is three unknowns in the body frame of the first hold, carried along by the gyro;
+their prior is what the site tells. Where the gyro cannot be integrated (a gap) the chain starts anew
+with a prior-sized variance instead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors
+from tumble.attitude import integrate_turns, skew, tangent_basis
+from tumble.attitude.integration import average_at_edge
+from tumble.calibration.triad_unknowns import COUNT, correct_with_derivatives, triad_from_unknowns
+from tumble.estimation import Linearisation
+
+# Where each unknown stands in the full list.
+FORCE = slice(0, COUNT)
+GYRO_MATRIX = slice(12, 21)
+GYRO_BIAS = slice(21, 24)
+G_SENSITIVITY = slice(24, 33)
+EARTH = slice(33, 36)
+TOTAL = 36
+
+NORM, RATE, TURN = slice(0, 1), slice(1, 4), slice(4, 6)
+GROUP = 6
+
+
+@dataclass(frozen=True, slots=True)
+class HoldsAndTurns:
+    """What a hand-held recording offers to the adjustment, in raw units.
+
+    Attributes
+    ----------
+    time, raw_force, raw_rate : the samples.
+    force_mean, force_covariance : (holds, 3), (holds, 3, 3) hold means.
+    rate_mean, rate_covariance : the same of the gyro.
+    head, tail : (holds, 2) sample ranges at a hold's start and end, where turns join it.
+    turn_start, turn_stop : (holds,) sample range of the turn after hold k, from the last sample of
+        its tail to the first of the next head; -1 where there is none that can be used.
+    force_sample_variance : (3,) per sample at rest, raw².
+    rate_random_walk : (3,) N² of each gyro, raw² s, from the holds.
+    """
+
+    time: Series
+    raw_force: Vectors
+    raw_rate: Vectors
+    force_mean: Vectors
+    force_covariance: Matrices
+    rate_mean: Vectors
+    rate_covariance: Matrices
+    hold_samples: np.ndarray
+    head: np.ndarray
+    tail: np.ndarray
+    turn_start: np.ndarray
+    turn_stop: np.ndarray
+    force_sample_variance: Vector
+    rate_random_walk: Vector
+
+    @property
+    def holds(self) -> int:
+        """Number of holds."""
+        return int(self.force_mean.shape[0])
+
+
+@dataclass(slots=True)
+class ExtraVariances:
+    """Variance components beyond the white noise seen at rest, SI².
+
+    Attributes
+    ----------
+    norm : of a hold's norm, (m/s²)²: what the accelerometer's bias wanders from hold to hold.
+    rate : of a hold's mean rate, (rad/s)²: what the gyro's bias wanders.
+    turn : of each component of a turn, rad²: everything else that a turn shows.
+    """
+
+    norm: float = 0.0
+    rate: float = 0.0
+    turn: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class TurnMismatch:
+    """How each turn's carried and seen directions of gravity differ, and what each depends on."""
+
+    angle: Series
+    turned: Series
+
+
+class TurnConditions:
+    """`Conditions` of holds and turns for an adjustment of both triads.
+
+    Parameters
+    ----------
+    data : holds and turns.
+    gravity : m/s².
+    values : (36,) all unknowns; those not in `free` keep these values.
+    free : indices of the unknowns to adjust.
+    active : (holds, 6) of bool.
+    extra : variance components.
+    """
+
+    def __init__(
+        self,
+        data: HoldsAndTurns,
+        gravity: float,
+        values: Series,
+        free: np.ndarray,
+        active: np.ndarray,
+        extra: ExtraVariances,
+    ) -> None:
+        self.data, self.gravity, self.values, self.free = data, gravity, values.astype(float), free
+        self.active = active.copy()
+        self.active[data.turn_start < 0, TURN] = False
+        self.extra = extra
+        self._mean = data.force_mean.copy()
+        self._head = np.zeros_like(self._mean)
+        self._tail = np.zeros_like(self._mean)
+        self._mean_blocks = np.zeros((data.holds, GROUP, 3))
+        self._next_mean_blocks = np.zeros((data.holds, GROUP, 3))
+        self.turned = np.zeros(data.holds)
+
+    def linearise(self, parameters: Series) -> Linearisation:
+        """Linearise at `parameters` (the free unknowns) and the adjusted hold means."""
+        full = self.full(parameters)
+        state = _State.at(self.data, full, self._mean)
+        misclosure = np.zeros((self.data.holds, GROUP))
+        design = np.zeros((self.data.holds, GROUP, TOTAL))
+        covariance = np.zeros((self.data.holds, GROUP, GROUP))
+        self._norms(state, misclosure, design, covariance)
+        self._rates(full, state, misclosure, design, covariance)
+        lower = self._turns(full, state, misclosure, design, covariance)
+        return self._masked(misclosure, design[:, :, self.free], covariance, lower)
+
+    def adjust_observations(self, multipliers: AnyArray) -> None:
+        """Move the hold means by e = -Q B' C^-1 (w + A xi); window deviations stay as observed."""
+        pull = np.einsum("kgb,kg->kb", self._mean_blocks, multipliers)
+        pull[1:] += np.einsum("kgb,kg->kb", self._next_mean_blocks, multipliers)[:-1]
+        self._mean = self.data.force_mean - np.einsum("kab,kb->ka", self.data.force_covariance, pull)
+
+    def full(self, parameters: Series) -> Series:
+        """Return all 36 unknowns with the free ones replaced."""
+        values = self.values.copy()
+        values[self.free] = parameters
+        return values
+
+    def _norms(self, state: _State, w: AnyArray, A: AnyArray, C: AnyArray) -> None:
+        towards = state.mean / self.gravity
+        blocks = np.einsum("ka,kab->kb", towards, state.mean_by_raw)
+        moved = self.data.force_mean - self._mean
+        w[:, 0] = 0.5 * (np.einsum("ka,ka->k", state.mean, towards) - self.gravity)
+        w[:, 0] += np.einsum("kb,kb->k", blocks, moved)
+        A[:, 0, FORCE] = np.einsum("ka,kap->kp", towards, state.mean_by_unknowns)
+        self._mean_blocks = np.zeros((self.data.holds, GROUP, 3))
+        self._next_mean_blocks = np.zeros((self.data.holds, GROUP, 3))
+        self._mean_blocks[:, 0] = blocks
+        C[:, 0, 0] = (
+            np.einsum("ka,kab,kb->k", blocks, self.data.force_covariance, blocks) + self.extra.norm
+        )
+
+    def _rates(self, full: Series, state: _State, w: AnyArray, A: AnyArray, C: AnyArray) -> None:
+        matrix = full[GYRO_MATRIX].reshape(3, 3)
+        sensitivity = full[G_SENSITIVITY].reshape(3, 3)
+        earth = state.C_hold_first @ full[EARTH]
+        predicted = full[GYRO_BIAS] + earth @ matrix.T + state.mean @ sensitivity.T
+        w[:, RATE] = predicted - self.data.rate_mean
+        A[:, RATE, GYRO_BIAS] = np.eye(3)
+        A[:, RATE, EARTH] = matrix @ state.C_hold_first
+        for i in range(3):
+            A[:, 1 + i, 12 + 3 * i : 15 + 3 * i] = earth
+            A[:, 1 + i, 24 + 3 * i : 27 + 3 * i] = state.mean
+        C[:, RATE, RATE] = self.data.rate_covariance + self.extra.rate * (matrix @ matrix.T)
+
+    def _turns(self, full: Series, state: _State, w: AnyArray, A: AnyArray, C: AnyArray) -> AnyArray:
+        """Fill the turn conditions; return the blocks of C below the diagonal."""
+        data, holds = self.data, self.data.holds
+        lower = np.zeros((max(holds - 1, 0), GROUP, GROUP))
+        inverse = np.linalg.inv(full[GYRO_MATRIX].reshape(3, 3))
+        white = np.diag(inverse @ np.diag(data.rate_random_walk) @ inverse.T)
+        for turn, k in enumerate(state.turn_holds):
+            C_se, sums, duration = state.C_se[turn], state.sums[turn], float(state.duration[turn])
+            f_s, f_e = state.tail[k], C_se @ state.head[k + 1]
+            earth_s = state.C_hold_first[k] @ full[EARTH]
+            E = tangent_basis(f_s).T / self.gravity
+            self.turned[k] = _angle_turned(C_se)
+            w[k, TURN] = E @ (f_e - f_s - duration * np.cross(earth_s, f_s))
+
+            by_rotation = -E @ skew(f_e)
+            A[k, TURN, FORCE] = E @ (C_se @ state.mean_by_unknowns[k + 1] - state.mean_by_unknowns[k])
+            for i in range(3):
+                for j in range(3):
+                    A[k, TURN, 12 + 3 * i + j] = -by_rotation @ (sums[:, :, j] @ inverse[:, i])
+                    A[k, TURN, 24 + 3 * i + j] = -by_rotation @ (sums[:, :, 4 + j] @ inverse[:, i])
+            A[k, TURN, GYRO_BIAS] = -by_rotation @ sums[:, :, 3] @ inverse
+            A[k, TURN, EARTH] = duration * E @ skew(f_s) @ state.C_hold_first[k]
+
+            before, after = -E @ state.mean_by_raw[k], E @ C_se @ state.mean_by_raw[k + 1]
+            self._mean_blocks[k, TURN] = before
+            self._next_mean_blocks[k, TURN] = after
+            w[k, TURN] += before @ (data.force_mean[k] - self._mean[k])
+            w[k, TURN] += after @ (data.force_mean[k + 1] - self._mean[k + 1])
+            C[k, TURN, TURN] = before @ (data.force_covariance[k] + state.tail_covariance[k]) @ before.T
+            C[k, TURN, TURN] += (
+                after @ (data.force_covariance[k + 1] + state.head_covariance[k + 1]) @ after.T
+            )
+            rotation = by_rotation @ np.diag(white * duration) @ by_rotation.T
+            wander = self.extra.turn + self.extra.rate * duration**2
+            C[k, TURN, TURN] += rotation + wander * np.eye(2)
+            # What turn k shares with the norm of its own hold and of the next, and with turn k + 1.
+            shared = before @ data.force_covariance[k] @ self._mean_blocks[k, NORM].T
+            C[k, TURN, NORM] = shared
+            C[k, NORM, TURN] = shared.T
+            lower[k, NORM, TURN] = (after @ data.force_covariance[k + 1] @ self._mean_blocks[k + 1, NORM].T).T
+        for k in range(holds - 1):
+            after = self._next_mean_blocks[k, TURN]
+            lower[k, TURN, TURN] = self._mean_blocks[k + 1, TURN] @ data.force_covariance[k + 1] @ after.T
+        return lower
+
+    def _masked(self, w: AnyArray, A: AnyArray, C: AnyArray, lower: AnyArray) -> Linearisation:
+        off = ~self.active
+        w[off], A[off] = 0.0, 0.0
+        both = self.active[:, :, None] & self.active[:, None, :]
+        C = np.where(both, C, 0.0) + np.eye(GROUP) * off[:, :, None]
+        across = self.active[1:, :, None] & self.active[:-1, None, :]
+        return Linearisation(w, A, C, np.where(across, lower, 0.0), self.active)
+
+
+@dataclass(slots=True)
+class _State:
+    """Everything that depends on the unknowns, worked out once an iteration."""
+
+    mean: Vectors
+    mean_by_unknowns: AnyArray
+    mean_by_raw: AnyArray
+    head: Vectors
+    tail: Vectors
+    head_covariance: Matrices
+    tail_covariance: Matrices
+    turn_holds: np.ndarray
+    C_se: Matrices
+    sums: AnyArray
+    duration: Series
+    C_hold_first: Matrices = field(default_factory=lambda: np.zeros((0, 3, 3)))
+
+    @staticmethod
+    def at(data: HoldsAndTurns, full: Series, mean: Vectors) -> _State:
+        """Correct the means and windows and integrate the turns with the unknowns `full`."""
+        triad = triad_from_unknowns(full[FORCE])
+        corrected = correct_with_derivatives(full[FORCE], mean)
+        observed = triad.correct(data.force_mean)
+        inverse = np.linalg.inv(full[GYRO_MATRIX].reshape(3, 3))
+        head, tail = window_directions(data, triad.matrix, triad.bias, inverse)
+        turns = np.flatnonzero(data.turn_start >= 0)
+        integrated = integrate_turns(
+            data.time,
+            data.raw_rate,
+            data.raw_force,
+            data.turn_start[turns],
+            data.turn_stop[turns],
+            gyro_inverse=inverse,
+            gyro_bias=full[GYRO_BIAS],
+            force_inverse=np.linalg.inv(triad.matrix),
+            force_bias=triad.bias,
+            g_sensitivity=full[G_SENSITIVITY].reshape(3, 3),
+        )
+        state = _State(
+            mean=corrected.value,
+            mean_by_unknowns=corrected.by_unknowns,
+            mean_by_raw=corrected.by_raw,
+            # The windows' deviations from the hold's mean, added to the adjusted mean.
+            head=corrected.value + (head - observed),
+            tail=corrected.value + (tail - observed),
+            head_covariance=_window_covariance(data, data.head),
+            tail_covariance=_window_covariance(data, data.tail),
+            turn_holds=turns,
+            C_se=integrated.C_start_end,
+            sums=integrated.sums,
+            duration=integrated.duration,
+        )
+        state.C_hold_first = _chain(data, turns, integrated.C_start_end)
+        return state
+
+
+def window_directions(
+    data: HoldsAndTurns, force_matrix: Matrix, force_bias: Vector, gyro_inverse: Matrix
+) -> tuple[Vectors, Vectors]:
+    """Return the corrected specific force at the first and at the last sample of each hold.
+
+    Each is the mean of a window at the hold's edge, every sample turned to the edge by the gyro's
+    deviation from the hold's own mean rate: tremor and sway are followed, bias and Earth rate not.
+    """
+    inverse = np.linalg.inv(force_matrix)
+    edges = np.empty((2, data.holds, 3))
+    for k in range(data.holds):
+        for which, (window, edge) in enumerate(((data.head[k], "first"), (data.tail[k], "last"))):
+            edges[which, k] = average_at_edge(
+                data.time,
+                data.raw_rate,
+                data.raw_force,
+                window[:1],
+                window[1:],
+                edge=edge,
+                gyro_inverse=gyro_inverse,
+                gyro_bias=data.rate_mean[k],
+                force_inverse=inverse,
+                force_bias=force_bias,
+            )[0]
+    return edges[0], edges[1]
+
+
+def _window_covariance(data: HoldsAndTurns, windows: np.ndarray) -> Matrices:
+    """Return the covariance of a window's mean minus its hold's mean: sigma² (1/n_window - 1/n)."""
+    count = (windows[:, 1] - windows[:, 0]).astype(float)
+    share = np.maximum(1.0 / count - 1.0 / data.hold_samples, 0.0)
+    return share[:, None, None] * np.diag(data.force_sample_variance)[None]
+
+
+def _chain(data: HoldsAndTurns, turns: np.ndarray, C_se: Matrices) -> Matrices:
+    """Return C_hold_first: from the first hold's body frame to each hold's, along usable turns."""
+    C = np.zeros((data.holds, 3, 3))
+    if data.holds:
+        C[0] = np.eye(3)
+    for k, rotation in zip(turns, C_se, strict=True):
+        C[k + 1] = rotation.T @ C[k]
+    return C
+
+
+def _angle_turned(C: Matrix) -> float:
+    """Return the angle of a rotation matrix, rad."""
+    return float(np.arccos(np.clip(0.5 * (np.trace(C) - 1.0), -1.0, 1.0)))

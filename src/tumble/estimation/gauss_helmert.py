@@ -1,0 +1,182 @@
+"""Least-squares adjustment of condition equations (the Gauss-Helmert model).
+
+``f(Y_observed + e, parameters) = 0`` with ``e ~ (0, Q)`` is linearised anew in every iteration at the
+adjusted observations *and* the parameters (Pope 1972; Hayal 2010, 3.39 to 3.53):
+
+    A xi + B e + w = 0,   w = f(Y, Xi) + B (Y_observed - Y)                         (3.43, 3.44)
+    C = B Q B',   N = A' C^-1 A,   xi = -N^-1 A' C^-1 w                             (3.32 - 3.34)
+    e = -Q B' C^-1 (w + A xi)                                                       (3.38)
+
+Hayal's 3.28 (w = f(Y_observed, Xi)) holds in the first iteration only. The observations' residuals
+stay with the `Conditions`, which know what an observation is; the solver sees C.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Series, Square
+from tumble.errors import ConvergenceError, ObservabilityError
+from tumble.estimation.chain import BlockChain
+
+
+@dataclass(frozen=True, slots=True)
+class Linearisation:
+    """Conditions in linear form, grouped along a chain.
+
+    Attributes
+    ----------
+    misclosure : (groups, size), w.
+    design : (groups, size, parameters), A.
+    covariance : (groups, size, size), the diagonal blocks of C.
+    covariance_lower : (groups - 1, size, size), blocks of C in row k + 1, column k, or None.
+    active : (groups, size) of bool: conditions that take part. Of inactive ones the solver wants
+        zero rows in `misclosure` and `design` and a unit row in `covariance`.
+    """
+
+    misclosure: AnyArray
+    design: AnyArray
+    covariance: AnyArray
+    covariance_lower: AnyArray | None
+    active: np.ndarray
+
+
+class Conditions(Protocol):
+    """What an adjustment adjusts."""
+
+    def linearise(self, parameters: Series) -> Linearisation:
+        """Linearise at `parameters` and at the observations as adjusted so far."""
+        ...
+
+    def adjust_observations(self, multipliers: AnyArray) -> None:
+        """Take ``C^-1 (w + A xi)``, (groups, size), and set the observations to Y_observed + e."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """Knowledge of parameters before the adjustment: a mean and a precision (zero: nothing known)."""
+
+    mean: Series
+    precision: Square
+
+
+@dataclass(frozen=True, slots=True)
+class Adjustment:
+    """The result of an adjustment.
+
+    Attributes
+    ----------
+    parameters : (parameters,).
+    cofactor : (parameters, parameters), N^-1: the covariance if the noise given is the true one.
+    square_sum : e' P e, with the prior's own term.
+    redundancy : conditions plus prior knowledge minus parameters.
+    iterations : how many it took.
+    linearisation, chain : of the last iteration, for tests and diagnostics.
+    residual : (groups, size), w + A xi: the conditions' remaining misclosure.
+    multipliers : (groups, size), C^-1 times `residual`.
+    """
+
+    parameters: Series
+    cofactor: Square
+    square_sum: float
+    redundancy: int
+    iterations: int
+    linearisation: Linearisation
+    chain: BlockChain
+    residual: AnyArray
+    multipliers: AnyArray
+
+    @property
+    def sigma0(self) -> float:
+        """Square root of the variance of unit weight (3.37); 1 if the noise given is true.
+
+        Zero over zero when there are as many unknowns as conditions (nine attitudes for nine
+        parameters): then it is not a number.
+        """
+        return float(np.sqrt(self.square_sum / self.redundancy)) if self.redundancy > 0 else float("nan")
+
+
+def adjust(
+    conditions: Conditions,
+    start: Series,
+    *,
+    prior: Prior | None = None,
+    iterations: int = 100,
+    tolerance: float = 1e-6,
+) -> Adjustment:
+    """Adjust `conditions` from the start values until nothing moves.
+
+    Parameters
+    ----------
+    start : (parameters,) start values.
+    prior : what is known of the parameters beforehand.
+    iterations : after how many to give up.
+    tolerance : converged when no parameter moves by more than this share of its sigma.
+
+    Raises
+    ------
+    ObservabilityError
+        If the conditions do not determine all parameters.
+    ConvergenceError
+        If it diverges or does not settle.
+    """
+    parameters = start.astype(float)
+    step_before = np.inf
+    for iteration in range(1, iterations + 1):
+        linear = conditions.linearise(parameters)
+        chain = BlockChain.factor(linear.covariance, linear.covariance_lower)
+        whitened = chain.solve(linear.design)
+        normal = np.einsum("gsp,gsq->pq", linear.design, whitened)
+        right = -np.einsum("gsp,gs->p", whitened, linear.misclosure)
+        if prior is not None:
+            normal = normal + prior.precision
+            right = right - prior.precision @ (parameters - prior.mean)
+        cofactor = invert_normal_matrix(normal)
+        step = cofactor @ right
+        if not np.all(np.isfinite(step)):
+            raise ConvergenceError("The adjustment diverged: its unknowns left all bounds.")
+        residual = linear.misclosure + linear.design @ step
+        multipliers = chain.solve(residual[..., None])[..., 0]
+        conditions.adjust_observations(multipliers)
+        parameters = parameters + step
+        size = float(np.max(np.abs(step) / np.sqrt(np.diag(cofactor))))
+        # With noise-free data sigma is round-off: a step that no longer shrinks there is the end.
+        settled = np.all(np.abs(step) <= 1e-13 * np.maximum(np.abs(parameters), 1.0))
+        if size <= tolerance or settled or (size < 1e-3 and size >= step_before):
+            square_sum = float(np.sum(multipliers * residual))
+            known = 0
+            if prior is not None:
+                off = parameters - prior.mean
+                square_sum += float(off @ prior.precision @ off)
+                known = int(np.linalg.matrix_rank(prior.precision, tol=0.0))
+            redundancy = int(np.count_nonzero(linear.active)) + known - parameters.size
+            return Adjustment(
+                parameters, cofactor, square_sum, redundancy, iteration, linear, chain, residual, multipliers
+            )
+        step_before = size
+    raise ConvergenceError(f"The adjustment did not settle within {iterations} iterations.")
+
+
+def invert_normal_matrix(normal: Square) -> Square:
+    """Return the inverse of a normal matrix, scaled to a unit diagonal first.
+
+    Raises
+    ------
+    ObservabilityError
+        If it is singular: some parameters are not determined.
+    """
+    diagonal = np.diag(normal)
+    if np.any(diagonal <= 0) or not np.all(np.isfinite(normal)):
+        raise ObservabilityError("Some parameters are not determined by the observations at all.")
+    scale = 1.0 / np.sqrt(diagonal)
+    scaled = normal * np.outer(scale, scale)
+    eigenvalues, vectors = np.linalg.eigh(scaled)
+    # Below 1e-13 of the largest, an eigenvalue is the round-off of the others.
+    if eigenvalues[0] <= 1e-13 * eigenvalues[-1]:
+        raise ObservabilityError("Some combination of the parameters is not determined by the observations.")
+    inverse = (vectors / eigenvalues) @ vectors.T
+    return inverse * np.outer(scale, scale)
