@@ -43,8 +43,9 @@ def commands_of(text: str) -> list[str]:
 
 
 def options_of(command: str) -> set[str]:
-    """The options that a command's help lists, without those that every program has."""
-    return set(OPTION.findall(help_of(command))) - {"--help", "--install-completion", "--show-completion"}
+    """The options that a command's help lists at the start of a row, `--help` apart."""
+    rows = re.findall(r"^[│|* ]*(-[-\w]+(?:[ ,/]+-[-\w]+)*)", help_of(command), re.M)
+    return {option for row in rows for option in OPTION.findall(row)} - {"--help"}
 
 
 def sections() -> dict[str, str]:
@@ -72,6 +73,11 @@ def test_every_option_is_documented_and_every_documented_option_exists(command: 
     there = options_of(command)
     assert written <= there, "documented, but not there"
     assert there <= written | common_options(), "there, but not documented"
+
+
+def test_every_common_option_exists_somewhere() -> None:
+    there = {option for command in sections() for option in options_of(command)}
+    assert common_options() - {"--help"} <= there
 
 
 @pytest.mark.parametrize("command", sorted(set(re.findall(r"^\$ tumble (\S+)", README, re.M))))
