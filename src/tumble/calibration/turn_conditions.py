@@ -28,6 +28,7 @@ from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors
 from tumble.attitude import integrate_turns, skew, tangent_basis
 from tumble.attitude.integration import average_at_edge
 from tumble.calibration.triad_unknowns import COUNT, correct_with_derivatives, triad_from_unknowns
+from tumble.earth import EARTH_RATE
 from tumble.estimation import Linearisation
 
 # Where each unknown stands in the full list.
@@ -175,17 +176,23 @@ class TurnConditions:
         )
 
     def _rates(self, full: Series, state: _State, w: AnyArray, A: AnyArray, C: AnyArray) -> None:
+        # In rad/s: the gyro's inverse stands before the raw condition, so that all axes weigh alike.
         matrix = full[GYRO_MATRIX].reshape(3, 3)
+        inverse = np.linalg.inv(matrix)
         sensitivity = full[G_SENSITIVITY].reshape(3, 3)
         earth = state.C_hold_first @ full[EARTH]
         predicted = full[GYRO_BIAS] + earth @ matrix.T + state.mean @ sensitivity.T
-        w[:, RATE] = predicted - self.data.rate_mean
-        A[:, RATE, GYRO_BIAS] = np.eye(3)
-        A[:, RATE, EARTH] = matrix @ state.C_hold_first
+        w[:, RATE] = (predicted - self.data.rate_mean) @ inverse.T
+        A[:, RATE, GYRO_BIAS] = inverse
+        A[:, RATE, EARTH] = state.C_hold_first
         for i in range(3):
-            A[:, 1 + i, 12 + 3 * i : 15 + 3 * i] = earth
-            A[:, 1 + i, 24 + 3 * i : 27 + 3 * i] = state.mean
-        C[:, RATE, RATE] = self.data.rate_covariance + self.extra.rate * (matrix @ matrix.T)
+            for j in range(3):
+                A[:, RATE, 12 + 3 * i + j] = earth[:, j, None] * inverse[:, i]
+                A[:, RATE, 24 + 3 * i + j] = state.mean[:, j, None] * inverse[:, i]
+        C[:, RATE, RATE] = inverse @ self.data.rate_covariance @ inverse.T
+        # Where the chain of turns is broken the Earth rate's direction is not known at all.
+        unknown = ~np.any(state.C_hold_first, axis=(1, 2))
+        C[:, RATE, RATE] += (self.extra.rate + unknown * EARTH_RATE**2 / 3.0)[:, None, None] * np.eye(3)
 
     def _turns(self, full: Series, state: _State, w: AnyArray, A: AnyArray, C: AnyArray) -> AnyArray:
         """Fill the turn conditions; return the blocks of C below the diagonal."""

@@ -1,0 +1,366 @@
+"""Calibration from a recording tumbled by hand: both triads from holds and the turns between them.
+
+The accelerometers see gravity in each hold; over each turn the gyro carries gravity from one hold to
+the next. One Gauss-Helmert adjustment of `turn_conditions` uses both, and each hold's mean rate for
+the gyro's bias and g-sensitivity. Start values need no knowledge of scale, sign or axis order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import Matrix, Series, Square
+from tumble.calibration.canonical import (
+    canonical_covariance,
+    canonical_names,
+    model_from_unknowns,
+    named_values,
+)
+from tumble.calibration.estimate import Estimate, LeftOut, TermTest, correlation_matrix, coverage_factor
+from tumble.calibration.gathering import gather
+from tumble.calibration.handedness import refuse_contradicting_axes
+from tumble.calibration.norm_conditions import NormConditions
+from tumble.calibration.poses import distinct_poses
+from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.requirements import require_poses
+from tumble.calibration.snooping import Kind, Outlier, balance
+from tumble.calibration.start_values import rough_gyro_matrix, rough_triad
+from tumble.calibration.triad_unknowns import BIAS, QUADRATIC, triad_from_unknowns
+from tumble.calibration.turn_conditions import (
+    EARTH,
+    FORCE,
+    G_SENSITIVITY,
+    GYRO_BIAS,
+    GYRO_MATRIX,
+    NORM,
+    RATE,
+    TOTAL,
+    TURN,
+    ExtraVariances,
+    HoldsAndTurns,
+    TurnConditions,
+)
+from tumble.earth import EARTH_RATE, Site
+from tumble.errors import ObservabilityError
+from tumble.estimation import Adjustment, Prior, adjust
+from tumble.recording.recording import Recording
+from tumble.segmentation import HoldMeans, Timeline
+from tumble.units import angular_rate_factor, specific_force_factor
+
+# Optional terms, tried together and dropped one by one: name -> unknowns.
+OPTIONAL_TERMS: dict[str, np.ndarray] = {
+    "g_sensitivity": np.arange(G_SENSITIVITY.start, G_SENSITIVITY.stop),
+    "quadratic": np.arange(QUADRATIC.start, QUADRATIC.stop),
+}
+# A term that is not there is kept in fewer than this share of recordings, all terms together.
+TERM_FALSE_ALARM = 0.02
+SMALLEST_TURNS = 5
+
+_FORCE_NINE = np.arange(0, 9)
+_GYRO_TWELVE = np.arange(GYRO_MATRIX.start, GYRO_BIAS.stop)
+_EARTH = np.arange(EARTH.start, EARTH.stop)
+
+
+@dataclass(slots=True)
+class _Solution:
+    """An adjustment with its free unknowns and the noise that it was given."""
+
+    adjustment: Adjustment
+    values: Series
+    free: np.ndarray
+    extra: dict[str, float]
+    turned: Series
+
+
+def calibrate_hand_held(
+    recording: Recording,
+    timeline: Timeline,
+    means: HoldMeans,
+    site: Site,
+    *,
+    prior: StableKnowledge | None = None,
+    optional_terms: bool = True,
+    progress: Callable[[str], None] | None = None,
+) -> Estimate:
+    """Calibrate accelerometers and gyros from holds and turns.
+
+    Parameters
+    ----------
+    recording, timeline, means : raw samples, what was found in them, and the holds' means.
+    site : gravity; with a latitude, the Earth rate's part along gravity is known too.
+    prior : what an earlier calibration knows of the terms that do not change.
+    optional_terms : try g-sensitivity and quadratic terms, keep what the data want.
+    progress : is told in words what is being done.
+
+    Raises
+    ------
+    ObservabilityError
+        If poses or turns are too few or too alike.
+    ConvergenceError
+        If the adjustment does not settle.
+    RecordingError
+        If the turns contradict the order, signs or units of the columns.
+    """
+    say = progress or (lambda _: None)
+    data = gather(recording, timeline, means)
+    if int(np.count_nonzero(data.turn_start >= 0)) < SMALLEST_TURNS:
+        raise ObservabilityError(
+            f"Only {int(np.count_nonzero(data.turn_start >= 0))} turns between holds can be used and the "
+            f"gyro needs at least {SMALLEST_TURNS}: rest, turn, rest, turn, about all three axes."
+        )
+    say("start values")
+    values = _start(recording, data, site.gravity, prior)
+    require_poses(data.force_mean, values[FORCE], has_prior=prior is not None)
+    refuse_contradicting_axes(recording, np.linalg.inv(values[GYRO_MATRIX].reshape(3, 3)))
+
+    say("adjustment")
+    active = np.ones((data.holds, 6), dtype=bool)
+    free = np.concatenate([_FORCE_NINE, _GYRO_TWELVE, _EARTH])
+    alone = _solve(data, site, prior, values, free, active.copy(), {"norm": 0.0, "rate": 0.0, "turn": 0.0})
+    solution, outliers = _balanced(data, site, prior, alone.values, free, active)
+    tests: list[TermTest] = []
+    if optional_terms:
+        say("optional terms")
+        solution, tests, outliers = _with_terms(data, site, prior, solution, outliers)
+    return _estimate(recording, data, site, alone, solution, outliers, tests)
+
+
+def _start(recording: Recording, data: HoldsAndTurns, gravity: float, prior: StableKnowledge | None) -> Series:
+    """Return start values of all unknowns: accelerometers from holds, gyro from windows of the turns."""
+    values = np.zeros(TOTAL)
+    force = rough_triad(data.force_mean, gravity)
+    if prior is not None:
+        force[6:9] = prior.angles
+    spread = (0.01 * gravity) ** 2
+    if len(distinct_poses(data.force_mean - force[BIAS])) >= 9:
+        conditions = NormConditions(
+            data.force_mean, data.force_covariance, gravity, force, _FORCE_NINE, extra_variance=spread
+        )
+        force[:9] = adjust(conditions, force[:9]).parameters
+    values[FORCE] = force
+    specific_force_b = triad_from_unknowns(force).correct(data.raw_force)
+    bias = np.median(data.rate_mean, axis=0)
+    usable = np.flatnonzero(data.turn_start >= 0)
+    stretches = [(int(data.turn_start[k]), int(data.turn_stop[k])) for k in usable]
+    try:
+        inverse, _ = rough_gyro_matrix(data.time, data.raw_rate, specific_force_b, bias, stretches)
+        values[GYRO_MATRIX] = np.linalg.inv(inverse).ravel()
+    except (ValueError, np.linalg.LinAlgError) as error:
+        raise ObservabilityError(
+            f"The turns do not tell the gyro's axes ({error}): turn the unit about all three axes between holds."
+        ) from error
+    values[GYRO_BIAS] = bias
+    return values
+
+
+def _earth_prior(site: Site, free: np.ndarray, prior: StableKnowledge | None) -> Prior:
+    """Return the prior of the Earth rate (any direction, or what a latitude leaves open) and the unit."""
+    mean, precision = np.zeros(free.size), np.zeros((free.size, free.size))
+    at = np.searchsorted(free, _EARTH)
+    precision[np.ix_(at, at)] = np.eye(3) * 3.0 / EARTH_RATE**2
+    if prior is not None:
+        where = np.searchsorted(free, np.arange(6, 9))
+        mean[where] = prior.angles
+        precision[np.ix_(where, where)] += np.linalg.inv(prior.angle_covariance)
+    return Prior(mean, precision)
+
+
+def _solve(
+    data: HoldsAndTurns,
+    site: Site,
+    prior: StableKnowledge | None,
+    values: Series,
+    free: np.ndarray,
+    active: np.ndarray,
+    extra: dict[str, float],
+) -> _Solution:
+    variances = ExtraVariances(extra["norm"], extra["rate"], extra["turn"])
+    conditions = TurnConditions(data, site.gravity, values, free, active, variances)
+    known = _earth_prior(site, free, prior)
+    adjustment = adjust(conditions, values[free], prior=known)
+    return _Solution(adjustment, conditions.full(adjustment.parameters), free, dict(extra), conditions.turned)
+
+
+def _balanced(
+    data: HoldsAndTurns,
+    site: Site,
+    prior: StableKnowledge | None,
+    values: Series,
+    free: np.ndarray,
+    active: np.ndarray,
+    extra: dict[str, float] | None = None,
+) -> tuple[_Solution, list[Outlier]]:
+    """Adjust with variance components, gross errors left out (`active` changes)."""
+    latest: list[_Solution] = []
+
+    def solve(extra_variances: dict[str, float], mask: np.ndarray) -> Adjustment:
+        start = latest[-1].values if latest else values
+        latest.append(_solve(data, site, prior, start, free, mask, extra_variances))
+        return latest[-1].adjustment
+
+    start = extra or {"norm": 0.0, "rate": 0.0, "turn": 0.0}
+    kinds = [
+        Kind("rate", RATE, start["rate"]),
+        Kind("turn", TURN, start["turn"]),
+        Kind("norm", NORM, start["norm"]),
+    ]
+    _, _, outliers = balance(solve, kinds, active)
+    return latest[-1], outliers
+
+
+def _with_terms(
+    data: HoldsAndTurns,
+    site: Site,
+    prior: StableKnowledge | None,
+    base: _Solution,
+    base_outliers: list[Outlier],
+) -> tuple[_Solution, list[TermTest], list[Outlier]]:
+    """Try all optional terms at once, drop the least significant until every one left is wanted.
+
+    Each term's estimates are tested against zero with their own covariance (Wald's test as F), at
+    the noise level of the fit that contains them.
+    """
+    names = [name for name, unknowns in OPTIONAL_TERMS.items() if base.adjustment.redundancy > 3 * unknowns.size]
+    limit = TERM_FALSE_ALARM / max(len(names), 1)
+    tests: dict[str, TermTest] = {}
+    while names:
+        free = np.sort(np.concatenate([base.free, *(OPTIONAL_TERMS[name] for name in names)]))
+        active = np.ones((data.holds, 6), dtype=bool)
+        try:
+            solution, outliers = _balanced(data, site, prior, base.values, free, active)
+        except ObservabilityError:
+            names.pop()
+            continue
+        for name in names:
+            tests[name] = _test_term(solution, name, limit)
+        weakest = max(names, key=lambda name: tests[name].probability)
+        if tests[weakest].kept:
+            return solution, list(tests.values()), outliers
+        names.remove(weakest)
+    return base, list(tests.values()), base_outliers
+
+
+def _test_term(solution: _Solution, name: str, limit: float) -> TermTest:
+    from scipy.special import fdtrc
+
+    at = np.searchsorted(solution.free, OPTIONAL_TERMS[name])
+    estimate = solution.adjustment.parameters[at]
+    covariance = solution.adjustment.cofactor[np.ix_(at, at)]
+    scale = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(scale, scale)
+    normalised = estimate / scale
+    statistic = float(normalised @ np.linalg.solve(correlation, normalised)) / at.size
+    freedom = max(solution.adjustment.redundancy, 1)
+    probability = float(fdtrc(at.size, freedom, statistic))
+    largest = int(np.argmax(np.abs(normalised)))
+    return TermTest(
+        name=name,
+        kept=probability < limit,
+        statistic=statistic,
+        degrees=at.size,
+        probability=probability,
+        limit=limit,
+        largest=f"{normalised[largest]:+.1f} sigma",
+    )
+
+
+def _estimate(
+    recording: Recording,
+    data: HoldsAndTurns,
+    site: Site,
+    alone: _Solution,
+    solution: _Solution,
+    outliers: list[Outlier],
+    tests: list[TermTest],
+) -> Estimate:
+    """Put the outcome together, with gravity's own uncertainty in the covariance."""
+    terms = frozenset(test.name for test in tests if test.kept)
+    covariance = np.zeros((TOTAL, TOTAL))
+    scale = max(1.0, solution.adjustment.sigma0) ** 2
+    covariance[np.ix_(solution.free, solution.free)] = scale * solution.adjustment.cofactor
+    covariance += gravity_covariance(solution.values, site)
+    factors = (
+        specific_force_factor(recording.specific_force_unit),
+        angular_rate_factor(recording.angular_rate_unit),
+    )
+    named, spread = named_values(
+        solution.values,
+        covariance,
+        terms=terms,
+        gyro="full",
+        units=(recording.specific_force_unit, recording.angular_rate_unit),
+        factors=factors,
+    )
+    conditions = TurnConditions(
+        data,
+        site.gravity,
+        solution.values,
+        solution.free,
+        np.ones((data.holds, 6), dtype=bool),
+        ExtraVariances(solution.extra["norm"], solution.extra["rate"], solution.extra["turn"]),
+    )
+    linear = conditions.linearise(solution.values[solution.free])
+    norms, angles = linear.misclosure[:, 0].copy(), np.linalg.norm(linear.misclosure[:, TURN], axis=1)
+    angles[data.turn_start < 0] = np.nan
+    variances = np.diagonal(linear.covariance, axis1=1, axis2=2)
+    return Estimate(
+        procedure="hand-held",
+        model=model_from_unknowns(solution.values, terms, "full"),
+        names=canonical_names(terms, "full"),
+        covariance=canonical_covariance(solution.values, covariance, terms, "full"),
+        parameters=named,
+        correlations=correlation_matrix(spread),
+        sigma0=alone.adjustment.sigma0,
+        sigma0_final=solution.adjustment.sigma0,
+        degrees_of_freedom=solution.adjustment.redundancy,
+        coverage_factor=coverage_factor(solution.adjustment.redundancy),
+        largest_normalised=_largest_normalised(solution.adjustment),
+        hold_norms=norms,
+        hold_sigmas=np.sqrt(variances[:, 0]),
+        turn_angles=angles,
+        turn_sigmas=np.sqrt(variances[:, TURN].sum(axis=1)),
+        turn_sizes=conditions.turned.copy(),
+        variance_components={
+            "accelerometer bias from hold to hold, m/s²": float(np.sqrt(solution.extra["norm"])),
+            "gyro bias from hold to hold, rad/s": float(np.sqrt(solution.extra["rate"])),
+            "direction after a turn, rad": float(np.sqrt(solution.extra["turn"])),
+        },
+        left_out=[_left_out(outlier, norms, angles) for outlier in outliers],
+        terms=tests,
+        not_determined=[],
+    )
+
+
+def gravity_covariance(values: Series, site: Site) -> Square:
+    """Return what the uncertainty of gravity adds: all accelerometer scales move together.
+
+    d scale / d gravity = -scale / gravity; the g-sensitivity moves the same way.
+    """
+    slope = np.zeros(TOTAL)
+    slope[3:6] = -values[3:6] / site.gravity
+    slope[G_SENSITIVITY] = -values[G_SENSITIVITY] / site.gravity
+    return np.outer(slope, slope) * site.gravity_sigma**2
+
+
+def _largest_normalised(adjustment: Adjustment) -> float:
+    from tumble.estimation import snoop_groups
+
+    tests = [t for columns in (NORM, RATE, TURN) for t in snoop_groups(adjustment, columns) if t.degrees]
+    return max((test.normalised for test in tests), default=0.0)
+
+
+def _left_out(outlier: Outlier, norms: Series, angles: Series) -> LeftOut:
+    k, times = outlier.group, f"{outlier.normalised:.1f} times what the others show"
+    if outlier.kind == "norm":
+        return LeftOut("hold", k, f"its specific force is off gravity by {1e3 * norms[k]:+.1f} mm/s², {times}")
+    if outlier.kind == "rate":
+        return LeftOut("hold", k, f"the gyro's output at rest is off by {times}: did it really rest?")
+    return LeftOut("turn", k, f"gravity carried by the gyro ends {np.degrees(angles[k]):.2f}° off, {times}")
+
+
+def gyro_matrix_of(values: Series) -> Matrix:
+    """Return the gyro's forward matrix of the 36 unknowns."""
+    return values[GYRO_MATRIX].reshape(3, 3)

@@ -1,0 +1,45 @@
+"""What an earlier calibration of the same unit still knows.
+
+Biases and scale factors change with every power cycle and with temperature; the angles between the
+sensing axes are set by the assembly and stay (Hayal, chapter 6). An earlier calibration therefore
+gives its non-orthogonalities, with their covariance, and nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import Square, Vector
+from tumble.errors import CalibrationFileError
+from tumble.sensor import propagate
+from tumble.sensor.conventions.shin import shin_from_matrix
+from tumble.sensor.gauge import lower_factor
+
+
+@dataclass(frozen=True, slots=True)
+class StableKnowledge:
+    """Accelerometer angles yz, zx, zy (rad) with their covariance (3, 3)."""
+
+    angles: Vector
+    angle_covariance: Square
+
+
+def stable_knowledge(matrix: np.ndarray, covariance: Square) -> StableKnowledge:
+    """Return the angles of an accelerometer matrix with the covariance of its nine entries.
+
+    Raises
+    ------
+    CalibrationFileError
+        If the covariance tells nothing of the angles.
+    """
+    angles, spread = propagate(
+        lambda x: shin_from_matrix(lower_factor(x.reshape(3, 3)))[1], matrix.ravel(), covariance
+    )
+    if not np.all(np.diag(spread) > 0):
+        raise CalibrationFileError(
+            "The calibration given as prior states no uncertainty for its non-orthogonalities, "
+            "so that it cannot be weighed: give one that has a covariance of the accelerometer matrix."
+        )
+    return StableKnowledge(np.real(angles), spread)
