@@ -1,0 +1,33 @@
+"""Recordings of which the truth is known: motion, sensor errors, noise.
+
+`Motion` says what is done to the unit, `Disturbance` objects shake it, a `Grade` says what kind of unit it
+is, and `simulate_recording` plays it. Every random number comes from the generator that is passed in.
+"""
+
+from tumble.simulation.disturbances import Disturbance, Knock, Oscillation, simulate_tremor
+from tumble.simulation.grades import GRADES, Grade, TriadGrade, find_grade
+from tumble.simulation.motion import Motion
+from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise
+from tumble.simulation.poses import directions_26, poses_26, simulate_hand_poses
+from tumble.simulation.recordings import Distort, Truth, simulate_recording
+
+__all__ = [
+    "GRADES",
+    "Distort",
+    "Disturbance",
+    "Grade",
+    "Knock",
+    "Motion",
+    "Oscillation",
+    "TriadGrade",
+    "TriadNoise",
+    "Truth",
+    "convert_to_digital",
+    "directions_26",
+    "find_grade",
+    "poses_26",
+    "simulate_hand_poses",
+    "simulate_noise",
+    "simulate_recording",
+    "simulate_tremor",
+]

@@ -1,0 +1,221 @@
+"""The motion of a unit that is held in one pose after another and turned in between.
+
+Frames: n local level (north, east, down), b the unit's body frame, i inertial. A turn follows one
+fixed axis with the minimum-jerk profile, ``s(x) = 10 x³ − 15 x⁴ + 6 x⁵``, which is how an arm moves
+(Flash and Hogan, J. Neurosci. 5 (1985) 1688) and how a turntable is driven gently. Attitude, rate and
+acceleration are closed formulas of time; nothing is differentiated or integrated numerically.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tumble.arrays import AnyArray, Series, Vector, Vectors
+from tumble.earth.site import Site
+from tumble.simulation.disturbances import Disturbance
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Holds and turns, one after another, beginning with a hold.
+
+    Attributes
+    ----------
+    first_rotation_nb : attitude at the beginning of the first hold.
+    hold_duration : (holds,) s.
+    turn_duration : (holds - 1,) s.
+    turn_vector_b : (holds - 1, 3) rad, rotation vector of each turn in b; may exceed half a turn.
+    creep_vector_b : (holds, 3) rad, rotation vector in b by which each hold creeps at a constant rate.
+    lever_arm_b : (3,) m, from the centre of the turns to the unit; gives it acceleration while turned.
+    disturbances : tremor, vibration, knocks: on top of the path, at all times.
+    """
+
+    first_rotation_nb: Rotation
+    hold_duration: Series
+    turn_duration: AnyArray
+    turn_vector_b: AnyArray
+    creep_vector_b: AnyArray
+    lever_arm_b: Vector
+    disturbances: tuple[Disturbance, ...] = ()
+
+    @staticmethod
+    def between_poses(
+        rotations_nb: Rotation,
+        hold_duration: Series,
+        turn_duration: AnyArray,
+        *,
+        creep_vector_b: AnyArray | None = None,
+        lever_arm_b: Vector | None = None,
+        disturbances: tuple[Disturbance, ...] = (),
+    ) -> Motion:
+        """Return the motion that goes through the poses by the shortest turns.
+
+        Parameters
+        ----------
+        rotations_nb : one attitude per hold, at its beginning.
+        hold_duration, turn_duration : (holds,) and (holds - 1,) s.
+        creep_vector_b : (holds, 3) rad, or None for holds that stay.
+        lever_arm_b : (3,) m, or None for turns about the unit itself.
+        disturbances : see `Motion`.
+
+        Raises
+        ------
+        ValueError
+            If the numbers of poses and durations do not fit together.
+        """
+        holds = len(rotations_nb)
+        creep = np.zeros((holds, 3)) if creep_vector_b is None else creep_vector_b
+        if len(hold_duration) != holds or len(turn_duration) != holds - 1 or len(creep) != holds:
+            raise ValueError(
+                f"{holds} poses take {holds} hold durations and {holds - 1} turn durations, "
+                f"not {len(hold_duration)} and {len(turn_duration)}"
+            )
+        left = rotations_nb[:-1] * Rotation.from_rotvec(creep[:-1])
+        return Motion(
+            first_rotation_nb=rotations_nb[0],
+            hold_duration=hold_duration,
+            turn_duration=turn_duration,
+            turn_vector_b=(left.inv() * rotations_nb[1:]).as_rotvec(),
+            creep_vector_b=creep,
+            lever_arm_b=np.zeros(3) if lever_arm_b is None else lever_arm_b,
+            disturbances=disturbances,
+        )
+
+    def disturbed(self, *disturbances: Disturbance) -> Motion:
+        """Return the same motion with further disturbances."""
+        return replace(self, disturbances=(*self.disturbances, *disturbances))
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the beginning of the first hold to the end of the last."""
+        return float(np.sum(self.hold_duration) + np.sum(self.turn_duration))
+
+    @property
+    def hold_edges(self) -> AnyArray:
+        """Beginning and end of each hold, (holds, 2) s."""
+        return self._steps().edges.reshape(-1)[self._hold_index()]
+
+    def _hold_index(self) -> np.ndarray:
+        return 2 * np.arange(len(self.hold_duration))[:, None] + np.arange(2)
+
+    @property
+    def hold_rotations_nb(self) -> Rotation:
+        """Attitude at the beginning of each hold, without disturbances."""
+        return self._steps().rotations_nb[::2]
+
+    def _steps(self) -> _Steps:
+        holds = len(self.hold_duration)
+        length, vector = np.empty(2 * holds - 1), np.empty((2 * holds - 1, 3))
+        length[::2], length[1::2] = self.hold_duration, self.turn_duration
+        vector[::2], vector[1::2] = self.creep_vector_b, self.turn_vector_b
+        rotations = [self.first_rotation_nb]
+        for step in Rotation.from_rotvec(vector[:-1]) if holds > 1 else ():
+            rotations.append(rotations[-1] * step)
+        edges = np.concatenate([[0.0], np.cumsum(length)])
+        return _Steps(edges, length, vector, Rotation.concatenate(rotations))
+
+    def rotation_nb(self, time: Series) -> Rotation:
+        """Return the attitude at each time, disturbances included.
+
+        Parameters
+        ----------
+        time : (samples,) s from the beginning; before it and after the end the unit stays.
+        """
+        step, progress, *_ = self._progress(time)
+        path = self._steps()
+        rotation = path.rotations_nb[step] * Rotation.from_rotvec(path.vector[step] * progress[:, None])
+        return rotation * Rotation.from_rotvec(self._shake(time)) if self.disturbances else rotation
+
+    def angular_rate_ib_b(self, time: Series, site: Site) -> Vectors:
+        """Return the angular rate at each instant, rad/s, in b; Earth rate where the latitude is known.
+
+        Parameters
+        ----------
+        time : (samples,) s.
+        site : its latitude gives the Earth rate; without one the Earth stands still.
+        """
+        step, _, speed, _ = self._progress(time)
+        rate = self._steps().vector[step] * speed[:, None]
+        if self.disturbances:
+            shake = self._shake(time)
+            shake_rate = np.sum([d.rotation_rate(time) for d in self.disturbances], axis=0)
+            rate = Rotation.from_rotvec(shake).inv().apply(rate) + _right_jacobian(shake, shake_rate)
+        return rate + self.rotation_nb(time).inv().apply(_earth_rate(site))
+
+    def mean_angular_rate_ib_b(self, edges: Series, site: Site) -> AnyArray:
+        """Return the rotation vector from each edge to the next over the time between, rad/s, in b.
+
+        It is what a gyro's increments tell without coning error: the rotations by ``rate * step``,
+        chained, return the attitude exactly.
+
+        Parameters
+        ----------
+        edges : (samples + 1,) s, strictly increasing.
+        site : as for `angular_rate_ib_b`.
+        """
+        rotation = self.rotation_nb(edges)
+        step = np.diff(edges)
+        earth = Rotation.from_rotvec(step[:, None] * _earth_rate(site))
+        return (rotation[:-1].inv() * earth * rotation[1:]).as_rotvec() / step[:, None]
+
+    def specific_force_b(self, time: Series, site: Site) -> Vectors:
+        """Return the specific force at each instant, m/s², in b; at rest it is minus gravity.
+
+        Parameters
+        ----------
+        time : (samples,) s.
+        site : gives gravity.
+        """
+        step, _, speed, gain = self._progress(time)
+        vector = self._steps().vector[step]
+        across = np.cross(vector, self.lever_arm_b)
+        # a = ω' x l + ω x (ω x l), with ω = vector * speed along a fixed axis
+        acceleration = across * gain[:, None] + np.cross(vector, across) * (speed**2)[:, None]
+        if self.disturbances:
+            acceleration = Rotation.from_rotvec(self._shake(time)).inv().apply(acceleration)
+            acceleration += np.sum([d.acceleration(time) for d in self.disturbances], axis=0)
+        return acceleration - self.rotation_nb(time).inv().apply([0.0, 0.0, site.gravity])
+
+    def _shake(self, time: Series) -> Vectors:
+        return np.sum([d.rotation(time) for d in self.disturbances], axis=0)
+
+    def _progress(self, time: Series) -> tuple[np.ndarray, Series, Series, Series]:
+        """Step number, share of it done, and the share's first and second time derivative."""
+        path = self._steps()
+        step = np.clip(np.searchsorted(path.edges, time, side="right") - 1, 0, len(path.length) - 1)
+        length = path.length[step]
+        x = np.clip((time - path.edges[step]) / length, 0.0, 1.0)
+        turning = step % 2 == 1
+        inside = (x > 0.0) & (x < 1.0)
+        share = np.where(turning, x**3 * (10.0 - 15.0 * x + 6.0 * x**2), x)
+        speed = np.where(turning, 30.0 * x**2 * (1.0 - x) ** 2, inside) / length
+        gain = np.where(turning, 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x), 0.0) / length**2
+        return step, share, speed, gain
+
+
+@dataclass(frozen=True, slots=True)
+class _Steps:
+    """Holds and turns in one row: edges in s, length in s, rotation vector, attitude at the beginning."""
+
+    edges: AnyArray
+    length: AnyArray
+    vector: AnyArray
+    rotations_nb: Rotation
+
+
+def _earth_rate(site: Site) -> Vector:
+    return np.zeros(3) if site.latitude is None else site.earth_rate_n
+
+
+def _right_jacobian(vector: Vectors, rate: Vectors) -> Vectors:
+    """Angular rate in b of a rotation vector and its derivative (Chirikjian, 2012, eq. 10.86)."""
+    angle = np.maximum(np.linalg.norm(vector, axis=1, keepdims=True), 1e-9)
+    once = np.cross(vector, rate)
+    twice = np.cross(vector, once)
+    # 1 - cos loses all digits at small angles: 2 sin² of the half keeps them
+    first = 2.0 * np.sin(0.5 * angle) ** 2 / angle**2
+    second = np.where(angle < 1e-3, (1.0 - angle**2 / 20.0) / 6.0, (angle - np.sin(angle)) / angle**3)
+    return rate - first * once + second * twice

@@ -1,0 +1,64 @@
+"""Lists of poses: the 26 attitudes of a cube, and what a hand does."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+
+def directions_26() -> np.ndarray:
+    """Return the directions of a cube's 6 faces, 12 edges and 8 corners: (26, 3), unit length, in order."""
+    signs = [np.array(s, dtype=float) for s in itertools.product((-1, 0, 1), repeat=3) if any(s)]
+    signs.sort(key=lambda s: float(np.abs(s).sum()))
+    return np.array([s / np.linalg.norm(s) for s in signs])
+
+
+def poses_26(heading: float = 0.0) -> Rotation:
+    """Return 26 attitudes in which b's up direction is a face, an edge or a corner of a cube.
+
+    Parameters
+    ----------
+    heading : rad, turns all of them about the vertical; it decides what the gyros see of the Earth
+        rate's horizontal part.
+    """
+    up_n = np.array([0.0, 0.0, -1.0])
+    turned = Rotation.from_rotvec([0.0, 0.0, heading])
+    return Rotation.concatenate([turned * _turning_to(direction, up_n) for direction in directions_26()])
+
+
+def _turning_to(vector: np.ndarray, target: np.ndarray) -> Rotation:
+    """The shortest rotation that brings one unit vector onto another."""
+    axis = np.cross(vector, target)
+    sine, cosine = float(np.linalg.norm(axis)), float(vector @ target)
+    if sine < 1e-12:
+        # opposite or equal: any horizontal axis will do
+        return Rotation.from_rotvec([np.pi if cosine < 0.0 else 0.0, 0.0, 0.0])
+    return Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine))
+
+
+def simulate_hand_poses(rng: np.random.Generator, holds: int, *, smallest: float = 0.5) -> Rotation:
+    """Draw attitudes as a hand takes them: anyhow, but each clearly different from the one before.
+
+    Parameters
+    ----------
+    rng : source of the attitudes.
+    holds : how many.
+    smallest : rad, the least angle by which gravity's direction in b moves from one to the next.
+
+    Raises
+    ------
+    ValueError
+        If `smallest` is half a turn or more, which no next pose could reach.
+    """
+    if smallest >= np.pi:
+        raise ValueError("no pose turns gravity by half a turn or more from every other")
+    up_n = np.array([0.0, 0.0, -1.0])
+    poses = [Rotation.random(random_state=rng)]
+    while len(poses) < holds:
+        pose = Rotation.random(random_state=rng)
+        cosine = float(pose.inv().apply(up_n) @ poses[-1].inv().apply(up_n))
+        if np.arccos(np.clip(cosine, -1.0, 1.0)) >= smallest:
+            poses.append(pose)
+    return Rotation.concatenate(poses)

@@ -1,0 +1,138 @@
+"""A simulated recording: a motion seen by a sensor with errors and noise, and the truth beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tumble.arrays import AnyArray, Vectors
+from tumble.earth.site import Site
+from tumble.recording.recording import Recording
+from tumble.sensor.imu import ImuModel
+from tumble.simulation.grades import Grade
+from tumble.simulation.motion import Motion
+from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise
+
+Distort = Callable[[Vectors, Vectors], tuple[Vectors, Vectors]]
+"""True (specific force, angular rate) in b, m/s² and rad/s, to raw: `ImuModel.distort` is one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What was simulated.
+
+    Attributes
+    ----------
+    hold_edges : (holds, 2) s on the recording's clock, from where each hold begins to where it ends.
+    rotations_nb : attitude at each hold's beginning.
+    specific_force_b, angular_rate_ib_b : (holds, 3) true means over each hold's samples, m/s², rad/s;
+        NaN for a hold of which no sample was recorded.
+    creep_angle : (holds,) rad by which each hold's attitude creeps.
+    model : the sensor's errors, where a grade was drawn.
+    site : gravity and Earth rate.
+    """
+
+    hold_edges: AnyArray
+    rotations_nb: Rotation
+    specific_force_b: AnyArray
+    angular_rate_ib_b: AnyArray
+    creep_angle: AnyArray
+    model: ImuModel | None
+    site: Site
+
+
+def simulate_recording(
+    motion: Motion,
+    rate: float,
+    rng: np.random.Generator,
+    *,
+    site: Site,
+    grade: Grade | None = None,
+    distort: Distort | None = None,
+    start: float = 0.0,
+    stop: float | None = None,
+    missing: Sequence[tuple[float, float]] = (),
+) -> tuple[Recording, Truth]:
+    """Record a motion with a simulated unit.
+
+    A gyro sample is the mean rate over its sampling interval, exactly as the attitude demands; an
+    accelerometer sample is the specific force at the interval's middle. The stamp is the middle.
+
+    Parameters
+    ----------
+    motion : what is done to the unit.
+    rate : Hz.
+    rng : source of all numbers; the same state gives the same recording bit for bit.
+    site : gravity; Earth rate where it has a latitude.
+    grade : noise, converter and the spread of errors; None for a unit without noise.
+    distort : true to raw; None draws a model of the grade (or is exact, without a grade). With it,
+        noise and converter act on the raw numbers in the grade's units: raw units are then SI.
+    start, stop : s of the motion, where the recording begins and ends; a turn may be cut.
+    missing : (from, to) s of the motion, samples that the recording lost.
+    """
+    stop = motion.duration if stop is None else stop
+    edges = start + np.arange(int(np.floor((stop - start) * rate)) + 1) / rate
+    middle = 0.5 * (edges[:-1] + edges[1:])
+    force = motion.specific_force_b(middle, site)
+    angular_rate = motion.mean_angular_rate_ib_b(edges, site)
+    model = grade.simulate_model(rng) if grade is not None and distort is None else None
+    distort = model.distort if model is not None else distort
+    raw_force, raw_rate = (force, angular_rate) if distort is None else distort(force, angular_rate)
+    if grade is not None:
+        raw_force = _sensed(raw_force, grade.accelerometer.noise, rate, rng)
+        raw_rate = _sensed(raw_rate, grade.gyroscope.noise, rate, rng)
+    keep = np.ones(len(middle), dtype=bool)
+    for first, last in missing:
+        keep &= (middle < first) | (middle >= last)
+    recording = Recording(
+        time=middle[keep] - start,
+        specific_force=raw_force[keep],
+        angular_rate=raw_rate[keep],
+        specific_force_unit="m/s^2",
+        angular_rate_unit="rad/s",
+        rate=rate,
+        gaps=_gaps(keep),
+    )
+    return recording, _truth(motion, start, middle, force, angular_rate, model, site)
+
+
+def _sensed(raw: Vectors, noise: TriadNoise, rate: float, rng: np.random.Generator) -> Vectors:
+    return convert_to_digital(raw + simulate_noise(noise, raw.shape[0], rate, rng), noise)
+
+
+def _gaps(keep: np.ndarray) -> tuple[int, ...]:
+    index = np.flatnonzero(keep)
+    return tuple(int(i) for i in np.flatnonzero(np.diff(index) > 1) + 1)
+
+
+def _truth(
+    motion: Motion,
+    start: float,
+    middle: AnyArray,
+    force: AnyArray,
+    angular_rate: AnyArray,
+    model: ImuModel | None,
+    site: Site,
+) -> Truth:
+    edges = motion.hold_edges
+
+    def means(signal: AnyArray) -> AnyArray:
+        rows = np.full((len(edges), 3), np.nan)
+        for row, (first, last) in zip(rows, edges, strict=True):
+            inside = signal[(middle >= first) & (middle < last)]
+            if len(inside):
+                row[:] = inside.mean(axis=0)
+        return rows
+
+    return Truth(
+        hold_edges=edges - start,
+        rotations_nb=motion.hold_rotations_nb,
+        specific_force_b=means(force),
+        angular_rate_ib_b=means(angular_rate),
+        creep_angle=np.linalg.norm(motion.creep_vector_b, axis=1),
+        model=model,
+        site=site,
+    )
