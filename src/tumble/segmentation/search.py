@@ -13,12 +13,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tumble.arrays import Series
 from tumble.errors import SegmentationError
 from tumble.recording.recording import Recording
 from tumble.segmentation.activity import Activity, find_activity, noise_per_sample
 from tumble.segmentation.blocks import Blocks, cut_blocks
+from tumble.segmentation.creep import LARGEST_CREEP, find_turning, keep_still_part
 from tumble.segmentation.stretches import (
+    SHORTEST_PIECE_SECONDS,
     Stretch,
     find_knocks,
     find_runs,
@@ -33,7 +34,6 @@ MINIMUM_HOLD = 0.75
 SHORTEST_MENTIONED = 0.3
 # A gap in which a turn can hide: no hold goes across it.
 LONGEST_HARMLESS_GAP = 0.25
-LARGEST_CREEP = np.radians(1.0)
 STATISTIC = "angular rate without bias, smoothed over 0.15 s, in approximate rad/s"
 
 
@@ -106,54 +106,70 @@ def _search(
 ) -> tuple[list[Hold], list[Rejection]]:
     rest = activity.rate < activity.threshold
     rest[walls] = False
-    shortest = max(blocks.half_width, 2)
-    stretches = [
-        shape_stretch(blocks, activity, a, b, (a > 0, b < len(blocks)))
-        for a, b in find_runs(rest)
-        if b - a >= shortest
-    ]
-    for stretch in stretches:
-        stretch.excluded = find_knocks(blocks, stretch)
+    stretches = join_stretches(blocks, activity, _rests(blocks, rest, walls), walls)
     holds: list[Hold] = []
     rejections: list[Rejection] = []
-    for stretch in join_stretches(blocks, activity, stretches, walls):
-        reason = _reason_against(blocks, activity, stretch, minimum_hold)
-        hold = _hold(recording, blocks, stretch)
-        if not reason:
-            holds.append(hold)
-        elif stretch.length * blocks.seconds >= SHORTEST_MENTIONED:
-            rejections.append(Rejection(hold.start, hold.stop, reason))
+    long: list[Stretch] = []
+    for stretch in stretches:
+        stretch, creep = keep_still_part(blocks, activity, stretch)
+        seconds = stretch.length * blocks.seconds
+        if seconds < minimum_hold:
+            reason = f"at rest for only {seconds:.1f} s, shorter than {minimum_hold:.2g} s"
+        elif creep:
+            reason = f"creeps by {np.degrees(creep):.1f}° in {seconds:.1f} s"
+        else:
+            long.append(stretch)
+            continue
+        if seconds >= SHORTEST_MENTIONED:
+            rejections.append(_rejection(recording, blocks, stretch, reason))
+    for stretch, turned in zip(long, find_turning(blocks, activity, long), strict=True):
+        if turned > 1.5 * LARGEST_CREEP:
+            reason = f"turns by {np.degrees(turned):.1f}° in {stretch.length * blocks.seconds:.1f} s"
+            rejections.append(_rejection(recording, blocks, stretch, reason))
+        else:
+            holds.append(_hold(recording, blocks, stretch))
     return holds, rejections
 
 
-def _reason_against(blocks: Blocks, activity: Activity, stretch: Stretch, minimum_hold: float) -> str:
-    seconds = stretch.length * blocks.seconds
-    if seconds < minimum_hold:
-        return f"at rest for only {seconds:.1f} s, shorter than {minimum_hold:.1f} s"
-    creep, sigma = _creep(blocks, activity, stretch)
-    if creep > LARGEST_CREEP + 5.0 * sigma:
-        return f"creeps by {np.degrees(creep):.1f}° in {seconds:.1f} s"
-    return ""
+def _rests(blocks: Blocks, rest: np.ndarray, walls: np.ndarray) -> list[Stretch]:
+    """Every run of resting blocks with its ends found and its knocks marked."""
+    runs = [(a, b) for a, b in find_runs(rest) if b - a >= max(blocks.half_width, 2)]
+    barriers = np.unique(np.concatenate([[0, len(blocks)], walls, walls + 1, *[list(r) for r in runs]]))
+    stretches: list[Stretch] = []
+    for first, last in runs:
+        lowest = barriers[np.searchsorted(barriers, first) - 1] if first > 0 else 0
+        highest = barriers[np.searchsorted(barriers, last) + 1] if last < len(blocks) else last
+        at_wall = bool(np.isin(first - 1, walls)), bool(np.isin(last, walls))
+        stretch = shape_stretch(
+            blocks,
+            first,
+            last,
+            lowest=first if at_wall[0] else int(lowest),
+            highest=last if at_wall[1] else int(highest),
+            bounded=(first > 0, last < len(blocks)),
+        )
+        stretch.excluded = find_knocks(blocks, stretch)
+        stretches.append(stretch)
+    return stretches
 
 
-def _creep(blocks: Blocks, activity: Activity, stretch: Stretch) -> tuple[float, float]:
-    """Angle by which the specific force moves from end to end, and its standard uncertainty, rad."""
-    if blocks.specific_force is None or activity.gravity is None or stretch.force_scatter is None:
-        return 0.0, 0.0
-    first, last = int(np.ceil(stretch.start)), max(int(stretch.stop), int(np.ceil(stretch.start)) + 3)
-    values = blocks.specific_force.smooth[first:last]
-    third = max(len(values) // 3, 1)
-    moved: Series = np.median(values[-third:], axis=0) - np.median(values[:third], axis=0)
-    sigma = float(np.linalg.norm(stretch.force_scatter)) * np.sqrt(12.0 / max(third, 6))
-    return 1.5 * float(np.linalg.norm(moved)) / activity.gravity, sigma / activity.gravity
+def _rejection(recording: Recording, blocks: Blocks, stretch: Stretch, reason: str) -> Rejection:
+    hold = _hold(recording, blocks, stretch)
+    return Rejection(hold.start, hold.stop, reason)
 
 
 def _hold(recording: Recording, blocks: Blocks, stretch: Stretch) -> Hold:
     size, total = blocks.size, len(recording)
     start = int(np.ceil(stretch.start * size))
-    stop = total if stretch.last == len(blocks) == stretch.stop else int(stretch.stop * size)
+    stop = total if stretch.last == len(blocks) == stretch.stop else min(int(stretch.stop * size), total)
     holes = [(max(a * size, start), min(b * size, stop)) for a, b in stretch.excluded]
-    return Hold(start, min(stop, total), tuple((a, b) for a, b in _united(holes) if b > a))
+    holes = _united([(a, b) for a, b in holes if b > a])
+    shortest = round(SHORTEST_PIECE_SECONDS * recording.rate)
+    while holes and holes[0][0] - start < shortest:
+        start = holes.pop(0)[1]
+    while holes and stop - holes[-1][1] < shortest:
+        stop = holes.pop()[0]
+    return Hold(start, stop, tuple(holes))
 
 
 def _united(ranges: list[tuple[int, int]]) -> list[tuple[int, int]]:

@@ -15,6 +15,10 @@ from tumble.segmentation.blocks import Blocks
 KNOCK = 25.0
 SAME_POSE = np.radians(0.3)
 LONGEST_KNOCK_SECONDS = 3.0
+# How far beyond the threshold an end may lie: smoothing and the differences over it blur by 0.3 s.
+OUTWARD_SECONDS = 0.6
+# A piece of rest shorter than this at the end of a hold, beyond a knock, is not worth keeping.
+SHORTEST_PIECE_SECONDS = 0.3
 
 
 @dataclass(slots=True)
@@ -51,63 +55,88 @@ def _level(smooth: Vectors, first: int, last: int, margin: int) -> tuple[Vector,
     return middle, 1.4826 * np.median(np.abs(values - middle), axis=0)
 
 
-def shape_stretch(blocks: Blocks, activity: Activity, first: int, last: int, open_ends: tuple[bool, bool]):
-    """Describe the rest from block `first` up to `last` and move its ends inwards to where it settles.
+def shape_stretch(
+    blocks: Blocks, first: int, last: int, *, lowest: int, highest: int, bounded: tuple[bool, bool]
+) -> Stretch:
+    """Describe the rest from block `first` up to `last` and find its ends.
 
     The limit at the ends is the stretch's own: 5.1 robust standard deviations of its own smoothed
-    signal about its own median, so neither bias, g-sensitivity nor Earth rate enter.
+    signal about its own median, so neither bias, g-sensitivity nor Earth rate enter. A slow turn
+    passes that limit late; because its rate begins as the square of time, the place where it is four
+    times the limit tells how late.
 
     Parameters
     ----------
-    first, last : blocks; the activity is below the threshold between them.
-    open_ends : whether the rest is bounded by motion on the left and on the right.
+    blocks : of the whole recording.
+    first, last : the activity is below the threshold between these blocks.
+    lowest, highest : blocks that the ends may not pass: the neighbouring rests, a gap in the samples.
+    bounded : whether motion bounds the rest on the left and on the right; else the recording does.
     """
     stretch = Stretch(first, last, float(first), float(last), None, None, None, None)
+    margin = blocks.half_width
     if blocks.angular_rate is not None:
-        stretch.rate, stretch.rate_scatter = _level(
-            blocks.angular_rate.smooth, first, last, blocks.half_width
-        )
+        stretch.rate, stretch.rate_scatter = _level(blocks.angular_rate.smooth, first, last, margin)
     if blocks.specific_force is not None:
-        stretch.force, stretch.force_scatter = _level(
-            blocks.specific_force.smooth, first, last, blocks.half_width
-        )
-    distance = _distance(blocks, stretch, activity)
-    if open_ends[0]:
-        stretch.start = first + _settling(distance, blocks.half_width)
-    if open_ends[1]:
-        stretch.stop = last - _settling(distance[::-1], blocks.half_width)
+        stretch.force, stretch.force_scatter = _level(blocks.specific_force.smooth, first, last, margin)
+    reach = max(1, round(OUTWARD_SECONDS / blocks.seconds))
+    lowest, highest = max(lowest, first - reach), min(highest, last + reach)
+    distance = _distance(blocks, stretch, lowest, highest)
+    allowed = (last - first) // 2
+    if bounded[0]:
+        stretch.start = lowest + _settling(distance, first - lowest, allowed, margin)
+    if bounded[1]:
+        stretch.stop = highest - _settling(distance[::-1], highest - last, allowed, margin)
     return stretch
 
 
-def _distance(blocks: Blocks, stretch: Stretch, activity: Activity) -> Series:
+def _distance(blocks: Blocks, stretch: Stretch, first: int, last: int) -> Series:
     """Distance of each block from the stretch's own level, in its own standard deviations."""
     triad, middle, scatter = blocks.angular_rate, stretch.rate, stretch.rate_scatter
     if triad is None:
         triad, middle, scatter = blocks.specific_force, stretch.force, stretch.force_scatter
-    assert triad is not None and middle is not None and scatter is not None
-    values = triad.smooth[stretch.first : stretch.last] - middle
+    if triad is None or middle is None or scatter is None:
+        return np.zeros(last - first)
+    values = triad.smooth[first:last] - middle
     # three axes that share one floor: a quantised axis may not move at all during a hold
     floor = max(float(np.sqrt(np.mean(scatter**2))), 1e-12 * float(np.abs(middle).max()), 1e-300)
     return np.sqrt(np.sum((values / np.maximum(scatter, 0.5 * floor)) ** 2, axis=1))
 
 
-def _settling(distance: Series, needed: int) -> float:
-    """Blocks from the end to the first place where `needed` blocks in a row are within the limit."""
-    count = distance.shape[0]
+def _settling(distance: Series, origin: int, allowed: int, needed: int) -> float:
+    """Place of the end in blocks: where the distance last passes the limit on its way into the rest.
+
+    Looked for inwards from `origin`, `allowed` blocks deep, until `needed` blocks in a row are within
+    the limit, and from there outwards as long as they are.
+    """
     limit = CHI_1E5
     while True:
         inside = distance < limit
-        for k in range(min(count - needed + 1, max(count // 2, 1))):
+        for k in range(origin, origin + max(allowed, 1)):
             if inside[k : k + needed].all():
-                if k == 0:
-                    return 0.0
-                # the limit is crossed between the centres of blocks k - 1 and k
-                before, after = np.log(distance[k - 1]), np.log(max(distance[k], 1e-9))
-                share = (np.log(limit) - after) / max(before - after, 1e-9)
-                return k + 0.5 - float(np.clip(share, 0.0, 1.0))
+                while k > 0 and inside[k - 1]:
+                    k -= 1
+                return float(k) if k == 0 else _beginning(distance, k, limit)
         limit *= 1.5
-        if limit > 1e6:
-            return 0.0
+        if limit > 1e9:
+            return float(origin)
+
+
+def _beginning(distance: Series, k: int, limit: float) -> float:
+    """Where the motion begins that passes the limit between blocks k - 1 and k, in blocks."""
+    near = _crossing(distance, k, limit)
+    j = k - 1
+    while j > 0 and distance[j] < 4.0 * limit:
+        j -= 1
+    far = _crossing(distance, j + 1, 4.0 * limit) if distance[j] >= 4.0 * limit else float(j)
+    # rate = c t²: it is at the limit at t, at four times the limit at 2 t
+    return near + max(near - far, 0.0)
+
+
+def _crossing(distance: Series, k: int, limit: float) -> float:
+    """Where the distance passes the limit between the centres of blocks k - 1 and k."""
+    before, after = np.log(max(distance[k - 1], 1e-9)), np.log(max(distance[k], 1e-9))
+    share = (np.log(limit) - after) / max(before - after, 1e-9)
+    return k + 0.5 - float(np.clip(share, 0.0, 1.0))
 
 
 def find_knocks(blocks: Blocks, stretch: Stretch) -> list[tuple[int, int]]:
@@ -132,24 +161,27 @@ def pose_change(before: Stretch, after: Stretch, activity: Activity) -> tuple[fl
     """
     if before.force is None or after.force is None or activity.gravity is None:
         return 0.0, 0.0
-    assert before.force_scatter is not None and after.force_scatter is not None
     angle = float(np.linalg.norm(after.force - before.force)) / activity.gravity
     variance = 0.0
     for part in (before, after):
-        assert part.force_scatter is not None
-        # smoothed blocks are correlated over some four blocks
-        variance += float(np.sum(part.force_scatter**2)) * 6.0 / max(part.last - part.first, 6)
+        if part.force_scatter is not None:
+            # smoothed blocks are correlated over some four blocks
+            variance += float(np.sum(part.force_scatter**2)) * 6.0 / max(part.last - part.first, 6)
     return angle, float(np.sqrt(variance)) / activity.gravity
 
 
 def net_turn(blocks: Blocks, before: Stretch, after: Stretch, activity: Activity) -> float:
     """Sum of the rate between two stretches without their mean bias, rad; zero without a gyro."""
-    if blocks.angular_rate is None or activity.rate_scale is None:
+    if (
+        blocks.angular_rate is None
+        or activity.rate_scale is None
+        or before.rate is None
+        or after.rate is None
+    ):
         return 0.0
-    assert before.rate is not None and after.rate is not None
     a, b = before.last - 1, after.first + 1
     values = blocks.angular_rate.smooth[a:b] - 0.5 * (before.rate + after.rate)
-    return float(np.linalg.norm(values.sum(axis=0))) * blocks.seconds * activity.rate_scale
+    return float(np.linalg.norm(values.sum(axis=0))) * blocks.seconds * (activity.rate_scale or 0.0)
 
 
 def join_stretches(

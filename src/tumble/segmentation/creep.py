@@ -1,0 +1,92 @@
+"""Whether a rest creeps: physics' last word on what looks like a hold."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tumble.segmentation.activity import Activity
+from tumble.segmentation.blocks import Blocks
+from tumble.segmentation.stretches import Stretch
+
+LARGEST_CREEP = np.radians(1.0)
+# What a part of a creeping rest may creep at most to be kept in its place.
+LARGEST_CREEP_OF_PART = np.radians(0.5)
+# Sigmas by which a hold's mean rate must leave that of the other holds to be called a turning.
+RATE_SIGMAS = 8.0
+
+
+def find_creep(blocks: Blocks, activity: Activity, start: float, stop: float) -> tuple[float, float]:
+    """Return the angle by which the specific force moves from end to end, and its uncertainty, rad.
+
+    It is 3/2 of the change from the first third's median to the last third's, exact for a creep at a
+    constant rate. A creep about the vertical does not move the specific force. Zero without an
+    accelerometer.
+
+    Parameters
+    ----------
+    blocks, activity : of the whole recording.
+    start, stop : ends of the rest, in blocks.
+    """
+    if blocks.specific_force is None or activity.gravity is None:
+        return 0.0, 0.0
+    first = int(np.ceil(start))
+    values = blocks.specific_force.smooth[first : max(int(stop), first + 3)]
+    third = max(len(values) // 3, 1)
+    moved = np.median(values[-third:], axis=0) - np.median(values[:third], axis=0)
+    # from differences over the smoothing's reach, into which the creep itself hardly enters
+    step = values[blocks.half_width :] - values[: -blocks.half_width]
+    scatter = 1.05 * np.median(np.abs(step), axis=0) if len(step) > 3 else np.zeros(3)
+    # a median is 1.25 times as uncertain as a mean; smoothed blocks are correlated over some four
+    sigma = 1.5 * 1.25 * float(np.linalg.norm(scatter)) * np.sqrt(2.0 * 4.3 / max(third, 4.3))
+    return 1.5 * float(np.linalg.norm(moved)) / activity.gravity, sigma / activity.gravity
+
+
+def keep_still_part(blocks: Blocks, activity: Activity, stretch: Stretch) -> tuple[Stretch, float]:
+    """Return the stretch, or the longest still part of at least half of it, and the creep that is left.
+
+    Parameters
+    ----------
+    blocks, activity : of the whole recording.
+    stretch : a rest.
+    """
+    creep, sigma = find_creep(blocks, activity, stretch.start, stretch.stop)
+    if creep <= LARGEST_CREEP + 5.0 * sigma:
+        return stretch, 0.0
+    eighth = (stretch.stop - stretch.start) / 8.0
+    for parts in (7, 6, 5, 4):
+        for skipped in range(9 - parts):
+            start = stretch.start + skipped * eighth
+            stop = start + parts * eighth
+            part, sigma = find_creep(blocks, activity, start, stop)
+            if part <= LARGEST_CREEP_OF_PART + 5.0 * sigma:
+                stretch.start, stretch.stop = start, stop
+                stretch.excluded = [(a, b) for a, b in stretch.excluded if b > start and a < stop]
+                return stretch, 0.0
+    return stretch, creep
+
+
+def find_turning(blocks: Blocks, activity: Activity, stretches: list[Stretch]) -> np.ndarray:
+    """Return the angle by which each rest turns against the gyro's usual output at rest, (rests,) rad.
+
+    It sees a creep about the vertical, which the specific force does not. An angle is given only
+    where the mean rate stands out from the other rests by eight of their robust standard deviations
+    (bias drift, g-sensitivity and Earth rate included, since all of them spread it); else zero.
+
+    Parameters
+    ----------
+    blocks, activity : of the whole recording.
+    stretches : all rests that are long enough for a hold.
+    """
+    angles = np.zeros(len(stretches))
+    rates = [s.rate for s in stretches if s.rate is not None]
+    if len(rates) < 8 or len(rates) != len(stretches) or activity.rate_scale is None:
+        return angles
+    table = np.array(rates)
+    away = np.abs(table - np.median(table, axis=0))
+    usual = 1.4826 * np.median(away, axis=0)
+    own = np.array([s.rate_scatter for s in stretches if s.rate_scatter is not None])
+    lengths = np.array([s.stop - s.start for s in stretches])
+    noise = own * np.sqrt(6.0 / np.maximum(lengths, 6.0))[:, None]
+    stands_out = np.any(away > RATE_SIGMAS * np.hypot(usual, noise), axis=1)
+    turned = np.linalg.norm(away, axis=1) * activity.rate_scale * lengths * blocks.seconds
+    return np.where(stands_out, turned, 0.0)
