@@ -50,7 +50,7 @@ def keep_still_part(blocks: Blocks, activity: Activity, stretch: Stretch) -> tup
     stretch : a rest.
     """
     creep, sigma = find_creep(blocks, activity, stretch.start, stretch.stop)
-    if creep <= LARGEST_CREEP + 5.0 * sigma:
+    if creep <= LARGEST_CREEP + 3.0 * sigma:
         return stretch, 0.0
     eighth = (stretch.stop - stretch.start) / 8.0
     for parts in (7, 6, 5, 4):
@@ -58,7 +58,7 @@ def keep_still_part(blocks: Blocks, activity: Activity, stretch: Stretch) -> tup
             start = stretch.start + skipped * eighth
             stop = start + parts * eighth
             part, sigma = find_creep(blocks, activity, start, stop)
-            if part <= LARGEST_CREEP_OF_PART + 5.0 * sigma:
+            if part <= LARGEST_CREEP_OF_PART + 2.0 * sigma:
                 stretch.start, stretch.stop = start, stop
                 stretch.excluded = [(a, b) for a, b in stretch.excluded if b > start and a < stop]
                 return stretch, 0.0

@@ -87,7 +87,7 @@ def _interval(
         )
     if values[1] <= values[0]:
         raise SegmentationError(
-            f"{path}, line {number}: the interval stops at {values[1]:g} s, which is not after {values[0]:g} s."
+            f"{path}, line {number}: the interval ends at {values[1]:g} s, not after {values[0]:g} s."
         )
     if earlier and values[0] < earlier[-1][1]:
         raise SegmentationError(

@@ -25,11 +25,12 @@ from tumble.segmentation.stretches import (
     find_runs,
     join_stretches,
     shape_stretch,
+    usual_scatter,
 )
 from tumble.segmentation.timeline import Hold, NoiseFloor, Rejection, Timeline
 from tumble.segmentation.turns import find_turns
 
-MINIMUM_HOLD = 0.75
+MINIMUM_HOLD = 0.7
 # Rests shorter than this are moments of a turn and not worth a word.
 SHORTEST_MENTIONED = 0.3
 # A gap in which a turn can hide: no hold goes across it.
@@ -123,7 +124,7 @@ def _search(
         if seconds >= SHORTEST_MENTIONED:
             rejections.append(_rejection(recording, blocks, stretch, reason))
     for stretch, turned in zip(long, find_turning(blocks, activity, long), strict=True):
-        if turned > 1.5 * LARGEST_CREEP:
+        if turned > LARGEST_CREEP:
             reason = f"turns by {np.degrees(turned):.1f}° in {stretch.length * blocks.seconds:.1f} s"
             rejections.append(_rejection(recording, blocks, stretch, reason))
         else:
@@ -135,6 +136,7 @@ def _rests(blocks: Blocks, rest: np.ndarray, walls: np.ndarray) -> list[Stretch]
     """Every run of resting blocks with its ends found and its knocks marked."""
     runs = [(a, b) for a, b in find_runs(rest) if b - a >= max(blocks.half_width, 2)]
     barriers = np.unique(np.concatenate([[0, len(blocks)], walls, walls + 1, *[list(r) for r in runs]]))
+    floor = usual_scatter(blocks, runs)
     stretches: list[Stretch] = []
     for first, last in runs:
         lowest = barriers[np.searchsorted(barriers, first) - 1] if first > 0 else 0
@@ -147,6 +149,7 @@ def _rests(blocks: Blocks, rest: np.ndarray, walls: np.ndarray) -> list[Stretch]
             lowest=first if at_wall[0] else int(lowest),
             highest=last if at_wall[1] else int(highest),
             bounded=(first > 0, last < len(blocks)),
+            floor=floor,
         )
         stretch.excluded = find_knocks(blocks, stretch)
         stretches.append(stretch)

@@ -55,8 +55,35 @@ def _level(smooth: Vectors, first: int, last: int, margin: int) -> tuple[Vector,
     return middle, 1.4826 * np.median(np.abs(values - middle), axis=0)
 
 
+def usual_scatter(blocks: Blocks, runs: list[tuple[int, int]]) -> Vector:
+    """Return the lower quartile of the rests' scatter per axis: what no rest is thought quieter than.
+
+    The scatter of a short rest is known to a quarter only; too small a one would move its ends.
+
+    Parameters
+    ----------
+    blocks : of the whole recording.
+    runs : the rests.
+    """
+    triad = blocks.angular_rate or blocks.specific_force
+    if triad is None or not runs:
+        return np.zeros(3)
+    scatters = [_level(triad.smooth, first, last, blocks.half_width)[1] for first, last in runs]
+    lengths = np.array([last - first for first, last in runs])
+    # moments of a turn that look like rest are short and many: the longer half decides
+    kept = np.array(scatters)[lengths >= np.median(lengths)]
+    return np.quantile(kept, 0.25, axis=0)
+
+
 def shape_stretch(
-    blocks: Blocks, first: int, last: int, *, lowest: int, highest: int, bounded: tuple[bool, bool]
+    blocks: Blocks,
+    first: int,
+    last: int,
+    *,
+    lowest: int,
+    highest: int,
+    bounded: tuple[bool, bool],
+    floor: Vector,
 ) -> Stretch:
     """Describe the rest from block `first` up to `last` and find its ends.
 
@@ -71,6 +98,7 @@ def shape_stretch(
     first, last : the activity is below the threshold between these blocks.
     lowest, highest : blocks that the ends may not pass: the neighbouring rests, a gap in the samples.
     bounded : whether motion bounds the rest on the left and on the right; else the recording does.
+    floor : least scatter per axis of the gyro (of the accelerometer without one), raw units.
     """
     stretch = Stretch(first, last, float(first), float(last), None, None, None, None)
     margin = blocks.half_width
@@ -80,7 +108,7 @@ def shape_stretch(
         stretch.force, stretch.force_scatter = _level(blocks.specific_force.smooth, first, last, margin)
     reach = max(1, round(OUTWARD_SECONDS / blocks.seconds))
     lowest, highest = max(lowest, first - reach), min(highest, last + reach)
-    distance = _distance(blocks, stretch, lowest, highest)
+    distance = _distance(blocks, stretch, lowest, highest, floor)
     allowed = (last - first) // 2
     if bounded[0]:
         stretch.start = lowest + _settling(distance, first - lowest, allowed, margin)
@@ -89,7 +117,7 @@ def shape_stretch(
     return stretch
 
 
-def _distance(blocks: Blocks, stretch: Stretch, first: int, last: int) -> Series:
+def _distance(blocks: Blocks, stretch: Stretch, first: int, last: int, floor: Vector) -> Series:
     """Distance of each block from the stretch's own level, in its own standard deviations."""
     triad, middle, scatter = blocks.angular_rate, stretch.rate, stretch.rate_scatter
     if triad is None:
@@ -97,9 +125,10 @@ def _distance(blocks: Blocks, stretch: Stretch, first: int, last: int) -> Series
     if triad is None or middle is None or scatter is None:
         return np.zeros(last - first)
     values = triad.smooth[first:last] - middle
-    # three axes that share one floor: a quantised axis may not move at all during a hold
-    floor = max(float(np.sqrt(np.mean(scatter**2))), 1e-12 * float(np.abs(middle).max()), 1e-300)
-    return np.sqrt(np.sum((values / np.maximum(scatter, 0.5 * floor)) ** 2, axis=1))
+    scatter = np.maximum(scatter, floor)
+    # a quantised axis may not move at all during a hold: the others stand in for it
+    least = max(float(np.sqrt(np.mean(scatter**2))), 1e-12 * float(np.abs(middle).max()), 1e-300)
+    return np.sqrt(np.sum((values / np.maximum(scatter, 0.5 * least)) ** 2, axis=1))
 
 
 def _settling(distance: Series, origin: int, allowed: int, needed: int) -> float:
