@@ -1,0 +1,38 @@
+"""Recordings of an IMU: reading them from any layout, and judging what they are good for.
+
+`read_recording` reads one file or a pair of files, `read_blocks` a recording of any length in bounded
+memory. Signals stay raw; what was found, assumed, mended or left unchecked stands in the recording's
+remarks. `inspect_recording` is the doctor. `axis_agreement` compares the gyro with the way gravity
+turns in body axes.
+"""
+
+from __future__ import annotations
+
+from tumble.recording.doctor import Findings, inspect_recording
+from tumble.recording.gravity_check import (
+    AxisAgreement,
+    GyroScale,
+    axis_agreement,
+    find_axis_contradiction,
+    gyro_scale_from_gravity,
+)
+from tumble.recording.reading import read_blocks, read_recording, read_recordings
+from tumble.recording.recording import Recording, Remark, Source
+from tumble.recording.writing import write_recording
+
+__all__ = [
+    "AxisAgreement",
+    "Findings",
+    "GyroScale",
+    "Recording",
+    "Remark",
+    "Source",
+    "axis_agreement",
+    "find_axis_contradiction",
+    "gyro_scale_from_gravity",
+    "inspect_recording",
+    "read_blocks",
+    "read_recording",
+    "read_recordings",
+    "write_recording",
+]

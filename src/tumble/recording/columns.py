@@ -1,0 +1,238 @@
+"""What the columns of a table are: from the user's list, from their names, or from their content."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+
+from tumble.errors import RecordingError, UsageError
+from tumble.units import find_unit
+
+AXES = "xyz"
+_SLOTS = ("t", "ax", "ay", "az", "gx", "gy", "gz", "temperature")
+
+_ACCELEROMETER = {
+    "a", "ac", "acc", "acce", "accel", "accelero", "accelerometer", "accelerometers", "acceleration",
+    "accelerations", "linearacceleration", "linearacc", "linacc", "specificforce", "f", "fb", "fib", "sf", "force",
+    "imuacc", "accdata",
+}  # fmt: skip
+_GYRO = {
+    "g", "gy", "gyr", "gyro", "gyros", "gyroscope", "gyroscopes", "w", "om", "omega", "omg", "angularvelocity",
+    "angularrate", "angvel", "angrate", "rotationrate", "rotrate", "rate", "wib", "avel", "angular", "omegaib",
+}  # fmt: skip
+_TIME = {
+    "t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "tick", "ticks", "sec", "secs", "seconds",
+    "timesec", "timestampsec", "timesample", "headerstamp", "tow", "gpstime", "elapsed", "elapsedtime", "systemtime",
+    "timestampsample", "secondselapsed", "hosttime", "devicetime", "utc", "datetime",
+}  # fmt: skip
+_TEMPERATURE = {"temp", "temperature", "tmp", "temps", "temperatures", "imutemp", "imutemperature", "tempc", "degc"}
+_NOISE_WORDS = {"imu", "sensor", "data", "raw", "value", "values", "cal", "uncal", "uncalibrated", "calibrated",
+                "b", "body", "rs", "s", "meas", "msg", "axis", "lin", "0", "ib", "m", "rad", "deg"}  # fmt: skip
+_UNIT_SUFFIX = re.compile(
+    r"[_ ](m[_/]?s\^?2|mps2|mg|g|rads|rad_s|radps|mdps|dps|deg_s|degps|s|sec|ms|us|ns|usec|nsec|msec)$", re.IGNORECASE
+)
+_BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]")
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnPlan:
+    """Which column is what.
+
+    Attributes
+    ----------
+    time, temperature : indices of the columns, or None.
+    specific_force, angular_rate : three (index, sign) each, or None.
+    time_unit, specific_force_unit, angular_rate_unit : as declared in the names, or None.
+    said_by : "option", "header" or "content": who says so.
+    """
+
+    time: int | None = None
+    specific_force: tuple[tuple[int, float], ...] | None = None
+    angular_rate: tuple[tuple[int, float], ...] | None = None
+    temperature: int | None = None
+    time_unit: str | None = None
+    specific_force_unit: str | None = None
+    angular_rate_unit: str | None = None
+    said_by: str = "header"
+
+    def swapped(self) -> ColumnPlan:
+        """Return the plan with the two triads exchanged."""
+        return replace(self, specific_force=self.angular_rate, angular_rate=self.specific_force)
+
+
+def plan_from_option(option: str, count: int, name: str) -> ColumnPlan:
+    """Return the plan that the option ``--columns`` spells out.
+
+    Parameters
+    ----------
+    option : names from ``t, ax, ay, az, gx, gy, gz, temperature`` in the order of the file's columns,
+        separated by commas; ``-`` or ``_`` skips a column, ``-ay`` takes it with the sign reversed.
+    count : number of columns of the file.
+    name : the file's name, for messages.
+
+    Raises
+    ------
+    UsageError
+        If a word is not known or stands twice, a triad is incomplete, or the file has fewer columns.
+    """
+    slots: dict[str, tuple[int, float]] = {}
+    words = [w.strip().lower() for w in option.split(",")]
+    for i, word in enumerate(words):
+        if word in ("-", "_", ""):
+            continue
+        sign = -1.0 if word.startswith("-") else 1.0
+        slot = {"temp": "temperature", "time": "t"}.get(word.lstrip("+-"), word.lstrip("+-"))
+        if slot not in _SLOTS:
+            raise UsageError(f"--columns: {word!r} is not one of {', '.join(_SLOTS)}, - (skip) or a name with - before it.")
+        if slot in slots:
+            raise UsageError(f"--columns: {slot!r} stands twice.")
+        slots[slot] = (i, sign)
+    if len(words) > count:
+        raise UsageError(f"--columns names {len(words)} columns, but {name} has {count}.")
+    triads = {kind: [slots.get(kind + axis) for axis in AXES] for kind in "ag"}
+    for kind, found in triads.items():
+        if any(found) and not all(found):
+            lacking = [kind + axis for axis, f in zip(AXES, found, strict=True) if f is None]
+            raise UsageError(f"--columns: {', '.join(lacking)} missing; a triad needs all three axes.")
+    if not any(triads["a"]) and not any(triads["g"]):
+        raise UsageError("--columns names no triad; give at least ax,ay,az or gx,gy,gz.")
+    return ColumnPlan(
+        time=slots["t"][0] if "t" in slots else None,
+        specific_force=_complete(triads["a"]),
+        angular_rate=_complete(triads["g"]),
+        temperature=slots["temperature"][0] if "temperature" in slots else None,
+        said_by="option",
+    )
+
+
+def _complete(found: list[tuple[int, float] | None]) -> tuple[tuple[int, float], ...] | None:
+    filled = [f for f in found if f is not None]
+    return tuple(filled) if len(filled) == 3 else None
+
+
+def _unit_in(name: str) -> tuple[str, str | None]:
+    """Return a name without its unit, and the unit."""
+    for match in _BRACKETS.finditer(name):
+        inside = match.group(1).strip()
+        if inside and not inside.isdigit():
+            return name.replace(match.group(0), " ").strip(), inside
+    if match := _UNIT_SUFFIX.search(name):
+        unit = match.group(1).lower()
+        unit = {"ms2": "m/s2", "m_s2": "m/s2", "rads": "rad/s"}.get(unit, unit)
+        if len(name[: match.start()].strip("_ ")) > 1 or name[:1].lower() == "t":
+            return name[: match.start()], unit
+    return name, None
+
+
+def _words(name: str) -> list[str]:
+    """Split a name at separators and where a capital follows a small letter."""
+    parts = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
+    return [w.lower() for w in re.split(r"[^A-Za-z0-9]+", parts) if w]
+
+
+def _is_time(words: list[str]) -> bool:
+    joined = "".join(words)
+    return joined in _TIME or (words[0] in {"time", "timestamp", "stamp", "t"} and len(words) <= 3 and "zone" not in joined)
+
+
+def role_of(name: str) -> tuple[str, str | None] | None:
+    """Return what a column of that name is: ("t" | "ax" … "gz" | "temperature", unit) or None.
+
+    Examples
+    --------
+    >>> role_of("linear_acceleration.x")
+    ('ax', None)
+    >>> role_of("w_RS_S_z [rad s^-1]")
+    ('gz', 'rad s^-1')
+    """
+    bare, unit = _unit_in(name)
+    words = _words(re.sub(r"[\[(](\d)[\])]", r"_\1", bare))
+    if not words:
+        return None
+    if "".join(words) in _TEMPERATURE or words[0] in {"temp", "temperature"}:
+        return "temperature", unit
+    if _is_time(words):
+        return "t", unit
+    joined = "".join(words)
+    for axis, letters in zip(AXES, ("x0", "y1", "z2"), strict=True):
+        for letter in letters:
+            if len(joined) > 1 and words[-1].endswith(letter):
+                kind = _kind([*words[:-1], words[-1][:-1]])
+            elif len(joined) > 1 and words[0].startswith(letter) and not letter.isdigit():
+                kind = _kind([words[0][1:], *words[1:]])
+            else:
+                continue
+            if kind:
+                return kind + axis, unit
+    return None
+
+
+def _kind(words: list[str]) -> str | None:
+    """Return "a", "g" or None for the words of a name without its axis."""
+    kept = [w for w in words if w and w not in _NOISE_WORDS]
+    joined = "".join(kept)
+    for kind, known in (("a", _ACCELEROMETER), ("g", _GYRO)):
+        if joined in known:
+            return kind
+    # "imu_data.angular_velocity" and the like: the last known word or pair of words decides.
+    for i in range(len(kept) - 1, -1, -1):
+        for text in ("".join(kept[i : i + 2]), kept[i]):
+            for kind, known in (("a", _ACCELEROMETER), ("g", _GYRO)):
+                if len(text) > 2 and text in known:
+                    return kind
+    return None
+
+
+def plan_from_names(names: tuple[str, ...]) -> ColumnPlan | None:
+    """Return the plan that the names of the columns tell, or None if they tell of no whole triad.
+
+    Of a role that several columns claim, the first column has it.
+
+    Raises
+    ------
+    RecordingError
+        If the names declare different units for the axes of one triad.
+    """
+    slots: dict[str, tuple[int, str | None]] = {}
+    for i, name in enumerate(names):
+        found = role_of(name)
+        if found is not None:
+            slots.setdefault(found[0], (i, found[1]))
+    force, rate = (_triad(slots, kind) for kind in "ag")
+    if force is None and rate is None:
+        return None
+    time = slots.get("t")
+    unit = None if time is None or time[1] is None else find_unit("time", time[1])
+    if unit is None and time is not None:
+        name = names[time[0]].lower()
+        unit = "s" if name in ("sec", "secs", "seconds") else None
+    temperature = slots.get("temperature")
+    return ColumnPlan(
+        time=None if time is None else time[0],
+        specific_force=force,
+        angular_rate=rate,
+        temperature=None if temperature is None else temperature[0],
+        time_unit=unit,
+        specific_force_unit=_declared_unit(slots, "a", "specific force"),
+        angular_rate_unit=_declared_unit(slots, "g", "angular rate"),
+    )
+
+
+def _triad(slots: dict[str, tuple[int, str | None]], kind: str) -> tuple[tuple[int, float], ...] | None:
+    if not all(kind + axis in slots for axis in AXES):
+        return None
+    return tuple((slots[kind + axis][0], 1.0) for axis in AXES)
+
+
+def _declared_unit(slots: dict[str, tuple[int, str | None]], kind: str, quantity: str) -> str | None:
+    units = {slots[kind + axis][1] for axis in AXES if kind + axis in slots} - {None}
+    known = {find_unit(quantity, u) or find_unit(_INCREMENT[quantity], u) for u in units if u} - {None}
+    if len(known) > 1:
+        raise RecordingError(
+            f"The header gives different units of {quantity} to one triad ({', '.join(sorted(str(u) for u in known))}); "
+            "state one with --units."
+        )
+    return known.pop() if known else None
+
+
+_INCREMENT = {"specific force": "velocity increment", "angular rate": "angle increment"}

@@ -1,0 +1,310 @@
+"""What the numbers themselves tell: which column is time, which triad is which, in which units.
+
+Every guess comes with a sentence; a declaration that the numbers contradict is refused.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import Series, Table, Vectors
+from tumble.errors import RecordingError
+from tumble.recording.columns import ColumnPlan
+from tumble.recording.gravity_check import gyro_scale_from_gravity, unit_of_scale
+from tumble.recording.recording import Recording, Remark
+from tumble.recording.rest import QuietStretches, find_quiet_stretches, sample_pieces, smallest_step
+from tumble.units import COUNTS, STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
+
+_GUESS_TOLERANCE = 0.15  # of the norm at rest when guessing; an uncalibrated MEMS is off by a few per cent
+_REFUSE_FACTOR = 1.3  # a declared unit is refused when gravity comes out wrong by more than this
+_STEADY = 0.99  # share of steps that go up in a column of time
+_GUESS_RATE = 100.0  # Hz, only to choose the length of blocks when the rate is not known yet
+
+
+# -- columns ---------------------------------------------------------------------------------------
+
+
+def is_time_like(column: Series) -> bool:
+    """Say whether a column goes up steadily, as stamps do."""
+    if column.size < 3 or not np.all(np.isfinite(column[[0, -1]])):
+        return False
+    steps = np.diff(column[: 200_000])
+    up = float(np.mean(steps > 0.0))
+    if up < _STEADY * float(np.mean(steps != 0.0)) or up < 0.5:
+        return False
+    middle = float(np.median(steps))
+    return middle > 0.0 and float(np.mean(steps < 10.0 * middle)) > 0.9
+
+
+@dataclass(frozen=True, slots=True)
+class TriadOrder:
+    """Which of two triads is the accelerometer: `swapped` if the second; `sure` if the content shows it."""
+
+    swapped: bool
+    sure: bool
+    reason: str
+
+
+def find_accelerometer(first: Vectors, second: Vectors, rate: float = _GUESS_RATE) -> TriadOrder:
+    """Find out which of two triads is the accelerometer, whatever units and offsets they have.
+
+    Over several poses the rest levels of an accelerometer spread over much of its range, those of a gyro
+    are all its bias. With one pose only, the level at rest of an accelerometer is large against its
+    scatter, that of a gyro small; offset counts then leave it undecided and the first is taken.
+    """
+    cuts = sample_pieces(first.shape[0])
+    signals = np.concatenate([np.hstack([first[c], second[c]]) for c in cuts])
+    quiet = find_quiet_stretches(signals, rate)
+    low, high = np.quantile(signals[:: max(1, len(signals) // 20_000)], [0.005, 0.995], axis=0)
+    ranges = [float(np.linalg.norm(half)) / 2.0 + 1e-300 for half in np.split(high - low, 2)]
+    if len(quiet) >= 3:
+        spread = [float(np.linalg.norm(np.ptp(m, axis=0))) / 2.0 for m in np.split(quiet.means, 2, axis=1)]
+        share = [s / r for s, r in zip(spread, ranges, strict=True)]
+        big, small = max(share), min(share)
+        if big > 0.2 and big > 4.0 * small:
+            return TriadOrder(share[1] > share[0], True, "its levels at rest differ, those of the other triad do not")
+    level = quiet.means.mean(axis=0) if len(quiet) else signals.mean(axis=0)
+    sizes = [float(np.linalg.norm(v)) for v in np.split(level, 2)]
+    ratio = [s / r for s, r in zip(sizes, ranges, strict=True)]
+    big, small = max(ratio), min(ratio)
+    if big > 0.7 and big > 4.0 * small:
+        return TriadOrder(ratio[1] > ratio[0], True, "its norm at rest is steady and far from zero")
+    return TriadOrder(False, False, "nothing in the numbers tells the triads apart, so the first is taken")
+
+
+def plan_from_content(columns: list[Series], name: str) -> tuple[ColumnPlan, list[Remark]]:
+    """Find the columns of a table without names: time by its steady growth, the triads by gravity.
+
+    The triads are taken as three columns side by side, the first two such groups after time is set
+    aside; a single column that follows them is temperature if it could be.
+
+    Raises
+    ------
+    RecordingError
+        If there are not three or at least six columns of values.
+    """
+    times = [i for i, c in enumerate(columns) if is_time_like(c)]
+    outer = [i for i in times if i in (0, len(columns) - 1)]
+    time = outer[0] if outer else (times[0] if times else None)
+    values = [i for i in range(len(columns)) if i != time and not (i in times and len(columns) - len(times) in (3, 6))]
+    if len(values) < 3 or 3 < len(values) < 6:
+        raise RecordingError(
+            f"{name} has {len(columns)} column(s), {'one of them time' if time is not None else 'none of them time'}; "
+            "a recording needs three (one triad) or six (both) beside the time. Say which is which with --columns."
+        )
+    remarks: list[Remark] = []
+    groups = [tuple((i, 1.0) for i in values[s : s + 3]) for s in (0, 3) if len(values) >= s + 3]
+    plan = ColumnPlan(time=time, said_by="content")
+    triads = [np.column_stack([columns[i] for i, _ in g]) for g in groups]
+    if len(groups) == 1:
+        plan = ColumnPlan(time=time, specific_force=groups[0], said_by="content")
+        return plan, [Remark("assumed", f"{name}: its one triad is taken as the accelerometer.")]
+    finite = np.all(np.isfinite(np.hstack(triads)), axis=1)
+    order = find_accelerometer(triads[0][finite], triads[1][finite])
+    temperature = values[6] if len(values) == 7 and _could_be_temperature(columns[values[6]]) else None
+    plan = ColumnPlan(time, groups[0], groups[1], temperature, said_by="content")
+    plan = plan.swapped() if order.swapped else plan
+    assert plan.specific_force is not None and plan.angular_rate is not None
+    remarks.append(Remark("assumed", _column_words(plan, order, name, len(columns))))
+    if len(values) > 7 or (len(values) == 7 and temperature is None):
+        remarks.append(Remark("found", f"{name}: the columns after the two triads are not used."))
+    return plan, remarks
+
+
+def _column_words(plan: ColumnPlan, order: TriadOrder, name: str, count: int) -> str:
+    def numbers(triad: tuple[tuple[int, float], ...] | None) -> str:
+        assert triad is not None
+        return f"{triad[0][0] + 1}-{triad[-1][0] + 1}"
+
+    time = "no column is time" if plan.time is None else f"column {plan.time + 1} of {count} is time (it grows steadily)"
+    return (
+        f"{name} names no columns: {time}, columns {numbers(plan.specific_force)} are taken as the accelerometer "
+        f"({order.reason}), columns {numbers(plan.angular_rate)} as the gyro."
+    )
+
+
+def _could_be_temperature(column: Series) -> bool:
+    low, high = float(np.nanmin(column)), float(np.nanmax(column))
+    return -60.0 < low and high < 130.0 and high - low < 80.0 and high != 0.0
+
+
+# -- units -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """Norm of the accelerometer at rest: its median and relative spread, and whether rest was seen."""
+
+    norm: float
+    spread: float
+    at_rest: bool
+
+
+def rest_level(recording: Recording) -> Level:
+    """Return the accelerometer's norm over the quiet stretches, or over everything if there are none."""
+    assert recording.specific_force is not None
+    cuts = sample_pieces(len(recording))
+    force = np.concatenate([recording.specific_force[c] for c in cuts])
+    signals: Table = force
+    if recording.angular_rate is not None:
+        signals = np.hstack([force, np.concatenate([recording.angular_rate[c] for c in cuts])])
+    quiet: QuietStretches = find_quiet_stretches(signals, recording.rate)
+    if len(quiet):
+        norms = np.linalg.norm(quiet.means[:, :3], axis=1)
+    else:
+        norms = np.linalg.norm(force, axis=1)
+    middle = float(np.median(norms))
+    low, high = np.quantile(norms, [0.05, 0.95])
+    return Level(middle, float(high - low) / middle if middle > 0.0 else np.inf, bool(len(quiet)))
+
+
+def guess_specific_force_unit(level: Level, whole_numbers: bool, rate: float) -> tuple[str, str]:
+    """Return the unit of an accelerometer from its norm at rest, and why, as a phrase.
+
+    "increments" is returned where the numbers look like changes of velocity over a sample.
+    """
+    steady = level.spread < 0.3
+    said = f"its norm at rest is {level.norm:.4g}"
+    if whole_numbers and level.norm > 1500.0:
+        return COUNTS, f"{said}, in whole numbers"
+    if steady:
+        for unit in ("m/s^2", "g", "mg"):
+            factor = specific_force_factor(unit) or 1.0
+            if abs(level.norm * factor / STANDARD_GRAVITY - 1.0) < _GUESS_TOLERANCE:
+                return unit, said
+        if not whole_numbers and is_increment(level.norm, rate):
+            return "increments", f"{said}, which times the rate of {rate:.4g} Hz is {level.norm * rate:.4g}"
+    return COUNTS, said if steady else f"{said} and differs from pose to pose by {100 * level.spread:.0f} %"
+
+
+def is_increment(norm: float, rate: float, factor: float = 1.0) -> bool:
+    """Say whether a norm at rest is gravity times one sampling interval."""
+    return abs(norm * factor * rate / STANDARD_GRAVITY - 1.0) < 0.1
+
+
+def check_specific_force_unit(level: Level, unit: str, rate: float, name: str) -> None:
+    """Refuse a declared unit that gravity contradicts.
+
+    Raises
+    ------
+    RecordingError
+        If the norm at rest in the declared unit is far from gravity.
+    """
+    factor = specific_force_factor(unit)
+    if factor is None or (level.spread > 0.5 and not level.at_rest):
+        return
+    ratio = level.norm * factor / STANDARD_GRAVITY
+    allowed = _REFUSE_FACTOR if level.at_rest else 2.0
+    if 1.0 / allowed < ratio < allowed:
+        return
+    guess, _ = guess_specific_force_unit(level, False, rate)
+    advice = {"increments": "they look like velocity increments: give --units m/s,rad to convert them"}.get(
+        guess, f"they look like {guess}: give --units {guess}"
+    )
+    if ratio < 0.1 and guess == COUNTS:
+        advice = "gravity seems to have been removed, and without it nothing can be calibrated; record raw specific force"
+    raise RecordingError(
+        f"{name}: the accelerometer's norm {'at rest ' if level.at_rest else ''}is {level.norm:.4g}, which in the "
+        f"declared {unit} is {ratio:.3g} times gravity; {advice}."
+    )
+
+
+def guess_angular_rate_unit(recording: Recording, header_is_plain: bool) -> tuple[str, list[Remark]]:
+    """Return the unit of the gyro and how it was found: by gravity's turning, else by size.
+
+    Parameters
+    ----------
+    recording : with its specific force, raw.
+    header_is_plain : whether the columns are named as in tumble's own plain CSV, which is in rad/s.
+    """
+    assert recording.angular_rate is not None
+    scale = gyro_scale_from_gravity(recording) if recording.specific_force is not None else None
+    if scale is not None and scale.determined:
+        unit = unit_of_scale(scale.scale)
+        said = f"gravity turning in body axes gives {scale.scale:.4g} rad/s per unit"
+        if unit is not None:
+            return unit, [Remark("assumed", f"Angular rate is taken as {unit}: {said}.")]
+        return COUNTS, [Remark("assumed", f"Angular rate is taken as counts: {said}.")]
+    unit, reason = _unit_by_size(recording.angular_rate, recording.rate, header_is_plain)
+    return unit, [
+        Remark("assumed", f"Angular rate is taken as {unit}: {reason}."),
+        Remark("unchecked", "The gyro's unit could not be checked: the unit does not turn enough against gravity."),
+    ]
+
+
+def _unit_by_size(rates: Vectors, rate: float, header_is_plain: bool) -> tuple[str, str]:
+    """Guess from range and noise; a rest noise of 0.02 rad/s (1.1 deg/s) is beyond any usable gyro."""
+    sample = rates[:: max(1, rates.shape[0] // 200_000)]
+    extreme = float(np.quantile(np.abs(sample - np.median(sample, axis=0)), 0.9999))
+    floor = float(np.median(find_quiet_stretches(rates[:200_000], rate).floor))
+    if np.all(sample == np.round(sample)) and float(np.ptp(sample)) > 20.0:
+        return COUNTS, "it is in whole numbers"
+    if extreme > 40.0:
+        return "deg/s", f"it reaches {extreme:.3g}, which in rad/s would be {np.degrees(extreme):.0f} deg/s"
+    if floor > 0.02:
+        return "deg/s", f"its noise of {floor:.2g} would be {np.degrees(floor):.1f} deg/s if it were in rad/s"
+    if header_is_plain:
+        return "rad/s", "plain CSV is in rad/s unless --units says otherwise"
+    return "rad/s", "nothing in the numbers contradicts it; declare it with --units if it is another"
+
+
+def check_angular_rate_unit(recording: Recording, unit: str, name: str) -> list[Remark]:
+    """Refuse a declared unit of angular rate that the turning of gravity contradicts.
+
+    Raises
+    ------
+    RecordingError
+        If the scale that gravity shows differs from the unit's by more than a factor of 1.3.
+    """
+    factor = angular_rate_factor(unit)
+    if factor is None or recording.specific_force is None:
+        return []
+    scale = gyro_scale_from_gravity(recording)
+    if scale is None or not scale.determined:
+        return [Remark("unchecked", f"The gyro's unit ({unit}) could not be checked against gravity.")]
+    ratio = scale.scale / factor
+    if 1.0 / _REFUSE_FACTOR < ratio < _REFUSE_FACTOR:
+        return [Remark("found", f"The gyro's unit ({unit}) agrees with how gravity turns (ratio {ratio:.2f}).")]
+    other = unit_of_scale(scale.scale)
+    advice = f"--units …,{other}" if other else "--units counts"
+    raise RecordingError(
+        f"{name}: the gyro is declared to be in {unit}, but gravity turning in body axes shows "
+        f"{scale.scale:.3g} rad/s per unit ({ratio:.3g} times the declared); it looks like "
+        f"{other or 'counts'}: give {advice}."
+    )
+
+
+def check_triads(recording: Recording, name: str) -> None:
+    """Refuse declared triads whose numbers show that they are exchanged, or that hold nothing.
+
+    Raises
+    ------
+    RecordingError
+        If the accelerometer's columns hold the gyro and the other way round, or a triad is all zeros.
+    """
+    force, rates = recording.specific_force, recording.angular_rate
+    for triad, what in ((force, "accelerometer"), (rates, "gyro")):
+        if triad is not None and not np.any(triad):
+            raise RecordingError(f"{name}: the {what}'s columns are all zeros; was the sensor switched on?")
+    if force is None or rates is None:
+        return
+    order = find_accelerometer(force, rates, recording.rate)
+    if order.swapped and order.sure:
+        raise RecordingError(
+            f"{name}: the triads seem exchanged: the columns given as the gyro hold the accelerometer "
+            f"({order.reason}). Name them rightly with --columns, for example t,gx,gy,gz,ax,ay,az."
+        )
+
+
+def whole_numbers(values: Vectors) -> bool:
+    """Say whether all values are whole numbers (of a long recording, those at its beginning)."""
+    head = values[:50_000]
+    return bool(np.all(head == np.round(head)))
+
+
+def quantisation(values: Vectors) -> tuple[float, float, float]:
+    """Return the smallest step of each axis."""
+    x, y, z = (smallest_step(values[:, i]) for i in range(3))
+    return x, y, z

@@ -1,0 +1,58 @@
+"""What the user declares of units: the option ``--units``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from tumble.errors import UsageError
+from tumble.units import find_unit, known_units
+
+_KINDS = ("specific force", "angular rate", "time", "velocity increment", "angle increment")
+
+
+@dataclass(frozen=True, slots=True)
+class DeclaredUnits:
+    """Units by quantity, None where nothing was declared."""
+
+    specific_force: str | None = None
+    angular_rate: str | None = None
+    time: str | None = None
+    velocity_increment: str | None = None
+    angle_increment: str | None = None
+
+
+def read_units_option(option: str | Sequence[str] | None) -> DeclaredUnits:
+    """Return the units that an option such as ``g,deg/s,ms``, ``counts`` or ``m/s,rad`` declares.
+
+    The words may stand in any order, for each says what it is a unit of; ``counts`` (or ``si``) alone
+    stands for both triads, as the first word for the accelerometer and as the second for the gyro.
+
+    Raises
+    ------
+    UsageError
+        If a word is not a known unit, or two words are units of the same quantity.
+    """
+    if option is None:
+        return DeclaredUnits()
+    words = [w.strip() for w in (option.split(",") if isinstance(option, str) else option)]
+    declared = DeclaredUnits()
+    for position, word in enumerate(words):
+        if not word:
+            continue
+        kinds = [k for k in _KINDS if find_unit(k, word)]
+        if not kinds:
+            known = "; ".join(f"{k}: {', '.join(known_units(k))}" for k in _KINDS)
+            raise UsageError(f"--units: {word!r} is not a known unit. Known are {known}.")
+        if len(kinds) > 1:  # counts and si are units of both triads
+            kinds = kinds if len([w for w in words if w]) == 1 else [kinds[min(position, 1)]]
+        for kind in kinds:
+            field = kind.replace(" ", "_")
+            if getattr(declared, field) is not None:
+                raise UsageError(f"--units gives two units of {kind}.")
+            declared = replace(declared, **{field: find_unit(kind, word)})
+    if declared.specific_force and declared.velocity_increment:
+        raise UsageError("--units declares the accelerometer both as specific force and as velocity increments.")
+    if declared.angular_rate and declared.angle_increment:
+        raise UsageError("--units declares the gyro both as angular rate and as angle increments.")
+    return declared

@@ -1,0 +1,328 @@
+"""The doctor: what a recording holds, what is wrong with it, and what it is good for.
+
+Rest and poses come from the reader's own rough rule (`tumble.recording.rest`), not from the
+segmentation that a calibration uses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import Series, Table, Vectors
+from tumble.recording.gravity_check import axis_agreement, find_axis_contradiction
+from tumble.recording.recording import Recording
+from tumble.recording.rest import (
+    QuietStretches,
+    block_statistics,
+    count_poses,
+    find_quiet_stretches,
+    fit_sphere,
+    smallest_step,
+)
+from tumble.units import COUNTS, STANDARD_GRAVITY, specific_force_factor
+
+_POSES_FOR_NINE = 9  # unknowns: three biases, three scales, three non-orthogonalities
+_POSES_FOR_SIX = 6
+_NOISE_SECONDS = 600.0  # a rest that shows bias instability of common gyros, some 10 minutes
+_LEAST_RUN = 3
+_TEMPERATURE_SPAN = 10.0  # degrees Celsius that make a temperature dependence visible
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Missing samples: before sample `index`, from `time` on for `duration` seconds, about `samples`."""
+
+    index: int
+    time: float
+    duration: float
+    samples: int
+
+
+@dataclass(frozen=True, slots=True)
+class Saturation:
+    """A channel that sticks at its extreme: `samples` at `value`, the longest run and where it begins."""
+
+    channel: str
+    value: float
+    samples: int
+    longest_run: int
+    index: int
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """What the doctor found.
+
+    Attributes
+    ----------
+    samples, duration, rate : number, seconds, Hz.
+    jitter : standard deviation of the steps outside gaps over their mean (0 without stamps).
+    longest_step : seconds.
+    gaps, saturations : see there.
+    stuck : channels that never change.
+    noise_floor, quantisation : by channel, raw units, one standard deviation at rest and smallest step.
+    rest_share, motion_share : shares of the time; what is neither is too short or unsteady to tell.
+    quiet_stretches : number of stretches at rest of at least one second; `longest_rest` in seconds.
+    poses : distinct poses among them (specific force more than 15 degrees apart).
+    rest_norms : (stretches,) norms of the mean specific force, m/s², or raw if in counts.
+    temperature_range : lowest and highest, degrees Celsius, or None.
+    axis_contradiction : the sentence on swapped or reversed gyro axes, or None.
+    gyro_scale : what gravity shows, rad/s per raw unit, or None if it does not.
+    warnings, good_for, missing : sentences.
+    """
+
+    samples: int
+    duration: float
+    rate: float
+    jitter: float
+    longest_step: float
+    gaps: tuple[Gap, ...]
+    saturations: tuple[Saturation, ...]
+    stuck: tuple[str, ...]
+    noise_floor: dict[str, float]
+    quantisation: dict[str, float]
+    rest_share: float
+    motion_share: float
+    quiet_stretches: int
+    longest_rest: float
+    poses: int
+    rest_norms: tuple[float, ...]
+    temperature_range: tuple[float, float] | None
+    axis_contradiction: str | None
+    gyro_scale: float | None
+    warnings: tuple[str, ...]
+    good_for: tuple[str, ...]
+    missing: tuple[str, ...]
+
+
+def _channels(recording: Recording) -> dict[str, Series]:
+    found: dict[str, Series] = {}
+    for letter, triad in (("a", recording.specific_force), ("g", recording.angular_rate)):
+        if triad is not None:
+            found |= {letter + axis: triad[:, i] for i, axis in enumerate("xyz")}
+    return found
+
+
+def _gaps(recording: Recording) -> tuple[Gap, ...]:
+    time, step = recording.time, 1.0 / recording.rate
+    return tuple(
+        Gap(i, float(time[i - 1]), float(time[i] - time[i - 1]), max(round((time[i] - time[i - 1]) / step) - 1, 1))
+        for i in recording.gaps
+    )
+
+
+def _jitter(recording: Recording) -> tuple[float, float]:
+    """Return the relative scatter of the steps outside gaps, and the longest step."""
+    steps = np.diff(recording.time)
+    if not steps.size:
+        return 0.0, 0.0
+    longest = float(steps.max())
+    whole = np.delete(steps, [i - 1 for i in recording.gaps])
+    return (float(whole.std() / whole.mean()), longest) if whole.size else (0.0, longest)
+
+
+def find_saturation(channel: Series, name: str, floor: float) -> list[Saturation]:
+    """Return where a channel sticks at its largest or smallest value.
+
+    A sensor at its limit repeats one value, run after run, and has more samples there than in the
+    whole twentieth of its range next to it; noise around a level does not.
+    """
+    found: list[Saturation] = []
+    middle = float(np.median(channel))
+    for value in (float(channel.max()), float(channel.min())):
+        reach = abs(value - middle)
+        if reach <= 20.0 * floor or reach == 0.0:
+            continue
+        at = channel == value
+        near = (np.abs(channel - value) < 0.05 * reach) & ~at
+        count = int(at.sum())
+        if count < _LEAST_RUN + 1 or count <= int(near.sum()):
+            continue
+        edges = np.diff(np.concatenate([[0], at.astype(np.int8), [0]]))
+        starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+        longest = int(np.argmax(stops - starts))
+        run = int(stops[longest] - starts[longest])
+        if run >= _LEAST_RUN:
+            found.append(Saturation(name, value, count, run, int(starts[longest])))
+    return found
+
+
+def _moving_share(signals: Table, quiet: QuietStretches, rate: float) -> float:
+    """Share of blocks that scatter well above the noise or whose level changes."""
+    size = max(10, round(0.25 * rate))
+    if signals.shape[0] < 2 * size:
+        return 0.0
+    means, scatter = block_statistics(signals, size)
+    steps = np.abs(np.diff(means, axis=0, prepend=means[:1]))
+    moving = np.any((scatter > 8.0 * quiet.floor) | (steps > 8.0 * quiet.floor), axis=1)
+    return float(moving.mean())
+
+
+def inspect_recording(recording: Recording) -> Findings:
+    """Examine a recording and say what it is good for and what is missing.
+
+    Parameters
+    ----------
+    recording : as read; nothing of it is changed.
+    """
+    channels = _channels(recording)
+    signals = np.column_stack(list(channels.values()))
+    quiet = find_quiet_stretches(signals, recording.rate)
+    long = quiet.at_least(1.0 * recording.rate)
+    poses, norms = _poses(recording, long.means[:, :3])
+    resting = int((quiet.stops - quiet.starts).sum())
+    stuck = tuple(n for n, c in channels.items() if float(np.ptp(c)) == 0.0)
+    floors = {n: float(f) for n, f in zip(channels, quiet.floor, strict=True)}
+    saturations = tuple(s for n, c in channels.items() for s in find_saturation(c, n, floors[n]))
+    jitter, longest_step = _jitter(recording)
+    both = recording.specific_force is not None and recording.angular_rate is not None and not stuck
+    agreement = axis_agreement(recording) if both else None
+    contradiction = find_axis_contradiction(recording) if both else None
+    celsius = recording.temperature
+    known = celsius is not None and bool(np.isfinite(celsius).any())
+    longest = float((quiet.stops - quiet.starts).max()) / recording.rate if len(quiet) else 0.0
+    facts = _Facts(
+        poses=poses,
+        stretches=len(long),
+        longest_rest=longest,
+        rest_share=resting / len(recording),
+        turning=agreement is not None and agreement.determined,
+        temperature_range=(float(np.nanmin(celsius)), float(np.nanmax(celsius))) if known else None,  # type: ignore[arg-type]
+    )
+    warnings = _warnings(recording, stuck, saturations, jitter, contradiction, norms)
+    good, missing = _usefulness(recording, facts, contradiction)
+    return Findings(
+        samples=len(recording),
+        duration=recording.duration,
+        rate=recording.rate,
+        jitter=jitter,
+        longest_step=longest_step,
+        gaps=_gaps(recording),
+        saturations=saturations,
+        stuck=stuck,
+        noise_floor=floors,
+        quantisation={n: smallest_step(c) for n, c in channels.items()},
+        rest_share=facts.rest_share,
+        motion_share=_moving_share(signals, quiet, recording.rate),
+        quiet_stretches=len(long),
+        longest_rest=longest,
+        poses=poses,
+        rest_norms=tuple(float(n) for n in norms),
+        temperature_range=facts.temperature_range,
+        axis_contradiction=contradiction,
+        gyro_scale=agreement.scale if agreement is not None and agreement.determined else None,
+        warnings=tuple(warnings),
+        good_for=tuple(good),
+        missing=tuple(missing),
+    )
+
+
+def _poses(recording: Recording, means: Vectors) -> tuple[int, Series]:
+    """Return the number of distinct poses and the norms at rest, m/s² (raw and centred for counts)."""
+    if recording.specific_force is None or not len(means):
+        return 0, np.zeros(0)
+    factor = specific_force_factor(recording.specific_force_unit)
+    if factor is None:
+        sphere = fit_sphere(means)
+        means = means - sphere[0] if sphere is not None else means
+        factor = 1.0
+    return count_poses(means), factor * np.linalg.norm(means, axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class _Facts:
+    """What the sentences on usefulness rest on."""
+
+    poses: int
+    stretches: int
+    longest_rest: float
+    rest_share: float
+    turning: bool
+    temperature_range: tuple[float, float] | None
+
+
+def _warnings(
+    recording: Recording,
+    stuck: tuple[str, ...],
+    saturations: tuple[Saturation, ...],
+    jitter: float,
+    contradiction: str | None,
+    norms: Series,
+) -> list[str]:
+    said: list[str] = []
+    if recording.gaps:
+        gaps = _gaps(recording)
+        worst = max(gaps, key=lambda g: g.duration)
+        said.append(
+            f"Samples are missing in {len(gaps)} place(s), {sum(g.samples for g in gaps)} in all; the longest gap is "
+            f"{worst.duration:.3g} s after t = {worst.time:.6g} s. A turn across a gap cannot be integrated."
+        )
+    if jitter > 0.2:
+        said.append(f"The stamps jitter by {100 * jitter:.0f} % of a step (the gyro is integrated with them as they are).")
+    if stuck:
+        said.append(f"Channel(s) {', '.join(stuck)} never change: a dead sensor or a wrong column.")
+    said += [
+        f"{s.channel} sticks at {s.value:.6g} for {s.samples} samples (longest run {s.longest_run} from t = "
+        f"{recording.time[s.index]:.6g} s): saturated; turn more slowly or choose a larger range."
+        for s in saturations
+    ]
+    if contradiction:
+        said.append(contradiction)
+    if norms.size >= 2 and recording.specific_force_unit != COUNTS:
+        low, high = float(norms.min()), float(norms.max())
+        if low < 0.8 * STANDARD_GRAVITY or high > 1.2 * STANDARD_GRAVITY:
+            said.append(
+                f"The norm of specific force at rest runs from {low:.4g} to {high:.4g} m/s²; biases of a usable "
+                "accelerometer are smaller. Check the unit, or a channel of it."
+            )
+    return said
+
+
+def _usefulness(recording: Recording, facts: _Facts, contradiction: str | None) -> tuple[list[str], list[str]]:
+    """Say what the recording is good for and what it lacks."""
+    good: list[str] = []
+    missing: list[str] = []
+    if recording.specific_force is None:
+        missing.append("No accelerometer: nothing can be calibrated against gravity.")
+    else:
+        _judge_poses(facts, good, missing)
+    if recording.angular_rate is None:
+        missing.append("No gyro: only the accelerometers can be calibrated.")
+    elif contradiction is None and facts.turning and facts.stretches >= 4:
+        good.append("Gyro scale, misalignment and bias from the turns between rests (hand-held procedure).")
+    elif not facts.turning:
+        missing.append(
+            "For the gyro: turns about level axes between the rests, a quarter to half a turn each, about every axis."
+        )
+    if facts.longest_rest >= _NOISE_SECONDS:
+        good.append(f"Noise analysis: a rest of {facts.longest_rest:.0f} s.")
+    else:
+        missing.append(
+            f"For noise analysis: a long rest (the longest is {facts.longest_rest:.0f} s; "
+            f"{_NOISE_SECONDS / 60:.0f} minutes at least, hours for bias instability)."
+        )
+    if facts.temperature_range is None:
+        missing.append("No temperature: the calibration holds for the unknown temperature of the recording.")
+    elif facts.temperature_range[1] - facts.temperature_range[0] >= _TEMPERATURE_SPAN:
+        low, high = facts.temperature_range
+        good.append(f"Temperature dependence: {low:.0f} to {high:.0f} °C.")
+    return good, missing
+
+
+def _judge_poses(facts: _Facts, good: list[str], missing: list[str]) -> None:
+    found = f"{facts.stretches} rests of a second or more in {facts.poses} distinct poses"
+    if facts.poses >= _POSES_FOR_NINE:
+        good.append(f"Multi-position calibration of the accelerometers, nine parameters: {found}.")
+    elif facts.poses >= _POSES_FOR_SIX:
+        good.append(f"Multi-position calibration of the accelerometers' biases and scales: {found}.")
+        missing.append(
+            f"For non-orthogonalities as well: {_POSES_FOR_NINE - facts.poses} more pose(s), at best with two axes "
+            "inclined to the vertical."
+        )
+    else:
+        missing.append(
+            f"For a multi-position calibration: at least {_POSES_FOR_NINE} distinct poses, each held for a second "
+            f"or more ({found})."
+        )

@@ -1,0 +1,102 @@
+"""MATLAB .mat of versions 4 to 7 by scipy, of version 7.3 (HDF5) by h5py, and HDF5 at large."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.errors import RecordingError, UsageError
+from tumble.recording.formats.table import RawTable
+from tumble.recording.formats.variables import numbers_of, table_from_variables
+
+NAME = "MATLAB"
+ENDINGS = (".mat", ".h5", ".hdf5")
+SUMMARY = "MATLAB .mat of versions 4 to 7.3 (7.3 and other HDF5 with the extra `hdf5`)"
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+
+
+def _is_version_4(head: bytes) -> bool:
+    """A level 4 header: five 32-bit integers, of which the first is below 5000 (type MOPT)."""
+    if len(head) < 20:
+        return False
+    for order in ("<", ">"):
+        kind, rows, columns, imaginary, length = struct.unpack(order + "5i", head[:20])
+        thousands, rest = divmod(kind, 1000)
+        if thousands == (order == ">") and rest in (0, 10, 20, 30, 40, 50, 1, 11, 21, 31, 41, 51):
+            return rows >= 0 and columns >= 0 and imaginary in (0, 1) and 1 < length < 64
+    return False
+
+
+def recognises(head: bytes) -> bool:
+    """Say whether a file that begins so is MATLAB's or HDF5."""
+    return head.startswith((b"MATLAB ", _HDF5)) or (b"\0" in head[:4] and _is_version_4(head))
+
+
+def read_table(path: Path) -> RawTable:
+    """Read a MATLAB or HDF5 file.
+
+    Raises
+    ------
+    RecordingError
+        If the file is damaged or holds no table of samples.
+    UsageError
+        If the file needs h5py and it is not installed.
+    OSError
+        If the file cannot be read.
+    """
+    with path.open("rb") as file:
+        head = file.read(520)
+    if head.startswith(_HDF5) or _HDF5 in head[512:] or head.startswith(b"MATLAB 7.3"):
+        return table_from_variables(path, _hdf5_variables(path))
+    from scipy.io import loadmat
+
+    try:
+        loaded = cast(
+            "dict[str, Any]", loadmat(path, struct_as_record=False, squeeze_me=True, mat_dtype=False)
+        )
+    except (ValueError, TypeError, KeyError, IndexError, NotImplementedError, EOFError, struct.error) as error:
+        raise RecordingError(f"{path.name} is a damaged MATLAB file ({error}).") from error
+    except Exception as error:  # scipy's own MatReadError and zlib.error derive from Exception
+        raise RecordingError(f"{path.name} is a damaged MATLAB file ({error}).") from error
+    return table_from_variables(path, _flattened({k: v for k, v in loaded.items() if not k.startswith("__")}))
+
+
+def _flattened(values: Mapping[str, Any], prefix: str = "") -> dict[str, npt.NDArray[np.float64]]:
+    """Return the arrays of numbers of variables and of the fields of structs."""
+    found: dict[str, npt.NDArray[np.float64]] = {}
+    for name, value in values.items():
+        fields = getattr(value, "_fieldnames", None)
+        if fields is not None:
+            found |= _flattened({f: getattr(value, f) for f in fields}, prefix + name + ".")
+        elif (array := numbers_of(value)) is not None:
+            found[prefix + name] = array
+    return found
+
+
+def _hdf5_variables(path: Path) -> dict[str, npt.NDArray[np.float64]]:
+    """Return the data sets of an HDF5 file; MATLAB stores its arrays transposed there."""
+    try:
+        import h5py  # type: ignore[import-not-found]
+    except ImportError as error:
+        raise UsageError(
+            f"{path.name} is HDF5 (MATLAB 7.3); reading it needs h5py: pip install 'tumble[hdf5]', "
+            "or save it in MATLAB with the option '-v7'."
+        ) from error
+    found: dict[str, npt.NDArray[np.float64]] = {}
+
+    def visit(name: str, node: Any) -> None:
+        if isinstance(node, h5py.Dataset) and not name.startswith("#") and (array := numbers_of(node[()])) is not None:
+            found[name.replace("/", ".")] = array
+
+    try:
+        with h5py.File(path, "r") as file:
+            file.visititems(visit)
+    except OSError as error:
+        raise RecordingError(f"{path.name} is a damaged HDF5 file ({error}).") from error
+    return found

@@ -1,0 +1,39 @@
+"""NPZ: several named arrays in one file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+
+from tumble.errors import RecordingError
+from tumble.recording.formats.table import RawTable
+from tumble.recording.formats.variables import numbers_of, table_from_variables
+
+NAME = "NPZ"
+ENDINGS = (".npz",)
+SUMMARY = "NumPy .npz: a matrix, or arrays such as t, acc, gyr (and fs)"
+
+
+def recognises(head: bytes) -> bool:
+    """Say whether a file that begins so is a zip archive, which NPZ is."""
+    return head.startswith(b"PK\x03\x04")
+
+
+def read_table(path: Path) -> RawTable:
+    """Read an NPZ file.
+
+    Raises
+    ------
+    RecordingError
+        If the file is another kind of zip archive or holds no table of samples.
+    OSError
+        If the file cannot be read.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: numbers_of(archive[name]) for name in archive.files}
+    except (ValueError, EOFError, BadZipFile, AttributeError) as error:
+        raise RecordingError(f"{path.name} is a zip archive that NumPy cannot read ({error}); unpack it.") from error
+    return table_from_variables(path, {n: a for n, a in arrays.items() if a is not None})

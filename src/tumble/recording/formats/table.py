@@ -1,0 +1,79 @@
+"""What a format hands over: columns of numbers with their names, before anyone says what they are."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.arrays import Series
+from tumble.recording.recording import Remark, Source
+
+
+def _row(row: int) -> str:
+    return f"row {row + 1}"
+
+
+@dataclass(slots=True)
+class RawTable:
+    """Columns of equal length as a file holds them.
+
+    Attributes
+    ----------
+    path : the file.
+    names : one name a column, or None where the file names nothing.
+    columns : one array of float64 a column; missing cells are NaN.
+    source : the file with its SHA-256.
+    remarks : what the format noticed or mended.
+    place : turns a row number (from 0) into words, "line 17" for text, "row 15" otherwise.
+    rate : sampling rate in Hz if the file states one.
+    """
+
+    path: Path
+    names: tuple[str, ...] | None
+    columns: list[Series]
+    source: Source
+    remarks: list[Remark] = field(default_factory=list[Remark])
+    place: Callable[[int], str] = _row
+    rate: float | None = None
+
+    def __len__(self) -> int:
+        return int(self.columns[0].shape[0]) if self.columns else 0
+
+    def column_name(self, index: int) -> str:
+        """Return a column's name in quotes, or its number from 1."""
+        return f"column {index + 1}" if self.names is None else f"column {self.names[index]!r}"
+
+    def cut(self, start: int, stop: int) -> RawTable:
+        """Return rows `start` up to `stop` as a table (views, no copies)."""
+        place = self.place
+        return RawTable(
+            path=self.path,
+            names=self.names,
+            columns=[column[start:stop] for column in self.columns],
+            source=self.source,
+            remarks=self.remarks,
+            place=lambda row: place(row + start),
+            rate=self.rate,
+        )
+
+
+def hash_file(path: Path) -> Source:
+    """Return a file's name and SHA-256.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    with path.open("rb") as file:
+        return Source(path.name, hashlib.file_digest(file, "sha256").hexdigest())
+
+
+def as_columns(matrix: npt.NDArray[np.float64]) -> list[Series]:
+    """Return the columns of a (rows, columns) array as views."""
+    return [matrix[:, i] for i in range(matrix.shape[1])]

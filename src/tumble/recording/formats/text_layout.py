@@ -1,0 +1,225 @@
+"""How a text file is laid out: delimiter, decimal sign, comments, header and the first row of numbers."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass
+
+from tumble.errors import RecordingError
+from tumble.units import find_unit
+
+COMMENTS = ("#", "%", "//", "!")
+"""What a comment line may begin with."""
+
+_SPLIT_ANY = re.compile(r"[;,\t|\s]+")
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+_ISO_TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?Z?")
+_SAMPLE_LINES = 200
+
+
+@dataclass(frozen=True, slots=True)
+class TextLayout:
+    """Where the numbers of a text file are.
+
+    Attributes
+    ----------
+    delimiter : one character, or None for any run of white space.
+    decimal_comma : whether the numbers are written 1,5.
+    header : names of the columns, or None.
+    columns : number of columns of a full row.
+    first_line : number (from 1) of the line with the first full row.
+    text_columns : indices of columns that hold text or nothing.
+    iso_columns : indices of columns that hold ISO 8601 date and time.
+    comment : what comment lines begin with, or None if none was seen.
+    quoted : whether cells stand in double quotes.
+    partial_lines : numbers of incomplete rows before the first full one.
+    """
+
+    delimiter: str | None
+    decimal_comma: bool
+    header: tuple[str, ...] | None
+    columns: int
+    first_line: int
+    text_columns: frozenset[int] = frozenset()
+    iso_columns: frozenset[int] = frozenset()
+    comment: str | None = None
+    quoted: bool = False
+    partial_lines: tuple[int, ...] = ()
+
+    @property
+    def number_columns(self) -> tuple[int, ...]:
+        """Indices of the columns that hold numbers (or ISO times)."""
+        skipped = self.text_columns - self.iso_columns
+        return tuple(i for i in range(self.columns) if i not in skipped)
+
+    def cells(self, line: str) -> list[str]:
+        """Return the cells of one line, without quotes and surrounding space."""
+        return split_cells(line, self.delimiter)
+
+
+def split_cells(line: str, delimiter: str | None) -> list[str]:
+    """Return the cells of one line, without quotes and surrounding space."""
+    cells = line.split() if delimiter is None else line.split(delimiter)
+    return [cell.strip().strip('"').strip() for cell in cells]
+
+
+def is_number(cell: str, decimal_comma: bool = False) -> bool:
+    """Say whether a cell reads as a number (nan and inf do, an empty cell does not)."""
+    try:
+        float(cell.replace(",", ".", 1) if decimal_comma else cell)
+    except ValueError:
+        return False
+    return "_" not in cell
+
+
+def is_comment(line: str) -> bool:
+    """Say whether a line is a comment."""
+    return line.lstrip().startswith(COMMENTS)
+
+
+def _is_row(line: str) -> bool:
+    """A row has at least two numbers, and they are at least half of what it holds."""
+    if not line.strip() or is_comment(line):
+        return False
+    cells = [c.strip('"') for c in _SPLIT_ANY.split(line.strip()) if c]
+    numbers = sum(is_number(c) for c in cells)
+    return numbers >= 2 and 2 * numbers >= len(cells)
+
+
+def _find_delimiter(rows: list[str]) -> tuple[str | None, bool]:
+    """Return the delimiter and whether the decimal sign is a comma."""
+
+    def commas(cells: list[str]) -> bool:
+        filled = [c for c in cells if c]
+        return any(_DECIMAL_COMMA.fullmatch(c) for c in filled) and not any("." in c for c in filled)
+
+    for candidate in (";", "\t", "|"):
+        if all(candidate in row for row in rows):
+            cells = [split_cells(row, candidate) for row in rows]
+            blank = sum(any(not c for c in row[:-1]) for row in cells)
+            if candidate == "\t" and 2 * blank > len(cells):
+                break  # runs of tabs used to align columns
+            return candidate, all(commas(row) for row in cells)
+    if all("," in row for row in rows):
+        words = [row.split() for row in rows]
+        if all(len(w) > 1 and commas(w) and all("," not in c[-1:] for c in w) for w in words):
+            return None, True
+        return ",", False
+    return None, False
+
+
+def _joined_brackets(cells: list[str]) -> list[str]:
+    """Join 'ax', '[m/s^2]' into one name where a header is split at spaces."""
+    joined: list[str] = []
+    for cell in cells:
+        if joined and (cell[:1] in "[(" or joined[-1].count("[") > joined[-1].count("]")):
+            joined[-1] += " " + cell
+        else:
+            joined.append(cell)
+    return joined
+
+
+def _is_units_row(cells: list[str]) -> bool:
+    kinds = ("specific force", "angular rate", "time")
+    bare = [c.strip("[]()") for c in cells]
+    known = [any(find_unit(k, c) for k in kinds) for c in bare if c not in ("", "-", "1")]
+    return len(known) >= 3 and all(known)
+
+
+def _find_header(before: list[str], delimiter: str | None, columns: int) -> tuple[str, ...] | None:
+    """Return the names in the last line before the rows that has one cell a column."""
+    units: list[str] | None = None
+    for line in reversed(before[-8:]):
+        text = line.strip().lstrip("#%!/ ") if is_comment(line) else line.strip()
+        options = [split_cells(text, delimiter)]
+        if delimiter is None:
+            options += [_joined_brackets(options[0]), split_cells(text, ",")]
+        elif delimiter != ",":
+            options.append(split_cells(text, ","))
+        for cells in options:
+            if len(cells) != columns or any(is_number(c) for c in cells) or not any(cells):
+                continue
+            if units is None and _is_units_row(cells):
+                units = cells
+                break
+            if units is None:
+                return tuple(cells)
+            bare = [u.strip("[]()") for u in units]
+            return tuple(f"{c} [{u}]" if u not in ("", "-", "1") else c for c, u in zip(cells, bare, strict=True))
+    return None
+
+
+def find_layout(head: str, name: str) -> TextLayout:
+    """Find out how a text file is laid out from its beginning.
+
+    Parameters
+    ----------
+    head : the first tens of kilobytes of the file, ending at a line's end where possible.
+    name : the file's name, for messages.
+
+    Raises
+    ------
+    RecordingError
+        If the file is empty, has a header and no rows, or holds no rows of numbers at all.
+    """
+    lines = head.splitlines()
+    if not any(line.strip() for line in lines):
+        raise RecordingError(f"{name} is empty; give a recording with one row a sample.")
+    numbers = [i for i, line in enumerate(lines) if _is_row(line)][:_SAMPLE_LINES]
+    if not numbers:
+        raise RecordingError(_no_rows(lines, name))
+    rows = [lines[i] for i in numbers]
+    delimiter, decimal_comma = _find_delimiter(rows)
+    cells = [split_cells(row, delimiter) for row in rows]
+    columns = Counter(len(c) for c in cells).most_common(1)[0][0]
+    full = [i for i, c in zip(numbers, cells, strict=True) if len(c) == columns]
+    partial = tuple(i + 1 for i in numbers if i < full[0])
+    sample = [c for c in cells if len(c) == columns][:50]
+    words, iso = _text_columns(sample, columns, decimal_comma)
+    before = [line for line in lines[: full[0]] if line.strip() and not _is_row(line)]
+    comments = [line.lstrip() for line in lines if is_comment(line)]
+    return TextLayout(
+        delimiter=delimiter,
+        decimal_comma=decimal_comma,
+        header=_find_header(before, delimiter, columns),
+        columns=columns,
+        first_line=full[0] + 1,
+        text_columns=words,
+        iso_columns=iso,
+        comment=next((c for c in COMMENTS if comments and comments[-1].startswith(c)), None),
+        quoted=any('"' in row for row in rows),
+        partial_lines=partial,
+    )
+
+
+def _text_columns(
+    sample: list[list[str]], columns: int, decimal_comma: bool
+) -> tuple[frozenset[int], frozenset[int]]:
+    """Return which columns hold no numbers in most rows, and which of those hold ISO times."""
+    words: set[int] = set()
+    iso: set[int] = set()
+    for i in range(columns):
+        cells = [row[i] for row in sample]
+        if 2 * sum(is_number(c, decimal_comma) for c in cells) <= len(cells):
+            words.add(i)
+            if all(_ISO_TIME.fullmatch(c) for c in cells):
+                iso.add(i)
+    return frozenset(words), frozenset(iso)
+
+
+def _no_rows(lines: list[str], name: str) -> str:
+    """Say what a text without rows of numbers seems to be."""
+    filled = [line for line in lines if line.strip()]
+    cells = [split_cells(filled[-1], d) for d in (",", ";", "\t", None)]
+    if len(filled) <= 3 and max(len(c) for c in cells) >= 4:
+        return f"{name} has a header but no rows of numbers; was the recording started?"
+    if all(is_number(line.strip()) for line in filled[:50]):
+        return (
+            f"{name} has a single column of numbers; a recording needs at least the three columns "
+            "of one triad (see the formats page)."
+        )
+    return (
+        f"{name} holds text without rows of numbers (line 1 begins {filled[0].strip()[:30]!r}); "
+        "give a table with one row a sample, such as t,ax,ay,az,gx,gy,gz."
+    )

@@ -1,0 +1,83 @@
+"""A table from named arrays, as NPZ, MATLAB and HDF5 files hold them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.arrays import Series
+from tumble.errors import RecordingError
+from tumble.recording.formats.table import RawTable, as_columns, hash_file
+from tumble.recording.recording import Remark
+
+_RATE_NAMES = {"fs", "f_s", "rate", "samplerate", "sample_rate", "sampling_rate", "samplingrate", "frequency"}
+
+
+def _tall(name: str, array: npt.NDArray[np.float64], rows: int, remarks: list[Remark]) -> npt.NDArray[np.float64]:
+    """Return an array as (rows, columns), turned round where the samples run along its columns."""
+    if array.ndim == 1:
+        return array[:, None]
+    if array.shape[0] != rows and array.shape[1] == rows:
+        if array.shape[0] > 1:
+            remarks.append(Remark("found", f"{name!r} holds one sample a column and is turned round."))
+        return array.T
+    return array
+
+
+def table_from_variables(path: Path, variables: Mapping[str, npt.NDArray[np.float64]]) -> RawTable:
+    """Put the arrays of one file side by side as the columns of a table.
+
+    The number of samples is the longest side that occurs most often; arrays of another length are
+    left out with a remark. A lone matrix keeps its columns without names; (samples, 3) arrays called
+    ``name`` become ``name_x``, ``name_y``, ``name_z``. A single number called ``fs`` or ``rate`` is
+    the sampling rate.
+
+    Raises
+    ------
+    RecordingError
+        If no array has more than three samples.
+    OSError
+        If the file cannot be read.
+    """
+    remarks: list[Remark] = []
+    rate = next((float(a.ravel()[0]) for n, a in variables.items() if a.size == 1 and n.lower() in _RATE_NAMES), None)
+    arrays = {n: a for n, a in variables.items() if a.ndim in (1, 2) and a.size > 3}
+    lengths = Counter(max(a.shape) for a in arrays.values())
+    if not lengths:
+        raise RecordingError(
+            f"{path.name} holds no table of samples (variables: {', '.join(variables) or 'none'}); "
+            "give a matrix with one row a sample, or arrays such as t, acc and gyr."
+        )
+    rows = max(lengths, key=lambda n: (lengths[n], n))
+    used = {n: _tall(n, a, rows, remarks) for n, a in arrays.items() if rows in a.shape}
+    left = sorted(set(arrays) - set(used))
+    if left:
+        remarks.append(Remark("found", f"{path.name}: arrays of another length are not used: {', '.join(left)}."))
+    columns: list[Series] = []
+    names: list[str] = []
+    for name, array in used.items():
+        columns += as_columns(np.asarray(array, dtype=np.float64))
+        names += [name] if array.shape[1] == 1 else _part_names(name, array.shape[1])
+    lone = len(used) == 1 and len(columns) > 1
+    if lone and len(columns) == 3:
+        lone = False
+    if rate is not None:
+        remarks.append(Remark("found", f"{path.name} states a sampling rate of {rate:g} Hz."))
+    return RawTable(path, None if lone else tuple(names), columns, hash_file(path), remarks, rate=rate)
+
+
+def _part_names(name: str, count: int) -> list[str]:
+    letters = "xyz" if count == 3 else [str(i) for i in range(count)]
+    return [f"{name}_{letter}" for letter in letters]
+
+
+def numbers_of(value: object) -> npt.NDArray[np.float64] | None:
+    """Return a value as an array of float64, or None if it is not one of numbers."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "iufb" or array.ndim > 2:
+        return None
+    return np.squeeze(array).astype(np.float64) if array.ndim == 2 and 1 in array.shape else array.astype(np.float64)

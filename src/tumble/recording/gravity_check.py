@@ -1,0 +1,287 @@
+"""What gravity tells of the gyro: its scale, its signs and which axis is which.
+
+While the unit turns, the specific force of gravity turns in body axes by df/dt = -omega x f. Over
+windows of a third of a second in which the norm of f stays near gravity, the change of f is regressed on
+the integrals of f omega^T for the 3x3 matrix A in omega_true = A omega_raw. No unit of the
+accelerometer is needed (both sides scale with it), only its offset must be small or be told by the
+poses. What this cannot see: a reversed sign of all accelerometer axes together (f -> -f solves the
+same equation), and anything if the unit does not turn about level axes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import Matrix, Series, Table, Vector, Vectors
+from tumble.errors import RecordingError
+from tumble.recording.recording import Recording
+from tumble.recording.rest import find_quiet_stretches, fit_sphere, sample_pieces
+from tumble.units import angular_rate_factor
+
+_WINDOW_SECONDS = 0.3
+_NORM_TOLERANCE = 0.15
+_LEAST_WINDOWS = 20
+_LEAST_EXPLAINED = 0.7
+_LEAST_TURN = 0.05  # change of the direction of gravity over a window, rad, that counts as turning
+_COLUMN_NAMES = ("gx", "gy", "gz")
+
+# e[i, l, j]: the permutation symbol.
+_E = np.zeros((3, 3, 3))
+for _i, _l, _j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+    _E[_i, _l, _j], _E[_i, _j, _l] = 1.0, -1.0
+
+
+@dataclass(frozen=True, slots=True)
+class AxisAgreement:
+    """How the gyro's axes agree with gravity as the accelerometers see it turn.
+
+    Attributes
+    ----------
+    matrix : 3x3, rad/s per raw unit: true rate = matrix @ raw rate, in the accelerometers' axes.
+    standard_uncertainty : 3x3, of the matrix's elements, same unit.
+    scale : rad/s per raw unit, the size of the matrix (geometric mean of its singular values).
+    scale_uncertainty : standard uncertainty of `scale`.
+    explained : share of the change of gravity that the gyro explains, 0 to 1.
+    windows : number of windows used.
+    """
+
+    matrix: Matrix
+    standard_uncertainty: Matrix
+    scale: float
+    scale_uncertainty: float
+    explained: float
+    windows: int
+
+    @property
+    def determined(self) -> bool:
+        """Whether all three axes turned enough for the matrix to be trusted."""
+        return bool(
+            self.windows >= _LEAST_WINDOWS
+            and self.explained > _LEAST_EXPLAINED
+            and np.max(self.standard_uncertainty) < 0.1 * abs(self.scale)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class GyroScale:
+    """Scale of the gyro in rad/s per raw unit, and whether gravity determines it."""
+
+    scale: float
+    standard_uncertainty: float
+    determined: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Windows:
+    change: Vectors  # of f over each window
+    products: Table  # (windows, 9): integrals of f_l omega_k
+    norm: float
+
+
+def _collect(force: Vectors, rate_raw: Vectors, time: Series, rate: float) -> _Windows | None:
+    """Cut the recording into windows in which it turns and its specific force is near gravity."""
+    level = _levels(force, rate_raw, rate)
+    if level is None:
+        return None
+    offset, norm, bias = level
+    f, w = force - offset, rate_raw - bias
+    size = max(3, round(_WINDOW_SECONDS * rate))
+    half = max(1, size // 6)
+    count = (f.shape[0] - 2 * half) // size
+    if count < _LEAST_WINDOWS:
+        return None
+    edges = half + size * np.arange(count + 1)
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(f, axis=0)])
+    at_edges = (sums[edges + half] - sums[edges - half]) / (2 * half)
+    inner = slice(half, half + size * count)
+    products = np.einsum("bsl,bsk->blk", f[inner].reshape(count, size, 3), w[inner].reshape(count, size, 3))
+    products = products.reshape(count, 9) / rate
+    change = np.diff(at_edges, axis=0)
+    near = np.abs(np.linalg.norm(at_edges, axis=1) / norm - 1.0) < _NORM_TOLERANCE
+    whole = np.diff(time[edges]) < 1.5 * size / rate
+    turned = np.linalg.norm(change, axis=1) > _LEAST_TURN * norm
+    use = near[:-1] & near[1:] & whole & turned
+    return _Windows(change[use], products[use], norm) if int(use.sum()) >= _LEAST_WINDOWS else None
+
+
+def _levels(force: Vectors, rate_raw: Vectors, rate: float) -> tuple[Vector, float, Vector] | None:
+    """Return the accelerometers' offset, the norm of gravity and the gyro's bias, raw units."""
+    quiet = find_quiet_stretches(np.hstack([force, rate_raw]), rate).at_least(0.5 * rate)
+    if not len(quiet):
+        norms = np.linalg.norm(force, axis=1)
+        return np.zeros(3), float(np.median(norms)), np.zeros(3)
+    means = quiet.means[:, :3]
+    bias = np.median(quiet.means[:, 3:], axis=0)
+    norms = np.linalg.norm(means, axis=1)
+    spread = float(norms.max() - norms.min()) / float(np.median(norms) or 1.0)
+    if spread < 0.25 and not _has_offset(force):
+        return np.zeros(3), float(np.median(norms)), bias
+    sphere = fit_sphere(means)
+    return None if sphere is None else (sphere[0], sphere[1], bias)
+
+
+def _has_offset(force: Vectors) -> bool:
+    """Offset-binary counts: every axis stays on one side of zero, far from it."""
+    low, high = force.min(axis=0), force.max(axis=0)
+    return bool(np.all((low * high > 0.0) & (high - low < 4.0 * np.abs(low))) and np.all(np.abs(low) > 500.0))
+
+
+def _design(products: Table) -> Table:
+    """Rows of change_i = sum e_ilj A_jk K_lk for the nine elements of A."""
+    k = products.reshape(-1, 3, 3)
+    return np.einsum("ilj,wlk->wijk", _E, k).reshape(-1, 9)
+
+
+def _solve_robustly(design: Table, values: Series) -> tuple[Series, Table, float]:
+    """Least squares with Huber's weights; returns solution, covariance and the share explained."""
+    weights = np.ones(values.size)
+    solution = np.zeros(design.shape[1])
+    for _ in range(8):
+        root = np.sqrt(weights)
+        solution = np.linalg.lstsq(design * root[:, None], values * root, rcond=None)[0]
+        residual = values - design @ solution
+        sigma = 1.4826 * float(np.median(np.abs(residual))) + 1e-300
+        weights = np.minimum(1.0, 1.5 * sigma / (np.abs(residual) + 1e-300))
+    residual = values - design @ solution
+    explained = 1.0 - float(weights @ residual**2) / float(weights @ values**2 + 1e-300)
+    variance = float(weights @ residual**2) / max(float(weights.sum()) - design.shape[1], 1.0)
+    # Neighbouring windows share an edge, whose error enters both: the factor 2 allows for it.
+    covariance = 2.0 * variance * np.linalg.pinv(design.T @ (design * weights[:, None]))
+    return solution, covariance, explained
+
+
+def _pieces(recording: Recording) -> tuple[Vectors, Vectors, Series]:
+    """Return the signals, of a long recording a dozen pieces one after the other."""
+    if recording.specific_force is None or recording.angular_rate is None:
+        raise RecordingError("Gravity tells of the gyro only if the recording has both triads.")
+    cuts = sample_pieces(len(recording))
+    force = np.concatenate([recording.specific_force[c] for c in cuts])
+    rate = np.concatenate([recording.angular_rate[c] for c in cuts])
+    return force, rate, np.concatenate([recording.time[c] for c in cuts])
+
+
+def axis_agreement(recording: Recording) -> AxisAgreement | None:
+    """Estimate the matrix from the gyro's raw numbers to the true rate in the accelerometers' axes.
+
+    Where the recording's gyro is in rad/s and its axes are right, the matrix is near the identity.
+    The accuracy is a few per cent: enough for signs, order and unit, not for a calibration.
+
+    Returns
+    -------
+    AxisAgreement, or None if the unit does not turn enough against gravity.
+
+    Raises
+    ------
+    RecordingError
+        If the recording lacks one of the triads.
+    """
+    force, rate_raw, time = _pieces(recording)
+    windows = _collect(force, rate_raw, time, recording.rate)
+    if windows is None:
+        return None
+    # Scaled to unit size, so that counts and rad/s are conditioned alike.
+    size = float(np.sqrt(np.mean(windows.products**2))) or 1.0
+    design = _design(windows.products / size)
+    values = windows.change.ravel()
+    solution, covariance, explained = _solve_robustly(design, values)
+    matrix = solution.reshape(3, 3) / size
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0)).reshape(3, 3) / size
+    singular = np.linalg.svd(matrix, compute_uv=False)
+    scale = float(np.exp(np.mean(np.log(np.maximum(singular, 1e-300)))))
+    return AxisAgreement(matrix, sigma, scale, float(sigma.mean()), explained, windows.change.shape[0])
+
+
+def gyro_scale_from_gravity(recording: Recording) -> GyroScale | None:
+    """Estimate the gyro's scale in rad/s per raw unit from how gravity turns in body axes.
+
+    With all three axes turned it is the size of the full matrix (so that swapped axes do not matter),
+    otherwise that of a single factor, which takes the axes as they are.
+
+    Returns
+    -------
+    GyroScale, or None if the unit does not turn enough against gravity.
+
+    Raises
+    ------
+    RecordingError
+        If the recording lacks one of the triads.
+    """
+    agreement = axis_agreement(recording)
+    if agreement is None:
+        return None
+    if agreement.determined:
+        return GyroScale(agreement.scale, agreement.scale_uncertainty, True)
+    force, rate_raw, time = _pieces(recording)
+    windows = _collect(force, rate_raw, time, recording.rate)
+    assert windows is not None  # axis_agreement found them
+    single = _design(windows.products) @ np.eye(3).ravel()
+    solution, covariance, explained = _solve_robustly(single[:, None], windows.change.ravel())
+    sigma = float(np.sqrt(covariance[0, 0]))
+    scale = float(solution[0])
+    determined = explained > _LEAST_EXPLAINED and sigma < 0.1 * abs(scale)
+    return GyroScale(abs(scale), sigma, bool(determined))
+
+
+def find_axis_contradiction(recording: Recording) -> str | None:
+    """Return a sentence if gravity says that gyro axes are swapped or reversed, otherwise None.
+
+    The matrix of `axis_agreement` is compared with the 48 signed permutations. Whether the gyro's or
+    the accelerometers' columns are the wrong ones, gravity alone does not tell: the sentence names the
+    gyro's.
+
+    Raises
+    ------
+    RecordingError
+        If the recording lacks one of the triads.
+    """
+    agreement = axis_agreement(recording)
+    if agreement is None or not agreement.determined:
+        return None
+    direction = agreement.matrix / agreement.scale
+    permutation = nearest_signed_permutation(direction)
+    far = float(np.max(np.abs(direction - permutation)))
+    if far > 0.4 or np.array_equal(permutation, np.eye(3)):
+        return None
+    return _axis_sentence(permutation)
+
+
+def nearest_signed_permutation(matrix: Matrix) -> Matrix:
+    """Return the signed permutation matrix nearest to a matrix (of the 48)."""
+    best, best_score = np.eye(3), -np.inf
+    for order in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)):
+        picked = matrix[np.arange(3), order]
+        score = float(np.abs(picked).sum())
+        if score > best_score:
+            best = np.zeros((3, 3))
+            best[np.arange(3), order] = np.where(picked < 0.0, -1.0, 1.0)
+            best_score = score
+    return best
+
+
+def _axis_sentence(permutation: Matrix) -> str:
+    """Say which gyro column seems to be which axis, and the option that puts it right."""
+    parts: list[str] = []
+    words = ["gx", "gy", "gz"]
+    for axis in range(3):
+        column = int(np.argmax(np.abs(permutation[axis])))
+        sign = permutation[axis, column]
+        words[column] = ("-" if sign < 0 else "") + _COLUMN_NAMES[axis]
+        if column != axis or sign < 0:
+            reversed_ = " with its sign reversed" if sign < 0 else ""
+            parts.append(f"the rate about {'xyz'[axis]} seems to stand in {_COLUMN_NAMES[column]}{reversed_}")
+    listed = ", ".join(words)
+    return (
+        f"The gyro's axes contradict the way gravity turns in the accelerometers: {'; '.join(parts)}. "
+        f"Name the gyro's columns {listed} with --columns (or change the accelerometers' likewise)."
+    )
+
+
+def unit_of_scale(scale: float, tolerance: float = 0.15) -> str | None:
+    """Return the unit of angular rate that a scale in rad/s per raw unit belongs to, or None."""
+    for unit in ("rad/s", "deg/s", "mdeg/s"):
+        factor = angular_rate_factor(unit)
+        if factor is not None and abs(np.log(scale / factor)) < tolerance:
+            return unit
+    return None

@@ -1,0 +1,403 @@
+"""From a table of columns to a recording: what the columns mean is decided once, then applied.
+
+The decision (`Interpretation`) is made on the whole recording, or on its first block where a long one
+is read block by block, so that every block is read alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.arrays import Series, Vectors
+from tumble.errors import RecordingError, UsageError
+from tumble.recording import content, stamps
+from tumble.recording.columns import ColumnPlan, plan_from_names, plan_from_option
+from tumble.recording.declared import DeclaredUnits
+from tumble.recording.formats.table import RawTable
+from tumble.recording.recording import Recording, Remark, Source
+from tumble.units import (
+    COUNTS,
+    angle_increment_factor,
+    find_unit,
+    time_factor,
+    velocity_increment_factor,
+)
+
+_MOST_BAD_ROWS = 0.01
+_PLAIN_NAMES = ("ax", "ay", "az", "gx", "gy", "gz")
+
+
+@dataclass(frozen=True, slots=True)
+class Interpretation:
+    """What the columns of a table mean.
+
+    Attributes
+    ----------
+    plan : which column is what.
+    time_unit : unit of the stamps, or None without stamps.
+    specific_force_unit, angular_rate_unit : units of the recording.
+    rate : nominal sampling rate in Hz.
+    force_factor, rate_factor : what the columns are multiplied with: 1, or for increments the factor
+        that turns them into SI rates.
+    remarks : how all this was found.
+    """
+
+    plan: ColumnPlan
+    time_unit: str | None
+    specific_force_unit: str
+    angular_rate_unit: str
+    rate: float
+    force_factor: float = 1.0
+    rate_factor: float = 1.0
+    remarks: tuple[Remark, ...] = ()
+
+
+def choose_columns(table: RawTable, option: str | None) -> tuple[ColumnPlan, list[Remark]]:
+    """Return which column is what: by the option, else the header, else the content.
+
+    Raises
+    ------
+    UsageError
+        If the option does not fit the table.
+    RecordingError
+        If neither header nor content tells the columns.
+    """
+    name = table.path.name
+    if option is not None:
+        return plan_from_option(option, len(table.columns), name), []
+    if table.names is not None:
+        plan = plan_from_names(table.names)
+        if plan is not None:
+            return plan, [Remark("found", _header_words(table, plan))]
+        found, remarks = content.plan_from_content(table.columns, name)
+        listed = ", ".join(table.names[:8])
+        return found, [Remark("found", f"{name}: the header ({listed}) names no triad."), *remarks]
+    return content.plan_from_content(table.columns, name)
+
+
+def _header_words(table: RawTable, plan: ColumnPlan) -> str:
+    """Say which named column is what."""
+    assert table.names is not None
+    names = table.names
+    parts = ["no time column" if plan.time is None else f"time {names[plan.time]!r}"]
+    for triad, what in ((plan.specific_force, "specific force"), (plan.angular_rate, "angular rate")):
+        if triad is not None:
+            parts.append(f"{what} " + ", ".join(repr(names[i]) for i, _ in triad))
+    if plan.temperature is not None:
+        parts.append(f"temperature {names[plan.temperature]!r}")
+    return f"{table.path.name}: {'; '.join(parts)}."
+
+
+def _triad(table: RawTable, triad: tuple[tuple[int, float], ...] | None) -> Vectors | None:
+    if triad is None:
+        return None
+    values = np.empty((len(table), 3))
+    for axis, (index, sign) in enumerate(triad):
+        values[:, axis] = table.columns[index]
+        if sign < 0:
+            values[:, axis] *= -1.0
+    return values
+
+
+@dataclass(slots=True)
+class _Signals:
+    """The columns of one table in their roles, after rows that are no numbers were left out."""
+
+    stamps: Series | None
+    force: Vectors | None
+    rates: Vectors | None
+    temperature: Series | None
+    rows: npt.NDArray[np.intp] | None  # row numbers in the table of what is left; None for all
+    remarks: list[Remark] = field(default_factory=list[Remark])
+
+
+def _signals(table: RawTable, plan: ColumnPlan) -> _Signals:
+    """Pick the columns; rows with NaN or infinite values are left out, up to one in a hundred."""
+    time = None if plan.time is None else table.columns[plan.time]
+    force, rates = _triad(table, plan.specific_force), _triad(table, plan.angular_rate)
+    temperature = None if plan.temperature is None else table.columns[plan.temperature]
+    parts = [p for p in (time, force, rates) if p is not None]
+    if all(np.isfinite(p.sum()) for p in parts):  # a sum is finite if every term is
+        return _Signals(time, force, rates, temperature, None)
+    good = np.ones(len(table), bool)
+    for part in parts:
+        good &= np.isfinite(part) if part.ndim == 1 else np.isfinite(part).all(axis=1)
+    bad = int(good.size - good.sum())
+    if not bad:
+        return _Signals(time, force, rates, temperature, None)
+    row = int(np.argmin(good))
+    where = _bad_column(table, plan, row)
+    if bad > max(1.0, _MOST_BAD_ROWS * good.size):
+        raise RecordingError(
+            f"{table.path.name}: {bad} of {good.size} rows hold no finite number somewhere, the first at "
+            f"{table.place(row)}, {where}; mend the file or skip that column with --columns."
+        )
+    text = f"{table.path.name}: {bad} row(s) without a finite number left out (first: {table.place(row)}, {where})."
+    rows = np.flatnonzero(good)
+
+    def kept(part: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
+        return None if part is None else part[rows]
+
+    return _Signals(kept(time), kept(force), kept(rates), kept(temperature), rows, [Remark("mended", text)])
+
+
+def _bad_column(table: RawTable, plan: ColumnPlan, row: int) -> str:
+    used = [plan.time] if plan.time is not None else []
+    used += [i for t in (plan.specific_force, plan.angular_rate) if t is not None for i, _ in t]
+    index = next(i for i in used if not np.isfinite(table.columns[i][row]))
+    return table.column_name(index)
+
+
+def _ordered(
+    table: RawTable, signals: _Signals, unit: str | None, rate: float | None
+) -> tuple[_Signals, stamps.Stamps]:
+    """Put the rows in time: by their stamps, or by the declared rate where there are none."""
+    count = next(len(p) for p in (signals.stamps, signals.force, signals.rates) if p is not None)
+    if count < 2:
+        raise RecordingError(f"{table.path.name} has {count} usable row(s); a recording needs at least two.")
+    if signals.stamps is None:
+        if rate is None:
+            raise RecordingError(
+                f"{table.path.name} has no column of time stamps; give the sampling rate with --rate HZ "
+                "(or name the time column with --columns)."
+            )
+        gaps = () if signals.rows is None else tuple(int(i) + 1 for i in np.flatnonzero(np.diff(signals.rows) > 1))
+        index = np.arange(count, dtype=np.float64) if signals.rows is None else signals.rows.astype(np.float64)
+        return signals, stamps.Stamps(index / rate, np.ones(count, bool), gaps, rate, "s")
+    rows = signals.rows
+    place = table.place if rows is None else (lambda row: table.place(int(rows[row])))
+    ordered = stamps.order_stamps(signals.stamps, unit=unit, rate=rate, name=table.path.name, place=place)
+    if not ordered.keep.all():
+        keep = ordered.keep
+        signals.force = None if signals.force is None else signals.force[keep]
+        signals.rates = None if signals.rates is None else signals.rates[keep]
+        signals.temperature = None if signals.temperature is None else signals.temperature[keep]
+    return signals, ordered
+
+
+def interpret(
+    table: RawTable,
+    plan: ColumnPlan,
+    units: DeclaredUnits,
+    rate: float | None,
+    sources: tuple[Source, ...],
+    remarks: list[Remark],
+) -> tuple[Interpretation, Recording]:
+    """Decide units and rate from a whole table (or a first block) and return the recording it makes.
+
+    Raises
+    ------
+    RecordingError
+        If the numbers cannot be a recording or contradict what header or user declares.
+    UsageError
+        If the declared rate is not positive.
+    """
+    if rate is not None and not (np.isfinite(rate) and rate > 0.0):
+        raise UsageError(f"--rate {rate:g}: give a positive number of samples a second.")
+    remarks = [*table.remarks, *remarks]
+    declared_rate = rate if rate is not None or plan.time is not None else table.rate
+    signals, ordered = _ordered(table, _signals(table, plan), units.time or plan.time_unit, declared_rate)
+    remarks += [*signals.remarks, *ordered.remarks]
+    recording = Recording(
+        time=ordered.time,
+        specific_force=signals.force,
+        angular_rate=signals.rates,
+        specific_force_unit=COUNTS,
+        angular_rate_unit=COUNTS,
+        rate=ordered.rate,
+        temperature=signals.temperature,
+        sources=sources,
+        gaps=ordered.gaps,
+    )
+    content.check_triads(recording, table.path.name)
+    decided = Interpretation(
+        plan, None if plan.time is None else ordered.unit, COUNTS, COUNTS, ordered.rate
+    )
+    decided, more = _decide_force(recording, decided, units, table)
+    recording = _rescaled(recording, decided)
+    decided, rate_remarks = _decide_rate(recording, decided, units, table)
+    recording = _rescaled_rate(recording, decided)
+    every = (*remarks, *more, *rate_remarks, *_unchecked(recording))
+    decided = replace(decided, remarks=every)
+    return decided, replace(
+        recording,
+        specific_force_unit=decided.specific_force_unit,
+        angular_rate_unit=decided.angular_rate_unit,
+        remarks=every,
+    )
+
+
+def _unchecked(recording: Recording) -> list[Remark]:
+    if recording.specific_force is None:
+        return [Remark("unchecked", "Without an accelerometer nothing shows the gyro's unit, signs or order of axes.")]
+    text = "Whether all three accelerometer axes are reversed together (the sign of gravity) cannot be seen in a recording"
+    if recording.angular_rate is None:
+        text += "; without a gyro neither can the order and handedness of the axes"
+    return [Remark("unchecked", text + ".")]
+
+
+def _rescaled(recording: Recording, decided: Interpretation) -> Recording:
+    if recording.specific_force is None or decided.force_factor == 1.0:
+        return recording
+    return replace(recording, specific_force=recording.specific_force * decided.force_factor)
+
+
+def _rescaled_rate(recording: Recording, decided: Interpretation) -> Recording:
+    if recording.angular_rate is None or decided.rate_factor == 1.0:
+        return recording
+    return replace(recording, angular_rate=recording.angular_rate * decided.rate_factor)
+
+
+def _decide_force(
+    recording: Recording, decided: Interpretation, units: DeclaredUnits, table: RawTable
+) -> tuple[Interpretation, list[Remark]]:
+    """Decide the accelerometer's unit: declared and checked, or guessed from its norm at rest."""
+    if recording.specific_force is None:
+        return decided, []
+    name, rate = table.path.name, recording.rate
+    level = content.rest_level(recording)
+    header = decided.plan.specific_force_unit
+    increment = units.velocity_increment
+    if increment is None and units.specific_force is None and header and find_unit("velocity increment", header):
+        increment = find_unit("velocity increment", header)
+    if increment is not None:
+        factor = velocity_increment_factor(increment) * rate
+        content.check_specific_force_unit(replace(level, norm=level.norm * factor), "m/s^2", rate, name)
+        text = f"Velocity increments in {increment} are divided by the sampling interval of {1 / rate:.6g} s."
+        return replace(decided, specific_force_unit="m/s^2", force_factor=factor), [Remark("mended", text)]
+    unit = units.specific_force or header
+    if unit is not None:
+        content.check_specific_force_unit(level, unit, rate, name)
+        return replace(decided, specific_force_unit=unit), []
+    unit, reason = content.guess_specific_force_unit(level, content.whole_numbers(recording.specific_force), rate)
+    if unit == "increments":
+        raise RecordingError(
+            f"{name}: the accelerometer's columns look like velocity increments ({reason}); give --units m/s,rad "
+            "(or m/s,deg) to convert them to rates, or --units counts if they are raw."
+        )
+    if unit == COUNTS and not level.norm > 0.0:
+        reason = "its norm at rest is zero"
+    return replace(decided, specific_force_unit=unit), [
+        Remark("assumed", f"Specific force is taken as {unit}: {reason}.")
+    ]
+
+
+def _decide_rate(
+    recording: Recording, decided: Interpretation, units: DeclaredUnits, table: RawTable
+) -> tuple[Interpretation, list[Remark]]:
+    """Decide the gyro's unit: declared and checked against gravity, or guessed."""
+    if recording.angular_rate is None:
+        return decided, []
+    name, rate = table.path.name, recording.rate
+    header = decided.plan.angular_rate_unit
+    increment = units.angle_increment
+    if increment is None and units.angular_rate is None and header and find_unit("angle increment", header):
+        increment = find_unit("angle increment", header)
+    if increment is not None:
+        factor = angle_increment_factor(increment) * rate
+        text = f"Angle increments in {increment} are divided by the sampling interval of {1 / rate:.6g} s."
+        converted = replace(recording, angular_rate=recording.angular_rate * factor)
+        more = content.check_angular_rate_unit(converted, "rad/s", name)
+        return replace(decided, angular_rate_unit="rad/s", rate_factor=factor), [Remark("mended", text), *more]
+    unit = units.angular_rate or header
+    if unit is None and units.specific_force == COUNTS:
+        unit = COUNTS
+    if unit is not None:
+        return replace(decided, angular_rate_unit=unit), content.check_angular_rate_unit(recording, unit, name)
+    plain = table.names is not None and {n.lower() for n in table.names} >= set(_PLAIN_NAMES)
+    unit, remarks = content.guess_angular_rate_unit(recording, plain)
+    return replace(decided, angular_rate_unit=unit), remarks
+
+
+@dataclass(slots=True)
+class BlockState:
+    """What is carried from block to block.
+
+    Attributes
+    ----------
+    rows : rows of the file so far.
+    last : the last stamp as it stands in the file, or None before the first block.
+    added : what wraps of the counter have added so far, in the file's unit.
+    """
+
+    rows: int = 0
+    last: float | None = None
+    added: float = 0.0
+
+
+def interpret_block(
+    table: RawTable, decided: Interpretation, state: BlockState, sources: tuple[Source, ...]
+) -> Recording | None:
+    """Return a block as a recording, read as `decided` says; None if nothing is left of it.
+
+    Raises
+    ------
+    RecordingError
+        If the block's rows or stamps are unusable.
+    """
+    signals = _signals(table, decided.plan)
+    remarks = list(signals.remarks)
+    count = len(table) if signals.rows is None else signals.rows.size
+    rows = np.arange(count) if signals.rows is None else signals.rows
+    if count == 0:
+        state.rows += len(table)
+        return None
+    begins = state.last is None and state.rows == 0
+    missing: float = 0.0
+    if signals.stamps is None or decided.time_unit is None:
+        time, keep = (state.rows + rows) / decided.rate, np.ones(count, bool)
+    else:
+        time, keep, missing = _continued(signals.stamps, table, rows, state, decided, remarks)
+    state.rows += len(table)
+    if not time.size:
+        return None
+    if missing > 0.6 / decided.rate and not begins:
+        remarks.append(Remark("found", f"Samples are missing for {missing:.3g} s before t = {time[0]:.6g} s."))
+    block = Recording(
+        time=time,
+        specific_force=None if signals.force is None else signals.force[keep],
+        angular_rate=None if signals.rates is None else signals.rates[keep],
+        specific_force_unit=decided.specific_force_unit,
+        angular_rate_unit=decided.angular_rate_unit,
+        rate=decided.rate,
+        temperature=None if signals.temperature is None else signals.temperature[keep],
+        sources=sources,
+        remarks=tuple(remarks),
+        gaps=stamps.find_gaps(time, decided.rate),
+    )
+    return _rescaled_rate(_rescaled(block, decided), decided)
+
+
+def _continued(
+    raw: Series,
+    table: RawTable,
+    rows: npt.NDArray[np.intp],
+    state: BlockState,
+    decided: Interpretation,
+    remarks: list[Remark],
+) -> tuple[Series, npt.NDArray[np.bool_], float]:
+    """Carry the stamps on from the block before: duplicates out, wraps added, steps back refused."""
+    factor = time_factor(decided.time_unit or "s")
+    before = raw[0] - 1.0 / (decided.rate * factor) if state.last is None else state.last
+    chain = np.concatenate([[before], raw])
+    straight, wraps = stamps.carry_on(chain)
+    if wraps:
+        remarks.append(Remark("mended", f"The time counter wraps {wraps} time(s) and is carried on."))
+    time = (straight[1:] + state.added) * factor
+    steps = np.diff(straight)
+    back = np.flatnonzero(steps < 0.0)
+    if back.size:
+        row = int(back[0])
+        raise RecordingError(
+            f"{table.path.name}, {table.place(int(rows[row]))}: time steps back from {chain[row]:.10g} to "
+            f"{chain[row + 1]:.10g}; the order of the samples is unknown. Split the file there."
+        )
+    state.last = float(raw[-1])
+    state.added += float(straight[-1] - chain[-1])
+    keep = steps > 0.0
+    if not keep.all():
+        remarks.append(Remark("mended", f"{int((~keep).sum())} row(s) with a repeated stamp left out."))
+    return time[keep], keep, float(steps[0]) * factor - 1.0 / decided.rate

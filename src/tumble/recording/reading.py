@@ -1,0 +1,222 @@
+"""Reading a recording: whole, or block by block in bounded memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TypeAlias
+
+from tumble.errors import RecordingError, UsageError
+from tumble.recording.columns import ColumnPlan
+from tumble.recording.declared import DeclaredUnits, read_units_option
+from tumble.recording.formats import read_table, read_table_blocks
+from tumble.recording.formats.table import RawTable, hash_file
+from tumble.recording.interpretation import (
+    BlockState,
+    Interpretation,
+    choose_columns,
+    interpret,
+    interpret_block,
+)
+from tumble.recording.pair import Pairing, find_pairing, is_pair, merge_pair
+from tumble.recording.recording import Recording, Remark, Source
+
+Paths: TypeAlias = str | PathLike[str] | Sequence[str | PathLike[str]]
+
+
+def _path_list(paths: Paths) -> list[Path]:
+    if isinstance(paths, str | PathLike):
+        return [Path(fspath(paths))]
+    listed = [Path(fspath(p)) for p in paths]
+    if not listed:
+        raise UsageError("No recording was named.")
+    return listed
+
+
+def read_recording(
+    paths: Paths,
+    *,
+    columns: str | None = None,
+    units: str | Sequence[str] | None = None,
+    rate: float | None = None,
+) -> Recording:
+    """Read a recording from one file, or from two files with one triad each.
+
+    The signals stay raw, in the file's own units; what is not said by the options or the header is
+    found from the content, and every guess is a remark of the recording. What header or options say
+    is checked against gravity wherever gravity can show it.
+
+    Parameters
+    ----------
+    paths : one file, or the two files of a pair.
+    columns : what the columns are, as ``t,ax,ay,az,gx,gy,gz``; ``-`` skips one, ``-ay`` reverses one;
+        for a pair the two lists with ``;`` between.
+    units : units as ``g,deg/s,ms`` in any order, ``counts``, or ``m/s,rad`` for increments.
+    rate : sampling rate in Hz, for files without stamps.
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read as a recording, or contradicts its header or the options.
+    UsageError
+        If an option is malformed, or the files are not one recording.
+    """
+    listed = _path_list(paths)
+    _refuse_many(listed)
+    return _recording_of([read_table(p) for p in listed], columns, read_units_option(units), rate)
+
+
+def read_recordings(
+    paths: Paths,
+    *,
+    columns: str | None = None,
+    units: str | Sequence[str] | None = None,
+    rate: float | None = None,
+) -> list[Recording]:
+    """Read files that are one recording each, or one pair; the parameters are `read_recording`'s.
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read as a recording, or contradicts its header or the options.
+    UsageError
+        If an option is malformed.
+    """
+    declared = read_units_option(units)
+    tables = [read_table(p) for p in _path_list(paths)]
+    if is_pair(tables):
+        return [_recording_of(tables, columns, declared, rate)]
+    return [_recording_of([t], columns, declared, rate) for t in tables]
+
+
+def _recording_of(
+    tables: list[RawTable], columns: str | None, declared: DeclaredUnits, rate: float | None
+) -> Recording:
+    """Choose the columns of one table, or of a pair, and interpret them."""
+    sources = tuple(t.source for t in tables)
+    for table in tables:
+        if not len(table):
+            raise RecordingError(f"{table.path.name} has no rows.")
+    if len(tables) == 1:
+        plan, remarks = choose_columns(tables[0], columns)
+        return interpret(tables[0], plan, declared, rate, sources, remarks)[1]
+    _refuse_no_pair(tables, columns)
+    pairing = find_pairing(tables[0], tables[1], columns)
+    merged = merge_pair(tables[0], tables[1], pairing)
+    return interpret(merged, pairing.plan, declared, rate, sources, list(pairing.remarks))[1]
+
+
+def _refuse_many(paths: list[Path]) -> None:
+    if len(paths) > 2:
+        raise UsageError(
+            f"{len(paths)} files were named as one recording; it is one file, or two with one triad each "
+            "(files of one step each are read one by one)."
+        )
+
+
+def _refuse_no_pair(tables: list[RawTable], columns: str | None) -> None:
+    if columns is None and not is_pair(tables):
+        names = " and ".join(t.path.name for t in tables)
+        counts = " and ".join(str(len(t.columns)) for t in tables)
+        raise RecordingError(
+            f"{names} are no pair of triads (they have {counts} columns; each would need three beside the "
+            "time); give one recording at a time."
+        )
+
+
+def read_blocks(
+    paths: Paths,
+    *,
+    columns: str | None = None,
+    units: str | Sequence[str] | None = None,
+    rate: float | None = None,
+) -> Iterator[Recording]:
+    """Read a recording of any length as consecutive blocks of bounded size.
+
+    What the columns and units are is decided on the first block (some 16 MB of text or half a million
+    rows); declare them where that might not suffice. Text, Parquet and NPY are read piece by piece,
+    the other formats whole. The remarks of the first block tell what was found and assumed, those of
+    later blocks what was mended there. The sources carry their SHA-256.
+
+    Parameters
+    ----------
+    paths, columns, units, rate : as for `read_recording`.
+
+    Yields
+    ------
+    Recording, time strictly increasing within and across blocks.
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read as a recording, or contradicts its header or the options; also in
+        the middle of the iteration.
+    UsageError
+        If an option is malformed, or the files are not one recording.
+    """
+    listed = _path_list(paths)
+    _refuse_many(listed)
+    declared = read_units_option(units)
+    decided: Interpretation | None = None
+    state = BlockState()
+    sources = tuple[Source, ...]()
+    for table, plan, remarks in _planned_blocks(listed, columns):
+        if decided is None:
+            sources = tuple(hash_file(p) for p in listed)
+            decided, _ = interpret(table, plan, declared, rate, sources, remarks)
+            block = interpret_block(table, decided, state, sources)
+            block = None if block is None else replace(block, remarks=decided.remarks)
+        else:
+            block = interpret_block(table, decided, state, sources)
+        if block is not None:
+            yield block
+    if decided is None:
+        raise RecordingError(f"{listed[0].name} has no rows.")
+
+
+def _planned_blocks(
+    paths: list[Path], columns: str | None
+) -> Iterator[tuple[RawTable, ColumnPlan, list[Remark]]]:
+    """Yield tables with their columns chosen; the choice of the first one holds for all."""
+    plan: ColumnPlan | None = None
+    if len(paths) == 1:
+        for table in read_table_blocks(paths[0]):
+            remarks = list[Remark]()
+            if plan is None:
+                plan, remarks = choose_columns(table, columns)
+            yield table, plan, remarks
+        return
+    pairing: Pairing | None = None
+    for first, second in _in_step(paths):
+        remarks = []
+        if pairing is None:
+            _refuse_no_pair([first, second], columns)
+            pairing = find_pairing(first, second, columns)
+            remarks = list(pairing.remarks)
+        yield merge_pair(first, second, pairing), pairing.plan, remarks
+
+
+def _in_step(paths: list[Path]) -> Iterator[tuple[RawTable, RawTable]]:
+    """Yield the tables of two files cut to the same rows."""
+    readers = [iter(read_table_blocks(p)) for p in paths]
+    held: list[RawTable | None] = [None, None]
+    rows = [0, 0]
+    while True:
+        for i in (0, 1):
+            if held[i] is None:
+                held[i] = next(readers[i], None)
+        first, second = held
+        if first is None and second is None:
+            return
+        if first is None or second is None:
+            short = 0 if first is None else 1
+            raise RecordingError(
+                f"{paths[short].name} ends after {rows[short]} rows and {paths[1 - short].name} goes on: the two "
+                "triads need the same stamps. Cut one of them."
+            )
+        count = min(len(first), len(second))
+        yield first.cut(0, count), second.cut(0, count)
+        rows = [r + count for r in rows]
+        held = [t.cut(count, len(t)) if len(t) > count else None for t in (first, second)]

@@ -1,0 +1,113 @@
+"""A recording: time-ordered samples of one IMU with what is known of them.
+
+The signals are **raw**: exactly the numbers of the file, in the file's units. A unit's factor to SI
+stands beside them, or None where the file holds counts; nothing is rescaled on reading, because a
+calibration maps raw numbers to true ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from tumble.arrays import Series, Vectors
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One file that a recording was read from."""
+
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """Something that the reader noticed, assumed or mended, as a sentence for the user.
+
+    `kind` is "found" (a fact of the file), "assumed" (a guess that the user may overrule),
+    "mended" (samples left out or changed) or "unchecked" (what nothing in the file can show).
+    """
+
+    kind: Literal["found", "assumed", "mended", "unchecked"]
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """Samples of one IMU in time order.
+
+    Attributes
+    ----------
+    time : (samples,) seconds, strictly increasing, first sample at the file's own origin.
+    specific_force : (samples, 3) raw, in `specific_force_unit`, or None without an accelerometer.
+    angular_rate : (samples, 3) raw, in `angular_rate_unit`, or None without a gyro.
+    specific_force_unit, angular_rate_unit : names that `tumble.units` knows, or "counts".
+    rate : nominal sampling rate in Hz.
+    temperature : (samples,) degrees Celsius, or None.
+    sources : the files, with their SHA-256.
+    remarks : what was found, assumed or mended on reading.
+    gaps : indices i where samples are missing between i - 1 and i.
+    """
+
+    time: Series
+    specific_force: Vectors | None
+    angular_rate: Vectors | None
+    specific_force_unit: str
+    angular_rate_unit: str
+    rate: float
+    temperature: Series | None = None
+    sources: tuple[Source, ...] = ()
+    remarks: tuple[Remark, ...] = field(default=())
+    gaps: tuple[int, ...] = ()
+
+    def __len__(self) -> int:
+        return int(self.time.shape[0])
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first to the last sample."""
+        return float(self.time[-1] - self.time[0]) if len(self) else 0.0
+
+    def between(self, start: int, stop: int) -> Recording:
+        """Return the samples from index `start` up to `stop` as a recording (views, no copies).
+
+        Raises
+        ------
+        IndexError
+            If the stretch is empty or reaches outside the recording.
+        """
+        if not 0 <= start < stop <= len(self):
+            raise IndexError(f"samples {start} to {stop} of a recording of {len(self)}")
+        cut = slice(start, stop)
+        return Recording(
+            time=self.time[cut],
+            specific_force=None if self.specific_force is None else self.specific_force[cut],
+            angular_rate=None if self.angular_rate is None else self.angular_rate[cut],
+            specific_force_unit=self.specific_force_unit,
+            angular_rate_unit=self.angular_rate_unit,
+            rate=self.rate,
+            temperature=None if self.temperature is None else self.temperature[cut],
+            sources=self.sources,
+            remarks=self.remarks,
+            gaps=tuple(i - start for i in self.gaps if start < i < stop),
+        )
+
+    def without_rows(self, keep: np.ndarray) -> Recording:
+        """Return the recording with only the rows where the boolean array `keep` is true."""
+        index = np.flatnonzero(keep)
+        moved = np.searchsorted(index, np.asarray(self.gaps, dtype=int))
+        return Recording(
+            time=self.time[index],
+            specific_force=None if self.specific_force is None else self.specific_force[index],
+            angular_rate=None if self.angular_rate is None else self.angular_rate[index],
+            specific_force_unit=self.specific_force_unit,
+            angular_rate_unit=self.angular_rate_unit,
+            rate=self.rate,
+            temperature=None if self.temperature is None else self.temperature[index],
+            sources=self.sources,
+            remarks=self.remarks,
+            gaps=tuple(int(i) for i in np.unique(moved) if 0 < i < index.size),
+        )

@@ -1,0 +1,151 @@
+"""Quiet stretches of a recording, by a simple rule, for judging units, axes and usefulness.
+
+This is the reader's own rough estimate; holds for a calibration come from `tumble.segmentation`.
+A block of a quarter of a second is quiet if no axis scatters more than four times its noise floor,
+the floor being the 5th percentile of the axis's own scatter over all blocks; neighbouring quiet blocks
+whose means agree within three floors form a stretch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.arrays import Table, Vector, Vectors
+
+_BLOCK_SECONDS = 0.25
+_LEAST_BLOCK = 10
+_SCATTER_LIMIT = 4.0
+_STEP_LIMIT = 3.0
+_FLOOR_QUANTILE = 0.05
+_PIECE = 16_384  # samples of one piece of a long recording that is judged by samples of it
+
+Indices = npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class QuietStretches:
+    """Stretches in which the unit seems at rest.
+
+    Attributes
+    ----------
+    starts, stops : (stretches,) half-open index ranges.
+    means : (stretches, channels) means over each stretch, raw units.
+    floor : (channels,) noise floors, raw units, one standard deviation of a sample.
+    """
+
+    starts: Indices
+    stops: Indices
+    means: Table
+    floor: npt.NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return int(self.starts.size)
+
+    def at_least(self, samples: float) -> QuietStretches:
+        """Return the stretches of at least so many samples."""
+        keep = (self.stops - self.starts) >= samples
+        return QuietStretches(self.starts[keep], self.stops[keep], self.means[keep], self.floor)
+
+
+def smallest_step(values: npt.NDArray[np.float64]) -> float:
+    """Return the smallest difference between distinct values: the quantisation step (0 if constant)."""
+    distinct = np.unique(values[: 4 * _PIECE])
+    if distinct.size < 2:
+        return 0.0
+    steps = np.diff(distinct)
+    # Differences that are only rounding in the last digit of a double are no steps.
+    real = steps[steps > 1e-9 * max(abs(distinct[0]), abs(distinct[-1]))]
+    return float(real.min()) if real.size else 0.0
+
+
+def find_quiet_stretches(signals: Table, rate: float) -> QuietStretches:
+    """Return the stretches in which no channel scatters much more than its own noise floor.
+
+    Parameters
+    ----------
+    signals : (samples, channels) any mixture of triads, raw units.
+    rate : samples a second.
+    """
+    size = max(_LEAST_BLOCK, round(_BLOCK_SECONDS * rate))
+    count = signals.shape[0] // size
+    channels = signals.shape[1]
+    none = np.zeros(0, np.intp)
+    if count == 0:
+        return QuietStretches(none, none, np.zeros((0, channels)), np.zeros(channels))
+    means, scatter = block_statistics(signals, size)
+    floor = np.array([_floor(signals[:, i], scatter[:, i]) for i in range(channels)])
+    quiet = np.all(scatter <= _SCATTER_LIMIT * floor, axis=1)
+    joined = np.all(np.abs(np.diff(means, axis=0)) <= _STEP_LIMIT * floor, axis=1)
+    first = quiet & ~np.concatenate([[False], quiet[:-1] & joined])
+    last = quiet & ~np.concatenate([quiet[1:] & joined, [False]])
+    starts, stops = np.flatnonzero(first), np.flatnonzero(last) + 1
+    long = stops - starts >= 2
+    starts, stops = starts[long], stops[long]
+    sums = np.concatenate([np.zeros((1, channels)), np.cumsum(means, axis=0)])
+    level = (sums[stops] - sums[starts]) / (stops - starts)[:, None] if starts.size else np.zeros((0, channels))
+    return QuietStretches(starts * size, stops * size, level, floor)
+
+
+def block_statistics(signals: Table, size: int) -> tuple[Table, Table]:
+    """Return mean and standard deviation of consecutive blocks of `size` samples, per channel."""
+    count = signals.shape[0] // size
+    blocks = signals[: count * size].reshape(count, size, signals.shape[1])
+    means = blocks.mean(axis=1)
+    centred = blocks - means[:, None, :]
+    scatter = np.sqrt(np.einsum("bsc,bsc->bc", centred, centred) / max(size - 1, 1))
+    return means, scatter
+
+
+def _floor(channel: npt.NDArray[np.float64], scatter: npt.NDArray[np.float64]) -> float:
+    """Noise floor of a channel; rounding to a step adds step/sqrt(12) that a short block may not show."""
+    alive = scatter[scatter > 0.0]
+    low = float(np.quantile(alive, _FLOOR_QUANTILE)) if alive.size else 0.0
+    return max(low, smallest_step(channel) / np.sqrt(12.0))
+
+
+def sample_pieces(count: int, limit: int = 12 * _PIECE) -> list[slice]:
+    """Return the slices of a recording that judge it: everything, or a dozen pieces spread evenly."""
+    if count <= limit:
+        return [slice(0, count)]
+    pieces = limit // _PIECE
+    starts = np.linspace(0, count - _PIECE, pieces).astype(int)
+    return [slice(int(s), int(s) + _PIECE) for s in starts]
+
+
+def count_poses(directions: Vectors, least_angle: float = np.pi / 12.0) -> int:
+    """Return how many directions differ from each other by more than an angle in rad (greedy, in order)."""
+    kept: list[Vector] = []
+    limit = np.cos(least_angle)
+    for direction in directions:
+        length = float(np.linalg.norm(direction))
+        if length == 0.0:
+            continue
+        unit = direction / length
+        if all(float(unit @ other) < limit for other in kept):
+            kept.append(unit)
+    return len(kept)
+
+
+def fit_sphere(points: Vectors) -> tuple[Vector, float] | None:
+    """Return centre and radius of the sphere through points (least squares), or None if undetermined.
+
+    The means of an accelerometer at rest lie on a sphere around its bias; the fit needs four points
+    that are well spread.
+    """
+    if points.shape[0] < 5:
+        return None
+    middle = points.mean(axis=0)
+    size = float(np.sqrt(((points - middle) ** 2).sum(axis=1).mean()))
+    if size == 0.0:
+        return None
+    q = (points - middle) / size
+    design = np.column_stack([2.0 * q, np.ones(len(q))])
+    solution, _, rank, singular = np.linalg.lstsq(design, (q**2).sum(axis=1), rcond=None)
+    if rank < 4 or singular[-1] < 0.1 * singular[0]:
+        return None
+    centre = solution[:3]
+    square = float(solution[3] + centre @ centre)
+    return (middle + size * centre, size * float(np.sqrt(square))) if square > 0.0 else None

@@ -1,0 +1,184 @@
+"""Time stamps: their unit, counters that wrap, duplicates, backward steps, gaps and the rate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.arrays import Series
+from tumble.errors import RecordingError
+from tumble.recording.recording import Remark
+from tumble.units import time_factor
+
+_PLAUSIBLE_RATE = (10.0, 10_000.0)  # Hz
+_GAP_FACTOR = 1.6  # of the median step: one missing sample doubles the step, jitter rarely reaches this
+_WRAPS = (2.0**16, 2.0**24, 2.0**31, 2.0**32, 1000.0, 60_000.0, 86_400.0, 86_400_000.0, 604_800.0, 604_800_000.0)
+_MOST_DUPLICATES = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Stamps:
+    """Stamps put in order.
+
+    Attributes
+    ----------
+    time : (rows kept,) seconds, strictly increasing.
+    keep : (rows,) which rows of the table are kept.
+    gaps : indices into `time` before which samples are missing.
+    rate : samples a second, from the stamps outside the gaps.
+    unit : unit of the raw stamps.
+    remarks : what was assumed and mended.
+    """
+
+    time: Series
+    keep: npt.NDArray[np.bool_]
+    gaps: tuple[int, ...]
+    rate: float
+    unit: str
+    remarks: list[Remark] = field(default_factory=list[Remark])
+
+
+def guess_time_unit(step: float) -> str:
+    """Return the unit of time in which a median step gives the most plausible sampling rate.
+
+    Rates from 10 Hz to 10 kHz are plausible; each unit covers three decades, so exactly one fits
+    (at the very edge the one nearer to the middle, 316 Hz).
+
+    Examples
+    --------
+    >>> guess_time_unit(0.01), guess_time_unit(10.0), guess_time_unit(1e7)
+    ('s', 'ms', 'ns')
+    """
+    middle = np.log10(_PLAUSIBLE_RATE[0] * _PLAUSIBLE_RATE[1]) / 2.0
+    return min(("s", "ms", "us", "ns"), key=lambda u: abs(-np.log10(step * time_factor(u)) - middle))
+
+
+def find_gaps(time: Series, rate: float) -> tuple[int, ...]:
+    """Return the indices before which at least one sample is missing.
+
+    A step counts as a gap above 1.6 nominal steps, or above the median plus eight median absolute
+    deviations where the stamps jitter more than that.
+    """
+    if time.size < 3:
+        return ()
+    steps = np.diff(time)
+    middle = float(np.median(steps))
+    jitter = 1.4826 * float(np.median(np.abs(steps - middle)))
+    limit = max(_GAP_FACTOR * max(middle, 0.8 / rate), middle + 8.0 * jitter)
+    return tuple(int(i) + 1 for i in np.flatnonzero(steps > limit))
+
+
+def nominal_rate(time: Series) -> float:
+    """Return the sampling rate: steps outside gaps over the time they take."""
+    steps = np.diff(time)
+    whole = steps[steps <= _GAP_FACTOR * float(np.median(steps))]
+    return float(whole.size / whole.sum())
+
+
+def order_stamps(
+    raw: Series, *, unit: str | None, rate: float | None, name: str, place: Callable[[int], str]
+) -> Stamps:
+    """Turn raw stamps into strictly increasing seconds.
+
+    Counters that wrap (at 2^16, 2^24, 2^31, 2^32, or a week, day or minute) are carried on; rows with
+    the stamp of the row before are left out; a step back of any other size is refused, because then
+    the order of the samples is not known.
+
+    Parameters
+    ----------
+    raw : (rows,) stamps as in the file, finite.
+    unit : declared unit, or None to choose by plausibility (or by `rate` if that is given).
+    rate : declared sampling rate in Hz; must agree with the stamps within 5 %.
+    name : the file's name, for messages.
+    place : turns a row number into words.
+
+    Raises
+    ------
+    RecordingError
+        If the stamps are constant, go back, repeat too often, or contradict the declared rate.
+    """
+    remarks: list[Remark] = []
+    raw, wraps = carry_on(raw)
+    if wraps:
+        remarks.append(Remark("mended", f"{name}: the time counter wraps {wraps} time(s) and is carried on."))
+    steps = np.diff(raw)
+    if raw.size < 2 or not np.any(steps):
+        raise RecordingError(
+            f"{name}: the time column never changes (it stays at {raw[0]:g}); leave it out with --columns "
+            "and give --rate HZ."
+        )
+    back = np.flatnonzero(steps < 0.0)
+    if back.size:
+        row = int(back[0]) + 1
+        raise RecordingError(
+            f"{name}, {place(row)}: time steps back from {raw[row - 1]:.10g} to {raw[row]:.10g}"
+            f"{_more(back.size)}; the order of the samples is unknown. Split the file there, or leave the "
+            "time column out with --columns and give --rate HZ."
+        )
+    keep = np.concatenate([[True], steps > 0.0])
+    doubles = int(raw.size - keep.sum())
+    if doubles > max(_MOST_DUPLICATES * raw.size, 2):
+        raise RecordingError(
+            f"{name}: {doubles} of {raw.size} stamps repeat the one before (first at "
+            f"{place(int(np.argmin(keep)))}), so they are coarser than the sampling; leave the time column "
+            "out with --columns and give --rate HZ."
+        )
+    if doubles:
+        first = place(int(np.argmin(keep)))
+        remarks.append(Remark("mended", f"{name}: {doubles} row(s) with a repeated stamp left out (first: {first})."))
+    raw = raw[keep]
+    step = float(np.median(np.diff(raw)))
+    unit = _unit_of(step, unit, rate, name, remarks)
+    time = raw * time_factor(unit)
+    found = nominal_rate(time)
+    _check_rate(found, rate, name, unit)
+    return Stamps(time, keep, find_gaps(time, found), found, unit, remarks)
+
+
+def _more(count: int) -> str:
+    return f" (and {count - 1} more times)" if count > 1 else ""
+
+
+def carry_on(raw: Series) -> tuple[Series, int]:
+    """Add what a wrapping counter has lost; returns the stamps and the number of wraps."""
+    steps = np.diff(raw)
+    back = np.flatnonzero(steps < 0.0)
+    if not back.size or back.size > 0.01 * raw.size + 1:
+        return raw, 0
+    forward = steps[steps > 0.0]
+    if not forward.size:
+        return raw, 0
+    step = float(np.median(forward))
+    for size in _WRAPS:
+        # The counter must have stood just below its limit and begin again just above zero.
+        before, after = raw[back], raw[back + 1]
+        if np.all((before < size) & (before > size - 3.0 * step) & (after >= 0.0) & (after < 3.0 * step)):
+            added = np.zeros(raw.size)
+            added[back + 1] = size
+            return raw + np.cumsum(added), int(back.size)
+    return raw, 0
+
+
+def _unit_of(step: float, unit: str | None, rate: float | None, name: str, remarks: list[Remark]) -> str:
+    if unit is not None:
+        return unit
+    if rate is not None:
+        return min(("s", "ms", "us", "ns"), key=lambda u: abs(np.log(step * time_factor(u) * rate)))
+    guess = guess_time_unit(step)
+    found = 1.0 / (step * time_factor(guess))
+    remarks.append(Remark("assumed", f"{name}: stamps are taken as {guess} (steps of {step:.6g}, {found:.4g} Hz)."))
+    low, high = _PLAUSIBLE_RATE
+    if not 0.5 * low <= found <= 2.0 * high:
+        remarks.append(Remark("unchecked", f"A rate of {found:.3g} Hz is unusual for an IMU; check the unit of time."))
+    return guess
+
+
+def _check_rate(found: float, rate: float | None, name: str, unit: str) -> None:
+    if rate is not None and abs(np.log(found / rate)) > 0.05:
+        raise RecordingError(
+            f"{name}: the stamps (in {unit}) give {found:.5g} Hz, but {rate:g} Hz was declared; leave one of "
+            "the two out (a time column is skipped with --columns)."
+        )

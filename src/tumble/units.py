@@ -1,0 +1,203 @@
+"""Names of units and their factors to SI: the only place that knows units other than SI.
+
+A factor multiplies a number in the unit to give SI: ``x_si = factor * x``. The unit "counts" (raw
+converter output) is known and has no factor. Names are compared without regard to case, spaces,
+``²`` against ``^2``, ``°`` against ``deg`` or ``µ`` against ``u``.
+
+References
+----------
+BIPM, *The International System of Units (SI Brochure)*, 9th edition, 2019. Standard acceleration of
+gravity: 3rd CGPM (1901), exact. Degree, minute and hour: table 8. Gal: section 4 of the 8th edition.
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+from tumble.errors import UsageError
+
+STANDARD_GRAVITY = 9.80665
+"""Standard acceleration of gravity g_n, m/s², exact by definition (3rd CGPM, 1901)."""
+
+COUNTS = "counts"
+"""Name of the unit of raw converter output, which has no factor."""
+
+_DEGREE = pi / 180.0  # SI Brochure, table 8
+_HOUR = 3600.0  # SI Brochure, table 8
+_TURN = 2.0 * pi
+
+# name -> (factor to SI, aliases)
+_Table = dict[str, tuple[float | None, tuple[str, ...]]]
+
+_COUNTS: tuple[float | None, tuple[str, ...]] = (None, ("count", "raw", "lsb", "adc", "digits", "ticks"))
+
+_SPECIFIC_FORCE: _Table = {
+    "m/s^2": (1.0, ("m/s2", "m/s/s", "ms^-2", "ms-2", "m s^-2", "m s-2", "m*s^-2", "mps2", "m_s2", "m_s^2", "si")),
+    "g": (STANDARD_GRAVITY, ("g_n", "gn", "g0", "gee", "gees", "gs", "g-force")),
+    "mg": (STANDARD_GRAVITY * 1e-3, ("milli-g", "millig", "m-g", "mgee", "milli g")),
+    "ug": (STANDARD_GRAVITY * 1e-6, ("micro-g", "microg")),
+    # 1 Gal = 1 cm/s² exactly.
+    "cm/s^2": (1e-2, ("cm/s2", "gal", "gals", "cm s^-2", "cm/s/s")),
+    "mm/s^2": (1e-3, ("mm/s2", "mm s^-2", "mm/s/s")),
+    "ft/s^2": (0.3048, ("ft/s2", "ft/s/s")),  # international foot, exact
+    COUNTS: _COUNTS,
+}
+
+_ANGULAR_RATE: _Table = {
+    "rad/s": (1.0, ("rads", "rad s^-1", "rad s-1", "rad*s^-1", "rad/sec", "rps", "rad_s", "radps", "si")),
+    "mrad/s": (1e-3, ("mrad s^-1", "mrad/sec", "millirad/s", "mrad_s")),
+    "deg/s": (
+        _DEGREE,
+        ("dps", "deg/sec", "degs", "deg s^-1", "deg s-1", "deg_s", "degps", "degree/s", "degrees/s"),
+    ),
+    "mdeg/s": (_DEGREE * 1e-3, ("mdps", "milli-deg/s", "mdeg/sec", "mdeg s^-1", "mdeg_s")),
+    "deg/h": (_DEGREE / _HOUR, ("dph", "deg/hr", "deg/hour", "deg_h", "degree/h", "degrees/h")),
+    "rpm": (_TURN / 60.0, ("rev/min", "r/min", "1/min")),
+    COUNTS: _COUNTS,
+}
+
+_TIME: _Table = {
+    "s": (1.0, ("sec", "secs", "second", "seconds")),
+    "ms": (1e-3, ("msec", "msecs", "millis", "millisecond", "milliseconds")),
+    "us": (1e-6, ("usec", "usecs", "micros", "microsecond", "microseconds")),
+    "ns": (1e-9, ("nsec", "nsecs", "nanos", "nanosecond", "nanoseconds")),
+    "min": (60.0, ("minute", "minutes")),
+    "h": (_HOUR, ("hr", "hour", "hours")),
+}
+
+# Increments over one sampling interval: velocity (of the accelerometers) and angle (of the gyros).
+_VELOCITY: _Table = {
+    "m/s": (1.0, ("mps", "m s^-1", "m s-1", "m*s^-1")),
+    "g*s": (STANDARD_GRAVITY, ("g-s",)),
+    "cm/s": (1e-2, ("cm s^-1",)),
+    "mm/s": (1e-3, ("mm s^-1",)),
+}
+
+_ANGLE: _Table = {
+    "rad": (1.0, ("radian", "radians")),
+    "mrad": (1e-3, ("millirad", "milliradian")),
+    "deg": (_DEGREE, ("degree", "degrees")),
+    "arcsec": (_DEGREE / 3600.0, ("as", '"', "arcsecond", "arcseconds")),
+}
+
+_KINDS: dict[str, _Table] = {
+    "specific force": _SPECIFIC_FORCE,
+    "angular rate": _ANGULAR_RATE,
+    "time": _TIME,
+    "velocity increment": _VELOCITY,
+    "angle increment": _ANGLE,
+}
+
+
+def _plain(name: str) -> str:
+    """Return the name as it is compared: lower case, no spaces, ASCII."""
+    text = name.strip().lower()
+    for old, new in (
+        ("²", "^2"),
+        ("⁻¹", "^-1"),
+        ("⁻²", "^-2"),
+        ("**", "^"),
+        ("°", "deg"),
+        ("µ", "u"),
+        ("μ", "u"),
+        ("·", "*"),
+        ("−", "-"),
+    ):
+        text = text.replace(old, new)
+    return "".join(text.split())
+
+
+_INDEX: dict[str, dict[str, str]] = {
+    kind: {_plain(alias): name for name, (_, aliases) in table.items() for alias in (name, *aliases)}
+    for kind, table in _KINDS.items()
+}
+
+
+def find_unit(kind: str, name: str) -> str | None:
+    """Return tumble's name of a unit, or None if the name is not one of that kind.
+
+    Parameters
+    ----------
+    kind : "specific force", "angular rate", "time", "velocity increment" or "angle increment".
+    name : the unit as the user or a file's header spells it.
+    """
+    return _INDEX[kind].get(_plain(name))
+
+
+def known_units(kind: str) -> tuple[str, ...]:
+    """Return tumble's names of the units of a kind (see `find_unit`)."""
+    return tuple(_KINDS[kind])
+
+
+def _factor(kind: str, name: str) -> float | None:
+    found = find_unit(kind, name)
+    if found is None:
+        known = ", ".join(known_units(kind))
+        raise UsageError(f"{name!r} is not a known unit of {kind}; known are {known}.")
+    return _KINDS[kind][found][0]
+
+
+def specific_force_factor(unit: str) -> float | None:
+    """Return the factor from a unit of specific force to m/s², or None for counts.
+
+    Raises
+    ------
+    UsageError
+        If the unit is not known; the message lists those that are.
+
+    Examples
+    --------
+    >>> specific_force_factor("mg")
+    0.00980665
+    """
+    return _factor("specific force", unit)
+
+
+def angular_rate_factor(unit: str) -> float | None:
+    """Return the factor from a unit of angular rate to rad/s, or None for counts.
+
+    Raises
+    ------
+    UsageError
+        If the unit is not known; the message lists those that are.
+    """
+    return _factor("angular rate", unit)
+
+
+def time_factor(unit: str) -> float:
+    """Return the factor from a unit of time to seconds.
+
+    Raises
+    ------
+    UsageError
+        If the unit is not known; the message lists those that are.
+    """
+    factor = _factor("time", unit)
+    assert factor is not None  # every unit of time has one
+    return factor
+
+
+def velocity_increment_factor(unit: str) -> float:
+    """Return the factor from a unit of velocity increment to m/s.
+
+    Raises
+    ------
+    UsageError
+        If the unit is not known; the message lists those that are.
+    """
+    factor = _factor("velocity increment", unit)
+    assert factor is not None
+    return factor
+
+
+def angle_increment_factor(unit: str) -> float:
+    """Return the factor from a unit of angle increment to rad.
+
+    Raises
+    ------
+    UsageError
+        If the unit is not known; the message lists those that are.
+    """
+    factor = _factor("angle increment", unit)
+    assert factor is not None
+    return factor
