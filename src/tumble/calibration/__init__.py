@@ -2,3 +2,46 @@
 
 One file a procedure; each builds conditions for `tumble.estimation` and writes no solver of its own.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tumble.calibration.estimate import Estimate
+    from tumble.calibration.hand_held import calibrate_hand_held
+    from tumble.calibration.multi_position import calibrate_multi_position
+    from tumble.calibration.result import Calibration, calibration_from_estimate, read_calibration
+
+__all__ = [
+    "Calibration",
+    "Estimate",
+    "calibrate_hand_held",
+    "calibrate_multi_position",
+    "calibration_from_estimate",
+    "read_calibration",
+]
+
+_MODULES = {
+    "Calibration": "result",
+    "Estimate": "estimate",
+    "calibrate_hand_held": "hand_held",
+    "calibrate_multi_position": "multi_position",
+    "calibration_from_estimate": "result",
+    "read_calibration": "result",
+}
+
+
+def __getattr__(name: str) -> object:
+    """Fetch a name from its module at first use: reading a calibration needs no estimator.
+
+    Raises
+    ------
+    AttributeError
+        If the room has no such name.
+    """
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)

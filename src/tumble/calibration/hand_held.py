@@ -201,6 +201,7 @@ def _balanced(
         latest.append(_solve(data, site, prior, start, free, mask, extra_variances))
         return latest[-1].adjustment
 
+    # `balance` solves with its final choice last, so that the latest solution is the one it returns.
     start = extra or {"norm": 0.0, "rate": 0.0, "turn": 0.0}
     kinds = [
         Kind("rate", RATE, start["rate"]),

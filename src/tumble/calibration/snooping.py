@@ -19,6 +19,8 @@ from tumble.estimation import Adjustment, GroupTest, critical_value, snoop_group
 _MEDIAN_CHI_SQUARE = (0.4549, 1.3863, 2.3660, 3.3567, 4.3515, 5.3481)
 # At most this share of a kind may be left out; beyond it, the rest is no majority to judge by.
 LARGEST_SHARE_LEFT_OUT = 0.25
+# Residuals this likely by chance ask for no added variance.
+CHANCE = 0.025
 
 
 @dataclass(slots=True)
@@ -76,7 +78,15 @@ def balance(
             outliers.append(outlier)
         adjustment = solve(extra, active)
     adjustment, extra = _settle(solve, kinds, active, adjustment, extra, _mean_ratio)
-    return adjustment, extra, outliers
+    for kind in kinds:
+        # A component that chance explains is no component: taking every excess for real, and no
+        # deficit, would make the uncertainties too wide on average.
+        if extra[kind.name] > 0.0:
+            without = {**extra, kind.name: 0.0}
+            bare = solve(without, active)
+            if _explained_by_chance(bare, kind):
+                adjustment, extra = bare, without
+    return solve(extra, active), extra, outliers
 
 
 def _settle(
@@ -105,6 +115,24 @@ def _settle(
             break
         adjustment = solve(extra, active)
     return adjustment, extra
+
+
+def _explained_by_chance(adjustment: Adjustment, kind: Kind) -> bool:
+    """Tell whether the residuals of a kind are no larger than noise makes them in 97.5 % of cases."""
+    from scipy.special import chdtrc
+
+    tests = [test for test in snoop_groups(adjustment, kind.columns) if test.degrees]
+    redundancy = _redundancy(adjustment, kind)
+    statistic = _mean_ratio(tests) * redundancy if tests else 0.0
+    return redundancy < 1.0 or float(chdtrc(redundancy, statistic)) > CHANCE
+
+
+def _redundancy(adjustment: Adjustment, kind: Kind) -> float:
+    """Return the share of a kind's conditions that is left to check it, summed: its own redundancy."""
+    linear, chain = adjustment.linearisation, adjustment.chain
+    weighted = chain.solve(linear.design)[:, kind.columns]
+    loss = float(np.einsum("gsp,pq,gsq->", linear.design[:, kind.columns], adjustment.cofactor, weighted))
+    return float(np.count_nonzero(linear.active[:, kind.columns])) - loss
 
 
 def _typical_variance(adjustment: Adjustment, kind: Kind) -> float:

@@ -1,0 +1,349 @@
+"""Multi-position calibration by the Gauss-Helmert adjustment of norms (Shin and El-Sheimy; Hayal 2010).
+
+Nothing is known of the poses but that the unit rests in each: the corrected specific force has the
+norm of gravity, the corrected angular rate that of the Earth's rotation. Accelerometers and gyros
+are adjusted apart. What the norms cannot see is the rotation between the triads.
+
+A gyro shows its scale factors on the Earth rate only if a hold's mean rate is known to a small part
+of it. The largest of the 9-, 6- and 3-parameter solutions that the noise allows is taken; where even
+the bias cannot be told that way, the bias is the mean over the holds, with the Earth rate as noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Matrices, Series, Square, Vectors
+from tumble.calibration.canonical import (
+    canonical_covariance,
+    canonical_names,
+    model_from_unknowns,
+    named_values,
+)
+from tumble.calibration.estimate import Estimate, LeftOut, correlation_matrix, coverage_factor
+from tumble.calibration.norm_conditions import NormConditions
+from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.requirements import require_poses
+from tumble.calibration.snooping import Kind, Outlier, balance
+from tumble.calibration.start_values import rough_triad
+from tumble.calibration.triad_unknowns import ANGLE, BIAS, COUNT, SCALE, triad_from_unknowns
+from tumble.calibration.turn_conditions import FORCE, GYRO_BIAS, GYRO_MATRIX, TOTAL
+from tumble.earth import EARTH_RATE, Site
+from tumble.errors import ConvergenceError, ObservabilityError
+from tumble.estimation import Adjustment, Prior, adjust, snoop_groups
+from tumble.recording.recording import Recording
+from tumble.segmentation import HoldMeans
+from tumble.units import angular_rate_factor, specific_force_factor
+
+# Worse than this, a gyro's scale and angles from the Earth rate are worse than any data sheet's.
+WORST_GYRO_SCALE = 0.01
+_NORM = slice(0, 1)
+
+
+@dataclass(slots=True)
+class TriadFit:
+    """One triad's adjustment: all twelve unknowns, which were free, and their covariance (12, 12)."""
+
+    unknowns: Series
+    free: np.ndarray
+    covariance: Square
+    adjustment: Adjustment
+    alone: float
+    extra: float
+    outliers: list[Outlier] = field(default_factory=list[Outlier])
+
+
+def fit_norms(
+    observed: Vectors,
+    covariance: Matrices,
+    reference: float,
+    start: Series,
+    free: np.ndarray,
+    *,
+    prior: Prior | None = None,
+    robust: bool = True,
+) -> TriadFit:
+    """Adjust a triad's unknowns `free` so that every hold's corrected norm is `reference`.
+
+    Parameters
+    ----------
+    observed, covariance : (holds, 3), (holds, 3, 3) of the hold means, raw.
+    start : (12,) start values; unknowns not in `free` keep them.
+    free : indices into the twelve unknowns.
+    prior : over the free unknowns.
+    robust : look for outlying holds.
+
+    Raises
+    ------
+    ObservabilityError
+        If there are fewer holds than unknowns, or they do not tell them apart.
+    ConvergenceError
+        If it does not settle, or settles in the mirror root with a negative scale factor.
+    """
+    known = 0 if prior is None else int(np.linalg.matrix_rank(prior.precision, tol=0.0))
+    if observed.shape[0] + known < free.size:
+        raise ObservabilityError(
+            f"{observed.shape[0]} holds cannot tell {free.size} unknowns: record at least {free.size + 1}."
+        )
+    values = [start]
+
+    def solve(extra: dict[str, float], active: np.ndarray) -> Adjustment:
+        conditions = NormConditions(
+            observed, covariance, reference, values[-1], free, active[:, 0], extra["norm"]
+        )
+        adjustment = adjust(conditions, values[-1][free], prior=prior)
+        full = values[-1].copy()
+        full[free] = adjustment.parameters
+        if np.any(full[SCALE] <= 0):
+            raise ConvergenceError(
+                "The adjustment ended in a mirror root with a negative scale factor: the holds are too "
+                "noisy for this many unknowns, or the columns are not what they are said to be."
+            )
+        values.append(full)
+        return adjustment
+
+    active = np.ones((observed.shape[0], 1), dtype=bool)
+    alone = solve({"norm": 0.0}, active).sigma0
+    spare = observed.shape[0] + known - free.size
+    adjustment, extra, outliers = balance(
+        solve, [Kind("norm", _NORM)], active, robust=robust and spare >= 4
+    )
+    full = np.zeros((COUNT, COUNT))
+    full[np.ix_(free, free)] = adjustment.cofactor
+    return TriadFit(values[-1], free, full, adjustment, alone, extra["norm"], outliers)
+
+
+@dataclass(slots=True)
+class _GyroFit:
+    """What the holds tell of the gyro: "full" or "bias", with words for the user."""
+
+    kind: str
+    values: Series
+    covariance: Square
+    remark: str
+    sigma0: float
+    outliers: list[Outlier] = field(default_factory=list[Outlier])
+
+
+def calibrate_multi_position(
+    recording: Recording,
+    means: HoldMeans,
+    site: Site,
+    *,
+    prior: StableKnowledge | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Estimate:
+    """Calibrate the accelerometers on gravity and the gyros, as far as they see it, on the Earth rate.
+
+    Parameters
+    ----------
+    recording : for its units.
+    means : the holds' means and covariances.
+    site : gravity.
+    prior : non-orthogonalities of an earlier calibration; six poses then suffice.
+
+    Raises
+    ------
+    ObservabilityError
+        If poses are too few or too alike; the message names the pose that would tell more.
+    ConvergenceError
+        If an adjustment fails.
+    """
+    if means.specific_force is None or means.specific_force_covariance is None:
+        raise ObservabilityError("The recording has no accelerometer: the multi-position test needs one.")
+    say = progress or (lambda _: None)
+    say("accelerometers")
+    start = rough_triad(means.specific_force, site.gravity)
+    if prior is not None:
+        start[ANGLE] = prior.angles
+    require_poses(means.specific_force, start, has_prior=prior is not None)
+    free = np.arange(9)
+    force = fit_norms(
+        means.specific_force,
+        means.specific_force_covariance,
+        site.gravity,
+        start,
+        free,
+        prior=None if prior is None else _angle_prior(prior, 9),
+    )
+    say("gyros")
+    gyro = _fit_gyro(recording, means)
+    return _estimate(recording, means, site, force, gyro)
+
+
+def _angle_prior(prior: StableKnowledge, size: int) -> Prior:
+    mean, precision = np.zeros(size), np.zeros((size, size))
+    mean[ANGLE] = prior.angles
+    precision[ANGLE, ANGLE] = np.linalg.inv(prior.angle_covariance)
+    return Prior(mean, precision)
+
+
+def _fit_gyro(recording: Recording, means: HoldMeans) -> _GyroFit | None:
+    """Take the largest solution on the Earth rate that the noise allows."""
+    if means.angular_rate is None or means.angular_rate_covariance is None:
+        return None
+    factor = angular_rate_factor(recording.angular_rate_unit)
+    observed, covariance = means.angular_rate, means.angular_rate_covariance
+    for count in (9, 6, 3) if factor else ():
+        start = np.zeros(COUNT)
+        start[SCALE] = 1.0 / float(factor or 1.0)
+        start[BIAS] = np.mean(observed, axis=0)
+        if not _earth_rate_tells(observed, covariance, start, count):
+            continue
+        try:
+            fit = fit_norms(observed, covariance, EARTH_RATE, start, np.arange(count))
+        except (ObservabilityError, ConvergenceError):
+            continue
+        if count > 3 and not _good_enough(fit):
+            continue
+        values, full = np.zeros(TOTAL), np.zeros((TOTAL, TOTAL))
+        values[GYRO_MATRIX] = triad_from_unknowns(fit.unknowns).matrix.ravel()
+        values[GYRO_BIAS] = fit.unknowns[BIAS]
+        full[12:24, 12:24] = _matrix_and_bias_covariance(fit)
+        seen = {9: "bias, scale factors and non-orthogonalities", 6: "bias and scale factors", 3: "bias"}[count]
+        return _GyroFit(
+            "full" if count > 3 else "bias",
+            values,
+            full,
+            f"The gyro sees the Earth's rotation well enough for {seen} ({count}-parameter solution).",
+            fit.alone,
+            fit.outliers,
+        )
+    return _mean_bias(observed, covariance, factor)
+
+
+def _earth_rate_tells(observed: Vectors, covariance: Matrices, start: Series, count: int) -> bool:
+    """Tell from the noise of the means whether a solution with `count` unknowns is worth trying."""
+    in_si = np.sqrt(np.einsum("kaa->k", covariance) / 3.0) / float(start[SCALE][0])
+    noise = float(np.median(in_si)) / EARTH_RATE
+    # Scale and angles come out at about 1 to 2 times the noise of one hold over the root of holds / 9.
+    share = noise / np.sqrt(max(observed.shape[0] / 9.0, 1.0))
+    return share < (1.0 / 3.0 if count == 3 else WORST_GYRO_SCALE)
+
+
+def _good_enough(fit: TriadFit) -> bool:
+    sigma = np.sqrt(np.diag(fit.covariance))
+    relative = sigma[SCALE] / fit.unknowns[SCALE]
+    angles = sigma[ANGLE]
+    return bool(np.all(relative < WORST_GYRO_SCALE) and np.all(angles < WORST_GYRO_SCALE))
+
+
+def _matrix_and_bias_covariance(fit: TriadFit) -> Square:
+    """Return (12, 12): covariance of the nine matrix entries and the bias."""
+    from tumble.sensor.conventions.shin import matrix_from_shin
+    from tumble.sensor.propagation import propagate
+
+    def entries(x: AnyArray) -> AnyArray:
+        return np.concatenate([matrix_from_shin(x[SCALE], x[ANGLE]).ravel(), x[BIAS]])
+
+    return propagate(entries, fit.unknowns, fit.covariance)[1]
+
+
+def _mean_bias(observed: Vectors, covariance: Matrices, factor: float | None) -> _GyroFit:
+    """Return the mean over the holds as bias; its spread over the holds counts, and the Earth rate."""
+    holds = observed.shape[0]
+    values, full = np.zeros(TOTAL), np.zeros((TOTAL, TOTAL))
+    values[GYRO_BIAS] = observed.mean(axis=0)
+    nominal = 1.0 / factor if factor else 1.0
+    values[GYRO_MATRIX] = (nominal * np.eye(3)).ravel()
+    noise = covariance.sum(axis=0) / holds**2
+    earth = (EARTH_RATE * nominal) ** 2 / 3.0 / holds if factor else 0.0
+    scatter = np.atleast_2d(np.cov(observed.T)) / holds if holds > 3 else np.zeros((3, 3))
+    variance = np.maximum(np.diag(noise) + earth, np.diag(scatter))
+    full[GYRO_BIAS, GYRO_BIAS] = np.diag(variance)
+    remark = (
+        "The gyro cannot see the Earth's rotation in these holds, so only its bias is given (the mean over "
+        "the holds). Turn the unit between the holds about all axes, and the hand-held procedure gives the rest."
+    )
+    return _GyroFit("bias", values, full, remark, float("nan"))
+
+
+def _estimate(
+    recording: Recording, means: HoldMeans, site: Site, force: TriadFit, gyro: _GyroFit | None
+) -> Estimate:
+    values, covariance = np.zeros(TOTAL), np.zeros((TOTAL, TOTAL))
+    if gyro is not None:
+        values, covariance = gyro.values.copy(), gyro.covariance.copy()
+    values[FORCE] = force.unknowns
+    covariance[FORCE, FORCE] = force.covariance
+    slope = np.zeros(TOTAL)
+    slope[SCALE] = -values[SCALE] / site.gravity
+    covariance += np.outer(slope, slope) * site.gravity_sigma**2
+    factors = (
+        specific_force_factor(recording.specific_force_unit),
+        angular_rate_factor(recording.angular_rate_unit),
+    )
+    kind = "none" if gyro is None else gyro.kind
+    none = frozenset[str]()
+    named, spread = named_values(
+        values,
+        covariance,
+        terms=none,
+        gyro=kind,
+        units=(recording.specific_force_unit, recording.angular_rate_unit),
+        factors=factors,
+    )
+    adjustment = force.adjustment
+    assert means.specific_force is not None and means.specific_force_covariance is not None
+    corrected = triad_from_unknowns(force.unknowns).correct(means.specific_force)
+    norms = np.linalg.norm(corrected, axis=1) - site.gravity
+    variance = np.diagonal(adjustment.linearisation.covariance, axis1=1, axis2=2)[:, 0]
+    tests = [test for test in snoop_groups(adjustment, _NORM) if test.degrees]
+    holds = len(means)
+    nothing = np.full(holds, np.nan)
+    return Estimate(
+        procedure="multi-position",
+        model=model_from_unknowns(values, none, kind),
+        names=canonical_names(none, kind),
+        covariance=canonical_covariance(values, covariance, none, kind),
+        parameters=named,
+        correlations=correlation_matrix(spread),
+        sigma0=force.alone,
+        sigma0_final=adjustment.sigma0,
+        degrees_of_freedom=adjustment.redundancy,
+        coverage_factor=coverage_factor(adjustment.redundancy) if force.extra > 0 else 1.96,
+        largest_normalised=max((test.normalised for test in tests), default=0.0),
+        hold_norms=norms,
+        hold_sigmas=np.sqrt(variance),
+        turn_angles=nothing,
+        turn_sigmas=nothing.copy(),
+        turn_sizes=nothing.copy(),
+        variance_components={
+            "accelerometer bias from hold to hold, m/s²": float(np.sqrt(force.extra)),
+        },
+        left_out=_left_out(force, gyro, norms),
+        not_determined=_not_determined(kind),
+        remarks=[] if gyro is None else [gyro.remark],
+    )
+
+
+def _left_out(force: TriadFit, gyro: _GyroFit | None, norms: Series) -> list[LeftOut]:
+    left = [
+        LeftOut(
+            "hold",
+            o.group,
+            f"its specific force is off gravity by {1e3 * norms[o.group]:+.1f} mm/s², "
+            f"{o.normalised:.1f} times what the others show",
+        )
+        for o in force.outliers
+    ]
+    if gyro is not None:
+        left += [
+            LeftOut("hold", o.group, f"its angular rate is {o.normalised:.1f} times off what the others show")
+            for o in gyro.outliers
+        ]
+    return left
+
+
+def _not_determined(kind: str) -> list[str]:
+    sentences = {
+        "none": "The recording has no gyro.",
+        "bias": "The gyro's scale factors and misalignments are not determined by holds alone; "
+        "its matrix is the nominal one (identity) without a stated uncertainty.",
+        "full": "The rotation between the triads is not determined by norms; it is taken as zero, "
+        "with a prior standard uncertainty of 10 mrad.",
+    }
+    return [sentences[kind]]

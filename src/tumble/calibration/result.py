@@ -1,0 +1,465 @@
+"""`Calibration`: the result as one self-describing, versioned document (``calibration.json``)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+import tumble
+from tumble.arrays import Square, Vectors
+from tumble.calibration.estimate import Estimate
+from tumble.calibration.verdict import judge
+from tumble.earth import EARTH_RATE, Site
+from tumble.errors import CalibrationFileError, OutputError
+from tumble.recording.recording import Recording
+from tumble.sensor import FRAMES, ImuModel, Triad
+from tumble.units import angular_rate_factor, specific_force_factor
+
+FORMAT = "tumble calibration"
+VERSION = 1
+FORWARD = (
+    "raw = u + asymmetry * |u| + quadratic * u^2 + g_sensitivity * f + bias, u = matrix * true; "
+    "true in m/s^2 and rad/s in frame b, f the true specific force in b (gyroscope only); "
+    "asymmetry and quadratic act element by element; a term that is absent is zero"
+)
+BACKWARD = (
+    "true = inverse(matrix) * u with u the solution of u + asymmetry * |u| + quadratic * u^2 = "
+    "raw - bias - g_sensitivity * f; without optional terms: true = inverse(matrix) * (raw - bias). "
+    "Correct the accelerometer first: the gyroscope's g_sensitivity acts on its corrected f. "
+    "At rest the specific force points up: f = -gravity"
+)
+Row = tuple[float, float, float]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+
+class Imu(_Strict):
+    """Which unit was calibrated."""
+
+    model: str | None = None
+    serial_number: str | None = None
+    sensor_index: int | None = None
+
+
+class RecordingName(_Strict):
+    """A recording that the calibration was made from."""
+
+    name: str
+    sha256: str
+
+
+class SiteBlock(_Strict):
+    """Where the recording was made; gravity in m/s², Earth rate in rad/s."""
+
+    latitude_deg: float | None = None
+    height_m: float | None = None
+    gravity: float
+    gravity_standard_uncertainty: float
+    gravity_source: str
+    earth_rate: float
+
+
+class FrameBlock(_Strict):
+    """The gauge of body frame b, by name and in words."""
+
+    name: str
+    description: str
+
+
+class RawUnits(_Strict):
+    """Units of the raw numbers that the calibration takes."""
+
+    specific_force: str
+    angular_rate: str
+
+
+class TriadBlock(_Strict):
+    """One triad: `matrix` raw units per SI unit (rows), `bias` raw units. A missing matrix is unknown."""
+
+    matrix: tuple[Row, Row, Row] | None
+    bias: Row
+    asymmetry: Row | None = None
+    quadratic: Row | None = None
+    g_sensitivity: tuple[Row, Row, Row] | None = None
+
+
+class ParameterBlock(_Strict):
+    """One parameter in the procedure's own convention."""
+
+    name: str
+    value: float
+    standard_uncertainty: float
+    unit: str
+
+
+class LeftOutBlock(_Strict):
+    """A hold or turn (numbered from 1) without part in the estimate."""
+
+    kind: Literal["hold", "turn"]
+    number: int
+    reason: str
+
+
+class TermBlock(_Strict):
+    """The test of an optional term against chance."""
+
+    name: str
+    kept: bool
+    f_statistic: float
+    degrees_of_freedom: int
+    probability: float
+    limit: float
+
+
+class QualityBlock(_Strict):
+    """How well the data fit, and what was left out."""
+
+    sigma0: float | None
+    sigma0_with_variance_components: float | None
+    degrees_of_freedom: int
+    largest_normalised_residual: float
+    coverage_factor: float
+    rms_hold_norm: float | None
+    rms_turn_angle: float | None
+    holds: int
+    turns: int
+    variance_components: dict[str, float]
+    left_out: list[LeftOutBlock]
+    optional_terms: list[TermBlock]
+
+
+class VerdictBlock(_Strict):
+    """Whether the calibration is fit for use, and why, in sentences."""
+
+    fit: bool
+    reasons: list[str]
+
+
+class TestVector(_Strict):
+    """Raw in, corrected out: m/s² and rad/s in frame b."""
+
+    raw_specific_force: Row
+    raw_angular_rate: Row | None = None
+    specific_force: Row
+    angular_rate: Row | None = None
+
+
+class Calibration(_Strict):
+    """A calibration of one IMU, with everything needed to apply and to judge it.
+
+    Attributes
+    ----------
+    accelerometer, gyroscope : what `model` is made of.
+    parameters : in the procedure's own convention, with standard uncertainties.
+    covariance, covariance_parameters : over the entries of matrices and biases, in their units.
+    """
+
+    format: Literal["tumble calibration"] = FORMAT
+    version: int = VERSION
+    created: str
+    software: str
+    imu: Imu = Field(default_factory=Imu)
+    procedure: str
+    recordings: list[RecordingName]
+    site: SiteBlock
+    temperature_celsius: float | None = None
+    frame: FrameBlock
+    not_determined: list[str]
+    raw_units: RawUnits
+    formula: str = FORWARD
+    inverse_formula: str = BACKWARD
+    accelerometer: TriadBlock
+    gyroscope: TriadBlock | None = None
+    parameters: list[ParameterBlock]
+    covariance_parameters: list[str]
+    covariance: list[list[float]]
+    quality: QualityBlock
+    verdict: VerdictBlock
+    remarks: list[str] = Field(default_factory=list)
+    test_vectors: list[TestVector]
+
+    @property
+    def model(self) -> ImuModel:
+        """The sensor model; its gyro is None if the gyro's matrix is not known.
+
+        Raises
+        ------
+        CalibrationFileError
+            If the document has no accelerometer matrix.
+        """
+        accelerometer = _triad(self.accelerometer)
+        if accelerometer is None:
+            raise CalibrationFileError("The calibration has no accelerometer matrix: it cannot be applied.")
+        gyroscope = None if self.gyroscope is None else _triad(self.gyroscope)
+        sensitivity = None if self.gyroscope is None else self.gyroscope.g_sensitivity
+        return ImuModel(accelerometer, gyroscope, None if sensitivity is None else np.array(sensitivity))
+
+    @property
+    def covariance_matrix(self) -> Square:
+        """(n, n) covariance over `covariance_parameters`."""
+        return np.array(self.covariance, dtype=float)
+
+    def correct(
+        self, raw_specific_force: Vectors, raw_angular_rate: Vectors | None = None
+    ) -> tuple[Vectors, Vectors | None]:
+        """Return corrected specific force (m/s²) and angular rate (rad/s), (samples, 3) in frame b.
+
+        Without a calibrated gyro, or without rates, the second is None.
+
+        Raises
+        ------
+        CalibrationFileError
+            If the document has no accelerometer matrix.
+        ValueError
+            If a matrix is singular.
+        """
+        model = self.model
+        assert model.accelerometer is not None
+        if raw_angular_rate is None or model.gyroscope is None:
+            return model.accelerometer.correct(np.asarray(raw_specific_force, dtype=float)), None
+        return model.correct(
+            np.asarray(raw_specific_force, dtype=float), np.asarray(raw_angular_rate, dtype=float)
+        )
+
+    def to_json(self) -> str:
+        """Return the document as JSON text, numbers with all their digits."""
+        return json.dumps(self.model_dump(mode="json"), indent=1, ensure_ascii=False) + "\n"
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the document beside `path`, then rename it there: never half a file.
+
+        Raises
+        ------
+        OutputError
+            If the folder cannot be written to.
+        """
+        write_beside(Path(path), self.to_json())
+
+
+def calibration_from_estimate(
+    estimate: Estimate,
+    recording: Recording,
+    site: Site,
+    *,
+    created: datetime | None = None,
+    remarks: tuple[str, ...] = (),
+) -> Calibration:
+    """Return the document of an estimate, judged and with test vectors."""
+    judgement = judge(estimate, recording)
+    temperature = None if recording.temperature is None else float(np.nanmean(recording.temperature))
+    model = estimate.model
+    assert model.accelerometer is not None
+    known = any(name.startswith("gyroscope.matrix") for name in estimate.names)
+    nominal = angular_rate_factor(recording.angular_rate_unit) is not None
+    gyroscope = None
+    if model.gyroscope is not None:
+        gyroscope = _block(model.gyroscope, model.g_sensitivity, has_matrix=known or nominal)
+    return Calibration(
+        created=(created or datetime.now(UTC)).isoformat(timespec="seconds"),
+        software=f"tumble {tumble.__version__}",
+        procedure=estimate.procedure,
+        recordings=[RecordingName(name=s.name, sha256=s.sha256) for s in recording.sources],
+        site=_site_block(site),
+        temperature_celsius=temperature,
+        frame=FrameBlock(name="accelerometer-x", description=FRAMES["accelerometer-x"]),
+        not_determined=list(estimate.not_determined),
+        raw_units=RawUnits(
+            specific_force=recording.specific_force_unit, angular_rate=recording.angular_rate_unit
+        ),
+        accelerometer=_block(model.accelerometer, None, has_matrix=True),
+        gyroscope=gyroscope,
+        parameters=[
+            ParameterBlock(
+                name=p.name, value=p.value, standard_uncertainty=p.standard_uncertainty, unit=p.unit
+            )
+            for p in estimate.parameters
+        ],
+        covariance_parameters=list(estimate.names),
+        covariance=estimate.covariance.tolist(),
+        quality=_quality(estimate),
+        verdict=VerdictBlock(fit=judgement.fit, reasons=judgement.reasons),
+        remarks=[*estimate.remarks, *remarks],
+        test_vectors=_test_vectors(model, recording, gyroscope),
+    )
+
+
+def read_calibration(path: str | os.PathLike[str]) -> Calibration:
+    """Read a ``calibration.json``, or a folder that holds one.
+
+    Raises
+    ------
+    CalibrationFileError
+        If there is no such file, or it is not a calibration of a version that this tumble knows.
+    """
+    file = Path(path)
+    if file.is_dir():
+        file = file / "calibration.json"
+    try:
+        document: Any = json.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise CalibrationFileError(
+            f"There is no calibration {file}: give the calibration.json that `tumble calibrate` wrote."
+        ) from None
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise CalibrationFileError(f"{file} cannot be read as a calibration: {error}.") from error
+    if not isinstance(document, dict) or document.get("format") != FORMAT:  # pyright: ignore
+        raise CalibrationFileError(
+            f'{file} is not a calibration of tumble: it does not say "format": "{FORMAT}".'
+        )
+    version: Any = document.get("version")  # pyright: ignore
+    if not isinstance(version, int) or version > VERSION:
+        raise CalibrationFileError(
+            f"{file} is of version {version!r} and this tumble reads up to {VERSION}: update tumble."
+        )
+    try:
+        return Calibration.model_validate(document)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise CalibrationFileError(f"{file} is damaged: {where}: {first['msg']}.") from error
+
+
+def calibration_schema() -> dict[str, Any]:
+    """Return the JSON schema of the document."""
+    return Calibration.model_json_schema()
+
+
+def write_beside(path: Path, text: str) -> None:
+    """Write `text` to a new file beside `path` and rename it there.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written; what was at `path` is intact.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with open(partial, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+    except OSError as error:
+        raise OutputError(
+            f"{path} could not be written ({error.strerror or error}); earlier results there are intact. "
+            "Give another folder with -o."
+        ) from error
+    finally:
+        partial.unlink(missing_ok=True) if partial.exists() else None
+
+
+def sha256_of(path: Path) -> str:
+    """Return the SHA-256 of a file, read in blocks."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _triad(block: TriadBlock) -> Triad | None:
+    if block.matrix is None:
+        return None
+    return Triad(
+        np.array(block.matrix, dtype=float),
+        np.array(block.bias, dtype=float),
+        None if block.asymmetry is None else np.array(block.asymmetry, dtype=float),
+        None if block.quadratic is None else np.array(block.quadratic, dtype=float),
+    )
+
+
+def _rows(matrix: Any) -> Any:
+    return tuple(tuple(float(v) for v in row) for row in matrix)
+
+
+def _row(vector: Any) -> Any:
+    return tuple(float(v) for v in vector)
+
+
+def _block(triad: Triad, g_sensitivity: Any, *, has_matrix: bool) -> TriadBlock:
+    return TriadBlock(
+        matrix=_rows(triad.matrix) if has_matrix else None,
+        bias=_row(triad.bias),
+        asymmetry=None if triad.asymmetry is None else _row(triad.asymmetry),
+        quadratic=None if triad.quadratic is None else _row(triad.quadratic),
+        g_sensitivity=None if g_sensitivity is None else _rows(g_sensitivity),
+    )
+
+
+def _site_block(site: Site) -> SiteBlock:
+    return SiteBlock(
+        latitude_deg=None if site.latitude is None else float(np.degrees(site.latitude)),
+        height_m=site.height if site.latitude is not None else None,
+        gravity=site.gravity,
+        gravity_standard_uncertainty=site.gravity_sigma,
+        gravity_source=site.source,
+        earth_rate=EARTH_RATE,
+    )
+
+
+def _quality(estimate: Estimate) -> QualityBlock:
+    turns = estimate.turn_angles[np.isfinite(estimate.turn_angles)]
+
+    def finite(value: float) -> float | None:
+        return value if np.isfinite(value) else None
+
+    return QualityBlock(
+        sigma0=finite(estimate.sigma0),
+        sigma0_with_variance_components=finite(estimate.sigma0_final),
+        degrees_of_freedom=estimate.degrees_of_freedom,
+        largest_normalised_residual=estimate.largest_normalised,
+        coverage_factor=estimate.coverage_factor,
+        rms_hold_norm=float(np.sqrt(np.mean(estimate.hold_norms**2))) if estimate.hold_norms.size else None,
+        rms_turn_angle=float(np.sqrt(np.mean(turns**2))) if turns.size else None,
+        holds=int(estimate.hold_norms.size),
+        turns=int(turns.size),
+        variance_components=estimate.variance_components,
+        left_out=[
+            LeftOutBlock(kind="hold" if l.kind == "hold" else "turn", number=l.index + 1, reason=l.reason)
+            for l in estimate.left_out
+        ],
+        optional_terms=[
+            TermBlock(
+                name=t.name,
+                kept=t.kept,
+                f_statistic=t.statistic,
+                degrees_of_freedom=t.degrees,
+                probability=t.probability,
+                limit=t.limit,
+            )
+            for t in estimate.terms
+        ],
+    )
+
+
+def _test_vectors(model: ImuModel, recording: Recording, gyroscope: TriadBlock | None) -> list[TestVector]:
+    """Return round raw numbers near the recording's own and what they become."""
+    assert model.accelerometer is not None
+    scale = 1.0 / (specific_force_factor(recording.specific_force_unit) or 1.0)
+    raw_force = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, -1.0], [3.0, -4.0, 5.0]])
+    raw_rate = np.array([[0.1, 0.0, 0.0], [0.0, 0.2, -0.1], [0.3, -0.4, 0.5]])
+    raw_force = raw_force * scale
+    raw_rate = raw_rate / (angular_rate_factor(recording.angular_rate_unit) or 1.0)
+    if specific_force_factor(recording.specific_force_unit) is None:
+        raw_force = np.round(model.accelerometer.bias + raw_force * np.abs(np.diag(model.accelerometer.matrix)))
+    has_gyro = model.gyroscope is not None and gyroscope is not None and gyroscope.matrix is not None
+    if has_gyro and model.gyroscope is not None and angular_rate_factor(recording.angular_rate_unit) is None:
+        raw_rate = np.round(model.gyroscope.bias + raw_rate * np.abs(np.diag(model.gyroscope.matrix)))
+    force = model.accelerometer.correct(raw_force)
+    rate = model.correct(raw_force, raw_rate)[1] if has_gyro else None
+    return [
+        TestVector(
+            raw_specific_force=_row(raw_force[i]),
+            raw_angular_rate=_row(raw_rate[i]) if rate is not None else None,
+            specific_force=_row(force[i]),
+            angular_rate=_row(rate[i]) if rate is not None else None,
+        )
+        for i in range(3)
+    ]

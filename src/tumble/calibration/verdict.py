@@ -1,0 +1,146 @@
+"""Is the calibration fit for use? Plausibility gates, and a verdict in plain words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.calibration.estimate import Estimate, NamedValue
+from tumble.recording.recording import Recording
+from tumble.sensor import Triad
+from tumble.units import angular_rate_factor, specific_force_factor
+
+# Beyond these a value is no sensor's: consumer data sheets allow 3 % of scale and 2 % of cross-axis
+# sensitivity (20 mrad); hand-soldered boards some degrees between the triads.
+LARGEST_SCALE_ERROR = 0.2
+LARGEST_ANGLE = np.radians(15.0)
+# An accelerometer bias beyond 0.2 g, half of the worst consumer zero-g offsets on record.
+LARGEST_FORCE_BIAS = 2.0
+# Less certain than an uncalibrated consumer unit is by its data sheet: no use.
+WORST_SCALE_SIGMA = 0.02
+WORST_ANGLE_SIGMA = 0.02
+WORST_FORCE_BIAS_SIGMA = 0.1
+# More left out than this, and the rest is no majority to trust.
+LARGEST_SHARE_LEFT_OUT = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """`fit` for use or not, with reasons as sentences (against first)."""
+
+    fit: bool
+    reasons: list[str]
+
+
+def judge(estimate: Estimate, recording: Recording) -> Judgement:
+    """Judge an estimate by plausibility, by its own uncertainties and by its residuals."""
+    against = [*_implausible(estimate, recording), *_too_uncertain(estimate), *_too_much_left_out(estimate)]
+    return Judgement(not against, against + _in_plain_words(estimate, recording))
+
+
+def _implausible(estimate: Estimate, recording: Recording) -> list[str]:
+    against: list[str] = []
+    gyro_known = any(name.startswith("gyroscope.matrix") for name in estimate.names)
+    force_factor = specific_force_factor(recording.specific_force_unit)
+    rate_factor = angular_rate_factor(recording.angular_rate_unit)
+    triads = [("accelerometer", estimate.model.accelerometer, force_factor)]
+    if gyro_known:
+        triads.append(("gyro", estimate.model.gyroscope, rate_factor))
+    for name, triad, factor in triads:
+        if triad is not None:
+            against += _implausible_triad(name, triad, factor)
+    if force_factor is not None and estimate.model.accelerometer is not None:
+        bias = estimate.model.accelerometer.bias * force_factor
+        if np.max(np.abs(bias)) > LARGEST_FORCE_BIAS:
+            against.append(
+                f"An accelerometer bias of {np.max(np.abs(bias)):.2f} m/s² is beyond what sensors have "
+                f"({LARGEST_FORCE_BIAS:g} m/s²): check the unit and the columns."
+            )
+    return against
+
+
+def _implausible_triad(name: str, triad: Triad, factor: float | None) -> list[str]:
+    against: list[str] = []
+    length = np.linalg.norm(triad.matrix, axis=1)
+    if np.linalg.det(triad.matrix) <= 0:
+        against.append(f"The {name}s form a left-handed triad: a scale factor is negative.")
+    if factor is not None and np.max(np.abs(length * factor - 1.0)) > LARGEST_SCALE_ERROR:
+        worst = float((length * factor)[np.argmax(np.abs(length * factor - 1.0))])
+        against.append(
+            f"A {name} scale of {worst:.3f} of the nominal one is beyond belief: "
+            "check the unit (--units) and gravity."
+        )
+    axes = triad.matrix / length[:, None]
+    if np.max(np.arccos(np.clip(np.diag(axes), -1.0, 1.0))) > LARGEST_ANGLE:
+        against.append(f"A {name} axis is more than 15° off: check the order of the columns (--columns).")
+    return against
+
+
+def _too_uncertain(estimate: Estimate) -> list[str]:
+    against: list[str] = []
+    for parameter in estimate.parameters:
+        relative = _relative_sigma(parameter)
+        if relative is None:
+            continue
+        sigma, limit, shown = relative
+        if not sigma < limit:
+            against.append(
+                f"{parameter.name[0].upper()}{parameter.name[1:]} is only known to ± {shown}, worse than an "
+                "uncalibrated unit: more holds and turns in more different poses are needed."
+            )
+    return against
+
+
+def _relative_sigma(parameter: NamedValue) -> tuple[float, float, str] | None:
+    """Return (sigma, limit, sigma in words) of the parameters that a limit exists for."""
+    sigma, name = parameter.standard_uncertainty, parameter.name
+    if "scale factor error" in name:
+        return sigma, WORST_SCALE_SIGMA, f"{100 * sigma:.2g} %"
+    if "scale factor" in name:
+        share = sigma / abs(parameter.value) if parameter.value else float("inf")
+        return share, WORST_SCALE_SIGMA, f"{100 * share:.2g} %"
+    if parameter.unit == "rad":
+        return sigma, WORST_ANGLE_SIGMA, f"{1e3 * sigma:.2g} mrad"
+    factor = specific_force_factor(parameter.unit) if name.startswith("accelerometer bias") else None
+    if factor is not None:
+        return sigma * factor, WORST_FORCE_BIAS_SIGMA, f"{sigma * factor:.2g} m/s²"
+    return None
+
+
+def _too_much_left_out(estimate: Estimate) -> list[str]:
+    turns = int(np.count_nonzero(np.isfinite(estimate.turn_angles)))
+    against: list[str] = []
+    for kind, total in (("hold", estimate.hold_norms.size), ("turn", turns)):
+        gone = len({left.index for left in estimate.left_out if left.kind == kind})
+        if total and gone > LARGEST_SHARE_LEFT_OUT * total:
+            against.append(
+                f"{gone} of {total} {kind}s contradict the others and were left out: too many to trust the rest."
+            )
+    return against
+
+
+def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
+    """Return what can be said for the calibration, in numbers."""
+    words: list[str] = []
+    holds = estimate.hold_norms.size
+    rms = float(np.sqrt(np.mean(estimate.hold_norms**2)))
+    noise = float(np.sqrt(np.mean(estimate.hold_sigmas**2)))
+    words.append(
+        f"Over {holds} holds the corrected specific force has the norm of gravity within "
+        f"{1e3 * rms:.2g} mm/s² rms (expected with the noise found: {1e3 * noise:.2g} mm/s²)."
+    )
+    turns = estimate.turn_angles[np.isfinite(estimate.turn_angles)]
+    if turns.size:
+        angle = float(np.degrees(np.sqrt(np.mean(turns**2))))
+        expected = float(np.degrees(np.sqrt(np.nanmean(estimate.turn_sigmas**2))))
+        words.append(
+            f"Over {turns.size} turns the corrected gyro carries gravity to where it is seen within "
+            f"{angle:.2g}° rms (expected: {expected:.2g}°)."
+        )
+    if np.isfinite(estimate.sigma0) and estimate.sigma0 > 1.5:
+        words.append(
+            f"The residuals are {estimate.sigma0:.1f} times what the noise inside the holds alone explains: biases "
+            "that wander, knocks and bandwidth. The stated uncertainties include it."
+        )
+    return words
