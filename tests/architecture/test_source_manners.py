@@ -15,7 +15,7 @@ CORE = ("attitude", "earth", "sensor", "recording", "estimation", "segmentation"
 
 # Suffixes of what is not SI. `_celsius` is let in: every temperature of this field is given in it.
 NOT_SI = re.compile(
-    r"(_(deg|degrees|mdeg|arcmin|arcsec|rpm|dps|g|mg|ug|gal|mgal|gauss|ppm|ppb|percent"
+    r"(_(deg|mdeg|arcmin|arcsec|rpm|dps|g|mg|ug|gal|mgal|gauss|ppm|ppb|percent"
     r"|km|cm|mm|um|minutes|hours|days|ms|us|ns|knots|kmh|fahrenheit|deg_per_\w+)|_per_(h|hour|min|deg))$"
 )
 # The letter g is also a frame, the gyro triad's: no rate and no rotation has the unit g.
@@ -57,12 +57,22 @@ def wears_other_s_docstring(function: type_of_function) -> bool:
     return bool(names & {"overload", "setter", "deleter", "override"})
 
 
+def file_models_of(tree: ast.Module) -> set[str]:
+    """The module's pydantic models: their fields are the keys of a file, which is an edge."""
+    models = {"BaseModel"}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ClassDef) and models & {ast.unparse(base) for base in node.bases}:
+            models.add(node.name)
+    return models
+
+
 def names_of(tree: ast.Module) -> Iterator[str]:
     """Names that a caller writes: parameters of every function, fields of every class."""
+    files = file_models_of(tree)
     for node in ast.walk(tree):
         if isinstance(node, ast.arguments):
             yield from (argument.arg for argument in [*node.posonlyargs, *node.args, *node.kwonlyargs])
-        elif isinstance(node, ast.ClassDef):
+        elif isinstance(node, ast.ClassDef) and node.name not in files:
             for field in node.body:
                 if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
                     yield field.target.id
@@ -141,3 +151,9 @@ def test_a_name_with_a_unit_that_is_not_si_is_found(name: str) -> None:
 @pytest.mark.parametrize("name", ["angular_rate_ib_g", "C_ag", "temperature_celsius", "matrix", "weights"])
 def test_frames_and_celsius_are_let_through(name: str) -> None:
     assert not names_that_are_not_si(ast.parse(f"def f({name}): ..."))
+
+
+def test_keys_of_a_file_may_carry_a_unit_but_not_the_parameters_beside_them() -> None:
+    source = "class Block(BaseModel): ...\nclass Site(Block):\n    latitude_deg: float\n"
+    assert not names_that_are_not_si(ast.parse(source))
+    assert names_that_are_not_si(ast.parse(source + "    def at(self, height_km): ...")) == ["height_km"]
