@@ -35,6 +35,7 @@ MINIMUM_HOLD = 0.7
 SHORTEST_MENTIONED = 0.3
 # A gap in which a turn can hide: no hold goes across it.
 LONGEST_HARMLESS_GAP = 0.25
+FARTHEST_TILT = np.radians(2.0)
 STATISTIC = "angular rate without bias, smoothed over 0.15 s, in approximate rad/s"
 
 
@@ -105,9 +106,7 @@ def _walls(recording: Recording, blocks: Blocks) -> np.ndarray:
 def _search(
     recording: Recording, blocks: Blocks, activity: Activity, walls: np.ndarray, minimum_hold: float
 ) -> tuple[list[Hold], list[Rejection]]:
-    rest = activity.rate < activity.threshold
-    rest[walls] = False
-    stretches = join_stretches(blocks, activity, _rests(blocks, rest, walls), walls)
+    stretches = join_stretches(blocks, activity, _rests(blocks, activity, walls), walls)
     holds: list[Hold] = []
     rejections: list[Rejection] = []
     long: list[Stretch] = []
@@ -132,8 +131,10 @@ def _search(
     return holds, rejections
 
 
-def _rests(blocks: Blocks, rest: np.ndarray, walls: np.ndarray) -> list[Stretch]:
+def _rests(blocks: Blocks, activity: Activity, walls: np.ndarray) -> list[Stretch]:
     """Every run of resting blocks with its ends found and its knocks marked."""
+    rest = activity.rate < activity.threshold
+    rest[walls] = False
     runs = [(a, b) for a, b in find_runs(rest) if b - a >= max(blocks.half_width, 2)]
     barriers = np.unique(np.concatenate([[0, len(blocks)], walls, walls + 1, *[list(r) for r in runs]]))
     floor = usual_scatter(blocks, runs)
@@ -150,10 +151,18 @@ def _rests(blocks: Blocks, rest: np.ndarray, walls: np.ndarray) -> list[Stretch]
             highest=last if at_wall[1] else int(highest),
             bounded=(first > 0, last < len(blocks)),
             floor=floor,
+            farthest=_farthest(activity),
         )
         stretch.excluded = find_knocks(blocks, stretch)
         stretches.append(stretch)
     return stretches
+
+
+def _farthest(activity: Activity) -> float:
+    """Raw units by which the gyro, or without one the specific force, may leave a rest's level."""
+    if activity.rate_scale is not None:
+        return activity.threshold / activity.rate_scale
+    return FARTHEST_TILT * (activity.gravity or 1.0)
 
 
 def _rejection(recording: Recording, blocks: Blocks, stretch: Stretch, reason: str) -> Rejection:

@@ -84,6 +84,7 @@ def shape_stretch(
     highest: int,
     bounded: tuple[bool, bool],
     floor: Vector,
+    farthest: float,
 ) -> Stretch:
     """Describe the rest from block `first` up to `last` and find its ends.
 
@@ -99,6 +100,8 @@ def shape_stretch(
     lowest, highest : blocks that the ends may not pass: the neighbouring rests, a gap in the samples.
     bounded : whether motion bounds the rest on the left and on the right; else the recording does.
     floor : least scatter per axis of the gyro (of the accelerometer without one), raw units.
+    farthest : raw units by which that triad may leave the stretch's level, whatever its scatter: a
+        hand that settles is not yet at rest.
     """
     stretch = Stretch(first, last, float(first), float(last), None, None, None, None)
     margin = blocks.half_width
@@ -108,7 +111,7 @@ def shape_stretch(
         stretch.force, stretch.force_scatter = _level(blocks.specific_force.smooth, first, last, margin)
     reach = max(1, round(OUTWARD_SECONDS / blocks.seconds))
     lowest, highest = max(lowest, first - reach), min(highest, last + reach)
-    distance = _distance(blocks, stretch, lowest, highest, floor)
+    distance = _distance(blocks, stretch, lowest, highest, floor, farthest)
     allowed = (last - first) // 2
     if bounded[0]:
         stretch.start = lowest + _settling(distance, first - lowest, allowed, margin)
@@ -117,8 +120,10 @@ def shape_stretch(
     return stretch
 
 
-def _distance(blocks: Blocks, stretch: Stretch, first: int, last: int, floor: Vector) -> Series:
-    """Distance of each block from the stretch's own level, in its own standard deviations."""
+def _distance(
+    blocks: Blocks, stretch: Stretch, first: int, last: int, floor: Vector, farthest: float
+) -> Series:
+    """Distance of each block from the stretch's own level, in its own standard deviations or more."""
     triad, middle, scatter = blocks.angular_rate, stretch.rate, stretch.rate_scatter
     if triad is None:
         triad, middle, scatter = blocks.specific_force, stretch.force, stretch.force_scatter
@@ -128,7 +133,8 @@ def _distance(blocks: Blocks, stretch: Stretch, first: int, last: int, floor: Ve
     scatter = np.maximum(scatter, floor)
     # a quantised axis may not move at all during a hold: the others stand in for it
     least = max(float(np.sqrt(np.mean(scatter**2))), 1e-12 * float(np.abs(middle).max()), 1e-300)
-    return np.sqrt(np.sum((values / np.maximum(scatter, 0.5 * least)) ** 2, axis=1))
+    own = np.sqrt(np.sum((values / np.maximum(scatter, 0.5 * least)) ** 2, axis=1))
+    return np.maximum(own, CHI_1E5 / farthest * np.linalg.norm(values, axis=1))
 
 
 def _settling(distance: Series, origin: int, allowed: int, needed: int) -> float:
