@@ -11,25 +11,27 @@ from tumble.units import find_unit
 AXES = "xyz"
 _SLOTS = ("t", "ax", "ay", "az", "gx", "gy", "gz", "temperature")
 
-_ACCELEROMETER = {
-    "a", "ac", "acc", "acce", "accel", "accelero", "accelerometer", "accelerometers", "acceleration",
-    "accelerations", "linearacceleration", "linearacc", "linacc", "specificforce", "f", "fb", "fib", "sf", "force",
-    "imuacc", "accdata",
-}  # fmt: skip
-_GYRO = {
-    "g", "gy", "gyr", "gyro", "gyros", "gyroscope", "gyroscopes", "w", "om", "omega", "omg", "angularvelocity",
-    "angularrate", "angvel", "angrate", "rotationrate", "rotrate", "rate", "wib", "avel", "angular", "omegaib",
-}  # fmt: skip
-_TIME = {
-    "t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "tick", "ticks", "sec", "secs", "seconds",
-    "timesec", "timestampsec", "timesample", "headerstamp", "tow", "gpstime", "elapsed", "elapsedtime", "systemtime",
-    "timestampsample", "secondselapsed", "hosttime", "devicetime", "utc", "datetime",
-}  # fmt: skip
-_TEMPERATURE = {"temp", "temperature", "tmp", "temps", "temperatures", "imutemp", "imutemperature", "tempc", "degc"}
-_NOISE_WORDS = {"imu", "sensor", "data", "raw", "value", "values", "cal", "uncal", "uncalibrated", "calibrated",
-                "b", "body", "rs", "s", "meas", "msg", "axis", "lin", "0", "ib", "m", "rad", "deg"}  # fmt: skip
+# Spellings without axis, separators and capitals, one kind a text.
+_SPELLINGS = {
+    "accelerometer": """
+        a ac acc acce accel accelero accelerometer accelerometers acceleration accelerations
+        linearacceleration linearacc linacc specificforce f fb fib sf force imuacc accdata""",
+    "gyro": """
+        g gy gyr gyro gyros gyroscope gyroscopes w om omega omg angularvelocity angularrate angvel angrate
+        rotationrate rotrate rate wib avel angular omegaib""",
+    "time": """
+        t time times timestamp timestamps stamp stamps tick ticks sec secs seconds timesec timestampsec
+        timesample headerstamp tow gpstime elapsed elapsedtime systemtime timestampsample secondselapsed
+        hosttime devicetime utc datetime""",
+    "temperature": "temp temperature tmp temps temperatures imutemp imutemperature tempc degc",
+    "filler": """
+        imu sensor data raw value values cal uncal uncalibrated calibrated b body rs s meas msg axis lin 0 ib
+        m rad deg""",
+}
+_ACCELEROMETER, _GYRO, _TIME, _TEMPERATURE, _FILLERS = (frozenset(t.split()) for t in _SPELLINGS.values())
 _UNIT_SUFFIX = re.compile(
-    r"[_ ](m[_/]?s\^?2|mps2|mg|g|rads|rad_s|radps|mdps|dps|deg_s|degps|s|sec|ms|us|ns|usec|nsec|msec)$", re.IGNORECASE
+    r"[_ ](m[_/]?s\^?2|mps2|mg|g|rads|rad_s|radps|mdps|dps|deg_s|degps|s|sec|ms|us|ns|usec|nsec|msec)$",
+    re.IGNORECASE,
 )
 _BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]")
 
@@ -83,7 +85,9 @@ def plan_from_option(option: str, count: int, name: str) -> ColumnPlan:
         sign = -1.0 if word.startswith("-") else 1.0
         slot = {"temp": "temperature", "time": "t"}.get(word.lstrip("+-"), word.lstrip("+-"))
         if slot not in _SLOTS:
-            raise UsageError(f"--columns: {word!r} is not one of {', '.join(_SLOTS)}, - (skip) or a name with - before it.")
+            raise UsageError(
+                f"--columns: {word!r} is not one of {', '.join(_SLOTS)}, - (skip) or a name with - before it."
+            )
         if slot in slots:
             raise UsageError(f"--columns: {slot!r} stands twice.")
         slots[slot] = (i, sign)
@@ -132,7 +136,9 @@ def _words(name: str) -> list[str]:
 
 def _is_time(words: list[str]) -> bool:
     joined = "".join(words)
-    return joined in _TIME or (words[0] in {"time", "timestamp", "stamp", "t"} and len(words) <= 3 and "zone" not in joined)
+    return joined in _TIME or (
+        words[0] in {"time", "timestamp", "stamp", "t"} and len(words) <= 3 and "zone" not in joined
+    )
 
 
 def role_of(name: str) -> tuple[str, str | None] | None:
@@ -169,7 +175,7 @@ def role_of(name: str) -> tuple[str, str | None] | None:
 
 def _kind(words: list[str]) -> str | None:
     """Return "a", "g" or None for the words of a name without its axis."""
-    kept = [w for w in words if w and w not in _NOISE_WORDS]
+    kept = [w for w in words if w and w not in _FILLERS]
     joined = "".join(kept)
     for kind, known in (("a", _ACCELEROMETER), ("g", _GYRO)):
         if joined in known:
@@ -229,7 +235,8 @@ def _declared_unit(slots: dict[str, tuple[int, str | None]], kind: str, quantity
     known = {find_unit(quantity, u) or find_unit(_INCREMENT[quantity], u) for u in units if u} - {None}
     if len(known) > 1:
         raise RecordingError(
-            f"The header gives different units of {quantity} to one triad ({', '.join(sorted(str(u) for u in known))}); "
+            f"The header gives different units of {quantity} to one triad "
+            f"({', '.join(sorted(str(u) for u in known))}); "
             "state one with --units."
         )
     return known.pop() if known else None

@@ -30,12 +30,12 @@ def is_time_like(column: Series) -> bool:
     """Say whether a column goes up steadily, as stamps do."""
     if column.size < 3 or not np.all(np.isfinite(column[[0, -1]])):
         return False
-    steps = np.diff(column[: 200_000])
-    up = float(np.mean(steps > 0.0))
-    if up < _STEADY * float(np.mean(steps != 0.0)) or up < 0.5:
+    steps: Series = np.diff(column[:200_000])
+    up = np.count_nonzero(steps > 0.0)
+    if up < _STEADY * np.count_nonzero(steps) or 2 * up <= steps.size:
         return False
     middle = float(np.median(steps))
-    return middle > 0.0 and float(np.mean(steps < 10.0 * middle)) > 0.9
+    return middle > 0.0 and bool(np.mean(steps < 10.0 * middle) > 0.9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,9 @@ def find_accelerometer(first: Vectors, second: Vectors, rate: float = _GUESS_RAT
         share = [s / r for s, r in zip(spread, ranges, strict=True)]
         big, small = max(share), min(share)
         if big > 0.2 and big > 4.0 * small:
-            return TriadOrder(share[1] > share[0], True, "its levels at rest differ, those of the other triad do not")
+            return TriadOrder(
+                share[1] > share[0], True, "its levels at rest differ, those of the other triad do not"
+            )
     level = quiet.means.mean(axis=0) if len(quiet) else signals.mean(axis=0)
     sizes = [float(np.linalg.norm(v)) for v in np.split(level, 2)]
     ratio = [s / r for s, r in zip(sizes, ranges, strict=True)]
@@ -88,11 +90,19 @@ def plan_from_content(columns: list[Series], name: str) -> tuple[ColumnPlan, lis
     times = [i for i, c in enumerate(columns) if is_time_like(c)]
     outer = [i for i in times if i in (0, len(columns) - 1)]
     time = outer[0] if outer else (times[0] if times else None)
-    values = [i for i in range(len(columns)) if i != time and not (i in times and len(columns) - len(times) in (3, 6))]
+    if time is None and len(columns) == 7 and float(np.ptp(columns[0])) == 0.0:
+        time = 0  # a clock that stands still: said so when the stamps are put in order
+    values = [
+        i
+        for i in range(len(columns))
+        if i != time and not (i in times and len(columns) - len(times) in (3, 6))
+    ]
     if len(values) < 3 or 3 < len(values) < 6:
         raise RecordingError(
-            f"{name} has {len(columns)} column(s), {'one of them time' if time is not None else 'none of them time'}; "
-            "a recording needs three (one triad) or six (both) beside the time. Say which is which with --columns."
+            f"{name} has {len(columns)} column(s), "
+            f"{'one of them time' if time is not None else 'none of them time'}; "
+            "a recording needs three (one triad) or six (both) beside the time. Say which is which with "
+            "--columns."
         )
     remarks: list[Remark] = []
     groups = [tuple((i, 1.0) for i in values[s : s + 3]) for s in (0, 3) if len(values) >= s + 3]
@@ -106,7 +116,6 @@ def plan_from_content(columns: list[Series], name: str) -> tuple[ColumnPlan, lis
     temperature = values[6] if len(values) == 7 and _could_be_temperature(columns[values[6]]) else None
     plan = ColumnPlan(time, groups[0], groups[1], temperature, said_by="content")
     plan = plan.swapped() if order.swapped else plan
-    assert plan.specific_force is not None and plan.angular_rate is not None
     remarks.append(Remark("assumed", _column_words(plan, order, name, len(columns))))
     if len(values) > 7 or (len(values) == 7 and temperature is None):
         remarks.append(Remark("found", f"{name}: the columns after the two triads are not used."))
@@ -118,16 +127,21 @@ def _column_words(plan: ColumnPlan, order: TriadOrder, name: str, count: int) ->
         assert triad is not None
         return f"{triad[0][0] + 1}-{triad[-1][0] + 1}"
 
-    time = "no column is time" if plan.time is None else f"column {plan.time + 1} of {count} is time (it grows steadily)"
+    time = (
+        "no column is time"
+        if plan.time is None
+        else f"column {plan.time + 1} of {count} is time (it grows steadily)"
+    )
     return (
-        f"{name} names no columns: {time}, columns {numbers(plan.specific_force)} are taken as the accelerometer "
+        f"{name} names no columns: {time}, columns {numbers(plan.specific_force)} are taken as the "
+        "accelerometer "
         f"({order.reason}), columns {numbers(plan.angular_rate)} as the gyro."
     )
 
 
 def _could_be_temperature(column: Series) -> bool:
     low, high = float(np.nanmin(column)), float(np.nanmax(column))
-    return -60.0 < low and high < 130.0 and high - low < 80.0 and high != 0.0
+    return low > -60.0 and high < 130.0 and high - low < 80.0 and high != 0.0
 
 
 # -- units -----------------------------------------------------------------------------------------
@@ -151,10 +165,7 @@ def rest_level(recording: Recording) -> Level:
     if recording.angular_rate is not None:
         signals = np.hstack([force, np.concatenate([recording.angular_rate[c] for c in cuts])])
     quiet: QuietStretches = find_quiet_stretches(signals, recording.rate)
-    if len(quiet):
-        norms = np.linalg.norm(quiet.means[:, :3], axis=1)
-    else:
-        norms = np.linalg.norm(force, axis=1)
+    norms = np.linalg.norm(quiet.means[:, :3] if len(quiet) else force, axis=1)
     middle = float(np.median(norms))
     low, high = np.quantile(norms, [0.05, 0.95])
     return Level(middle, float(high - low) / middle if middle > 0.0 else np.inf, bool(len(quiet)))
@@ -204,10 +215,10 @@ def check_specific_force_unit(level: Level, unit: str, rate: float, name: str) -
         guess, f"they look like {guess}: give --units {guess}"
     )
     if ratio < 0.1 and guess == COUNTS:
-        advice = "gravity seems to have been removed, and without it nothing can be calibrated; record raw specific force"
+        advice = "gravity seems to have been removed; record raw specific force, which contains it"
     raise RecordingError(
-        f"{name}: the accelerometer's norm {'at rest ' if level.at_rest else ''}is {level.norm:.4g}, which in the "
-        f"declared {unit} is {ratio:.3g} times gravity; {advice}."
+        f"{name}: the accelerometer's norm {'at rest ' if level.at_rest else ''}is {level.norm:.4g}, which "
+        f"in the declared {unit} is {ratio:.3g} times gravity; {advice}."
     )
 
 
@@ -230,7 +241,10 @@ def guess_angular_rate_unit(recording: Recording, header_is_plain: bool) -> tupl
     unit, reason = _unit_by_size(recording.angular_rate, recording.rate, header_is_plain)
     return unit, [
         Remark("assumed", f"Angular rate is taken as {unit}: {reason}."),
-        Remark("unchecked", "The gyro's unit could not be checked: the unit does not turn enough against gravity."),
+        Remark(
+            "unchecked",
+            "The gyro's unit could not be checked: the unit does not turn enough against gravity.",
+        ),
     ]
 
 
@@ -266,7 +280,9 @@ def check_angular_rate_unit(recording: Recording, unit: str, name: str) -> list[
         return [Remark("unchecked", f"The gyro's unit ({unit}) could not be checked against gravity.")]
     ratio = scale.scale / factor
     if 1.0 / _REFUSE_FACTOR < ratio < _REFUSE_FACTOR:
-        return [Remark("found", f"The gyro's unit ({unit}) agrees with how gravity turns (ratio {ratio:.2f}).")]
+        return [
+            Remark("found", f"The gyro's unit ({unit}) agrees with how gravity turns (ratio {ratio:.2f}).")
+        ]
     other = unit_of_scale(scale.scale)
     advice = f"--units …,{other}" if other else "--units counts"
     raise RecordingError(

@@ -52,7 +52,9 @@ def read_units_option(option: str | Sequence[str] | None) -> DeclaredUnits:
                 raise UsageError(f"--units gives two units of {kind}.")
             declared = replace(declared, **{field: find_unit(kind, word)})
     if declared.specific_force and declared.velocity_increment:
-        raise UsageError("--units declares the accelerometer both as specific force and as velocity increments.")
+        raise UsageError(
+            "--units declares the accelerometer both as specific force and as velocity increments."
+        )
     if declared.angular_rate and declared.angle_increment:
         raise UsageError("--units declares the gyro both as angular rate and as angle increments.")
     return declared

@@ -108,7 +108,12 @@ def _channels(recording: Recording) -> dict[str, Series]:
 def _gaps(recording: Recording) -> tuple[Gap, ...]:
     time, step = recording.time, 1.0 / recording.rate
     return tuple(
-        Gap(i, float(time[i - 1]), float(time[i] - time[i - 1]), max(round((time[i] - time[i - 1]) / step) - 1, 1))
+        Gap(
+            i,
+            float(time[i - 1]),
+            float(time[i] - time[i - 1]),
+            max(round((time[i] - time[i - 1]) / step) - 1, 1),
+        )
         for i in recording.gaps
     )
 
@@ -256,11 +261,15 @@ def _warnings(
         gaps = _gaps(recording)
         worst = max(gaps, key=lambda g: g.duration)
         said.append(
-            f"Samples are missing in {len(gaps)} place(s), {sum(g.samples for g in gaps)} in all; the longest gap is "
+            f"Samples are missing in {len(gaps)} place(s), {sum(g.samples for g in gaps)} in all; the "
+            "longest gap is "
             f"{worst.duration:.3g} s after t = {worst.time:.6g} s. A turn across a gap cannot be integrated."
         )
     if jitter > 0.2:
-        said.append(f"The stamps jitter by {100 * jitter:.0f} % of a step (the gyro is integrated with them as they are).")
+        said.append(
+            f"The stamps jitter by {100 * jitter:.0f} % of a step (the gyro is integrated with them as they "
+            "are)."
+        )
     if stuck:
         said.append(f"Channel(s) {', '.join(stuck)} never change: a dead sensor or a wrong column.")
     said += [
@@ -274,13 +283,16 @@ def _warnings(
         low, high = float(norms.min()), float(norms.max())
         if low < 0.8 * STANDARD_GRAVITY or high > 1.2 * STANDARD_GRAVITY:
             said.append(
-                f"The norm of specific force at rest runs from {low:.4g} to {high:.4g} m/s²; biases of a usable "
+                f"The norm of specific force at rest runs from {low:.4g} to {high:.4g} m/s²; biases of a "
+                "usable "
                 "accelerometer are smaller. Check the unit, or a channel of it."
             )
     return said
 
 
-def _usefulness(recording: Recording, facts: _Facts, contradiction: str | None) -> tuple[list[str], list[str]]:
+def _usefulness(
+    recording: Recording, facts: _Facts, contradiction: str | None
+) -> tuple[list[str], list[str]]:
     """Say what the recording is good for and what it lacks."""
     good: list[str] = []
     missing: list[str] = []
@@ -294,7 +306,8 @@ def _usefulness(recording: Recording, facts: _Facts, contradiction: str | None) 
         good.append("Gyro scale, misalignment and bias from the turns between rests (hand-held procedure).")
     elif not facts.turning:
         missing.append(
-            "For the gyro: turns about level axes between the rests, a quarter to half a turn each, about every axis."
+            "For the gyro: turns about level axes between the rests, a quarter to half a turn each, about "
+            "every axis."
         )
     if facts.longest_rest >= _NOISE_SECONDS:
         good.append(f"Noise analysis: a rest of {facts.longest_rest:.0f} s.")
@@ -318,11 +331,13 @@ def _judge_poses(facts: _Facts, good: list[str], missing: list[str]) -> None:
     elif facts.poses >= _POSES_FOR_SIX:
         good.append(f"Multi-position calibration of the accelerometers' biases and scales: {found}.")
         missing.append(
-            f"For non-orthogonalities as well: {_POSES_FOR_NINE - facts.poses} more pose(s), at best with two axes "
+            f"For non-orthogonalities as well: {_POSES_FOR_NINE - facts.poses} more pose(s), at best with "
+            "two axes "
             "inclined to the vertical."
         )
     else:
         missing.append(
-            f"For a multi-position calibration: at least {_POSES_FOR_NINE} distinct poses, each held for a second "
+            f"For a multi-position calibration: at least {_POSES_FOR_NINE} distinct poses, each held for a "
+            "second "
             f"or more ({found})."
         )

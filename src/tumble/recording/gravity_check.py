@@ -92,7 +92,7 @@ def _collect(force: Vectors, rate_raw: Vectors, time: Series, rate: float) -> _W
     count = (f.shape[0] - 2 * half) // size
     if count < _LEAST_WINDOWS:
         return None
-    edges = half + size * np.arange(count + 1)
+    edges = half + size * np.arange(count + 1, dtype=np.intp)
     sums = np.concatenate([np.zeros((1, 3)), np.cumsum(f, axis=0)])
     at_edges = (sums[edges + half] - sums[edges - half]) / (2 * half)
     inner = slice(half, half + size * count)
@@ -134,13 +134,18 @@ def _design(products: Table) -> Table:
     return np.einsum("ilj,wlk->wijk", _E, k).reshape(-1, 9)
 
 
+def _solve(design: Table, values: Series, weights: Series) -> Series:
+    """Weighted normal equations: the columns are of one size, and a few per cent are enough here."""
+    weighted = design * weights[:, None]
+    return np.asarray(np.linalg.pinv(weighted.T @ design) @ (weighted.T @ values), dtype=np.float64)
+
+
 def _solve_robustly(design: Table, values: Series) -> tuple[Series, Table, float]:
     """Least squares with Huber's weights; returns solution, covariance and the share explained."""
     weights = np.ones(values.size)
-    solution = np.zeros(design.shape[1])
+    solution = _solve(design, values, weights)
     for _ in range(8):
-        root = np.sqrt(weights)
-        solution = np.linalg.lstsq(design * root[:, None], values * root, rcond=None)[0]
+        solution = _solve(design, values, weights)
         residual = values - design @ solution
         sigma = 1.4826 * float(np.median(np.abs(residual))) + 1e-300
         weights = np.minimum(1.0, 1.5 * sigma / (np.abs(residual) + 1e-300))

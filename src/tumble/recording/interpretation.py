@@ -135,7 +135,8 @@ def _signals(table: RawTable, plan: ColumnPlan) -> _Signals:
             f"{table.path.name}: {bad} of {good.size} rows hold no finite number somewhere, the first at "
             f"{table.place(row)}, {where}; mend the file or skip that column with --columns."
         )
-    text = f"{table.path.name}: {bad} row(s) without a finite number left out (first: {table.place(row)}, {where})."
+    where = f"first: {table.place(row)}, {where}"
+    text = f"{table.path.name}: {bad} row(s) without a finite number left out ({where})."
     rows = np.flatnonzero(good)
 
     def kept(part: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
@@ -164,11 +165,20 @@ def _ordered(
                 f"{table.path.name} has no column of time stamps; give the sampling rate with --rate HZ "
                 "(or name the time column with --columns)."
             )
-        gaps = () if signals.rows is None else tuple(int(i) + 1 for i in np.flatnonzero(np.diff(signals.rows) > 1))
-        index = np.arange(count, dtype=np.float64) if signals.rows is None else signals.rows.astype(np.float64)
+        gaps = (
+            ()
+            if signals.rows is None
+            else tuple(int(i) + 1 for i in np.flatnonzero(np.diff(signals.rows) > 1))
+        )
+        index = (
+            np.arange(count, dtype=np.float64) if signals.rows is None else signals.rows.astype(np.float64)
+        )
         return signals, stamps.Stamps(index / rate, np.ones(count, bool), gaps, rate, "s")
     rows = signals.rows
-    place = table.place if rows is None else (lambda row: table.place(int(rows[row])))
+
+    def place(row: int) -> str:
+        return table.place(row if rows is None else int(rows[row]))
+
     ordered = stamps.order_stamps(signals.stamps, unit=unit, rate=rate, name=table.path.name, place=place)
     if not ordered.keep.all():
         keep = ordered.keep
@@ -213,9 +223,7 @@ def interpret(
         gaps=ordered.gaps,
     )
     content.check_triads(recording, table.path.name)
-    decided = Interpretation(
-        plan, None if plan.time is None else ordered.unit, COUNTS, COUNTS, ordered.rate
-    )
+    decided = Interpretation(plan, None if plan.time is None else ordered.unit, COUNTS, COUNTS, ordered.rate)
     decided, more = _decide_force(recording, decided, units, table)
     recording = _rescaled(recording, decided)
     decided, rate_remarks = _decide_rate(recording, decided, units, table)
@@ -232,8 +240,15 @@ def interpret(
 
 def _unchecked(recording: Recording) -> list[Remark]:
     if recording.specific_force is None:
-        return [Remark("unchecked", "Without an accelerometer nothing shows the gyro's unit, signs or order of axes.")]
-    text = "Whether all three accelerometer axes are reversed together (the sign of gravity) cannot be seen in a recording"
+        return [
+            Remark(
+                "unchecked", "Without an accelerometer nothing shows the gyro's unit, signs or order of axes."
+            )
+        ]
+    text = (
+        "Whether all three accelerometer axes are reversed together (the sign of gravity) cannot be seen in "
+        "a recording"
+    )
     if recording.angular_rate is None:
         text += "; without a gyro neither can the order and handedness of the axes"
     return [Remark("unchecked", text + ".")]
@@ -261,7 +276,12 @@ def _decide_force(
     level = content.rest_level(recording)
     header = decided.plan.specific_force_unit
     increment = units.velocity_increment
-    if increment is None and units.specific_force is None and header and find_unit("velocity increment", header):
+    if (
+        increment is None
+        and units.specific_force is None
+        and header
+        and find_unit("velocity increment", header)
+    ):
         increment = find_unit("velocity increment", header)
     if increment is not None:
         factor = velocity_increment_factor(increment) * rate
@@ -272,10 +292,13 @@ def _decide_force(
     if unit is not None:
         content.check_specific_force_unit(level, unit, rate, name)
         return replace(decided, specific_force_unit=unit), []
-    unit, reason = content.guess_specific_force_unit(level, content.whole_numbers(recording.specific_force), rate)
+    unit, reason = content.guess_specific_force_unit(
+        level, content.whole_numbers(recording.specific_force), rate
+    )
     if unit == "increments":
         raise RecordingError(
-            f"{name}: the accelerometer's columns look like velocity increments ({reason}); give --units m/s,rad "
+            f"{name}: the accelerometer's columns look like velocity increments ({reason}); give --units "
+            "m/s,rad "
             "(or m/s,deg) to convert them to rates, or --units counts if they are raw."
         )
     if unit == COUNTS and not level.norm > 0.0:
@@ -301,12 +324,17 @@ def _decide_rate(
         text = f"Angle increments in {increment} are divided by the sampling interval of {1 / rate:.6g} s."
         converted = replace(recording, angular_rate=recording.angular_rate * factor)
         more = content.check_angular_rate_unit(converted, "rad/s", name)
-        return replace(decided, angular_rate_unit="rad/s", rate_factor=factor), [Remark("mended", text), *more]
+        return replace(decided, angular_rate_unit="rad/s", rate_factor=factor), [
+            Remark("mended", text),
+            *more,
+        ]
     unit = units.angular_rate or header
     if unit is None and units.specific_force == COUNTS:
         unit = COUNTS
     if unit is not None:
-        return replace(decided, angular_rate_unit=unit), content.check_angular_rate_unit(recording, unit, name)
+        return replace(decided, angular_rate_unit=unit), content.check_angular_rate_unit(
+            recording, unit, name
+        )
     plain = table.names is not None and {n.lower() for n in table.names} >= set(_PLAIN_NAMES)
     unit, remarks = content.guess_angular_rate_unit(recording, plain)
     return replace(decided, angular_rate_unit=unit), remarks
@@ -355,7 +383,9 @@ def interpret_block(
     if not time.size:
         return None
     if missing > 0.6 / decided.rate and not begins:
-        remarks.append(Remark("found", f"Samples are missing for {missing:.3g} s before t = {time[0]:.6g} s."))
+        remarks.append(
+            Remark("found", f"Samples are missing for {missing:.3g} s before t = {time[0]:.6g} s.")
+        )
     block = Recording(
         time=time,
         specific_force=None if signals.force is None else signals.force[keep],

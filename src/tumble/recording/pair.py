@@ -31,6 +31,13 @@ def _value_columns(table: RawTable) -> tuple[int | None, tuple[int, ...]] | None
     return (None, (0, 1, 2)) if count == 3 else None
 
 
+def _one_triad(table: RawTable) -> tuple[int | None, tuple[int, ...]]:
+    """Return time and value columns of a table that `is_pair` has found to have one triad."""
+    found = _value_columns(table)
+    assert found is not None
+    return found
+
+
 def is_pair(tables: list[RawTable]) -> bool:
     """Say whether two tables have one triad each."""
     return len(tables) == 2 and all(_value_columns(t) is not None for t in tables)
@@ -71,9 +78,7 @@ def find_pairing(first: RawTable, second: RawTable, columns: str | None = None) 
     """
     if columns is not None:
         return _pairing_by_option(first, second, columns)
-    layouts = [_value_columns(t) for t in (first, second)]
-    assert layouts[0] is not None and layouts[1] is not None
-    (time, values), (other_time, other_values) = layouts[0], layouts[1]
+    (time, values), (other_time, other_values) = (_one_triad(t) for t in (first, second))
     start = 0 if time is None and other_time is None else 1
     triads = [tuple((i, 1.0) for i in range(s, s + 3)) for s in (start, start + 3)]
     plan = ColumnPlan(0 if start else None, triads[0], triads[1], said_by="content")
@@ -86,7 +91,9 @@ def find_pairing(first: RawTable, second: RawTable, columns: str | None = None) 
 def _pairing_by_option(first: RawTable, second: RawTable, columns: str) -> Pairing:
     halves = columns.split(";")
     if len(halves) != 2:
-        raise UsageError("--columns for a pair of files is two lists with ; between, as t,ax,ay,az;t,gx,gy,gz.")
+        raise UsageError(
+            "--columns for a pair of files is two lists with ; between, as t,ax,ay,az;t,gx,gy,gz."
+        )
     plans = [
         plan_from_option(h, len(t.columns), t.path.name) for h, t in zip(halves, (first, second), strict=True)
     ]
@@ -97,7 +104,8 @@ def _pairing_by_option(first: RawTable, second: RawTable, columns: str) -> Pairi
     own, other = (p.specific_force or p.angular_rate or () for p in plans)
     start = 0 if plans[0].time is None and plans[1].time is None else 1
     placed = [
-        tuple((start + 3 * n + i, sign) for i, (_, sign) in enumerate(triad)) for n, triad in enumerate((own, other))
+        tuple((start + 3 * n + i, sign) for i, (_, sign) in enumerate(triad))
+        for n, triad in enumerate((own, other))
     ]
     plan = ColumnPlan(0 if start else None, placed[0], placed[1], said_by="option")
     plan = plan if plans[0].specific_force is not None else plan.swapped()
@@ -115,7 +123,8 @@ def merge_pair(first: RawTable, second: RawTable, pairing: Pairing) -> RawTable:
     """
     if len(first) != len(second):
         raise RecordingError(
-            f"{first.path.name} has {len(first)} rows and {second.path.name} has {len(second)}: the two triads need "
+            f"{first.path.name} has {len(first)} rows and {second.path.name} has {len(second)}: the two "
+            "triads need "
             "the same stamps. Cut or interpolate one of them onto the stamps of the other."
         )
     stamps = None if pairing.time is None else first.columns[pairing.time]
@@ -143,7 +152,8 @@ def _check_stamps(first: RawTable, time: int, second: RawTable, other_time: int)
         row = int(apart[0])
         raise RecordingError(
             f"{first.path.name} and {second.path.name} have different stamps from {first.place(row)} on "
-            f"({a[row]:.9g} and {b[row]:.9g}); interpolate one onto the stamps of the other, or give one file with both."
+            f"({a[row]:.9g} and {b[row]:.9g}); interpolate one onto the stamps of the other, or give one "
+            "file with both."
         )
 
 
@@ -165,8 +175,10 @@ def _which(first: RawTable, second: RawTable, merged: RawTable, plan: ColumnPlan
         swapped = kinds[0] == "g" or kinds[1] == "a"
         reason, kind = "their names say so", "found"
     else:
-        assert plan.specific_force is not None and plan.angular_rate is not None
-        triads = [np.column_stack([merged.columns[i] for i, _ in t]) for t in (plan.specific_force, plan.angular_rate)]
+        triads = [
+            np.column_stack([merged.columns[i] for i, _ in t or ()])
+            for t in (plan.specific_force, plan.angular_rate)
+        ]
         finite = np.all(np.isfinite(np.hstack(triads)), axis=1)
         order = find_accelerometer(triads[0][finite], triads[1][finite])
         swapped, reason, kind = order.swapped, order.reason, "assumed"

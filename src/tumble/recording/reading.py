@@ -213,7 +213,8 @@ def _in_step(paths: list[Path]) -> Iterator[tuple[RawTable, RawTable]]:
         if first is None or second is None:
             short = 0 if first is None else 1
             raise RecordingError(
-                f"{paths[short].name} ends after {rows[short]} rows and {paths[1 - short].name} goes on: the two "
+                f"{paths[short].name} ends after {rows[short]} rows and {paths[1 - short].name} goes on: "
+                "the two "
                 "triads need the same stamps. Cut one of them."
             )
         count = min(len(first), len(second))

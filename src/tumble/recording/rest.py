@@ -52,7 +52,7 @@ class QuietStretches:
 
 def smallest_step(values: npt.NDArray[np.float64]) -> float:
     """Return the smallest difference between distinct values: the quantisation step (0 if constant)."""
-    distinct = np.unique(values[: 4 * _PIECE])
+    distinct = np.unique(values[:_PIECE])
     if distinct.size < 2:
         return 0.0
     steps = np.diff(distinct)
@@ -74,9 +74,10 @@ def find_quiet_stretches(signals: Table, rate: float) -> QuietStretches:
     channels = signals.shape[1]
     none = np.zeros(0, np.intp)
     if count == 0:
-        return QuietStretches(none, none, np.zeros((0, channels)), np.zeros(channels))
+        return QuietStretches(none, none, np.zeros((0, channels)), np.zeros((channels,), dtype=np.float64))
     means, scatter = block_statistics(signals, size)
-    floor = np.array([_floor(signals[:, i], scatter[:, i]) for i in range(channels)])
+    floors = [_floor(signals[:, i], scatter[:, i]) for i in range(channels)]
+    floor = np.asarray(floors, dtype=np.float64)
     quiet = np.all(scatter <= _SCATTER_LIMIT * floor, axis=1)
     joined = np.all(np.abs(np.diff(means, axis=0)) <= _STEP_LIMIT * floor, axis=1)
     first = quiet & ~np.concatenate([[False], quiet[:-1] & joined])
@@ -85,7 +86,9 @@ def find_quiet_stretches(signals: Table, rate: float) -> QuietStretches:
     long = stops - starts >= 2
     starts, stops = starts[long], stops[long]
     sums = np.concatenate([np.zeros((1, channels)), np.cumsum(means, axis=0)])
-    level = (sums[stops] - sums[starts]) / (stops - starts)[:, None] if starts.size else np.zeros((0, channels))
+    level = (
+        (sums[stops] - sums[starts]) / (stops - starts)[:, None] if starts.size else np.zeros((0, channels))
+    )
     return QuietStretches(starts * size, stops * size, level, floor)
 
 
@@ -143,9 +146,10 @@ def fit_sphere(points: Vectors) -> tuple[Vector, float] | None:
         return None
     q = (points - middle) / size
     design = np.column_stack([2.0 * q, np.ones(len(q))])
-    solution, _, rank, singular = np.linalg.lstsq(design, (q**2).sum(axis=1), rcond=None)
-    if rank < 4 or singular[-1] < 0.1 * singular[0]:
+    singular = np.linalg.svd(design, compute_uv=False)
+    if singular[-1] < 0.1 * singular[0]:
         return None
-    centre = solution[:3]
+    solution = np.linalg.pinv(design) @ (q**2).sum(axis=1)
+    centre: Vector = solution[:3]
     square = float(solution[3] + centre @ centre)
     return (middle + size * centre, size * float(np.sqrt(square))) if square > 0.0 else None

@@ -15,7 +15,18 @@ from tumble.units import time_factor
 
 _PLAUSIBLE_RATE = (10.0, 10_000.0)  # Hz
 _GAP_FACTOR = 1.6  # of the median step: one missing sample doubles the step, jitter rarely reaches this
-_WRAPS = (2.0**16, 2.0**24, 2.0**31, 2.0**32, 1000.0, 60_000.0, 86_400.0, 86_400_000.0, 604_800.0, 604_800_000.0)
+_WRAPS = (
+    2.0**16,
+    2.0**24,
+    2.0**31,
+    2.0**32,
+    1000.0,
+    60_000.0,
+    86_400.0,
+    86_400_000.0,
+    604_800.0,
+    604_800_000.0,
+)
 _MOST_DUPLICATES = 0.05
 
 
@@ -128,7 +139,9 @@ def order_stamps(
         )
     if doubles:
         first = place(int(np.argmin(keep)))
-        remarks.append(Remark("mended", f"{name}: {doubles} row(s) with a repeated stamp left out (first: {first})."))
+        remarks.append(
+            Remark("mended", f"{name}: {doubles} row(s) with a repeated stamp left out (first: {first}).")
+        )
     raw = raw[keep]
     step = float(np.median(np.diff(raw)))
     unit = _unit_of(step, unit, rate, name, remarks)
@@ -169,10 +182,14 @@ def _unit_of(step: float, unit: str | None, rate: float | None, name: str, remar
         return min(("s", "ms", "us", "ns"), key=lambda u: abs(np.log(step * time_factor(u) * rate)))
     guess = guess_time_unit(step)
     found = 1.0 / (step * time_factor(guess))
-    remarks.append(Remark("assumed", f"{name}: stamps are taken as {guess} (steps of {step:.6g}, {found:.4g} Hz)."))
+    remarks.append(
+        Remark("assumed", f"{name}: stamps are taken as {guess} (steps of {step:.6g}, {found:.4g} Hz).")
+    )
     low, high = _PLAUSIBLE_RATE
     if not 0.5 * low <= found <= 2.0 * high:
-        remarks.append(Remark("unchecked", f"A rate of {found:.3g} Hz is unusual for an IMU; check the unit of time."))
+        remarks.append(
+            Remark("unchecked", f"A rate of {found:.3g} Hz is unusual for an IMU; check the unit of time.")
+        )
     return guess
 
 

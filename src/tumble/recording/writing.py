@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -34,7 +34,7 @@ def column_names(recording: Recording) -> list[str]:
 
 
 @contextmanager
-def written_beside(path: Path) -> Iterator[Path]:
+def written_beside(path: Path) -> Generator[Path, None, None]:
     """Give a path beside `path` to write to; afterwards it takes the place of `path`.
 
     Raises
@@ -67,7 +67,9 @@ def write_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
     """
     target = Path(path)
     if target.suffix.lower() not in ENDINGS:
-        raise UsageError(f"{target.name}: recordings are saved as .csv or .parquet; choose one of these endings.")
+        raise UsageError(
+            f"{target.name}: recordings are saved as .csv or .parquet; choose one of these endings."
+        )
     if not target.parent.is_dir():
         raise OutputError(f"{target} could not be written: the folder {target.parent} does not exist.")
     import polars as pl
@@ -79,13 +81,12 @@ def write_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
     if recording.temperature is not None:
         columns.append(recording.temperature)
     frame = pl.DataFrame(dict(zip(column_names(recording), columns, strict=True)))
-    with written_beside(target) as beside:
-        # A file opened here: errors of the disk then arrive as OSError, not as polars' own.
-        with beside.open("wb") as file:
-            if target.suffix.lower() == ".csv":
-                frame.write_csv(file)
-            else:
-                frame.write_parquet(file)
-            file.flush()
-            os.fsync(file.fileno())
+    # A file opened here: errors of the disk then arrive as OSError, not as polars' own.
+    with written_beside(target) as beside, beside.open("wb") as file:
+        if target.suffix.lower() == ".csv":
+            frame.write_csv(file)
+        else:
+            frame.write_parquet(file)
+        file.flush()
+        os.fsync(file.fileno())
     return target

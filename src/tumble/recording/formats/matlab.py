@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any, cast
 
@@ -52,7 +53,7 @@ def read_table(path: Path) -> RawTable:
     """
     with path.open("rb") as file:
         head = file.read(520)
-    if head.startswith(_HDF5) or _HDF5 in head[512:] or head.startswith(b"MATLAB 7.3"):
+    if head.startswith((_HDF5, b"MATLAB 7.3")) or _HDF5 in head[512:]:
         return table_from_variables(path, _hdf5_variables(path))
     from scipy.io import loadmat
 
@@ -60,7 +61,15 @@ def read_table(path: Path) -> RawTable:
         loaded = cast(
             "dict[str, Any]", loadmat(path, struct_as_record=False, squeeze_me=True, mat_dtype=False)
         )
-    except (ValueError, TypeError, KeyError, IndexError, NotImplementedError, EOFError, struct.error) as error:
+    except (
+        ValueError,
+        TypeError,
+        KeyError,
+        IndexError,
+        NotImplementedError,
+        EOFError,
+        struct.error,
+    ) as error:
         raise RecordingError(f"{path.name} is a damaged MATLAB file ({error}).") from error
     except Exception as error:  # scipy's own MatReadError and zlib.error derive from Exception
         raise RecordingError(f"{path.name} is a damaged MATLAB file ({error}).") from error
@@ -82,7 +91,7 @@ def _flattened(values: Mapping[str, Any], prefix: str = "") -> dict[str, npt.NDA
 def _hdf5_variables(path: Path) -> dict[str, npt.NDArray[np.float64]]:
     """Return the data sets of an HDF5 file; MATLAB stores its arrays transposed there."""
     try:
-        import h5py  # type: ignore[import-not-found]
+        h5py: Any = import_module("h5py")
     except ImportError as error:
         raise UsageError(
             f"{path.name} is HDF5 (MATLAB 7.3); reading it needs h5py: pip install 'tumble[hdf5]', "
@@ -91,7 +100,11 @@ def _hdf5_variables(path: Path) -> dict[str, npt.NDArray[np.float64]]:
     found: dict[str, npt.NDArray[np.float64]] = {}
 
     def visit(name: str, node: Any) -> None:
-        if isinstance(node, h5py.Dataset) and not name.startswith("#") and (array := numbers_of(node[()])) is not None:
+        if (
+            isinstance(node, h5py.Dataset)
+            and not name.startswith("#")
+            and (array := numbers_of(node[()])) is not None
+        ):
             found[name.replace("/", ".")] = array
 
     try:

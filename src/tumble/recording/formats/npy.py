@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,9 +23,9 @@ def recognises(head: bytes) -> bool:
     return head.startswith(b"\x93NUMPY")
 
 
-def _mapped(path: Path) -> tuple[tuple[str, ...] | None, npt.NDArray[np.generic]]:
+def _mapped(path: Path) -> tuple[tuple[str, ...] | None, npt.NDArray[Any]]:
     try:
-        array: npt.NDArray[np.generic] = np.load(path, mmap_mode="r", allow_pickle=False)
+        array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
     except (ValueError, EOFError) as error:
         raise RecordingError(f"{path.name} is a damaged or unsupported NPY file ({error}).") from error
     if array.dtype.names:
@@ -37,7 +38,7 @@ def _mapped(path: Path) -> tuple[tuple[str, ...] | None, npt.NDArray[np.generic]
     return None, array.T if array.shape[0] < 12 < array.shape[1] else array
 
 
-def _table(path: Path, names: tuple[str, ...] | None, rows: npt.NDArray[np.generic], source: Source) -> RawTable:
+def _table(path: Path, names: tuple[str, ...] | None, rows: npt.NDArray[Any], source: Source) -> RawTable:
     if names is None:
         return RawTable(path, None, as_columns(np.asarray(rows, dtype=np.float64)), source)
     return RawTable(path, names, [np.asarray(rows[n], dtype=np.float64) for n in names], source)

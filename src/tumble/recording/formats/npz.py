@@ -35,5 +35,7 @@ def read_table(path: Path) -> RawTable:
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: numbers_of(archive[name]) for name in archive.files}
     except (ValueError, EOFError, BadZipFile, AttributeError) as error:
-        raise RecordingError(f"{path.name} is a zip archive that NumPy cannot read ({error}); unpack it.") from error
+        raise RecordingError(
+            f"{path.name} is a zip archive that NumPy cannot read ({error}); unpack it."
+        ) from error
     return table_from_variables(path, {n: a for n, a in arrays.items() if a is not None})

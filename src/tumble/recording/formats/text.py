@@ -13,7 +13,7 @@ import lzma
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, cast
+from typing import IO, TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -26,9 +26,11 @@ from tumble.recording.formats.text_layout import (
     find_layout,
     is_comment,
     is_number,
-    split_cells,
 )
 from tumble.recording.recording import Remark, Source
+
+if TYPE_CHECKING:
+    import polars as pl
 
 NAME = "text"
 ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", ".mat", ".gz", ".bz2", ".xz")
@@ -39,17 +41,21 @@ _NUMPY_LIMIT = 32 * 1024 * 1024
 _CHUNK = 16 * 1024 * 1024
 _MISSING = ["", "NA", "N/A", "na", "null", "NULL", "None", "none", "-", "--", "?"]
 _OPENERS: dict[bytes, Callable[[Path], IO[bytes]]] = {
-    b"\x1f\x8b": lambda path: cast(IO[bytes], gzip.open(path, "rb")),
-    b"BZh": lambda path: cast(IO[bytes], bz2.open(path, "rb")),
-    b"\xfd7zXZ": lambda path: cast(IO[bytes], lzma.open(path, "rb")),
+    b"\x1f\x8b": lambda path: cast(IO[bytes], gzip.GzipFile(path)),
+    b"BZh": lambda path: cast(IO[bytes], bz2.BZ2File(path)),
+    b"\xfd7zXZ": lambda path: cast(IO[bytes], lzma.LZMAFile(path)),  # noqa: SIM115
 }
 
 
 def recognises(head: bytes) -> bool:
     """Say whether a file that begins so is text (or compressed, which may hold text)."""
-    if head.startswith(tuple(_OPENERS)) or head.startswith((b"\xff\xfe", b"\xfe\xff")):
+    if head.startswith((*_OPENERS, b"\xff\xfe", b"\xfe\xff")):
         return True
     return b"\0" not in head and sum(b < 9 or 13 < b < 32 for b in head[:1024]) == 0
+
+
+def _open_plain(path: Path) -> IO[bytes]:
+    return path.open("rb")
 
 
 def _opener(path: Path) -> Callable[[Path], IO[bytes]] | None:
@@ -138,7 +144,11 @@ def _line_finder(path: Path, layout: TextLayout) -> Callable[[int], str]:
         with io.BytesIO(_plain(_read_all(path)[0])) as file:
             for number, line in enumerate(file, start=1):
                 text = line.strip()
-                if number < layout.first_line or not text or text.startswith(tuple(c.encode() for c in COMMENTS)):
+                if (
+                    number < layout.first_line
+                    or not text
+                    or text.startswith(tuple(c.encode() for c in COMMENTS))
+                ):
                     continue
                 if row == 0:
                     return f"line {number}"
@@ -162,7 +172,9 @@ def _prepared(body: bytes, layout: TextLayout) -> bytes:
 
 def _parsed_by_numpy(body: bytes, layout: TextLayout) -> list[Series]:
     """Parse with numpy's reader; raises ValueError at the first cell that is not a number."""
-    comment = next((c for c in COMMENTS if c.encode() in body), None) if layout.comment or b"#" in body else None
+    comment = (
+        next((c for c in COMMENTS if c.encode() in body), None) if layout.comment or b"#" in body else None
+    )
     every = len(layout.number_columns) == layout.columns
     matrix = np.loadtxt(
         io.BytesIO(body),
@@ -229,9 +241,9 @@ def _parsed_by_polars(source: Path | bytes, layout: TextLayout, skip_lines: int 
     return _without_blank_rows(columns)
 
 
-def _float_column(series: object) -> Series:
+def _float_column(series: pl.Series) -> Series:
     """Return a polars column as float64, missing cells as NaN, without a copy where it can be."""
-    return np.asarray(series.to_numpy(), dtype=np.float64)  # type: ignore[attr-defined]
+    return np.asarray(series.to_numpy(), dtype=np.float64)
 
 
 def _iso_seconds(cells: list[str | None]) -> Series:
@@ -263,7 +275,9 @@ def _parsed(body: bytes, layout: TextLayout, name: str, first_line: int, by_pola
     import polars as pl
 
     try:
-        if layout.delimiter is None and (b"  " in body or b"\n " in body or b"\t" in body or body[:1] == b" "):
+        if layout.delimiter is None and (
+            b"  " in body or b"\n " in body or b"\t" in body or body[:1] == b" "
+        ):
             return _parsed_by_polars(_squeezed(body), layout)
         return _parsed_by_polars(body, layout)
     except pl.exceptions.PolarsError as error:
@@ -294,9 +308,10 @@ def _bad_cell(file: IO[bytes], layout: TextLayout, name: str, first_line: int) -
 # -- tables ----------------------------------------------------------------------------------------
 
 
-def _table(path: Path, layout: TextLayout, columns: list[Series], remarks: list[Remark], source: Source) -> RawTable:
+def _table(
+    path: Path, layout: TextLayout, columns: list[Series], remarks: list[Remark], source: Source
+) -> RawTable:
     header = layout.header
-    names = None if header is None else tuple(header[i] for i in layout.number_columns)
     words = sorted(layout.text_columns - layout.iso_columns)
     notes = list(remarks)
     if layout.partial_lines:
@@ -305,7 +320,7 @@ def _table(path: Path, layout: TextLayout, columns: list[Series], remarks: list[
     if words:
         which = ", ".join(repr(header[i]) if header else str(i + 1) for i in words[:5])
         notes.append(Remark("found", f"{path.name}: columns without numbers ({which}) are not used."))
-    return RawTable(path, names, columns, source, notes, _line_finder(path, layout))
+    return RawTable(path, _names_of(layout), columns, source, notes, _line_finder(path, layout))
 
 
 def read_table(path: Path) -> RawTable:
@@ -382,7 +397,7 @@ def read_table_blocks(path: Path, chunk: int = _CHUNK) -> Iterator[RawTable]:
     OSError
         If the file cannot be read.
     """
-    opener = _opener(path) or (lambda p: p.open("rb"))
+    opener = _opener(path) or _open_plain
     by_polars = path.stat().st_size > _NUMPY_LIMIT
     source = Source(path.name, "")
     with opener(path) as file:
@@ -409,7 +424,7 @@ def read_table_blocks(path: Path, chunk: int = _CHUNK) -> Iterator[RawTable]:
             columns = _parsed(body, layout, path.name, line, by_polars)
             table = _table(path, layout, columns, remarks, source) if first else None
             if table is None:
-                table = RawTable(path, blocks_names(layout), columns, source, remarks)
+                table = RawTable(path, _names_of(layout), columns, source, remarks)
             table.place = lambda r, start=row: place(r + start)
             yield table
             first = False
@@ -417,7 +432,7 @@ def read_table_blocks(path: Path, chunk: int = _CHUNK) -> Iterator[RawTable]:
             row += len(columns[0])
 
 
-def blocks_names(layout: TextLayout) -> tuple[str, ...] | None:
+def _names_of(layout: TextLayout) -> tuple[str, ...] | None:
     """Return the names of the columns that are handed over, or None."""
     return None if layout.header is None else tuple(layout.header[i] for i in layout.number_columns)
 
@@ -435,6 +450,3 @@ def _read_on(file: IO[bytes], chunk: int, name: str) -> bytes:
         return file.read(chunk)
     except (EOFError, lzma.LZMAError, OSError) as error:
         raise RecordingError(f"{name} is compressed and cut short ({error}); decompress it first.") from error
-
-
-__all__ = ["NAME", "find_layout", "read_table", "read_table_blocks", "recognises", "split_cells"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from dataclasses import dataclass
+from itertools import islice
 
 from tumble.errors import RecordingError
 from tumble.units import find_unit
@@ -146,7 +147,9 @@ def _find_header(before: list[str], delimiter: str | None, columns: int) -> tupl
             if units is None:
                 return tuple(cells)
             bare = [u.strip("[]()") for u in units]
-            return tuple(f"{c} [{u}]" if u not in ("", "-", "1") else c for c, u in zip(cells, bare, strict=True))
+            return tuple(
+                f"{c} [{u}]" if u not in ("", "-", "1") else c for c, u in zip(cells, bare, strict=True)
+            )
     return None
 
 
@@ -166,7 +169,7 @@ def find_layout(head: str, name: str) -> TextLayout:
     lines = head.splitlines()
     if not any(line.strip() for line in lines):
         raise RecordingError(f"{name} is empty; give a recording with one row a sample.")
-    numbers = [i for i, line in enumerate(lines) if _is_row(line)][:_SAMPLE_LINES]
+    numbers = list(islice((i for i, line in enumerate(lines) if _is_row(line)), _SAMPLE_LINES))
     if not numbers:
         raise RecordingError(_no_rows(lines, name))
     rows = [lines[i] for i in numbers]

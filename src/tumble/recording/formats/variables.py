@@ -17,7 +17,9 @@ from tumble.recording.recording import Remark
 _RATE_NAMES = {"fs", "f_s", "rate", "samplerate", "sample_rate", "sampling_rate", "samplingrate", "frequency"}
 
 
-def _tall(name: str, array: npt.NDArray[np.float64], rows: int, remarks: list[Remark]) -> npt.NDArray[np.float64]:
+def _tall(
+    name: str, array: npt.NDArray[np.float64], rows: int, remarks: list[Remark]
+) -> npt.NDArray[np.float64]:
     """Return an array as (rows, columns), turned round where the samples run along its columns."""
     if array.ndim == 1:
         return array[:, None]
@@ -44,7 +46,9 @@ def table_from_variables(path: Path, variables: Mapping[str, npt.NDArray[np.floa
         If the file cannot be read.
     """
     remarks: list[Remark] = []
-    rate = next((float(a.ravel()[0]) for n, a in variables.items() if a.size == 1 and n.lower() in _RATE_NAMES), None)
+    rate = next(
+        (float(a.ravel()[0]) for n, a in variables.items() if a.size == 1 and n.lower() in _RATE_NAMES), None
+    )
     arrays = {n: a for n, a in variables.items() if a.ndim in (1, 2) and a.size > 3}
     lengths = Counter(max(a.shape) for a in arrays.values())
     if not lengths:
@@ -56,7 +60,9 @@ def table_from_variables(path: Path, variables: Mapping[str, npt.NDArray[np.floa
     used = {n: _tall(n, a, rows, remarks) for n, a in arrays.items() if rows in a.shape}
     left = sorted(set(arrays) - set(used))
     if left:
-        remarks.append(Remark("found", f"{path.name}: arrays of another length are not used: {', '.join(left)}."))
+        remarks.append(
+            Remark("found", f"{path.name}: arrays of another length are not used: {', '.join(left)}.")
+        )
     columns: list[Series] = []
     names: list[str] = []
     for name, array in used.items():
@@ -80,4 +86,8 @@ def numbers_of(value: object) -> npt.NDArray[np.float64] | None:
     array = np.asarray(value)
     if array.dtype.kind not in "iufb" or array.ndim > 2:
         return None
-    return np.squeeze(array).astype(np.float64) if array.ndim == 2 and 1 in array.shape else array.astype(np.float64)
+    return (
+        np.squeeze(array).astype(np.float64)
+        if array.ndim == 2 and 1 in array.shape
+        else array.astype(np.float64)
+    )

@@ -1,0 +1,63 @@
+"""Writing recordings block by block, in bounded memory."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from tumble.errors import OutputError, UsageError
+from tumble.recording.recording import Recording
+from tumble.recording.writing import ENDINGS, column_names, written_beside
+
+if TYPE_CHECKING:
+    import polars
+
+
+def write_blocks(blocks: Iterable[Recording], target: Path) -> None:
+    """Write consecutive blocks as one CSV or Parquet file, by the ending of `target`.
+
+    Raises
+    ------
+    UsageError
+        If the ending is neither ``.csv`` nor ``.parquet``.
+    OutputError
+        If the file cannot be written; an earlier one is then intact.
+    """
+    if target.suffix.lower() not in ENDINGS:
+        raise UsageError(f"{target.name}: corrected recordings are written as .csv or .parquet.")
+    if not target.parent.is_dir():
+        raise OutputError(f"{target} could not be written: the folder {target.parent} does not exist.")
+    with written_beside(target) as beside, beside.open("wb") as file:
+        if target.suffix.lower() == ".csv":
+            for number, block in enumerate(blocks):
+                frame_of(block).write_csv(file, include_header=number == 0)
+        else:
+            _write_parquet(blocks, file, target.parent)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def frame_of(recording: Recording) -> polars.DataFrame:
+    """Return the recording's columns as a data frame."""
+    import polars as pl
+
+    columns = [recording.time]
+    for triad in (recording.specific_force, recording.angular_rate):
+        if triad is not None:
+            columns += [triad[:, axis] for axis in range(3)]
+    if recording.temperature is not None:
+        columns.append(recording.temperature)
+    return pl.DataFrame(dict(zip(column_names(recording), columns, strict=True)))
+
+
+def _write_parquet(blocks: Iterable[Recording], file: BinaryIO, folder: Path) -> None:
+    """Write parts to a folder beside the target, then join them as a stream."""
+    import polars as pl
+
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".tumble-parts-") as parts:
+        for number, block in enumerate(blocks):
+            frame_of(block).write_parquet(Path(parts) / f"{number:08d}.parquet")
+        pl.scan_parquet(str(Path(parts) / "*.parquet")).sink_parquet(file)
