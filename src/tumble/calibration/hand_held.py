@@ -307,6 +307,7 @@ def _estimate(
     norms, angles = linear.misclosure[:, 0].copy(), np.linalg.norm(linear.misclosure[:, TURN], axis=1)
     angles[data.turn_start < 0] = np.nan
     variances = np.diagonal(linear.covariance, axis1=1, axis2=2)
+    turn_sigmas = np.where(data.turn_start >= 0, np.sqrt(variances[:, TURN].sum(axis=1)), np.nan)
     return Estimate(
         procedure="hand-held",
         model=model_from_unknowns(solution.values, terms, "full"),
@@ -322,7 +323,7 @@ def _estimate(
         hold_norms=norms,
         hold_sigmas=np.sqrt(variances[:, 0]),
         turn_angles=angles,
-        turn_sigmas=np.sqrt(variances[:, TURN].sum(axis=1)),
+        turn_sigmas=turn_sigmas,
         turn_sizes=conditions.turned.copy(),
         variance_components={
             "accelerometer bias from hold to hold, m/s²": float(np.sqrt(solution.extra["norm"])),

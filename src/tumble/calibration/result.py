@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from datetime import UTC, datetime
@@ -19,6 +18,7 @@ from tumble.calibration.verdict import judge
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import CalibrationFileError, OutputError
 from tumble.recording.recording import Recording
+from tumble.recording.writing import written_beside
 from tumble.sensor import FRAMES, ImuModel, Triad
 from tumble.units import angular_rate_factor, specific_force_factor
 
@@ -242,7 +242,7 @@ class Calibration(_Strict):
         OutputError
             If the folder cannot be written to.
         """
-        write_beside(Path(path), self.to_json())
+        write_text(Path(path), self.to_json())
 
 
 def calibration_from_estimate(
@@ -252,6 +252,7 @@ def calibration_from_estimate(
     *,
     created: datetime | None = None,
     remarks: tuple[str, ...] = (),
+    imu: tuple[str | None, str | None] = (None, None),
 ) -> Calibration:
     """Return the document of an estimate, judged and with test vectors."""
     judgement = judge(estimate, recording)
@@ -266,6 +267,7 @@ def calibration_from_estimate(
     return Calibration(
         created=(created or datetime.now(UTC)).isoformat(timespec="seconds"),
         software=f"tumble {tumble.__version__}",
+        imu=Imu(model=imu[0], serial_number=imu[1]),
         procedure=estimate.procedure,
         recordings=[RecordingName(name=s.name, sha256=s.sha256) for s in recording.sources],
         site=_site_block(site),
@@ -333,35 +335,22 @@ def calibration_schema() -> dict[str, Any]:
     return Calibration.model_json_schema()
 
 
-def write_beside(path: Path, text: str) -> None:
-    """Write `text` to a new file beside `path` and rename it there.
+def write_text(path: Path, text: str) -> None:
+    """Write `text` beside `path` and rename it there, making the folder if it is not there.
 
     Raises
     ------
     OutputError
         If it cannot be written; what was at `path` is intact.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with open(partial, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(partial, path)
     except OSError as error:
-        raise OutputError(
-            f"{path} could not be written ({error.strerror or error}); earlier results there are intact. "
-            "Give another folder with -o."
-        ) from error
-    finally:
-        partial.unlink(missing_ok=True) if partial.exists() else None
-
-
-def sha256_of(path: Path) -> str:
-    """Return the SHA-256 of a file, read in blocks."""
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        raise OutputError(f"The folder {path.parent} cannot be made: {error.strerror or error}.") from error
+    with written_beside(path) as beside, beside.open("w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def _triad(block: TriadBlock) -> Triad | None:

@@ -1,0 +1,50 @@
+"""`tumble apply`: correct a recording with a calibration."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tumble.cli.options import Columns, Json, Quiet, Rate, Recordings, Units
+from tumble.cli.progress import progress
+
+
+def apply_command(
+    calibration: Annotated[Path, typer.Argument(help="calibration.json, or the folder that holds it.")],
+    recordings: Recordings,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="The corrected file, .csv or .parquet  [default: NAME-corrected.csv]"),
+    ] = None,
+    units: Units = None,
+    columns: Columns = None,
+    rate: Rate = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Correct a recording: specific force in m/s², angular rate in rad/s, in the calibration's frame b.
+
+    Recordings longer than memory are corrected block by block.
+    """
+    from tumble.workflows.apply import apply
+
+    with progress(quiet or as_json) as say:
+        done = apply(
+            calibration,
+            recordings,
+            output=output,
+            columns=columns,
+            units=units,
+            rate=rate,
+            progress=lambda samples: say(f"{samples:,} samples corrected"),
+        )
+    if as_json:
+        typer.echo(json.dumps({"file": str(done.file.resolve()), "samples": done.samples, "remarks": done.remarks}))
+        return
+    if not quiet:
+        for remark in done.remarks:
+            typer.echo(remark)
+    typer.echo(f"{done.samples} samples corrected, written: {done.file.resolve()}")

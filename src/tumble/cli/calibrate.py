@@ -1,0 +1,113 @@
+"""`tumble calibrate`: from a recording to a calibration, a report and a verdict."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tumble.cli.options import (
+    Columns,
+    Gravity,
+    Intervals,
+    Json,
+    Quiet,
+    Rate,
+    Recordings,
+    SiteOption,
+    Units,
+    Verbose,
+)
+from tumble.cli.progress import progress
+
+if TYPE_CHECKING:
+    from tumble.workflows.calibrate import CalibrationRun
+
+
+def calibrate_command(
+    recordings: Recordings,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder for calibration.json and report.html  [default: NAME-calibration]"),
+    ] = None,
+    procedure: Annotated[
+        str | None,
+        typer.Option(help="hand-held or multi-position; without it the recording decides, and it is said why."),
+    ] = None,
+    site: SiteOption = None,
+    gravity: Gravity = None,
+    units: Units = None,
+    columns: Columns = None,
+    rate: Rate = None,
+    prior: Annotated[
+        Path | None,
+        typer.Option(
+            help="An earlier calibration.json of this unit: its non-orthogonalities are kept, and six poses suffice."
+        ),
+    ] = None,
+    intervals: Intervals = None,
+    optional_terms: Annotated[
+        bool,
+        typer.Option(
+            "--optional-terms/--no-optional-terms",
+            help="Try g-sensitivity and quadratic terms, and keep them if the data want them.",
+        ),
+    ] = True,
+    imu_model: Annotated[str | None, typer.Option(help="Model of the unit, noted in the file.")] = None,
+    imu_serial: Annotated[str | None, typer.Option(help="Serial number of the unit, noted in the file.")] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Calibrate an IMU from a recording of it tumbled by hand.
+
+    Rest the unit in at least nine different poses (better 26: faces, edges, corners), a few seconds
+    each, and turn it in between about all axes. Writes calibration.json and report.html, prints the
+    parameters with their standard uncertainties, and says whether the result is fit for use
+    (exit status 0) or not (1).
+    """
+    from tumble.workflows.calibrate import calibrate
+    from tumble.workflows.site import choose_site
+
+    folder = output or Path(f"{recordings[0].stem}-calibration")
+    with progress(quiet or as_json) as say:
+        run = calibrate(
+            recordings,
+            output=folder,
+            procedure=procedure,
+            site=choose_site(site, gravity),
+            columns=columns,
+            units=units,
+            rate=rate,
+            prior=prior,
+            intervals=intervals,
+            optional_terms=optional_terms,
+            imu=(imu_model, imu_serial),
+            progress=say,
+        )
+    print_run(run, as_json=as_json, quiet=quiet, verbose=verbose)
+    raise typer.Exit(0 if run.calibration.verdict.fit else 1)
+
+
+def print_run(run: CalibrationRun, *, as_json: bool, quiet: bool, verbose: bool) -> None:
+    """Print what a calibration found."""
+    if as_json:
+        typer.echo(run.calibration.to_json(), nl=False)
+        return
+    from rich.console import Console
+
+    from tumble.report.table import print_calibration
+
+    console = Console(highlight=False)
+    if not quiet:
+        console.print(run.reason, markup=False)
+        if verbose:
+            for remark in run.recording.remarks:
+                console.print(f"{remark.kind}: {remark.text}", markup=False, style="dim")
+    print_calibration(run.calibration, console, quiet=quiet)
+    for file in run.files:
+        console.print(f"written: {file.resolve()}", markup=False, soft_wrap=True)
+    if verbose:
+        seconds = ", ".join(f"{stage} {value:.2f} s" for stage, value in run.seconds.items())
+        console.print(f"time: {seconds}", markup=False, style="dim")

@@ -1,0 +1,101 @@
+"""The program `tumble`: its commands, and what an error looks like."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+import tumble
+from tumble.cli.apply import apply_command
+from tumble.cli.calibrate import calibrate_command
+from tumble.cli.demo import demo_command
+from tumble.cli.inspect import inspect_command
+from tumble.cli.verify import verify_command
+from tumble.errors import TumbleError
+
+INTERRUPTED = 130
+UNWRITTEN = 3
+INTERNAL = 70
+
+app = typer.Typer(
+    name="tumble",
+    help="Calibrate inertial measurement units from a recording of the unit being tumbled.\n\n"
+    "Start with [bold]tumble inspect RECORDING[/], then [bold]tumble calibrate RECORDING[/]. "
+    "Without a recording, [bold]tumble demo[/] calibrates one that ships with the package.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+)
+app.command("inspect")(inspect_command)
+app.command("calibrate")(calibrate_command)
+app.command("apply")(apply_command)
+app.command("verify")(verify_command)
+app.command("demo")(demo_command)
+
+
+def _print_version(value: bool) -> None:
+    if value:
+        typer.echo(f"tumble {tumble.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Take the options that stand before a command."""
+
+
+def main() -> None:
+    """Run the command line; every error is one sentence and an exit status."""
+    try:
+        status = app(standalone_mode=False)
+    except TumbleError as error:
+        _end(str(error), error.exit_status)
+    except (KeyboardInterrupt, typer.Abort):
+        _end("Stopped; no file was changed.", INTERRUPTED)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except OSError as error:
+        _end(_of_the_system(error), UNWRITTEN)
+    except MemoryError:
+        _end("The recording does not fit into memory: cut it, or use a machine with more.", 2)
+    except Exception as error:
+        _usage_or_internal(error)
+    else:
+        sys.exit(status if isinstance(status, int) else 0)
+
+
+def _usage_or_internal(error: Exception) -> None:
+    """End with typer's own message for wrong usage; anything else is a fault of tumble."""
+    show = getattr(error, "show", None)
+    if callable(show):
+        show()
+        sys.exit(getattr(error, "exit_code", 2))
+    if os.environ.get("TUMBLE_DEBUG"):
+        raise error
+    _end(
+        f"This is a fault of tumble, not of your input: {type(error).__name__}: {error}. "
+        "Please report it; TUMBLE_DEBUG=1 shows where it happened.",
+        INTERNAL,
+    )
+
+
+def _of_the_system(error: OSError) -> str:
+    where = f" ({error.filename})" if error.filename else ""
+    if error.errno == errno.ENOSPC:
+        return f"The disk is full{where}: nothing was changed; give another folder with -o."
+    return f"{error.strerror or error}{where}."
+
+
+def _end(message: str, status: int) -> None:
+    print(f"tumble: {message}", file=sys.stderr)
+    sys.exit(status)

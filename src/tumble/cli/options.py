@@ -1,0 +1,44 @@
+"""Options that several commands share, declared once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+import typer
+
+Recordings: TypeAlias = Annotated[
+    list[Path],
+    typer.Argument(
+        help="A recording: one file, or a pair of files with one triad each (CSV, text, Parquet, NPY, NPZ, MATLAB)."
+    ),
+]
+Columns: TypeAlias = Annotated[
+    str | None,
+    typer.Option(help="What the columns are, as t,ax,ay,az,gx,gy,gz; - skips one, -ay reverses one."),
+]
+Units: TypeAlias = Annotated[
+    str | None, typer.Option(help="Units as g,deg/s,ms; counts; m/s,rad for increments.")
+]
+Rate: TypeAlias = Annotated[
+    float | None, typer.Option(help="Sampling rate in Hz, for a file without time stamps.")
+]
+SiteOption: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--site",
+        help="Where it was recorded, LATITUDE[,HEIGHT] in degrees and metres; gravity is WGS 84's normal gravity.",
+    ),
+]
+Gravity: TypeAlias = Annotated[
+    float | None, typer.Option(help="Gravity there in m/s², if a survey knows it better than the latitude.")
+]
+Intervals: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(help="A file with start and stop of each hold in seconds, instead of finding the holds."),
+]
+Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print everything as JSON.")]
+Quiet: TypeAlias = Annotated[bool, typer.Option("--quiet", "-q", help="Print the verdict only.")]
+Verbose: TypeAlias = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Also print remarks, correlations and seconds by stage.")
+]

@@ -1,0 +1,151 @@
+"""Correcting a recording of any length with a calibration, block by block."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from tumble.calibration import Calibration, read_calibration
+from tumble.errors import UsageError
+from tumble.recording import Recording, read_blocks
+from tumble.recording.formats.output import write_blocks
+from tumble.units import angular_rate_factor, specific_force_factor
+
+
+@dataclass(frozen=True, slots=True)
+class Applied:
+    """What `apply` wrote: the file, how many samples, and sentences for the user."""
+
+    file: Path
+    samples: int
+    remarks: list[str]
+
+
+def apply(
+    calibration: str | os.PathLike[str] | Calibration,
+    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    *,
+    output: str | os.PathLike[str] | None = None,
+    columns: str | None = None,
+    units: str | None = None,
+    rate: float | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Applied:
+    """Correct a recording and write it as CSV or Parquet in m/s² and rad/s, frame b.
+
+    Memory does not grow with the recording for text, Parquet and NPY.
+
+    Parameters
+    ----------
+    calibration : a ``calibration.json``, its folder, or a `Calibration`.
+    paths, columns, units, rate : the recording, as for `tumble.read_recording`.
+    output : ``.csv`` or ``.parquet``; by default the recording's name with ``-corrected.csv``.
+    progress : is told the number of samples done.
+
+    Raises
+    ------
+    CalibrationFileError, RecordingError, UsageError
+        If an input is wrong, or the recording is in other units than the calibration's.
+    OutputError
+        If the file cannot be written; an earlier one is intact.
+    """
+    document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
+    blocks = iter(read_blocks(paths, columns=columns, units=units, rate=rate))
+    first = next(blocks)
+    factors = raw_factors(document, first)
+    remarks = [remark.text for remark in first.remarks]
+    if document.gyroscope is None or document.gyroscope.matrix is None:
+        remarks.append("The calibration has no gyro matrix: the corrected file has no angular rate.")
+    target = _target(output, first, paths)
+
+    done = 0
+
+    def corrected():  # noqa: ANN202 (a generator of recordings)
+        nonlocal done
+        for block in chain([first], blocks):
+            yield _corrected(document, block, factors)
+            done += len(block)
+            if progress is not None:
+                progress(done)
+
+    write_blocks(corrected(), target)
+    return Applied(target, done, remarks)
+
+
+def raw_factors(document: Calibration, recording: Recording) -> tuple[float, float]:
+    """Return what to multiply the recording's raw numbers with to get the calibration's raw units.
+
+    Raises
+    ------
+    UsageError
+        If one is in counts and the other is not, or the recording has no accelerometer.
+    """
+    if recording.specific_force is None:
+        raise UsageError("The recording has no accelerometer columns: there is nothing to correct.")
+    force = _ratio(
+        specific_force_factor(recording.specific_force_unit),
+        specific_force_factor(document.raw_units.specific_force),
+        "specific force",
+        recording.specific_force_unit,
+        document.raw_units.specific_force,
+    )
+    if recording.angular_rate is None:
+        return force, 1.0
+    return force, _ratio(
+        angular_rate_factor(recording.angular_rate_unit),
+        angular_rate_factor(document.raw_units.angular_rate),
+        "angular rate",
+        recording.angular_rate_unit,
+        document.raw_units.angular_rate,
+    )
+
+
+def _ratio(ours: float | None, theirs: float | None, what: str, unit: str, wanted: str) -> float:
+    if (ours is None) != (theirs is None):
+        raise UsageError(
+            f"The recording's {what} is in {unit}, but the calibration was made for {wanted}: "
+            "declare the recording's units with --units, or use the calibration of this unit and format."
+        )
+    return 1.0 if ours is None or theirs is None else ours / theirs
+
+
+def in_calibration_units(recording: Recording, factors: tuple[float, float]) -> Recording:
+    """Return the recording with raw numbers in the calibration's units (the same object if they are)."""
+    if factors == (1.0, 1.0):
+        return recording
+    force, rate = recording.specific_force, recording.angular_rate
+    return replace(
+        recording,
+        specific_force=None if force is None else force * factors[0],
+        angular_rate=None if rate is None else rate * factors[1],
+    )
+
+
+def _corrected(document: Calibration, block: Recording, factors: tuple[float, float]) -> Recording:
+    scaled = in_calibration_units(block, factors)
+    assert scaled.specific_force is not None
+    force, rate = document.correct(scaled.specific_force, scaled.angular_rate)
+    return replace(
+        block,
+        specific_force=np.ascontiguousarray(force),
+        angular_rate=None if rate is None else np.ascontiguousarray(rate),
+        specific_force_unit="m/s^2",
+        angular_rate_unit="rad/s",
+    )
+
+
+def _target(
+    output: str | os.PathLike[str] | None,
+    recording: Recording,
+    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+) -> Path:
+    named = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    target = Path(output) if output is not None else Path(f"{Path(named[0]).stem}-corrected.csv")
+    if any(target.resolve() == Path(path).resolve() for path in named):
+        raise UsageError(f"{target} is the recording itself: give another file with -o.")
+    return target

@@ -1,0 +1,44 @@
+"""From what the user says of the place to a `Site`."""
+
+from __future__ import annotations
+
+import math
+
+from tumble.earth import Site
+from tumble.errors import SiteError, UsageError
+
+
+def choose_site(site: str | None, gravity: float | None) -> Site:
+    """Return the site for ``--site LATITUDE[,HEIGHT]`` (degrees, metres) or ``--gravity G`` (m/s²).
+
+    With both, gravity is the one given and the latitude tells the Earth rate's direction.
+
+    Raises
+    ------
+    UsageError
+        If `site` is not one or two numbers.
+    SiteError
+        If the place or the gravity is none of the Earth's.
+    """
+    if site is None:
+        return Site.unknown() if gravity is None else Site.from_gravity(gravity)
+    try:
+        numbers = [float(part) for part in site.split(",")]
+    except ValueError:
+        numbers = []
+    if not 1 <= len(numbers) <= 2 or not all(math.isfinite(number) for number in numbers):
+        raise UsageError(
+            f"--site {site} is not LATITUDE[,HEIGHT] in degrees and metres, for example --site 48.1,520."
+        )
+    if abs(numbers[0]) > 90.0:
+        raise SiteError(f"The latitude {numbers[0]:g} is beyond the poles: give degrees from -90 to 90.")
+    place = Site.from_latitude(math.radians(numbers[0]), *numbers[1:])
+    if gravity is None:
+        return place
+    local = Site.from_gravity(gravity)
+    if abs(local.gravity - place.gravity) > 0.005:
+        raise SiteError(
+            f"--gravity {gravity:g} m/s² contradicts --site {site}, where it is {place.gravity:.4f} m/s²: "
+            "give the one that you trust."
+        )
+    return Site(local.gravity, 0.0, place.latitude, place.height, local.source)
