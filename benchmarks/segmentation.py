@@ -49,6 +49,7 @@ CONDITIONS = (
     "raw counts",
     "begins and ends in motion",
     "accelerometer only",
+    "all at once",
 )
 SITE = Site.from_latitude(np.radians(48.0))
 CREEP_IS_NO_HOLD = np.radians(2.5)
@@ -101,14 +102,14 @@ def simulate_case(seed: int) -> tuple[str, str, float, Recording, Truth]:
     if condition == "begins and ends in motion":
         start = motion.hold_duration[0] + 0.5 * motion.turn_duration[0]
         stop -= motion.hold_duration[-1] + 0.4 * motion.turn_duration[-1]
-    missing = _missing(motion, rng) if condition == "samples missing" else ()
+    missing = _missing(motion, rng) if condition in ("samples missing", "all at once") else ()
     recording, truth = simulate_recording(
         motion, rate, rng, site=SITE, grade=grade, start=start, stop=stop, missing=missing
     )
-    if condition == "raw counts":
-        recording = _counted(recording, rng)
-    if condition == "bias drift":
+    if condition in ("bias drift", "all at once"):
         recording = _drifted(recording, grade.gyroscope.bias, rng)
+    if condition in ("raw counts", "all at once"):
+        recording = _counted(recording, rng)
     if condition == "accelerometer only":
         recording = replace(recording, angular_rate=None)
     return condition, grade.name, rate, recording, truth
@@ -129,6 +130,10 @@ def _motion(condition: str, rate: float, rng: np.random.Generator, *, seen_by_gy
     if condition == "slow turns":
         turn = angle / np.radians(rng.uniform(10.0, 20.0, holds - 1))
         turn = np.minimum(turn, 12.0)
+    if condition == "all at once":
+        hold = rng.uniform(1.2, 4.0, holds)
+        turn = angle / np.radians(rng.uniform(15.0, 300.0, holds - 1))
+        turn = np.clip(turn, 0.5, 10.0)
     if condition == "fast turns":
         turn = np.maximum(angle / np.radians(300.0), 0.5)
     creep = np.zeros((holds, 3))
@@ -163,12 +168,20 @@ def _disturbances(
         # a unit's own filter keeps what is above half its rate out of its samples
         band = (20.0, min(150.0, 0.45 * rate)) if rate >= 100.0 else (0.35 * rate, 0.45 * rate)
         return (simulate_tremor(rng, rate_rms=0.05, acceleration_rms=rng.uniform(0.3, 1.0), band=band),)
+    if condition == "all at once":
+        hand = simulate_tremor(rng, rate_rms=0.05, acceleration_rms=0.1)
+        sway = simulate_tremor(rng, rate_rms=0.004, acceleration_rms=0.02, band=(0.5, 2.0))
+        return (hand, sway, *_knocks(motion, rng))
     light = simulate_tremor(rng, rate_rms=rng.uniform(0.0, 0.02), acceleration_rms=rng.uniform(0.0, 0.05))
     if condition != "knocked":
         return (light,)
+    return (light, *_knocks(motion, rng))
+
+
+def _knocks(motion: Motion, rng: np.random.Generator) -> list[Knock]:
     edges = motion.hold_edges
     chosen = [k for k in rng.permutation(len(edges))[:6] if edges[k, 1] - edges[k, 0] > 2.5]
-    knocks = [
+    return [
         Knock(
             time=float(rng.uniform(edges[k, 0] + 0.8, edges[k, 1] - 1.1)),
             duration=float(rng.uniform(0.05, 0.3)),
@@ -177,7 +190,6 @@ def _disturbances(
         )
         for k in chosen
     ]
-    return (light, *knocks)
 
 
 def _missing(motion: Motion, rng: np.random.Generator) -> list[tuple[float, float]]:

@@ -63,18 +63,18 @@ def find_activity(blocks: Blocks) -> Activity:
     if force is not None:
         force_bias, gravity = _sphere(force.smooth[quiet])
         span = _lag(blocks) * 2 * blocks.seconds
-        apparent = np.linalg.norm(_change(force.smooth, _lag(blocks)), axis=1) / (gravity * span)
+        apparent = _change_sizes(force, _lag(blocks)) / (gravity * span)
     if rate is None:
         assert apparent is not None
         activity = apparent
         spread = float(np.median(activity[quiet]))
     else:
         rate_bias = np.median(rate.smooth[quiet], axis=0)
-        size = np.linalg.norm(rate.smooth - rate_bias, axis=1)
+        size = _distances(rate, rate_bias)
         scale = _rate_scale(blocks, size, quiet, rate_bias, force_bias, apparent)
         size *= scale
         spread = scale * float(np.linalg.norm(_scatter(rate.smooth[quiet]))) / np.sqrt(3.0)
-        activity = size if apparent is None else np.maximum(size, apparent / 3.0)
+        activity = size if apparent is None else np.maximum(size, apparent / 3.0, out=size)
     threshold = _threshold(activity, CHI_1E5 * spread)
     return Activity(activity, threshold, rate_bias, scale, gravity, force_bias)
 
@@ -83,11 +83,21 @@ def _lag(blocks: Blocks) -> int:
     return blocks.half_width
 
 
-def _change(smooth: Vectors, lag: int) -> Vectors:
-    """Difference over `lag` blocks to either side, zero-padded by shortening at the ends."""
-    count = smooth.shape[0]
-    index = np.arange(count)
-    return smooth[np.minimum(index + lag, count - 1)] - smooth[np.maximum(index - lag, 0)]
+def _change_sizes(triad: TriadBlocks, lag: int) -> np.ndarray:
+    """Length of the change over `lag` blocks to either side."""
+    from tumble.segmentation.kernels import change_sizes
+
+    sizes = np.empty(triad.smooth.shape[0])
+    change_sizes(triad.smooth, lag, sizes)
+    return sizes
+
+
+def _distances(triad: TriadBlocks, level: Vector) -> np.ndarray:
+    """Distance of each block from a level, an axis at a time to spare memory."""
+    total = np.zeros(triad.smooth.shape[0])
+    for axis in range(3):
+        total += (triad.smooth[:, axis] - level[axis]) ** 2
+    return np.sqrt(total, out=total)
 
 
 def _scatter(values: Vectors) -> Vector:
@@ -101,7 +111,7 @@ def _quietest(blocks: Blocks) -> np.ndarray:
     for triad in (blocks.specific_force, blocks.angular_rate):
         if triad is None:
             continue
-        change = np.linalg.norm(_change(triad.smooth, _lag(blocks)), axis=1)
+        change = _change_sizes(triad, _lag(blocks))
         usual = float(np.median(change)) or float(np.mean(change)) or 1.0
         np.maximum(total, change / usual, out=total)
     # a quiet moment inside a turn is short: its surroundings give it away
@@ -178,4 +188,4 @@ def noise_per_sample(triad: TriadBlocks, rest: np.ndarray) -> Vector:
     rest : (blocks,) true where the unit rests.
     """
     chosen = triad.roughness[rest] if np.any(rest) else triad.roughness
-    return np.sqrt(np.median(chosen, axis=0))
+    return np.sqrt(np.median(chosen, axis=0).astype(float))

@@ -17,10 +17,10 @@ SMOOTHING_SECONDS = 0.15
 
 @dataclass(frozen=True, slots=True)
 class TriadBlocks:
-    """One triad's blocks: smoothed means and roughness, raw units and raw units squared."""
+    """One triad's blocks, (blocks, 3): smoothed means, raw units, and roughness, raw units squared."""
 
     smooth: Vectors
-    roughness: Vectors
+    roughness: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ def cut_blocks(recording: Recording) -> Blocks:
     def cut(signal: Vectors | None) -> TriadBlocks | None:
         if signal is None:
             return None
-        mean, roughness = np.empty((count, 3)), np.empty((count, 3))
+        mean, roughness = np.empty((count, 3)), np.empty((count, 3), dtype=np.float32)
         block_moments(np.asarray(signal, dtype=float), size, mean, roughness)
         smooth = np.empty_like(mean)
         triangle_smooth(mean, half_width, smooth)

@@ -6,7 +6,7 @@ import numpy as np
 
 from tumble.segmentation.activity import Activity
 from tumble.segmentation.blocks import Blocks
-from tumble.segmentation.stretches import Stretch
+from tumble.segmentation.stretches import Stretch, median
 
 LARGEST_CREEP = np.radians(1.0)
 # What a part of a creeping rest may creep at most to be kept in its place.
@@ -32,10 +32,10 @@ def find_creep(blocks: Blocks, activity: Activity, start: float, stop: float) ->
     first = int(np.ceil(start))
     values = blocks.specific_force.smooth[first : max(int(stop), first + 3)]
     third = max(len(values) // 3, 1)
-    moved = np.median(values[-third:], axis=0) - np.median(values[:third], axis=0)
+    moved = median(values[-third:]) - median(values[:third])
     # from differences over the smoothing's reach, into which the creep itself hardly enters
     step = values[blocks.half_width :] - values[: -blocks.half_width]
-    scatter = 1.05 * np.median(np.abs(step), axis=0) if len(step) > 3 else np.zeros(3)
+    scatter = 1.05 * median(np.abs(step)) if len(step) > 3 else np.zeros(3)
     # a median is 1.25 times as uncertain as a mean; smoothed blocks are correlated over some four
     sigma = 1.5 * 1.25 * float(np.linalg.norm(scatter)) * np.sqrt(2.0 * 4.3 / max(third, 4.3))
     return 1.5 * float(np.linalg.norm(moved)) / activity.gravity, sigma / activity.gravity

@@ -7,13 +7,16 @@ that a warm cache is loaded and nothing is compiled for a new layout.
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit, types
 
 _SIGNAL = types.Array(types.float64, 2, "A", readonly=True)
 _BLOCKS = types.float64[:, ::1]
+# roughness is only ever compared: single precision halves the largest part of the working memory
+_ROUGHNESS = types.float32[:, ::1]
 
 
-@njit([types.void(_SIGNAL, types.int64, _BLOCKS, _BLOCKS)], cache=True, nogil=True)
+@njit([types.void(_SIGNAL, types.int64, _BLOCKS, _ROUGHNESS)], cache=True, nogil=True)
 def block_moments(signal, size, mean, roughness):  # type: ignore[no-untyped-def]
     """Fill each block's mean and roughness (half the mean square of successive differences).
 
@@ -63,13 +66,16 @@ def triangle_smooth(mean, half_width, smooth):  # type: ignore[no-untyped-def]
         smooth[k, 2] = s2 / total
 
 
-@njit([types.void(_SIGNAL, types.int64, types.int64, types.float64[::1])], cache=True, nogil=True)
-def stretch_sum(signal, start, stop, total):  # type: ignore[no-untyped-def]
-    """Add the samples from `start` up to `stop` to `total`."""
-    for i in range(start, stop):
-        total[0] += signal[i, 0]
-        total[1] += signal[i, 1]
-        total[2] += signal[i, 2]
+@njit([types.void(_BLOCKS, types.int64, types.float64[::1])], cache=True, nogil=True)
+def change_sizes(smooth, lag, sizes):  # type: ignore[no-untyped-def]
+    """Fill the length of the change from `lag` blocks before to `lag` blocks after (less at the ends)."""
+    blocks = smooth.shape[0]
+    for k in range(blocks):
+        a, b = max(k - lag, 0), min(k + lag, blocks - 1)
+        x = smooth[b, 0] - smooth[a, 0]
+        y = smooth[b, 1] - smooth[a, 1]
+        z = smooth[b, 2] - smooth[a, 2]
+        sizes[k] = np.sqrt(x * x + y * y + z * z)
 
 
-__all__ = ["block_moments", "stretch_sum", "triangle_smooth"]
+__all__ = ["block_moments", "change_sizes", "triangle_smooth"]

@@ -93,7 +93,7 @@ def _mean(signal: Vectors | None, holds: tuple[Hold, ...]) -> MeanCovariance | N
     return None if signal is None else mean_covariance(signal, [hold.stretches() for hold in holds])
 
 
-def _temperatures(temperature: Series | None, holds: tuple[Hold, ...]) -> Series | None:
+def _temperatures(temperature: Series | None, holds: tuple[Hold, ...]) -> np.ndarray | None:
     if temperature is None:
         return None
     return np.array([np.mean(np.concatenate([temperature[a:b] for a, b in h.stretches()])) for h in holds])
@@ -150,21 +150,19 @@ def mean_covariance(signal: Vectors, items: list[list[tuple[int, int]]]) -> Mean
     return MeanCovariance(means, covariance, dof)
 
 
-def _batches(signal: Vectors, start: int, stop: int, size: int) -> tuple[Vectors, np.ndarray]:
+def _batches(signal: Vectors, start: int, stop: int, size: int) -> tuple[np.ndarray, np.ndarray]:
     """Means of the whole batches in a stretch, and the sum of all its samples."""
-    from tumble.segmentation.kernels import block_moments, stretch_sum
+    from tumble.segmentation.kernels import block_moments
 
     count = (stop - start) // size
-    mean, unused = np.empty((count, 3)), np.empty((count, 3))
+    mean, unused = np.empty((count, 3)), np.empty((count, 3), dtype=np.float32)
     if count:
         block_moments(signal[start:stop], size, mean, unused)
-    total = size * mean.sum(axis=0)
-    stretch_sum(signal, start + count * size, stop, total)
-    return mean, total
+    return mean, size * mean.sum(axis=0) + signal[start + count * size : stop].sum(axis=0)
 
 
 def _variances(
-    parts: list[list[tuple[Vectors, np.ndarray]]], means: Vectors, level: int
+    parts: list[list[tuple[np.ndarray, np.ndarray]]], means: Vectors, level: int
 ) -> tuple[Vectors, Series]:
     """Variance of batch means of 2**level base batches per item and axis, and its degrees of freedom."""
     group = 2**level
@@ -180,7 +178,7 @@ def _variances(
 
 def _pool(variance: Vectors, dof: Series) -> tuple[np.ndarray, float, np.ndarray]:
     """Pooled variance per axis, its degrees of freedom, and which items are noisier on which axis."""
-    from scipy.stats import f as f_distribution
+    from scipy.special import fdtri
 
     told = dof > 0
     noisier = np.zeros(variance.shape, dtype=bool)
@@ -190,7 +188,7 @@ def _pool(variance: Vectors, dof: Series) -> tuple[np.ndarray, float, np.ndarray
     pooled = np.median(variance[told], axis=0)
     pooled_dof = np.full(3, max(float(np.median(dof[told])), 1.0))
     for _ in range(10):
-        limit = f_distribution.isf(EXCESS_FALSE_ALARM, dof[:, None].clip(1), pooled_dof[None, :])
+        limit = fdtri(dof[:, None].clip(1), pooled_dof[None, :], 1.0 - EXCESS_FALSE_ALARM)
         found = told[:, None] & (variance > limit * pooled)
         weight = np.where(found, 0.0, dof[:, None])
         total = weight.sum(axis=0)

@@ -78,7 +78,9 @@ def find_timeline(
     return Timeline(
         tuple(holds),
         tuple(turns),
-        tuple(sorted([*rejections, *_outside(recording, holds)], key=lambda r: r.start)),
+        tuple(
+            sorted([*rejections, *_outside(recording, holds, intervals is not None)], key=lambda r: r.start)
+        ),
         _noise_floor(blocks, activity),
     )
 
@@ -194,12 +196,14 @@ def _united(ranges: list[tuple[int, int]]) -> list[tuple[int, int]]:
     return united
 
 
-def _outside(recording: Recording, holds: list[Hold]) -> list[Rejection]:
+def _outside(recording: Recording, holds: list[Hold], given: bool) -> list[Rejection]:
+    """What lies before the first and after the last hold: motion, as far as the search knows."""
+    what = "outside the given intervals" if given else "motion"
     rejections: list[Rejection] = []
     if holds[0].start > 0:
-        rejections.append(Rejection(0, holds[0].start, "motion before the first hold"))
+        rejections.append(Rejection(0, holds[0].start, f"{what}, before the first hold"))
     if holds[-1].stop < len(recording):
-        rejections.append(Rejection(holds[-1].stop, len(recording), "motion after the last hold"))
+        rejections.append(Rejection(holds[-1].stop, len(recording), f"{what}, after the last hold"))
     return rejections
 
 
