@@ -93,7 +93,7 @@ def average_at_edge(
     *,
     edge: str,
     gyro_inverse: Matrix,
-    gyro_bias: Vector,
+    gyro_bias: Vectors,
     force_inverse: Matrix,
     force_bias: Vector,
 ) -> Vectors:
@@ -103,8 +103,8 @@ def average_at_edge(
     ----------
     starts, stops : (windows,) half-open sample ranges at rest.
     edge : "first" or "last": the sample in whose body frame the mean is given.
-    gyro_inverse, gyro_bias, force_inverse, force_bias : as in `integrate_turns`. Give a
-        `gyro_bias` that includes the window's mean rate to turn by deviations only.
+    gyro_bias : (windows, 3) raw; a window's own mean rate turns by the deviations from it only.
+    gyro_inverse, force_inverse, force_bias : as in `integrate_turns`.
 
     Raises
     ------

@@ -168,7 +168,7 @@ def average_windows(
                 rate = 0.0
                 force = 0.0
                 for j in range(3):
-                    rate += gyro_inverse[axis, j] * (raw_rate[i, j] - gyro_bias[j])
+                    rate += gyro_inverse[axis, j] * (raw_rate[i, j] - gyro_bias[k, j])
                     force += force_inverse[axis, j] * (raw_force[i, j] - force_bias[j])
                 w[axis] = rate
                 f[axis] = force

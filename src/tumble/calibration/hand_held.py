@@ -180,7 +180,8 @@ def _solve(
     variances = ExtraVariances(extra["norm"], extra["rate"], extra["turn"])
     conditions = TurnConditions(data, site.gravity, values, free, active, variances)
     known = _earth_prior(site, free, prior)
-    adjustment = adjust(conditions, values[free], prior=known)
+    # A thousandth of a sigma: the step itself is still taken, and the next would be a millionth.
+    adjustment = adjust(conditions, values[free], prior=known, tolerance=1e-3)
     return _Solution(adjustment, conditions.full(adjustment.parameters), free, dict(extra), conditions.turned)
 
 

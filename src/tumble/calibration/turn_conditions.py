@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors
-from tumble.attitude import integrate_turns, skew, tangent_basis
+from tumble.attitude import integrate_turns
 from tumble.attitude.integration import average_at_edge
 from tumble.calibration.triad_unknowns import COUNT, correct_with_derivatives, triad_from_unknowns
 from tumble.earth import EARTH_RATE
@@ -196,48 +196,63 @@ class TurnConditions:
 
     def _turns(self, full: Series, state: _State, w: AnyArray, A: AnyArray, C: AnyArray) -> AnyArray:
         """Fill the turn conditions; return the blocks of C below the diagonal."""
-        data, holds = self.data, self.data.holds
-        lower = np.zeros((max(holds - 1, 0), GROUP, GROUP))
-        inverse = np.linalg.inv(full[GYRO_MATRIX].reshape(3, 3))
-        white = np.diag(inverse @ np.diag(data.rate_random_walk) @ inverse.T)
-        for turn, k in enumerate(state.turn_holds):
-            C_se, sums, duration = state.C_se[turn], state.sums[turn], float(state.duration[turn])
-            f_s, f_e = state.tail[k], C_se @ state.head[k + 1]
-            earth_s = state.C_hold_first[k] @ full[EARTH]
-            E = tangent_basis(f_s).T / self.gravity
-            self.turned[k] = _angle_turned(C_se)
-            w[k, TURN] = E @ (f_e - f_s - duration * np.cross(earth_s, f_s))
+        data, k = self.data, state.turn_holds
+        lower = np.zeros((max(data.holds - 1, 0), GROUP, GROUP))
+        if k.size == 0:
+            return lower
+        f_s = state.tail[k]
+        f_e = np.einsum("tab,tb->ta", state.C_se, state.head[k + 1])
+        earth_s = np.einsum("tab,b->ta", state.C_hold_first[k], full[EARTH])
+        E = np.swapaxes(tangent_bases(f_s), 1, 2) / self.gravity
+        self.turned[k] = _angles_turned(state.C_se)
+        drift = state.duration[:, None] * _cross(earth_s, f_s)
+        w[k, TURN] = np.einsum("tga,ta->tg", E, f_e - f_s - drift)
 
-            by_rotation = -E @ skew(f_e)
-            A[k, TURN, FORCE] = E @ (C_se @ state.mean_by_unknowns[k + 1] - state.mean_by_unknowns[k])
-            for i in range(3):
-                for j in range(3):
-                    A[k, TURN, 12 + 3 * i + j] = -by_rotation @ (sums[:, :, j] @ inverse[:, i])
-                    A[k, TURN, 24 + 3 * i + j] = -by_rotation @ (sums[:, :, 4 + j] @ inverse[:, i])
-            A[k, TURN, GYRO_BIAS] = -by_rotation @ sums[:, :, 3] @ inverse
-            A[k, TURN, EARTH] = duration * E @ skew(f_s) @ state.C_hold_first[k]
+        by_rotation = -E @ _skews(f_e)
+        A[k, TURN] = self._turn_design(full, state, E, by_rotation, f_s)
+        before = -E @ state.mean_by_raw[k]
+        after = E @ state.C_se @ state.mean_by_raw[k + 1]
+        self._mean_blocks[k, TURN] = before
+        self._next_mean_blocks[k, TURN] = after
+        moved = data.force_mean - self._mean
+        w[k, TURN] += np.einsum("tga,ta->tg", before, moved[k]) + np.einsum("tga,ta->tg", after, moved[k + 1])
 
-            before, after = -E @ state.mean_by_raw[k], E @ C_se @ state.mean_by_raw[k + 1]
-            self._mean_blocks[k, TURN] = before
-            self._next_mean_blocks[k, TURN] = after
-            w[k, TURN] += before @ (data.force_mean[k] - self._mean[k])
-            w[k, TURN] += after @ (data.force_mean[k + 1] - self._mean[k + 1])
-            C[k, TURN, TURN] = before @ (data.force_covariance[k] + state.tail_covariance[k]) @ before.T
-            C[k, TURN, TURN] += (
-                after @ (data.force_covariance[k + 1] + state.head_covariance[k + 1]) @ after.T
-            )
-            rotation = by_rotation @ np.diag(white * duration) @ by_rotation.T
-            wander = self.extra.turn + self.extra.rate * duration**2
-            C[k, TURN, TURN] += rotation + wander * np.eye(2)
-            # What turn k shares with the norm of its own hold and of the next, and with turn k + 1.
-            shared = before @ data.force_covariance[k] @ self._mean_blocks[k, NORM].T
-            C[k, TURN, NORM] = shared
-            C[k, NORM, TURN] = shared.T
-            lower[k, NORM, TURN] = (after @ data.force_covariance[k + 1] @ self._mean_blocks[k + 1, NORM].T).T
-        for k in range(holds - 1):
-            after = self._next_mean_blocks[k, TURN]
-            lower[k, TURN, TURN] = self._mean_blocks[k + 1, TURN] @ data.force_covariance[k + 1] @ after.T
+        noise = data.force_covariance
+        C[k, TURN, TURN] = _sandwich(before, noise[k] + state.tail_covariance[k])
+        C[k, TURN, TURN] += _sandwich(after, noise[k + 1] + state.head_covariance[k + 1])
+        C[k, TURN, TURN] += self._rotation_noise(full, state, by_rotation)
+        # What a turn shares with the norms of both its holds, and with the turn after it.
+        blocks = self._mean_blocks
+        own = np.einsum("tga,tab,tnb->tgn", before, noise[k], blocks[k, NORM])
+        C[k, TURN, NORM], C[k, NORM, TURN] = own, np.swapaxes(own, 1, 2)
+        shared = noise[k + 1] @ np.swapaxes(after, 1, 2)
+        lower[k, NORM, TURN] = blocks[k + 1, NORM] @ shared
+        lower[k, TURN, TURN] = blocks[k + 1, TURN] @ shared
         return lower
+
+    def _turn_design(
+        self, full: Series, state: _State, E: AnyArray, by_rotation: AnyArray, f_s: Vectors
+    ) -> AnyArray:
+        """Return (turns, 2, unknowns): a rate error E_r x(t) turns C_se by the integral of C_st E_r x."""
+        k = state.turn_holds
+        inverse = np.linalg.inv(full[GYRO_MATRIX].reshape(3, 3))
+        design = np.zeros((k.size, 2, TOTAL))
+        carried = state.C_se @ state.mean_by_unknowns[k + 1]
+        design[:, :, FORCE] = E @ (carried - state.mean_by_unknowns[k])
+        moves = np.einsum("tga,tabj,bi->tgij", by_rotation, state.sums, inverse)
+        design[:, :, GYRO_MATRIX] = -moves[..., 0:3].reshape(k.size, 2, 9)
+        design[:, :, GYRO_BIAS] = -moves[..., 3]
+        design[:, :, G_SENSITIVITY] = -moves[..., 4:7].reshape(k.size, 2, 9)
+        design[:, :, EARTH] = state.duration[:, None, None] * (E @ _skews(f_s) @ state.C_hold_first[k])
+        return design
+
+    def _rotation_noise(self, full: Series, state: _State, by_rotation: AnyArray) -> AnyArray:
+        """Return (turns, 2, 2): angle random walk, wandering bias and what else turns show."""
+        inverse = np.linalg.inv(full[GYRO_MATRIX].reshape(3, 3))
+        white = np.diag(inverse @ np.diag(self.data.rate_random_walk) @ inverse.T)
+        walk = np.einsum("tga,a,tha->tgh", by_rotation, white, by_rotation) * state.duration[:, None, None]
+        wander = self.extra.turn + self.extra.rate * state.duration**2
+        return walk + wander[:, None, None] * np.eye(2)
 
     def _masked(self, w: AnyArray, A: AnyArray, C: AnyArray, lower: AnyArray) -> Linearisation:
         off = ~self.active
@@ -313,22 +328,22 @@ def window_directions(
     deviation from the hold's own mean rate: tremor and sway are followed, bias and Earth rate not.
     """
     inverse = np.linalg.inv(force_matrix)
-    edges = np.empty((2, data.holds, 3))
-    for k in range(data.holds):
-        for which, (window, edge) in enumerate(((data.head[k], "first"), (data.tail[k], "last"))):
-            edges[which, k] = average_at_edge(
-                data.time,
-                data.raw_rate,
-                data.raw_force,
-                window[:1],
-                window[1:],
-                edge=edge,
-                gyro_inverse=gyro_inverse,
-                gyro_bias=data.rate_mean[k],
-                force_inverse=inverse,
-                force_bias=force_bias,
-            )[0]
-    return edges[0], edges[1]
+
+    def at(window: np.ndarray, edge: str) -> Vectors:
+        return average_at_edge(
+            data.time,
+            data.raw_rate,
+            data.raw_force,
+            window[:, 0],
+            window[:, 1],
+            edge=edge,
+            gyro_inverse=gyro_inverse,
+            gyro_bias=data.rate_mean,
+            force_inverse=inverse,
+            force_bias=force_bias,
+        )
+
+    return at(data.head, "first"), at(data.tail, "last")
 
 
 def _window_covariance(data: HoldsAndTurns, windows: np.ndarray) -> Matrices:
@@ -348,6 +363,36 @@ def _chain(data: HoldsAndTurns, turns: np.ndarray, C_se: Matrices) -> Matrices:
     return C
 
 
-def _angle_turned(C: Matrix) -> float:
-    """Return the angle of a rotation matrix, rad."""
-    return float(np.arccos(np.clip(0.5 * (np.trace(C) - 1.0), -1.0, 1.0)))
+def tangent_bases(directions: Vectors) -> AnyArray:
+    """Return (items, 3, 2): for each vector two unit vectors perpendicular to it and to each other."""
+    unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    first = _cross(unit, np.eye(3)[np.argmin(np.abs(unit), axis=1)])
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, _cross(unit, first)], axis=2)
+
+
+def _cross(a: Vectors, b: Vectors) -> Vectors:
+    """Return the cross products of rows; numpy's own costs five times as much for few rows."""
+    return np.column_stack(
+        [
+            a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1],
+            a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2],
+            a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0],
+        ]
+    )
+
+
+def _skews(vectors: Vectors) -> Matrices:
+    """Return (items, 3, 3) cross-product matrices."""
+    S = np.zeros((vectors.shape[0], 3, 3))
+    S[:, 0, 1], S[:, 0, 2], S[:, 1, 2] = -vectors[:, 2], vectors[:, 1], -vectors[:, 0]
+    return S - np.swapaxes(S, 1, 2)
+
+
+def _sandwich(left: AnyArray, covariance: AnyArray) -> AnyArray:
+    return left @ covariance @ np.swapaxes(left, 1, 2)
+
+
+def _angles_turned(C: Matrices) -> Series:
+    """Return the angles of rotation matrices, rad."""
+    return np.arccos(np.clip(0.5 * (np.trace(C, axis1=1, axis2=2) - 1.0), -1.0, 1.0))

@@ -17,6 +17,10 @@ from tumble.cli.inspect import inspect_command
 from tumble.cli.verify import verify_command
 from tumble.errors import TumbleError
 
+# An adjustment's matrices are small: threads of the linear algebra cost more than they give, and each
+# reserves memory. Set before numpy is imported; a user's own setting stands.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 INTERRUPTED = 130
 UNWRITTEN = 3
 INTERNAL = 70

@@ -174,9 +174,14 @@ def invert_normal_matrix(normal: Square) -> Square:
         raise ObservabilityError("Some parameters are not determined by the observations at all.")
     scale = 1.0 / np.sqrt(diagonal)
     scaled = normal * np.outer(scale, scale)
-    eigenvalues, vectors = np.linalg.eigh(scaled)
-    # Below 1e-13 of the largest, an eigenvalue is the round-off of the others.
-    if eigenvalues[0] <= 1e-13 * eigenvalues[-1]:
-        raise ObservabilityError("Some combination of the parameters is not determined by the observations.")
-    inverse = (vectors / eigenvalues) @ vectors.T
-    return inverse * np.outer(scale, scale)
+    singular = "Some combination of the parameters is not determined by the observations."
+    try:
+        factor = np.linalg.cholesky(scaled)
+    except np.linalg.LinAlgError:
+        raise ObservabilityError(singular) from None
+    # The square of a pivot is what is left of a parameter's information after the others; below
+    # 1e-12 it is the round-off of the others.
+    if float(np.min(np.diag(factor))) <= 1e-6:
+        raise ObservabilityError(singular)
+    root = np.linalg.inv(factor)
+    return (root.T @ root) * np.outer(scale, scale)

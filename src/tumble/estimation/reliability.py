@@ -42,22 +42,24 @@ def snoop_groups(adjustment: Adjustment, columns: slice) -> list[GroupTest]:
     weighted_design = chain.solve(linear.design)
     inverse = chain.inverse_diagonal()
     loss = np.einsum("gsp,pq,gtq->gst", weighted_design, adjustment.cofactor, weighted_design)
-    tests: list[GroupTest] = []
-    for group in range(linear.misclosure.shape[0]):
-        rows = np.arange(linear.misclosure.shape[1])[columns]
-        rows = rows[linear.active[group, rows]]
-        if rows.size == 0:
-            continue
-        block = inverse[group][np.ix_(rows, rows)]
-        spread = block - loss[group][np.ix_(rows, rows)]
-        scale = np.sqrt(np.diag(block))
-        eigenvalues, vectors = np.linalg.eigh(spread / np.outer(scale, scale))
-        # A share of redundancy below 1e-6 is no check at all.
-        checked = eigenvalues > 1e-6
-        component = vectors.T @ (adjustment.multipliers[group, rows] / scale)
-        statistic = float(np.sum(component[checked] ** 2 / eigenvalues[checked]))
-        tests.append(GroupTest(group, statistic, int(np.count_nonzero(checked))))
-    return tests
+    rows = np.arange(linear.misclosure.shape[1])[columns]
+    active = linear.active[:, rows]
+    block = inverse[:, rows[:, None], rows]
+    scale = np.sqrt(np.diagonal(block, axis1=1, axis2=2))
+    spread = (block - loss[:, rows[:, None], rows]) / (scale[:, :, None] * scale[:, None, :])
+    # Inactive rows take no part: their own redundancy is set to nothing.
+    spread = np.where(active[:, :, None] & active[:, None, :], spread, 0.0)
+    eigenvalues, vectors = np.linalg.eigh(spread)
+    # A share of redundancy below 1e-6 is no check at all.
+    checked = eigenvalues > 1e-6
+    pulls = np.where(active, adjustment.multipliers[:, rows] / scale, 0.0)
+    components = np.einsum("gse,gs->ge", vectors, pulls) ** 2
+    parts = np.divide(components, eigenvalues, out=np.zeros_like(components), where=checked)
+    statistics, degrees = parts.sum(axis=1), checked.sum(axis=1)
+    return [
+        GroupTest(group, float(statistics[group]), int(degrees[group]))
+        for group in np.flatnonzero(active.any(axis=1)).tolist()
+    ]
 
 
 def critical_value(degrees: int, groups: int, false_alarm: float = 0.01) -> float:

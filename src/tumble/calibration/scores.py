@@ -1,0 +1,111 @@
+"""How well a calibration does on holds and turns, its own or others': norms and carried gravity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import Matrix, Series, Vectors
+from tumble.attitude import angle_between, integrate_turns
+from tumble.attitude.integration import average_at_edge
+from tumble.calibration.turn_conditions import HoldsAndTurns
+from tumble.sensor import ImuModel
+
+# A turn smaller than this says nothing of scale factors.
+SMALLEST_TURN = np.radians(5.0)
+
+
+@dataclass(frozen=True, slots=True)
+class TurnScores:
+    """Scores of turns, one row a hold (the turn after it); nan where there is none to judge.
+
+    Attributes
+    ----------
+    angle : (holds,) rad between gravity carried by the corrected gyro and gravity seen.
+    size : (holds,) rad, how far the turn went.
+    duration : (holds,) s.
+    """
+
+    angle: Series
+    size: Series
+    duration: Series
+
+
+def hold_norm_errors(model: ImuModel, means: Vectors, gravity: float) -> Series:
+    """Return (holds,) the corrected mean's norm minus gravity, m/s².
+
+    Raises
+    ------
+    ValueError
+        If the model has no accelerometer.
+    """
+    if model.accelerometer is None:
+        raise ValueError("the model has no accelerometer")
+    return np.linalg.norm(model.accelerometer.correct(means), axis=1) - gravity
+
+
+def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
+    """Carry gravity over each turn with the model's own constant bias and compare.
+
+    Each end is the mean of a window at the hold's edge (`gathering.EDGE_WINDOW`), every sample turned
+    to the edge by the corrected gyro; the gyro is integrated between the edges. Turns under 5 degrees
+    are not scored.
+
+    Raises
+    ------
+    ValueError
+        If the model lacks a triad.
+    """
+    if model.accelerometer is None or model.gyroscope is None:
+        raise ValueError("turns need both triads in the model")
+    # Quadratic terms are taken out of the raw numbers first: the kernels know matrix and bias.
+    raw_force = data.raw_force
+    if model.accelerometer.quadratic is not None or model.accelerometer.asymmetry is not None:
+        raw_force = model.accelerometer.own_input(data.raw_force) + model.accelerometer.bias
+    gyro_inverse: Matrix = np.linalg.inv(model.gyroscope.matrix)
+    force_inverse: Matrix = np.linalg.inv(model.accelerometer.matrix)
+    sensitivity = np.zeros((3, 3)) if model.g_sensitivity is None else model.g_sensitivity
+
+    angle, size, duration = (np.full(data.holds, np.nan) for _ in range(3))
+    turns = np.flatnonzero(data.turn_start >= 0)
+    if turns.size == 0:
+        return TurnScores(angle, size, duration)
+    integrated = integrate_turns(
+        data.time,
+        data.raw_rate,
+        raw_force,
+        data.turn_start[turns],
+        data.turn_stop[turns],
+        gyro_inverse=gyro_inverse,
+        gyro_bias=model.gyroscope.bias,
+        force_inverse=force_inverse,
+        force_bias=model.accelerometer.bias,
+        g_sensitivity=sensitivity,
+    )
+
+    means = model.accelerometer.correct(data.force_mean)
+    rest = model.gyroscope.bias + means @ sensitivity.T
+    ends: list[Vectors] = []
+    for windows, edge in ((data.tail[turns], "last"), (data.head[turns + 1], "first")):
+        ends.append(
+            average_at_edge(
+                data.time,
+                data.raw_rate,
+                raw_force,
+                windows[:, 0],
+                windows[:, 1],
+                edge=edge,
+                gyro_inverse=gyro_inverse,
+                gyro_bias=rest[turns if edge == "last" else turns + 1],
+                force_inverse=force_inverse,
+                force_bias=model.accelerometer.bias,
+            )
+        )
+    for turn, k in enumerate(turns):
+        C_se = integrated.C_start_end[turn]
+        size[k] = float(np.arccos(np.clip(0.5 * (np.trace(C_se) - 1.0), -1.0, 1.0)))
+        duration[k] = integrated.duration[turn]
+        if size[k] >= SMALLEST_TURN:
+            angle[k] = angle_between(ends[0][turn], C_se @ ends[1][turn])
+    return TurnScores(angle, size, duration)
