@@ -61,7 +61,8 @@ def find_activity(blocks: Blocks) -> Activity:
     gravity = force_bias = rate_bias = scale = None
     apparent: Series | None = None
     if force is not None:
-        force_bias, gravity = _sphere(force.smooth[quiet])
+        noise = float(np.median(_change_sizes(force, _lag(blocks))[quiet]))
+        force_bias, gravity = _sphere(force.smooth[quiet], noise)
         span = _lag(blocks) * 2 * blocks.seconds
         apparent = _change_sizes(force, _lag(blocks)) / (gravity * span)
     if rate is None:
@@ -122,8 +123,11 @@ def _quietest(blocks: Blocks) -> np.ndarray:
     return np.sort(np.argpartition(worst, wanted - 1)[:wanted])
 
 
-def _sphere(force: Vectors) -> tuple[Vector, float]:
-    """Centre and radius of the sphere on which the specific force at rest lies, raw units."""
+def _sphere(force: Vectors, noise: float) -> tuple[Vector, float]:
+    """Centre and radius of the sphere on which the specific force at rest lies, raw units.
+
+    One pose alone shows a sphere of noise: then the centre is taken as zero.
+    """
     force = force[:: max(1, force.shape[0] // 2000)]
     middle = np.median(force, axis=0)
     centred = force - middle
@@ -132,7 +136,7 @@ def _sphere(force: Vectors) -> tuple[Vector, float]:
     unit = centred / reach
     table = np.column_stack([2.0 * unit, np.ones(len(unit))])
     singular = np.linalg.svd(table, compute_uv=False)
-    if len(unit) >= 4 and singular[-1] > 0.15 * singular[0]:
+    if reach > 20.0 * noise and len(unit) >= 4 and singular[-1] > 0.15 * singular[0]:
         solution, *_ = np.linalg.lstsq(table, np.sum(unit**2, axis=1), rcond=None)
         radius = float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
         if 0.5 < radius < 3.0:

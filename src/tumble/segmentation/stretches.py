@@ -13,7 +13,8 @@ from tumble.segmentation.blocks import Blocks
 # A rougher block than this many times the hold's median (in variance) is a knock; the amplitude of
 # hand tremor changes by a factor of three at most.
 KNOCK = 25.0
-SAME_POSE = np.radians(0.3)
+SAME_POSE = float(np.radians(0.3))
+LARGEST_NET_TURN = float(np.radians(1.0))
 LONGEST_KNOCK_SECONDS = 3.0
 # How far beyond the threshold an end may lie: smoothing and the differences over it blur by 0.3 s.
 OUTWARD_SECONDS = 0.6
@@ -256,7 +257,7 @@ def _same_hold(
     angle, sigma = pose_change(before, after, activity)
     if angle > SAME_POSE + 4.0 * sigma:
         return False
-    return net_turn(blocks, before, after, activity) < np.radians(1.0)
+    return net_turn(blocks, before, after, activity) < LARGEST_NET_TURN
 
 
 def _merge(before: Stretch, after: Stretch) -> Stretch:
