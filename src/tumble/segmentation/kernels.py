@@ -49,18 +49,17 @@ def block_moments(signal, size, mean, roughness):  # type: ignore[no-untyped-def
 
 @njit([types.void(_BLOCKS, types.int64, _BLOCKS)], cache=True, nogil=True)
 def triangle_smooth(mean, half_width, smooth):  # type: ignore[no-untyped-def]
-    """Fill the triangle-weighted mean over `half_width` blocks to either side (shortened at the ends)."""
+    """Fill the triangle-weighted mean over `half_width` blocks to either side (cut off at the ends)."""
     blocks = mean.shape[0]
     for k in range(blocks):
-        reach = min(half_width - 1, k, blocks - 1 - k)
         total = 0.0
         s0 = s1 = s2 = 0.0
-        for j in range(-reach, reach + 1):
-            weight = reach + 1.0 - abs(j)
+        for j in range(max(k - half_width + 1, 0), min(k + half_width, blocks)):
+            weight = half_width - abs(j - k)
             total += weight
-            s0 += weight * mean[k + j, 0]
-            s1 += weight * mean[k + j, 1]
-            s2 += weight * mean[k + j, 2]
+            s0 += weight * mean[j, 0]
+            s1 += weight * mean[j, 1]
+            s2 += weight * mean[j, 2]
         smooth[k, 0] = s0 / total
         smooth[k, 1] = s1 / total
         smooth[k, 2] = s2 / total

@@ -19,6 +19,7 @@ from tumble.segmentation.activity import Activity, find_activity, noise_per_samp
 from tumble.segmentation.blocks import Blocks, cut_blocks
 from tumble.segmentation.creep import LARGEST_CREEP, find_turning, keep_still_part
 from tumble.segmentation.stretches import (
+    LARGEST_LOSS_SECONDS,
     SHORTEST_PIECE_SECONDS,
     Stretch,
     find_knocks,
@@ -178,10 +179,10 @@ def _hold(recording: Recording, blocks: Blocks, stretch: Stretch) -> Hold:
     stop = total if stretch.last == len(blocks) == stretch.stop else min(int(stretch.stop * size), total)
     holes = [(max(a * size, start), min(b * size, stop)) for a, b in stretch.excluded]
     holes = _united([(a, b) for a, b in holes if b > a])
-    shortest = round(SHORTEST_PIECE_SECONDS * recording.rate)
-    while holes and holes[0][0] - start < shortest:
+    shortest, most = SHORTEST_PIECE_SECONDS * recording.rate, LARGEST_LOSS_SECONDS * recording.rate
+    while holes and holes[0][0] - start < shortest and holes[0][1] - start < most:
         start = holes.pop(0)[1]
-    while holes and stop - holes[-1][1] < shortest:
+    while holes and stop - holes[-1][1] < shortest and stop - holes[-1][0] < most:
         stop = holes.pop()[0]
     return Hold(start, stop, tuple(holes))
 

@@ -7,9 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
-from tumble.segmentation.activity import CHI_1E5, Activity
+from tumble.segmentation.activity import Activity
 from tumble.segmentation.blocks import Blocks
 
+# Standard deviations within which a rest has settled: 5.09 is the chi-square quantile of three axes at
+# 1e-5, and a scatter from some twenty blocks is known to 15 %.
+SETTLED = 6.0
 # A rougher block than this many times the hold's median (in variance) is a knock; the amplitude of
 # hand tremor changes by a factor of three at most.
 KNOCK = 25.0
@@ -18,8 +21,10 @@ LARGEST_NET_TURN = float(np.radians(1.0))
 LONGEST_KNOCK_SECONDS = 3.0
 # How far beyond the threshold an end may lie: smoothing and the differences over it blur by 0.3 s.
 OUTWARD_SECONDS = 0.6
-# A piece of rest shorter than this at the end of a hold, beyond a knock, is not worth keeping.
-SHORTEST_PIECE_SECONDS = 0.3
+# A knock just before a turn is the hand that grasps the unit: a piece of rest this short beyond it is
+# given up with it, unless that would cost more than the second figure.
+SHORTEST_PIECE_SECONDS = 0.5
+LARGEST_LOSS_SECONDS = 0.8
 
 
 @dataclass(slots=True)
@@ -65,7 +70,7 @@ def median(values: Vectors) -> Vector:
 
 
 def usual_scatter(blocks: Blocks, runs: list[tuple[int, int]]) -> Vector:
-    """Return the lower quartile of the rests' scatter per axis: what no rest is thought quieter than.
+    """Return the median of the rests' scatter per axis: what no rest is thought quieter than.
 
     The scatter of a short rest is known to a quarter only; too small a one would move its ends.
 
@@ -81,7 +86,7 @@ def usual_scatter(blocks: Blocks, runs: list[tuple[int, int]]) -> Vector:
     lengths = np.array([last - first for first, last in runs])
     # moments of a turn that look like rest are short and many: the longer half decides
     kept = np.array(scatters)[lengths >= np.median(lengths)]
-    return np.quantile(kept, 0.25, axis=0)
+    return median(kept)
 
 
 def shape_stretch(
@@ -97,7 +102,7 @@ def shape_stretch(
 ) -> Stretch:
     """Describe the rest from block `first` up to `last` and find its ends.
 
-    The limit at the ends is the stretch's own: 5.1 robust standard deviations of its own smoothed
+    The limit at the ends is the stretch's own: six robust standard deviations of its own smoothed
     signal about its own median, so neither bias, g-sensitivity nor Earth rate enter. A slow turn
     passes that limit late; because its rate begins as the square of time, the place where it is four
     times the limit tells how late.
@@ -143,7 +148,7 @@ def _distance(
     # a quantised axis may not move at all during a hold: the others stand in for it
     least = max(float(np.sqrt(np.mean(scatter**2))), 1e-12 * float(np.abs(middle).max()), 1e-300)
     own = np.sqrt(np.sum((values / np.maximum(scatter, 0.5 * least)) ** 2, axis=1))
-    return np.maximum(own, CHI_1E5 / farthest * np.linalg.norm(values, axis=1))
+    return np.maximum(own, SETTLED / farthest * np.linalg.norm(values, axis=1))
 
 
 def _settling(distance: Series, origin: int, allowed: int, needed: int) -> float:
@@ -152,28 +157,28 @@ def _settling(distance: Series, origin: int, allowed: int, needed: int) -> float
     Looked for inwards from `origin`, `allowed` blocks deep, until `needed` blocks in a row are within
     the limit, and from there outwards as long as they are.
     """
-    limit = CHI_1E5
+    limit = SETTLED
     while True:
         inside = distance < limit
         for k in range(origin, origin + max(allowed, 1)):
             if inside[k : k + needed].all():
                 while k > 0 and inside[k - 1]:
                     k -= 1
-                return float(k) if k == 0 else _beginning(distance, k, limit)
+                return float(k) if k == 0 else _beginning(distance, k, limit, 0.4 * allowed)
         limit *= 1.5
         if limit > 1e9:
             return float(origin)
 
 
-def _beginning(distance: Series, k: int, limit: float) -> float:
-    """Where the motion begins that passes the limit between blocks k - 1 and k, in blocks."""
+def _beginning(distance: Series, k: int, limit: float, most: float) -> float:
+    """Where the motion begins that passes the limit between blocks k - 1 and k, `most` blocks before."""
     near = _crossing(distance, k, limit)
     j = k - 1
     while j > 0 and distance[j] < 4.0 * limit:
         j -= 1
     far = _crossing(distance, j + 1, 4.0 * limit) if distance[j] >= 4.0 * limit else float(j)
     # rate = c t²: it is at the limit at t, at four times the limit at 2 t
-    return near + max(near - far, 0.0)
+    return near + min(max(near - far, 0.0), most)
 
 
 def _crossing(distance: Series, k: int, limit: float) -> float:
