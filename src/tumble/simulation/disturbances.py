@@ -8,13 +8,14 @@ any rate samples the same motion.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vector, Vectors
 
 
+@runtime_checkable
 class Disturbance(Protocol):
     """A small extra motion, defined at all times."""
 

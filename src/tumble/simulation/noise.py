@@ -54,7 +54,18 @@ def simulate_noise(noise: TriadNoise, samples: int, rate: float, rng: np.random.
     σ² adds a two-sided density σ² / (π f_c (1 + (f/f_c)²)); the sum over corners is σ² / (2 ln r f),
     which is B² / (2π f) with σ² = B² ln r / π. The random walk begins at zero.
     """
-    total = noise.random_walk * np.sqrt(rate) * rng.standard_normal((samples, 3))
+    white = noise.random_walk * np.sqrt(rate) * rng.standard_normal((samples, 3))
+    return white + simulate_wander(noise, samples, rate, rng)
+
+
+def simulate_wander(noise: TriadNoise, samples: int, rate: float, rng: np.random.Generator) -> AnyArray:
+    """Draw how the bias wanders during the run, (samples, 3): flicker and random walk.
+
+    Parameters
+    ----------
+    noise, samples, rate, rng : as for `simulate_noise`, whose coloured part this is.
+    """
+    total = np.zeros((samples, 3))
     if noise.bias_instability > 0.0:
         total += _flicker(noise.bias_instability, samples, rate, rng)
     if noise.rate_random_walk > 0.0:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -14,7 +14,7 @@ from tumble.recording.recording import Recording
 from tumble.sensor.imu import ImuModel
 from tumble.simulation.grades import Grade
 from tumble.simulation.motion import Motion
-from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise
+from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise, simulate_wander
 
 Distort = Callable[[Vectors, Vectors], tuple[Vectors, Vectors]]
 """True (specific force, angular rate) in b, m/s² and rad/s, to raw: `ImuModel.distort` is one."""
@@ -31,6 +31,7 @@ class Truth:
     specific_force_b, angular_rate_ib_b : (holds, 3) true means over each hold's samples, m/s², rad/s;
         NaN for a hold of which no sample was recorded.
     creep_angle : (holds,) rad by which each hold's attitude creeps.
+    force_wander, rate_wander : (holds, 3) raw, how far each bias had wandered in each hold (its mean).
     model : the sensor's errors, where a grade was drawn.
     site : gravity and Earth rate.
     """
@@ -40,6 +41,8 @@ class Truth:
     specific_force_b: AnyArray
     angular_rate_ib_b: AnyArray
     creep_angle: AnyArray
+    force_wander: AnyArray
+    rate_wander: AnyArray
     model: ImuModel | None
     site: Site
 
@@ -81,9 +84,11 @@ def simulate_recording(
     model = grade.simulate_model(rng) if grade is not None and distort is None else None
     distort = model.distort if model is not None else distort
     raw_force, raw_rate = (force, angular_rate) if distort is None else distort(force, angular_rate)
+    wander = (np.zeros_like(raw_force), np.zeros_like(raw_rate))
     if grade is not None:
-        raw_force = _sensed(raw_force, grade.accelerometer.noise, rate, rng)
-        raw_rate = _sensed(raw_rate, grade.gyroscope.noise, rate, rng)
+        raw_force, force_wander = _sensed(raw_force, grade.accelerometer.noise, rate, rng)
+        raw_rate, rate_wander = _sensed(raw_rate, grade.gyroscope.noise, rate, rng)
+        wander = (force_wander, rate_wander)
     keep = np.ones(len(middle), dtype=bool)
     for first, last in missing:
         keep &= (middle < first) | (middle >= last)
@@ -96,11 +101,16 @@ def simulate_recording(
         rate=rate,
         gaps=_gaps(keep),
     )
-    return recording, _truth(motion, start, middle, force, angular_rate, model, site)
+    return recording, _truth(motion, start, middle, (force, angular_rate, *wander), model, site)
 
 
-def _sensed(raw: Vectors, noise: TriadNoise, rate: float, rng: np.random.Generator) -> Vectors:
-    return convert_to_digital(raw + simulate_noise(noise, raw.shape[0], rate, rng), noise)
+def _sensed(
+    raw: Vectors, noise: TriadNoise, rate: float, rng: np.random.Generator
+) -> tuple[Vectors, AnyArray]:
+    """Return the raw signal with noise, through the converter, and how the bias wandered."""
+    white = simulate_noise(replace(noise, bias_instability=0.0, rate_random_walk=0.0), len(raw), rate, rng)
+    wander = simulate_wander(noise, len(raw), rate, rng)
+    return convert_to_digital(raw + white + wander, noise), wander
 
 
 def _gaps(keep: np.ndarray) -> tuple[int, ...]:
@@ -112,8 +122,7 @@ def _truth(
     motion: Motion,
     start: float,
     middle: AnyArray,
-    force: AnyArray,
-    angular_rate: AnyArray,
+    signals: tuple[AnyArray, AnyArray, AnyArray, AnyArray],
     model: ImuModel | None,
     site: Site,
 ) -> Truth:
@@ -127,12 +136,15 @@ def _truth(
                 row[:] = inside.mean(axis=0)
         return rows
 
+    force, angular_rate, force_wander, rate_wander = (means(signal) for signal in signals)
     return Truth(
         hold_edges=edges - start,
         rotations_nb=motion.hold_rotations_nb,
-        specific_force_b=means(force),
-        angular_rate_ib_b=means(angular_rate),
+        specific_force_b=force,
+        angular_rate_ib_b=angular_rate,
         creep_angle=np.linalg.norm(motion.creep_vector_b, axis=1),
+        force_wander=force_wander,
+        rate_wander=rate_wander,
         model=model,
         site=site,
     )

@@ -1,0 +1,117 @@
+"""Motion: closed formulas against one another and against integration."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tumble.earth import Site
+from tumble.simulation import Knock, Motion, poses_26, simulate_tremor
+
+SITE = Site.from_latitude(np.radians(-33.0))
+STILL = Site.from_gravity(9.79)
+
+
+@pytest.fixture
+def motion() -> Motion:
+    rng = np.random.default_rng(21)
+    return Motion.between_poses(
+        poses_26(0.7)[[0, 9, 22, 4]],
+        np.array([1.0, 2.0, 1.5, 1.0]),
+        np.array([0.8, 1.2, 2.0]),
+        creep_vector_b=np.array([[0, 0, 0], [0.02, -0.01, 0.03], [0, 0, 0], [0, 0, 0]]),
+        lever_arm_b=np.array([0.1, -0.05, 0.2]),
+        disturbances=(
+            simulate_tremor(rng, rate_rms=0.05, acceleration_rms=0.1),
+            Knock(time=2.6, duration=0.2, swing=np.array([0.02, 0.0, -0.05]), blow=np.array([3.0, 1.0, 0.0])),
+        ),
+    )
+
+
+def test_holds_and_turns_follow_one_another(motion: Motion) -> None:
+    np.testing.assert_allclose(motion.hold_edges, [[0, 1], [1.8, 3.8], [5, 6.5], [8.5, 9.5]], rtol=1e-14)
+    assert motion.duration == pytest.approx(9.5)
+
+
+def test_each_hold_begins_in_its_pose(motion: Motion) -> None:
+    calm = Motion.between_poses(
+        poses_26(0.7)[[0, 9, 22, 4]],
+        motion.hold_duration,
+        motion.turn_duration,
+        creep_vector_b=motion.creep_vector_b,
+    )
+    there = calm.rotation_nb(calm.hold_edges[:, 0])
+    away = (there.inv() * poses_26(0.7)[[0, 9, 22, 4]]).magnitude()
+    np.testing.assert_allclose(away, 0.0, atol=1e-14)
+
+
+def test_increments_chain_to_the_attitude(motion: Motion) -> None:
+    edges = np.linspace(0.0, motion.duration, 951)
+    rate = motion.mean_angular_rate_ib_b(edges, STILL)
+    attitude = motion.rotation_nb(edges[:1])[0]
+    for step in Rotation.from_rotvec(rate * np.diff(edges)[:, None]):
+        attitude = attitude * step
+    end = motion.rotation_nb(edges[-1:])[0]
+    # 950 products of rotations, each good to one unit in the last place
+    assert (attitude.inv() * end).magnitude() < 1e-12
+
+
+def test_the_instantaneous_rate_is_the_limit_of_the_increments(motion: Motion) -> None:
+    # away from the edges of holds and of the knock, where the rate of a creep or a blow jumps
+    time = np.array([0.4, 1.3, 2.3, 2.67, 4.6, 5.7, 7.77, 9.1])
+    step = 1e-4
+    for t, exact in zip(time, motion.angular_rate_ib_b(time, SITE), strict=True):
+        mean = motion.mean_angular_rate_ib_b(np.array([t - step, t + step]), SITE)[0]
+        # truncation: third derivative of the attitude (some 1e3 /s³ for the tremor) times step²
+        np.testing.assert_allclose(mean, exact, atol=3e-5)
+
+
+def test_at_rest_the_specific_force_is_minus_gravity_and_the_rate_is_earth_rate() -> None:
+    tilted = Rotation.from_euler("ZYX", [0.3, -0.5, 1.1])
+    motion = Motion.between_poses(Rotation.concatenate([tilted]), np.array([2.0]), np.empty(0))
+    time = np.array([0.5, 1.5])
+    C_nb = tilted.as_matrix()
+    # gravity is (0, 0, g) in north, east, down; C_nb is not symmetric
+    expected = -(C_nb.T @ [0.0, 0.0, SITE.gravity])
+    np.testing.assert_allclose(motion.specific_force_b(time, SITE), [expected, expected], rtol=1e-14)
+    np.testing.assert_allclose(
+        motion.angular_rate_ib_b(time, SITE), [C_nb.T @ SITE.earth_rate_n] * 2, rtol=1e-12
+    )
+
+
+def test_a_lever_arm_feels_the_centripetal_acceleration() -> None:
+    """At the middle of a half turn of 1 s about z the rate is 1.875 π rad/s and changes not."""
+    motion = Motion(
+        Rotation.identity(),
+        np.array([1.0, 1.0]),
+        np.array([1.0]),
+        np.array([[0.0, 0.0, np.pi]]),
+        np.zeros((2, 3)),
+        np.array([0.2, 0.0, 0.0]),
+    )
+    force = motion.specific_force_b(np.array([1.5]), STILL)[0]
+    np.testing.assert_allclose(force, [-((1.875 * np.pi) ** 2) * 0.2, 0.0, -9.79], atol=1e-12)
+
+
+def test_acceleration_is_the_second_derivative_of_the_lever_arm_s_end(motion: Motion) -> None:
+    calm = Motion(
+        motion.first_rotation_nb,
+        motion.hold_duration,
+        motion.turn_duration,
+        motion.turn_vector_b,
+        motion.creep_vector_b,
+        motion.lever_arm_b,
+    )
+    h = 1e-4
+    for t in (1.25, 4.3, 7.9):
+        before, now, after = calm.rotation_nb(np.array([t - h, t, t + h])).apply(motion.lever_arm_b)
+        acceleration = (before - 2 * now + after) / h**2
+        expected = calm.rotation_nb(np.array([t])).inv().apply(acceleration - [0.0, 0.0, 9.79])
+        # rounding: 1e-16 / h²; truncation: fourth derivative times h² / 12
+        np.testing.assert_allclose(calm.specific_force_b(np.array([t]), STILL), expected, atol=1e-5)
+
+
+def test_numbers_that_do_not_fit_together_are_refused() -> None:
+    with pytest.raises(ValueError, match="3 poses take 3 hold durations and 2 turn durations, not 3 and 3"):
+        Motion.between_poses(poses_26()[:3], np.ones(3), np.ones(3))
