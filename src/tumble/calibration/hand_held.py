@@ -156,11 +156,27 @@ def _start(recording: Recording, data: HoldsAndTurns, gravity: float, prior: Sta
     return values
 
 
-def _earth_prior(site: Site, free: np.ndarray, prior: StableKnowledge | None) -> Prior:
-    """Return the prior of the Earth rate (any direction, or what a latitude leaves open) and the unit."""
+def _prior(
+    data: HoldsAndTurns, site: Site, values: Series, free: np.ndarray, prior: StableKnowledge | None
+) -> Prior:
+    """Return what is known beforehand: the Earth rate, as far as the site tells it, and the unit.
+
+    In a hold the Earth rate's vertical part looks like a g-sensitivity of the gyros, equal on all
+    axes; a latitude tells the two apart.
+    """
     mean, precision = np.zeros(free.size), np.zeros((free.size, free.size))
     at = np.searchsorted(free, _EARTH)
-    precision[np.ix_(at, at)] = np.eye(3) * 3.0 / EARTH_RATE**2
+    if site.latitude is None:
+        precision[np.ix_(at, at)] = np.eye(3) * 3.0 / EARTH_RATE**2
+    else:
+        # Up in the first hold's body frame, where the three unknowns are given.
+        up = triad_from_unknowns(values[FORCE]).correct(data.force_mean[:1])[0]
+        vertical = np.outer(up, up) / (up @ up)
+        # 1e-3: the first pose's direction is known to a milliradian or so.
+        precision[np.ix_(at, at)] = vertical / (1e-3 * EARTH_RATE) ** 2
+        horizontal = EARTH_RATE * max(np.cos(site.latitude), 1e-3)
+        precision[np.ix_(at, at)] += (np.eye(3) - vertical) * 2.0 / horizontal**2
+        mean[at] = EARTH_RATE * np.sin(site.latitude) * up / np.linalg.norm(up)
     if prior is not None:
         where = np.searchsorted(free, np.arange(6, 9))
         mean[where] = prior.angles
@@ -179,7 +195,7 @@ def _solve(
 ) -> _Solution:
     variances = ExtraVariances(extra["norm"], extra["rate"], extra["turn"])
     conditions = TurnConditions(data, site.gravity, values, free, active, variances)
-    known = _earth_prior(site, free, prior)
+    known = _prior(data, site, values, free, prior)
     # A thousandth of a sigma: the step itself is still taken, and the next would be a millionth.
     adjustment = adjust(conditions, values[free], prior=known, tolerance=1e-3)
     return _Solution(adjustment, conditions.full(adjustment.parameters), free, dict(extra), conditions.turned)
