@@ -135,6 +135,7 @@ def _words(name: str) -> list[str]:
 
 
 def _is_time(words: list[str]) -> bool:
+    words = words[1:] if len(words) > 1 and words[0] in {"imu", "sensor", "data"} else words
     joined = "".join(words)
     return joined in _TIME or (
         words[0] in {"time", "timestamp", "stamp", "t"} and len(words) <= 3 and "zone" not in joined

@@ -408,7 +408,7 @@ def _continued(
     state: BlockState,
     decided: Interpretation,
     remarks: list[Remark],
-) -> tuple[Series, npt.NDArray[np.bool_], float]:
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_], float]:
     """Carry the stamps on from the block before: duplicates out, wraps added, steps back refused."""
     factor = time_factor(decided.time_unit or "s")
     before = raw[0] - 1.0 / (decided.rate * factor) if state.last is None else state.last

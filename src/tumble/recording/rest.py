@@ -23,6 +23,7 @@ _FLOOR_QUANTILE = 0.05
 _PIECE = 16_384  # samples of one piece of a long recording that is judged by samples of it
 
 Indices = npt.NDArray[np.intp]
+Numbers = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +93,7 @@ def find_quiet_stretches(signals: Table, rate: float) -> QuietStretches:
     return QuietStretches(starts * size, stops * size, level, floor)
 
 
-def block_statistics(signals: Table, size: int) -> tuple[Table, Table]:
+def block_statistics(signals: Table, size: int) -> tuple[Numbers, Numbers]:
     """Return mean and standard deviation of consecutive blocks of `size` samples, per channel."""
     count = signals.shape[0] // size
     blocks = signals[: count * size].reshape(count, size, signals.shape[1])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ def recognises(head: bytes) -> bool:
 def _mapped(path: Path) -> tuple[tuple[str, ...] | None, npt.NDArray[Any]]:
     try:
         array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, EOFError) as error:
+    except (ValueError, EOFError, SyntaxError, TokenError) as error:
         raise RecordingError(f"{path.name} is a damaged or unsupported NPY file ({error}).") from error
     if array.dtype.names:
         return array.dtype.names, array

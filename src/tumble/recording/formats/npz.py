@@ -32,7 +32,8 @@ def read_table(path: Path) -> RawTable:
         If the file cannot be read.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        # Opened here: numpy leaves a damaged archive open.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             arrays = {name: numbers_of(archive[name]) for name in archive.files}
     except (ValueError, EOFError, BadZipFile, AttributeError) as error:
         raise RecordingError(

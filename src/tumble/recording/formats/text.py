@@ -13,7 +13,7 @@ import lzma
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,10 +40,10 @@ _HEAD = 64 * 1024
 _NUMPY_LIMIT = 32 * 1024 * 1024
 _CHUNK = 16 * 1024 * 1024
 _MISSING = ["", "NA", "N/A", "na", "null", "NULL", "None", "none", "-", "--", "?"]
-_OPENERS: dict[bytes, Callable[[Path], IO[bytes]]] = {
-    b"\x1f\x8b": lambda path: cast(IO[bytes], gzip.GzipFile(path)),
-    b"BZh": lambda path: cast(IO[bytes], bz2.BZ2File(path)),
-    b"\xfd7zXZ": lambda path: cast(IO[bytes], lzma.LZMAFile(path)),  # noqa: SIM115
+_OPENERS: dict[bytes, Callable[[Path], io.BufferedIOBase]] = {
+    b"\x1f\x8b": lambda path: gzip.GzipFile(path),
+    b"BZh": lambda path: bz2.BZ2File(path),
+    b"\xfd7zXZ": lambda path: lzma.LZMAFile(path),  # noqa: SIM115
 }
 
 
@@ -54,11 +54,11 @@ def recognises(head: bytes) -> bool:
     return b"\0" not in head and sum(b < 9 or 13 < b < 32 for b in head[:1024]) == 0
 
 
-def _open_plain(path: Path) -> IO[bytes]:
+def _open_plain(path: Path) -> io.BufferedIOBase:
     return path.open("rb")
 
 
-def _opener(path: Path) -> Callable[[Path], IO[bytes]] | None:
+def _opener(path: Path) -> Callable[[Path], io.BufferedIOBase] | None:
     with path.open("rb") as file:
         magic = file.read(6)
     return next((opener for start, opener in _OPENERS.items() if magic.startswith(start)), None)
@@ -120,8 +120,8 @@ def _body_start(body: bytes, first_line: int) -> int:
 def _truncation(tail: str, layout: TextLayout) -> str | None:
     """Say what is wrong with a last line that has no end, or return None.
 
-    A line with all its cells is taken as cut in its last number if that number has fewer decimals
-    than all of up to 50 rows before it.
+    A line with all its cells is taken as cut in its last number if that is none any more, or has fewer
+    decimals than each of up to 50 rows before it.
     """
     lines = tail.splitlines()
     if not lines or tail.endswith(("\n", "\r")) or is_comment(lines[-1]) or not lines[-1].strip():
@@ -131,8 +131,10 @@ def _truncation(tail: str, layout: TextLayout) -> str | None:
         return f"the last line is cut short ({len(last)} of {layout.columns} columns) and is left out"
     sign = "," if layout.decimal_comma else "."
     others = [layout.cells(line)[-1] for line in lines[-51:-1] if len(layout.cells(line)) == layout.columns]
-    decimals = {len(cell.partition(sign)[2]) for cell in others}
-    if len(others) >= 10 and len(decimals) == 1 and len(last[-1].partition(sign)[2]) < min(decimals):
+    decimals = [len(cell.partition(sign)[2]) for cell in others]
+    shorter = len(others) >= 10 and len(last[-1].partition(sign)[2]) < min(decimals)
+    numbers = any(is_number(cell, layout.decimal_comma) for cell in others)
+    if shorter or (numbers and not is_number(last[-1], layout.decimal_comma)):
         return "the last line seems cut in its last number and is left out"
     return None
 
@@ -220,7 +222,7 @@ def _parsed_by_polars(source: Path | bytes, layout: TextLayout, skip_lines: int 
             source,
             has_header=False,
             schema=schema,
-            columns=[names[i] for i in layout.number_columns],
+            columns=list(layout.number_columns),
             separator=layout.delimiter or " ",
             skip_lines=skip_lines,
             comment_prefix=layout.comment,
@@ -284,7 +286,7 @@ def _parsed(body: bytes, layout: TextLayout, name: str, first_line: int, by_pola
         raise RecordingError(_bad_cell(io.BytesIO(body), layout, name, first_line)) from error
 
 
-def _bad_cell(file: IO[bytes], layout: TextLayout, name: str, first_line: int) -> str:
+def _bad_cell(file: io.BufferedIOBase, layout: TextLayout, name: str, first_line: int) -> str:
     """Name the first cell or row that cannot be read."""
     for number, raw in enumerate(file, start=first_line):
         line = _decoded(raw).strip("\r\n")
@@ -385,8 +387,8 @@ def _joined(blocks: list[RawTable], source: Source) -> RawTable:
     return RawTable(first.path, first.names, columns, source, remarks, first.place)
 
 
-def read_table_blocks(path: Path, chunk: int = _CHUNK) -> Iterator[RawTable]:
-    """Read a text file piece by piece, `chunk` bytes of text at a time.
+def read_table_blocks(path: Path) -> Iterator[RawTable]:
+    """Read a text file piece by piece, 16 MiB of text at a time.
 
     The blocks carry no SHA-256 (the file would have to be read twice).
 
@@ -401,7 +403,7 @@ def read_table_blocks(path: Path, chunk: int = _CHUNK) -> Iterator[RawTable]:
     by_polars = path.stat().st_size > _NUMPY_LIMIT
     source = Source(path.name, "")
     with opener(path) as file:
-        head = file.read(max(chunk, _HEAD))
+        head = file.read(_CHUNK)
         if head.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\n" not in head:
             # UTF-16 and lone carriage returns cannot be cut at a line feed.
             yield read_table(path)
@@ -412,7 +414,7 @@ def read_table_blocks(path: Path, chunk: int = _CHUNK) -> Iterator[RawTable]:
         line, row, first = layout.first_line, 0, True
         place = _line_finder(path, layout)
         while rest:
-            more = _read_on(file, chunk, path.name)
+            more = _read_on(file, path.name)
             body, rest = _cut_at_line(rest, bool(more))
             remarks: list[Remark] = []
             if not more and (cut := _truncation(_decoded(body[-_HEAD:]), layout)):
@@ -445,8 +447,8 @@ def _cut_at_line(rest: bytes, more: bool) -> tuple[bytes, bytes]:
     return rest[:end], rest[end:]
 
 
-def _read_on(file: IO[bytes], chunk: int, name: str) -> bytes:
+def _read_on(file: io.BufferedIOBase, name: str) -> bytes:
     try:
-        return file.read(chunk)
+        return file.read(_CHUNK)
     except (EOFError, lzma.LZMAError, OSError) as error:
         raise RecordingError(f"{name} is compressed and cut short ({error}); decompress it first.") from error

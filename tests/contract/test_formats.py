@@ -1,0 +1,214 @@
+"""What every file format has to do: recognise its own, read the numbers exactly, refuse the damaged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tumble.errors import RecordingError, UsageError
+from tumble.recording import read_blocks, read_recording
+from tumble.recording.formats import FORMATS, find_format, matlab, npy, npz, parquet, read_table, read_table_blocks, text
+
+NAMES = ("t", "ax", "ay", "az", "gx", "gy", "gz")
+
+
+def example() -> np.ndarray:
+    """Rest in one pose with noise: 1,200 rows of numbers that are no round decimals."""
+    rng = np.random.default_rng(17)
+    force = np.array([1.0, -2.0, 9.55]) + 0.02 * rng.normal(size=(1200, 3))
+    rate = np.array([0.01, -0.02, 0.03]) + 0.001 * rng.normal(size=(1200, 3))
+    return np.column_stack([np.arange(1200) / 128, force, rate])
+
+
+def write_csv(path: Path, rows: np.ndarray) -> None:
+    path.write_text(",".join(NAMES) + "\n" + "\n".join(",".join(map(repr, r)) for r in rows.tolist()) + "\n")
+
+
+def write_spaces(path: Path, rows: np.ndarray) -> None:
+    np.savetxt(path, rows, fmt="%25.16e", delimiter="  ")
+
+
+def write_parquet(path: Path, rows: np.ndarray) -> None:
+    import polars as pl
+
+    pl.DataFrame({n: rows[:, i] for i, n in enumerate(NAMES)}).write_parquet(path)
+
+
+def write_npy(path: Path, rows: np.ndarray) -> None:
+    with path.open("wb") as file:
+        np.save(file, rows)
+
+
+def write_structured_npy(path: Path, rows: np.ndarray) -> None:
+    with path.open("wb") as file:
+        np.save(file, np.array([tuple(r) for r in rows], dtype=[(n, "f8") for n in NAMES]))
+
+
+def write_npz(path: Path, rows: np.ndarray) -> None:
+    with path.open("wb") as file:
+        np.savez(file, t=rows[:, 0], acc=rows[:, 1:4], gyr=rows[:, 4:])
+
+
+def write_matlab(version: str) -> Callable[[Path, np.ndarray], None]:
+    def write(path: Path, rows: np.ndarray) -> None:
+        from scipy.io import savemat
+
+        with path.open("wb") as file:
+            columns = {"time": rows[:, :1], "accel": rows[:, 1:4].T.copy(), "gyro": rows[:, 4:]}
+            savemat(file, columns, format=version, do_compression=version == "5")
+
+    return write
+
+
+def write_matlab_struct(path: Path, rows: np.ndarray) -> None:
+    from scipy.io import savemat
+
+    with path.open("wb") as file:
+        savemat(file, {"imu": {"t": rows[:, 0], "acc": rows[:, 1:4], "gyr": rows[:, 4:]}})
+
+
+MEMBERS = {
+    "CSV": (text, write_csv),
+    "spaces": (text, write_spaces),
+    "Parquet": (parquet, write_parquet),
+    "NPY": (npy, write_npy),
+    "NPY with names": (npy, write_structured_npy),
+    "NPZ": (npz, write_npz),
+    "MATLAB 4": (matlab, write_matlab("4")),
+    "MATLAB 5 to 7": (matlab, write_matlab("5")),
+    "MATLAB struct": (matlab, write_matlab_struct),
+}
+
+
+@pytest.fixture(params=MEMBERS.values(), ids=MEMBERS.keys())
+def member(request: pytest.FixtureRequest, tmp_path: Path):
+    """The format's module and a file of it whose name says nothing of the format."""
+    module, write = request.param
+    path = tmp_path / "recording.data"
+    write(path, example())
+    return module, path
+
+
+def test_the_content_tells_the_format(member) -> None:
+    module, path = member
+    assert find_format(path) is module
+
+
+def test_the_numbers_are_read_bit_by_bit(member) -> None:
+    _, path = member
+    recording = read_recording(path, units="m/s^2,rad/s")
+    assert np.array_equal(np.column_stack([recording.time, recording.specific_force, recording.angular_rate]), example())
+
+
+def test_blocks_have_the_same_numbers(member) -> None:
+    _, path = member
+    blocks = list(read_blocks(path, units="m/s^2,rad/s"))
+    assert np.array_equal(np.vstack([b.specific_force for b in blocks]), example()[:, 1:4])
+    assert np.array_equal(np.concatenate([b.time for b in blocks]), example()[:, 0])
+
+
+def test_rows_are_named_from_one(member) -> None:
+    _, path = member
+    place = read_table(path).place(4)
+    assert place in ("row 5", "line 6", "line 5")  # text counts lines, with the header if there is one
+
+
+def test_the_source_carries_name_and_sha_256(member) -> None:
+    import hashlib
+
+    _, path = member
+    (source,) = read_recording(path, units="m/s^2,rad/s").sources
+    assert source.name == path.name
+    assert source.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize("share", [0.3, 0.7, 0.97])
+def test_a_file_that_is_cut_short_is_refused_or_said(member, share) -> None:
+    """No traceback; what is read of it is the beginning of what was there."""
+    _, path = member
+    raw = path.read_bytes()
+    path.write_bytes(raw[: int(share * len(raw)) - 7])  # never at a line's end
+    try:
+        recording = read_recording(path, units="m/s^2,rad/s")
+    except RecordingError as error:
+        assert "\n" not in str(error)
+        return
+    count = len(recording)
+    assert count < 1200
+    assert any(r.kind == "mended" for r in recording.remarks)
+    assert np.array_equal(recording.angular_rate, example()[:count, 4:])
+
+
+def test_damaged_bytes_are_refused_in_one_sentence(member) -> None:
+    _, path = member
+    raw = bytearray(path.read_bytes())
+    raw[64:] = np.random.default_rng(9).bytes(len(raw) - 64)
+    path.write_bytes(bytes(raw))
+    with pytest.raises(RecordingError) as caught:
+        read_recording(path, units="m/s^2,rad/s")
+    assert "\n" not in str(caught.value)
+
+
+def test_every_format_is_in_the_list_and_documented() -> None:
+    assert {m for m, _ in MEMBERS.values()} == set(FORMATS)
+    page = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
+    for module in FORMATS:
+        assert module.NAME in page
+        assert module.SUMMARY
+
+
+def test_a_sampling_rate_beside_the_arrays_is_used(tmp_path: Path) -> None:
+    rows = example()
+    np.savez(tmp_path / "a.npz", acc=rows[:, 1:4], gyr=rows[:, 4:], fs=128.0)
+    recording = read_recording(tmp_path / "a.npz", units="m/s^2,rad/s")
+    assert recording.rate == 128.0
+    assert recording.time[128] == 1.0
+
+
+def test_hdf5_names_the_extra_that_it_needs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A MATLAB 7.3 file begins with MATLAB's own header and has HDF5 from byte 512 on."""
+    import sys
+
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    path = tmp_path / "a.mat"
+    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n" + bytes(100))
+    with pytest.raises(UsageError, match=r"pip install 'tumble\[hdf5\]'"):
+        read_recording(path)
+
+
+def test_hdf5_is_read_with_h5py(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py", reason="the extra hdf5 is not installed")
+    rows = example()
+    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
+        file["t"] = rows[:, :1].T  # MATLAB writes its arrays transposed
+        file["acc"] = rows[:, 1:4].T
+        file["gyr"] = rows[:, 4:].T
+    recording = read_recording(tmp_path / "a.mat", units="m/s^2,rad/s")
+    assert np.array_equal(recording.specific_force, rows[:, 1:4])
+
+
+@pytest.mark.parametrize("shape", [(5,), (3, 4, 5), ()])
+def test_an_array_that_is_no_table_is_refused(tmp_path: Path, shape) -> None:
+    np.save(tmp_path / "a.npy", np.ones(shape))
+    with pytest.raises(RecordingError, match="array of shape"):
+        read_table(tmp_path / "a.npy")
+
+
+def test_a_zip_archive_of_something_else_is_refused(tmp_path: Path) -> None:
+    import zipfile
+
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("letter.txt", "Dear all")
+    with pytest.raises(RecordingError):
+        read_table(tmp_path / "a.zip")
+
+
+def test_parquet_is_read_slice_by_slice(tmp_path: Path) -> None:
+    write_parquet(tmp_path / "a.parquet", example())
+    tables = list(parquet.read_table_blocks(tmp_path / "a.parquet", rows=500))
+    assert [len(t) for t in tables] == [500, 500, 200]
+    assert tables[2].place(0) == "row 1001"
+    assert sum(len(t) for t in read_table_blocks(tmp_path / "a.parquet")) == 1200

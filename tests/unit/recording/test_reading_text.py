@@ -1,0 +1,258 @@
+"""Text in every layout gives the same numbers, and what cannot be read is said in one sentence."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import lzma
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tumble.errors import RecordingError, UsageError
+from tumble.recording import read_blocks, read_recording
+from tumble.recording.formats import text
+
+ROUNDED = 5.1e-7  # half of the sixth decimal that is written, and a double's rounding
+
+
+def sentence(path: Path | list[Path], **options: object) -> str:
+    """The one sentence with which a recording is refused."""
+    with pytest.raises(RecordingError) as caught:
+        read_recording(path, **options)  # type: ignore[arg-type]
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+LAYOUTS = {
+    "comma": {},
+    "semicolon": {"delimiter": ";"},
+    "tab": {"delimiter": "\t"},
+    "bar": {"delimiter": "|"},
+    "comma and space": {"delimiter": ", "},
+    "space": {"delimiter": " ", "header": "t ax ay az gx gy gz"},
+    "several spaces": {"delimiter": "    ", "header": "t ax ay az gx gy gz"},
+    "no header": {"header": None},
+    "no header, spaces": {"header": None, "delimiter": "   "},
+    "carriage returns": {"end": "\r\n"},
+    "old Macintosh": {"end": "\r"},
+    "comment header": {"header": "# made by hand\n# t ax ay az gx gy gz"},
+    "header of units": {"header": "t,ax,ay,az,gx,gy,gz\ns,m/s^2,m/s^2,m/s^2,rad/s,rad/s,rad/s"},
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS.keys())
+def test_every_layout_gives_the_same_recording(tumbled, csv, layout) -> None:
+    recording = read_recording(csv(tumbled.rows(), **layout))
+    assert np.abs(recording.time - tumbled.time).max() < ROUNDED
+    assert recording.specific_force is not None
+    assert recording.angular_rate is not None
+    assert np.abs(recording.specific_force - tumbled.specific_force).max() < ROUNDED
+    assert np.abs(recording.angular_rate - tumbled.angular_rate).max() < ROUNDED
+    assert (recording.specific_force_unit, recording.angular_rate_unit) == ("m/s^2", "rad/s")
+    assert recording.rate == pytest.approx(100.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("delimiter", [";", " ", "\t"])
+def test_a_decimal_comma_is_read(tumbled, csv, delimiter) -> None:
+    path = csv(tumbled.rows(), header=None, delimiter=delimiter)
+    path.write_text(path.read_text().replace(".", ","))
+    recording = read_recording(path)
+    assert np.abs(recording.specific_force - tumbled.specific_force).max() < ROUNDED
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, bz2.compress, lzma.compress])
+def test_a_compressed_file_is_read_whatever_it_is_called(tumbled, csv, pack) -> None:
+    path = csv(tumbled.rows())
+    path.write_bytes(pack(path.read_bytes()))
+    assert len(read_recording(path)) == len(tumbled.time)
+    assert sum(len(b) for b in read_blocks(path)) == len(tumbled.time)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_byte_order_mark_is_no_part_of_the_first_name(tumbled, csv, encoding) -> None:
+    path = csv(tumbled.rows())
+    path.write_bytes(path.read_text().encode(encoding))
+    assert any("time 't'" in r.text for r in read_recording(path).remarks)
+
+
+def test_a_cut_last_line_is_left_out_and_said(tumbled, csv) -> None:
+    path = csv(tumbled.rows())
+    path.write_bytes(path.read_bytes()[:-40])
+    recording = read_recording(path)
+    assert len(recording) == len(tumbled.time) - 1
+    assert any(r.kind == "mended" and "cut short" in r.text for r in recording.remarks)
+
+
+def test_a_last_number_with_fewer_decimals_than_all_others_is_taken_as_cut(tumbled, csv) -> None:
+    path = csv(tumbled.rows())
+    path.write_bytes(path.read_bytes()[:-4])
+    recording = read_recording(path)
+    assert len(recording) == len(tumbled.time) - 1
+    assert any(r.kind == "mended" and "last number" in r.text for r in recording.remarks)
+
+
+def test_a_missing_newline_at_the_end_loses_nothing(tumbled, csv) -> None:
+    path = csv(tumbled.rows())
+    path.write_bytes(path.read_bytes()[:-1])
+    assert len(read_recording(path)) == len(tumbled.time)
+
+
+def test_incomplete_first_rows_are_left_out_and_said(tumbled, csv) -> None:
+    path = csv(tumbled.rows(), header=None)
+    path.write_text("3.1,0.2,0.1\n" + path.read_text())
+    recording = read_recording(path)
+    assert len(recording) == len(tumbled.time)
+    assert any("incomplete first rows (line 1)" in r.text for r in recording.remarks)
+
+
+def test_columns_of_text_are_set_aside(tumbled, csv) -> None:
+    path = csv(tumbled.rows(), header="t,ax,ay,az,gx,gy,gz,frame")
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([lines[0], *(line + ",imu_link" for line in lines[1:])]) + "\n")
+    recording = read_recording(path)
+    assert np.abs(recording.angular_rate - tumbled.angular_rate).max() < ROUNDED
+
+
+def test_dates_in_the_time_column_become_seconds(tumbled, csv) -> None:
+    rows = tumbled.rows()[:800]
+    path = csv(rows)
+    stamps = np.datetime64("2024-03-01T12:00:00", "us") + np.round(rows[:, 0] * 1e6).astype("timedelta64[us]")
+    lines = path.read_text().splitlines()
+    body = [f"{s}Z,{line.partition(',')[2]}" for s, line in zip(stamps, lines[1:], strict=True)]
+    path.write_text("\n".join([lines[0], *body]) + "\n")
+    # Seconds since 1970 in a double are exact to 0.24 microseconds.
+    recording = read_recording(path)
+    assert np.abs(recording.time - recording.time[0] - rows[:, 0]).max() < 1e-6
+    assert recording.time[0] == 1709294400.0  # date -u -d 2024-03-01T12:00:00 +%s
+
+
+def test_polars_and_numpy_read_the_same(tumbled, csv, monkeypatch) -> None:
+    for layout in ({}, {"delimiter": "   ", "header": None}, {"delimiter": "\t"}):
+        path = csv(tumbled.rows(), **layout)
+        small = read_recording(path)
+        monkeypatch.setattr(text, "_NUMPY_LIMIT", 0)
+        large = read_recording(path)
+        monkeypatch.undo()
+        assert np.array_equal(small.specific_force, large.specific_force)
+        assert np.array_equal(small.time, large.time)
+        assert small.sources == large.sources
+
+
+def test_a_missing_cell_is_left_out_with_its_line(tumbled, csv) -> None:
+    path = csv(tumbled.rows())
+    lines = path.read_text().splitlines()
+    lines[50] = "0.49,,1,2,3,4,5"
+    path.write_text("\n".join(lines) + "\n")
+    recording = read_recording(path)
+    assert len(recording) == len(tumbled.time) - 1
+    said = [r.text for r in recording.remarks if r.kind == "mended"]
+    assert "1 row(s) without a finite number left out (first: line 51, column 'ax')" in said[0]
+    assert recording.gaps == (49,)
+
+
+# -- what is refused -------------------------------------------------------------------------------
+
+
+def test_an_empty_file_is_refused(tmp_path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(b"")
+    assert "is empty" in sentence(path)
+    path.write_bytes(b"\n \n\n")
+    assert "is empty" in sentence(path)
+
+
+def test_a_header_alone_is_refused(tmp_path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("t,ax,ay,az,gx,gy,gz\n")
+    assert "header but no rows" in sentence(path)
+
+
+def test_prose_is_refused(tmp_path) -> None:
+    path = tmp_path / "letter.txt"
+    path.write_text("Dear all,\nthe unit arrived on the 3rd of May, and 2 of 3 screws are missing.\nYours\n" * 20)
+    assert "text without rows of numbers" in sentence(path)
+
+
+def test_binary_is_refused(tmp_path) -> None:
+    path = tmp_path / "firmware.bin"
+    path.write_bytes(np.random.default_rng(1).bytes(5000))
+    assert "binary in a format that is not known" in sentence(path)
+
+
+def test_a_folder_is_refused(tmp_path) -> None:
+    assert "is a folder" in sentence(tmp_path)
+
+
+def test_a_missing_file_is_refused(tmp_path) -> None:
+    assert "does not exist" in sentence(tmp_path / "nowhere.csv")
+
+
+def test_an_unreadable_file_is_refused(tumbled, csv, monkeypatch) -> None:
+    """The superuser, who may run the tests, reads everything: the refusal is acted."""
+    path = csv(tumbled.rows())
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refuse)
+    assert "permission denied" in sentence(path)
+
+
+def test_two_columns_are_refused(csv, tumbled) -> None:
+    path = csv(tumbled.rows()[:, :2], header=None)
+    assert "has 2 column(s), one of them time; a recording needs three" in sentence(path)
+
+
+def test_one_column_is_refused(csv, tumbled) -> None:
+    assert "single column of numbers" in sentence(csv(tumbled.rows()[:, :1], header=None))
+
+
+@pytest.mark.parametrize(("limit", "delimiter"), [(1 << 25, ","), (0, ","), (1 << 25, "  "), (0, "  ")])
+def test_text_in_a_cell_is_named_by_line_and_column(tumbled, csv, monkeypatch, limit, delimiter) -> None:
+    monkeypatch.setattr(text, "_NUMPY_LIMIT", limit)
+    path = csv(tumbled.rows(), delimiter=delimiter, header=delimiter.join("t ax ay az gx gy gz".split()))
+    lines = path.read_text().splitlines()
+    cells = lines[700].split(delimiter)
+    cells[2] = "oops"
+    lines[700] = delimiter.join(cells)
+    path.write_text("\n".join(lines) + "\n")
+    assert "line 701, column 'ay' holds 'oops' instead of a number" in sentence(path)
+
+
+def test_a_row_with_too_many_columns_is_named(tumbled, csv) -> None:
+    path = csv(tumbled.rows())
+    lines = path.read_text().splitlines()
+    lines[300] += ",1.0,2.0"
+    path.write_text("\n".join(lines) + "\n")
+    assert "line 301 has 9 columns where the others have 7" in sentence(path)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_few_rows_without_finite_numbers_are_left_out_and_many_refused(tumbled, csv, bad) -> None:
+    rows = tumbled.rows().copy()
+    rows[10, 3] = bad
+    recording = read_recording(csv(rows))
+    assert len(recording) == len(rows) - 1
+    rows[::20, 3] = bad
+    said = sentence(csv(rows))
+    assert "rows hold no finite number somewhere, the first at line 2, column 'az'" in said
+
+
+def test_options_that_are_wrong_are_usage_errors(tumbled, csv) -> None:
+    path = csv(tumbled.rows())
+    for options, match in (
+        ({"columns": "t,ax,ay"}, "az missing"),
+        ({"columns": "t,ax,ay,az,gx,gy,ax"}, "'ax' stands twice"),
+        ({"columns": "t,a,b,c"}, "'a' is not one of"),
+        ({"columns": "t,ax,ay,az,gx,gy,gz,-,-"}, "names 9 columns"),
+        ({"columns": "t,-,-"}, "names no triad"),
+        ({"units": "g,parsec"}, "'parsec' is not a known unit"),
+        ({"units": "g,mg"}, "two units of specific force"),
+        ({"rate": -1.0}, "positive"),
+    ):
+        with pytest.raises(UsageError, match=match):
+            read_recording(path, **options)
+    with pytest.raises(UsageError, match="3 files"):
+        read_recording([path, path, path])

@@ -1,0 +1,102 @@
+"""Stamps: units, wraps, duplicates, steps back, gaps, rates."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tumble.errors import RecordingError
+from tumble.recording import read_blocks, read_recording
+from tumble.recording.stamps import find_gaps, guess_time_unit
+
+
+def with_time(tumbled, time: np.ndarray) -> np.ndarray:
+    return np.column_stack([time, tumbled.specific_force[: len(time)], tumbled.angular_rate[: len(time)]])
+
+
+@pytest.mark.parametrize(
+    ("step", "unit"),
+    [(0.1, "s"), (0.01, "s"), (0.0005, "s"), (0.0001, "s"), (1.0, "ms"), (40.0, "ms"), (500.0, "us"), (2.5e6, "ns")],
+)
+def test_the_unit_of_time_is_the_one_with_a_plausible_rate(step, unit) -> None:
+    assert guess_time_unit(step) == unit
+
+
+@pytest.mark.parametrize("size", [2**16, 2**32, 604_800_000])
+def test_a_counter_that_wraps_is_carried_on(tumbled, csv, size) -> None:
+    ticks = (np.arange(len(tumbled.time)) * 10 + size - 3000) % size
+    recording = read_recording(csv(with_time(tumbled, ticks)))
+    assert any("wraps 1 time(s)" in r.text for r in recording.remarks)
+    # Ticks of up to 4e9 ms in seconds: rounding of a double there is 1e-9.
+    assert np.abs(np.diff(recording.time) - 0.01).max() < 1e-8
+
+
+def test_repeated_stamps_are_left_out(tumbled, csv) -> None:
+    time = tumbled.time.copy()
+    time[[100, 500]] = time[[99, 499]]
+    recording = read_recording(csv(with_time(tumbled, time)))
+    assert len(recording) == len(time) - 2
+    assert any("2 row(s) with a repeated stamp left out (first: line 102)" in r.text for r in recording.remarks)
+    assert np.all(np.diff(recording.time) > 0.0)
+
+
+def test_stamps_coarser_than_the_sampling_are_refused(tumbled, csv) -> None:
+    with pytest.raises(RecordingError, match="coarser than the sampling"):
+        read_recording(csv(with_time(tumbled, np.floor(tumbled.time * 25) / 25)))
+
+
+def test_time_that_steps_back_is_refused_with_its_line(tumbled, csv) -> None:
+    time = tumbled.time.copy()
+    time[800:] -= 3.0
+    with pytest.raises(RecordingError, match=r"line 802: time steps back from 7\.99 to 5; .* Split the file"):
+        read_recording(csv(with_time(tumbled, time)))
+
+
+@pytest.mark.parametrize("header", ["t,ax,ay,az,gx,gy,gz", None])
+def test_time_that_stands_still_is_refused(tumbled, csv, header) -> None:
+    with pytest.raises(RecordingError, match=r"never changes .* give --rate"):
+        read_recording(csv(with_time(tumbled, np.full(len(tumbled.time), 4.0)), header=header))
+
+
+def test_gaps_are_found_where_samples_are_missing(tumbled, csv) -> None:
+    rows = np.delete(tumbled.rows(), [*range(300, 350), 600], axis=0)
+    recording = read_recording(csv(rows))
+    assert recording.gaps == (300, 550)
+    assert recording.rate == pytest.approx(100.0, rel=1e-6)
+
+
+def test_jitter_is_no_gap() -> None:
+    rng = np.random.default_rng(2)
+    time = np.arange(5000) / 100 + 0.0015 * rng.uniform(-1, 1, 5000)
+    assert find_gaps(time, 100.0) == ()
+
+
+def test_no_stamps_need_a_rate(tumbled, csv) -> None:
+    path = csv(tumbled.rows()[:, 1:], header=None)
+    with pytest.raises(RecordingError, match="no column of time stamps; give the sampling rate with --rate"):
+        read_recording(path)
+    assert read_recording(path, rate=100.0).time[1] == 0.01
+
+
+def test_a_rate_that_the_stamps_contradict_is_refused(tumbled, csv) -> None:
+    with pytest.raises(RecordingError, match="give 100 Hz, but 130 Hz was declared"):
+        read_recording(csv(tumbled.rows()), rate=130.0)
+
+
+def test_blocks_are_the_recording_cut_in_pieces(tumbled, csv, monkeypatch) -> None:
+    """A wrap, a gap, duplicates and NaN rows on both sides of the cuts."""
+    from tumble.recording.formats import text
+
+    time = (np.arange(len(tumbled.time)) * 10 + 2**16 - 9000) % 2**16
+    rows = with_time(tumbled, time)
+    rows[1500, 0] = rows[1499, 0]
+    rows[1600, 2] = np.nan
+    rows = np.delete(rows, slice(2000, 2100), axis=0)
+    path = csv(rows)
+    whole = read_recording(path)
+    monkeypatch.setattr(text, "_CHUNK", 20_000)
+    blocks = list(read_blocks(path, units="m/s^2,rad/s,ms"))
+    assert len(blocks) > 3
+    assert np.array_equal(np.concatenate([b.time for b in blocks]), whole.time)
+    assert np.array_equal(np.vstack([b.specific_force for b in blocks]), whole.specific_force)
+    assert blocks[0].sources == whole.sources
