@@ -3,8 +3,9 @@
 `find_timeline` finds them, `observe_holds` averages them; `read_intervals` reads a user's own list.
 """
 
+from tumble.segmentation.averages import MeanCovariance, mean_covariance
 from tumble.segmentation.intervals import read_intervals
-from tumble.segmentation.observations import HoldMeans, MeanCovariance, mean_covariance, observe_holds
+from tumble.segmentation.observations import HoldMeans, observe_holds
 from tumble.segmentation.search import find_timeline
 from tumble.segmentation.timeline import Hold, NoiseFloor, Rejection, Timeline, Turn
 
