@@ -7,7 +7,7 @@ the gyro's bias and g-sensitivity. Start values need no knowledge of scale, sign
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,6 +83,7 @@ def calibrate_hand_held(
     *,
     prior: StableKnowledge | None = None,
     optional_terms: bool = True,
+    unused_holds: Sequence[int] = (),
     progress: Callable[[str], None] | None = None,
 ) -> Estimate:
     """Calibrate accelerometers and gyros from holds and turns.
@@ -93,6 +94,8 @@ def calibrate_hand_held(
     site : gravity; with a latitude, the Earth rate's part along gravity is known too.
     prior : what an earlier calibration knows of the terms that do not change.
     optional_terms : try g-sensitivity and quadratic terms, keep what the data want.
+    unused_holds : holds whose norm and mean rate are kept out of the estimate, for cross-validation;
+        a turn is kept out by marking it unusable in the timeline.
     progress : is told in words what is being done.
 
     Raises
@@ -118,13 +121,15 @@ def calibrate_hand_held(
 
     say("adjustment")
     active = np.ones((data.holds, 6), dtype=bool)
+    active[list(unused_holds), NORM.start : RATE.stop] = False
+    everything = active.copy()
     free = np.concatenate([_FORCE_NINE, _GYRO_TWELVE, _EARTH])
     alone = _solve(data, site, prior, values, free, active.copy(), {"norm": 0.0, "rate": 0.0, "turn": 0.0})
     solution, outliers = _balanced(data, site, prior, alone.values, free, active)
     tests: list[TermTest] = []
     if optional_terms:
         say("optional terms")
-        solution, tests, outliers = _with_terms(data, site, prior, solution, outliers)
+        solution, tests, outliers = _with_terms(data, site, prior, solution, outliers, everything)
     return _estimate(recording, data, site, alone, solution, outliers, tests)
 
 
@@ -235,6 +240,7 @@ def _with_terms(
     prior: StableKnowledge | None,
     base: _Solution,
     base_outliers: list[Outlier],
+    everything: np.ndarray,
 ) -> tuple[_Solution, list[TermTest], list[Outlier]]:
     """Try all optional terms at once, drop the least significant until every one left is wanted.
 
@@ -246,9 +252,8 @@ def _with_terms(
     tests: dict[str, TermTest] = {}
     while names:
         free = np.sort(np.concatenate([base.free, *(OPTIONAL_TERMS[name] for name in names)]))
-        active = np.ones((data.holds, 6), dtype=bool)
         try:
-            solution, outliers = _balanced(data, site, prior, base.values, free, active)
+            solution, outliers = _balanced(data, site, prior, base.values, free, everything.copy())
         except ObservabilityError:
             names.pop()
             continue

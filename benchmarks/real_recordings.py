@@ -1,0 +1,138 @@
+"""The real recordings: our calibration beside imu_tk's, on data each has and has not seen.
+
+    python benchmarks/real_recordings.py
+
+The yardstick: at each hold the norm of the mean specific force against gravity; over each turn the
+angle between gravity carried along by the corrected gyro and gravity seen at the next hold (windows of
+2 s at the holds' edges, every sample turned by the gyro to the window's edge; the calibration's own
+constant bias; turns under 5 degrees left out). Held out: five interleaved folds; hold k and the turn
+after it belong to fold k mod 5; each fold is scored with the calibration of the other four.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from tumble.calibration import calibrate_hand_held
+from tumble.calibration.canonical import named_values
+from tumble.calibration.gathering import gather
+from tumble.calibration.scores import hold_norm_errors, score_turns
+from tumble.calibration.triad_unknowns import unknowns_from_triad
+from tumble.earth import Site
+from tumble.recording import read_recording
+from tumble.segmentation import find_timeline, observe_holds
+from tumble.sensor import ImuModel, Triad, change_frame
+from tumble.sensor.conventions.imu_tk import MISALIGNMENTS, matrix_from_imu_tk
+
+HERE = Path(__file__).resolve().parents[1]
+REFERENCE = HERE / "tests" / "reference"
+FOLDS = 5
+
+
+def read_imu_tk() -> ImuModel:
+    """Return imu_tk's result for the Xsens recording, in its own frame (accelerometer-z)."""
+    text = (REFERENCE / "xsens_mti_hand" / "imu_tk-result.txt").read_text()
+    values = {line.split()[0]: float(line.split()[1]) for line in text.splitlines() if line.strip()}
+
+    def triad(name: str) -> Triad:
+        angles = np.array([values[f"{name}.{key}"] for key in MISALIGNMENTS])
+        scale = np.array([values[f"{name}.scale{axis}"] for axis in "XYZ"])
+        bias = np.array([values[f"{name}.bias{axis}"] for axis in "XYZ"])
+        return Triad(np.real(matrix_from_imu_tk(angles, scale)), bias)
+
+    return ImuModel(triad("acc"), triad("gyro"))
+
+
+def score(model: ImuModel, data, gravity: float):
+    return hold_norm_errors(model, data.force_mean, gravity), score_turns(model, data).angle
+
+
+def line(name: str, norms: np.ndarray, angles: np.ndarray) -> None:
+    angles = angles[np.isfinite(angles)]
+    print(
+        f"  {name:44s}{1e3 * np.sqrt(np.mean(norms**2)):8.2f} mm/s²{np.degrees(np.sqrt(np.mean(angles**2))):9.3f}°"
+        f"   ({norms.size} holds, {angles.size} turns)"
+    )
+
+
+def held_out(recording, timeline, means, site: Site):
+    """Return norms and angles of holds and turns that the estimate has not seen."""
+    data = gather(recording, timeline, means)
+    norms, angles = np.full(data.holds, np.nan), np.full(data.holds, np.nan)
+    for fold in range(FOLDS):
+        mine = [k for k in range(data.holds) if k % FOLDS == fold]
+        turns = tuple(
+            replace(turn, usable=turn.usable and turn.before % FOLDS != fold) for turn in timeline.turns
+        )
+        estimate = calibrate_hand_held(
+            recording, replace(timeline, turns=turns), means, site, unused_holds=mine
+        )
+        scored = score(estimate.model, data, site.gravity)
+        norms[mine], angles[mine] = scored[0][mine], scored[1][mine]
+    return norms, angles
+
+
+def compare(model: ImuModel, estimate) -> None:
+    """Print imu_tk's values beside ours, all in Shin's convention and our frame."""
+    turned = change_frame(model, "accelerometer-x")
+    x = np.zeros(36)
+    x[:12] = unknowns_from_triad(Triad(np.tril(turned.accelerometer.matrix), turned.accelerometer.bias))
+    x[12:21], x[21:24] = turned.gyroscope.matrix.ravel(), turned.gyroscope.bias
+    theirs, _ = named_values(
+        x, np.zeros((36, 36)), terms=frozenset(), gyro="full", units=("counts", "counts"), factors=(None, None)
+    )
+    ours = {p.name: p for p in estimate.parameters}
+    print(f"  {'parameter':42s}{'tumble':>13s}{'± sigma':>10s}{'imu_tk':>13s}{'difference / sigma':>20s}  unit")
+    for value in theirs:
+        own = ours[value.name]
+        difference = (value.value - own.value) / own.standard_uncertainty
+        print(
+            f"  {value.name:42s}{own.value:13.6g}{own.standard_uncertainty:10.2g}{value.value:13.6g}"
+            f"{difference:20.1f}  {own.unit}"
+        )
+
+
+def main() -> None:
+    mpu = {"columns": "ax,ay,az,gx,gy,gz", "units": "m/s^2,rad/s", "rate": 100.0}
+    folder = REFERENCE / "xsens_mti_hand"
+    cases = (
+        ("Xsens MTi", [folder / "xsens_acc.txt.gz", folder / "xsens_gyro.txt.gz"], 9.81744, {}),
+        ("MPU-9150 imu0", HERE / "src/tumble/data/mpu9150-imu0.csv.gz", 9.81, mpu),
+        ("MPU-9150 imu1", REFERENCE / "mpu9150" / "imu1.log.gz", 9.81, mpu),
+    )
+    for name, paths, gravity, options in cases:
+        recording, site = read_recording(paths, **options), Site.from_gravity(gravity)
+        timeline = find_timeline(recording)
+        means = observe_holds(recording, timeline)
+        estimate = calibrate_hand_held(recording, timeline, means, site)
+        data = gather(recording, timeline, means)
+        print(f"{name}: {len(timeline.holds)} holds, {len(timeline.turns)} turns; sigma0 {estimate.sigma0:.2f}")
+        for term in estimate.terms:
+            print(
+                f"  {term.name}: {'kept' if term.kept else 'not wanted'}, F({term.degrees}) = {term.statistic:.1f}, "
+                f"p = {term.probability:.2g}, largest {term.largest}"
+            )
+        for left in estimate.left_out:
+            print(f"  {left.kind} {left.index + 1} left out: {left.reason}")
+        line("tumble, on all of the recording", *score(estimate.model, data, gravity))
+        without = calibrate_hand_held(recording, timeline, means, site, optional_terms=False)
+        line("tumble, without optional terms", *score(without.model, data, gravity))
+        line("tumble, held out (5 interleaved folds)", *held_out(recording, timeline, means, site))
+        if name.startswith("Xsens"):
+            theirs = read_imu_tk()
+            line("imu_tk, on all of the recording", *score(theirs, data, gravity))
+            print("  With g-sensitivity:")
+            compare(theirs, estimate)
+            print("  Without g-sensitivity, imu_tk's own model:")
+            compare(theirs, without)
+
+
+if __name__ == "__main__":
+    main()
