@@ -132,12 +132,12 @@ def _sphere(force: Vectors, noise: float) -> tuple[Vector, float]:
     middle = np.median(force, axis=0)
     centred = force - middle
     usual = float(np.median(np.linalg.norm(force, axis=1))) or 1.0
-    reach = float(np.sqrt(np.mean(np.sum(centred**2, axis=1)))) or usual
+    reach = float(np.linalg.norm(centred)) / len(centred) ** 0.5 or usual
     unit = centred / reach
     table = np.column_stack([2.0 * unit, np.ones(len(unit))])
-    singular = np.linalg.svd(table, compute_uv=False)
-    if reach > 20.0 * noise and len(unit) >= 4 and singular[-1] > 0.15 * singular[0]:
-        solution, *_ = np.linalg.lstsq(table, np.sum(unit**2, axis=1), rcond=None)
+    singular = np.sqrt(np.linalg.eigvalsh(table.T @ table).clip(0.0))
+    if reach > 20.0 * noise and len(unit) >= 4 and singular[0] > 0.15 * singular[-1]:
+        solution: np.ndarray = np.linalg.pinv(table) @ np.sum(unit**2, axis=1)
         radius = float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
         if 0.5 < radius < 3.0:
             return middle + reach * solution[:3], radius * reach

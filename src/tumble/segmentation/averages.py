@@ -158,11 +158,13 @@ def _flicker_floor(parts: list[list[tuple[np.ndarray, np.ndarray]]], top: int) -
         return np.zeros(3)
     common = np.mean(np.array(variances) / variances[0], axis=1)
     # neighbouring differences share a mean: two thirds of the degrees of freedom that they seem to have
-    weight = np.sqrt(np.array(dofs)) / common
-    scaled = np.column_stack([1.0 / length, np.ones(len(length))]) * weight[:, None]
-    inverse = np.linalg.inv(scaled.T @ scaled)
-    floor = float((inverse @ scaled.T @ (weight * common))[1])
-    return variances[0] * floor if floor > FLOOR_SIGMAS * np.sqrt(inverse[1, 1]) else np.zeros(3)
+    weight = np.array(dofs) / common**2
+    # normal equations of the weighted fit of 1/τ and 1, written out
+    aa, ab, bb = np.sum(weight / length**2), np.sum(weight / length), np.sum(weight)
+    determinant = aa * bb - ab**2
+    floor = float((aa * np.sum(weight * common) - ab * np.sum(weight * common / length)) / determinant)
+    significant = floor > FLOOR_SIGMAS * float(np.sqrt(aa / determinant))
+    return variances[0] * floor if significant else np.zeros(3)
 
 
 def _allan(parts: list[list[tuple[np.ndarray, np.ndarray]]], level: int) -> tuple[Vectors, Series]:

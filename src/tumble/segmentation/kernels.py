@@ -17,7 +17,7 @@ _ROUGHNESS = types.float32[:, ::1]
 
 
 @njit([types.void(_SIGNAL, types.int64, _BLOCKS, _ROUGHNESS)], cache=True, nogil=True)
-def block_moments(signal, size, mean, roughness):  # type: ignore[no-untyped-def]
+def block_moments(signal: np.ndarray, size: int, mean: np.ndarray, roughness: np.ndarray) -> None:
     """Fill each block's mean and roughness (half the mean square of successive differences).
 
     The difference from the last sample of the block before counts too, so that a block of one
@@ -48,7 +48,7 @@ def block_moments(signal, size, mean, roughness):  # type: ignore[no-untyped-def
 
 
 @njit([types.void(_BLOCKS, types.int64, _BLOCKS)], cache=True, nogil=True)
-def triangle_smooth(mean, half_width, smooth):  # type: ignore[no-untyped-def]
+def triangle_smooth(mean: np.ndarray, half_width: int, smooth: np.ndarray) -> None:
     """Fill the triangle-weighted mean over `half_width` blocks to either side (cut off at the ends)."""
     blocks = mean.shape[0]
     for k in range(blocks):
@@ -66,7 +66,7 @@ def triangle_smooth(mean, half_width, smooth):  # type: ignore[no-untyped-def]
 
 
 @njit([types.void(_BLOCKS, types.int64, types.float64[::1])], cache=True, nogil=True)
-def change_sizes(smooth, lag, sizes):  # type: ignore[no-untyped-def]
+def change_sizes(smooth: np.ndarray, lag: int, sizes: np.ndarray) -> None:
     """Fill the length of the change from `lag` blocks before to `lag` blocks after (less at the ends)."""
     blocks = smooth.shape[0]
     for k in range(blocks):

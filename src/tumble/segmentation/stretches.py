@@ -39,7 +39,7 @@ class Stretch:
     rate_scatter: Vector | None
     force: Vector | None
     force_scatter: Vector | None
-    excluded: list[tuple[int, int]] = field(default_factory=list)
+    excluded: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])
 
     @property
     def length(self) -> float:

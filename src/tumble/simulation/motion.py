@@ -217,5 +217,6 @@ def _right_jacobian(vector: Vectors, rate: Vectors) -> Vectors:
     twice = np.cross(vector, once)
     # 1 - cos loses all digits at small angles: 2 sin² of the half keeps them
     first = 2.0 * np.sin(0.5 * angle) ** 2 / angle**2
-    second = np.where(angle < 1e-3, (1.0 - angle**2 / 20.0) / 6.0, (angle - np.sin(angle)) / angle**3)
+    exact: AnyArray = (angle - np.sin(angle)) / angle**3
+    second = np.where(angle < 1e-3, (1.0 - angle**2 / 20.0) / 6.0, exact)
     return rate - first * once + second * twice

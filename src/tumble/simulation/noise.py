@@ -75,7 +75,7 @@ def simulate_wander(noise: TriadNoise, samples: int, rate: float, rng: np.random
 
 
 def _flicker(instability: float, samples: int, rate: float, rng: np.random.Generator) -> AnyArray:
-    from scipy.signal import lfilter
+    from tumble.simulation.kernels import add_markov
 
     total = np.zeros((samples, 3))
     sigma = instability * np.sqrt(np.log(OCTAVES) / np.pi)
@@ -85,7 +85,7 @@ def _flicker(instability: float, samples: int, rate: float, rng: np.random.Gener
         drive = sigma * np.sqrt(1.0 - memory**2) * rng.standard_normal((samples, 3))
         # the process is stationary from its first sample on
         drive[0] = sigma * rng.standard_normal(3)
-        total += np.asarray(lfilter([1.0], [1.0, -memory], drive, axis=0))
+        add_markov(drive, memory, total)
         corner *= OCTAVES
     return total
 

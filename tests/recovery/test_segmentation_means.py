@@ -1,0 +1,63 @@
+"""From a simulated recording back to what the unit sensed at rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tumble.earth import Site
+from tumble.segmentation import find_timeline, observe_holds
+from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
+
+SITE = Site.from_latitude(np.radians(41.0))
+
+
+def six_poses(seconds: float) -> Motion:
+    return Motion.between_poses(poses_26(0.4)[:6], np.full(6, seconds), np.full(5, 1.5))
+
+
+def test_without_noise_the_means_are_gravity_and_earth_rate_exactly() -> None:
+    recording, truth = simulate_recording(six_poses(3.0), 100.0, np.random.default_rng(1), site=SITE)
+    means = observe_holds(recording, find_timeline(recording))
+    assert means.specific_force is not None
+    assert means.angular_rate is not None
+    # arithmetic: sums of 300 numbers of the size of gravity
+    np.testing.assert_allclose(means.specific_force, truth.specific_force_b, atol=1e-11)
+    # the exact increments of 0.01 s are good to one unit in the last place of 1 over that time
+    np.testing.assert_allclose(means.angular_rate, truth.angular_rate_ib_b, atol=1e-12)
+
+
+def normalised_errors(name: str, seed: int) -> tuple[float, float]:
+    """Mean square of (mean - truth) / sigma over the 26 holds of one recording: accelerometer, gyro."""
+    motion = Motion.between_poses(poses_26(0.4), np.full(26, 4.0), np.full(25, 1.5))
+    recording, truth = simulate_recording(
+        motion, 100.0, np.random.default_rng(seed), site=SITE, grade=find_grade(name)
+    )
+    means = observe_holds(recording, find_timeline(recording))
+    assert len(means) == 26
+    assert truth.model is not None
+    assert means.specific_force is not None
+    assert means.specific_force_covariance is not None
+    assert means.angular_rate is not None
+    assert means.angular_rate_covariance is not None
+    force, rate = truth.model.distort(truth.specific_force_b, truth.angular_rate_ib_b)
+    squares: list[float] = []
+    for error, covariance in (
+        (means.specific_force - force, means.specific_force_covariance),
+        (means.angular_rate - rate, means.angular_rate_covariance),
+    ):
+        # what is common to all holds is the bias, which every calibration estimates
+        wander = error - error.mean(axis=0)
+        squares.append(float(np.mean(wander**2 / np.diagonal(covariance, axis1=1, axis2=2))))
+    return squares[0], squares[1]
+
+
+@pytest.mark.parametrize("name", ["consumer-mems", "tactical", "ring-laser"])
+def test_with_noise_the_means_lie_within_their_stated_covariance(name: str) -> None:
+    """Ten recordings: errors over sigma have the mean square 1, flicker noise included.
+
+    Flicker is shared by neighbouring holds, so that one recording's mean square spreads by 0.4 or so
+    and the mean of ten by 0.13: four of these are allowed.
+    """
+    squares = np.mean([normalised_errors(name, seed) for seed in range(10)], axis=0)
+    assert np.all(np.abs(squares - 1.0) < 0.52)
