@@ -75,10 +75,9 @@ def _print_facts(console: Console, inspection: Inspection, verbose: bool) -> Non
     console.print(f"[bold]{_plain(' + '.join(s.name for s in recording.sources))}[/]")
     minutes, seconds = divmod(found.duration, 60.0)
     length = f"{found.duration:.2f} s" if minutes < 2 else f"{minutes:.0f} min {seconds:.1f} s"
-    console.print(
-        f"{found.samples} samples in {length}, {found.rate:.6g} Hz, jitter {100 * found.jitter:.1f} % of a step, "
-        + (f"{len(found.gaps)} gap(s)" if found.gaps else "no gaps")
-    )
+    gaps = f"{len(found.gaps)} gap(s)" if found.gaps else "no gaps"
+    jitter = f"jitter {100 * found.jitter:.1f} % of a step"
+    console.print(f"{found.samples} samples in {length}, {found.rate:.6g} Hz, {jitter}, {gaps}")
     console.print(_channel_table(recording, inspection, verbose))
     console.print(
         f"At rest {100 * found.rest_share:.0f} % of the time, moving {100 * found.motion_share:.0f} %: "

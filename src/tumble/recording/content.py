@@ -107,7 +107,8 @@ def plan_from_content(columns: list[Series], name: str) -> tuple[ColumnPlan, lis
     remarks: list[Remark] = []
     groups = [tuple((i, 1.0) for i in values[s : s + 3]) for s in (0, 3) if len(values) >= s + 3]
     plan = ColumnPlan(time=time, said_by="content")
-    triads = [np.column_stack([columns[i] for i, _ in g]) for g in groups]
+    cuts = sample_pieces(columns[0].size)
+    triads = [np.column_stack([np.concatenate([columns[i][c] for c in cuts]) for i, _ in g]) for g in groups]
     if len(groups) == 1:
         plan = ColumnPlan(time=time, specific_force=groups[0], said_by="content")
         return plan, [Remark("assumed", f"{name}: its one triad is taken as the accelerometer.")]

@@ -91,9 +91,27 @@ def _header_words(table: RawTable, plan: ColumnPlan) -> str:
     return f"{table.path.name}: {'; '.join(parts)}."
 
 
+def _shared(columns: list[Series]) -> Vectors | None:
+    """Return the (rows, 3) array that three columns are the columns of, in this order, or None."""
+    base = columns[0].base
+    rows = columns[0].shape[0]
+    if not isinstance(base, np.ndarray) or base.ndim != 2 or base.shape[1] != 3 or base.shape[0] < rows:
+        return None
+    begins, width = base.ctypes.data, base.itemsize
+    offsets = [c.ctypes.data - begins for c in columns]
+    first = offsets[0] // (3 * width)
+    wanted = [3 * width * first + j * width for j in range(3)]
+    same = base.dtype == np.float64 and base.flags.c_contiguous and all(c.base is base for c in columns)
+    return base[first : first + rows] if same and offsets == wanted else None
+
+
 def _triad(table: RawTable, triad: tuple[tuple[int, float], ...] | None) -> Vectors | None:
+    """Put three columns side by side, without a copy where the format has done so."""
     if triad is None:
         return None
+    shared = _shared([table.columns[i] for i, _ in triad])
+    if shared is not None and all(sign > 0.0 for _, sign in triad):
+        return shared
     values = np.empty((len(table), 3))
     for axis, (index, sign) in enumerate(triad):
         values[:, axis] = table.columns[index]

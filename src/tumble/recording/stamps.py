@@ -73,20 +73,29 @@ def find_gaps(time: Series, rate: float) -> tuple[int, ...]:
     A step counts as a gap above 1.6 nominal steps, or above the median plus eight median absolute
     deviations where the stamps jitter more than that.
     """
-    if time.size < 3:
-        return ()
-    steps = np.diff(time)
-    middle = float(np.median(steps))
-    jitter = 1.4826 * float(np.median(np.abs(steps - middle)))
+    return _gaps_of(np.diff(time), rate) if time.size > 2 else ()
+
+
+def _gaps_of(steps: Series, rate: float) -> tuple[int, ...]:
+    middle = _median(steps)
+    jitter = 1.4826 * _median(np.abs(_thinned(steps) - middle))
     limit = max(_GAP_FACTOR * max(middle, 0.8 / rate), middle + 8.0 * jitter)
     return tuple(int(i) + 1 for i in np.flatnonzero(steps > limit))
 
 
-def nominal_rate(time: Series) -> float:
-    """Return the sampling rate: steps outside gaps over the time they take."""
-    steps = np.diff(time)
-    whole = steps[steps <= _GAP_FACTOR * float(np.median(steps))]
-    return float(whole.size / whole.sum())
+def _nominal_rate(steps: Series, duration: float) -> float:
+    """Sampling rate: the number of steps outside gaps over the time they take."""
+    long = steps[steps > _GAP_FACTOR * _median(steps)]
+    return float((steps.size - long.size) / (duration - long.sum()))
+
+
+def _thinned(values: Series) -> Series:
+    return values[:: max(1, values.size // 200_000)]
+
+
+def _median(values: Series) -> float:
+    """Median, of a long series that of every so manieth value."""
+    return float(np.median(_thinned(values)))
 
 
 def order_stamps(
@@ -121,7 +130,7 @@ def order_stamps(
             f"{name}: the time column never changes (it stays at {raw[0]:g}); leave it out with --columns "
             "and give --rate HZ."
         )
-    back = np.flatnonzero(steps < 0.0)
+    back = np.flatnonzero(steps < 0.0) if steps.min() < 0.0 else np.zeros(0, np.intp)
     if back.size:
         row = int(back[0]) + 1
         raise RecordingError(
@@ -142,13 +151,16 @@ def order_stamps(
         remarks.append(
             Remark("mended", f"{name}: {doubles} row(s) with a repeated stamp left out (first: {first}).")
         )
-    raw = raw[keep]
-    step = float(np.median(np.diff(raw)))
-    unit = _unit_of(step, unit, rate, name, remarks)
-    time = raw * time_factor(unit)
-    found = nominal_rate(time)
+        raw, steps = raw[keep], steps[steps > 0.0]
+    unit = _unit_of(_median(steps), unit, rate, name, remarks)
+    factor = time_factor(unit)
+    # Contiguous, for what is computed with it; a column may lie among others.
+    time = np.ascontiguousarray(raw) if factor == 1.0 else raw * factor
+    steps = steps if factor == 1.0 else steps * factor
+    found = _nominal_rate(steps, float(time[-1] - time[0]))
     _check_rate(found, rate, name, unit)
-    return Stamps(time, keep, find_gaps(time, found), found, unit, remarks)
+    gaps = _gaps_of(steps, found) if time.size > 2 else ()
+    return Stamps(time, keep, gaps, found, unit, remarks)
 
 
 def _more(count: int) -> str:
@@ -158,13 +170,15 @@ def _more(count: int) -> str:
 def carry_on(raw: Series) -> tuple[Series, int]:
     """Add what a wrapping counter has lost; returns the stamps and the number of wraps."""
     steps = np.diff(raw)
+    if not steps.size or steps.min() >= 0.0:
+        return raw, 0
     back = np.flatnonzero(steps < 0.0)
-    if not back.size or back.size > 0.01 * raw.size + 1:
+    if back.size > 0.01 * raw.size + 1:
         return raw, 0
     forward = steps[steps > 0.0]
     if not forward.size:
         return raw, 0
-    step = float(np.median(forward))
+    step = _median(forward)
     for size in _WRAPS:
         # The counter must have stood just below its limit and begin again just above zero.
         before, after = raw[back], raw[back + 1]

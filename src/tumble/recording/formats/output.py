@@ -13,7 +13,7 @@ from tumble.recording.recording import Recording
 from tumble.recording.writing import ENDINGS, column_names, written_beside
 
 if TYPE_CHECKING:
-    import polars
+    import polars as pl
 
 
 def write_blocks(blocks: Iterable[Recording], target: Path) -> None:
@@ -40,7 +40,7 @@ def write_blocks(blocks: Iterable[Recording], target: Path) -> None:
         os.fsync(file.fileno())
 
 
-def frame_of(recording: Recording) -> polars.DataFrame:
+def frame_of(recording: Recording) -> pl.DataFrame:
     """Return the recording's columns as a data frame."""
     import polars as pl
 
