@@ -12,14 +12,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Matrix, Series, Square
+from tumble.arrays import Series, Square
 from tumble.calibration.canonical import (
     canonical_covariance,
     canonical_names,
     model_from_unknowns,
     named_values,
 )
-from tumble.calibration.estimate import Estimate, LeftOut, TermTest, correlation_matrix, coverage_factor
+from tumble.calibration.bias_steps import find_bias_step
+from tumble.calibration.estimate import (
+    Estimate,
+    LeftOut,
+    NamedValue,
+    TermTest,
+    correlation_matrix,
+    coverage_factor,
+)
 from tumble.calibration.gathering import gather
 from tumble.calibration.handedness import refuse_contradicting_axes
 from tumble.calibration.norm_conditions import NormConditions
@@ -28,6 +36,7 @@ from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.requirements import require_poses
 from tumble.calibration.snooping import Kind, Outlier, balance
 from tumble.calibration.start_values import rough_gyro_matrix, rough_triad
+from tumble.calibration.time_lag import estimate_time_lag
 from tumble.calibration.triad_unknowns import BIAS, QUADRATIC, triad_from_unknowns
 from tumble.calibration.turn_conditions import (
     EARTH,
@@ -57,6 +66,8 @@ OPTIONAL_TERMS: dict[str, np.ndarray] = {
 }
 # A term that is not there is kept in fewer than this share of recordings, all terms together.
 TERM_FALSE_ALARM = 0.02
+# With the time lag, which is tested apart because nothing else depends on it.
+TERMS_TRIED = len(OPTIONAL_TERMS) + 1
 SMALLEST_TURNS = 5
 
 _FORCE_NINE = np.arange(0, 9)
@@ -130,7 +141,60 @@ def calibrate_hand_held(
     if optional_terms:
         say("optional terms")
         solution, tests, outliers = _with_terms(data, site, prior, solution, outliers, everything)
-    return _estimate(recording, data, site, alone, solution, outliers, tests)
+    estimate = _estimate(recording, data, site, alone, solution, outliers, tests)
+    if optional_terms:
+        _add_time_lag(estimate, data)
+    _add_bias_step(estimate, data, recording)
+    return estimate
+
+
+def _add_time_lag(estimate: Estimate, data: HoldsAndTurns) -> None:
+    """Test whether the triads are sampled at the same instants; note a lag that is significant."""
+    from scipy.special import stdtr
+
+    found = estimate_time_lag(data, estimate.model)
+    if found is None:
+        return
+    ratio = found.lag / max(found.sigma, 1e-12)
+    probability = 2.0 * float(stdtr(found.turns - 1, -abs(ratio)))
+    limit = TERM_FALSE_ALARM / TERMS_TRIED
+    kept = probability < limit
+    estimate.terms.append(TermTest("time_lag", kept, ratio**2, 1, probability, limit, f"{ratio:+.1f} sigma"))
+    if not kept:
+        return
+    name = "lag of the accelerometer behind the gyro"
+    estimate.parameters.append(NamedValue(name, found.lag, found.sigma, "s"))
+    size = estimate.correlations.shape[0]
+    correlations = np.eye(size + 1)
+    correlations[:size, :size] = estimate.correlations
+    estimate.correlations = correlations
+    later = "later" if found.lag > 0 else "earlier"
+    estimate.remarks.append(
+        f"The accelerometer's samples belong to instants {abs(1e3 * found.lag):.1f} ms "
+        f"(± {1e3 * found.sigma:.1f} ms) {later} than the gyro's. The estimate does not depend on it, and "
+        "`tumble apply` does not shift samples: tell your filter."
+    )
+
+
+def _add_bias_step(estimate: Estimate, data: HoldsAndTurns, recording: Recording) -> None:
+    """Note a jump of the gyro's bias between two holds."""
+    model = estimate.model
+    assert model.gyroscope is not None and model.accelerometer is not None
+    inverse = np.linalg.inv(model.gyroscope.matrix)
+    rest = data.rate_mean - model.gyroscope.bias
+    if model.g_sensitivity is not None:
+        rest = rest - model.accelerometer.correct(data.force_mean) @ model.g_sensitivity.T
+    wander = estimate.variance_components["gyro bias from hold to hold, rad/s"] ** 2
+    variance = np.diagonal(inverse @ data.rate_covariance @ inverse.T, axis1=1, axis2=2) + wander
+    step = find_bias_step(rest @ inverse.T, variance)
+    if step is None:
+        return
+    when = 0.5 * (recording.time[data.tail[step.before, 1] - 1] + recording.time[data.head[step.before + 1, 0]])
+    estimate.remarks.append(
+        f"The bias of gyro {'xyz'[step.axis]} jumps by {np.degrees(step.size):+.3f} °/s "
+        f"(± {np.degrees(step.sigma):.3f}) between hold {step.before + 1} and hold {step.before + 2}, at about "
+        f"{when:.0f} s: the stated bias is a mean of both. A knock or the supply can do it; record again."
+    )
 
 
 def _start(recording: Recording, data: HoldsAndTurns, gravity: float, prior: StableKnowledge | None) -> Series:
@@ -248,7 +312,7 @@ def _with_terms(
     the noise level of the fit that contains them.
     """
     names = [name for name, unknowns in OPTIONAL_TERMS.items() if base.adjustment.redundancy > 3 * unknowns.size]
-    limit = TERM_FALSE_ALARM / max(len(names), 1)
+    limit = TERM_FALSE_ALARM / TERMS_TRIED
     tests: dict[str, TermTest] = {}
     while names:
         free = np.sort(np.concatenate([base.free, *(OPTIONAL_TERMS[name] for name in names)]))
@@ -383,8 +447,3 @@ def _left_out(outlier: Outlier, norms: Series, angles: Series) -> LeftOut:
     if outlier.kind == "rate":
         return LeftOut("hold", k, f"the gyro's output at rest is off by {times}: did it really rest?")
     return LeftOut("turn", k, f"gravity carried by the gyro ends {np.degrees(angles[k]):.2f}° off, {times}")
-
-
-def gyro_matrix_of(values: Series) -> Matrix:
-    """Return the gyro's forward matrix of the 36 unknowns."""
-    return values[GYRO_MATRIX].reshape(3, 3)

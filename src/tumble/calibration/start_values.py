@@ -61,7 +61,7 @@ def rough_gyro_matrix(
     Raises
     ------
     ValueError
-        If there are fewer than nine windows of motion.
+        If there are fewer than nine windows of motion, or no turn tells one of the gyro's axes.
     """
     designs: list[AnyArray] = []
     changes: list[AnyArray] = []
@@ -85,11 +85,27 @@ def rough_gyro_matrix(
     design, change = np.concatenate(designs), np.concatenate(changes)
     weight = _huber_weights(design, change)
     normal = design.T @ (design * weight[:, None])
+    _require_all_axes(normal)
     inverse = np.linalg.pinv(normal, hermitian=True)
     solution = inverse @ (design.T @ (weight * change))
     residual = change - design @ solution
     variance = float(np.sum(weight * residual**2) / max(change.size - 9, 1))
     return solution.reshape(3, 3), inverse * variance
+
+
+# Of the information that equally spread turns would give, the least that still tells an axis: turns
+# that go astray by 3 degrees from a single axis give 1/400.
+SMALLEST_EXCITATION = 3e-3
+
+
+def _require_all_axes(normal: AnyArray) -> None:
+    """Refuse motion that leaves an axis of the gyro untold."""
+    # Column k of the gyro's matrix has the unknowns A_0k, A_1k, A_2k.
+    information = [float(np.linalg.eigvalsh(normal[k::3, k::3])[0]) for k in range(3)]
+    weakest = int(np.argmin(information))
+    if information[weakest] < SMALLEST_EXCITATION * float(np.trace(normal)) / 9.0:
+        axis = "xyz"[weakest]
+        raise ValueError(f"no turn goes about its {axis} axis, or only while {axis} stands upright")
 
 
 def _huber_weights(design: AnyArray, change: Series, passes: int = 5) -> Series:

@@ -1,0 +1,87 @@
+"""Do the triads' samples belong to the same instant? The turns tell the lag between them.
+
+While the unit turns, gravity moves through the accelerometers as the gyro says: the change of the
+specific force over a short window is the integral of ``cross(f, rate)``. If the accelerometer's
+samples are later than the gyro's by ``lag``, the rate that belongs to f(t) is rate(t - lag), and the
+window is off by ``-lag`` times the integral of ``cross(f, d rate / dt)``. One linear regression
+over all windows gives the lag. The hand's own accelerations are noise in it; they are correlated
+within a turn, so that the uncertainty comes from the scatter between turns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.calibration.turn_conditions import HoldsAndTurns
+from tumble.sensor import ImuModel
+
+WINDOW = 0.1  # s: short against a turn's acceleration, long against accelerometer noise
+SMALLEST_TURNS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class TimeLag:
+    """How much later the accelerometer's samples are than the gyro's, s, and its standard uncertainty."""
+
+    lag: float
+    sigma: float
+    turns: int
+
+
+def estimate_time_lag(data: HoldsAndTurns, model: ImuModel) -> TimeLag | None:
+    """Return the accelerometer's lag behind the gyro, or None where turns are too few.
+
+    Parameters
+    ----------
+    data : holds and turns, raw.
+    model : calibrated; its time lag is taken as zero in what follows from hold to hold, where a lag
+        of a few samples does not matter.
+
+    Raises
+    ------
+    ValueError
+        If the model lacks a triad.
+    """
+    numerators: list[float] = []
+    denominators: list[float] = []
+    for k in np.flatnonzero(data.turn_start >= 0):
+        start, stop = int(data.turn_start[k]), int(data.turn_stop[k])
+        force, rate = model.correct(data.raw_force[start:stop], data.raw_rate[start:stop])
+        parts = _one_turn(data.time[start:stop], force, rate)
+        if parts is not None:
+            numerators.append(parts[0])
+            denominators.append(parts[1])
+    if len(numerators) < SMALLEST_TURNS:
+        return None
+    top, bottom = np.array(numerators), np.array(denominators)
+    # A turn with a knock in it pulls at most as three ordinary ones do.
+    single = top / np.maximum(bottom, 1e-300)
+    centre = float(np.median(single))
+    limit = 3.0 * 1.4826 * float(np.median(np.abs(single - centre)))
+    keep = np.abs(single - centre) <= max(limit, 1e-9)
+    lag = float(np.sum(top[keep]) / np.sum(bottom[keep]))
+    misfit = top[keep] - lag * bottom[keep]
+    count = int(np.count_nonzero(keep))
+    sigma = float(np.sqrt(np.sum(misfit**2) * count / max(count - 1, 1)) / np.sum(bottom[keep]))
+    return TimeLag(lag, sigma, count)
+
+
+def _one_turn(time: np.ndarray, force: np.ndarray, rate: np.ndarray) -> tuple[float, float] | None:
+    """Return (regressor . residual, regressor . regressor) of one turn's windows."""
+    step = max(2, round(WINDOW / float(np.median(np.diff(time)))))
+    edges = np.arange(0, time.size - 1, step)
+    if edges.size < 3:
+        return None
+    dt = np.diff(time)[:, None]
+    middle_force = 0.5 * (force[1:] + force[:-1])
+    middle_rate = 0.5 * (rate[1:] + rate[:-1])
+    carried = np.cumsum(np.cross(middle_force, middle_rate) * dt, axis=0)
+    moved = np.cumsum(np.cross(middle_force, np.diff(rate, axis=0)), axis=0)
+    zero = np.zeros((1, 3))
+    carried, moved = np.vstack([zero, carried])[edges], np.vstack([zero, moved])[edges]
+    residual = np.diff(force[edges], axis=0) - np.diff(carried, axis=0)
+    regressor = -np.diff(moved, axis=0)
+    weight = 1.0 / np.maximum(np.linalg.norm(residual, axis=1), 0.3)[:, None]
+    return float(np.sum(weight * regressor * residual)), float(np.sum(weight * regressor**2))
