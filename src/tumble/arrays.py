@@ -29,13 +29,14 @@ else:
         from jaxtyping import Float
 
         Vector = Float[np.ndarray, "3"]
-        Vectors = Float[np.ndarray, "samples 3"]
+        # How many rows is left open: one signature often has samples, holds and unknowns side by side.
+        Vectors = Float[np.ndarray, "_ 3"]
         Matrix = Float[np.ndarray, "3 3"]
-        Matrices = Float[np.ndarray, "items 3 3"]
+        Matrices = Float[np.ndarray, "_ 3 3"]
         Quaternion = Float[np.ndarray, "4"]
-        Quaternions = Float[np.ndarray, "items 4"]
-        Series = Float[np.ndarray, "samples"]
-        Table = Float[np.ndarray, "rows columns"]
+        Quaternions = Float[np.ndarray, "_ 4"]
+        Series = Float[np.ndarray, "_"]
+        Table = Float[np.ndarray, "_ _"]
         Square = Float[np.ndarray, "size size"]
         AnyArray = Float[np.ndarray, "..."]
     else:

@@ -28,7 +28,7 @@ def jacobian(function: Function, values: Series) -> Table:
     return np.column_stack(columns)
 
 
-def propagate(function: Function, values: Series, covariance: Square) -> tuple[Series, Square]:
+def propagate(function: Function, values: Series, covariance: Square) -> tuple[Series, Table]:
     """Return ``function(values)`` and its covariance to first order (GUM 5.1.2, JCGM 102 6.2)."""
     derivatives = jacobian(function, values)
     return np.real(function(values.astype(complex))), derivatives @ covariance @ derivatives.T
