@@ -37,15 +37,16 @@ class BlockChain:
         ConvergenceError
             If a pivot is not positive definite: the covariance given is not one.
         """
-        couplings = None
+        couplings: AnyArray | None = None
         pivots = diagonal
-        if lower is not None and np.any(lower):
-            pivots = diagonal.copy()
-            couplings = np.empty_like(lower)
-            for k in range(lower.shape[0]):
-                couplings[k] = np.linalg.solve(pivots[k], lower[k].T).T
-                pivots[k + 1] = diagonal[k + 1] - couplings[k] @ lower[k].T
         try:
+            if lower is not None and np.any(lower):
+                pivots = diagonal.copy()
+                couplings = np.empty_like(lower)
+                for k in range(lower.shape[0]):
+                    solved: AnyArray = np.asarray(np.linalg.solve(pivots[k], lower[k].T), dtype=np.float64)
+                    couplings[k] = solved.T
+                    pivots[k + 1] = diagonal[k + 1] - couplings[k] @ lower[k].T
             factors = np.linalg.cholesky(pivots)
         except np.linalg.LinAlgError as error:
             raise ConvergenceError(
@@ -53,7 +54,8 @@ class BlockChain:
                 "a hold has no noise at all, or too few samples."
             ) from error
         logs = np.log(np.diagonal(factors, axis1=1, axis2=2))
-        return BlockChain(np.linalg.inv(pivots), couplings, 2.0 * float(np.sum(logs)))
+        inverses: AnyArray = np.asarray(np.linalg.inv(pivots), dtype=np.float64)
+        return BlockChain(inverses, couplings, 2.0 * float(np.sum(logs)))
 
     def solve(self, right: AnyArray) -> AnyArray:
         """Return the inverse times `right`, (groups, size, columns)."""

@@ -14,7 +14,7 @@ stay with the `Conditions`, which know what an observation is; the solver sees C
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -44,6 +44,7 @@ class Linearisation:
     active: np.ndarray
 
 
+@runtime_checkable
 class Conditions(Protocol):
     """What an adjustment adjusts."""
 
@@ -62,6 +63,14 @@ class Prior:
 
     mean: Series
     precision: Square
+
+    @property
+    def rank(self) -> int:
+        """How many independent things are known: what the prior adds to the redundancy."""
+        size = np.sqrt(np.maximum(np.diag(self.precision), 0.0))
+        # To a unit diagonal first: bias in counts and angles in rad differ by many powers of ten.
+        scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+        return int(np.linalg.matrix_rank(self.precision * np.outer(scale, scale), hermitian=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +137,8 @@ def adjust(
     step_before = np.inf
     for iteration in range(1, iterations + 1):
         linear = conditions.linearise(parameters)
+        if not (np.all(np.isfinite(linear.misclosure)) and np.all(np.isfinite(linear.covariance))):
+            raise ConvergenceError("The adjustment diverged: its unknowns left all bounds.")
         chain = BlockChain.factor(linear.covariance, linear.covariance_lower)
         whitened = chain.solve(linear.design)
         normal = np.einsum("gsp,gsq->pq", linear.design, whitened)
@@ -152,7 +163,7 @@ def adjust(
             if prior is not None:
                 off = parameters - prior.mean
                 square_sum += float(off @ prior.precision @ off)
-                known = int(np.linalg.matrix_rank(prior.precision, tol=0.0))
+                known = prior.rank
             redundancy = int(np.count_nonzero(linear.active)) + known - parameters.size
             return Adjustment(
                 parameters, cofactor, square_sum, redundancy, iteration, linear, chain, residual, multipliers

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from tumble.estimation.gauss_helmert import Adjustment
 
@@ -14,8 +15,7 @@ class GroupTest:
     """The test of some conditions of one group against a gross error in them.
 
     `statistic` is chi-square with `degrees` of freedom if there is none (and the noise given is the
-    true one); `normalised` is the size of a normal deviate of the same rarity times nothing: the
-    square root of statistic over degrees, about 1 on average.
+    true one).
     """
 
     group: int
@@ -42,7 +42,7 @@ def snoop_groups(adjustment: Adjustment, columns: slice) -> list[GroupTest]:
     weighted_design = chain.solve(linear.design)
     inverse = chain.inverse_diagonal()
     loss = np.einsum("gsp,pq,gtq->gst", weighted_design, adjustment.cofactor, weighted_design)
-    rows = np.arange(linear.misclosure.shape[1])[columns]
+    rows: npt.NDArray[np.int64] = np.arange(linear.misclosure.shape[1], dtype=np.int64)[columns]
     active = linear.active[:, rows]
     block = inverse[:, rows[:, None], rows]
     scale = np.sqrt(np.diagonal(block, axis1=1, axis2=2))
@@ -67,7 +67,7 @@ def critical_value(degrees: int, groups: int, false_alarm: float = 0.01) -> floa
 
     `false_alarm` is the chance that any of them does when nothing is wrong (Sidak's inequality).
     """
-    from scipy.special import chdtri
+    from scipy.special import gammainccinv
 
     single = 1.0 - (1.0 - false_alarm) ** (1.0 / max(groups, 1))
-    return float(chdtri(degrees, single))
+    return 2.0 * float(gammainccinv(0.5 * degrees, single))
