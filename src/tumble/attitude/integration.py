@@ -61,10 +61,12 @@ def integrate_turns(
     ------
     IndexError
         If a range is empty or leaves the samples.
+    ValueError
+        If time, rates and forces are not equally long.
     """
     from tumble.attitude.kernels import integrate_segments
 
-    first, last = _ranges(starts, stops, time.shape[0])
+    first, last = _ranges(starts, stops, time, raw_rate, raw_force)
     C = np.empty((first.size, 3, 3))
     sums = np.empty((first.size, 3, 3, 7))
     integrate_segments(
@@ -111,13 +113,16 @@ def average_at_edge(
     IndexError
         If a range is empty or leaves the samples.
     ValueError
-        If `edge` is neither "first" nor "last".
+        If `edge` is neither "first" nor "last", if time, rates and forces are not equally long, or if
+        there is not one gyro bias a window.
     """
     from tumble.attitude.kernels import average_windows
 
     if edge not in ("first", "last"):
         raise ValueError(f"edge is {edge!r}, not 'first' or 'last'")
-    first, last = _ranges(starts, stops, time.shape[0])
+    first, last = _ranges(starts, stops, time, raw_rate, raw_force)
+    if gyro_bias.shape != (first.size, 3):
+        raise ValueError(f"{first.size} windows want as many gyro biases, not shape {gyro_bias.shape}")
     means = np.empty((first.size, 3))
     average_windows(
         np.ascontiguousarray(time),
@@ -135,9 +140,19 @@ def average_at_edge(
     return means
 
 
-def _ranges(starts: np.ndarray, stops: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return both index arrays as int64, refusing ranges that a kernel would read outside of."""
+def _ranges(
+    starts: np.ndarray, stops: np.ndarray, time: Series, raw_rate: Vectors, raw_force: Vectors
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return both index arrays as int64, refusing what a kernel would read outside of."""
+    samples = time.shape[0]
+    if raw_rate.shape != (samples, 3) or raw_force.shape != (samples, 3):
+        raise ValueError(
+            f"{samples} stamps want as many rates and forces, "
+            f"not shapes {raw_rate.shape} and {raw_force.shape}"
+        )
     first, last = np.asarray(starts, dtype=np.int64), np.asarray(stops, dtype=np.int64)
+    if first.shape != last.shape:
+        raise ValueError(f"{first.size} starts and {last.size} stops of sample ranges do not pair up")
     if np.any(first < 0) or np.any(last > samples) or np.any(last <= first):
         raise IndexError(f"sample ranges must be non-empty and inside 0 to {samples}")
     return first, last

@@ -113,7 +113,21 @@ def integrate_segments(
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def _multiply(
-    c00, c01, c02, c10, c11, c12, c20, c21, c22, p, q, r, square, sinc, cosc  # type: ignore[no-untyped-def]
+    c00,
+    c01,
+    c02,
+    c10,
+    c11,
+    c12,
+    c20,
+    c21,
+    c22,
+    p,
+    q,
+    r,
+    square,
+    sinc,
+    cosc,  # type: ignore[no-untyped-def]
 ):
     """Return C times the Rodrigues matrix of (p, q, r), element by element."""
     d = 1.0 - cosc * square

@@ -76,11 +76,13 @@ def rotation_between(start: Vector, end: Vector) -> Matrix:
     """
     a, b = _unit(start), _unit(end)
     cosine = float(a @ b)
-    if cosine < -1.0 + 1e-12:
-        axis = tangent_basis(a)[:, 0]
-        return 2.0 * np.outer(axis, axis) - np.eye(3)
-    cross = skew(np.cross(a, b))
-    return np.eye(3) + cross + cross @ cross / (1.0 + cosine)
+    if cosine > -0.5:
+        cross = skew(np.cross(a, b))
+        return np.eye(3) + cross + cross @ cross / (1.0 + cosine)
+    # Near a half turn 1 + cosine is round-off: half turns about a and then about the middle of a and
+    # b are the same rotation.
+    middle = _middle_of_opposites(a, b)
+    return (2.0 * np.outer(middle, middle) - np.eye(3)) @ (2.0 * np.outer(a, a) - np.eye(3))
 
 
 def angle_between(start: Vector, end: Vector) -> float:
@@ -106,13 +108,25 @@ def tangent_basis(direction: Vector) -> Table:
     unit = _unit(direction)
     first = np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
     first /= np.linalg.norm(first)
-    return np.column_stack([first, np.cross(unit, first)])
+    return np.asarray(np.column_stack([first, np.cross(unit, first)]), dtype=np.float64)
 
 
 def find_nearest_rotation(matrix: Matrix) -> Matrix:
     """Return the rotation nearest to `matrix` in the Frobenius norm (by singular values)."""
     left, _, right = np.linalg.svd(matrix)
-    return left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    sign = float(np.sign(np.linalg.det(left) * np.linalg.det(right)))
+    return np.asarray((left * np.array([1.0, 1.0, sign])) @ right, dtype=np.float64)
+
+
+def _middle_of_opposites(a: Vector, b: Vector) -> Vector:
+    """Return the unit vector halfway between two all but opposite unit vectors."""
+    apart = _unit(a - b)
+    middle = a + b
+    # Twice is enough (Kahan): a sum of opposites is mostly round-off, which must not lie along them.
+    for _ in range(2):
+        middle = middle - apart * float(apart @ middle)
+    length = float(np.sqrt(middle @ middle))
+    return middle / length if length > 1e-15 else tangent_basis(apart)[:, 0]
 
 
 def _unit(vector: Vector) -> Vector:

@@ -23,7 +23,7 @@ def normal_gravity(latitude: float, height: float = 0.0) -> float:
     Parameters
     ----------
     latitude : geodetic latitude, rad.
-    height : metres above the ellipsoid; the series is good to 1e-7 m/s² up to 10 km.
+    height : metres above the ellipsoid; the series is good to 1e-6 m/s² (0.1 ppm) up to 10 km.
 
     Notes
     -----

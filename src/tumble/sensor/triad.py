@@ -49,7 +49,7 @@ class Triad:
         """
         own_input = self.own_input(raw)
         try:
-            return np.ascontiguousarray(np.linalg.solve(self.matrix, own_input.T).T)
+            return np.ascontiguousarray(np.linalg.solve(self.matrix, own_input.T).T, dtype=np.float64)
         except np.linalg.LinAlgError as error:
             raise ValueError("the triad's matrix is singular: it cannot be corrected") from error
 

@@ -40,6 +40,8 @@ def matrix_from_shin(scale_factor: Complex, angles: Complex) -> Complex:
 def shin_from_matrix(matrix: Complex) -> tuple[Complex, Complex]:
     """Return (scale factors, angles yz, zx, zy) of a lower-triangular matrix: the exact inverse.
 
+    A negative diagonal element, a sensor that counts backwards, is a negative scale factor.
+
     Raises
     ------
     ValueError
@@ -49,7 +51,7 @@ def shin_from_matrix(matrix: Complex) -> tuple[Complex, Complex]:
     # 1e-9 of the diagonal: a frame change leaves round-off there, a forgotten one 1e-4 and more.
     if np.any(upper > 1e-9 * np.max(np.abs(np.real(matrix)))):
         raise ValueError("the matrix is not lower triangular: change the frame to accelerometer-x first")
-    scale_factor = np.sqrt(np.sum(matrix * matrix, axis=1))
+    scale_factor = np.sign(np.real(np.diag(matrix))) * np.sqrt(np.sum(matrix * matrix, axis=1))
     axes = matrix / scale_factor[:, None]
     yz = -np.arctan(axes[1, 0] / axes[1, 1])
     zy = np.arcsin(axes[2, 0])
