@@ -67,7 +67,7 @@ def critical_value(degrees: int, groups: int, false_alarm: float = 0.01) -> floa
 
     `false_alarm` is the chance that any of them does when nothing is wrong (Sidak's inequality).
     """
-    from scipy.special import gammainccinv
+    from scipy.special import chdtri
 
-    single = 1.0 - (1.0 - false_alarm) ** (1.0 / max(groups, 1))
-    return 2.0 * float(gammainccinv(0.5 * degrees, single))
+    single: float = 1.0 - (1.0 - false_alarm) ** (1.0 / max(groups, 1))
+    return float(chdtri(degrees, single))
