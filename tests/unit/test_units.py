@@ -55,7 +55,9 @@ def test_a_unit_of_angular_rate_has_its_defined_factor(name: str, factor: float)
     assert angular_rate_factor(name) == pytest.approx(factor, rel=ROUNDING)
 
 
-@pytest.mark.parametrize(("name", "factor"), [("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("us", 1e-6), ("NS", 1e-9)])
+@pytest.mark.parametrize(
+    ("name", "factor"), [("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("us", 1e-6), ("NS", 1e-9)]
+)
 def test_a_unit_of_time_has_its_defined_factor(name: str, factor: float) -> None:
     assert time_factor(name) == factor
 
@@ -72,10 +74,16 @@ def test_counts_have_no_factor() -> None:
 
 @pytest.mark.parametrize(
     "factor",
-    [specific_force_factor, angular_rate_factor, time_factor, velocity_increment_factor, angle_increment_factor],
+    [
+        specific_force_factor,
+        angular_rate_factor,
+        time_factor,
+        velocity_increment_factor,
+        angle_increment_factor,
+    ],
 )
 def test_an_unknown_unit_is_refused_with_the_known_ones(factor: object) -> None:
-    with pytest.raises(UsageError, match="'furlong' is not a known unit of .*; known are"):
+    with pytest.raises(UsageError, match=r"'furlong' is not a known unit of .*; known are"):
         factor("furlong")  # type: ignore[operator]
 
 

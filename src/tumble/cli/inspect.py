@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tumble.cli.options import Columns, Json, Rate, Recordings, Units
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
@@ -17,21 +19,14 @@ if TYPE_CHECKING:
 
 
 def inspect_command(
-    recording: Annotated[list[Path], typer.Argument(help="The recording: one file, or two, one a triad.")],
-    columns: Annotated[
-        str | None,
-        typer.Option(help="What the columns are, as t,ax,ay,az,gx,gy,gz; - skips one, -ay reverses one."),
-    ] = None,
-    units: Annotated[
-        str | None, typer.Option(help="Units as g,deg/s,ms; counts; m/s,rad for increments.")
-    ] = None,
-    rate: Annotated[
-        float | None, typer.Option(help="Sampling rate in Hz, for a file without stamps.")
-    ] = None,
+    recording: Recordings,
+    columns: Columns = None,
+    units: Units = None,
+    rate: Rate = None,
     save: Annotated[
         Path | None, typer.Option(help="Convert to this file: .csv or .parquet, raw numbers, time in s.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
+    as_json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print warnings only.")] = False,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Print every gap and every channel.")

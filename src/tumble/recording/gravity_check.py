@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Matrix, Series, Table, Vector, Vectors
+from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors
 from tumble.errors import RecordingError
 from tumble.recording.recording import Recording
-from tumble.recording.rest import Numbers, find_quiet_stretches, fit_sphere, sample_pieces
+from tumble.recording.rest import find_quiet_stretches, fit_sphere, sample_pieces
 from tumble.units import angular_rate_factor
 
 _WINDOW_SECONDS = 0.3
@@ -128,19 +128,19 @@ def _has_offset(force: Vectors) -> bool:
     return bool(np.all((low * high > 0.0) & (high - low < 4.0 * np.abs(low))) and np.all(np.abs(low) > 500.0))
 
 
-def _design(products: Table) -> Numbers:
+def _design(products: Table) -> AnyArray:
     """Rows of change_i = sum e_ilj A_jk K_lk for the nine elements of A."""
     k = products.reshape(-1, 3, 3)
     return np.einsum("ilj,wlk->wijk", _E, k).reshape(-1, 9)
 
 
-def _solve(design: Numbers, values: Numbers, weights: Numbers) -> Numbers:
+def _solve(design: AnyArray, values: AnyArray, weights: AnyArray) -> AnyArray:
     """Weighted normal equations: the columns are of one size, and a few per cent are enough here."""
     weighted = design * weights[:, None]
     return np.asarray(np.linalg.pinv(weighted.T @ design) @ (weighted.T @ values), dtype=np.float64)
 
 
-def _solve_robustly(design: Numbers, values: Numbers) -> tuple[Numbers, Numbers, float]:
+def _solve_robustly(design: AnyArray, values: AnyArray) -> tuple[AnyArray, AnyArray, float]:
     """Least squares with Huber's weights; returns solution, covariance and the share explained."""
     weights = np.ones(values.size)
     solution = _solve(design, values, weights)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import Series, Vectors
+from tumble.arrays import AnyArray, Series, Vectors
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import content, stamps
 from tumble.recording.columns import ColumnPlan, plan_from_names, plan_from_option
@@ -157,7 +157,7 @@ def _signals(table: RawTable, plan: ColumnPlan) -> _Signals:
     text = f"{table.path.name}: {bad} row(s) without a finite number left out ({where})."
     rows = np.flatnonzero(good)
 
-    def kept(part: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
+    def kept(part: AnyArray | None) -> AnyArray | None:
         return None if part is None else part[rows]
 
     return _Signals(kept(time), kept(force), kept(rates), kept(temperature), rows, [Remark("mended", text)])
@@ -426,7 +426,7 @@ def _continued(
     state: BlockState,
     decided: Interpretation,
     remarks: list[Remark],
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_], float]:
+) -> tuple[AnyArray, npt.NDArray[np.bool_], float]:
     """Carry the stamps on from the block before: duplicates out, wraps added, steps back refused."""
     factor = time_factor(decided.time_unit or "s")
     before = raw[0] - 1.0 / (decided.rate * factor) if state.last is None else state.last

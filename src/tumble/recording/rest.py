@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import Table, Vector, Vectors
+from tumble.arrays import AnyArray, Table, Vector, Vectors
 
 _BLOCK_SECONDS = 0.25
 _LEAST_BLOCK = 10
@@ -23,7 +23,6 @@ _FLOOR_QUANTILE = 0.05
 _PIECE = 16_384  # samples of one piece of a long recording that is judged by samples of it
 
 Indices = npt.NDArray[np.intp]
-Numbers = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +39,7 @@ class QuietStretches:
     starts: Indices
     stops: Indices
     means: Table
-    floor: npt.NDArray[np.float64]
+    floor: AnyArray
 
     def __len__(self) -> int:
         return int(self.starts.size)
@@ -51,7 +50,7 @@ class QuietStretches:
         return QuietStretches(self.starts[keep], self.stops[keep], self.means[keep], self.floor)
 
 
-def smallest_step(values: npt.NDArray[np.float64]) -> float:
+def smallest_step(values: AnyArray) -> float:
     """Return the smallest difference between distinct values: the quantisation step (0 if constant)."""
     distinct = np.unique(values[:_PIECE])
     if distinct.size < 2:
@@ -93,7 +92,7 @@ def find_quiet_stretches(signals: Table, rate: float) -> QuietStretches:
     return QuietStretches(starts * size, stops * size, level, floor)
 
 
-def block_statistics(signals: Table, size: int) -> tuple[Numbers, Numbers]:
+def block_statistics(signals: Table, size: int) -> tuple[AnyArray, AnyArray]:
     """Return mean and standard deviation of consecutive blocks of `size` samples, per channel."""
     count = signals.shape[0] // size
     blocks = signals[: count * size].reshape(count, size, signals.shape[1])
@@ -103,7 +102,7 @@ def block_statistics(signals: Table, size: int) -> tuple[Numbers, Numbers]:
     return means, scatter
 
 
-def _floor(channel: npt.NDArray[np.float64], scatter: npt.NDArray[np.float64]) -> float:
+def _floor(channel: AnyArray, scatter: AnyArray) -> float:
     """Noise floor of a channel; rounding to a step adds step/sqrt(12) that a short block may not show."""
     alive = scatter[scatter > 0.0]
     low = float(np.quantile(alive, _FLOOR_QUANTILE)) if alive.size else 0.0

@@ -7,7 +7,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tumble.errors import OutputError, UsageError
+from tumble.errors import OutputError
 from tumble.recording.recording import Recording
 from tumble.units import COUNTS
 
@@ -66,27 +66,7 @@ def write_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
         If the file cannot be written; an earlier one is then intact.
     """
     target = Path(path)
-    if target.suffix.lower() not in ENDINGS:
-        raise UsageError(
-            f"{target.name}: recordings are saved as .csv or .parquet; choose one of these endings."
-        )
-    if not target.parent.is_dir():
-        raise OutputError(f"{target} could not be written: the folder {target.parent} does not exist.")
-    import polars as pl
+    from tumble.recording.formats.output import write_blocks
 
-    columns = [recording.time]
-    for triad in (recording.specific_force, recording.angular_rate):
-        if triad is not None:
-            columns += [triad[:, i] for i in range(3)]
-    if recording.temperature is not None:
-        columns.append(recording.temperature)
-    frame = pl.DataFrame(dict(zip(column_names(recording), columns, strict=True)))
-    # A file opened here: errors of the disk then arrive as OSError, not as polars' own.
-    with written_beside(target) as beside, beside.open("wb") as file:
-        if target.suffix.lower() == ".csv":
-            frame.write_csv(file)
-        else:
-            frame.write_parquet(file)
-        file.flush()
-        os.fsync(file.fileno())
+    write_blocks([recording], target)
     return target

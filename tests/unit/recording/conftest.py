@@ -61,9 +61,7 @@ def _turned(f: np.ndarray, angles: np.ndarray) -> np.ndarray:
         return f
     axis = -angles / angle
     return (
-        f * np.cos(angle)
-        + np.cross(axis, f) * np.sin(angle)
-        + axis * float(axis @ f) * (1.0 - np.cos(angle))
+        f * np.cos(angle) + np.cross(axis, f) * np.sin(angle) + axis * float(axis @ f) * (1.0 - np.cos(angle))
     )
 
 

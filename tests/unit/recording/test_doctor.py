@@ -94,9 +94,7 @@ def test_one_pose_is_good_for_no_calibration() -> None:
 
 
 def test_the_temperature_s_range_is_told(tumbled) -> None:
-    found = inspect_recording(
-        recording_of(tumbled, temperature=np.linspace(20.0, 45.0, len(tumbled.time)))
-    )
+    found = inspect_recording(recording_of(tumbled, temperature=np.linspace(20.0, 45.0, len(tumbled.time))))
     assert found.temperature_range == (20.0, 45.0)
     assert any("Temperature dependence: 20 to 45" in s for s in found.good_for)
 

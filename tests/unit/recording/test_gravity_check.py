@@ -19,7 +19,10 @@ PERMUTATIONS = [
 ]
 
 
-def recording_of(tumbled, force=np.eye(3), rate=np.eye(3)) -> Recording:
+SAME = np.eye(3)
+
+
+def recording_of(tumbled, force=SAME, rate=SAME) -> Recording:
     return Recording(
         tumbled.time,
         tumbled.specific_force @ np.asarray(force).T,
@@ -47,7 +50,11 @@ def test_a_full_asymmetric_matrix_is_recovered(tumbled) -> None:
     assert np.abs(agreement.matrix - matrix).max() < 0.04  # as above, twice the size
 
 
-@pytest.mark.parametrize("raw", PERMUTATIONS, ids=lambda p: "".join("+-"[int(v < 0)] + "xyz"[int(np.argmax(abs(r)))] for r in p for v in [r.sum()]))
+@pytest.mark.parametrize(
+    "raw",
+    PERMUTATIONS,
+    ids=lambda p: "".join("+-"[int(v < 0)] + "xyz"[int(np.argmax(abs(r)))] for r in p for v in [r.sum()]),
+)
 def test_every_signed_permutation_of_the_gyro_is_told(tumbled, raw) -> None:
     sentence = find_axis_contradiction(recording_of(tumbled, rate=raw))
     if np.array_equal(raw, np.eye(3)):

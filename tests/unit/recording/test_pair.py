@@ -20,7 +20,9 @@ def halves(tumbled, csv):
     return write
 
 
-@pytest.mark.parametrize(("first", "second"), [("xsens_acc.mat", "xsens_gyro.mat"), ("one.txt", "two.txt"), ("a.txt", "omega.txt")])
+@pytest.mark.parametrize(
+    ("first", "second"), [("xsens_acc.mat", "xsens_gyro.mat"), ("one.txt", "two.txt"), ("a.txt", "omega.txt")]
+)
 def test_names_or_content_tell_the_triads_in_either_order(tumbled, halves, first, second) -> None:
     files = halves(first, second)
     for order in (files, files[::-1]):

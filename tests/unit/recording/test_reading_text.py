@@ -171,7 +171,9 @@ def test_a_header_alone_is_refused(tmp_path) -> None:
 
 def test_prose_is_refused(tmp_path) -> None:
     path = tmp_path / "letter.txt"
-    path.write_text("Dear all,\nthe unit arrived on the 3rd of May, and 2 of 3 screws are missing.\nYours\n" * 20)
+    path.write_text(
+        "Dear all,\nthe unit arrived on the 3rd of May, and 2 of 3 screws are missing.\nYours\n" * 20
+    )
     assert "text without rows of numbers" in sentence(path)
 
 
@@ -212,7 +214,9 @@ def test_one_column_is_refused(csv, tumbled) -> None:
 @pytest.mark.parametrize(("limit", "delimiter"), [(1 << 25, ","), (0, ","), (1 << 25, "  "), (0, "  ")])
 def test_text_in_a_cell_is_named_by_line_and_column(tumbled, csv, monkeypatch, limit, delimiter) -> None:
     monkeypatch.setattr(text, "_NUMPY_LIMIT", limit)
-    path = csv(tumbled.rows(), delimiter=delimiter, header=delimiter.join("t ax ay az gx gy gz".split()))
+    path = csv(
+        tumbled.rows(), delimiter=delimiter, header=delimiter.join(("t", "ax", "ay", "az", "gx", "gy", "gz"))
+    )
     lines = path.read_text().splitlines()
     cells = lines[700].split(delimiter)
     cells[2] = "oops"

@@ -16,7 +16,16 @@ def with_time(tumbled, time: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("step", "unit"),
-    [(0.1, "s"), (0.01, "s"), (0.0005, "s"), (0.0001, "s"), (1.0, "ms"), (40.0, "ms"), (500.0, "us"), (2.5e6, "ns")],
+    [
+        (0.1, "s"),
+        (0.01, "s"),
+        (0.0005, "s"),
+        (0.0001, "s"),
+        (1.0, "ms"),
+        (40.0, "ms"),
+        (500.0, "us"),
+        (2.5e6, "ns"),
+    ],
 )
 def test_the_unit_of_time_is_the_one_with_a_plausible_rate(step, unit) -> None:
     assert guess_time_unit(step) == unit
@@ -36,7 +45,9 @@ def test_repeated_stamps_are_left_out(tumbled, csv) -> None:
     time[[100, 500]] = time[[99, 499]]
     recording = read_recording(csv(with_time(tumbled, time)))
     assert len(recording) == len(time) - 2
-    assert any("2 row(s) with a repeated stamp left out (first: line 102)" in r.text for r in recording.remarks)
+    assert any(
+        "2 row(s) with a repeated stamp left out (first: line 102)" in r.text for r in recording.remarks
+    )
     assert np.all(np.diff(recording.time) > 0.0)
 
 

@@ -17,7 +17,9 @@ def scaled(tumbled, force: float = 1.0, rate: float = 1.0, time: float = 1.0) ->
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("m/s^2", 1.0), ("g", G), ("mg", G / 1000)])
-@pytest.mark.parametrize(("rate_unit", "rate_factor"), [("rad/s", 1.0), ("deg/s", DEGREE), ("mdeg/s", DEGREE / 1000)])
+@pytest.mark.parametrize(
+    ("rate_unit", "rate_factor"), [("rad/s", 1.0), ("deg/s", DEGREE), ("mdeg/s", DEGREE / 1000)]
+)
 def test_units_of_both_triads_are_found(tumbled, csv, unit, factor, rate_unit, rate_factor) -> None:
     for header in ("t,ax,ay,az,gx,gy,gz", None):
         recording = read_recording(csv(scaled(tumbled, factor, rate_factor), header=header))
@@ -61,7 +63,11 @@ def test_the_gyro_s_scale_is_found_at_low_and_high_rates(tumble, rate) -> None:
 def test_a_recording_at_rest_leaves_the_gyro_s_unit_unchecked(csv) -> None:
     rng = np.random.default_rng(3)
     rows = np.column_stack(
-        [np.arange(3000) / 100, [0.1, 0.2, G] + 0.02 * rng.normal(size=(3000, 3)), 0.002 * rng.normal(size=(3000, 3))]
+        [
+            np.arange(3000) / 100,
+            [0.1, 0.2, G] + 0.02 * rng.normal(size=(3000, 3)),
+            0.002 * rng.normal(size=(3000, 3)),
+        ]
     )
     recording = read_recording(csv(rows))
     assert recording.angular_rate_unit == "rad/s"
@@ -87,7 +93,9 @@ def test_a_wrong_unit_in_the_header_is_refused(tumbled, csv) -> None:
         read_recording(path)
 
 
-@pytest.mark.parametrize(("units", "factor", "match"), [("rad/s", DEGREE, "looks like deg/s"), ("deg/s", 1.0, "looks like rad/s")])
+@pytest.mark.parametrize(
+    ("units", "factor", "match"), [("rad/s", DEGREE, "looks like deg/s"), ("deg/s", 1.0, "looks like rad/s")]
+)
 def test_degrees_for_radians_are_refused(tumbled, csv, units, factor, match) -> None:
     with pytest.raises(RecordingError, match=match):
         read_recording(csv(scaled(tumbled, 1.0, factor)), units=f"m/s^2,{units}")
@@ -121,7 +129,11 @@ def test_swapped_triads_are_refused_when_the_header_declares_them(tumbled, csv) 
 def test_swapped_triads_at_rest_are_refused_too(csv) -> None:
     rng = np.random.default_rng(3)
     rows = np.column_stack(
-        [np.arange(3000) / 100, 0.002 * rng.normal(size=(3000, 3)), [0.1, 0.2, G] + 0.02 * rng.normal(size=(3000, 3))]
+        [
+            np.arange(3000) / 100,
+            0.002 * rng.normal(size=(3000, 3)),
+            [0.1, 0.2, G] + 0.02 * rng.normal(size=(3000, 3)),
+        ]
     )
     with pytest.raises(RecordingError, match="the triads seem exchanged"):
         read_recording(csv(rows))

@@ -12,7 +12,11 @@ from tumble.recording import Recording, read_recording, write_recording
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
 @pytest.mark.parametrize(
     ("force", "rate", "units"),
-    [(1.0, 1.0, ("m/s^2", "rad/s")), (9.80665, np.pi / 180, ("g", "deg/s")), (1 / 400, 1 / 4700, ("counts", "counts"))],
+    [
+        (1.0, 1.0, ("m/s^2", "rad/s")),
+        (9.80665, np.pi / 180, ("g", "deg/s")),
+        (1 / 400, 1 / 4700, ("counts", "counts")),
+    ],
 )
 def test_a_written_recording_is_read_back_bit_by_bit(tumbled, tmp_path, ending, force, rate, units) -> None:
     celsius = np.linspace(20.0, 21.0, len(tumbled.time))

@@ -6,7 +6,7 @@ import struct
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -58,9 +58,8 @@ def read_table(path: Path) -> RawTable:
     from scipy.io import loadmat
 
     try:
-        loaded = cast(
-            "dict[str, Any]", loadmat(path, struct_as_record=False, squeeze_me=True, mat_dtype=False)
-        )
+        # Without scipy's stubs the type is not known, with them it is.
+        loaded: dict[str, Any] = loadmat(path, struct_as_record=False, squeeze_me=True, mat_dtype=False)
     except (
         ValueError,
         TypeError,

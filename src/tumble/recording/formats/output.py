@@ -27,7 +27,7 @@ def write_blocks(blocks: Iterable[Recording], target: Path) -> None:
         If the file cannot be written; an earlier one is then intact.
     """
     if target.suffix.lower() not in ENDINGS:
-        raise UsageError(f"{target.name}: corrected recordings are written as .csv or .parquet.")
+        raise UsageError(f"{target.name}: recordings are written as .csv or .parquet.")
     if not target.parent.is_dir():
         raise OutputError(f"{target} could not be written: the folder {target.parent} does not exist.")
     with written_beside(target) as beside, beside.open("wb") as file:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import warnings
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -139,7 +140,8 @@ def gather(frames: Iterable[pl.DataFrame], layout: TextLayout) -> list[Series]:
         groups.append(numbers[: 1 if alone else 3])
         numbers = numbers[len(groups[-1]) :]
     with ThreadPoolExecutor(2) as pool:  # most of the time goes to memory that is touched first
-        for group, block in zip(groups, pool.map(lambda g: _side_by_side(frame, g), groups), strict=True):
+        blocks = pool.map(partial(_side_by_side, frame), groups)
+        for group, block in zip(groups, blocks, strict=True):
             columns |= {index: block[:, j] for j, index in enumerate(group)}
     return _without_blank_rows([columns[i] for i in layout.number_columns])
 
