@@ -1,0 +1,312 @@
+"""Integration of raw rates to attitude, against closed forms and a general solver of differential equations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from tumble.attitude import (
+    IntegratedTurns,
+    integrate_turns,
+    matrix_from_rotation_vector,
+    rotation_vector_from_matrix,
+    skew,
+)
+
+Array = npt.NDArray[np.float64]
+
+# Corrected = inverse @ (raw - bias [- G f]); nothing symmetric, nothing near one.
+GYRO_INVERSE = np.array([[0.9, 0.03, -0.05], [0.02, 1.1, 0.04], [-0.06, 0.01, 0.8]]) * 1e-3
+GYRO_BIAS = np.array([40.0, -70.0, 25.0])
+FORCE_INVERSE = np.array([[1.2, -0.02, 0.04], [0.05, 0.9, 0.01], [-0.03, 0.06, 1.1]]) * 1e-2
+FORCE_BIAS = np.array([-11.0, 5.0, 8.0])
+G_SENSITIVITY = np.array([[0.5, -0.2, 0.1], [0.3, 0.4, -0.6], [-0.1, 0.2, 0.7]])
+
+
+def raw_of(rate: Array, force: Array) -> tuple[Array, Array]:
+    """What the sensors put out, by the forward matrices."""
+    raw_force = force @ np.linalg.inv(FORCE_INVERSE).T + FORCE_BIAS
+    raw_rate = rate @ np.linalg.inv(GYRO_INVERSE).T + GYRO_BIAS + force @ G_SENSITIVITY.T
+    return raw_rate, raw_force
+
+
+def integrated(
+    time: Array,
+    rate: Array,
+    force: Array | None = None,
+    starts: Any = None,
+    stops: Any = None,
+    **changed: Any,
+) -> IntegratedTurns:
+    force = np.tile([1.0, -2.0, 9.0], (time.size, 1)) if force is None else force
+    raw_rate, raw_force = raw_of(rate, force)
+    values = {
+        "gyro_inverse": GYRO_INVERSE,
+        "gyro_bias": GYRO_BIAS,
+        "force_inverse": FORCE_INVERSE,
+        "force_bias": FORCE_BIAS,
+        "g_sensitivity": G_SENSITIVITY,
+    }
+    starts = np.array([0]) if starts is None else starts
+    stops = np.array([time.size]) if stops is None else stops
+    return integrate_turns(time, raw_rate, raw_force, starts, stops, **(values | changed))
+
+
+def wobble(time: Array) -> tuple[Array, Array]:
+    """A rate and a specific force that change on all axes."""
+    t = time[:, None]
+    rate = np.hstack([1.5 * np.sin(2 * t), 0.8 * np.cos(3 * t) + 0.4, -1.2 * np.sin(t + 0.5)])
+    force = np.hstack([3.0 * np.cos(t), 9.0 - 2.0 * t, -4.0 * np.sin(2 * t)])
+    return rate, force
+
+
+def test_a_constant_rate_is_integrated_exactly_whatever_the_steps() -> None:
+    rng = np.random.default_rng(3)
+    # Uneven stamps with a gap of a second among them: the step is taken from the stamps.
+    time = np.sort(np.concatenate([rng.uniform(0.0, 2.0, 60), rng.uniform(3.0, 4.0, 40)]))
+    omega = np.array([0.7, -1.3, 2.1])
+    turns = integrated(time, np.tile(omega, (time.size, 1)))
+    expected = Rotation.from_rotvec(omega * (time[-1] - time[0])).as_matrix()
+    # 100 products of round-off, with rates that carry the round-off of a matrix solved
+    np.testing.assert_allclose(turns.C_start_end[0], expected, atol=2e-13)
+    assert turns.duration[0] == time[-1] - time[0]
+
+
+def test_the_matrix_leads_from_the_end_to_the_start() -> None:
+    time = np.linspace(0.0, 1.0, 11)
+    quarter = np.tile([0.0, 0.0, np.pi / 2], (11, 1))
+    C = integrated(time, quarter).C_start_end[0]
+    # After a quarter turn about z, what lies along x at the end lay along y as seen from the start.
+    np.testing.assert_allclose(C @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-14)
+
+
+def test_ranges_are_half_open_and_turns_are_independent() -> None:
+    time = np.arange(50) / 10.0
+    rate, force = wobble(time)
+    starts, stops = np.array([5, 0, 30]), np.array([21, 1, 50])
+    many = integrated(time, rate, force, starts, stops)
+    for k in range(3):
+        cut = slice(starts[k], stops[k])
+        one = integrated(time[cut], rate[cut], force[cut])
+        np.testing.assert_allclose(many.C_start_end[k], one.C_start_end[0], atol=1e-15)
+        np.testing.assert_allclose(many.sums[k], one.sums[0], atol=1e-14)
+    # A range of one sample has no time to turn.
+    assert np.array_equal(many.C_start_end[1], np.eye(3))
+    assert many.duration[1] == 0.0
+    assert many.duration[0] == pytest.approx(1.5)
+
+
+def test_turns_chain_at_a_shared_sample() -> None:
+    time = np.arange(41) / 20.0
+    rate, force = wobble(time)
+    parts = integrated(time, rate, force, np.array([0, 17]), np.array([18, 41]))
+    whole = integrated(time, rate, force)
+    np.testing.assert_allclose(parts.C_start_end[0] @ parts.C_start_end[1], whole.C_start_end[0], atol=1e-14)
+
+
+def reference_attitude(rate_at: Any, end: float) -> Array:
+    """The attitude by a general solver, to some 1e-12: C' = C skew(rate)."""
+
+    def slope(t: float, c: Array) -> Array:
+        return (c.reshape(3, 3) @ skew(rate_at(t))).ravel()
+
+    solution = solve_ivp(slope, (0.0, end), np.eye(3).ravel(), method="DOP853", rtol=1e-13, atol=1e-14)
+    return solution.y[:, -1].reshape(3, 3)
+
+
+def error_against(rate_at: Any, end: float, steps: int) -> float:
+    time = np.linspace(0.0, end, steps + 1)
+    C = integrated(time, np.array([rate_at(t) for t in time])).C_start_end[0]
+    difference = rotation_vector_from_matrix(reference_attitude(rate_at, end).T @ C)
+    return float(np.linalg.norm(difference))
+
+
+def test_a_rate_linear_in_time_is_integrated_to_the_fourth_order() -> None:
+    # What the coning term step²/12 of the cross product is for; without it the order is the second.
+    def rate_at(t: float) -> Array:
+        return np.array([1.0, -0.5, 0.3]) + t * np.array([-0.4, 1.5, 2.0])
+
+    coarse, fine = error_against(rate_at, 1.0, 10), error_against(rate_at, 1.0, 20)
+    assert coarse < 1e-5
+    # Halved steps: a sixteenth; up to the next order, which is a few per cent of it
+    assert coarse / fine == pytest.approx(16.0, rel=0.05)
+
+
+def coning(time: Array, half_angle: float, frequency: float) -> tuple[Array, Array]:
+    """The rate and the end attitude of a cone, known in closed form (Savage 1998)."""
+    phase = frequency * time
+    rate = np.column_stack(
+        [
+            -frequency * np.sin(half_angle) * np.sin(phase),
+            frequency * np.sin(half_angle) * np.cos(phase),
+            -2.0 * frequency * np.sin(half_angle / 2) ** 2 * np.ones_like(time),
+        ]
+    )
+    rotations = Rotation.from_rotvec(
+        half_angle * np.column_stack([np.cos(phase), np.sin(phase), np.zeros_like(phase)])
+    )
+    return rate, (rotations[0].inv() * rotations[-1]).as_matrix()
+
+
+def test_coning_follows_its_closed_form_to_the_second_order_of_the_step() -> None:
+    errors: list[float] = []
+    for count in (200, 400, 800):
+        time = np.linspace(0.0, 1.3, count + 1)
+        rate, expected = coning(time, 0.4, 9.0)
+        C = integrated(time, rate).C_start_end[0]
+        errors.append(float(np.linalg.norm(rotation_vector_from_matrix(expected.T @ C))))
+    # A sine between samples is not a straight line: the trapezoid's h²/12 of its curvature remains,
+    # here below 0.4 * 9² * 0.0065² / 12 rad.
+    assert errors[0] < 2e-4
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.02)
+    assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.02)
+
+
+def test_the_sums_of_a_constant_rate_are_the_integral_of_the_rotation() -> None:
+    time = np.linspace(0.0, 1.7, 3401)
+    omega = np.array([0.7, -1.3, 2.1])
+    force = np.array([1.0, -2.0, 9.0])
+    turns = integrated(time, np.tile(omega, (time.size, 1)))
+    # Closed form of the integral of exp(skew(omega t)) over T.
+    speed, end = float(np.linalg.norm(omega)), 1.7
+    S = skew(omega)
+    integral = (
+        end * np.eye(3)
+        + (1.0 - np.cos(speed * end)) / speed**2 * S
+        + (speed * end - np.sin(speed * end)) / speed**3 * S @ S
+    )
+    # the middle of a step for its mean: (rate * step)² / 24 of the integral, 7e-8
+    for j, regressor in enumerate([*omega, 1.0, *force]):
+        np.testing.assert_allclose(
+            turns.sums[0, :, :, j], regressor * integral, atol=1e-7 * abs(regressor) * 2
+        )
+
+
+def perturbed(kind: str, row: int, column: int, by: float) -> dict[str, Array]:
+    value = {"gyro_inverse": GYRO_INVERSE, "gyro_bias": GYRO_BIAS, "g_sensitivity": G_SENSITIVITY}[
+        kind
+    ].copy()
+    value[(row,) if kind == "gyro_bias" else (row, column)] += by
+    return {kind: value}
+
+
+def predicted(turns: IntegratedTurns, kind: str, row: int, column: int) -> Array:
+    """Rotation vector per unit of one parameter: sums[..., j] @ E[:, j] with E the rate error per regressor."""
+    E = np.zeros((3, 7))
+    if kind == "gyro_inverse":
+        change = np.zeros((3, 3))
+        change[row, column] = 1.0
+        E[:, :3] = change @ np.linalg.inv(GYRO_INVERSE)
+    elif kind == "gyro_bias":
+        E[:, 3] = -GYRO_INVERSE[:, row]
+    else:
+        E[:, 4 + column] = -GYRO_INVERSE[:, row]
+    return np.einsum("abj,bj->a", turns.sums[0], E)
+
+
+PARAMETERS = [
+    *[("gyro_inverse", i, j, 1e-8) for i in range(3) for j in range(3)],
+    *[("gyro_bias", i, 0, 1e-2) for i in range(3)],
+    *[("g_sensitivity", i, j, 1e-3) for i in range(3) for j in range(3)],
+]
+
+
+@pytest.mark.parametrize(("kind", "row", "column", "step"), PARAMETERS)
+def test_the_sums_are_the_derivatives_by_every_parameter_of_the_gyro(
+    kind: str, row: int, column: int, step: float
+) -> None:
+    time = np.linspace(0.0, 2.0, 8001)
+    rate, force = wobble(time)
+    turns = integrated(time, rate, force)
+    plus = integrated(time, rate, force, **perturbed(kind, row, column, step)).C_start_end[0]
+    minus = integrated(time, rate, force, **perturbed(kind, row, column, -step)).C_start_end[0]
+    difference = rotation_vector_from_matrix(plus @ minus.T) / (2 * step)
+    expected = predicted(turns, kind, row, column)
+    # central differences of 1e-5 rad keep ten digits; the sums' middle of the step leaves
+    # (rate * step)² / 24 and the curvature of rate and force, step² / 12: some 1e-7
+    np.testing.assert_allclose(difference, expected, atol=2e-7 * np.max(np.abs(turns.sums)) * 1e-3, rtol=2e-6)
+    # not by the transpose: the start frame it is, not the end's
+    wrong = turns.C_start_end[0].T @ expected
+    assert np.linalg.norm(wrong - difference) > 1e-3 * np.linalg.norm(expected)
+
+
+def test_without_g_sensitivity_the_force_does_not_turn_anything() -> None:
+    time = np.linspace(0.0, 1.0, 101)
+    rate, force = wobble(time)
+    raw_rate = rate @ np.linalg.inv(GYRO_INVERSE).T + GYRO_BIAS
+
+    def turned(raw_force: Array) -> Array:
+        return integrate_turns(
+            time,
+            raw_rate,
+            raw_force,
+            np.array([0]),
+            np.array([101]),
+            gyro_inverse=GYRO_INVERSE,
+            gyro_bias=GYRO_BIAS,
+            force_inverse=FORCE_INVERSE,
+            force_bias=FORCE_BIAS,
+        ).C_start_end[0]
+
+    assert np.array_equal(turned(force), turned(-5.0 * force))
+    expected = Rotation.identity()
+    for i in range(100):  # the same without coning terms, which are step²/12 of the cross product
+        expected = expected * Rotation.from_rotvec(0.005 * (rate[i] + rate[i + 1]))
+    np.testing.assert_allclose(turned(force), expected.as_matrix(), atol=1e-4)
+
+
+@pytest.mark.parametrize("small", [1e-12, 0.9e-2, 1.1e-2, 3.0])
+def test_both_branches_of_the_step_are_exact(small: float) -> None:
+    # the series is used below a hundredth of a radian a step
+    time = np.array([0.0, 1.0])
+    vector = small * np.array([2.0, -3.0, 6.0]) / 7.0
+    C = integrate_turns(
+        time,
+        np.tile(vector, (2, 1)),
+        np.zeros((2, 3)),
+        np.array([0]),
+        np.array([2]),
+        gyro_inverse=np.eye(3),
+        gyro_bias=np.zeros(3),
+        force_inverse=np.eye(3),
+        force_bias=np.zeros(3),
+    ).C_start_end[0]
+    np.testing.assert_allclose(C, matrix_from_rotation_vector(vector), atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("starts", "stops"), [([-1], [3]), ([0], [6]), ([3], [3]), ([4], [2]), ([0, 2], [5, 2]), ([5], [6])]
+)
+def test_ranges_outside_the_samples_are_refused(starts: list[int], stops: list[int]) -> None:
+    time = np.arange(5.0)
+    with pytest.raises(IndexError, match="inside 0 to 5"):
+        integrated(time, np.zeros((5, 3)), None, np.array(starts), np.array(stops))
+
+
+def test_lengths_that_differ_are_refused_before_the_compiled_loop() -> None:
+    with pytest.raises(ValueError, match="5 stamps want as many rates and forces"):
+        integrate_turns(
+            np.arange(5.0),
+            np.zeros((4, 3)),
+            np.zeros((5, 3)),
+            np.array([0]),
+            np.array([5]),
+            gyro_inverse=GYRO_INVERSE,
+            gyro_bias=GYRO_BIAS,
+            force_inverse=FORCE_INVERSE,
+            force_bias=FORCE_BIAS,
+        )
+    with pytest.raises(ValueError, match="2 starts and 1 stops"):
+        integrated(np.arange(5.0), np.zeros((5, 3)), None, np.array([0, 1]), np.array([5]))
+
+
+def test_no_turns_at_all_are_no_error() -> None:
+    none = np.array([], dtype=np.int64)
+    turns = integrated(np.arange(5.0), np.zeros((5, 3)), None, none, none)
+    assert turns.C_start_end.shape == (0, 3, 3)
+    assert turns.sums.shape == (0, 3, 3, 7)

@@ -1,0 +1,108 @@
+"""Rotation matrices and vectors, against scipy and closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tumble.attitude import (
+    angle_between,
+    find_nearest_rotation,
+    matrix_from_rotation_vector,
+    rotation_between,
+    rotation_vector_from_matrix,
+    skew,
+    tangent_basis,
+)
+
+# A few units in the last place of numbers near one.
+ROUND_OFF = 4e-15
+
+
+def test_skew_is_the_cross_product() -> None:
+    a, b = np.array([1.0, -2.0, 5.0]), np.array([3.0, 7.0, -11.0])
+    assert np.array_equal(skew(a) @ b, np.cross(a, b))
+
+
+def test_a_quarter_turn_about_z_carries_x_to_y_and_not_back() -> None:
+    C = matrix_from_rotation_vector(np.array([0.0, 0.0, np.pi / 2]))
+    np.testing.assert_allclose(C @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=ROUND_OFF)
+    np.testing.assert_allclose(C @ [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], atol=ROUND_OFF)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.99e-4, 1.01e-4, 1e-3, 1.0, 3.0, np.pi, 5.0])
+def test_the_exponential_agrees_with_scipy_on_both_sides_of_the_series(angle: float) -> None:
+    vector = angle * np.array([2.0, -3.0, 6.0]) / 7.0
+    expected = Rotation.from_rotvec(vector).as_matrix()
+    np.testing.assert_allclose(matrix_from_rotation_vector(vector), expected, atol=ROUND_OFF)
+
+
+@pytest.mark.parametrize("axis", [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [2.0, -3.0, 6.0]])
+def test_half_turns_come_back_with_either_sign_of_the_axis(axis: list[float]) -> None:
+    unit = np.array(axis) / np.linalg.norm(axis)
+    C = 2.0 * np.outer(unit, unit) - np.eye(3)
+    vector = rotation_vector_from_matrix(C)
+    assert np.linalg.norm(vector) == pytest.approx(np.pi, abs=ROUND_OFF)
+    assert abs(vector @ unit) == pytest.approx(np.pi, abs=ROUND_OFF)
+
+
+@pytest.mark.parametrize("short_of", [1e-3, 1e-6, 1e-9])
+def test_the_logarithm_keeps_the_axis_near_a_half_turn(short_of: float) -> None:
+    vector = (np.pi - short_of) * np.array([2.0, -3.0, 6.0]) / 7.0
+    again = rotation_vector_from_matrix(Rotation.from_rotvec(vector).as_matrix())
+    np.testing.assert_allclose(again, vector, atol=2e-15 * np.pi * 4)
+
+
+def test_tiny_rotations_keep_all_their_digits() -> None:
+    vector = np.array([1e-10, -3e-11, 7e-12])
+    again = rotation_vector_from_matrix(matrix_from_rotation_vector(vector))
+    # off-diagonal elements are the vector itself: relative round-off survives
+    np.testing.assert_allclose(again, vector, rtol=1e-14)
+    assert np.array_equal(rotation_vector_from_matrix(np.eye(3)), np.zeros(3))
+
+
+@pytest.mark.parametrize("short_of", [2.0, 1.0, 1e-2, 1e-5, 1e-6, 2e-7, 1e-9, 1e-12, 0.0])
+def test_the_smallest_rotation_between_directions_is_a_rotation_up_to_opposites(short_of: float) -> None:
+    start = np.array([2.0, -3.0, 6.0]) / 7.0
+    aside = tangent_basis(start) @ [0.6, 0.8]
+    end = -np.cos(short_of) * start + np.sin(short_of) * aside
+    C = rotation_between(5.0 * start, 0.1 * end)
+    np.testing.assert_allclose(C @ C.T, np.eye(3), atol=ROUND_OFF)
+    assert np.linalg.det(C) == pytest.approx(1.0, abs=ROUND_OFF)
+    np.testing.assert_allclose(C @ start, end, atol=ROUND_OFF)
+    # the smallest: it turns about an axis perpendicular to both
+    turned = np.linalg.norm(rotation_vector_from_matrix(C))
+    assert turned == pytest.approx(np.pi - short_of, abs=ROUND_OFF)
+
+
+def test_the_angle_between_directions_is_accurate_where_the_cosine_is_not() -> None:
+    x = np.array([3.0, 0.0, 0.0])
+    assert angle_between(x, np.array([1.0, 1e-9, 0.0])) == pytest.approx(1e-9, rel=1e-14)
+    assert angle_between(x, np.array([-1.0, 1e-9, 0.0])) == pytest.approx(np.pi - 1e-9, abs=1e-15)
+    assert angle_between(x, np.array([0.0, 0.0, -7.0])) == pytest.approx(np.pi / 2, abs=ROUND_OFF)
+
+
+def test_a_tangent_basis_is_a_right_handed_frame_with_its_direction() -> None:
+    direction = np.array([1.0, -8.0, 4.0]) / 9.0
+    basis = tangent_basis(17.0 * direction)
+    frame = np.column_stack([direction, basis])
+    np.testing.assert_allclose(frame.T @ frame, np.eye(3), atol=ROUND_OFF)
+    assert np.linalg.det(frame) == pytest.approx(1.0, abs=ROUND_OFF)
+
+
+def test_the_nearest_rotation_is_the_polar_factor_and_never_a_reflection() -> None:
+    C = Rotation.from_rotvec([0.3, -1.1, 0.7]).as_matrix()
+    stretch = np.array([[2.0, 0.3, 0.1], [0.3, 1.5, -0.2], [0.1, -0.2, 1.1]])  # symmetric, positive
+    # C times a positive symmetric matrix is its polar decomposition, whose rotation is the nearest
+    np.testing.assert_allclose(find_nearest_rotation(C @ stretch), C, atol=ROUND_OFF)
+    mirrored = find_nearest_rotation(C @ np.diag([1.0, 1.0, -0.5]))
+    np.testing.assert_allclose(mirrored, C, atol=ROUND_OFF)
+
+
+@pytest.mark.parametrize("function", [rotation_between, angle_between])
+def test_a_zero_vector_has_no_direction(function) -> None:  # noqa: ANN001
+    with pytest.raises(ValueError, match="a zero vector has no direction"):
+        function(np.array([1.0, 0.0, 0.0]), np.zeros(3))
+    with pytest.raises(ValueError, match="a zero vector has no direction"):
+        tangent_basis(np.zeros(3))
