@@ -86,10 +86,17 @@ def compare(model: ImuModel, estimate) -> None:
     x[:12] = unknowns_from_triad(Triad(np.tril(turned.accelerometer.matrix), turned.accelerometer.bias))
     x[12:21], x[21:24] = turned.gyroscope.matrix.ravel(), turned.gyroscope.bias
     theirs, _ = named_values(
-        x, np.zeros((36, 36)), terms=frozenset(), gyro="full", units=("counts", "counts"), factors=(None, None)
+        x,
+        np.zeros((36, 36)),
+        terms=frozenset(),
+        gyro="full",
+        units=("counts", "counts"),
+        factors=(None, None),
     )
     ours = {p.name: p for p in estimate.parameters}
-    print(f"  {'parameter':42s}{'tumble':>13s}{'± sigma':>10s}{'imu_tk':>13s}{'difference / sigma':>20s}  unit")
+    print(
+        f"  {'parameter':42s}{'tumble':>13s}{'± sigma':>10s}{'imu_tk':>13s}{'difference / sigma':>20s}  unit"
+    )
     for value in theirs:
         own = ours[value.name]
         difference = (value.value - own.value) / own.standard_uncertainty
@@ -113,7 +120,9 @@ def main() -> None:
         means = observe_holds(recording, timeline)
         estimate = calibrate_hand_held(recording, timeline, means, site)
         data = gather(recording, timeline, means)
-        print(f"{name}: {len(timeline.holds)} holds, {len(timeline.turns)} turns; sigma0 {estimate.sigma0:.2f}")
+        print(
+            f"{name}: {len(timeline.holds)} holds, {len(timeline.turns)} turns; sigma0 {estimate.sigma0:.2f}"
+        )
         for term in estimate.terms:
             print(
                 f"  {term.name}: {'kept' if term.kept else 'not wanted'}, F({term.degrees}) = {term.statistic:.1f}, "

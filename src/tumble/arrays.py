@@ -44,6 +44,18 @@ else:
         Vector = Vectors = Matrix = Matrices = Quaternion = Quaternions = np.ndarray
         Series = Table = Square = AnyArray = np.ndarray
 
+
+def inverted(matrix: Square) -> Square:
+    """Return the inverse of a square matrix, typed as what it is: 64-bit floats.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If it is singular.
+    """
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+
+
 __all__ = [
     "AnyArray",
     "Matrices",
@@ -55,4 +67,5 @@ __all__ = [
     "Table",
     "Vector",
     "Vectors",
+    "inverted",
 ]

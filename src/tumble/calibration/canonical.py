@@ -65,9 +65,7 @@ def canonical_parameters(unknowns: Complex, terms: frozenset[str], gyro: str) ->
     return np.concatenate(parts)
 
 
-def canonical_covariance(
-    unknowns: Series, covariance: Square, terms: frozenset[str], gyro: str
-) -> Square:
+def canonical_covariance(unknowns: Series, covariance: Square, terms: frozenset[str], gyro: str) -> Square:
     """Return the covariance of the canonical parameters from that of the 36 unknowns."""
     return propagate(lambda x: canonical_parameters(x, terms, gyro), unknowns, covariance)[1]
 

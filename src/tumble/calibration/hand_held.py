@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Series, Square
+from tumble.arrays import Series, Square, inverted
+from tumble.calibration.bias_steps import find_bias_step
 from tumble.calibration.canonical import (
     canonical_covariance,
     canonical_names,
     model_from_unknowns,
     named_values,
 )
-from tumble.calibration.bias_steps import find_bias_step
 from tumble.calibration.estimate import (
     Estimate,
     LeftOut,
@@ -118,7 +118,7 @@ def calibrate_hand_held(
     RecordingError
         If the turns contradict the order, signs or units of the columns.
     """
-    say = progress or (lambda _: None)
+    say = progress or _silent
     data = gather(recording, timeline, means)
     if int(np.count_nonzero(data.turn_start >= 0)) < SMALLEST_TURNS:
         raise ObservabilityError(
@@ -128,7 +128,7 @@ def calibrate_hand_held(
     say("start values")
     values = _start(recording, data, site.gravity, prior)
     require_poses(data.force_mean, values[FORCE], has_prior=prior is not None)
-    refuse_contradicting_axes(recording, np.linalg.inv(values[GYRO_MATRIX].reshape(3, 3)))
+    refuse_contradicting_axes(recording, inverted(values[GYRO_MATRIX].reshape(3, 3)))
 
     say("adjustment")
     active = np.ones((data.holds, 6), dtype=bool)
@@ -179,8 +179,9 @@ def _add_time_lag(estimate: Estimate, data: HoldsAndTurns) -> None:
 def _add_bias_step(estimate: Estimate, data: HoldsAndTurns, recording: Recording) -> None:
     """Note a jump of the gyro's bias between two holds."""
     model = estimate.model
-    assert model.gyroscope is not None and model.accelerometer is not None
-    inverse = np.linalg.inv(model.gyroscope.matrix)
+    assert model.gyroscope is not None
+    assert model.accelerometer is not None
+    inverse = inverted(model.gyroscope.matrix)
     rest = data.rate_mean - model.gyroscope.bias
     if model.g_sensitivity is not None:
         rest = rest - model.accelerometer.correct(data.force_mean) @ model.g_sensitivity.T
@@ -189,7 +190,9 @@ def _add_bias_step(estimate: Estimate, data: HoldsAndTurns, recording: Recording
     step = find_bias_step(rest @ inverse.T, variance)
     if step is None:
         return
-    when = 0.5 * (recording.time[data.tail[step.before, 1] - 1] + recording.time[data.head[step.before + 1, 0]])
+    when = 0.5 * (
+        recording.time[data.tail[step.before, 1] - 1] + recording.time[data.head[step.before + 1, 0]]
+    )
     estimate.remarks.append(
         f"The bias of gyro {'xyz'[step.axis]} jumps by {np.degrees(step.size):+.3f} °/s "
         f"(± {np.degrees(step.sigma):.3f}) between hold {step.before + 1} and hold {step.before + 2}, at about "
@@ -197,7 +200,9 @@ def _add_bias_step(estimate: Estimate, data: HoldsAndTurns, recording: Recording
     )
 
 
-def _start(recording: Recording, data: HoldsAndTurns, gravity: float, prior: StableKnowledge | None) -> Series:
+def _start(
+    recording: Recording, data: HoldsAndTurns, gravity: float, prior: StableKnowledge | None
+) -> Series:
     """Return start values of all unknowns: accelerometers from holds, gyro from windows of the turns."""
     values = np.zeros(TOTAL)
     force = rough_triad(data.force_mean, gravity)
@@ -216,7 +221,7 @@ def _start(recording: Recording, data: HoldsAndTurns, gravity: float, prior: Sta
     stretches = [(int(data.turn_start[k]), int(data.turn_stop[k])) for k in usable]
     try:
         inverse, _ = rough_gyro_matrix(data.time, data.raw_rate, specific_force_b, bias, stretches)
-        values[GYRO_MATRIX] = np.linalg.inv(inverse).ravel()
+        values[GYRO_MATRIX] = inverted(inverse).ravel()
     except (ValueError, np.linalg.LinAlgError) as error:
         raise ObservabilityError(
             f"The turns do not tell the gyro's axes ({error}): turn the unit about all three axes between holds."
@@ -249,7 +254,7 @@ def _prior(
     if prior is not None:
         where = np.searchsorted(free, np.arange(6, 9))
         mean[where] = prior.angles
-        precision[np.ix_(where, where)] += np.linalg.inv(prior.angle_covariance)
+        precision[np.ix_(where, where)] += inverted(prior.angle_covariance)
     return Prior(mean, precision)
 
 
@@ -311,7 +316,9 @@ def _with_terms(
     Each term's estimates are tested against zero with their own covariance (Wald's test as F), at
     the noise level of the fit that contains them.
     """
-    names = [name for name, unknowns in OPTIONAL_TERMS.items() if base.adjustment.redundancy > 3 * unknowns.size]
+    names = [
+        name for name, unknowns in OPTIONAL_TERMS.items() if base.adjustment.redundancy > 3 * unknowns.size
+    ]
     limit = TERM_FALSE_ALARM / TERMS_TRIED
     tests: dict[str, TermTest] = {}
     while names:
@@ -443,7 +450,13 @@ def _largest_normalised(adjustment: Adjustment) -> float:
 def _left_out(outlier: Outlier, norms: Series, angles: Series) -> LeftOut:
     k, times = outlier.group, f"{outlier.normalised:.1f} times what the others show"
     if outlier.kind == "norm":
-        return LeftOut("hold", k, f"its specific force is off gravity by {1e3 * norms[k]:+.1f} mm/s², {times}")
+        return LeftOut(
+            "hold", k, f"its specific force is off gravity by {1e3 * norms[k]:+.1f} mm/s², {times}"
+        )
     if outlier.kind == "rate":
         return LeftOut("hold", k, f"the gyro's output at rest is off by {times}: did it really rest?")
     return LeftOut("turn", k, f"gravity carried by the gyro ends {np.degrees(angles[k]):.2f}° off, {times}")
+
+
+def _silent(_: str) -> None:
+    """Tell nobody."""

@@ -36,7 +36,7 @@ def refuse_contradicting_axes(recording: Recording, gyro_inverse: Matrix) -> Non
     size = np.linalg.norm(gyro_inverse, axis=0)
     direction = gyro_inverse / size
     if np.any(np.diag(direction) < 1.0 - LARGEST_COSINE_LOSS):
-        found = []
+        found: list[str] = []
         for column, name in enumerate("xyz"):
             axis = int(np.argmax(np.abs(direction[:, column])))
             sign = "+" if direction[axis, column] > 0 else "-"

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Series, Square, Vectors
+from tumble.arrays import AnyArray, Matrices, Series, Square, Vectors, inverted
 from tumble.calibration.canonical import (
     canonical_covariance,
     canonical_names,
@@ -108,9 +108,7 @@ def fit_norms(
     active = np.ones((observed.shape[0], 1), dtype=bool)
     alone = solve({"norm": 0.0}, active).sigma0
     spare = observed.shape[0] + known - free.size
-    adjustment, extra, outliers = balance(
-        solve, [Kind("norm", _NORM)], active, robust=robust and spare >= 4
-    )
+    adjustment, extra, outliers = balance(solve, [Kind("norm", _NORM)], active, robust=robust and spare >= 4)
     full = np.zeros((COUNT, COUNT))
     full[np.ix_(free, free)] = adjustment.cofactor
     return TriadFit(values[-1], free, full, adjustment, alone, extra["norm"], outliers)
@@ -154,7 +152,7 @@ def calibrate_multi_position(
     """
     if means.specific_force is None or means.specific_force_covariance is None:
         raise ObservabilityError("The recording has no accelerometer: the multi-position test needs one.")
-    say = progress or (lambda _: None)
+    say = progress or _silent
     say("accelerometers")
     start = rough_triad(means.specific_force, site.gravity)
     if prior is not None:
@@ -177,7 +175,7 @@ def calibrate_multi_position(
 def _angle_prior(prior: StableKnowledge, size: int) -> Prior:
     mean, precision = np.zeros(size), np.zeros((size, size))
     mean[ANGLE] = prior.angles
-    precision[ANGLE, ANGLE] = np.linalg.inv(prior.angle_covariance)
+    precision[ANGLE, ANGLE] = inverted(prior.angle_covariance)
     return Prior(mean, precision)
 
 
@@ -203,7 +201,9 @@ def _fit_gyro(recording: Recording, means: HoldMeans) -> _GyroFit | None:
         values[GYRO_MATRIX] = triad_from_unknowns(fit.unknowns).matrix.ravel()
         values[GYRO_BIAS] = fit.unknowns[BIAS]
         full[12:24, 12:24] = _matrix_and_bias_covariance(fit)
-        seen = {9: "bias, scale factors and non-orthogonalities", 6: "bias and scale factors", 3: "bias"}[count]
+        seen = {9: "bias, scale factors and non-orthogonalities", 6: "bias and scale factors", 3: "bias"}[
+            count
+        ]
         return _GyroFit(
             "full" if count > 3 else "bias",
             values,
@@ -287,7 +287,7 @@ def _estimate(
         factors=factors,
     )
     adjustment = force.adjustment
-    assert means.specific_force is not None and means.specific_force_covariance is not None
+    assert means.specific_force is not None
     corrected = triad_from_unknowns(force.unknowns).correct(means.specific_force)
     norms = np.linalg.norm(corrected, axis=1) - site.gravity
     variance = np.diagonal(adjustment.linearisation.covariance, axis1=1, axis2=2)[:, 0]
@@ -347,3 +347,7 @@ def _not_determined(kind: str) -> list[str]:
         "with a prior standard uncertainty of 10 mrad.",
     }
     return [sentences[kind]]
+
+
+def _silent(_: str) -> None:
+    """Tell nobody."""

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Table, Vector, Vectors
+from tumble.arrays import Series, Square, Table, Vector, Vectors, inverted
 
 # Poses closer than this are one pose: placement by hand repeats to a few degrees.
 SAME_POSE = np.radians(10.0)
@@ -73,7 +73,7 @@ def most_telling_poses(information: Square, count: int = 2) -> list[Vector]:
     total = information / max(float(np.trace(information)), 1e-300) * 9.0
     chosen: list[Vector] = []
     for _ in range(count):
-        cofactor = np.linalg.inv(total + 1e-6 * np.eye(9))
+        cofactor = inverted(total + 1e-6 * np.eye(9))
         gain: Series = np.einsum("ij,jk,ik->i", rows, cofactor, rows)
         best = int(np.argmax(gain))
         chosen.append(directions[best])

@@ -1,4 +1,4 @@
-"""Are there enough poses, and are they different enough? If not, which one is missing?"""
+"""Whether there are enough poses, and different enough; if not, which one is missing."""
 
 from __future__ import annotations
 
@@ -25,9 +25,7 @@ NAMES = (
 )
 
 
-def require_poses(
-    means: Vectors, force_unknowns: Series, *, has_prior: bool, unknowns: int = 9
-) -> None:
+def require_poses(means: Vectors, force_unknowns: Series, *, has_prior: bool, unknowns: int = 9) -> None:
     """Refuse poses that do not determine the accelerometers, and say what to record instead.
 
     Parameters
@@ -55,7 +53,8 @@ def require_poses(
     eigenvalues, vectors = np.linalg.eigh(normal)
     if eigenvalues[0] < 1.0 / LARGEST_AMPLIFICATION**2:
         weak = vectors[:, 0]
-        names = [NAMES[i] for i in np.argsort(-np.abs(weak)) if abs(weak[i]) > 0.4 * np.max(np.abs(weak))]
+        order: list[int] = np.argsort(-np.abs(weak)).tolist()
+        names = [NAMES[i] for i in order if abs(weak[i]) > 0.4 * np.max(np.abs(weak))]
         raise ObservabilityError(
             f"The {len(kept)} different poses do not tell {_listed(names)} apart. "
             f"Record again and hold the unit also with {_suggestion(rows)}."

@@ -6,7 +6,7 @@ import json
 import os
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -313,11 +313,11 @@ def read_calibration(path: str | os.PathLike[str]) -> Calibration:
         ) from None
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise CalibrationFileError(f"{file} cannot be read as a calibration: {error}.") from error
-    if not isinstance(document, dict) or document.get("format") != FORMAT:  # pyright: ignore
+    if not isinstance(document, dict) or cast("dict[str, Any]", document).get("format") != FORMAT:
         raise CalibrationFileError(
             f'{file} is not a calibration of tumble: it does not say "format": "{FORMAT}".'
         )
-    version: Any = document.get("version")  # pyright: ignore
+    version: Any = cast("dict[str, Any]", document).get("version")
     if not isinstance(version, int) or version > VERSION:
         raise CalibrationFileError(
             f"{file} is of version {version!r} and this tumble reads up to {VERSION}: update tumble."
@@ -411,8 +411,8 @@ def _quality(estimate: Estimate) -> QualityBlock:
         turns=int(turns.size),
         variance_components=estimate.variance_components,
         left_out=[
-            LeftOutBlock(kind="hold" if l.kind == "hold" else "turn", number=l.index + 1, reason=l.reason)
-            for l in estimate.left_out
+            LeftOutBlock(kind="hold" if o.kind == "hold" else "turn", number=o.index + 1, reason=o.reason)
+            for o in estimate.left_out
         ],
         optional_terms=[
             TermBlock(
@@ -437,7 +437,9 @@ def _test_vectors(model: ImuModel, recording: Recording, gyroscope: TriadBlock |
     raw_force = raw_force * scale
     raw_rate = raw_rate / (angular_rate_factor(recording.angular_rate_unit) or 1.0)
     if specific_force_factor(recording.specific_force_unit) is None:
-        raw_force = np.round(model.accelerometer.bias + raw_force * np.abs(np.diag(model.accelerometer.matrix)))
+        raw_force = np.round(
+            model.accelerometer.bias + raw_force * np.abs(np.diag(model.accelerometer.matrix))
+        )
     has_gyro = model.gyroscope is not None and gyroscope is not None and gyroscope.matrix is not None
     if has_gyro and model.gyroscope is not None and angular_rate_factor(recording.angular_rate_unit) is None:
         raw_rate = np.round(model.gyroscope.bias + raw_rate * np.abs(np.diag(model.gyroscope.matrix)))

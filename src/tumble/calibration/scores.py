@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Matrix, Series, Vectors
+from tumble.arrays import Matrix, Series, Vectors, inverted
 from tumble.attitude import angle_between, integrate_turns
 from tumble.attitude.integration import average_at_edge
 from tumble.calibration.turn_conditions import HoldsAndTurns
@@ -63,8 +63,8 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
     raw_force = data.raw_force
     if model.accelerometer.quadratic is not None or model.accelerometer.asymmetry is not None:
         raw_force = model.accelerometer.own_input(data.raw_force) + model.accelerometer.bias
-    gyro_inverse: Matrix = np.linalg.inv(model.gyroscope.matrix)
-    force_inverse: Matrix = np.linalg.inv(model.accelerometer.matrix)
+    gyro_inverse: Matrix = inverted(model.gyroscope.matrix)
+    force_inverse: Matrix = inverted(model.accelerometer.matrix)
     sensitivity = np.zeros((3, 3)) if model.g_sensitivity is None else model.g_sensitivity
 
     angle, size, duration = (np.full(data.holds, np.nan) for _ in range(3))

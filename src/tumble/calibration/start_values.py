@@ -6,6 +6,8 @@ from a scale of the wrong sign it lands in the mirror root 1 + s = -1 with the s
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors
@@ -68,7 +70,7 @@ def rough_gyro_matrix(
     for start, stop in stretches:
         step = max(1, round(window / max(float(np.median(np.diff(time[start:stop]))), 1e-9)))
         edges = np.arange(start, stop, step)
-        for first, last in zip(edges[:-1], edges[1:], strict=True):
+        for first, last in pairwise(edges.tolist()):
             dt = np.diff(time[first : last + 1])
             force = 0.5 * (specific_force_b[first:last] + specific_force_b[first + 1 : last + 1])
             rate = 0.5 * (raw_rate[first:last] + raw_rate[first + 1 : last + 1]) - gyro_bias
@@ -90,7 +92,7 @@ def rough_gyro_matrix(
     solution = inverse @ (design.T @ (weight * change))
     residual = change - design @ solution
     variance = float(np.sum(weight * residual**2) / max(change.size - 9, 1))
-    return solution.reshape(3, 3), inverse * variance
+    return solution.reshape(3, 3), np.asarray(inverse * variance, dtype=np.float64)
 
 
 # Of the information that equally spread turns would give, the least that still tells an axis: turns

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Vectors
+from tumble.arrays import AnyArray, Matrix, Series, Vectors, inverted
 from tumble.sensor import Triad
 from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
 from tumble.sensor.propagation import jacobian
@@ -65,7 +65,7 @@ def correct_with_derivatives(unknowns: Series, raw: Vectors) -> CorrectedOutput:
     """
     triad = triad_from_unknowns(unknowns)
     own_input = triad.own_input(raw)
-    inverse = np.linalg.inv(triad.matrix)
+    inverse = inverted(triad.matrix)
     true = own_input @ inverse.T
     slope = 1.0 / (1.0 + 2.0 * unknowns[QUADRATIC] * own_input)
 

@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors, inverted
 from tumble.attitude import integrate_turns
 from tumble.attitude.integration import average_at_edge
 from tumble.calibration.triad_unknowns import COUNT, correct_with_derivatives, triad_from_unknowns
@@ -171,14 +171,12 @@ class TurnConditions:
         self._mean_blocks = np.zeros((self.data.holds, GROUP, 3))
         self._next_mean_blocks = np.zeros((self.data.holds, GROUP, 3))
         self._mean_blocks[:, 0] = blocks
-        C[:, 0, 0] = (
-            np.einsum("ka,kab,kb->k", blocks, self.data.force_covariance, blocks) + self.extra.norm
-        )
+        C[:, 0, 0] = np.einsum("ka,kab,kb->k", blocks, self.data.force_covariance, blocks) + self.extra.norm
 
     def _rates(self, full: Series, state: _State, w: AnyArray, A: AnyArray, C: AnyArray) -> None:
         # In rad/s: the gyro's inverse stands before the raw condition, so that all axes weigh alike.
         matrix = full[GYRO_MATRIX].reshape(3, 3)
-        inverse = np.linalg.inv(matrix)
+        inverse = inverted(matrix)
         sensitivity = full[G_SENSITIVITY].reshape(3, 3)
         earth = state.C_hold_first @ full[EARTH]
         predicted = full[GYRO_BIAS] + earth @ matrix.T + state.mean @ sensitivity.T
@@ -235,7 +233,7 @@ class TurnConditions:
     ) -> AnyArray:
         """Return (turns, 2, unknowns): a rate error E_r x(t) turns C_se by the integral of C_st E_r x."""
         k = state.turn_holds
-        inverse = np.linalg.inv(full[GYRO_MATRIX].reshape(3, 3))
+        inverse = inverted(full[GYRO_MATRIX].reshape(3, 3))
         design = np.zeros((k.size, 2, TOTAL))
         carried = state.C_se @ state.mean_by_unknowns[k + 1]
         design[:, :, FORCE] = E @ (carried - state.mean_by_unknowns[k])
@@ -248,7 +246,7 @@ class TurnConditions:
 
     def _rotation_noise(self, full: Series, state: _State, by_rotation: AnyArray) -> AnyArray:
         """Return (turns, 2, 2): angle random walk, wandering bias and what else turns show."""
-        inverse = np.linalg.inv(full[GYRO_MATRIX].reshape(3, 3))
+        inverse = inverted(full[GYRO_MATRIX].reshape(3, 3))
         white = np.diag(inverse @ np.diag(self.data.rate_random_walk) @ inverse.T)
         walk = np.einsum("tga,a,tha->tgh", by_rotation, white, by_rotation) * state.duration[:, None, None]
         wander = self.extra.turn + self.extra.rate * state.duration**2
@@ -258,9 +256,9 @@ class TurnConditions:
         off = ~self.active
         w[off], A[off] = 0.0, 0.0
         both = self.active[:, :, None] & self.active[:, None, :]
-        C = np.where(both, C, 0.0) + np.eye(GROUP) * off[:, :, None]
+        covariance = np.where(both, C, 0.0) + np.eye(GROUP) * off[:, :, None]
         across = self.active[1:, :, None] & self.active[:-1, None, :]
-        return Linearisation(w, A, C, np.where(across, lower, 0.0), self.active)
+        return Linearisation(w, A, covariance, np.where(across, lower, 0.0), self.active)
 
 
 @dataclass(slots=True)
@@ -286,7 +284,7 @@ class _State:
         triad = triad_from_unknowns(full[FORCE])
         corrected = correct_with_derivatives(full[FORCE], mean)
         observed = triad.correct(data.force_mean)
-        inverse = np.linalg.inv(full[GYRO_MATRIX].reshape(3, 3))
+        inverse = inverted(full[GYRO_MATRIX].reshape(3, 3))
         head, tail = window_directions(data, triad.matrix, triad.bias, inverse)
         turns = np.flatnonzero(data.turn_start >= 0)
         integrated = integrate_turns(
@@ -297,7 +295,7 @@ class _State:
             data.turn_stop[turns],
             gyro_inverse=inverse,
             gyro_bias=full[GYRO_BIAS],
-            force_inverse=np.linalg.inv(triad.matrix),
+            force_inverse=inverted(triad.matrix),
             force_bias=triad.bias,
             g_sensitivity=full[G_SENSITIVITY].reshape(3, 3),
         )
@@ -327,7 +325,7 @@ def window_directions(
     Each is the mean of a window at the hold's edge, every sample turned to the edge by the gyro's
     deviation from the hold's own mean rate: tremor and sway are followed, bias and Earth rate not.
     """
-    inverse = np.linalg.inv(force_matrix)
+    inverse = inverted(force_matrix)
 
     def at(window: np.ndarray, edge: str) -> Vectors:
         return average_at_edge(

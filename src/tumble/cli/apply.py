@@ -17,7 +17,9 @@ def apply_command(
     recordings: Recordings,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="The corrected file, .csv or .parquet  [default: NAME-corrected.csv]"),
+        typer.Option(
+            "--output", "-o", help="The corrected file, .csv or .parquet  [default: NAME-corrected.csv]"
+        ),
     ] = None,
     units: Units = None,
     columns: Columns = None,
@@ -42,7 +44,9 @@ def apply_command(
             progress=lambda samples: say(f"{samples:,} samples corrected"),
         )
     if as_json:
-        typer.echo(json.dumps({"file": str(done.file.resolve()), "samples": done.samples, "remarks": done.remarks}))
+        typer.echo(
+            json.dumps({"file": str(done.file.resolve()), "samples": done.samples, "remarks": done.remarks})
+        )
         return
     if not quiet:
         for remark in done.remarks:

@@ -29,11 +29,15 @@ def calibrate_command(
     recordings: Recordings,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="Folder for calibration.json and report.html  [default: NAME-calibration]"),
+        typer.Option(
+            "--output", "-o", help="Folder for calibration.json and report.html  [default: NAME-calibration]"
+        ),
     ] = None,
     procedure: Annotated[
         str | None,
-        typer.Option(help="hand-held or multi-position; without it the recording decides, and it is said why."),
+        typer.Option(
+            help="hand-held or multi-position; without it the recording decides, and it is said why."
+        ),
     ] = None,
     site: SiteOption = None,
     gravity: Gravity = None,
@@ -55,7 +59,9 @@ def calibrate_command(
         ),
     ] = True,
     imu_model: Annotated[str | None, typer.Option(help="Model of the unit, noted in the file.")] = None,
-    imu_serial: Annotated[str | None, typer.Option(help="Serial number of the unit, noted in the file.")] = None,
+    imu_serial: Annotated[
+        str | None, typer.Option(help="Serial number of the unit, noted in the file.")
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
     verbose: Verbose = False,

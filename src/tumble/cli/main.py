@@ -72,7 +72,7 @@ def main() -> None:
         _end(_of_the_system(error), UNWRITTEN)
     except MemoryError:
         _end("The recording does not fit into memory: cut it, or use a machine with more.", 2)
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 (the last line of defence: a sentence, not a traceback)
         _usage_or_internal(error)
     else:
         sys.exit(status if isinstance(status, int) else 0)
@@ -101,5 +101,5 @@ def _of_the_system(error: OSError) -> str:
 
 
 def _end(message: str, status: int) -> None:
-    print(f"tumble: {message}", file=sys.stderr)
+    sys.stderr.write(f"tumble: {message}\n")
     sys.exit(status)

@@ -23,6 +23,7 @@ from tumble.cli.options import (
 from tumble.cli.progress import progress
 
 if TYPE_CHECKING:
+    from tumble.arrays import Series
     from tumble.workflows.verify import Verification
 
 
@@ -67,8 +68,8 @@ def verify_command(
 
 
 def _as_dict(result: Verification) -> dict[str, object]:
-    def numbers(values: object) -> list[float | None]:
-        return [float(v) if math.isfinite(v) else None for v in values]  # pyright: ignore
+    def numbers(values: Series) -> list[float | None]:
+        return [value if math.isfinite(value) else None for value in values.tolist()]
 
     return {
         "recording": result.recording,
@@ -103,6 +104,8 @@ def _print(result: Verification, quiet: bool) -> None:
                 f"{math.degrees(result.angles[k]):.3f}" if scored else "–",
             )
         console.print(table)
-    console.print("SERVES" if result.fit else "DOES NOT SERVE", style="bold green" if result.fit else "bold red")
+    console.print(
+        "SERVES" if result.fit else "DOES NOT SERVE", style="bold green" if result.fit else "bold red"
+    )
     for reason in result.reasons:
         console.print(f"• {reason}", markup=False)

@@ -65,7 +65,7 @@ def apply(
 
     done = 0
 
-    def corrected():  # noqa: ANN202 (a generator of recordings)
+    def corrected():
         nonlocal done
         for block in chain([first], blocks):
             yield _corrected(document, block, factors)

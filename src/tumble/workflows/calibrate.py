@@ -94,7 +94,7 @@ def calibrate(
     OutputError
         If the results cannot be written; earlier ones are intact.
     """
-    say = progress or (lambda _: None)
+    say = progress or _silent
     _check_procedure(procedure)
     folder = None if output is None else Path(output)
     if folder is not None:
@@ -109,7 +109,7 @@ def calibrate(
     from tumble.segmentation import find_timeline, observe_holds, read_intervals
 
     clock.lap("importing")
-    given = None if intervals is None else read_intervals(intervals)
+    given = None if intervals is None else read_intervals(Path(intervals))
     timeline = find_timeline(recording, intervals=given)
     means = observe_holds(recording, timeline)
     clock.lap("segmenting")
@@ -117,9 +117,7 @@ def calibrate(
     from tumble.calibration import calibration_from_estimate
 
     place = site or Site.unknown()
-    estimate, reason = _estimate(
-        recording, timeline, means, place, procedure, knowledge, optional_terms, say
-    )
+    estimate, reason = _estimate(recording, timeline, means, place, procedure, knowledge, optional_terms, say)
     clock.lap("solving")
 
     calibration = calibration_from_estimate(
@@ -314,3 +312,7 @@ class _Clock:
         now = time.perf_counter()
         self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
         self._last = now
+
+
+def _silent(_: str) -> None:
+    """Tell nobody."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -88,7 +89,7 @@ def verify(
     CalibrationFileError, RecordingError, SegmentationError, UsageError
         If an input is wrong or the recordings hold nothing to judge by.
     """
-    say = progress or (lambda _: None)
+    say = progress or _silent
     document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
     place = site or _site_of(document)
     say("reading")
@@ -96,7 +97,7 @@ def verify(
     for recording in read_recordings(paths, columns=columns, units=units, rate=rate):
         scaled = in_calibration_units(recording, raw_factors(document, recording))
         say("finding holds and turns")
-        given = None if intervals is None else read_intervals(intervals)
+        given = None if intervals is None else read_intervals(Path(intervals))
         timeline = find_timeline(scaled, intervals=given)
         means = observe_holds(scaled, timeline)
         if means.specific_force is None or means.specific_force_covariance is None:
@@ -212,3 +213,7 @@ def _judge(result: Verification, document: Calibration) -> None:
         turn_words += "."
     result.fit = not against
     result.reasons = [*against, words, turn_words]
+
+
+def _silent(_: str) -> None:
+    """Tell nobody."""
