@@ -23,16 +23,16 @@ from dataclasses import dataclass, replace
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from tumble.calibration import Estimate, calibrate_hand_held, calibrate_multi_position
-from tumble.calibration.canonical import GYRO_BIAS, GYRO_MATRIX, G_SENSITIVITY, named_values
+from tumble.calibration.canonical import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, named_values
 from tumble.calibration.triad_unknowns import unknowns_from_triad
 from tumble.earth import Site
 from tumble.errors import TumbleError
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.sensor import ImuModel, change_frame
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
-from scipy.spatial.transform import Rotation
 
 GROUPS = (
     "accelerometer bias",
@@ -65,11 +65,11 @@ def simulate(seed: int, grade_name: str, rate: float, hold: float, site: Site, w
     poses = poses_26()
     order = rng.permutation(26)
     off = Rotation.from_euler("xyz", rng.normal(0.0, 2.0, (26, 3)), degrees=True)
-    headings = Rotation.from_euler("zyx", np.column_stack([rng.uniform(0.0, 360.0, 26), np.zeros((26, 2))]), degrees=True)
-    attitudes = (headings * poses * off)[order]
-    motion = Motion.between_poses(
-        attitudes, rng.uniform(0.8, 1.5, 26) * hold, rng.uniform(1.5, 3.0, 25)
+    headings = Rotation.from_euler(
+        "zyx", np.column_stack([rng.uniform(0.0, 360.0, 26), np.zeros((26, 2))]), degrees=True
     )
+    attitudes = (headings * poses * off)[order]
+    motion = Motion.between_poses(attitudes, rng.uniform(0.8, 1.5, 26) * hold, rng.uniform(1.5, 3.0, 25))
     grade = find_grade(grade_name)
     if white:
         grade = replace(
@@ -94,7 +94,9 @@ def true_values(model: ImuModel, estimate: Estimate) -> dict[str, float]:
     turned = change_frame(model, "accelerometer-x")
     x = np.zeros(36)
     # Round-off above the diagonal is cut off.
-    x[:12] = unknowns_from_triad(type(turned.accelerometer)(np.tril(turned.accelerometer.matrix), turned.accelerometer.bias))
+    x[:12] = unknowns_from_triad(
+        type(turned.accelerometer)(np.tril(turned.accelerometer.matrix), turned.accelerometer.bias)
+    )
     x[GYRO_MATRIX], x[GYRO_BIAS] = turned.gyroscope.matrix.ravel(), turned.gyroscope.bias
     if turned.g_sensitivity is not None:
         x[G_SENSITIVITY] = turned.g_sensitivity.ravel()
@@ -153,7 +155,10 @@ def main() -> None:
     parser.add_argument("--white", action="store_true", help="white noise only: no bias instability")
     options = parser.parse_args()
     started = time.perf_counter()
-    jobs = [(options.seed + k, options.grade, options.procedure, options.rate, options.hold, options.white) for k in range(options.runs)]
+    jobs = [
+        (options.seed + k, options.grade, options.procedure, options.rate, options.hold, options.white)
+        for k in range(options.runs)
+    ]
     if options.workers > 1:
         with ProcessPoolExecutor(options.workers) as pool:
             outcomes = list(pool.map(run, *zip(*jobs, strict=True), chunksize=5))
@@ -165,17 +170,23 @@ def main() -> None:
 def report(outcomes: list[Outcome], options: argparse.Namespace, seconds: float) -> None:
     good = [outcome for outcome in outcomes if not outcome.failure]
     print(
-        f"{options.procedure}, {options.grade}, {options.rate:g} Hz, 26 holds of about {options.hold:g} s{', white noise' if options.white else ''}: "
+        f"{options.procedure}, {options.grade}{', white noise' if options.white else ''}, "
+        f"{options.rate:g} Hz, 26 holds of about {options.hold:g} s: "
         f"{len(outcomes)} runs in {seconds:.0f} s, {len(outcomes) - len(good)} failures"
     )
     for outcome in outcomes:
         if outcome.failure:
             print(f"  seed {outcome.seed}: {outcome.failure}")
-    print(f"  holds found: {np.mean([o.holds for o in good]):.2f} of 26; left out per run: {np.mean([o.left_out for o in good]):.3f}")
+    print(
+        f"  holds found: {np.mean([o.holds for o in good]):.2f} of 26; "
+        f"left out per run: {np.mean([o.left_out for o in good]):.3f}"
+    )
     kept = {name: sum(name in o.kept for o in good) for o in good for name in o.kept}
     print(f"  optional terms kept: {kept or 'none'} of {len(good)} runs")
     rng = np.random.default_rng(0)
-    print(f"  {'group':34s}{'n':>6s}{'mean z':>9s}{'sd z [95 % bootstrap]':>26s}{'inside 95 %':>22s}{'max |z|':>9s}")
+    print(
+        f"  {'group':34s}{'n':>6s}{'mean z':>9s}{'sd z [95 % bootstrap]':>26s}{'inside 95 %':>22s}{'max |z|':>9s}"
+    )
     for group in GROUPS:
         rows = [
             [(z, i) for n, z, i in zip(o.names, o.normalised, o.inside, strict=True) if n.startswith(group)]
@@ -189,7 +200,9 @@ def report(outcomes: list[Outcome], options: argparse.Namespace, seconds: float)
         everything, covered = np.concatenate(z), np.concatenate(inside)
         draws = rng.integers(0, len(rows), (2000, len(rows)))
         squares, sums, counts = (np.array([f(v) for v in z]) for f in (lambda v: np.sum(v**2), np.sum, len))
-        spread = np.sqrt(squares[draws].sum(1) / counts[draws].sum(1) - (sums[draws].sum(1) / counts[draws].sum(1)) ** 2)
+        spread = np.sqrt(
+            squares[draws].sum(1) / counts[draws].sum(1) - (sums[draws].sum(1) / counts[draws].sum(1)) ** 2
+        )
         cover = np.array([np.sum(v) for v in inside])[draws].sum(1) / counts[draws].sum(1)
         low, high = np.quantile(spread, (0.025, 0.975))
         clow, chigh = np.quantile(cover, (0.025, 0.975))
