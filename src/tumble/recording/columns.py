@@ -33,6 +33,8 @@ _UNIT_SUFFIX = re.compile(
     r"[_ ](m[_/]?s\^?2|mps2|mg|g|rads|rad_s|radps|mdps|dps|deg_s|degps|s|sec|ms|us|ns|usec|nsec|msec)$",
     re.IGNORECASE,
 )
+_ACCELEROMETER_FILE = re.compile(r"(?<![a-z])(acc|accel|acce|accelerometer|acceleration|force|acel)(?![a-z])")
+_GYRO_FILE = re.compile(r"(?<![a-z])(gyr|gyro|gyros|gyroscope|omega|angular|angrate|rate|ars)(?![a-z])")
 _BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]")
 
 
@@ -188,6 +190,18 @@ def _kind(words: list[str]) -> str | None:
                 if len(text) > 2 and text in known:
                     return kind
     return None
+
+
+def kind_of_file(name: str) -> str | None:
+    """Return "a" or "g" if a file's name says that it holds the accelerometer or the gyro.
+
+    Examples
+    --------
+    >>> kind_of_file("xsens_gyro.mat")
+    'g'
+    """
+    is_a, is_g = bool(_ACCELEROMETER_FILE.search(name.lower())), bool(_GYRO_FILE.search(name.lower()))
+    return None if is_a == is_g else "a" if is_a else "g"
 
 
 def plan_from_names(names: tuple[str, ...]) -> ColumnPlan | None:

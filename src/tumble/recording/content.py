@@ -11,7 +11,7 @@ import numpy as np
 
 from tumble.arrays import Series, Table, Vectors
 from tumble.errors import RecordingError
-from tumble.recording.columns import ColumnPlan
+from tumble.recording.columns import ColumnPlan, kind_of_file
 from tumble.recording.gravity_check import gyro_scale_from_gravity, unit_of_scale
 from tumble.recording.recording import Recording, Remark
 from tumble.recording.rest import QuietStretches, find_quiet_stretches, sample_pieces, smallest_step
@@ -111,6 +111,8 @@ def plan_from_content(columns: list[Series], name: str) -> tuple[ColumnPlan, lis
     triads = [np.column_stack([np.concatenate([columns[i][c] for c in cuts]) for i, _ in g]) for g in groups]
     if len(groups) == 1:
         plan = ColumnPlan(time=time, specific_force=groups[0], said_by="content")
+        if kind_of_file(name) == "g":
+            return plan.swapped(), [Remark("found", f"{name}: its one triad is the gyro, its name says.")]
         return plan, [Remark("assumed", f"{name}: its one triad is taken as the accelerometer.")]
     finite = np.all(np.isfinite(np.hstack(triads)), axis=1)
     order = find_accelerometer(triads[0][finite], triads[1][finite])
@@ -191,9 +193,9 @@ def guess_specific_force_unit(level: Level, whole_numbers: bool, rate: float) ->
     return COUNTS, said if steady else f"{said} and differs from pose to pose by {100 * level.spread:.0f} %"
 
 
-def is_increment(norm: float, rate: float, factor: float = 1.0) -> bool:
-    """Say whether a norm at rest is gravity times one sampling interval."""
-    return abs(norm * factor * rate / STANDARD_GRAVITY - 1.0) < 0.1
+def is_increment(norm: float, rate: float, factor: float = 1.0, tolerance: float = 0.1) -> bool:
+    """Say whether a norm at rest is gravity times one sampling interval, within a relative tolerance."""
+    return abs(norm * factor * rate / STANDARD_GRAVITY - 1.0) < tolerance
 
 
 def check_specific_force_unit(level: Level, unit: str, rate: float, name: str) -> None:
@@ -238,7 +240,11 @@ def guess_angular_rate_unit(recording: Recording, header_is_plain: bool) -> tupl
         said = f"gravity turning in body axes gives {scale.scale:.4g} rad/s per unit"
         if unit is not None:
             return unit, [Remark("assumed", f"Angular rate is taken as {unit}: {said}.")]
-        return COUNTS, [Remark("assumed", f"Angular rate is taken as counts: {said}.")]
+        return COUNTS, [
+            Remark(
+                "assumed", f"Angular rate is taken as counts: {said}{_rate_doubt(recording, scale.scale)}."
+            )
+        ]
     unit, reason = _unit_by_size(recording.angular_rate, recording.rate, header_is_plain)
     return unit, [
         Remark("assumed", f"Angular rate is taken as {unit}: {reason}."),
@@ -247,6 +253,21 @@ def guess_angular_rate_unit(recording: Recording, header_is_plain: bool) -> tupl
             "The gyro's unit could not be checked: the unit does not turn enough against gravity.",
         ),
     ]
+
+
+def _rate_doubt(recording: Recording, scale: float) -> str:
+    """Numbers that are not whole, with a scale near one of rad/s or deg/s, make the sampling rate suspect."""
+    assert recording.angular_rate is not None
+    if whole_numbers(recording.angular_rate):
+        return ""
+    for unit in ("rad/s", "deg/s"):
+        ratio = scale / (angular_rate_factor(unit) or 1.0)
+        if 0.05 < ratio < 20.0:
+            return (
+                f"; but if it is in {unit}, the sampling rate is not {recording.rate:.4g} but "
+                f"{recording.rate / ratio:.3g} Hz"
+            )
+    return ""
 
 
 def _unit_by_size(rates: Vectors, rate: float, header_is_plain: bool) -> tuple[str, str]:
@@ -274,22 +295,25 @@ def check_angular_rate_unit(recording: Recording, unit: str, name: str) -> list[
         If the scale that gravity shows differs from the unit's by more than a factor of 1.3.
     """
     factor = angular_rate_factor(unit)
-    if factor is None or recording.specific_force is None:
+    if factor is None or recording.specific_force is None or recording.angular_rate is None:
         return []
     scale = gyro_scale_from_gravity(recording)
     if scale is None or not scale.determined:
-        return [Remark("unchecked", f"The gyro's unit ({unit}) could not be checked against gravity.")]
+        fastest = np.degrees(factor * float(np.abs(recording.angular_rate).max()))
+        text = (
+            f"The gyro's unit ({unit}) could not be checked against gravity; it reaches {fastest:.4g} deg/s."
+        )
+        return [Remark("unchecked", text)]
     ratio = scale.scale / factor
     if 1.0 / _REFUSE_FACTOR < ratio < _REFUSE_FACTOR:
         return [
             Remark("found", f"The gyro's unit ({unit}) agrees with how gravity turns (ratio {ratio:.2f}).")
         ]
     other = unit_of_scale(scale.scale)
-    advice = f"--units …,{other}" if other else "--units counts"
     raise RecordingError(
         f"{name}: the gyro is declared to be in {unit}, but gravity turning in body axes shows "
         f"{scale.scale:.3g} rad/s per unit ({ratio:.3g} times the declared); it looks like "
-        f"{other or 'counts'}: give {advice}."
+        f"{other or 'counts'}: say so with --units."
     )
 
 

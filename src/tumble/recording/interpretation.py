@@ -303,7 +303,12 @@ def _decide_force(
         increment = find_unit("velocity increment", header)
     if increment is not None:
         factor = velocity_increment_factor(increment) * rate
-        content.check_specific_force_unit(replace(level, norm=level.norm * factor), "m/s^2", rate, name)
+        if level.at_rest and not content.is_increment(level.norm, rate, factor / rate, tolerance=0.3):
+            raise RecordingError(
+                f"{name}: {level.norm:.4g} {increment} at rest over {1 / rate:.4g} s would be "
+                f"{level.norm * factor:.4g} m/s²: these are no velocity increments; leave {increment} out of "
+                "--units, or check the rate."
+            )
         text = f"Velocity increments in {increment} are divided by the sampling interval of {1 / rate:.6g} s."
         return replace(decided, specific_force_unit="m/s^2", force_factor=factor), [Remark("mended", text)]
     unit = units.specific_force or header

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tumble.errors import RecordingError, UsageError
-from tumble.recording.columns import ColumnPlan, plan_from_names, plan_from_option
+from tumble.recording.columns import ColumnPlan, kind_of_file, plan_from_names, plan_from_option
 from tumble.recording.content import find_accelerometer, is_time_like
 from tumble.recording.formats.table import RawTable
 from tumble.recording.recording import Remark
 
-_ACCELEROMETER_NAME = re.compile(r"(?<![a-z])(acc|accel|acce|accelerometer|acceleration|force|acel)(?![a-z])")
-_GYRO_NAME = re.compile(r"(?<![a-z])(gyr|gyro|gyros|gyroscope|omega|angular|angrate|rate|ars)(?![a-z])")
 _STAMP_TOLERANCE = 0.02  # of a step: stamps written with different rounding still agree
 
 
@@ -162,9 +159,7 @@ def _file_kind(table: RawTable) -> str | None:
     plan = None if table.names is None else plan_from_names(table.names)
     if plan is not None:
         return "a" if plan.specific_force is not None else "g"
-    stem = table.path.name.lower()
-    is_a, is_g = bool(_ACCELEROMETER_NAME.search(stem)), bool(_GYRO_NAME.search(stem))
-    return None if is_a == is_g else "a" if is_a else "g"
+    return kind_of_file(table.path.name)
 
 
 def _which(first: RawTable, second: RawTable, merged: RawTable, plan: ColumnPlan) -> tuple[bool, Remark]:

@@ -159,6 +159,9 @@ def order_stamps(
     steps = steps if factor == 1.0 else steps * factor
     found = _nominal_rate(steps, float(time[-1] - time[0]))
     _check_rate(found, rate, name, unit)
+    if not 0.5 * _PLAUSIBLE_RATE[0] <= found <= 2.0 * _PLAUSIBLE_RATE[1]:
+        text = f"A rate of {found:.3g} Hz is unusual for an IMU; check the unit of time ({unit})."
+        remarks.append(Remark("unchecked", text))
     gaps = _gaps_of(steps, found) if time.size > 2 else ()
     return Stamps(time, keep, gaps, found, unit, remarks)
 
@@ -199,11 +202,6 @@ def _unit_of(step: float, unit: str | None, rate: float | None, name: str, remar
     remarks.append(
         Remark("assumed", f"{name}: stamps are taken as {guess} (steps of {step:.6g}, {found:.4g} Hz).")
     )
-    low, high = _PLAUSIBLE_RATE
-    if not 0.5 * low <= found <= 2.0 * high:
-        remarks.append(
-            Remark("unchecked", f"A rate of {found:.3g} Hz is unusual for an IMU; check the unit of time.")
-        )
     return guess
 
 

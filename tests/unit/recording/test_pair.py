@@ -46,6 +46,12 @@ def test_a_pair_is_one_recording_and_other_files_are_one_each(tumbled, halves, c
         read_recording([whole, whole])
 
 
+def test_one_file_of_a_pair_is_one_triad(halves) -> None:
+    force, rate = halves("acc.txt", "gyro.txt")
+    assert read_recording(force).angular_rate is None
+    assert read_recording(rate).specific_force is None
+
+
 def test_different_lengths_are_refused(tumbled, halves) -> None:
     rows = tumbled.rows()
     with pytest.raises(RecordingError, match=r"acc\.txt has 4050 rows and gyro\.txt has 4040"):

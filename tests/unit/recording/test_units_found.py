@@ -121,6 +121,23 @@ def test_increments_are_recognised_refused_and_converted(tumbled, csv) -> None:
     assert sum(r.kind == "mended" and "increments" in r.text for r in recording.remarks) == 2
 
 
+def test_rates_declared_as_increments_are_refused(tumbled, csv) -> None:
+    with pytest.raises(RecordingError, match="are no velocity increments"):
+        read_recording(csv(tumbled.rows()), units="m/s,rad")
+
+
+def test_a_wrong_sampling_rate_is_suspected(tumbled, csv) -> None:
+    """At half the true rate every turn seems to take twice as long: half a radian a unit."""
+    recording = read_recording(csv(tumbled.rows()[:, 1:], header=None), rate=50.0)
+    said = [r.text for r in recording.remarks if "Angular rate" in r.text]
+    assert "if it is in rad/s, the sampling rate is not 50 but 1" in said[0]
+
+
+def test_an_implausible_rate_of_a_declared_unit_of_time_is_said(tumbled, csv) -> None:
+    recording = read_recording(csv(tumbled.rows()), units="m/s^2,counts,us")
+    assert any(r.kind == "unchecked" and "unusual for an IMU" in r.text for r in recording.remarks)
+
+
 def test_swapped_triads_are_refused_when_the_header_declares_them(tumbled, csv) -> None:
     with pytest.raises(RecordingError, match="the triads seem exchanged"):
         read_recording(csv(tumbled.rows(), header="t,gx,gy,gz,ax,ay,az"))

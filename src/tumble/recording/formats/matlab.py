@@ -36,7 +36,14 @@ def _is_version_4(head: bytes) -> bool:
 
 def recognises(head: bytes) -> bool:
     """Say whether a file that begins so is MATLAB's or HDF5."""
-    return head.startswith((b"MATLAB ", _HDF5)) or (b"\0" in head[:4] and _is_version_4(head))
+    if head.startswith(b"MATLAB ") or _is_hdf5(head):
+        return True
+    return b"\0" in head[:4] and _is_version_4(head)
+
+
+def _is_hdf5(head: bytes) -> bool:
+    """HDF5 begins at 0, 512, 1024, ... bytes: before it stands what the writer likes."""
+    return any(head[start : start + len(_HDF5)] == _HDF5 for start in (0, 512, 1024, 2048))
 
 
 def read_table(path: Path) -> RawTable:
@@ -52,8 +59,8 @@ def read_table(path: Path) -> RawTable:
         If the file cannot be read.
     """
     with path.open("rb") as file:
-        head = file.read(520)
-    if head.startswith((_HDF5, b"MATLAB 7.3")) or _HDF5 in head[512:]:
+        head = file.read(4096)
+    if head.startswith(b"MATLAB 7.3") or _is_hdf5(head):
         return table_from_variables(path, _hdf5_variables(path))
     from scipy.io import loadmat
 

@@ -58,6 +58,9 @@ def _write_parquet(blocks: Iterable[Recording], file: BinaryIO, folder: Path) ->
     import polars as pl
 
     with tempfile.TemporaryDirectory(dir=folder, prefix=".tumble-parts-") as parts:
-        for number, block in enumerate(blocks):
-            frame_of(block).write_parquet(Path(parts) / f"{number:08d}.parquet")
-        pl.scan_parquet(str(Path(parts) / "*.parquet")).sink_parquet(file)
+        try:
+            for number, block in enumerate(blocks):
+                frame_of(block).write_parquet(Path(parts) / f"{number:08d}.parquet")
+            pl.scan_parquet(str(Path(parts) / "*.parquet")).sink_parquet(file)
+        except pl.exceptions.PolarsError as error:  # a full disk arrives as polars' own error
+            raise OutputError(f"The Parquet file could not be written to {folder}: {error}.") from error
