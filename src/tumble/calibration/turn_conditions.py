@@ -248,7 +248,11 @@ class TurnConditions:
         """Return (turns, 2, 2): angle random walk, wandering bias and what else turns show."""
         inverse = inverted(full[GYRO_MATRIX].reshape(3, 3))
         white = np.diag(inverse @ np.diag(self.data.rate_random_walk) @ inverse.T)
-        walk = np.einsum("tga,a,tha->tgh", by_rotation, white, by_rotation) * state.duration[:, None, None]
+        k = state.turn_holds
+        # The gyro's noise also turns the windows' samples to their edges.
+        walking = state.duration + _edge_time(self.data, self.data.tail)[k]
+        walking = walking + _edge_time(self.data, self.data.head)[k + 1]
+        walk = np.einsum("tga,a,tha->tgh", by_rotation, white, by_rotation) * walking[:, None, None]
         wander = self.extra.turn + self.extra.rate * state.duration**2
         return walk + wander[:, None, None] * np.eye(2)
 
@@ -349,6 +353,18 @@ def _window_covariance(data: HoldsAndTurns, windows: np.ndarray) -> Matrices:
     count = (windows[:, 1] - windows[:, 0]).astype(float)
     share = np.maximum(1.0 / count - 1.0 / data.hold_samples, 0.0)
     return share[:, None, None] * np.diag(data.force_sample_variance)[None]
+
+
+def _edge_time(data: HoldsAndTurns, windows: np.ndarray) -> Series:
+    """Return how long the angle random walk acts on a window's mean, s: W/3 - W²/(4 D).
+
+    A sample at distance t from the edge is turned by the integral of the rate's deviation from the
+    mean over the hold (length D). The mean over a window of length W weighs the rate at s with
+    (1 - s/W) inside it, minus W / (2 D) everywhere; the integral of the square is the time returned.
+    """
+    step = (data.time[-1] - data.time[0]) / max(data.time.shape[0] - 1, 1)
+    window = (windows[:, 1] - windows[:, 0]) * step
+    return window / 3.0 - window**2 / (4.0 * np.maximum(data.hold_samples * step, window))
 
 
 def _chain(data: HoldsAndTurns, turns: np.ndarray, C_se: Matrices) -> Matrices:
