@@ -33,7 +33,12 @@ def written(tmp_path: Path, text: str) -> Path:
 
 @pytest.mark.parametrize(
     "text",
-    ["11 13\n15 18.5\n", "start,stop\n11,13\n15,18.5", "# holds\n\n11;13;\n 15\t18.5 \n", "11, 13\n15, 18.5\n"],
+    [
+        "11 13\n15 18.5\n",
+        "start,stop\n11,13\n15,18.5",
+        "# holds\n\n11;13;\n 15\t18.5 \n",
+        "11, 13\n15, 18.5\n",
+    ],
 )
 def test_two_columns_of_any_usual_layout_are_read(tmp_path: Path, text: str) -> None:
     assert read_intervals(written(tmp_path, text)) == [(11.0, 13.0), (15.0, 18.5)]
