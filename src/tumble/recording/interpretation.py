@@ -6,18 +6,19 @@ is read block by block, so that every block is read alike.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import AnyArray, Series, Vectors
+from tumble.arrays import AnyArray, Series
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import content, stamps
 from tumble.recording.columns import ColumnPlan, plan_from_names, plan_from_option
 from tumble.recording.declared import DeclaredUnits
 from tumble.recording.formats.table import RawTable
 from tumble.recording.recording import Recording, Remark, Source
+from tumble.recording.signals import Signals, pick_signals
 from tumble.units import (
     COUNTS,
     angle_increment_factor,
@@ -26,7 +27,6 @@ from tumble.units import (
     velocity_increment_factor,
 )
 
-_MOST_BAD_ROWS = 0.01
 _PLAIN_NAMES = ("ax", "ay", "az", "gx", "gy", "gz")
 
 
@@ -91,88 +91,9 @@ def _header_words(table: RawTable, plan: ColumnPlan) -> str:
     return f"{table.path.name}: {'; '.join(parts)}."
 
 
-def _shared(columns: list[Series]) -> Vectors | None:
-    """Return the (rows, 3) array that three columns are the columns of, in this order, or None."""
-    base = columns[0].base
-    rows = columns[0].shape[0]
-    if not isinstance(base, np.ndarray) or base.ndim != 2 or base.shape[1] != 3 or base.shape[0] < rows:
-        return None
-    begins, width = base.ctypes.data, base.itemsize
-    offsets = [c.ctypes.data - begins for c in columns]
-    first = offsets[0] // (3 * width)
-    wanted = [3 * width * first + j * width for j in range(3)]
-    same = base.dtype == np.float64 and base.flags.c_contiguous and all(c.base is base for c in columns)
-    return base[first : first + rows] if same and offsets == wanted else None
-
-
-def _triad(table: RawTable, triad: tuple[tuple[int, float], ...] | None) -> Vectors | None:
-    """Put three columns side by side, without a copy where the format has done so."""
-    if triad is None:
-        return None
-    shared = _shared([table.columns[i] for i, _ in triad])
-    if shared is not None and all(sign > 0.0 for _, sign in triad):
-        return shared
-    values = np.empty((len(table), 3))
-    for axis, (index, sign) in enumerate(triad):
-        values[:, axis] = table.columns[index]
-        if sign < 0:
-            values[:, axis] *= -1.0
-    return values
-
-
-@dataclass(slots=True)
-class _Signals:
-    """The columns of one table in their roles, after rows that are no numbers were left out."""
-
-    stamps: Series | None
-    force: Vectors | None
-    rates: Vectors | None
-    temperature: Series | None
-    rows: npt.NDArray[np.intp] | None  # row numbers in the table of what is left; None for all
-    remarks: list[Remark] = field(default_factory=list[Remark])
-
-
-def _signals(table: RawTable, plan: ColumnPlan) -> _Signals:
-    """Pick the columns; rows with NaN or infinite values are left out, up to one in a hundred."""
-    time = None if plan.time is None else table.columns[plan.time]
-    force, rates = _triad(table, plan.specific_force), _triad(table, plan.angular_rate)
-    temperature = None if plan.temperature is None else table.columns[plan.temperature]
-    parts = [p for p in (time, force, rates) if p is not None]
-    if all(np.isfinite(p.sum()) for p in parts):  # a sum is finite if every term is
-        return _Signals(time, force, rates, temperature, None)
-    good = np.ones(len(table), bool)
-    for part in parts:
-        good &= np.isfinite(part) if part.ndim == 1 else np.isfinite(part).all(axis=1)
-    bad = int(good.size - good.sum())
-    if not bad:
-        return _Signals(time, force, rates, temperature, None)
-    row = int(np.argmin(good))
-    where = _bad_column(table, plan, row)
-    if bad > max(1.0, _MOST_BAD_ROWS * good.size):
-        raise RecordingError(
-            f"{table.path.name}: {bad} of {good.size} rows hold no finite number somewhere, the first at "
-            f"{table.place(row)}, {where}; mend the file or skip that column with --columns."
-        )
-    where = f"first: {table.place(row)}, {where}"
-    text = f"{table.path.name}: {bad} row(s) without a finite number left out ({where})."
-    rows = np.flatnonzero(good)
-
-    def kept(part: AnyArray | None) -> AnyArray | None:
-        return None if part is None else part[rows]
-
-    return _Signals(kept(time), kept(force), kept(rates), kept(temperature), rows, [Remark("mended", text)])
-
-
-def _bad_column(table: RawTable, plan: ColumnPlan, row: int) -> str:
-    used = [plan.time] if plan.time is not None else []
-    used += [i for t in (plan.specific_force, plan.angular_rate) if t is not None for i, _ in t]
-    index = next(i for i in used if not np.isfinite(table.columns[i][row]))
-    return table.column_name(index)
-
-
 def _ordered(
-    table: RawTable, signals: _Signals, unit: str | None, rate: float | None
-) -> tuple[_Signals, stamps.Stamps]:
+    table: RawTable, signals: Signals, unit: str | None, rate: float | None
+) -> tuple[Signals, stamps.Stamps]:
     """Put the rows in time: by their stamps, or by the declared rate where there are none."""
     count = next(len(p) for p in (signals.stamps, signals.force, signals.rates) if p is not None)
     if count < 2:
@@ -227,7 +148,7 @@ def interpret(
         raise UsageError(f"--rate {rate:g}: give a positive number of samples a second.")
     remarks = [*table.remarks, *remarks]
     declared_rate = rate if rate is not None or plan.time is not None else table.rate
-    signals, ordered = _ordered(table, _signals(table, plan), units.time or plan.time_unit, declared_rate)
+    signals, ordered = _ordered(table, pick_signals(table, plan), units.time or plan.time_unit, declared_rate)
     remarks += [*signals.remarks, *ordered.remarks]
     recording = Recording(
         time=ordered.time,
@@ -389,7 +310,7 @@ def interpret_block(
     RecordingError
         If the block's rows or stamps are unusable.
     """
-    signals = _signals(table, decided.plan)
+    signals = pick_signals(table, decided.plan)
     remarks = list(signals.remarks)
     count = len(table) if signals.rows is None else signals.rows.size
     rows = np.arange(count) if signals.rows is None else signals.rows
