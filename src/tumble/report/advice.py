@@ -1,0 +1,165 @@
+"""What to do next, in words: the weakest parameter, the pose or turn that would mend it, the rest."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.arrays import Vector, Vectors
+from tumble.calibration.poses import describe_direction, most_telling_poses, norm_rows
+from tumble.report.parameters import ACCELEROMETER, BETWEEN, GYRO, ParameterRow
+from tumble.report.rounding import with_uncertainty
+from tumble.units import STANDARD_GRAVITY
+
+if TYPE_CHECKING:
+    from tumble.calibration.result import Calibration
+    from tumble.recording.recording import Recording
+    from tumble.segmentation import Timeline
+
+# One axis turned less than this share of the best one is worth a sentence.
+_MUCH_LESS = 0.6
+
+
+def next_steps(
+    calibration: Calibration,
+    rows: list[ParameterRow],
+    up_b: Vectors,
+    recording: Recording,
+    timeline: Timeline,
+) -> list[str]:
+    """Return what would improve the calibration or make it more trustworthy, as sentences.
+
+    Parameters
+    ----------
+    calibration, rows : the result and its parameters for people.
+    up_b : (holds, 3) corrected specific force of the holds, m/s².
+    recording, timeline : for the turns.
+    """
+    steps: list[str] = []
+    if not calibration.verdict.fit:
+        steps.append("The calibration is not fit for use: mend what the verdict names, and record again.")
+    steps += _poses(rows, up_b)
+    steps += _turns(rows, calibration, recording, timeline, up_b)
+    steps += _gravity(calibration)
+    steps.append(
+        "Verify it on another recording that it has not seen, of the same unit, some minutes of holds and turns: "
+        "tumble verify calibration.json RECORDING."
+    )
+    temperature = calibration.temperature_celsius
+    at = "at one temperature" if temperature is None else f"at {temperature:.0f} °C"
+    steps.append(
+        f"The values hold {at}. Calibrate again after a shock, after the unit was mounted anew, when it works more "
+        "than about 10 °C from where it was calibrated, and when a verification fails; biases change with every "
+        "power cycle and deserve a few seconds at rest before each use."
+    )
+    return steps
+
+
+def weakest(rows: list[ParameterRow], groups: tuple[str, ...]) -> ParameterRow | None:
+    """Return the parameter of the groups that adds most to the error, or None if there is none.
+
+    Bias over gravity, relative scale factor and angle are all errors over 1 g; a gyro's bias is left
+    out, because holds tell it at any time.
+    """
+    errors = [(_relative_sigma(row), row) for row in rows if row.group in groups]
+    known = [(error, row) for error, row in errors if error is not None]
+    return max(known, key=lambda item: item[0])[1] if known else None
+
+
+def _relative_sigma(row: ParameterRow) -> float | None:
+    """Return sigma in units of what is measured: of 1 g, of the scale factor, or in radians."""
+    if row.family == "bias":
+        if row.group != ACCELEROMETER or row.other is None:
+            return None
+        return row.other.sigma * {"mg": 1e-3, "µg": 1e-6}.get(row.other.unit, math.nan)
+    if row.family == "scale factor":
+        return row.shown.sigma / abs(row.shown.value)
+    factor = {"%": 1e-2, "ppm": 1e-6, "mrad": 1e-3, "µrad": 1e-6}.get(row.shown.unit)
+    return None if factor is None else factor * row.shown.sigma
+
+
+def _uncertainty(row: ParameterRow) -> str:
+    """Return a row's standard uncertainty, in the unit that people compare."""
+    measure = row.other if row.other is not None and row.family in ("bias", "scale factor") else row.shown
+    return f"{with_uncertainty(math.nan, measure.sigma)} {measure.unit}"
+
+
+def _poses(rows: list[ParameterRow], up_b: Vectors) -> list[str]:
+    row = weakest(rows, (ACCELEROMETER,))
+    if row is None:
+        return []
+    units = up_b / np.linalg.norm(up_b, axis=1, keepdims=True)
+    seen = norm_rows(units)
+    first, second = most_telling_poses(seen.T @ seen, 2)
+    words = describe_direction(first)
+    if describe_direction(second) != words:
+        words += f", then with the {describe_direction(second)}"
+    return [
+        f"The least known accelerometer parameter is the {row.label} ({_uncertainty(row)}). Of the 26 standard "
+        f"attitudes, these would tell most beside the poses at hand: hold the unit with the {words}."
+    ]
+
+
+def _turns(
+    rows: list[ParameterRow], calibration: Calibration, recording: Recording, timeline: Timeline, up_b: Vectors
+) -> list[str]:
+    row = weakest(rows, (GYRO, BETWEEN))
+    if row is None:
+        if recording.angular_rate is None:
+            return []
+        return [
+            "Of the gyro only the bias is known: turn the unit between the holds about all three axes, by 90° "
+            "and more, and calibrate with the hand-held procedure."
+        ]
+    sentence = f"The least known gyro parameter is the {row.label} ({_uncertainty(row)})."
+    angles = turned_about_horizontal(calibration, recording, timeline, up_b)
+    if angles is None:
+        return [sentence]
+    least = int(np.argmin(angles))
+    shown = ", ".join(
+        f"{axis} {angle:.0f}°" for axis, angle in zip("xyz", np.degrees(angles), strict=True)
+    )
+    sentence += f" Gravity shows a turn about an axis only as far as the axis is horizontal; so counted, the turns add up to {shown}."
+    if angles[least] < _MUCH_LESS * np.max(angles):
+        axis = "xyz"[least]
+        return [f"{sentence} Add turns of 90° and more about {axis} while {axis} is horizontal, both ways."]
+    return [f"{sentence} No axis lacks turns; more turns of 90° to 180° about all of them would help evenly."]
+
+
+def turned_about_horizontal(
+    calibration: Calibration, recording: Recording, timeline: Timeline, up_b: Vectors
+) -> Vector | None:
+    """Return (3,) rad turned about each axis, counted as far as the axis was horizontal; None without gyro."""
+    gyro = calibration.gyroscope
+    if recording.angular_rate is None or gyro is None or gyro.matrix is None:
+        return None
+    total = np.zeros(3)
+    inverse = np.linalg.inv(np.array(gyro.matrix, dtype=float))
+    units = up_b / np.linalg.norm(up_b, axis=1, keepdims=True)
+    for turn in timeline.turns:
+        if not turn.usable:
+            continue
+        rates = recording.angular_rate[turn.start : turn.stop]
+        angle = inverse @ (rates.sum(axis=0) - len(rates) * np.array(gyro.bias)) / recording.rate
+        vertical = 0.5 * (units[turn.before] ** 2 + units[turn.after] ** 2)
+        total += np.abs(angle) * np.sqrt(np.maximum(1.0 - vertical, 0.0))
+    return total if np.any(total) else None
+
+
+def _gravity(calibration: Calibration) -> list[str]:
+    site = calibration.site
+    if site.gravity_standard_uncertainty > 2e-3:
+        share = 1e6 * site.gravity_standard_uncertainty / STANDARD_GRAVITY
+        return [
+            f"Gravity was assumed ({site.gravity:.5f} ± {site.gravity_standard_uncertainty:.2g} m/s²), which alone "
+            f"makes all accelerometer scale factors uncertain by {share:.0f} ppm together: give "
+            "--site LATITUDE,HEIGHT, or --gravity if it is known, and calibrate again."
+        ]
+    if site.latitude_deg is None:
+        return [
+            "With --site LATITUDE,HEIGHT instead of --gravity the Earth's rotation is known too, which helps the "
+            "gyros' biases and g-sensitivity."
+        ]
+    return []

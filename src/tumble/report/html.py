@@ -1,0 +1,377 @@
+"""The HTML report: one file that needs nothing else, with figures, numbers and words.
+
+The plotting library is embedded in the page; its figures are plain data. Everything that comes from a
+file or a user is escaped, and a content security policy forbids the page every connection.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+from functools import cache
+from importlib.resources import files
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tumble.calibration.poses import describe_direction
+from tumble.report.advice import next_steps
+from tumble.report.figure import Section
+from tumble.report.formula import formula_text, python_snippet
+from tumble.report.parameter_figures import correlation_section, interval_section
+from tumble.report.parameters import GROUPS, ParameterRow, parameter_rows
+from tumble.report.pose_figure import pose_section
+from tumble.report.residual_figures import hold_section, turn_section
+from tumble.report.timeline_figure import timeline_section
+from tumble.report.uncalibrated import nominal_hold_norms, nominal_turn_angles
+from tumble.report.words import (
+    chance_words,
+    left_out_sentences,
+    quality_sentences,
+    term_words,
+    verdict_words,
+)
+
+if TYPE_CHECKING:
+    from tumble.calibration.estimate import Estimate
+    from tumble.calibration.result import Calibration
+    from tumble.recording.recording import Recording
+    from tumble.segmentation import HoldMeans, Timeline
+
+# The page may run what it holds and draw what it made, and fetch nothing.
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
+    "img-src data: blob:; font-src data:"
+)
+
+
+def write_report(
+    path: str | os.PathLike[str],
+    *,
+    calibration: Calibration,
+    estimate: Estimate,
+    recording: Recording,
+    timeline: Timeline,
+    means: HoldMeans,
+) -> None:
+    """Write the report beside `path`, then rename it there: never half a file.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written; what was at `path` is intact.
+    """
+    from tumble.calibration.result import write_text
+
+    page = render_report(
+        calibration=calibration, estimate=estimate, recording=recording, timeline=timeline, means=means
+    )
+    write_text(Path(path), page)
+
+
+def render_report(
+    *,
+    calibration: Calibration,
+    estimate: Estimate,
+    recording: Recording,
+    timeline: Timeline,
+    means: HoldMeans,
+) -> str:
+    """Return the report of a calibration as one HTML page that works offline.
+
+    Parameters
+    ----------
+    calibration, estimate : the result, and what the procedure made.
+    recording, timeline, means : what it was made from.
+    """
+    rows = parameter_rows(calibration)
+    sections = _sections(calibration, estimate, recording, timeline, means, rows)
+    body = [
+        _header(calibration, recording),
+        _verdict(calibration),
+        _parameters(calibration, rows),
+        *(_figures(section) for section in sections),
+        _terms(calibration),
+        _components(calibration),
+        _formulas(calibration),
+        _next(calibration, estimate, recording, timeline, means, rows),
+        f"<footer>{_text(calibration.software)}, {_text(calibration.created)}. This page holds the whole "
+        "calibration as JSON (element <code>calibration</code>) and works without a network.</footer>",
+    ]
+    figures = [figure.as_dict() for section in sections for figure in section.figures]
+    return _page(_title(calibration), "\n".join(body), calibration, figures)
+
+
+def _page(title: str, body: str, calibration: Calibration, figures: list[dict[str, Any]]) -> str:
+    parts = [
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
+        f"<title>{_text(title)}</title>\n<style>\n{_resource('page.css')}</style>\n</head>\n<body>\n<main>\n",
+        body,
+        '\n</main>\n<script type="application/json" id="calibration">',
+        _json(calibration.model_dump(mode="json")),
+        '</script>\n<script type="application/json" id="figures">',
+        _json(figures),
+        "</script>\n<script>\n",
+        _plotting_library(),
+        "\n</script>\n<script>\n",
+        _resource("page.js"),
+        "</script>\n</body>\n</html>\n",
+    ]
+    return "".join(parts)
+
+
+@cache
+def _plotting_library() -> str:
+    """Return the source of plotly.js as the installed plotly package brings it."""
+    return (files("plotly") / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
+
+
+@cache
+def _resource(name: str) -> str:
+    return (files("tumble.report") / name).read_text(encoding="utf-8")
+
+
+def _text(value: str) -> str:
+    return html.escape(value, quote=True)
+
+
+def _number(value: str) -> str:
+    """Return a number's text escaped, with the typographic minus."""
+    return _text(value).replace("-", "−")
+
+
+def _json(value: Any) -> str:
+    """Return JSON that cannot end the script element it stands in, and that has no NaN."""
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+def _paragraphs(sentences: list[str]) -> str:
+    return "".join(f'<p class="note">{_text(sentence)}</p>' for sentence in sentences)
+
+
+def _list(sentences: list[str]) -> str:
+    return "<ul>" + "".join(f"<li>{_text(sentence)}</li>" for sentence in sentences) + "</ul>"
+
+
+def _title(calibration: Calibration) -> str:
+    unit = " ".join(part for part in (calibration.imu.model, calibration.imu.serial_number) if part)
+    names = ", ".join(recording.name for recording in calibration.recordings)
+    return f"Calibration of {unit or names or 'an IMU'}"
+
+
+def _header(calibration: Calibration, recording: Recording) -> str:
+    site = calibration.site
+    where = f"g = {site.gravity:.5f} m/s² ({site.gravity_source})"
+    if site.latitude_deg is not None:
+        where = f"latitude {site.latitude_deg:.4f}°, {where}"
+    facts = [
+        ("Recording", ", ".join(source.name for source in calibration.recordings) or "not from a file"),
+        (
+            "Samples",
+            f"{len(recording)} at {recording.rate:g} Hz, {recording.duration:.0f} s; "
+            f"specific force in {calibration.raw_units.specific_force}, "
+            f"angular rate in {calibration.raw_units.angular_rate}"
+            + ("" if recording.angular_rate is not None else " (none recorded)"),
+        ),
+        ("Procedure", calibration.procedure),
+        ("Site", where),
+        ("Frame", calibration.frame.description),
+        ("Made", f"{calibration.created} by {calibration.software}"),
+    ]
+    if calibration.temperature_celsius is not None:
+        facts.insert(2, ("Temperature", f"{calibration.temperature_celsius:.1f} °C"))
+    listed = "".join(f"<dt>{_text(name)}</dt><dd>{_text(value)}</dd>" for name, value in facts)
+    return f'<h1>{_text(_title(calibration))}</h1>\n<dl class="facts">{listed}</dl>'
+
+
+def _verdict(calibration: Calibration) -> str:
+    fit = calibration.verdict.fit
+    return (
+        f'<div class="verdict{"" if fit else " bad"}"><strong>{verdict_words(fit)}</strong>'
+        f"{_list(calibration.verdict.reasons)}</div>\n<noscript><p>The figures need JavaScript; all numbers and "
+        "words are here without it.</p></noscript>"
+    )
+
+
+def _parameters(calibration: Calibration, rows: list[ParameterRow]) -> str:
+    factor = calibration.quality.coverage_factor
+    cells: list[str] = []
+    ordered = sorted(rows, key=lambda row: GROUPS.index(row.group))
+    for group, members in groupby(ordered, key=lambda row: row.group):
+        cells.append(f'<tr class="group"><th colspan="4">{_text(group)}</th></tr>')
+        for row in members:
+            other = "" if row.other is None else row.other.text
+            numbers = "".join(
+                f"<td>{_number(text)}</td>" for text in (row.shown.text, row.shown.interval(factor), other)
+            )
+            cells.append(f"<tr><td>{_text(row.label)}</td>{numbers}</tr>")
+    heads = "".join(
+        f"<th>{head}</th>"
+        for head in ("parameter", "value ± standard uncertainty", "95 % interval", "in other units")
+    )
+    return (
+        f'<h2>Parameters</h2>\n<div class="scroll"><table><thead><tr>{heads}</tr></thead><tbody>{"".join(cells)}'
+        f"</tbody></table></div>{_list([*quality_sentences(calibration), *left_out_sentences(calibration)])}"
+        + _not_determined(calibration)
+    )
+
+
+def _not_determined(calibration: Calibration) -> str:
+    if not calibration.not_determined:
+        return ""
+    return f"<p>What this recording does not determine:</p>{_list(calibration.not_determined)}"
+
+
+def _sections(
+    calibration: Calibration,
+    estimate: Estimate,
+    recording: Recording,
+    timeline: Timeline,
+    means: HoldMeans,
+    rows: list[ParameterRow],
+) -> list[Section]:
+    sections = [timeline_section(recording, timeline, estimate)]
+    up_b = _up(estimate, means)
+    poses = [] if up_b is None else [describe_direction(up) for up in up_b]
+    gone = {left.index for left in estimate.left_out if left.kind == "hold"}
+    if up_b is not None:
+        sections.append(pose_section(up_b, gone))
+    sections.append(hold_section(estimate, nominal_hold_norms(recording, means, calibration.site.gravity), poses))
+    if np.any(np.isfinite(estimate.turn_angles)):
+        before = nominal_turn_angles(recording, timeline, means, estimate.model)
+        turns = turn_section(estimate, before, poses)
+        if turns is not None:
+            sections.append(turns)
+    sections.append(interval_section(rows, calibration.quality.coverage_factor))
+    sections.append(correlation_section(rows, estimate.correlations))
+    return sections
+
+
+def _up(estimate: Estimate, means: HoldMeans) -> np.ndarray | None:
+    """Return (holds, 3) the corrected specific force of each hold, which points up."""
+    if means.specific_force is None or estimate.model.accelerometer is None:
+        return None
+    return estimate.model.accelerometer.correct(means.specific_force)
+
+
+def _figures(section: Section) -> str:
+    places: list[str] = []
+    for figure in section.figures:
+        width = f"min-width:{figure.least_width}px;" if figure.least_width else ""
+        place = (
+            f'<div id="{figure.name}" role="img" aria-label="{_text(figure.label)}" '
+            f'style="{width}height:{figure.height}px"></div>'
+        )
+        places.append(f'<div class="scroll">{place}</div>' if figure.least_width else place)
+    many = " many" if len(places) > 1 else ""
+    return (
+        f"<h2>{_text(section.title)}</h2>\n<figure><figcaption>{_text(section.caption)}</figcaption>"
+        f'<div class="plots{many}">{"".join(places)}</div></figure>{_paragraphs(section.notes)}'
+    )
+
+
+def _terms(calibration: Calibration) -> str:
+    terms = calibration.quality.optional_terms
+    if not terms:
+        return ""
+    heads = "".join(f"<th>{head}</th>" for head in ("term", "F statistic", "unknowns", "chance", "decision"))
+    rows = "".join(
+        f"<tr><td>{_text(term_words(term.name))}</td><td>{term.f_statistic:.3g}</td>"
+        f"<td>{term.degrees_of_freedom}</td><td>{_text(chance_words(term))}</td>"
+        f"<td>{'kept' if term.kept else 'not kept'}</td></tr>"
+        for term in terms
+    )
+    return (
+        "<h2>Optional terms</h2>\n<p>Each term was tried and is kept only if the data want it: a large F statistic "
+        "is one that chance would hardly give.</p>"
+        f'<div class="scroll"><table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></div>'
+    )
+
+
+def _components(calibration: Calibration) -> str:
+    components = calibration.quality.variance_components
+    if not components:
+        return ""
+    sentences = [component_words(name, sigma) for name, sigma in components.items()]
+    return (
+        "<h2>What the noise really does</h2>\n<p>Beyond the noise seen inside the holds, the residuals show "
+        "the following standard deviations; the stated uncertainties include them.</p>" + _list(sentences)
+    )
+
+
+def component_words(name: str, sigma: float) -> str:
+    """Return a variance component (name with SI unit after a comma, standard deviation) in words.
+
+    Examples
+    --------
+    >>> component_words("accelerometer bias from hold to hold, m/s²", 0.00981)
+    'Accelerometer bias from hold to hold: 9.8 mm/s² (1000 µg).'
+    """
+    what, _, unit = name.rpartition(", ")
+    what = (what or name)[:1].upper() + (what or name)[1:]
+    if sigma == 0.0:
+        return f"{what}: none found beyond the noise."
+    if unit == "m/s²":
+        return f"{what}: {1e3 * sigma:.2g} mm/s² ({_digits(1e6 * sigma / 9.80665)} µg)."
+    if unit == "rad/s":
+        degrees = np.degrees(sigma)
+        return f"{what}: {_digits(degrees)} °/s ({_digits(3600 * degrees)} °/h)."
+    if unit == "rad":
+        return f"{what}: {1e3 * sigma:.2g} mrad ({np.degrees(sigma):.2g}°)."
+    return f"{what}: {sigma:.2g} {unit}."
+
+
+def _digits(value: float) -> str:
+    """Return two significant digits without a power of ten."""
+    return f"{float(f'{value:.2g}'):.10g}"
+
+
+def _formulas(calibration: Calibration) -> str:
+    parts = [
+        "<h2>The formula, both ways</h2>\n<p>True values are in frame b and SI; raw values are in the recording's "
+        f"own units. At rest the specific force points up.</p><pre>{_text(formula_text(calibration))}</pre>",
+    ]
+    if calibration.test_vectors:
+        parts.append("<p>To check an implementation, raw in and corrected out:</p>" + _test_vectors(calibration))
+    parts.append(
+        "<p>In Python, with numpy alone (rows are samples), or with <code>tumble apply calibration.json "
+        f"RECORDING</code>:</p><pre>{_text(python_snippet(calibration))}</pre>"
+    )
+    return "".join(parts)
+
+
+def _test_vectors(calibration: Calibration) -> str:
+    rows: list[str] = []
+    for vector in calibration.test_vectors:
+        for what, raw, true in (
+            ("specific force", vector.raw_specific_force, vector.specific_force),
+            ("angular rate", vector.raw_angular_rate, vector.angular_rate),
+        ):
+            if raw is None or true is None:
+                continue
+            cells = "".join(f"<td>{_text(', '.join(repr(v) for v in row))}</td>" for row in (raw, true))
+            rows.append(f"<tr><td>{what}</td>{cells}</tr>")
+    return (
+        '<div class="scroll"><table><thead><tr><th></th><th>raw</th><th>corrected (SI)</th></tr></thead>'
+        f"<tbody>{''.join(rows)}</tbody></table></div>"
+    )
+
+
+def _next(
+    calibration: Calibration,
+    estimate: Estimate,
+    recording: Recording,
+    timeline: Timeline,
+    means: HoldMeans,
+    rows: list[ParameterRow],
+) -> str:
+    up_b = _up(estimate, means)
+    steps = [] if up_b is None else next_steps(calibration, rows, up_b, recording, timeline)
+    remarks = f"<h2>How it was made</h2>{_list(calibration.remarks)}" if calibration.remarks else ""
+    return f"<h2>What to do next</h2>{_list(steps)}{remarks}"

@@ -1,0 +1,148 @@
+"""Parameters with their intervals, group by group, and how they are correlated."""
+
+from __future__ import annotations
+
+import math
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.arrays import Table
+from tumble.report.figure import BLUE, GREY, Figure, Section, base_layout, plain, text_axis
+from tumble.report.parameters import OPTIONAL, ParameterRow
+from tumble.report.rounding import fixed
+
+if TYPE_CHECKING:
+    from tumble.report.figure import Plot
+
+# Parameters that move together by more than this are worth a sentence.
+_STRONG = 0.8
+
+
+def interval_section(rows: list[ParameterRow], factor: float) -> Section:
+    """Return a figure for each family of parameters: values with 95 % intervals, in practical units."""
+    families = [list(members) for _, members in groupby(rows, key=lambda row: (row.group, row.family))]
+    return Section(
+        "Parameters with 95 % intervals",
+        [_intervals(f"interval-{n}", members, factor) for n, members in enumerate(families)],
+        "An interval that spans zero (dashed) is a value that the recording cannot tell from none; wide ones "
+        "need more or other poses and turns.",
+    )
+
+
+def _intervals(name: str, rows: list[ParameterRow], factor: float) -> Figure:
+    kind = rows[0].family if rows[0].group == OPTIONAL else f"{rows[0].group.lower()} {rows[0].family}"
+    unit = rows[0].drawn.unit
+    title = rows[0].family if rows[0].group not in ("Accelerometer", "Gyro") else kind
+    labels = [_axis_label(row) for row in rows]
+    values = [row.drawn.value for row in rows]
+    data: list[Plot] = [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "x": plain(values, 7),
+            "y": labels,
+            "error_x": {
+                "type": "data",
+                "array": plain([factor * row.drawn.sigma for row in rows]),
+                "thickness": 2,
+                "width": 6,
+                "color": BLUE,
+            },
+            "marker": {"size": 7, "color": BLUE},
+            "text": [row.drawn.text for row in rows],
+            "hovertemplate": "%{y}: %{text}<extra></extra>",
+        }
+    ]
+    layout = base_layout(
+        96 + 26 * len(rows),
+        title={"text": f"{title} / {_in_brackets(unit)}", "font": {"size": 13}, "x": 0.02, "y": 0.97},
+        margin={"l": 30, "r": 16, "t": 34, "b": 30},
+        xaxis={"zeroline": False, "nticks": 6},
+        yaxis={"autorange": "reversed", "automargin": True, "type": "category"},
+        shapes=[
+            {
+                "type": "line",
+                "x0": 0,
+                "x1": 0,
+                "yref": "paper",
+                "y0": 0,
+                "y1": 1,
+                "line": {"dash": "dash", "width": 1, "color": GREY},
+                "layer": "below",
+            }
+        ],
+        showlegend=False,
+    )
+    return Figure(name, f"{title} with 95 % intervals", data, layout)
+
+
+def _axis_label(row: ParameterRow) -> str:
+    if row.family == "g-sensitivity":
+        return row.short.removeprefix("g-sens. ")
+    last = row.label.split()[-1]
+    return last if last in ("x", "y", "z", "yz", "zx", "zy") else ""
+
+
+def _in_brackets(unit: str) -> str:
+    return f"({unit})" if "/" in unit or " " in unit else unit
+
+
+def correlation_section(rows: list[ParameterRow], correlations: Table) -> Section:
+    """Return the heat map of correlations between the parameters, in the rows' order."""
+    names = [row.short for row in rows]
+    size = len(names)
+    rounded = np.round(correlations, 2) + 0.0
+    data: list[Plot] = [
+        {
+            "type": "heatmap",
+            "x": names,
+            "y": names,
+            "z": [[float(v) if math.isfinite(v) else None for v in row] for row in rounded],
+            "zmin": -1,
+            "zmax": 1,
+            "colorscale": [[0, "#c8394d"], [0.5, "rgba(139,145,156,0.10)"], [1, "#2f6fc2"]],
+            "colorbar": {"thickness": 12, "len": 0.6, "title": {"text": ""}},
+            "xgap": 1,
+            "ygap": 1,
+            "hovertemplate": "%{x} and %{y}: %{z:.2f}<extra></extra>",
+        }
+    ]
+    layout = base_layout(
+        170 + 17 * size,
+        xaxis={"automargin": True, "tickangle": -60, "tickfont": {"size": 11}, "dtick": 1, "showgrid": False},
+        yaxis={
+            "automargin": True,
+            "autorange": "reversed",
+            "tickfont": {"size": 11},
+            "dtick": 1,
+            "showgrid": False,
+        },
+        margin={"l": 20, "r": 0, "t": 10, "b": 20},
+    )
+    figure = Figure(
+        "correlations", "Correlations between the parameters", data, layout, least_width=240 + 17 * size
+    )
+    return Section(
+        "Correlations",
+        [figure],
+        "Off the diagonal the map should be pale: a deep blue or red cell is a pair that these poses and turns "
+        "cannot tell apart well.",
+        [_strongest(rows, correlations)],
+    )
+
+
+def _strongest(rows: list[ParameterRow], correlations: Table) -> str:
+    upper = np.triu(np.nan_to_num(correlations), 1)
+    order = np.argsort(-np.abs(upper), axis=None)[:3]
+    pairs = [(int(k // len(rows)), int(k % len(rows))) for k in order]
+    strong = [(i, j) for i, j in pairs if abs(upper[i, j]) >= _STRONG]
+    if not strong:
+        i, j = pairs[0]
+        return (
+            f"No pair is correlated by more than {_STRONG:g}; the strongest is {rows[i].name} with "
+            f"{rows[j].name} ({fixed(float(upper[i, j]), 2)})."
+        )
+    words = [f"{rows[i].name} with {rows[j].name} ({fixed(float(upper[i, j]), 2)})" for i, j in strong]
+    return "Strongly correlated: " + "; ".join(words) + "."

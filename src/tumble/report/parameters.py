@@ -1,0 +1,259 @@
+"""A calibration's parameters as rows for people: groups, practical units, digits by uncertainty.
+
+A bias is given in the raw unit of the recording, because that is what is subtracted, and besides in
+mg or deg/s. For counts the triad's own scale factor makes that conversion; a zero of the converter
+far from zero (an offset of 32768 counts) is no bias in mg, and then only its uncertainty is given so.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.report.rounding import interval, with_uncertainty
+from tumble.units import STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
+
+if TYPE_CHECKING:
+    from tumble.calibration.result import Calibration, ParameterBlock, TriadBlock
+
+ACCELEROMETER, GYRO, BETWEEN, OPTIONAL = "Accelerometer", "Gyro", "Between the triads", "Optional terms"
+GROUPS = (ACCELEROMETER, GYRO, BETWEEN, OPTIONAL)
+
+_DEGREE = math.pi / 180.0
+_AXES = {"x": 0, "y": 1, "z": 2}
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """A value with its standard uncertainty in a unit; a value of nan gives the uncertainty alone."""
+
+    value: float
+    sigma: float
+    unit: str
+
+    @property
+    def text(self) -> str:
+        """Value, standard uncertainty and unit, rounded by the uncertainty."""
+        return f"{with_uncertainty(self.value, self.sigma)} {self.unit}".rstrip()
+
+    def interval(self, factor: float) -> str:
+        """Return the interval of `factor` standard uncertainties, without the unit."""
+        return interval(self.value, self.sigma, factor)
+
+    def times(self, factor: float, unit: str) -> Measure:
+        """Return the same in another unit."""
+        return Measure(factor * self.value, abs(factor) * self.sigma, unit)
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterRow:
+    """One parameter for a reader.
+
+    Attributes
+    ----------
+    name : as in the calibration.
+    group, family, label : "Accelerometer", "bias", "bias x": its group, what it shares with its
+        neighbours, and its name inside the group.
+    short : a name for a figure's axis.
+    shown, other : in the table's main unit, and in the unit that people compare data sheets in.
+    drawn : what a figure draws, comparable over the family.
+    """
+
+    name: str
+    group: str
+    family: str
+    label: str
+    short: str
+    shown: Measure
+    other: Measure | None
+    drawn: Measure
+
+
+def parameter_rows(calibration: Calibration) -> list[ParameterRow]:
+    """Return the rows in the calibration's own order, which correlations share."""
+    rows: list[ParameterRow] = []
+    for _, members in groupby(calibration.parameters, key=lambda p: (_group(p.name), _family(p.name))):
+        rows += _family_rows(calibration, list(members))
+    return rows
+
+
+def plain_unit(unit: str) -> str:
+    """Return a unit as people write it: m/s² for m/s^2, nothing for 1."""
+    return "" if unit == "1" else unit.replace("^2", "²")
+
+
+def _group(name: str) -> str:
+    if "quadratic" in name or "g-sensitivity" in name or "asymmetry" in name:
+        return OPTIONAL
+    if name.startswith("accelerometer "):
+        return ACCELEROMETER
+    if name.startswith("gyro "):
+        return GYRO
+    return BETWEEN if name.startswith("rotation between") else OPTIONAL
+
+
+def _family(name: str) -> str:
+    if name.startswith("g-sensitivity"):
+        return "g-sensitivity"
+    words = name.split()
+    if words[-1] in ("x", "y", "z", "yz", "zx", "zy"):
+        words = words[:-1]
+    if words[0] in ("accelerometer", "gyro") and _group(name) != OPTIONAL:
+        words = words[1:]
+    return " ".join(words)
+
+
+def _label(name: str, group: str) -> str:
+    name = name.removeprefix(f"{group.lower()} ").replace("rotation between the triads", "rotation")
+    return name.replace("g-sensitivity of gyro", "g-sens. of gyro")
+
+
+def _short(name: str) -> str:
+    for long, brief in (
+        ("accelerometer", "acc"),
+        ("g-sensitivity of gyro", "g-sens."),
+        (" to force ", "←"),
+        ("scale factor error", "scale"),
+        ("scale factor", "scale"),
+        ("non-orthogonality", "angle"),
+        ("rotation between the triads", "rotation"),
+        ("lag of the acc behind the gyro", "time lag"),
+    ):
+        name = name.replace(long, brief)
+    return name
+
+
+def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> list[ParameterRow]:
+    name, unit = members[0].name, members[0].unit
+    group, family = _group(name), _family(name)
+    measures = [Measure(p.value, p.standard_uncertainty, plain_unit(p.unit)) for p in members]
+    if family == "bias":
+        shown, other, drawn = _biases(calibration, group, members, measures)
+    elif family == "scale factor error":
+        shown = _in_practical_unit(measures, _SCALES)
+        other, drawn = _nothing(shown), shown
+    elif family == "scale factor":
+        shown = measures
+        other = _in_practical_unit([Measure(math.nan, m.sigma / abs(m.value), "") for m in shown], _SCALES)
+        mean = float(np.mean([m.value for m in shown]))
+        drawn = [Measure(100 * (m.value / mean - 1), 100 * m.sigma / mean, "% off their mean") for m in shown]
+    elif unit == "rad":
+        shown = _in_practical_unit(measures, _ANGLES)
+        other, drawn = _in_practical_unit(measures, _DEGREES), shown
+    elif family == "g-sensitivity":
+        shown = measures
+        other = drawn = _g_sensitivities(calibration, members)
+    elif "quadratic" in family:
+        shown = measures
+        other = drawn = _quadratics(calibration, members)
+    elif unit == "s":
+        shown = drawn = [m.times(1e3, "ms") for m in measures]
+        other = _nothing(shown)
+    else:
+        shown = drawn = measures
+        other = _nothing(shown)
+    return [
+        ParameterRow(p.name, group, family, _label(p.name, group), _short(p.name), s, o, d)
+        for p, s, o, d in zip(members, shown, other, drawn, strict=True)
+    ]
+
+
+def _nothing(rows: list[Measure]) -> list[Measure | None]:
+    return [None for _ in rows]
+
+
+# From the largest number of a family: (at least, factor, unit); the last one takes what is left.
+_Choices = tuple[tuple[float, float, str], ...]
+_SCALES: _Choices = ((2e-3, 1e2, "%"), (0.0, 1e6, "ppm"))
+_ANGLES: _Choices = ((1e-4, 1e3, "mrad"), (0.0, 1e6, "µrad"))
+_DEGREES: _Choices = ((1e-4, 1.0 / _DEGREE, "deg"), (0.0, 3600.0 / _DEGREE, "arcsec"))
+_FORCES: _Choices = (
+    (1e-3 * STANDARD_GRAVITY, 1e3 / STANDARD_GRAVITY, "mg"),
+    (0.0, 1e6 / STANDARD_GRAVITY, "µg"),
+)
+_RATES: _Choices = ((0.1 * _DEGREE, 1.0 / _DEGREE, "deg/s"), (0.0, 3600.0 / _DEGREE, "deg/h"))
+_G_SENSITIVITIES: _Choices = (
+    (1e-3 * _DEGREE, 1.0 / _DEGREE, "(deg/s)/g"),
+    (0.0, 3600.0 / _DEGREE, "(deg/h)/g"),
+)
+
+
+def _in_practical_unit(measures: list[Measure], choices: _Choices) -> list[Measure]:
+    # Ten sigma stand for the value where there is none to show.
+    largest = max(10.0 * m.sigma if math.isnan(m.value) else max(abs(m.value), m.sigma) for m in measures)
+    factor, unit = next((f, u) for least, f, u in choices if largest >= least)
+    return [m.times(factor, unit) for m in measures]
+
+
+def _biases(
+    calibration: Calibration, group: str, members: list[ParameterBlock], measures: list[Measure]
+) -> tuple[list[Measure], list[Measure | None], list[Measure]]:
+    """Return biases in the raw unit, in mg or deg/s, and for the figure."""
+    force = group == ACCELEROMETER
+    per_raw = _si_per_raw(calibration, force=force)
+    if per_raw is None:
+        return measures, _nothing(measures), measures
+    in_si = [m.times(float(per_raw[_axis(p.name)]), "") for p, m in zip(members, measures, strict=True)]
+    # More than the sensor's plausible range: the converter's own zero, no bias.
+    offset = calibration_in_counts(calibration, force=force) and max(abs(m.value) for m in in_si) > (
+        0.5 * STANDARD_GRAVITY if force else 1.0
+    )
+    if not offset:
+        practical = _in_practical_unit(in_si, _FORCES if force else _RATES)
+        return measures, list(practical), practical
+    only = [Measure(math.nan, m.sigma, "") for m in in_si]
+    middle = float(np.mean([m.value for m in measures]))
+    drawn = [Measure(m.value - middle, m.sigma, f"{m.unit} off their mean") for m in measures]
+    return measures, list(_in_practical_unit(only, _FORCES if force else _RATES)), drawn
+
+
+def calibration_in_counts(calibration: Calibration, *, force: bool) -> bool:
+    """Tell whether a triad's raw unit is counts."""
+    units = calibration.raw_units
+    return (
+        specific_force_factor(units.specific_force) if force else angular_rate_factor(units.angular_rate)
+    ) is None
+
+
+def _si_per_raw(calibration: Calibration, *, force: bool) -> np.ndarray | None:
+    """Return (3,) SI per raw unit, by the unit's name or by the triad's own scale factors."""
+    units = calibration.raw_units
+    factor = specific_force_factor(units.specific_force) if force else angular_rate_factor(units.angular_rate)
+    if factor is not None:
+        return np.full(3, factor)
+    block: TriadBlock | None = calibration.accelerometer if force else calibration.gyroscope
+    if block is None or block.matrix is None:
+        return None
+    return 1.0 / np.linalg.norm(np.array(block.matrix, dtype=float), axis=1)
+
+
+def _axis(name: str) -> int:
+    return _AXES[name.split()[-1]]
+
+
+def _g_sensitivities(calibration: Calibration, members: list[ParameterBlock]) -> list[Measure]:
+    """Return them in (deg/s)/g, or (deg/h)/g where they are small."""
+    per_raw = _si_per_raw(calibration, force=False)
+    if per_raw is None:
+        return [Measure(p.value, p.standard_uncertainty, plain_unit(p.unit)) for p in members]
+    in_si: list[Measure] = []
+    for p in members:
+        gyro = _AXES[p.name.removeprefix("g-sensitivity of gyro ")[0]]
+        factor = float(per_raw[gyro]) * STANDARD_GRAVITY
+        in_si.append(Measure(factor * p.value, factor * p.standard_uncertainty, ""))
+    return _in_practical_unit(in_si, _G_SENSITIVITIES)
+
+
+def _quadratics(calibration: Calibration, members: list[ParameterBlock]) -> list[Measure]:
+    """Return the error at 1 g over g²: k u² raw units with u = g over SI per raw, in mg/g² or µg/g²."""
+    per_raw = _si_per_raw(calibration, force=True)
+    assert per_raw is not None
+    in_si: list[Measure] = []
+    for p in members:
+        factor = STANDARD_GRAVITY**2 / float(per_raw[_axis(p.name)])
+        in_si.append(Measure(factor * p.value, factor * p.standard_uncertainty, ""))
+    return [Measure(m.value, m.sigma, f"{m.unit}/g²") for m in _in_practical_unit(in_si, _FORCES)]

@@ -1,0 +1,170 @@
+"""The poses on the sphere of directions, with the standard ones that are missing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Vectors
+from tumble.calibration.poses import describe_direction, distinct_poses, twenty_six_directions
+from tumble.report.figure import BLUE, GREY, RED, Figure, Plot, Section, base_layout, hover, plain, text_axis
+
+
+def pose_section(up_b: Vectors, left_out: set[int]) -> Section:
+    """Return the figure of the directions that pointed up in the holds.
+
+    Parameters
+    ----------
+    up_b : (holds, 3) corrected specific force of each hold, in b.
+    left_out : indices of holds without part in the estimate.
+    """
+    units = up_b / np.linalg.norm(up_b, axis=1, keepdims=True)
+    standard = twenty_six_directions()
+    missing = missing_directions(units)
+    distinct = len(distinct_poses(units))
+    notes = [
+        f"{len(units)} holds in {distinct} poses that differ by more than 10°; "
+        f"{26 - len(missing)} of the 26 standard attitudes (faces, edges and corners up) are covered."
+    ]
+    if len(missing):
+        notes.append("Missing: " + "; ".join(describe_direction(direction) for direction in missing) + ".")
+    colours = [RED if k in left_out else BLUE for k in range(len(units))]
+    words = [f"hold {k + 1}: {describe_direction(unit)}" for k, unit in enumerate(units)]
+    return Section(
+        "Poses",
+        [
+            Figure(
+                "poses",
+                "Directions that pointed up in the holds, on a sphere",
+                _sphere(units, standard, colours, words),
+                _scene(),
+                _map(units, standard, colours, words),
+            )
+        ],
+        "Each numbered point is the direction that pointed up in a hold: they should cover the sphere evenly, "
+        "with a point near each faint marker; drag to turn it.",
+        notes,
+    )
+
+
+def missing_directions(units: Vectors) -> Vectors:
+    """Return those of the 26 standard directions that no hold is nearest to."""
+    standard = twenty_six_directions()
+    taken = np.argmax(units @ standard.T, axis=1)
+    return standard[np.setdiff1d(np.arange(26), taken)]
+
+
+def _sphere(units: Vectors, standard: Vectors, colours: list[str], words: list[str]) -> list[Plot]:
+    angle = np.linspace(0.0, 2.0 * np.pi, 73)
+    circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
+    gap = np.full((1, 3), np.nan)
+    grid = np.vstack([circle, gap, circle[:, [0, 2, 1]], gap, circle[:, [2, 0, 1]]])
+    return [
+        {
+            **_points(grid),
+            "mode": "lines",
+            "line": {"color": GREY, "width": 2},
+            "opacity": 0.35,
+            "hoverinfo": "skip",
+            "showlegend": False,
+        },
+        {
+            **_points(standard),
+            "mode": "markers",
+            "name": "standard attitude",
+            "marker": {"size": 9, "color": GREY, "opacity": 0.4, "symbol": "circle-open"},
+            "hovertext": [describe_direction(d) for d in standard],
+            "hoverinfo": "text",
+        },
+        {
+            **_points(units),
+            "mode": "markers+text",
+            "name": "hold",
+            "text": [str(k + 1) for k in range(len(units))],
+            "textposition": "top center",
+            "marker": {"size": 5, "color": colours},
+            "hovertext": [hover(word) for word in words],
+            "hoverinfo": "text",
+        },
+    ]
+
+
+def _points(points: Vectors) -> Plot:
+    return {
+        "type": "scatter3d",
+        "x": plain(points[:, 0], 4),
+        "y": plain(points[:, 1], 4),
+        "z": plain(points[:, 2], 4),
+    }
+
+
+def _scene() -> Plot:
+    def axis(name: str) -> Plot:
+        return {
+            "title": {"text": f"{name} up"},
+            "range": [-1.25, 1.25],
+            "showticklabels": False,
+            "showbackground": False,
+            "zeroline": False,
+            "showspikes": False,
+        }
+
+    scene: Plot = {f"{name}axis": axis(name) for name in "xyz"}
+    scene["aspectmode"] = "cube"
+    scene["camera"] = {"eye": {"x": 1.15, "y": 1.15, "z": 0.75}}
+    return base_layout(520, scene=scene, margin={"l": 0, "r": 0, "t": 0, "b": 0}, dragmode="orbit")
+
+
+def _map(
+    units: Vectors, standard: Vectors, colours: list[str], words: list[str]
+) -> tuple[list[Plot], Plot]:
+    """Return an equal-area map, both half spheres side by side, for where nothing turns."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 73)
+    rim = np.column_stack([np.cos(angle), np.sin(angle)])
+    grey: dict[str, Any] = {"size": 11, "color": GREY, "symbol": "circle-open"}
+    data: list[Plot] = [
+        _drawn(side + rim, mode="lines", line={"color": GREY, "width": 1}, hoverinfo="skip", showlegend=False)
+        for side in (np.array([-1.1, 0.0]), np.array([1.1, 0.0]))
+    ]
+    data.append(
+        _drawn(
+            _mapped(standard),
+            mode="markers",
+            name="standard attitude",
+            marker=grey,
+            opacity=0.6,
+            hovertext=[describe_direction(d) for d in standard],
+            hoverinfo="text",
+        )
+    )
+    data.append(
+        _drawn(
+            _mapped(units),
+            mode="markers+text",
+            name="hold",
+            text=[str(k + 1) for k in range(len(units))],
+            textposition="top center",
+            marker={"size": 6, "color": colours},
+            hovertext=[hover(word) for word in words],
+            hoverinfo="text",
+        )
+    )
+    hidden = {"showticklabels": False, "showgrid": False, "zeroline": False}
+    layout = base_layout(
+        420,
+        xaxis=text_axis("left: +z half, right: -z half; +x to the right, +y up", range=[-2.2, 2.2], **hidden),
+        yaxis={**hidden, "scaleanchor": "x", "range": [-1.15, 1.15]},
+    )
+    return data, layout
+
+
+def _mapped(points: Vectors) -> AnyArray:
+    """Return the equal-area (Lambert) projection of each half sphere, side by side."""
+    upper = points[:, 2] >= -1e-12
+    depth = np.abs(points[:, 2])
+    return points[:, :2] / np.sqrt(1.0 + depth)[:, None] + np.where(upper, -1.1, 1.1)[:, None] * [1.0, 0.0]
+
+
+def _drawn(points: AnyArray, **more: Any) -> Plot:
+    return {"type": "scatter", "x": plain(points[:, 0], 4), "y": plain(points[:, 1], 4), **more}

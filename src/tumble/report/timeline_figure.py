@@ -1,0 +1,244 @@
+"""The timeline: specific force and angular rate with holds, turns and what was rejected."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.arrays import Series, Vector, Vectors
+from tumble.report.figure import (
+    AXIS_COLOURS,
+    BLUE,
+    GREY,
+    ORANGE,
+    PURPLE,
+    RED,
+    Figure,
+    Plot,
+    Section,
+    base_layout,
+    hover,
+    packed,
+    text_axis,
+)
+from tumble.units import angular_rate_factor, specific_force_factor
+
+if TYPE_CHECKING:
+    from tumble.calibration.estimate import Estimate
+    from tumble.recording.recording import Recording
+    from tumble.segmentation import Timeline
+    from tumble.sensor import Triad
+
+# A bin is about a pixel of a wide screen; each shows its smallest and its largest value.
+BINS = 1000
+# More holds than this are too narrow to shade one by one.
+_MOST_SHADED = 250
+# A bar narrower than this share of the recording cannot be pointed at.
+_NARROWEST = 1.0 / 400.0
+
+
+@dataclass(frozen=True, slots=True)
+class Envelope:
+    """Smallest and largest value in equal bins of time, one after the other; nan where no sample is.
+
+    `start` and `step` give the time of each entry, s from the recording's first sample.
+    """
+
+    start: float
+    step: float
+    values: np.ndarray
+
+
+def envelope(time: Series, signal: Vectors, bins: int = BINS) -> Envelope:
+    """Return (2 bins, 3) of the signal's extremes in `bins` equal intervals of time.
+
+    Nothing that lasts a single sample is lost, however long the recording is.
+    """
+    count = min(bins, max(1, time.size // 2))
+    elapsed = time - time[0]
+    width = max(float(elapsed[-1]), 1e-9) / count
+    edges = np.searchsorted(elapsed, width * np.arange(count + 1))
+    edges[-1] = time.size
+    filled = np.flatnonzero(np.diff(edges) > 0)
+    values = np.full((2 * count, 3), np.nan)
+    values[2 * filled] = np.minimum.reduceat(signal, edges[filled], axis=0)
+    values[2 * filled + 1] = np.maximum.reduceat(signal, edges[filled], axis=0)
+    return Envelope(0.25 * width, 0.5 * width, values)
+
+
+def timeline_section(recording: Recording, timeline: Timeline, estimate: Estimate) -> Section:
+    """Return the figure of the whole recording."""
+    model = estimate.model
+    data: list[Plot] = _strip(recording, timeline, estimate)
+    layout = base_layout(
+        560,
+        xaxis=text_axis("time / s", anchor="y2" if recording.angular_rate is not None else "y"),
+        shapes=_shades(recording, timeline, estimate),
+        barmode="overlay",
+        uniformtext={"mode": "hide", "minsize": 8},
+        yaxis3={"domain": [0.95, 1.0], "visible": False, "fixedrange": True},
+    )
+    panels = _panels(recording, model.accelerometer, model.gyroscope)
+    tops = {1: [(0.0, 0.93)], 2: [(0.49, 0.93), (0.0, 0.44)]}[max(len(panels), 1)]
+    for number, (title, values) in enumerate(panels):
+        axis = "y" if number == 0 else "y2"
+        layout["yaxis" + axis[1:]] = text_axis(title, domain=list(tops[number]), zeroline=False)
+        data += _channels(values, axis, first=number == 0)
+    return Section(
+        "Timeline",
+        [Figure("timeline", "Specific force and angular rate over time with holds and turns", data, layout)],
+        "Each numbered blue stretch is a hold and should be flat; purple is a turn that was used, red was left "
+        "out as an outlier, orange was rejected: point at the strip on top for the reason.",
+        _rejection_notes(recording, timeline),
+    )
+
+
+def _panels(recording: Recording, force: Triad | None, gyro: Triad | None) -> list[tuple[str, Envelope]]:
+    panels: list[tuple[str, Envelope]] = []
+    if recording.specific_force is not None:
+        factor = specific_force_factor(recording.specific_force_unit)
+        scale, offset, unit = _to_si(factor, force, 1.0, "m/s²")
+        raw = envelope(recording.time, recording.specific_force)
+        panels.append((f"specific force / {unit}", _scaled(raw, scale, offset)))
+    if recording.angular_rate is not None:
+        factor = angular_rate_factor(recording.angular_rate_unit)
+        scale, offset, unit = _to_si(factor, gyro, 180.0 / np.pi, "(°/s)")
+        raw = envelope(recording.time, recording.angular_rate)
+        panels.append((f"angular rate / {unit}", _scaled(raw, scale, offset)))
+    return panels
+
+
+def _to_si(
+    factor: float | None, triad: Triad | None, practical: float, unit: str
+) -> tuple[Vector, Vector, str]:
+    """Return scale and offset of each channel: raw values in their unit, or counts by the estimate."""
+    if factor is not None:
+        return np.full(3, practical * factor), np.zeros(3), unit
+    # A gyro in counts of which only the bias is known has a nominal matrix that means nothing.
+    if triad is None or np.allclose(triad.matrix, np.eye(3)):
+        return np.ones(3), np.zeros(3), "counts"
+    return practical / np.diag(triad.matrix), triad.bias, unit
+
+
+def _scaled(raw: Envelope, scale: Vector, offset: Vector) -> Envelope:
+    return Envelope(raw.start, raw.step, scale * (raw.values - offset))
+
+
+def _channels(values: Envelope, axis: str, *, first: bool) -> list[Plot]:
+    return [
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "name": name,
+            "legendgroup": name,
+            "showlegend": first,
+            "x0": round(values.start, 6),
+            "dx": round(values.step, 9),
+            "y": packed(values.values[:, column]),
+            "yaxis": axis,
+            "line": {"width": 1, "color": AXIS_COLOURS[name]},
+            "hovertemplate": "%{y:.3f} at %{x:.2f} s",
+        }
+        for column, name in enumerate("xyz")
+    ]
+
+
+def _strip(recording: Recording, timeline: Timeline, estimate: Estimate) -> list[Plot]:
+    """Return the bars on top: what each stretch of the recording was taken for."""
+    why = {(left.kind, left.index): left.reason for left in estimate.left_out}
+    holds: list[tuple[int, int, str, str, str]] = []
+    turns: list[tuple[int, int, str, str, str]] = []
+    for index, hold in enumerate(timeline.holds):
+        reason = why.get(("hold", index))
+        words = f"hold {index + 1}" + (f", left out: {reason}" if reason else "")
+        holds.append((hold.start, hold.stop, str(index + 1), words, RED if reason else BLUE))
+    for turn in timeline.turns:
+        reason = why.get(("turn", turn.before))
+        words = f"turn {turn.before + 1}: from hold {turn.before + 1} to hold {turn.after + 1}"
+        if reason:
+            words += f", left out: {reason}"
+        elif not turn.usable:
+            words += f", not used: {turn.reason}"
+        colour = RED if reason else PURPLE if turn.usable else ORANGE
+        turns.append((turn.start, turn.stop, "", words, colour))
+    rejected = [(r.start, r.stop, "", f"rejected: {r.reason}", ORANGE) for r in timeline.rejections]
+    kinds = [("turns", turns), ("holds", holds), ("rejected", rejected)]
+    return [_bars(recording, name, items) for name, items in kinds if items]
+
+
+def _bars(recording: Recording, name: str, items: list[tuple[int, int, str, str, str]]) -> Plot:
+    start = _elapsed(recording, [item[0] for item in items])
+    stop = _elapsed(recording, [item[1] for item in items])
+    width = np.maximum(stop - start, _NARROWEST * recording.duration)
+    middle = 0.5 * (start + stop)
+    return {
+        "type": "bar",
+        "orientation": "h",
+        "name": name,
+        "showlegend": False,
+        "y": [0] * len(items),
+        "yaxis": "y3",
+        "base": packed(middle - 0.5 * width),
+        "x": packed(width),
+        "width": 1,
+        "text": [item[2] for item in items],
+        "textposition": "inside",
+        "insidetextanchor": "middle",
+        "textangle": 0,
+        "textfont": {"color": "#fff"},
+        "constraintext": "both",
+        "hovertext": [
+            f"{hover(item[3])}<br>{a:.1f} to {b:.1f} s" for item, a, b in zip(items, start, stop, strict=True)
+        ],
+        "hoverinfo": "text",
+        "marker": {"color": [item[4] for item in items], "line": {"width": 0}},
+    }
+
+
+def _shades(recording: Recording, timeline: Timeline, estimate: Estimate) -> list[Plot]:
+    gone = {left.index for left in estimate.left_out if left.kind == "hold"}
+    stretches = [(h.start, h.stop, RED if k in gone else BLUE) for k, h in enumerate(timeline.holds)]
+    stretches += [(r.start, r.stop, ORANGE) for r in timeline.rejections]
+    if len(stretches) > _MOST_SHADED:
+        return []
+    start = _elapsed(recording, [s[0] for s in stretches])
+    stop = _elapsed(recording, [s[1] for s in stretches])
+    return [
+        {
+            "type": "rect",
+            "xref": "x",
+            "yref": "paper",
+            "x0": round(float(a), 3),
+            "x1": round(float(b), 3),
+            "y0": 0,
+            "y1": 0.93,
+            "line": {"width": 0},
+            "fillcolor": colour or GREY,
+            "opacity": 0.13,
+            "layer": "below",
+        }
+        for a, b, (_, _, colour) in zip(start, stop, stretches, strict=True)
+    ]
+
+
+def _elapsed(recording: Recording, samples: list[int]) -> Series:
+    """Return seconds since the recording's first sample; a stop is its last sample's time."""
+    index = np.minimum(np.array(samples, dtype=int), len(recording) - 1)
+    return recording.time[index] - recording.time[0]
+
+
+def _rejection_notes(recording: Recording, timeline: Timeline) -> list[str]:
+    """Return the rejected stretches as sentences, for paper and for those who cannot point."""
+    if not timeline.rejections:
+        return ["No stretch was rejected."]
+    start = _elapsed(recording, [r.start for r in timeline.rejections])
+    stop = _elapsed(recording, [r.stop for r in timeline.rejections])
+    notes = [
+        f"Rejected: {a:.1f} to {b:.1f} s, {rejection.reason}."
+        for a, b, rejection in zip(start, stop, timeline.rejections, strict=True)
+    ]
+    shown = 12
+    rest = len(notes) - shown
+    return notes if rest <= 0 else [*notes[:shown], f"And {rest} more: point at the strip."]

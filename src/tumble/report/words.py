@@ -1,0 +1,71 @@
+"""Sentences about a calibration that table and report share."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tumble.calibration.result import Calibration, TermBlock
+
+TERMS = {
+    "g_sensitivity": "g-sensitivity of the gyros",
+    "quadratic": "quadratic terms of the accelerometers",
+    "time_lag": "a time lag between the triads",
+}
+
+
+def verdict_words(fit: bool) -> str:
+    """Return the verdict in three or four words."""
+    return "Fit for use" if fit else "Not fit for use"
+
+
+def term_words(name: str) -> str:
+    """Return an optional term's name in words."""
+    return TERMS.get(name, name.replace("_", " "))
+
+
+def quality_sentences(calibration: Calibration) -> list[str]:
+    """Return how well the data fit, in sentences with numbers."""
+    quality = calibration.quality
+    words = [
+        f"{quality.holds} holds and {quality.turns} turns, {quality.degrees_of_freedom} degrees of freedom."
+    ]
+    if quality.rms_hold_norm is not None:
+        text = f"Rms of the corrected holds' norm against gravity {1e3 * quality.rms_hold_norm:.2g} mm/s²"
+        if quality.rms_turn_angle is not None:
+            text += f", of gravity carried over the turns {math.degrees(quality.rms_turn_angle):.2g}°"
+        words.append(text + ".")
+    if quality.sigma0 is not None:
+        text = f"Residuals over what the noise inside the holds explains (sigma0): {quality.sigma0:.2f}"
+        if quality.sigma0_with_variance_components is not None:
+            text += f"; with the variance components found: {quality.sigma0_with_variance_components:.2f}"
+        words.append(text + ".")
+    words.append(
+        f"Largest normalised residual {quality.largest_normalised_residual:.1f}; "
+        f"95 % intervals are ± {quality.coverage_factor:.2f} standard uncertainties."
+    )
+    return words
+
+
+def terms_sentences(calibration: Calibration) -> list[str]:
+    """Return what became of each optional term."""
+    return [
+        f"Optional term {term_words(term.name)}: {'kept' if term.kept else 'left out'} "
+        f"({chance_words(term)})."
+        for term in calibration.quality.optional_terms
+    ]
+
+
+def chance_words(term: TermBlock) -> str:
+    """Return how probable chance alone is, against the limit."""
+    chance = "below 1e-12" if term.probability < 1e-12 else f"{term.probability:.2g}"
+    return f"probability of chance {chance}, limit {term.limit:.2g}"
+
+
+def left_out_sentences(calibration: Calibration) -> list[str]:
+    """Return what took no part, and why."""
+    left = calibration.quality.left_out
+    if not left:
+        return ["Nothing was left out as an outlier."]
+    return [f"Left out: {item.kind} {item.number}: {item.reason}." for item in left]
