@@ -225,7 +225,10 @@ class TurnConditions:
         C[k, TURN, NORM], C[k, NORM, TURN] = own, np.swapaxes(own, 1, 2)
         shared = noise[k + 1] @ np.swapaxes(after, 1, 2)
         lower[k, NORM, TURN] = blocks[k + 1, NORM] @ shared
-        lower[k, TURN, TURN] = blocks[k + 1, TURN] @ shared
+        # Both windows of a hold deviate from its mean, and from different samples: white noise in the
+        # mean is undone by the deviations' own covariance, -sigma²/n.
+        white = np.diag(data.force_sample_variance) / data.hold_samples[k + 1, None, None]
+        lower[k, TURN, TURN] = blocks[k + 1, TURN] @ (noise[k + 1] - white) @ np.swapaxes(after, 1, 2)
         return lower
 
     def _turn_design(
