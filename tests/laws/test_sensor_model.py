@@ -1,0 +1,122 @@
+"""Correct undoes distort, and conventions lead back to where they began."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from tumble.sensor import FRAMES, ImuModel, Triad, change_frame, frame_rotation
+from tumble.sensor.conventions.imu_tk import imu_tk_from_matrix, matrix_from_imu_tk
+from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
+
+
+def within(shape: int | tuple[int, ...], limit: float) -> st.SearchStrategy[np.ndarray]:
+    return arrays(np.float64, shape, elements=st.floats(-limit, limit, allow_subnormal=False))
+
+
+# Scale of an SI output, of counts or of fine counts, each axis its own.
+scales = st.tuples(st.sampled_from([1e-3, 1.0, 415.0, 1e6]), within(3, 0.3)).map(
+    lambda p: p[0] * (1.0 + p[1])
+)
+# Rows of length about one, 0.2 rad off: well away from singular.
+axes = within((3, 3), 0.2).map(lambda m: np.eye(3) + m)
+
+
+@st.composite
+def triads(draw: st.DrawFn) -> Triad:
+    scale = draw(scales)
+    matrix = scale[:, None] * draw(axes)
+    bias = scale * draw(within(3, 100.0))
+    asymmetry = draw(st.none() | within(3, 0.05))
+    # at 20 m/s² or rad/s the quadratic term stays below a tenth of the output
+    quadratic = draw(st.none() | within(3, 0.1 / 40.0).map(lambda q: q / scale))
+    return Triad(matrix, bias, asymmetry, quadratic)
+
+
+truths = within((5, 3), 20.0)
+
+
+@given(triads(), truths)
+def test_correct_undoes_distort(triad: Triad, true: np.ndarray) -> None:
+    # raw numbers up to 130 times the scale, round-off of them and of a solve of condition below 5
+    np.testing.assert_allclose(triad.correct(triad.distort(true)), true, atol=1e-12)
+
+
+@given(triads(), triads(), within((3, 3), 0.01), truths, truths)
+def test_correct_undoes_distort_for_both_triads_and_g_sensitivity(
+    accelerometer: Triad, gyroscope: Triad, sensitivity: np.ndarray, force: np.ndarray, rate: np.ndarray
+) -> None:
+    G = sensitivity * np.linalg.norm(gyroscope.matrix, axis=1)[:, None]
+    imu = ImuModel(accelerometer, gyroscope, G)
+    again = imu.correct(*imu.distort(force, rate))
+    np.testing.assert_allclose(again[0], force, atol=1e-12)
+    np.testing.assert_allclose(again[1], rate, atol=2e-12)
+
+
+@given(triads(), triads(), truths, truths, st.sampled_from(sorted(FRAMES)))
+def test_a_change_of_frame_turns_both_triads_by_one_rotation(
+    accelerometer: Triad, gyroscope: Triad, force: np.ndarray, rate: np.ndarray, frame: str
+) -> None:
+    imu = ImuModel(accelerometer, gyroscope)
+    C_new_b = frame_rotation(accelerometer.matrix, frame)
+    # Cholesky factors square the condition, and the rows' scales differ by a factor below two
+    np.testing.assert_allclose(C_new_b @ C_new_b.T, np.eye(3), atol=1e-13)
+    again = change_frame(imu, frame).correct(*imu.distort(force, rate))
+    np.testing.assert_allclose(again[0], force @ C_new_b.T, atol=1e-11)
+    np.testing.assert_allclose(again[1], rate @ C_new_b.T, atol=1e-11)
+
+
+@given(scales, axes)
+def test_from_x_to_z_and_back_is_nothing_done(scale: np.ndarray, own: np.ndarray) -> None:
+    imu = ImuModel(Triad(scale[:, None] * own, np.zeros(3)), None)
+    x = change_frame(imu, "accelerometer-x").accelerometer
+    again = change_frame(change_frame(imu, "accelerometer-z"), "accelerometer-x").accelerometer
+    assert x is not None
+    assert again is not None
+    np.testing.assert_allclose(again.matrix, x.matrix, atol=1e-12 * float(scale.max()))
+
+
+angles = within(3, 0.3)
+
+
+@given(scales, st.sampled_from([1.0, -1.0]), angles)
+def test_shin_to_matrix_and_back(scale: np.ndarray, sign: float, angle: np.ndarray) -> None:
+    signed = scale * np.array([1.0, sign, 1.0])
+    again = shin_from_matrix(matrix_from_shin(signed, angle))
+    np.testing.assert_allclose(again[0], signed, rtol=1e-14)
+    np.testing.assert_allclose(again[1], angle, atol=1e-15)
+
+
+@given(scales, axes)
+def test_matrix_to_shin_and_back(scale: np.ndarray, own: np.ndarray) -> None:
+    matrix = np.tril(scale[:, None] * own)
+    again = matrix_from_shin(*shin_from_matrix(matrix))
+    np.testing.assert_allclose(again, matrix, atol=1e-14 * float(scale.max()))
+
+
+@given(scales, within(6, 0.15))
+def test_imu_tk_to_matrix_and_back(scale: np.ndarray, misalignments: np.ndarray) -> None:
+    again = imu_tk_from_matrix(matrix_from_imu_tk(misalignments, 1.0 / scale))
+    np.testing.assert_allclose(again[0], misalignments, atol=1e-14)
+    np.testing.assert_allclose(again[1], 1.0 / scale, rtol=1e-13)
+
+
+@given(scales, within(3, 0.15), scales, within(6, 0.15))
+def test_imu_tk_to_shin_and_back_with_the_gyro_turned_along(
+    scale: np.ndarray, misalignments: np.ndarray, gyro_scale: np.ndarray, gyro_misalignments: np.ndarray
+) -> None:
+    six = np.concatenate([misalignments, np.zeros(3)])
+    theirs = ImuModel(
+        Triad(matrix_from_imu_tk(six, 1.0 / scale), np.zeros(3)),
+        Triad(matrix_from_imu_tk(gyro_misalignments, 1.0 / gyro_scale), np.zeros(3)),
+    )
+    ours = change_frame(theirs, "accelerometer-x")
+    assert ours.accelerometer is not None
+    shin = matrix_from_shin(*shin_from_matrix(ours.accelerometer.matrix))
+    again = change_frame(ImuModel(Triad(shin, np.zeros(3)), ours.gyroscope), "accelerometer-z")
+    assert again.accelerometer is not None
+    assert again.gyroscope is not None
+    np.testing.assert_allclose(imu_tk_from_matrix(again.accelerometer.matrix)[0], six, atol=1e-12)
+    np.testing.assert_allclose(imu_tk_from_matrix(again.gyroscope.matrix)[0], gyro_misalignments, atol=1e-12)

@@ -1,0 +1,77 @@
+"""Covariances through changes of parameters, against closed forms, differences and Monte Carlo."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.sensor import propagate
+from tumble.sensor.conventions.imu_tk import imu_tk_from_matrix
+from tumble.sensor.conventions.shin import matrix_from_shin
+from tumble.sensor.gauge import frame_rotation
+from tumble.sensor.propagation import jacobian
+
+Complex = npt.NDArray[Any]
+VALUES = np.array([415.0, 413.0, 418.0, 0.004, -0.021, -0.009])
+GYRO = np.array([[4700.0, 30.0, -20.0], [-50.0, 4800.0, 10.0], [70.0, 40.0, 4750.0]])
+
+
+def covariance(relative: float) -> npt.NDArray[np.float64]:
+    """Correlated, of different sizes: scale factors in counts per m/s², angles in rad."""
+    root = np.random.default_rng(21).standard_normal((6, 6)) + 2.0 * np.eye(6)
+    size = relative * np.array([400.0, 400.0, 400.0, 1.0, 2.0, 3.0])
+    return (root @ root.T) * np.outer(size, size)
+
+
+def to_imu_tk(p: Complex) -> Complex:
+    """Nine numbers of imu_tk and a row of the gyro's matrix, which the change of frame turns along."""
+    matrix = matrix_from_shin(p[:3], p[3:])
+    C_zx = frame_rotation(matrix, "accelerometer-z")
+    misalignments, scale = imu_tk_from_matrix(matrix @ C_zx.T)
+    return np.concatenate([misalignments[:3], scale, (GYRO @ C_zx.T)[0]])
+
+
+def test_the_jacobian_has_a_row_per_result_and_a_column_per_value() -> None:
+    def function(x: Complex) -> Complex:
+        return np.array([x[0] * x[1], np.exp(x[1])])
+
+    assert np.array_equal(jacobian(function, np.array([3.0, 0.0])), [[0.0, 3.0], [0.0, 1.0]])
+
+
+def test_a_linear_map_gives_the_sandwich_exactly() -> None:
+    A = np.array([[1.0, 2.0, 0.0], [0.0, -1.0, 3.0]])
+    C = np.array([[4.0, 1.0, -0.5], [1.0, 3.0, 0.2], [-0.5, 0.2, 2.0]])
+    value, spread = propagate(lambda x: A @ x, np.array([1.0, 1.0, 1.0]), C)
+    assert np.array_equal(value, [3.0, 2.0])
+    # by hand: var(x + 2y) = 4 + 4 + 12; cov(x + 2y, -y + 3z) = -1 - 1.5 - 6 + 1.2; var = 3 + 18 - 1.2
+    np.testing.assert_allclose(spread, [[20.0, -7.3], [-7.3, 19.8]], rtol=1e-15)
+
+
+def test_the_derivatives_of_a_change_of_frame_are_those_of_central_differences() -> None:
+    exact = jacobian(to_imu_tk, VALUES)
+    assert exact.shape == (9, 6)
+    for k in range(6):
+        step = 1e-6 * max(abs(VALUES[k]), 1e-2)
+        up, down = VALUES.copy(), VALUES.copy()
+        up[k] += step
+        down[k] -= step
+        differences = (to_imu_tk(up) - to_imu_tk(down)) / (2 * step)
+        # round-off of the results over the step, and the curvature below it
+        round_off = 1e-15 * np.maximum(np.abs(to_imu_tk(VALUES)), 1e-2) / step
+        off = np.abs(differences - exact[:, k])
+        assert np.all(off <= 1e-7 * np.abs(exact[:, k]) + 4 * round_off)
+
+
+def test_the_covariance_is_what_monte_carlo_scatters() -> None:
+    rng = np.random.default_rng(4)
+    C = covariance(1e-5)
+    value, spread = propagate(to_imu_tk, VALUES, C)
+    np.testing.assert_allclose(value, to_imu_tk(VALUES), rtol=1e-15)
+    trials = 4000
+    drawn = np.array([to_imu_tk(p) for p in rng.multivariate_normal(VALUES, C, trials)])
+    sigma = np.sqrt(np.diag(spread))
+    observed = np.cov(drawn.T) / np.outer(sigma, sigma)
+    # an element of a sample covariance scatters by at most sqrt(2 / trials); 4.5 of these for 45 elements
+    np.testing.assert_allclose(observed, spread / np.outer(sigma, sigma), atol=4.5 * np.sqrt(2.0 / trials))
