@@ -13,8 +13,10 @@ from tumble.recording.gravity_check import (
     AxisAgreement,
     GyroScale,
     axis_agreement,
+    describe_axis_contradiction,
     find_axis_contradiction,
     gyro_scale_from_gravity,
+    unit_of_scale,
 )
 from tumble.recording.reading import read_blocks, read_recording, read_recordings
 from tumble.recording.recording import Recording, Remark, Source
@@ -28,11 +30,13 @@ __all__ = [
     "Remark",
     "Source",
     "axis_agreement",
+    "describe_axis_contradiction",
     "find_axis_contradiction",
     "gyro_scale_from_gravity",
     "inspect_recording",
     "read_blocks",
     "read_recording",
     "read_recordings",
+    "unit_of_scale",
     "write_recording",
 ]

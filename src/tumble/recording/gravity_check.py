@@ -244,7 +244,17 @@ def find_axis_contradiction(recording: Recording) -> str | None:
     agreement = axis_agreement(recording)
     if agreement is None or not agreement.determined:
         return None
-    direction = agreement.matrix / agreement.scale
+    return describe_axis_contradiction(agreement.matrix)
+
+
+def describe_axis_contradiction(matrix: Matrix) -> str | None:
+    """Return a sentence if a matrix from raw rates to rates in b is near another signed permutation.
+
+    Parameters
+    ----------
+    matrix : rough, rad/s per raw unit; its columns may differ in size by a few tens of per cent.
+    """
+    direction = matrix / np.linalg.norm(matrix, axis=0)
     permutation = nearest_signed_permutation(direction)
     far = float(np.max(np.abs(direction - permutation)))
     if far > 0.4 or np.array_equal(permutation, np.eye(3)):
