@@ -48,6 +48,8 @@ class BlockChain:
                     couplings[k] = solved.T
                     pivots[k + 1] = diagonal[k + 1] - couplings[k] @ lower[k].T
             factors = np.linalg.cholesky(pivots)
+            if not np.all(np.isfinite(factors)):
+                raise np.linalg.LinAlgError("not finite")
         except np.linalg.LinAlgError as error:
             raise ConvergenceError(
                 "The covariance of the observations is not positive definite: "

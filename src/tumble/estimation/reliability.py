@@ -45,14 +45,16 @@ def snoop_groups(adjustment: Adjustment, columns: slice) -> list[GroupTest]:
     rows: npt.NDArray[np.int64] = np.arange(linear.misclosure.shape[1], dtype=np.int64)[columns]
     active = linear.active[:, rows]
     block = inverse[:, rows[:, None], rows]
-    scale = np.sqrt(np.diagonal(block, axis1=1, axis2=2))
-    spread = (block - loss[:, rows[:, None], rows]) / (scale[:, :, None] * scale[:, None, :])
+    # Whitened by the group's own part of P, the eigenvalues are shares of redundancy, 0 to 1.
+    whiten = np.linalg.inv(np.linalg.cholesky(block))
+    own_loss = loss[:, rows[:, None], rows]
+    spread = np.eye(rows.size) - whiten @ own_loss @ np.swapaxes(whiten, 1, 2)
     # Inactive rows take no part: their own redundancy is set to nothing.
     spread = np.where(active[:, :, None] & active[:, None, :], spread, 0.0)
     eigenvalues, vectors = np.linalg.eigh(spread)
     # A share of redundancy below 1e-6 is no check at all.
     checked = eigenvalues > 1e-6
-    pulls = np.where(active, adjustment.multipliers[:, rows] / scale, 0.0)
+    pulls = np.einsum("gst,gt->gs", whiten, np.where(active, adjustment.multipliers[:, rows], 0.0))
     components = np.einsum("gse,gs->ge", vectors, pulls) ** 2
     parts = np.divide(components, eigenvalues, out=np.zeros_like(components), where=checked)
     statistics, degrees = parts.sum(axis=1), checked.sum(axis=1)
