@@ -1,0 +1,109 @@
+"""Small adjustments with known answers, for the tests of this folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from tumble.estimation import Linearisation
+
+Array = npt.NDArray[np.float64]
+
+
+class LineWithErrorsInBoth:
+    """y = intercept + slope x, both coordinates observed with independent errors; one condition a point."""
+
+    def __init__(self, x: Array, y: Array, variance_x: Array, variance_y: Array) -> None:
+        self.observed = np.column_stack([x, y])
+        self.variance = np.column_stack([variance_x, variance_y])
+        self.adjusted = self.observed.copy()
+        self.by_observed = np.zeros_like(self.observed)
+
+    def linearise(self, parameters: Array) -> Linearisation:
+        intercept, slope = parameters
+        x, y = self.adjusted.T
+        self.by_observed = np.column_stack([np.full(x.size, -slope), np.ones(x.size)])
+        misclosure = y - intercept - slope * x
+        misclosure = misclosure + np.sum(self.by_observed * (self.observed - self.adjusted), axis=1)
+        design = np.column_stack([-np.ones(x.size), -x])
+        variance = np.sum(self.by_observed**2 * self.variance, axis=1)
+        active = np.ones((x.size, 1), dtype=bool)
+        return Linearisation(misclosure[:, None], design[:, None, :], variance[:, None, None], None, active)
+
+    def adjust_observations(self, multipliers: Array) -> None:
+        self.adjusted = self.observed - self.variance * self.by_observed * multipliers
+
+
+class LinearModel:
+    """A xi - y = e, in groups along a chain: what weighted least squares solves in one step."""
+
+    def __init__(
+        self,
+        design: Array,
+        observed: Array,
+        covariance: Array,
+        lower: Array | None = None,
+        active: npt.NDArray[np.bool_] | None = None,
+    ) -> None:
+        self.design, self.observed, self.covariance, self.lower = design, observed, covariance, lower
+        self.active = np.ones(observed.shape, dtype=bool) if active is None else active
+
+    def linearise(self, parameters: Array) -> Linearisation:
+        on = self.active
+        misclosure = np.where(on, self.design @ parameters - self.observed, 0.0)
+        design = np.where(on[:, :, None], self.design, 0.0)
+        both = on[:, :, None] & on[:, None, :]
+        covariance = np.where(both, self.covariance, 0.0) + np.eye(on.shape[1]) * ~on[:, :, None]
+        lower = None
+        if self.lower is not None:
+            lower = np.where(on[1:, :, None] & on[:-1, None, :], self.lower, 0.0)
+        return Linearisation(misclosure, design, covariance, lower, on)
+
+    def adjust_observations(self, multipliers: Array) -> None:
+        """Linear in parameters and observations: there is nothing to relinearise."""
+
+    def dense_covariance(self) -> Array:
+        groups, size = self.observed.shape
+        dense = np.zeros((groups * size, groups * size))
+        for k in range(groups):
+            own = slice(k * size, (k + 1) * size)
+            dense[own, own] = self.covariance[k]
+            if k and self.lower is not None:
+                before = slice((k - 1) * size, k * size)
+                dense[own, before] = self.lower[k - 1]
+                dense[before, own] = self.lower[k - 1].T
+        return dense
+
+
+def draw_linear_model(seed: int, groups: int = 8, size: int = 3, parameters: int = 4) -> LinearModel:
+    """A linear model whose neighbouring groups share noise, with noise drawn from that covariance."""
+    rng = np.random.default_rng(seed)
+    own = 0.5 * rng.standard_normal((groups, size, size)) + 2.0 * np.eye(size)
+    shared = 0.7 * rng.standard_normal((groups, size, size))
+    covariance = own @ np.swapaxes(own, 1, 2)
+    covariance[1:] += shared[1:] @ np.swapaxes(shared[1:], 1, 2)
+    lower = shared[1:] @ np.swapaxes(own[:-1], 1, 2)
+    noise = rng.standard_normal((groups, size))
+    errors = np.einsum("gst,gt->gs", own, noise)
+    errors[1:] += np.einsum("gst,gt->gs", shared[1:], noise[:-1])
+    design = rng.standard_normal((groups, size, parameters))
+    truth = np.arange(1.0, parameters + 1.0)
+    return LinearModel(design, design @ truth + errors, covariance, lower)
+
+
+@pytest.fixture
+def linear_model() -> type[LinearModel]:
+    return LinearModel
+
+
+@pytest.fixture
+def random_linear_model() -> Callable[..., LinearModel]:
+    return draw_linear_model
+
+
+@pytest.fixture
+def line_with_errors_in_both() -> type[LineWithErrorsInBoth]:
+    return LineWithErrorsInBoth
