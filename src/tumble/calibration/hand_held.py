@@ -266,12 +266,14 @@ def _solve(
     free: np.ndarray,
     active: np.ndarray,
     extra: dict[str, float],
+    *,
+    once: bool = False,
 ) -> _Solution:
     variances = ExtraVariances(extra["norm"], extra["rate"], extra["turn"])
     conditions = TurnConditions(data, site.gravity, values, free, active, variances)
     known = _prior(data, site, values, free, prior)
     # A thousandth of a sigma: the step itself is still taken, and the next would be a millionth.
-    adjustment = adjust(conditions, values[free], prior=known, tolerance=1e-3)
+    adjustment = adjust(conditions, values[free], prior=known, tolerance=1e-3, once=once)
     return _Solution(adjustment, conditions.full(adjustment.parameters), free, dict(extra), conditions.turned)
 
 
@@ -282,24 +284,18 @@ def _balanced(
     values: Series,
     free: np.ndarray,
     active: np.ndarray,
-    extra: dict[str, float] | None = None,
 ) -> tuple[_Solution, list[Outlier]]:
     """Adjust with variance components, gross errors left out (`active` changes)."""
     latest: list[_Solution] = []
 
-    def solve(extra_variances: dict[str, float], mask: np.ndarray) -> Adjustment:
+    def solve(extra: dict[str, float], mask: np.ndarray, *, once: bool) -> Adjustment:
         start = latest[-1].values if latest else values
-        latest.append(_solve(data, site, prior, start, free, mask, extra_variances))
+        latest.append(_solve(data, site, prior, start, free, mask, extra, once=once))
         return latest[-1].adjustment
 
-    # `balance` solves with its final choice last, so that the latest solution is the one it returns.
-    start = extra or {"norm": 0.0, "rate": 0.0, "turn": 0.0}
-    kinds = [
-        Kind("rate", RATE, start["rate"]),
-        Kind("turn", TURN, start["turn"]),
-        Kind("norm", NORM, start["norm"]),
-    ]
-    _, _, outliers = balance(solve, kinds, active)
+    # The last call is the one whose adjustment is returned, so that the latest solution goes with it.
+    kinds = [Kind("rate", RATE), Kind("turn", TURN), Kind("norm", NORM)]
+    outliers = balance(solve, kinds, active).outliers
     return latest[-1], outliers
 
 

@@ -90,11 +90,11 @@ def fit_norms(
         )
     values = [start]
 
-    def solve(extra: dict[str, float], active: np.ndarray) -> Adjustment:
+    def solve(extra: dict[str, float], active: np.ndarray, *, once: bool) -> Adjustment:
         conditions = NormConditions(
             observed, covariance, reference, values[-1], free, active[:, 0], extra["norm"]
         )
-        adjustment = adjust(conditions, values[-1][free], prior=prior)
+        adjustment = adjust(conditions, values[-1][free], prior=prior, once=once)
         full = values[-1].copy()
         full[free] = adjustment.parameters
         if np.any(full[SCALE] <= 0):
@@ -106,9 +106,10 @@ def fit_norms(
         return adjustment
 
     active = np.ones((observed.shape[0], 1), dtype=bool)
-    alone = solve({"norm": 0.0}, active).sigma0
+    alone = solve({"norm": 0.0}, active, once=False).sigma0
     spare = observed.shape[0] + known - free.size
-    adjustment, extra, outliers = balance(solve, [Kind("norm", _NORM)], active, robust=robust and spare >= 4)
+    balanced = balance(solve, [Kind("norm", _NORM)], active, robust=robust and spare >= 4)
+    adjustment, extra, outliers = balanced.adjustment, balanced.extra, balanced.outliers
     full = np.zeros((COUNT, COUNT))
     full[np.ix_(free, free)] = adjustment.cofactor
     return TriadFit(values[-1], free, full, adjustment, alone, extra["norm"], outliers)

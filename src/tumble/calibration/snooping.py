@@ -10,26 +10,31 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from tumble.estimation import Adjustment, GroupTest, critical_value, snoop_groups
+from tumble.estimation import Adjustment, GroupTest, Reliability
 
 # Median of chi-square over its degrees of freedom, for 1 to 6 degrees.
 _MEDIAN_CHI_SQUARE = (0.4549, 1.3863, 2.3660, 3.3567, 4.3515, 5.3481)
 # At most this share of a kind may be left out; beyond it, the rest is no majority to judge by.
 LARGEST_SHARE_LEFT_OUT = 0.25
+# At most this share of a kind is left out at a time, so that a large error does not take its
+# neighbours along.
+SHARE_AT_A_TIME = 0.05
 # Residuals this likely by chance ask for no added variance.
 CHANCE = 0.025
+# 3 % of a variance is far below what any number of holds can tell.
+SETTLED = 0.03
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Kind:
-    """One kind of condition: its columns in a group, and the variance added to it so far."""
+    """One kind of condition: its columns in a group."""
 
     name: str
     columns: slice
-    extra: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,22 +46,44 @@ class Outlier:
     normalised: float
 
 
+class Solve(Protocol):
+    """Adjusts with extra variances by kind (SI²) and a mask of active conditions.
+
+    With `once` a single step from the latest solution is enough: little has changed since.
+    """
+
+    def __call__(self, extra: dict[str, float], active: np.ndarray, *, once: bool) -> Adjustment:
+        """Return the adjustment."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Balanced:
+    """A settled adjustment, the variance added to each kind, and what was left out."""
+
+    adjustment: Adjustment
+    extra: dict[str, float]
+    outliers: list[Outlier]
+
+
 def balance(
-    solve: Callable[[dict[str, float], np.ndarray], Adjustment],
+    solve: Solve,
     kinds: list[Kind],
     active: np.ndarray,
     *,
+    extra: dict[str, float] | None = None,
     false_alarm: float = 0.01,
     robust: bool = True,
     passes: int = 12,
-) -> tuple[Adjustment, dict[str, float], list[Outlier]]:
+) -> Balanced:
     """Adjust, add variance where residuals ask for it, and leave out what is no noise.
 
     Parameters
     ----------
-    solve : adjusts with extra variances by kind (SI²) and an `active` mask.
+    solve : the adjustment; its last call is the one whose result is returned.
     kinds : the kinds of conditions that may need more variance.
     active : (groups, size) of bool, changed in place: outliers are switched off.
+    extra : variances to start from.
     false_alarm : chance that any good group is left out.
     robust : look for outliers at all.
 
@@ -65,32 +92,31 @@ def balance(
     ConvergenceError, ObservabilityError
         From the adjustment.
     """
-    extra = {kind.name: kind.extra for kind in kinds}
-    adjustment = solve(extra, active)
+    variances = {kind.name: 0.0 for kind in kinds} if extra is None else dict(extra)
+    adjustment = solve(variances, active, once=False)
     outliers: list[Outlier] = []
     for _ in range(passes if robust else 0):
-        adjustment, extra = _settle(solve, kinds, active, adjustment, extra, _robust_ratio)
-        found = _worst(adjustment, kinds, active, outliers, false_alarm)
+        adjustment, variances = _settle(solve, kinds, active, adjustment, variances, _robust_ratio)
+        found = _gross_errors(adjustment, kinds, outliers, false_alarm)
         if not found:
             break
         for outlier, columns in found:
             active[outlier.group, columns] = False
             outliers.append(outlier)
-        adjustment = solve(extra, active)
-    adjustment, extra = _settle(solve, kinds, active, adjustment, extra, _mean_ratio)
+        adjustment = solve(variances, active, once=True)
+    adjustment, variances = _settle(solve, kinds, active, adjustment, variances, _mean_ratio)
     for kind in kinds:
         # A component that chance explains is no component: taking every excess for real, and no
         # deficit, would make the uncertainties too wide on average.
-        if extra[kind.name] > 0.0:
-            without = {**extra, kind.name: 0.0}
-            bare = solve(without, active)
-            if _explained_by_chance(bare, kind):
-                adjustment, extra = bare, without
-    return solve(extra, active), extra, outliers
+        if variances[kind.name] > 0.0:
+            without = {**variances, kind.name: 0.0}
+            if _explained_by_chance(solve(without, active, once=True), kind):
+                variances = without
+    return Balanced(solve(variances, active, once=False), variances, outliers)
 
 
 def _settle(
-    solve: Callable[[dict[str, float], np.ndarray], Adjustment],
+    solve: Solve,
     kinds: list[Kind],
     active: np.ndarray,
     adjustment: Adjustment,
@@ -100,20 +126,19 @@ def _settle(
     """Move the extra variances until each kind's residuals are as large as its variance says."""
     for _ in range(8):
         moved = False
+        reliability = Reliability.of(adjustment)
         for kind in kinds:
-            tests = snoop_groups(adjustment, kind.columns)
-            tests = [test for test in tests if test.degrees]
+            tests = [test for test in reliability.snoop(kind.columns) if test.degrees]
             if not tests:
                 continue
             total = _typical_variance(adjustment, kind)
             wanted = max(0.0, extra[kind.name] + (ratio(tests) - 1.0) * total)
-            # 2 % of the variance is far below what any number of holds can tell.
-            if abs(wanted - extra[kind.name]) > 0.02 * total:
+            if abs(wanted - extra[kind.name]) > SETTLED * total:
                 extra = {**extra, kind.name: wanted}
                 moved = True
         if not moved:
             break
-        adjustment = solve(extra, active)
+        adjustment = solve(extra, active, once=True)
     return adjustment, extra
 
 
@@ -121,7 +146,8 @@ def _explained_by_chance(adjustment: Adjustment, kind: Kind) -> bool:
     """Tell whether the residuals of a kind are no larger than noise makes them in 97.5 % of cases."""
     from scipy.special import chdtrc
 
-    tests = [test for test in snoop_groups(adjustment, kind.columns) if test.degrees]
+    reliability = Reliability.of(adjustment)
+    tests = [test for test in reliability.snoop(kind.columns) if test.degrees]
     redundancy = _redundancy(adjustment, kind)
     statistic = _mean_ratio(tests) * redundancy if tests else 0.0
     return redundancy < 1.0 or float(chdtrc(redundancy, statistic)) > CHANCE
@@ -131,7 +157,8 @@ def _redundancy(adjustment: Adjustment, kind: Kind) -> float:
     """Return the share of a kind's conditions that is left to check it, summed: its own redundancy."""
     linear, chain = adjustment.linearisation, adjustment.chain
     weighted = chain.solve(linear.design)[:, kind.columns]
-    loss = float(np.einsum("gsp,pq,gsq->", linear.design[:, kind.columns], adjustment.cofactor, weighted))
+    taken = np.einsum("gsp,gsq->pq", linear.design[:, kind.columns], weighted)
+    loss = float(np.sum(taken * adjustment.cofactor))
     return float(np.count_nonzero(linear.active[:, kind.columns])) - loss
 
 
@@ -151,26 +178,25 @@ def _robust_ratio(tests: list[GroupTest]) -> float:
     return float(np.median(ratios))
 
 
-def _worst(
-    adjustment: Adjustment,
-    kinds: list[Kind],
-    active: np.ndarray,
-    before: list[Outlier],
-    false_alarm: float,
+def _gross_errors(
+    adjustment: Adjustment, kinds: list[Kind], before: list[Outlier], false_alarm: float
 ) -> list[tuple[Outlier, slice]]:
-    """Return the worst group of each kind that exceeds its limit."""
+    """Return the groups of each kind that exceed their limit, the worst and what is half as bad."""
     found: list[tuple[Outlier, slice]] = []
+    reliability = Reliability.of(adjustment)
     for kind in kinds:
-        tests = [test for test in snoop_groups(adjustment, kind.columns) if test.degrees]
+        tests = [test for test in reliability.snoop(kind.columns) if test.degrees]
         gone = sum(outlier.kind == kind.name for outlier in before)
-        if not tests or gone + 1 > LARGEST_SHARE_LEFT_OUT * (len(tests) + gone):
-            continue
-        worst = max(tests, key=lambda test: test.statistic / critical_value(test.degrees, 1))
+        allowed = int(LARGEST_SHARE_LEFT_OUT * (len(tests) + gone)) - gone
+        allowed = min(allowed, max(1, int(SHARE_AT_A_TIME * len(tests))))
+        degrees = sum(test.degrees for test in tests)
         # The noise level itself is estimated from the same residuals: F instead of chi-square.
-        limit = _limit(worst.degrees, len(tests), sum(test.degrees for test in tests), false_alarm)
-        if worst.statistic > limit:
-            normalised = float(np.sqrt(worst.statistic / worst.degrees))
-            found.append((Outlier(kind.name, worst.group, normalised), kind.columns))
+        limits = {d: _limit(d, len(tests), degrees, false_alarm) for d in {t.degrees for t in tests}}
+        beyond = [test for test in tests if test.statistic > limits[test.degrees]]
+        beyond.sort(key=lambda test: -test.statistic / limits[test.degrees])
+        for test in beyond[: max(allowed, 0)]:
+            if 2.0 * test.normalised >= beyond[0].normalised:
+                found.append((Outlier(kind.name, test.group, test.normalised), kind.columns))
     return found
 
 
@@ -178,7 +204,7 @@ def _limit(degrees: int, groups: int, all_degrees: int, false_alarm: float) -> f
     """Return the limit of the largest of `groups` statistics when their scale is estimated too."""
     from scipy.special import fdtri
 
-    single = (1.0 - false_alarm) ** (1.0 / groups)
+    single: float = (1.0 - false_alarm) ** (1.0 / groups)
     # The robust scale has 37 % of the efficiency of the mean square.
     scale_degrees = max(0.37 * (all_degrees - degrees), 1.0)
-    return float(degrees * fdtri(degrees, scale_degrees, single))
+    return degrees * float(fdtri(degrees, scale_degrees, single))

@@ -7,7 +7,7 @@ cost grows linearly with the number of groups.
 
 from tumble.estimation.chain import BlockChain
 from tumble.estimation.gauss_helmert import Adjustment, Conditions, Linearisation, Prior, adjust
-from tumble.estimation.reliability import GroupTest, critical_value, snoop_groups
+from tumble.estimation.reliability import GroupTest, Reliability, critical_value, snoop_groups
 from tumble.estimation.weak_directions import WeakDirection, find_weak_directions
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "GroupTest",
     "Linearisation",
     "Prior",
+    "Reliability",
     "WeakDirection",
     "adjust",
     "critical_value",

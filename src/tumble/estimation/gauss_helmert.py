@@ -116,6 +116,7 @@ def adjust(
     prior: Prior | None = None,
     iterations: int = 100,
     tolerance: float = 1e-6,
+    once: bool = False,
 ) -> Adjustment:
     """Adjust `conditions` from the start values until nothing moves.
 
@@ -125,6 +126,7 @@ def adjust(
     prior : what is known of the parameters beforehand.
     iterations : after how many to give up.
     tolerance : converged when no parameter moves by more than this share of its sigma.
+    once : take one step and no more, settled or not: for start values that are all but settled.
 
     Raises
     ------
@@ -157,7 +159,7 @@ def adjust(
         size = float(np.max(np.abs(step) / np.sqrt(np.diag(cofactor))))
         # With noise-free data sigma is round-off: a step that no longer shrinks there is the end.
         settled = np.all(np.abs(step) <= 1e-13 * np.maximum(np.abs(parameters), 1.0))
-        if size <= tolerance or settled or (size < 1e-3 and size >= step_before):
+        if once or size <= tolerance or settled or (size < 1e-3 and size >= step_before):
             square_sum = float(np.sum(multipliers * residual))
             known = 0
             if prior is not None:
