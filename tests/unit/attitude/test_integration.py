@@ -261,11 +261,11 @@ def test_without_g_sensitivity_the_force_does_not_turn_anything() -> None:
 
 
 @pytest.mark.parametrize("small", [1e-12, 0.9e-2, 1.1e-2, 3.0])
-def test_both_branches_of_the_step_are_exact(small: float) -> None:
+def test_both_branches_of_the_step_are_exact_at_its_end_and_at_its_middle(small: float) -> None:
     # the series is used below a hundredth of a radian a step
     time = np.array([0.0, 1.0])
     vector = small * np.array([2.0, -3.0, 6.0]) / 7.0
-    C = integrate_turns(
+    turns = integrate_turns(
         time,
         np.tile(vector, (2, 1)),
         np.zeros((2, 3)),
@@ -275,8 +275,11 @@ def test_both_branches_of_the_step_are_exact(small: float) -> None:
         gyro_bias=np.zeros(3),
         force_inverse=np.eye(3),
         force_bias=np.zeros(3),
-    ).C_start_end[0]
-    np.testing.assert_allclose(C, matrix_from_rotation_vector(vector), atol=1e-15)
+    )
+    np.testing.assert_allclose(turns.C_start_end[0], matrix_from_rotation_vector(vector), atol=1e-15)
+    # one second of the regressor one, at the middle's attitude
+    middle = matrix_from_rotation_vector(0.5 * vector)
+    np.testing.assert_allclose(turns.sums[0, :, :, 3], middle, atol=1e-15)
 
 
 @pytest.mark.parametrize(
