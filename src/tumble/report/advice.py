@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.arrays import Vector, Vectors
 from tumble.calibration.poses import describe_direction, most_telling_poses, norm_rows
-from tumble.report.parameters import ACCELEROMETER, BETWEEN, GYRO, ParameterRow
+from tumble.report.parameters import ACCELEROMETER, BETWEEN, GYRO, Measure, ParameterRow
 from tumble.report.rounding import with_uncertainty
 from tumble.units import STANDARD_GRAVITY
 
@@ -40,12 +41,12 @@ def next_steps(
     steps: list[str] = []
     if not calibration.verdict.fit:
         steps.append("The calibration is not fit for use: mend what the verdict names, and record again.")
-    steps += _poses(rows, up_b)
+    steps += _poses(_without_gravity(calibration, rows), up_b)
     steps += _turns(rows, calibration, recording, timeline, up_b)
     steps += _gravity(calibration)
     steps.append(
         "Verify it on another recording that it has not seen, of the same unit, some minutes of holds and turns: "
-        "tumble verify calibration.json RECORDING."
+        "`tumble verify calibration.json` RECORDING."
     )
     temperature = calibration.temperature_celsius
     at = "at one temperature" if temperature is None else f"at {temperature:.0f} °C"
@@ -55,6 +56,24 @@ def next_steps(
         "power cycle and deserve a few seconds at rest before each use."
     )
     return steps
+
+
+def _without_gravity(calibration: Calibration, rows: list[ParameterRow]) -> list[ParameterRow]:
+    """Return the rows with what gravity's uncertainty does to the scale factors taken out: no pose mends it."""
+    site = calibration.site
+    share = site.gravity_standard_uncertainty / site.gravity
+
+    def reduced(row: ParameterRow) -> ParameterRow:
+        sigma = _relative_sigma(row)
+        if row.group != ACCELEROMETER or not row.family.startswith("scale factor") or not sigma:
+            return row
+        left = math.sqrt(max(1.0 - (share / sigma) ** 2, 0.0))
+        other = None if row.other is None else row.other.times(left, row.other.unit)
+        # Only sigma matters here; a scaled value would be wrong, so that it is left away.
+        shown = Measure(row.shown.value, left * row.shown.sigma, row.shown.unit)
+        return replace(row, shown=shown, other=other)
+
+    return [reduced(row) for row in rows]
 
 
 def weakest(rows: list[ParameterRow], groups: tuple[str, ...]) -> ParameterRow | None:
@@ -93,35 +112,49 @@ def _poses(rows: list[ParameterRow], up_b: Vectors) -> list[str]:
     units = up_b / np.linalg.norm(up_b, axis=1, keepdims=True)
     seen = norm_rows(units)
     first, second = most_telling_poses(seen.T @ seen, 2)
-    words = describe_direction(first)
-    if describe_direction(second) != words:
-        words += f", then with the {describe_direction(second)}"
+    words = _placed(first)
+    if _placed(second) != words:
+        words += f", then with {_placed(second)}"
     return [
-        f"The least known accelerometer parameter is the {row.label} ({_uncertainty(row)}). Of the 26 standard "
-        f"attitudes, these would tell most beside the poses at hand: hold the unit with the {words}."
+        (
+            f"The least known accelerometer parameter is the {row.label} ({_uncertainty(row)}). Of the 26 standard "
+            f"attitudes, these would tell most beside the poses at hand: hold the unit with {words}."
+        )
     ]
 
 
+def _placed(up: Vector) -> str:
+    words = describe_direction(up).replace("-", "−")
+    return words if words.endswith(("x up", "y up", "z up")) and len(words) == 5 else f"the {words}"
+
+
 def _turns(
-    rows: list[ParameterRow], calibration: Calibration, recording: Recording, timeline: Timeline, up_b: Vectors
+    rows: list[ParameterRow],
+    calibration: Calibration,
+    recording: Recording,
+    timeline: Timeline,
+    up_b: Vectors,
 ) -> list[str]:
     row = weakest(rows, (GYRO, BETWEEN))
     if row is None:
         if recording.angular_rate is None:
             return []
         return [
-            "Of the gyro only the bias is known: turn the unit between the holds about all three axes, by 90° "
-            "and more, and calibrate with the hand-held procedure."
+            (
+                "Of the gyro only the bias is known: turn the unit between the holds about all three axes, by 90° "
+                "and more, and calibrate with the hand-held procedure."
+            )
         ]
     sentence = f"The least known gyro parameter is the {row.label} ({_uncertainty(row)})."
     angles = turned_about_horizontal(calibration, recording, timeline, up_b)
     if angles is None:
         return [sentence]
     least = int(np.argmin(angles))
-    shown = ", ".join(
-        f"{axis} {angle:.0f}°" for axis, angle in zip("xyz", np.degrees(angles), strict=True)
+    shown = ", ".join(f"{axis} {angle:.0f}°" for axis, angle in zip("xyz", np.degrees(angles), strict=True))
+    sentence += (
+        " Gravity shows a turn about an axis only as far as the axis is horizontal; so counted, the turns "
+        f"add up to {shown}."
     )
-    sentence += f" Gravity shows a turn about an axis only as far as the axis is horizontal; so counted, the turns add up to {shown}."
     if angles[least] < _MUCH_LESS * np.max(angles):
         axis = "xyz"[least]
         return [f"{sentence} Add turns of 90° and more about {axis} while {axis} is horizontal, both ways."]
@@ -153,13 +186,18 @@ def _gravity(calibration: Calibration) -> list[str]:
     if site.gravity_standard_uncertainty > 2e-3:
         share = 1e6 * site.gravity_standard_uncertainty / STANDARD_GRAVITY
         return [
-            f"Gravity was assumed ({site.gravity:.5f} ± {site.gravity_standard_uncertainty:.2g} m/s²), which alone "
-            f"makes all accelerometer scale factors uncertain by {share:.0f} ppm together: give "
-            "--site LATITUDE,HEIGHT, or --gravity if it is known, and calibrate again."
+            (
+                f"Gravity was assumed ({site.gravity:.5f} ± {site.gravity_standard_uncertainty:.2g} m/s²), which alone "
+                f"makes all accelerometer scale factors uncertain by {share:.0f} ppm together: give "
+                "`--site LATITUDE,HEIGHT`, or `--gravity` if it is known, and calibrate again."
+            )
         ]
-    if site.latitude_deg is None:
+    # Only turns tell the Earth rate from the gyros' own errors.
+    if site.latitude_deg is None and calibration.procedure == "hand-held":
         return [
-            "With --site LATITUDE,HEIGHT instead of --gravity the Earth's rotation is known too, which helps the "
-            "gyros' biases and g-sensitivity."
+            (
+                "With `--site LATITUDE,HEIGHT` instead of `--gravity` the Earth's rotation is known too, which helps "
+                "the gyros' biases and g-sensitivity."
+            )
         ]
     return []

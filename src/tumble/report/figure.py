@@ -25,7 +25,8 @@ class Figure:
     label : what a screen reader says.
     data, layout : traces and layout, colours of text and grid left to the page's theme.
     fallback : (data, layout) where three dimensions cannot be drawn.
-    least_width : pixels below which it scrolls sideways instead of shrinking.
+    least_width, most_width : pixels below which it scrolls sideways instead of shrinking, and beyond
+        which it does not grow; 0 for no limit.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Figure:
     layout: Plot
     fallback: tuple[list[Plot], Plot] | None = None
     least_width: int = 0
+    most_width: int = 0
 
     @property
     def height(self) -> int:

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tumble.report.parameters import plain_unit
+
 if TYPE_CHECKING:
     from tumble.calibration.result import Calibration, TriadBlock
 
@@ -14,7 +16,12 @@ def formula_text(calibration: Calibration) -> str:
     """Return both formulas, forward and backward, with matrices and biases, as plain text."""
     units = calibration.raw_units
     lines = _triad_lines(
-        "a", "specific force f in m/s²", "f", units.specific_force, calibration.accelerometer, sensitivity=False
+        "a",
+        "specific force f in m/s²",
+        "f",
+        units.specific_force,
+        calibration.accelerometer,
+        sensitivity=False,
     )
     gyro = calibration.gyroscope
     if gyro is not None:
@@ -30,7 +37,7 @@ def _triad_lines(
     index: str, what: str, true: str, unit: str, block: TriadBlock, *, sensitivity: bool
 ) -> list[str]:
     raw, M, b = f"raw_{index}", f"M_{index}", f"b_{index}"
-    lines = [f"{what}, {raw} in {unit}", ""]
+    lines = [f"{what}, {raw} in {plain_unit(unit)}", ""]
     if block.matrix is None:
         return [*lines, f"only the bias is known: {raw} - {b}", *_array_lines(b, [block.bias])]
     added = " + G f" if sensitivity else ""
@@ -55,7 +62,7 @@ def _array_lines(name: str, rows: Any) -> list[str]:
     width = max(len(name), 13)
     return [
         f"{name if i == 0 else '':{width}} {'=' if i == 0 else ' '} [ "
-        + "  ".join(f"{float(v):16.9g}" for v in row)
+        + "  ".join(f"{float(v) + 0.0:16.9g}" for v in row)
         + " ]"
         for i, row in enumerate(rows)
     ]
@@ -94,5 +101,5 @@ def _inverse(matrix: Any) -> str:
 
 def _literal(values: Any) -> str:
     if isinstance(values, float):
-        return repr(values)
+        return repr(values + 0.0)
     return "[" + ", ".join(_literal(value) for value in values) + "]"

@@ -17,18 +17,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tumble.calibration.poses import describe_direction
 from tumble.report.advice import next_steps
 from tumble.report.figure import Section
 from tumble.report.formula import formula_text, python_snippet
 from tumble.report.parameter_figures import correlation_section, interval_section
-from tumble.report.parameters import GROUPS, ParameterRow, parameter_rows
-from tumble.report.pose_figure import pose_section
+from tumble.report.parameters import GROUPS, ParameterRow, parameter_rows, plain_unit
+from tumble.report.pose_figure import pose_section, pose_words
 from tumble.report.residual_figures import hold_section, turn_section
 from tumble.report.timeline_figure import timeline_section
 from tumble.report.uncalibrated import nominal_hold_norms, nominal_turn_angles
 from tumble.report.words import (
-    chance_words,
+    chance,
     left_out_sentences,
     quality_sentences,
     term_words,
@@ -98,8 +97,10 @@ def render_report(
         _components(calibration),
         _formulas(calibration),
         _next(calibration, estimate, recording, timeline, means, rows),
-        f"<footer>{_text(calibration.software)}, {_text(calibration.created)}. This page holds the whole "
-        "calibration as JSON (element <code>calibration</code>) and works without a network.</footer>",
+        (
+            f"<footer>{_text(calibration.software)}, {_text(calibration.created)}. This page holds the whole "
+            "calibration as JSON (element <code>calibration</code>) and works without a network.</footer>"
+        ),
     ]
     figures = [figure.as_dict() for section in sections for figure in section.figures]
     return _page(_title(calibration), "\n".join(body), calibration, figures)
@@ -107,10 +108,12 @@ def render_report(
 
 def _page(title: str, body: str, calibration: Calibration, figures: list[dict[str, Any]]) -> str:
     parts = [
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
-        f"<title>{_text(title)}</title>\n<style>\n{_resource('page.css')}</style>\n</head>\n<body>\n<main>\n",
+        (
+            '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+            '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+            f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
+            f"<title>{_text(title)}</title>\n<style>\n{_resource('page.css')}</style>\n</head>\n<body>\n<main>\n"
+        ),
         body,
         '\n</main>\n<script type="application/json" id="calibration">',
         _json(calibration.model_dump(mode="json")),
@@ -156,7 +159,15 @@ def _paragraphs(sentences: list[str]) -> str:
 
 
 def _list(sentences: list[str]) -> str:
-    return "<ul>" + "".join(f"<li>{_text(sentence)}</li>" for sentence in sentences) + "</ul>"
+    return "<ul>" + "".join(f"<li>{_marked(sentence)}</li>" for sentence in sentences) + "</ul>"
+
+
+def _marked(sentence: str) -> str:
+    """Return a sentence escaped, with what stands between backticks as code."""
+    parts = _text(sentence).split("`")
+    if len(parts) % 2 == 0:
+        return "`".join(parts)
+    return "".join(f"<code>{part}</code>" if k % 2 else part for k, part in enumerate(parts))
 
 
 def _title(calibration: Calibration) -> str:
@@ -175,7 +186,7 @@ def _header(calibration: Calibration, recording: Recording) -> str:
         (
             "Samples",
             f"{len(recording)} at {recording.rate:g} Hz, {recording.duration:.0f} s; "
-            f"specific force in {calibration.raw_units.specific_force}, "
+            f"specific force in {plain_unit(calibration.raw_units.specific_force)}, "
             f"angular rate in {calibration.raw_units.angular_rate}"
             + ("" if recording.angular_rate is not None else " (none recorded)"),
         ),
@@ -238,11 +249,13 @@ def _sections(
 ) -> list[Section]:
     sections = [timeline_section(recording, timeline, estimate)]
     up_b = _up(estimate, means)
-    poses = [] if up_b is None else [describe_direction(up) for up in up_b]
+    poses = [] if up_b is None else [pose_words(up) for up in up_b]
     gone = {left.index for left in estimate.left_out if left.kind == "hold"}
     if up_b is not None:
         sections.append(pose_section(up_b, gone))
-    sections.append(hold_section(estimate, nominal_hold_norms(recording, means, calibration.site.gravity), poses))
+    sections.append(
+        hold_section(estimate, nominal_hold_norms(recording, means, calibration.site.gravity), poses)
+    )
     if np.any(np.isfinite(estimate.turn_angles)):
         before = nominal_turn_angles(recording, timeline, means, estimate.model)
         turns = turn_section(estimate, before, poses)
@@ -264,6 +277,7 @@ def _figures(section: Section) -> str:
     places: list[str] = []
     for figure in section.figures:
         width = f"min-width:{figure.least_width}px;" if figure.least_width else ""
+        width += f"max-width:{figure.most_width}px;" if figure.most_width else ""
         place = (
             f'<div id="{figure.name}" role="img" aria-label="{_text(figure.label)}" '
             f'style="{width}height:{figure.height}px"></div>'
@@ -280,10 +294,11 @@ def _terms(calibration: Calibration) -> str:
     terms = calibration.quality.optional_terms
     if not terms:
         return ""
-    heads = "".join(f"<th>{head}</th>" for head in ("term", "F statistic", "unknowns", "chance", "decision"))
+    columns = ("term", "F statistic", "unknowns", "probability of chance", "limit", "decision")
+    heads = "".join(f"<th>{head}</th>" for head in columns)
     rows = "".join(
         f"<tr><td>{_text(term_words(term.name))}</td><td>{term.f_statistic:.3g}</td>"
-        f"<td>{term.degrees_of_freedom}</td><td>{_text(chance_words(term))}</td>"
+        f"<td>{term.degrees_of_freedom}</td><td>{_number(chance(term))}</td><td>{term.limit:.2g}</td>"
         f"<td>{'kept' if term.kept else 'not kept'}</td></tr>"
         for term in terms
     )
@@ -334,11 +349,15 @@ def _digits(value: float) -> str:
 
 def _formulas(calibration: Calibration) -> str:
     parts = [
-        "<h2>The formula, both ways</h2>\n<p>True values are in frame b and SI; raw values are in the recording's "
-        f"own units. At rest the specific force points up.</p><pre>{_text(formula_text(calibration))}</pre>",
+        (
+            "<h2>The formula, both ways</h2>\n<p>True values are in frame b and SI; raw values are in the recording's "
+            f"own units. At rest the specific force points up.</p><pre>{_text(formula_text(calibration))}</pre>"
+        ),
     ]
     if calibration.test_vectors:
-        parts.append("<p>To check an implementation, raw in and corrected out:</p>" + _test_vectors(calibration))
+        parts.append(
+            "<p>To check an implementation, raw in and corrected out:</p>" + _test_vectors(calibration)
+        )
     parts.append(
         "<p>In Python, with numpy alone (rows are samples), or with <code>tumble apply calibration.json "
         f"RECORDING</code>:</p><pre>{_text(python_snippet(calibration))}</pre>"

@@ -4,6 +4,8 @@
   var dark = window.matchMedia("(prefers-color-scheme: dark)");
   var options = { responsive: true, displaylogo: false, displayModeBar: false, scrollZoom: false };
 
+  var touch = window.matchMedia("(pointer: coarse)").matches;
+
   function theme(isDark) {
     return isDark
       ? { text: "#c9d1dc", grid: "#2e3540", line: "#4a5361", hover: "#262c35" }
@@ -21,6 +23,8 @@
     copy.plot_bgcolor = "rgba(0,0,0,0)";
     copy.font = { family: "system-ui, -apple-system, 'Segoe UI', Roboto, Arial, sans-serif", size: 12, color: look.text };
     copy.hoverlabel = { bgcolor: look.hover, bordercolor: look.line, font: { color: look.text } };
+    // A finger scrolls the page; a mouse zooms.
+    if (touch && !copy.scene) copy.dragmode = false;
     copy.xaxis = axisLook(copy.xaxis || {}, look);
     copy.yaxis = axisLook(copy.yaxis || {}, look);
     if (copy.yaxis2) copy.yaxis2 = axisLook(copy.yaxis2, look);
@@ -28,6 +32,29 @@
       ["xaxis", "yaxis", "zaxis"].forEach(function (name) { copy.scene[name] = axisLook(copy.scene[name], look); });
     }
     return copy;
+  }
+
+  // As many hold numbers as there is room for; zooming in shows more.
+  function thinned(place, data) {
+    var index = data.findIndex(function (trace) { return trace.meta === "numbers"; });
+    if (index < 0) return;
+    var all = data[index].text;
+    function fit() {
+      var axis = place._fullLayout.xaxis, last = -1e9;
+      var shown = all.map(function (text, k) {
+        var at = axis.d2p(data[index].x[k]), room = 7 * text.length + 5;
+        if (at < 0 || at > axis._length || at - last < room) return "";
+        last = at;
+        return text;
+      });
+      if (shown.join() !== (place.data[index].text || []).join()) Plotly.restyle(place, { text: [shown] }, [index]);
+    }
+    fit();
+    if (!place.thinned) {
+      place.thinned = true;
+      place.on("plotly_relayout", fit);
+      window.addEventListener("resize", function () { setTimeout(fit, 200); });
+    }
   }
 
   function canTurn() {
@@ -43,7 +70,9 @@
       var plot = figure.fallback && !turns ? figure.fallback : figure;
       var place = document.getElementById(figure.name);
       place.style.height = plot.layout.height + "px";
-      Plotly.react(place, plot.data, themed(plot.layout, isDark), options);
+      Plotly.react(place, plot.data, themed(plot.layout, isDark), options).then(function () {
+        thinned(place, JSON.parse(JSON.stringify(plot.data)));
+      });
     });
   }
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Table
-from tumble.report.figure import BLUE, GREY, Figure, Section, base_layout, plain, text_axis
+from tumble.report.figure import BLUE, GREY, Figure, Section, base_layout, plain
 from tumble.report.parameters import OPTIONAL, ParameterRow
 from tumble.report.rounding import fixed
 
@@ -122,7 +122,12 @@ def correlation_section(rows: list[ParameterRow], correlations: Table) -> Sectio
         margin={"l": 20, "r": 0, "t": 10, "b": 20},
     )
     figure = Figure(
-        "correlations", "Correlations between the parameters", data, layout, least_width=240 + 17 * size
+        "correlations",
+        "Correlations between the parameters",
+        data,
+        layout,
+        least_width=240 + 17 * size,
+        most_width=360 + 36 * size,
     )
     return Section(
         "Correlations",

@@ -6,9 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Vectors
+from tumble.arrays import AnyArray, Vector, Vectors
 from tumble.calibration.poses import describe_direction, distinct_poses, twenty_six_directions
 from tumble.report.figure import BLUE, GREY, RED, Figure, Plot, Section, base_layout, hover, plain, text_axis
+
+# More hold numbers than this at one point are counted instead of listed.
+_MOST_NUMBERS = 4
 
 
 def pose_section(up_b: Vectors, left_out: set[int]) -> Section:
@@ -24,13 +27,15 @@ def pose_section(up_b: Vectors, left_out: set[int]) -> Section:
     missing = missing_directions(units)
     distinct = len(distinct_poses(units))
     notes = [
-        f"{len(units)} holds in {distinct} poses that differ by more than 10°; "
-        f"{26 - len(missing)} of the 26 standard attitudes (faces, edges and corners up) are covered."
+        (
+            f"{len(units)} holds in {distinct} poses that differ by more than 10°; "
+            f"{26 - len(missing)} of the 26 standard attitudes (faces, edges and corners up) are covered."
+        )
     ]
     if len(missing):
-        notes.append("Missing: " + "; ".join(describe_direction(direction) for direction in missing) + ".")
+        notes.append("Missing: " + "; ".join(pose_words(direction) for direction in missing) + ".")
     colours = [RED if k in left_out else BLUE for k in range(len(units))]
-    words = [f"hold {k + 1}: {describe_direction(unit)}" for k, unit in enumerate(units)]
+    words = [f"hold {k + 1}: {pose_words(unit)}" for k, unit in enumerate(units)]
     return Section(
         "Poses",
         [
@@ -48,6 +53,23 @@ def pose_section(up_b: Vectors, left_out: set[int]) -> Section:
     )
 
 
+def pose_words(up: Vector) -> str:
+    """Return what points up in words, with minus signs at which no line breaks."""
+    return describe_direction(up).replace("-", "−")
+
+
+def _numbers(units: Vectors) -> list[str]:
+    """Return a label for each hold: all holds of one pose stand at the first of them."""
+    labels = [""] * len(units)
+    first = distinct_poses(units)
+    nearest = np.argmax(units @ units[first].T, axis=1)
+    for pose, hold in enumerate(first):
+        numbers = [str(k + 1) for k in np.flatnonzero(nearest == pose)]
+        rest = len(numbers) - _MOST_NUMBERS
+        labels[hold] = ", ".join(numbers[:_MOST_NUMBERS]) + (f" +{rest}" if rest > 0 else "")
+    return labels
+
+
 def missing_directions(units: Vectors) -> Vectors:
     """Return those of the 26 standard directions that no hold is nearest to."""
     standard = twenty_six_directions()
@@ -60,7 +82,16 @@ def _sphere(units: Vectors, standard: Vectors, colours: list[str], words: list[s
     circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
     gap = np.full((1, 3), np.nan)
     grid = np.vstack([circle, gap, circle[:, [0, 2, 1]], gap, circle[:, [2, 0, 1]]])
+    faces = np.vstack([np.eye(3), -np.eye(3)])
     return [
+        {
+            **_points(1.25 * faces),
+            "mode": "text",
+            "text": ["+x", "+y", "+z", "−x", "−y", "−z"],
+            "textfont": {"size": 15},
+            "hoverinfo": "skip",
+            "showlegend": False,
+        },
         {
             **_points(grid),
             "mode": "lines",
@@ -74,14 +105,14 @@ def _sphere(units: Vectors, standard: Vectors, colours: list[str], words: list[s
             "mode": "markers",
             "name": "standard attitude",
             "marker": {"size": 9, "color": GREY, "opacity": 0.4, "symbol": "circle-open"},
-            "hovertext": [describe_direction(d) for d in standard],
+            "hovertext": [pose_words(d) for d in standard],
             "hoverinfo": "text",
         },
         {
             **_points(units),
             "mode": "markers+text",
             "name": "hold",
-            "text": [str(k + 1) for k in range(len(units))],
+            "text": _numbers(units),
             "textposition": "top center",
             "marker": {"size": 5, "color": colours},
             "hovertext": [hover(word) for word in words],
@@ -100,25 +131,15 @@ def _points(points: Vectors) -> Plot:
 
 
 def _scene() -> Plot:
-    def axis(name: str) -> Plot:
-        return {
-            "title": {"text": f"{name} up"},
-            "range": [-1.25, 1.25],
-            "showticklabels": False,
-            "showbackground": False,
-            "zeroline": False,
-            "showspikes": False,
-        }
-
-    scene: Plot = {f"{name}axis": axis(name) for name in "xyz"}
+    hidden: Plot = {"visible": False, "range": [-1.3, 1.3], "showspikes": False}
+    scene: Plot = {f"{name}axis": dict(hidden) for name in "xyz"}
     scene["aspectmode"] = "cube"
-    scene["camera"] = {"eye": {"x": 1.15, "y": 1.15, "z": 0.75}}
+    # Off the diagonal, so that no standard attitude hides behind another.
+    scene["camera"] = {"eye": {"x": 0.98, "y": 0.64, "z": 0.52}}
     return base_layout(520, scene=scene, margin={"l": 0, "r": 0, "t": 0, "b": 0}, dragmode="orbit")
 
 
-def _map(
-    units: Vectors, standard: Vectors, colours: list[str], words: list[str]
-) -> tuple[list[Plot], Plot]:
+def _map(units: Vectors, standard: Vectors, colours: list[str], words: list[str]) -> tuple[list[Plot], Plot]:
     """Return an equal-area map, both half spheres side by side, for where nothing turns."""
     angle = np.linspace(0.0, 2.0 * np.pi, 73)
     rim = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -134,7 +155,7 @@ def _map(
             name="standard attitude",
             marker=grey,
             opacity=0.6,
-            hovertext=[describe_direction(d) for d in standard],
+            hovertext=[pose_words(d) for d in standard],
             hoverinfo="text",
         )
     )
@@ -143,7 +164,7 @@ def _map(
             _mapped(units),
             mode="markers+text",
             name="hold",
-            text=[str(k + 1) for k in range(len(units))],
+            text=_numbers(units),
             textposition="top center",
             marker={"size": 6, "color": colours},
             hovertext=[hover(word) for word in words],

@@ -23,9 +23,7 @@ def hold_section(estimate: Estimate, before: Uncalibrated | None, poses: list[st
     after, sigma = 1e3 * estimate.hold_norms, 1e3 * estimate.hold_sigmas
     gone = {left.index for left in estimate.left_out if left.kind == "hold"}
     data = [*_band(number, sigma, "y"), _marks(number, after, gone, "after", "%{y:.2f} mm/s²", poses)]
-    layout = base_layout(
-        340, xaxis=text_axis("hold", dtick=_tick(number.size)), yaxis=text_axis("norm − g, after / (mm/s²)")
-    )
+    layout = base_layout(340, xaxis=_numbers("hold", number), yaxis=text_axis("norm − g, after / (mm/s²)"))
     rms = _rms(after)
     caption = (
         f"After calibration the norm of each hold differs from gravity by {rms:.2g} mm/s² rms; the points should "
@@ -36,7 +34,7 @@ def hold_section(estimate: Estimate, before: Uncalibrated | None, poses: list[st
         data.append(_bars(number, earlier, poses))
         layout.update(
             height=460,
-            xaxis=text_axis("hold", dtick=_tick(number.size), anchor="y"),
+            xaxis=_numbers("hold", number),
             yaxis=text_axis("after / (mm/s²)", domain=[0.0, 0.55]),
             yaxis2=text_axis("before / (mm/s²)", domain=[0.63, 1.0]),
         )
@@ -86,15 +84,35 @@ def turn_section(estimate: Estimate, before: Uncalibrated | None, poses: list[st
     )
     layout = base_layout(
         380,
-        xaxis=text_axis("turn (from hold n to the next)", dtick=_tick(int(number[-1]))),
-        yaxis=text_axis("angle / °", type="log", dtick=1, minor={"ticks": "inside"}),
+        xaxis=_numbers("turn (from hold n to the next)", number),
+        yaxis=text_axis("angle / °", type="log", **_decades(_joined(data))),
     )
     label = "Angle between gravity carried over each turn and gravity seen, before and after"
-    return Section("Turns: gravity carried by the gyro", [Figure("turns", label, data, layout)], caption + ".")
+    return Section(
+        "Turns: gravity carried by the gyro", [Figure("turns", label, data, layout)], caption + "."
+    )
+
+
+def _joined(data: list[Plot]) -> list[float]:
+    return [value for trace in data for value in trace["y"] if value]
+
+
+def _decades(values: list[float]) -> Plot:
+    """Return ticks of a logarithmic axis that are plain numbers: 1, 2, 5 or 1 only over many decades."""
+    low, high = min(values), max(values)
+    steps = (1, 2, 5) if np.log10(high / low) < 2.5 else (1,)
+    first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
+    ticks = [step * 10.0**decade for decade in range(first, last + 1) for step in steps]
+    return {"tickvals": plain(ticks), "ticktext": [f"{tick:.12g}" for tick in ticks]}
 
 
 def _rms(values: Series) -> float:
     return float(np.sqrt(np.nanmean(values**2)))
+
+
+def _numbers(title: str, number: np.ndarray) -> Plot:
+    span = [float(number[0]) - 0.8, float(number[-1]) + 0.8]
+    return text_axis(title, dtick=_tick(int(number[-1])), range=span, anchor="y", zeroline=False)
 
 
 def _tick(count: int) -> int:

@@ -21,6 +21,7 @@ from tumble.report.figure import (
     base_layout,
     hover,
     packed,
+    plain,
     text_axis,
 )
 from tumble.units import angular_rate_factor, specific_force_factor
@@ -74,11 +75,14 @@ def timeline_section(recording: Recording, timeline: Timeline, estimate: Estimat
     data: list[Plot] = _strip(recording, timeline, estimate)
     layout = base_layout(
         560,
-        xaxis=text_axis("time / s", anchor="y2" if recording.angular_rate is not None else "y"),
+        xaxis=text_axis(
+            "time / s",
+            range=[0.0, round(recording.duration, 3)],
+            anchor="y2" if recording.angular_rate is not None else "y",
+        ),
         shapes=_shades(recording, timeline, estimate),
         barmode="overlay",
-        uniformtext={"mode": "hide", "minsize": 8},
-        yaxis3={"domain": [0.95, 1.0], "visible": False, "fixedrange": True},
+        yaxis3={"domain": [0.95, 1.0], "visible": False, "fixedrange": True, "range": [-0.5, 0.5]},
     )
     panels = _panels(recording, model.accelerometer, model.gyroscope)
     tops = {1: [(0.0, 0.93)], 2: [(0.49, 0.93), (0.0, 0.44)]}[max(len(panels), 1)]
@@ -99,7 +103,7 @@ def _panels(recording: Recording, force: Triad | None, gyro: Triad | None) -> li
     panels: list[tuple[str, Envelope]] = []
     if recording.specific_force is not None:
         factor = specific_force_factor(recording.specific_force_unit)
-        scale, offset, unit = _to_si(factor, force, 1.0, "m/s²")
+        scale, offset, unit = _to_si(factor, force, 1.0, "(m/s²)")
         raw = envelope(recording.time, recording.specific_force)
         panels.append((f"specific force / {unit}", _scaled(raw, scale, offset)))
     if recording.angular_rate is not None:
@@ -148,12 +152,12 @@ def _channels(values: Envelope, axis: str, *, first: bool) -> list[Plot]:
 def _strip(recording: Recording, timeline: Timeline, estimate: Estimate) -> list[Plot]:
     """Return the bars on top: what each stretch of the recording was taken for."""
     why = {(left.kind, left.index): left.reason for left in estimate.left_out}
-    holds: list[tuple[int, int, str, str, str]] = []
-    turns: list[tuple[int, int, str, str, str]] = []
+    holds: list[tuple[int, int, str, str]] = []
+    turns: list[tuple[int, int, str, str]] = []
     for index, hold in enumerate(timeline.holds):
         reason = why.get(("hold", index))
         words = f"hold {index + 1}" + (f", left out: {reason}" if reason else "")
-        holds.append((hold.start, hold.stop, str(index + 1), words, RED if reason else BLUE))
+        holds.append((hold.start, hold.stop, words, RED if reason else BLUE))
     for turn in timeline.turns:
         reason = why.get(("turn", turn.before))
         words = f"turn {turn.before + 1}: from hold {turn.before + 1} to hold {turn.after + 1}"
@@ -162,13 +166,32 @@ def _strip(recording: Recording, timeline: Timeline, estimate: Estimate) -> list
         elif not turn.usable:
             words += f", not used: {turn.reason}"
         colour = RED if reason else PURPLE if turn.usable else ORANGE
-        turns.append((turn.start, turn.stop, "", words, colour))
-    rejected = [(r.start, r.stop, "", f"rejected: {r.reason}", ORANGE) for r in timeline.rejections]
+        turns.append((turn.start, turn.stop, words, colour))
+    rejected = [(r.start, r.stop, f"rejected: {r.reason}", ORANGE) for r in timeline.rejections]
     kinds = [("turns", turns), ("holds", holds), ("rejected", rejected)]
-    return [_bars(recording, name, items) for name, items in kinds if items]
+    bars = [_bars(recording, name, items) for name, items in kinds if items]
+    return [*bars, _hold_numbers(recording, timeline)]
 
 
-def _bars(recording: Recording, name: str, items: list[tuple[int, int, str, str, str]]) -> Plot:
+def _hold_numbers(recording: Recording, timeline: Timeline) -> Plot:
+    """Return the numbers on the strip; the page's script shows as many as there is room for."""
+    start = _elapsed(recording, [hold.start for hold in timeline.holds])
+    stop = _elapsed(recording, [hold.stop for hold in timeline.holds])
+    return {
+        "type": "scatter",
+        "mode": "text",
+        "meta": "numbers",
+        "x": plain(0.5 * (start + stop), 7),
+        "y": [0] * len(timeline.holds),
+        "yaxis": "y3",
+        "text": [str(k + 1) for k in range(len(timeline.holds))],
+        "textfont": {"color": "#fff", "size": 11},
+        "hoverinfo": "skip",
+        "showlegend": False,
+    }
+
+
+def _bars(recording: Recording, name: str, items: list[tuple[int, int, str, str]]) -> Plot:
     start = _elapsed(recording, [item[0] for item in items])
     stop = _elapsed(recording, [item[1] for item in items])
     width = np.maximum(stop - start, _NARROWEST * recording.duration)
@@ -183,17 +206,11 @@ def _bars(recording: Recording, name: str, items: list[tuple[int, int, str, str,
         "base": packed(middle - 0.5 * width),
         "x": packed(width),
         "width": 1,
-        "text": [item[2] for item in items],
-        "textposition": "inside",
-        "insidetextanchor": "middle",
-        "textangle": 0,
-        "textfont": {"color": "#fff"},
-        "constraintext": "both",
         "hovertext": [
-            f"{hover(item[3])}<br>{a:.1f} to {b:.1f} s" for item, a, b in zip(items, start, stop, strict=True)
+            f"{hover(item[2])}<br>{a:.1f} to {b:.1f} s" for item, a, b in zip(items, start, stop, strict=True)
         ],
         "hoverinfo": "text",
-        "marker": {"color": [item[4] for item in items], "line": {"width": 0}},
+        "marker": {"color": [item[3] for item in items], "line": {"width": 0}},
     }
 
 

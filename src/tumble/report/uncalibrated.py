@@ -86,5 +86,7 @@ def nominal_turn_angles(
     )
     words = "the gyro's nominal scale factor on axes taken as perpendicular"
     if factor is None:
-        words = "the gyro's estimated scale factors on axes taken as perpendicular (counts have no nominal ones)"
+        words = (
+            "the gyro's estimated scale factors on axes taken as perpendicular (counts have no nominal ones)"
+        )
     return Uncalibrated(angles, words)

@@ -51,16 +51,17 @@ def quality_sentences(calibration: Calibration) -> list[str]:
 def terms_sentences(calibration: Calibration) -> list[str]:
     """Return what became of each optional term."""
     return [
-        f"Optional term {term_words(term.name)}: {'kept' if term.kept else 'left out'} "
-        f"({chance_words(term)})."
+        (
+            f"Optional term {term_words(term.name)}: {'kept' if term.kept else 'left out'} "
+            f"(probability of chance {chance(term)}, limit {term.limit:.2g})."
+        )
         for term in calibration.quality.optional_terms
     ]
 
 
-def chance_words(term: TermBlock) -> str:
-    """Return how probable chance alone is, against the limit."""
-    chance = "below 1e-12" if term.probability < 1e-12 else f"{term.probability:.2g}"
-    return f"probability of chance {chance}, limit {term.limit:.2g}"
+def chance(term: TermBlock) -> str:
+    """Return how probable it is that chance alone gives the term's F statistic."""
+    return "below 1e-12" if term.probability < 1e-12 else f"{term.probability:.2g}"
 
 
 def left_out_sentences(calibration: Calibration) -> list[str]:
