@@ -45,7 +45,9 @@ def find_bias_step(residual: Vectors, variance: Vectors) -> BiasStep | None:
     trials = 3 * len(splits)
     if trials < 3:
         return None
-    limit = float(stdtrit(max(0.37 * (holds - 2), 3.0), 1.0 - FALSE_ALARM / (2.0 * trials)))
+    freedom: float = max(0.37 * (holds - 2), 3.0)
+    level: float = 1.0 - FALSE_ALARM / (2.0 * trials)
+    limit = float(stdtrit(freedom, level))
     best: tuple[float, BiasStep] | None = None
     for axis in range(3):
         weight = 1.0 / variance[:, axis]

@@ -288,9 +288,9 @@ def _balanced(
     """Adjust with variance components, gross errors left out (`active` changes)."""
     latest: list[_Solution] = []
 
-    def solve(extra: dict[str, float], mask: np.ndarray, *, once: bool) -> Adjustment:
+    def solve(extra: dict[str, float], active: np.ndarray, *, once: bool) -> Adjustment:
         start = latest[-1].values if latest else values
-        latest.append(_solve(data, site, prior, start, free, mask, extra, once=once))
+        latest.append(_solve(data, site, prior, start, free, active, extra, once=once))
         return latest[-1].adjustment
 
     # The last call is the one whose adjustment is returned, so that the latest solution goes with it.
