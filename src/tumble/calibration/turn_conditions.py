@@ -290,8 +290,10 @@ class _State:
         """Correct the means and windows and integrate the turns with the unknowns `full`."""
         triad = triad_from_unknowns(full[FORCE])
         corrected = correct_with_derivatives(full[FORCE], mean)
-        observed = triad.correct(data.force_mean)
         inverse = inverted(full[GYRO_MATRIX].reshape(3, 3))
+        force_inverse = inverted(triad.matrix)
+        # By matrix and bias alone, as the windows are: a quadratic term would else count as deviation.
+        observed = (data.force_mean - triad.bias) @ force_inverse.T
         head, tail = window_directions(data, triad.matrix, triad.bias, inverse)
         turns = np.flatnonzero(data.turn_start >= 0)
         integrated = integrate_turns(
@@ -302,7 +304,7 @@ class _State:
             data.turn_stop[turns],
             gyro_inverse=inverse,
             gyro_bias=full[GYRO_BIAS],
-            force_inverse=inverted(triad.matrix),
+            force_inverse=force_inverse,
             force_bias=triad.bias,
             g_sensitivity=full[G_SENSITIVITY].reshape(3, 3),
         )
