@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import Series, Square
+from tumble.arrays import Series, Square, Table
 from tumble.calibration.estimate import NamedValue
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE
 from tumble.sensor import ImuModel, Triad, propagate
@@ -65,7 +65,7 @@ def canonical_parameters(unknowns: Complex, terms: frozenset[str], gyro: str) ->
     return np.concatenate(parts)
 
 
-def canonical_covariance(unknowns: Series, covariance: Square, terms: frozenset[str], gyro: str) -> Square:
+def canonical_covariance(unknowns: Series, covariance: Square, terms: frozenset[str], gyro: str) -> Table:
     """Return the covariance of the canonical parameters from that of the 36 unknowns."""
     return propagate(lambda x: canonical_parameters(x, terms, gyro), unknowns, covariance)[1]
 
@@ -93,7 +93,7 @@ def named_values(
     gyro: str,
     units: tuple[str, str],
     factors: tuple[float | None, float | None],
-) -> tuple[list[NamedValue], Square]:
+) -> tuple[list[NamedValue], Table]:
     """Return the parameters in Shin and El-Sheimy's convention, and their covariance.
 
     The gyro's matrix is split into its own lower-triangular factor (scale, non-orthogonality) and
