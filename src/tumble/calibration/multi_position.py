@@ -83,7 +83,7 @@ def fit_norms(
     ConvergenceError
         If it does not settle, or settles in the mirror root with a negative scale factor.
     """
-    known = 0 if prior is None else int(np.linalg.matrix_rank(prior.precision, tol=0.0))
+    known = 0 if prior is None else prior.rank
     if observed.shape[0] + known < free.size:
         raise ObservabilityError(
             f"{observed.shape[0]} holds cannot tell {free.size} unknowns: record at least {free.size + 1}."
@@ -222,7 +222,7 @@ def _earth_rate_tells(observed: Vectors, covariance: Matrices, start: Series, co
     noise = float(np.median(in_si)) / EARTH_RATE
     # Scale and angles come out at about 1 to 2 times the noise of one hold over the root of holds / 9.
     share = noise / np.sqrt(max(observed.shape[0] / 9.0, 1.0))
-    return share < (1.0 / 3.0 if count == 3 else WORST_GYRO_SCALE)
+    return bool(share < (1.0 / 3.0 if count == 3 else WORST_GYRO_SCALE))
 
 
 def _good_enough(fit: TriadFit) -> bool:

@@ -81,10 +81,16 @@ def change_frame(model: ImuModel, frame: str) -> ImuModel:
     Raises
     ------
     UsageError
-        If the frame's name is unknown, or the model has no accelerometer to fix it by.
+        If the frame's name is unknown, the model has no accelerometer to fix it by, or its
+        accelerometers form a left-handed triad, which no rotation brings into a frame.
     """
     if model.accelerometer is None:
         raise UsageError(f"The frame {frame!r} is fixed by the accelerometers, and there are none.")
+    if np.linalg.det(model.accelerometer.matrix) <= 0:
+        raise UsageError(
+            "The accelerometer matrix is left-handed or singular (determinant not positive): "
+            "an axis is reversed; put its sign right first."
+        )
     C_new_b: Matrix = np.real(frame_rotation(model.accelerometer.matrix, frame))
     return model.turned(C_new_b)
 
