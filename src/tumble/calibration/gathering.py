@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tumble.arrays import Matrices, Vector
 from tumble.calibration.turn_conditions import HoldsAndTurns
 from tumble.errors import ObservabilityError
 from tumble.recording.recording import Recording
@@ -50,7 +51,16 @@ def gather(recording: Recording, timeline: Timeline, means: HoldMeans) -> HoldsA
         turn_stop=turn_stop,
         force_sample_variance=floor.specific_force**2,
         rate_random_walk=floor.angular_rate**2 / recording.rate,
+        force_floor=_floor(means.specific_force_covariance, floor.specific_force, means),
+        rate_floor=_floor(means.angular_rate_covariance, floor.angular_rate, means),
     )
+
+
+def _floor(covariance: Matrices, sigma: Vector, means: HoldMeans) -> Vector:
+    """Return the variance of a hold's mean beyond white noise, the median over the holds."""
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    white = sigma**2 / means.count[:, None]
+    return np.median(np.maximum(variance - white, 0.0), axis=0)
 
 
 def edge_windows(holds: tuple[Hold, ...], means: HoldMeans, rate: float) -> tuple[np.ndarray, np.ndarray]:

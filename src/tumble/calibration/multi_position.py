@@ -16,8 +16,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Series, Square, Vectors, inverted
+from tumble.arrays import Matrices, Series, Square, Vectors, inverted
 from tumble.calibration.canonical import (
+    Complex,
     canonical_covariance,
     canonical_names,
     model_from_unknowns,
@@ -237,7 +238,7 @@ def _matrix_and_bias_covariance(fit: TriadFit) -> Square:
     from tumble.sensor.conventions.shin import matrix_from_shin
     from tumble.sensor.propagation import propagate
 
-    def entries(x: AnyArray) -> AnyArray:
+    def entries(x: Complex) -> Complex:
         return np.concatenate([matrix_from_shin(x[SCALE], x[ANGLE]).ravel(), x[BIAS]])
 
     return propagate(entries, fit.unknowns, fit.covariance)[1]

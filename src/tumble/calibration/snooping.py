@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -46,6 +46,7 @@ class Outlier:
     normalised: float
 
 
+@runtime_checkable
 class Solve(Protocol):
     """Adjusts with extra variances by kind (SI²) and a mask of active conditions.
 

@@ -41,6 +41,8 @@ TOTAL = 36
 
 NORM, RATE, TURN = slice(0, 1), slice(1, 4), slice(4, 6)
 GROUP = 6
+# Of the flicker floor of a hold's mean, what lies between it and the mean of a part.
+FLICKER_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +59,7 @@ class HoldsAndTurns:
         its tail to the first of the next head; -1 where there is none that can be used.
     force_sample_variance : (3,) per sample at rest, raw².
     rate_random_walk : (3,) N² of each gyro, raw² s, from the holds.
+    force_floor, rate_floor : (3,) raw², what no averaging takes away: a bias that wanders.
     """
 
     time: Series
@@ -73,6 +76,8 @@ class HoldsAndTurns:
     turn_stop: np.ndarray
     force_sample_variance: Vector
     rate_random_walk: Vector
+    force_floor: Vector
+    rate_floor: Vector
 
     @property
     def holds(self) -> int:
@@ -226,8 +231,9 @@ class TurnConditions:
         shared = noise[k + 1] @ np.swapaxes(after, 1, 2)
         lower[k, NORM, TURN] = blocks[k + 1, NORM] @ shared
         # Both windows of a hold deviate from its mean, and from different samples: white noise in the
-        # mean is undone by the deviations' own covariance, -sigma²/n.
+        # mean is undone by the deviations' own covariance, -sigma²/n, and a share of the flicker too.
         white = np.diag(data.force_sample_variance) / data.hold_samples[k + 1, None, None]
+        white = white + FLICKER_SHARE * np.diag(data.force_floor)
         lower[k, TURN, TURN] = blocks[k + 1, TURN] @ (noise[k + 1] - white) @ np.swapaxes(after, 1, 2)
         return lower
 
@@ -256,8 +262,10 @@ class TurnConditions:
         walking = state.duration + _edge_time(self.data, self.data.tail)[k]
         walking = walking + _edge_time(self.data, self.data.head)[k + 1]
         walk = np.einsum("tga,a,tha->tgh", by_rotation, white, by_rotation) * walking[:, None, None]
+        floor = np.diag(inverse @ np.diag(self.data.rate_floor) @ inverse.T)
+        drift = np.einsum("tga,a,tha->tgh", by_rotation, floor, by_rotation)
         wander = self.extra.turn + self.extra.rate * state.duration**2
-        return walk + wander[:, None, None] * np.eye(2)
+        return walk + drift * (state.duration**2)[:, None, None] + wander[:, None, None] * np.eye(2)
 
     def _masked(self, w: AnyArray, A: AnyArray, C: AnyArray, lower: AnyArray) -> Linearisation:
         off = ~self.active
@@ -354,10 +362,15 @@ def window_directions(
 
 
 def _window_covariance(data: HoldsAndTurns, windows: np.ndarray) -> Matrices:
-    """Return the covariance of a window's mean minus its hold's mean: sigma² (1/n_window - 1/n)."""
+    """Return the covariance of a window's mean minus its hold's mean.
+
+    White noise gives sigma² (1/n_window - 1/n); of flicker, half of its floor remains between the
+    mean of half a hold and that of the whole (the Allan variance of the halves is twice the floor).
+    """
     count = (windows[:, 1] - windows[:, 0]).astype(float)
     share = np.maximum(1.0 / count - 1.0 / data.hold_samples, 0.0)
-    return share[:, None, None] * np.diag(data.force_sample_variance)[None]
+    white = share[:, None, None] * np.diag(data.force_sample_variance)[None]
+    return white + FLICKER_SHARE * (share > 0)[:, None, None] * np.diag(data.force_floor)[None]
 
 
 def _edge_time(data: HoldsAndTurns, windows: np.ndarray) -> Series:
