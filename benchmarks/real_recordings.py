@@ -23,8 +23,10 @@ import numpy as np
 from tumble.calibration import calibrate_hand_held
 from tumble.calibration.canonical import named_values
 from tumble.calibration.gathering import gather
+from tumble.calibration.multi_position import fit_norms
 from tumble.calibration.scores import hold_norm_errors, score_turns
-from tumble.calibration.triad_unknowns import unknowns_from_triad
+from tumble.calibration.start_values import rough_triad
+from tumble.calibration.triad_unknowns import triad_from_unknowns, unknowns_from_triad
 from tumble.earth import Site
 from tumble.recording import read_recording
 from tumble.segmentation import find_timeline, observe_holds
@@ -77,6 +79,22 @@ def held_out(recording, timeline, means, site: Site):
         scored = score(estimate.model, data, site.gravity)
         norms[mine], angles[mine] = scored[0][mine], scored[1][mine]
     return norms, angles
+
+
+def held_out_plain_norms(data, gravity: float) -> np.ndarray:
+    """Return held-out norms of the plain fit: hold norms alone, all holds weighing alike (imu_tk's way)."""
+    norms = np.full(data.holds, np.nan)
+    holds = np.arange(data.holds)
+    alike = np.broadcast_to(
+        np.eye(3) * np.mean(np.diagonal(data.force_covariance, 0, 1, 2)), (data.holds, 3, 3)
+    )
+    for fold in range(FOLDS):
+        mine, rest = holds[holds % FOLDS == fold], holds[holds % FOLDS != fold]
+        start = rough_triad(data.force_mean[rest], gravity)
+        fit = fit_norms(data.force_mean[rest], alike[rest], gravity, start, np.arange(9), robust=False)
+        model = ImuModel(triad_from_unknowns(fit.unknowns), None)
+        norms[mine] = hold_norm_errors(model, data.force_mean[mine], gravity)
+    return norms
 
 
 def compare(model: ImuModel, estimate) -> None:
@@ -134,6 +152,9 @@ def main() -> None:
         without = calibrate_hand_held(recording, timeline, means, site, optional_terms=False)
         line("tumble, without optional terms", *score(without.model, data, gravity))
         line("tumble, held out (5 interleaved folds)", *held_out(recording, timeline, means, site))
+        plain = held_out_plain_norms(data, gravity)
+        rms = 1e3 * np.sqrt(np.mean(plain**2))
+        print(f"  {'norms alone, alike weights, held out':44s}{rms:8.2f} mm/s²")
         if name.startswith("Xsens"):
             theirs = read_imu_tk()
             line("imu_tk, on all of the recording", *score(theirs, data, gravity))
