@@ -65,12 +65,15 @@
   }
   var turns = canTurn();
 
-  function draw(isDark) {
+  // Paper is narrower than most screens, does not tell its width, and keeps no 3D canvas.
+  function draw(isDark, onPaper) {
     figures.forEach(function (figure) {
-      var plot = figure.fallback && !turns ? figure.fallback : figure;
+      var plot = figure.fallback && (onPaper || !turns) ? figure.fallback : figure;
       var place = document.getElementById(figure.name);
+      var layout = themed(plot.layout, isDark);
+      if (onPaper) layout.width = place.parentNode.classList.contains("many") ? 225 : 690;
       place.style.height = plot.layout.height + "px";
-      Plotly.react(place, plot.data, themed(plot.layout, isDark), options).then(function () {
+      Plotly.react(place, plot.data, layout, options).then(function () {
         thinned(place, JSON.parse(JSON.stringify(plot.data)));
       });
     });
@@ -78,6 +81,6 @@
 
   draw(dark.matches);
   dark.addEventListener("change", function (event) { draw(event.matches); });
-  window.addEventListener("beforeprint", function () { draw(false); });
+  window.addEventListener("beforeprint", function () { draw(false, true); });
   window.addEventListener("afterprint", function () { draw(dark.matches); });
 })();

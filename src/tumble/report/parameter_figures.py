@@ -10,7 +10,7 @@ import numpy as np
 
 from tumble.arrays import Table
 from tumble.report.figure import BLUE, GREY, Figure, Section, base_layout, plain
-from tumble.report.parameters import OPTIONAL, ParameterRow
+from tumble.report.parameters import ACCELEROMETER, GYRO, OPTIONAL, ParameterRow
 from tumble.report.rounding import fixed
 
 if TYPE_CHECKING:
@@ -32,9 +32,8 @@ def interval_section(rows: list[ParameterRow], factor: float) -> Section:
 
 
 def _intervals(name: str, rows: list[ParameterRow], factor: float) -> Figure:
-    kind = rows[0].family if rows[0].group == OPTIONAL else f"{rows[0].group.lower()} {rows[0].family}"
     unit = rows[0].drawn.unit
-    title = rows[0].family if rows[0].group not in ("Accelerometer", "Gyro") else kind
+    title = _title(rows[0])
     labels = [_axis_label(row) for row in rows]
     values = [row.drawn.value for row in rows]
     data: list[Plot] = [
@@ -57,7 +56,7 @@ def _intervals(name: str, rows: list[ParameterRow], factor: float) -> Figure:
     ]
     layout = base_layout(
         96 + 26 * len(rows),
-        title={"text": f"{title} / {_in_brackets(unit)}", "font": {"size": 13}, "x": 0.02, "y": 0.97},
+        title={"text": f"{title} / {_in_brackets(unit)}", "font": {"size": 12}, "x": 0.02, "y": 0.97},
         margin={"l": 30, "r": 16, "t": 34, "b": 30},
         xaxis={"zeroline": False, "nticks": 6},
         yaxis={"autorange": "reversed", "automargin": True, "type": "category"},
@@ -76,6 +75,18 @@ def _intervals(name: str, rows: list[ParameterRow], factor: float) -> Figure:
         showlegend=False,
     )
     return Figure(name, f"{title} with 95 % intervals", data, layout)
+
+
+def _title(row: ParameterRow) -> str:
+    if row.family == "scale factor":
+        return f"{row.group.lower()} scale"
+    if row.group in (ACCELEROMETER, GYRO):
+        return f"{row.group.lower()} {row.family}".replace("accelerometer non", "acc. non")
+    return (
+        row.short
+        if row.group == OPTIONAL and row.family != "g-sensitivity"
+        else row.family.split(" between")[0]
+    )
 
 
 def _axis_label(row: ParameterRow) -> str:
