@@ -1,0 +1,117 @@
+"""A unit with known errors, tumbled by the simulator, for the tests of this folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tumble.calibration.gathering import gather
+from tumble.calibration.turn_conditions import HoldsAndTurns
+from tumble.earth import Site
+from tumble.recording import Recording
+from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline, Turn, observe_holds
+from tumble.sensor import ImuModel, Triad
+from tumble.simulation import Motion, simulate_recording
+
+SITE = Site(9.81, 0.0, float(np.radians(48.0)), 300.0, "as simulated")
+MODEL = ImuModel(
+    Triad(np.array([[1.02, 0.0, 0.0], [-0.011, 0.98, 0.0], [0.031, -0.019, 1.05]]), np.array([0.11, -0.23, 0.31])),
+    Triad(
+        np.array([[0.99, 0.021, -0.033], [-0.014, 1.03, 0.026], [0.037, -0.018, 0.97]]),
+        np.array([0.021, -0.013, 0.034]),
+    ),
+    1e-4 * np.array([[2.0, -3.0, 1.0], [4.0, -1.0, 5.0], [-6.0, 7.0, -2.0]]),
+)  # fmt: skip
+UNKNOWN_COUNT = 36
+
+
+@dataclass(frozen=True)
+class Tumbled:
+    """A recording with its holds and turns as they were commanded."""
+
+    recording: Recording
+    timeline: Timeline
+    means: HoldMeans
+
+    def data(self) -> HoldsAndTurns:
+        return gather(self.recording, self.timeline, self.means)
+
+    def without_turns(self, *numbers: int) -> Tumbled:
+        """The same with turns that cannot be integrated."""
+        turns = tuple(
+            replace(turn, usable=False, reason="a gap") if turn.before in numbers else turn
+            for turn in self.timeline.turns
+        )
+        return Tumbled(self.recording, replace(self.timeline, turns=turns), self.means)
+
+
+def tumble_by_hand(
+    *, holds: int = 12, noise: tuple[float, float] = (0.02, 2e-3), noise_seed: int = 1, earth: bool = True
+) -> Tumbled:
+    """Holds of 3 s in poses of chance, turns of 2 s between them, 100 Hz, white noise per sample."""
+    rng = np.random.default_rng(1)
+    motion = Motion.between_poses(Rotation.random(holds, rng), np.full(holds, 3.0), np.full(holds - 1, 2.0))
+    place = SITE if earth else Site.from_gravity(SITE.gravity)
+    played, _ = simulate_recording(motion, 100.0, rng, site=place, distort=MODEL.distort)
+    rng = np.random.default_rng(noise_seed)
+    assert played.specific_force is not None
+    assert played.angular_rate is not None
+    recording = replace(
+        played,
+        specific_force=played.specific_force + noise[0] * rng.standard_normal(played.specific_force.shape),
+        angular_rate=played.angular_rate + noise[1] * rng.standard_normal(played.angular_rate.shape),
+    )
+    found = [Hold(500 * k, 500 * k + 300) for k in range(holds)]
+    turns = [Turn(k, k + 1, 500 * k + 300, 500 * (k + 1)) for k in range(holds - 1)]
+    floor = NoiseFloor(np.full(3, max(noise[0], 1e-6)), np.full(3, max(noise[1], 1e-8)), 1.0, "as simulated")
+    timeline = Timeline(tuple(found), tuple(turns), (), floor)
+    return Tumbled(recording, timeline, observe_holds(recording, timeline))
+
+
+def true_unknowns(first_attitude: Rotation | None = None) -> np.ndarray:
+    """The 36 unknowns of MODEL; the Earth rate is left at zero."""
+    from tumble.calibration.triad_unknowns import unknowns_from_triad
+
+    assert MODEL.accelerometer is not None
+    assert MODEL.gyroscope is not None
+    assert MODEL.g_sensitivity is not None
+    values = np.zeros(UNKNOWN_COUNT)
+    values[:12] = unknowns_from_triad(MODEL.accelerometer)
+    values[12:21], values[21:24] = MODEL.gyroscope.matrix.ravel(), MODEL.gyroscope.bias
+    values[24:33] = MODEL.g_sensitivity.ravel()
+    return values
+
+
+@pytest.fixture(scope="session")
+def tumbled() -> Tumbled:
+    return tumble_by_hand()
+
+
+@pytest.fixture(scope="session")
+def quiet() -> Tumbled:
+    """As good as without noise."""
+    return tumble_by_hand(noise=(1e-9, 1e-11))
+
+
+@pytest.fixture(scope="session")
+def play() -> Callable[..., Tumbled]:
+    return tumble_by_hand
+
+
+@pytest.fixture(scope="session")
+def site() -> Site:
+    return SITE
+
+
+@pytest.fixture(scope="session")
+def model() -> ImuModel:
+    return MODEL
+
+
+@pytest.fixture
+def truth() -> np.ndarray:
+    return true_unknowns()
