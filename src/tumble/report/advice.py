@@ -141,8 +141,8 @@ def _turns(
             return []
         return [
             (
-                "Of the gyro only the bias is known: turn the unit between the holds about all three axes, by 90° "
-                "and more, and calibrate with the hand-held procedure."
+                "The gyro's scale factors and axes are not known: turn the unit between the holds about all three "
+                "axes, by 90° and more, and calibrate with the hand-held procedure."
             )
         ]
     sentence = f"The least known gyro parameter is the {row.label} ({_uncertainty(row)})."

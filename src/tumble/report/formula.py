@@ -38,10 +38,12 @@ def _triad_lines(
 ) -> list[str]:
     raw, M, b = f"raw_{index}", f"M_{index}", f"b_{index}"
     lines = [f"{what}, {raw} in {plain_unit(unit)}", ""]
-    if block.matrix is None:
-        return [*lines, f"only the bias is known: {raw} - {b}", *_array_lines(b, [block.bias])]
     added = " + G f" if sensitivity else ""
     removed = " - G f" if sensitivity else ""
+    if block.matrix is None:
+        known = "bias and g-sensitivity" if sensitivity else "bias"
+        lines += [f"only the {known} can be removed: {raw} - {b}{removed}", *_array_lines(b, [block.bias])]
+        return lines if block.g_sensitivity is None else [*lines, *_array_lines("G", block.g_sensitivity)]
     if block.quadratic is not None:
         lines += [
             f"{raw} = u + q u² + {b}{added},   u = {M} {true}",

@@ -262,7 +262,7 @@ def _sections(
         if turns is not None:
             sections.append(turns)
     sections.append(interval_section(rows, calibration.quality.coverage_factor))
-    sections.append(correlation_section(rows, estimate.correlations))
+    sections.append(correlation_section(rows[: len(estimate.correlations)], estimate.correlations))
     return sections
 
 

@@ -146,7 +146,9 @@ def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> lis
         other, drawn = _in_practical_unit(measures, _DEGREES), shown
     elif family == "g-sensitivity":
         shown = measures
-        other = drawn = _g_sensitivities(calibration, members)
+        practical = _g_sensitivities(calibration, members)
+        other = _nothing(shown) if practical is None else practical
+        drawn = practical or shown
     elif "quadratic" in family:
         shown = measures
         other = drawn = _quadratics(calibration, members)
@@ -195,8 +197,10 @@ def _biases(
     """Return biases in the raw unit, in mg or deg/s, and for the figure."""
     force = group == ACCELEROMETER
     per_raw = _si_per_raw(calibration, force=force)
+    middle = float(np.mean([m.value for m in measures]))
+    off_mean = [Measure(m.value - middle, m.sigma, f"{m.unit} off their mean") for m in measures]
     if per_raw is None:
-        return measures, _nothing(measures), measures
+        return measures, _nothing(measures), off_mean
     in_si = [m.times(float(per_raw[_axis(p.name)]), "") for p, m in zip(members, measures, strict=True)]
     # More than the sensor's plausible range: the converter's own zero, no bias.
     offset = calibration_in_counts(calibration, force=force) and max(abs(m.value) for m in in_si) > (
@@ -206,9 +210,7 @@ def _biases(
         practical = _in_practical_unit(in_si, _FORCES if force else _RATES)
         return measures, list(practical), practical
     only = [Measure(math.nan, m.sigma, "") for m in in_si]
-    middle = float(np.mean([m.value for m in measures]))
-    drawn = [Measure(m.value - middle, m.sigma, f"{m.unit} off their mean") for m in measures]
-    return measures, list(_in_practical_unit(only, _FORCES if force else _RATES)), drawn
+    return measures, list(_in_practical_unit(only, _FORCES if force else _RATES)), off_mean
 
 
 def calibration_in_counts(calibration: Calibration, *, force: bool) -> bool:
@@ -235,11 +237,11 @@ def _axis(name: str) -> int:
     return _AXES[name.split()[-1]]
 
 
-def _g_sensitivities(calibration: Calibration, members: list[ParameterBlock]) -> list[Measure]:
-    """Return them in (deg/s)/g, or (deg/h)/g where they are small."""
+def _g_sensitivities(calibration: Calibration, members: list[ParameterBlock]) -> list[Measure] | None:
+    """Return them in (deg/s)/g, or (deg/h)/g where they are small; None if counts mean nothing yet."""
     per_raw = _si_per_raw(calibration, force=False)
     if per_raw is None:
-        return [Measure(p.value, p.standard_uncertainty, plain_unit(p.unit)) for p in members]
+        return None
     in_si: list[Measure] = []
     for p in members:
         gyro = _AXES[p.name.removeprefix("g-sensitivity of gyro ")[0]]

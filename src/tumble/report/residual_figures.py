@@ -99,6 +99,8 @@ def _joined(data: list[Plot]) -> list[float]:
 
 def _decades(values: list[float]) -> Plot:
     """Return ticks of a logarithmic axis that are plain numbers: 1, 2, 5 or 1 only over many decades."""
+    if not values:
+        return {}
     low, high = min(values), max(values)
     steps = (1, 2, 5) if np.log10(high / low) < 2.5 else (1,)
     first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))

@@ -77,7 +77,7 @@ def nominal_turn_angles(
         data.turn_stop[turns],
         gyro_inverse=inverse,
         gyro_bias=gyro.bias,
-        force_inverse=np.linalg.inv(force.matrix),
+        force_inverse=np.asarray(np.linalg.inv(force.matrix), dtype=np.float64),
         force_bias=force.bias,
     )
     carried = np.einsum("tab,tb->ta", integrated.C_start_end, head[turns + 1])

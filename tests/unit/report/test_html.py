@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.report.formula import python_snippet
+from tumble.report.formula import formula_text, python_snippet
 from tumble.report.html import component_words, render_report, write_report
 from tumble.report.parameters import parameter_rows
 
@@ -164,6 +164,14 @@ def test_the_snippet_knows_the_optional_terms(calibration: Any) -> None:
     assert "q = " in snippet
     assert "G = " in snippet
     check_snippet(snippet, calibration)
+
+
+def test_a_gyro_without_matrix_keeps_its_bias_and_g_sensitivity_in_the_formula(calibration: Any) -> None:
+    gyro = calibration.gyroscope.model_copy(update={"matrix": None})
+    text = formula_text(calibration.model_copy(update={"gyroscope": gyro}))
+    assert "only the bias and g-sensitivity can be removed: raw_g - b_g - G f" in text
+    assert "M_g" not in text
+    assert "-0.3" in text.split("\nG ")[1]
 
 
 def check_snippet(snippet: str, calibration: Any) -> None:

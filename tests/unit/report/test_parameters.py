@@ -79,3 +79,14 @@ def test_scale_factors_in_counts_are_drawn_off_their_mean(rows: dict[str, Parame
     assert drawn.value == pytest.approx(1.0, abs=1e-12)  # arithmetic
     assert drawn.sigma == pytest.approx(0.05, abs=1e-12)
     assert not math.isnan(rows["gyro bias x"].drawn.value)
+
+
+def test_counts_without_a_scale_factor_are_not_converted(
+    write_calibration: Callable[..., Calibration],
+) -> None:
+    """A gyro of which only bias and g-sensitivity are known: drawn off the mean of 32590 counts."""
+    calibration = write_calibration(gyroscope={"matrix": None, "bias": [33000.0, 32000.0, 32770.0]})
+    rows = {row.name: row for row in parameter_rows(calibration)}
+    assert rows["gyro bias x"].other is None
+    assert rows["gyro bias x"].drawn.value == pytest.approx(410.0, abs=1e-9)  # arithmetic
+    assert rows["g-sensitivity of gyro x to force y"].other is None
