@@ -24,14 +24,20 @@ from tumble.calibration.canonical import (
     model_from_unknowns,
     named_values,
 )
-from tumble.calibration.estimate import Estimate, LeftOut, correlation_matrix, coverage_factor
+from tumble.calibration.estimate import (
+    Estimate,
+    LeftOut,
+    TermTest,
+    correlation_matrix,
+    coverage_factor,
+)
 from tumble.calibration.norm_conditions import NormConditions
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.requirements import require_poses
 from tumble.calibration.snooping import Kind, Outlier, balance
 from tumble.calibration.start_values import rough_triad
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, COUNT, SCALE, triad_from_unknowns
-from tumble.calibration.turn_conditions import FORCE, GYRO_BIAS, GYRO_MATRIX, TOTAL
+from tumble.calibration.turn_conditions import FORCE, G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, TOTAL
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation import Adjustment, Prior, adjust, snoop_groups
@@ -42,6 +48,12 @@ from tumble.units import angular_rate_factor, specific_force_factor
 # Worse than this, a gyro's scale and angles from the Earth rate are worse than any data sheet's.
 WORST_GYRO_SCALE = 0.01
 _NORM = slice(0, 1)
+# Chance of keeping a g-sensitivity that is not there.
+G_SENSITIVITY_FALSE_ALARM = 0.01
+BIAS_ONLY = (
+    "The gyro cannot see the Earth's rotation in these holds, so that its scale factors and misalignments are "
+    "not given. Turn the unit between the holds about all axes, and the hand-held procedure gives them."
+)
 
 
 @dataclass(slots=True)
@@ -126,6 +138,7 @@ class _GyroFit:
     remark: str
     sigma0: float
     outliers: list[Outlier] = field(default_factory=list[Outlier])
+    test: TermTest | None = None
 
 
 def calibrate_multi_position(
@@ -170,7 +183,8 @@ def calibrate_multi_position(
         prior=None if prior is None else _angle_prior(prior, 9),
     )
     say("gyros")
-    gyro = _fit_gyro(recording, means)
+    specific_force_b = triad_from_unknowns(force.unknowns).correct(means.specific_force)
+    gyro = _fit_gyro(recording, means, specific_force_b, site)
     return _estimate(recording, means, site, force, gyro)
 
 
@@ -181,7 +195,9 @@ def _angle_prior(prior: StableKnowledge, size: int) -> Prior:
     return Prior(mean, precision)
 
 
-def _fit_gyro(recording: Recording, means: HoldMeans) -> _GyroFit | None:
+def _fit_gyro(
+    recording: Recording, means: HoldMeans, specific_force_b: Vectors, site: Site
+) -> _GyroFit | None:
     """Take the largest solution on the Earth rate that the noise allows."""
     if means.angular_rate is None or means.angular_rate_covariance is None:
         return None
@@ -214,7 +230,7 @@ def _fit_gyro(recording: Recording, means: HoldMeans) -> _GyroFit | None:
             fit.alone,
             fit.outliers,
         )
-    return _mean_bias(observed, covariance, factor)
+    return _mean_bias(observed, covariance, factor, specific_force_b, site)
 
 
 def _earth_rate_tells(observed: Vectors, covariance: Matrices, start: Series, count: int) -> bool:
@@ -244,23 +260,68 @@ def _matrix_and_bias_covariance(fit: TriadFit) -> Square:
     return propagate(entries, fit.unknowns, fit.covariance)[1]
 
 
-def _mean_bias(observed: Vectors, covariance: Matrices, factor: float | None) -> _GyroFit:
-    """Return the mean over the holds as bias; its spread over the holds counts, and the Earth rate."""
+def _mean_bias(
+    observed: Vectors, covariance: Matrices, factor: float | None, specific_force_b: Vectors, site: Site
+) -> _GyroFit:
+    """Return bias, and g-sensitivity if the holds show one; their scatter and the Earth rate count.
+
+    The holds' mean rates are regressed on one and the specific force; the scatter about the fit, with
+    the noise of the means as its least value, gives the variance. The Earth rate's vertical part looks
+    like a g-sensitivity equal on all axes: a latitude takes it out, without one it counts as noise.
+    """
     holds = observed.shape[0]
-    values, full = np.zeros(TOTAL), np.zeros((TOTAL, TOTAL))
-    values[GYRO_BIAS] = observed.mean(axis=0)
     nominal = 1.0 / factor if factor else 1.0
+    noise = np.diagonal(covariance, axis1=1, axis2=2).mean(axis=0)
+    earth = (EARTH_RATE * nominal) ** 2 / 3.0 if factor else 0.0
+    values, full = np.zeros(TOTAL), np.zeros((TOTAL, TOTAL))
     values[GYRO_MATRIX] = (nominal * np.eye(3)).ravel()
-    noise = covariance.sum(axis=0) / holds**2
-    earth = (EARTH_RATE * nominal) ** 2 / 3.0 / holds if factor else 0.0
-    scatter = np.atleast_2d(np.cov(observed.T)) / holds if holds > 3 else np.zeros((3, 3))
-    variance = np.maximum(np.diag(noise) + earth, np.diag(scatter))
-    full[GYRO_BIAS, GYRO_BIAS] = np.diag(variance)
-    remark = (
-        "The gyro cannot see the Earth's rotation in these holds, so only its bias is given (the mean over "
-        "the holds). Turn the unit between the holds about all axes, and the hand-held procedure gives the rest."
+
+    design = np.column_stack([np.ones(holds), specific_force_b])
+    test = None
+    if holds >= 8 and np.linalg.matrix_rank(design, tol=1.0) == 4:
+        cofactor = inverted(design.T @ design)
+        vertical, vertical_sigma = _vertical_earth_rate(site, nominal if factor else 0.0)
+        solution = cofactor @ design.T @ (observed - vertical * specific_force_b)
+        residual = observed - vertical * specific_force_b - design @ solution
+        variance = np.maximum(np.sum(residual**2, axis=0) / (holds - 4), noise + earth)
+        spread = np.zeros((12, 12))
+        for axis in range(3):
+            at = [axis, *range(3 + 3 * axis, 6 + 3 * axis)]
+            spread[np.ix_(at, at)] = variance[axis] * cofactor
+        equal = np.eye(3).ravel() * vertical_sigma
+        spread[3:, 3:] += np.outer(equal, equal)
+        slopes = solution[1:].T.ravel()
+        test = _test_g_sensitivity(slopes, spread[3:, 3:], 3 * (holds - 4))
+        if test.kept:
+            values[GYRO_BIAS], values[G_SENSITIVITY] = solution[0], slopes
+            # Bias and g-sensitivity stand one after the other among the unknowns.
+            full[GYRO_BIAS.start : G_SENSITIVITY.stop, GYRO_BIAS.start : G_SENSITIVITY.stop] = spread
+            return _GyroFit("bias", values, full, BIAS_ONLY, float("nan"), test=test)
+    values[GYRO_BIAS] = observed.mean(axis=0)
+    scatter = np.var(observed, axis=0, ddof=1) if holds > 3 else np.zeros(3)
+    full[GYRO_BIAS, GYRO_BIAS] = np.diag(np.maximum(noise + earth, scatter) / holds)
+    return _GyroFit("bias", values, full, BIAS_ONLY, float("nan"), test=test)
+
+
+def _vertical_earth_rate(site: Site, nominal: float) -> tuple[float, float]:
+    """Return the raw rate per specific force that the Earth's vertical part gives, and its sigma."""
+    if site.latitude is None:
+        return 0.0, nominal * EARTH_RATE / np.sqrt(3.0) / site.gravity
+    return nominal * EARTH_RATE * float(np.sin(site.latitude)) / site.gravity, 0.0
+
+
+def _test_g_sensitivity(slopes: Series, covariance: Square, freedom: int) -> TermTest:
+    """Test nine slopes against zero (Wald's test as F)."""
+    from scipy.special import fdtrc
+
+    statistic = float(slopes @ inverted(covariance) @ slopes) / 9.0
+    probability = float(fdtrc(9, freedom, statistic))
+    normalised = slopes / np.sqrt(np.diag(covariance))
+    largest = float(normalised[np.argmax(np.abs(normalised))])
+    kept = probability < G_SENSITIVITY_FALSE_ALARM
+    return TermTest(
+        "g_sensitivity", kept, statistic, 9, probability, G_SENSITIVITY_FALSE_ALARM, f"{largest:+.1f} sigma"
     )
-    return _GyroFit("bias", values, full, remark, float("nan"))
 
 
 def _estimate(
@@ -273,17 +334,19 @@ def _estimate(
     covariance[FORCE, FORCE] = force.covariance
     slope = np.zeros(TOTAL)
     slope[SCALE] = -values[SCALE] / site.gravity
+    slope[G_SENSITIVITY] = -values[G_SENSITIVITY] / site.gravity
     covariance += np.outer(slope, slope) * site.gravity_sigma**2
     factors = (
         specific_force_factor(recording.specific_force_unit),
         angular_rate_factor(recording.angular_rate_unit),
     )
     kind = "none" if gyro is None else gyro.kind
-    none = frozenset[str]()
+    test = None if gyro is None else gyro.test
+    terms = frozenset({"g_sensitivity"}) if test is not None and test.kept else frozenset[str]()
     named, spread = named_values(
         values,
         covariance,
-        terms=none,
+        terms=terms,
         gyro=kind,
         units=(recording.specific_force_unit, recording.angular_rate_unit),
         factors=factors,
@@ -298,9 +361,9 @@ def _estimate(
     nothing = np.full(holds, np.nan)
     return Estimate(
         procedure="multi-position",
-        model=model_from_unknowns(values, none, kind),
-        names=canonical_names(none, kind),
-        covariance=canonical_covariance(values, covariance, none, kind),
+        model=model_from_unknowns(values, terms, kind),
+        names=canonical_names(terms, kind),
+        covariance=canonical_covariance(values, covariance, terms, kind),
         parameters=named,
         correlations=correlation_matrix(spread),
         sigma0=force.alone,
@@ -317,6 +380,7 @@ def _estimate(
             "accelerometer bias from hold to hold, m/s²": float(np.sqrt(force.extra)),
         },
         left_out=_left_out(force, gyro, norms),
+        terms=[] if test is None else [test],
         not_determined=_not_determined(kind),
         remarks=[] if gyro is None else [gyro.remark],
     )

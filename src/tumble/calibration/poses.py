@@ -60,15 +60,19 @@ def norm_rows(directions: Vectors) -> Table:
     return np.column_stack([x, y, z, x * x, y * y, z * z, -x * y, -y * z, x * z])
 
 
-def most_telling_poses(information: Square, count: int = 2) -> list[Vector]:
+def most_telling_poses(information: Square, count: int = 2, held: Vectors | None = None) -> list[Vector]:
     """Return the directions up, of the 26, that add most to what is known least.
 
     Parameters
     ----------
     information : (9, 9) normal matrix over the unknowns of `norm_rows`; may be singular.
     count : how many, chosen one after the other.
+    held : (poses, 3) unit vectors of poses that were held already and are not named again.
     """
     directions = twenty_six_directions()
+    if held is not None and held.size:
+        fresh = np.max(directions @ held.T, axis=1) < np.cos(SAME_POSE)
+        directions = directions[fresh] if np.any(fresh) else directions
     rows = norm_rows(directions)
     total = information / max(float(np.trace(information)), 1e-300) * 9.0
     chosen: list[Vector] = []

@@ -43,42 +43,54 @@ def require_poses(means: Vectors, force_unknowns: Series, *, has_prior: bool, un
     needed = 6 if has_prior else unknowns
     up = (means - force_unknowns[BIAS]) / force_unknowns[SCALE]
     up = up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-300)
-    kept = distinct_poses(up)
-    rows = norm_rows(up[kept])[:, :unknowns]
-    if len(kept) < needed:
-        raise ObservabilityError(_too_few(len(kept), needed, rows, has_prior))
-    if has_prior:
-        rows = rows[:, :6]
-    normal = rows.T @ rows
-    eigenvalues, vectors = np.linalg.eigh(normal)
-    if eigenvalues[0] < 1.0 / LARGEST_AMPLIFICATION**2:
-        weak = vectors[:, 0]
+    held = up[distinct_poses(up)]
+    if held.shape[0] < needed:
+        raise ObservabilityError(_too_few(held, needed, has_prior))
+    weak = _weakest(held, needed)
+    if weak is not None:
         order: list[int] = np.argsort(-np.abs(weak)).tolist()
         names = [NAMES[i] for i in order if abs(weak[i]) > 0.4 * np.max(np.abs(weak))]
         raise ObservabilityError(
-            f"The {len(kept)} different poses do not tell {_listed(names)} apart. "
-            f"Record again and hold the unit also with {_suggestion(rows)}."
+            f"The {held.shape[0]} different poses do not tell {_listed(names)} apart. "
+            f"Record again and hold the unit also with {_suggestion(held, needed)}."
         )
 
 
-def _too_few(found: int, needed: int, rows: np.ndarray, has_prior: bool) -> str:
+def _weakest(held: Vectors, unknowns: int) -> Series | None:
+    """Return the combination of unknowns that the poses do not tell, or None."""
+    rows = norm_rows(held)[:, :unknowns]
+    eigenvalues, vectors = np.linalg.eigh(rows.T @ rows)
+    return vectors[:, 0] if eigenvalues[0] < 1.0 / LARGEST_AMPLIFICATION**2 else None
+
+
+def _too_few(held: Vectors, needed: int, has_prior: bool) -> str:
+    found = held.shape[0]
     poses = f"{found} different pose{'s' if found != 1 else ''}"
     verb = "was" if found == 1 else "were"
     text = (
         f"{poses} {verb} found and {needed} are needed for "
         f"{'biases and scale factors' if has_prior else 'nine unknowns (bias, scale factor, non-orthogonality)'}: "
-        f"hold the unit also with {_suggestion(rows)}"
+        f"hold the unit also with {_suggestion(held, needed)}"
     )
     if not has_prior and found >= 6:
-        text += ", or give an earlier calibration of this unit with --prior, and six poses suffice"
+        text += "; or give an earlier calibration of this unit with --prior, and six poses suffice"
     return text + "."
 
 
-def _suggestion(rows: np.ndarray) -> str:
-    information = np.zeros((9, 9))
-    size = rows.shape[1]
-    information[:size, :size] = rows.T @ rows
-    return " and with ".join(describe_direction(up) for up in most_telling_poses(information))
+def _suggestion(held: Vectors, needed: int) -> str:
+    """Name the poses that, added to those held, suffice."""
+    rows = norm_rows(held)
+    information = rows.T @ rows
+    if needed < 9:
+        # What an earlier calibration knows needs no pose.
+        information[needed:] = information[:, needed:] = 0.0
+        information[needed:, needed:] = np.eye(9 - needed) * np.trace(information)
+    count = max(needed - held.shape[0], 1)
+    named = most_telling_poses(information, count, held)
+    while count < 2 * needed and _weakest(np.vstack([held, *named]), needed) is not None:
+        count += 1
+        named = most_telling_poses(information, count, held)
+    return "; ".join(describe_direction(up) for up in named)
 
 
 def _listed(names: list[str]) -> str:
