@@ -132,7 +132,32 @@ def test_gyros_that_do_not_see_the_earth_rate_give_their_mean_as_bias_and_say_so
     assert estimate.model.gyroscope is not None
     np.testing.assert_allclose(estimate.model.gyroscope.bias, rate.mean(axis=0), rtol=1e-12)
     assert not any(name.startswith("gyroscope.matrix") for name in estimate.names)
-    assert any("only its bias" in sentence for sentence in estimate.remarks)
+    assert any("cannot see the Earth's rotation" in sentence for sentence in estimate.remarks)
+
+
+@pytest.mark.parametrize("latitude_deg", [None, 50.0, -50.0])
+def test_hold_means_tell_g_sensitivity_and_a_latitude_takes_the_earth_rate_out(
+    latitude_deg: float | None,
+) -> None:
+    """Rate = bias + G f exactly; a latitude adds the Earth rate's vertical part, Omega sin(latitude) f / g.
+
+    Arithmetic: a linear regression on numbers near 1e-2 (1e-14). The accelerometer's own error is 1e-10.
+    """
+    sensitivity = 1e-4 * np.array([[11.0, -23.0, 5.0], [31.0, -13.0, 19.0], [-27.0, 16.0, -7.0]])
+    force = np.array([true for true, _ in BY_HAND])
+    bias = np.array([0.02, -0.01, 0.03])
+    rate = bias + force @ sensitivity.T
+    site = SITE
+    if latitude_deg is not None:
+        latitude = float(np.radians(latitude_deg))
+        site = Site(9.8, 0.0, latitude, 0.0, "by hand")
+        rate = rate + EARTH_RATE * np.sin(latitude) * force / 9.8
+    means = means_of(raw_by_hand(), rate, sigma=(1e-4, 1e-5))
+    estimate = calibrate_multi_position(recording_of(means), means, site)
+    assert estimate.model.g_sensitivity is not None
+    assert estimate.model.gyroscope is not None
+    np.testing.assert_allclose(estimate.model.g_sensitivity, sensitivity, atol=1e-11)
+    np.testing.assert_allclose(estimate.model.gyroscope.bias, bias, atol=1e-10)
 
 
 def test_six_poses_and_the_angles_of_an_earlier_calibration_give_bias_and_scale_factors() -> None:

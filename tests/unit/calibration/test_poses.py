@@ -1,0 +1,169 @@
+"""Poses in words, which are missing, and whether adding exactly those helps."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from tumble.calibration.poses import (
+    describe_direction,
+    distinct_poses,
+    most_telling_poses,
+    norm_rows,
+    twenty_six_directions,
+)
+from tumble.calibration.requirements import require_poses
+from tumble.errors import ObservabilityError
+
+FORCE = np.array([0.1, -0.2, 0.3, 1.02, 0.98, 1.05, 0.01, -0.02, 0.03, 0.0, 0.0, 0.0])
+FACES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=float)
+GRAVITY = 9.81
+
+
+def raw(directions: np.ndarray) -> np.ndarray:
+    """Hold means of a unit with scale and bias of FORCE; its small angles do not matter here."""
+    return GRAVITY * directions * FORCE[3:6] + FORCE[:3]
+
+
+def refusal(directions: np.ndarray, *, has_prior: bool = False) -> str:
+    with pytest.raises(ObservabilityError) as caught:
+        require_poses(raw(directions), FORCE, has_prior=has_prior)
+    return str(caught.value)
+
+
+def named_in(message: str) -> np.ndarray:
+    """The directions that a message asks for, read as a user would."""
+    asked = message[message.index("also with") :]
+    words = re.findall(r"(?:edge between |corner of )?[+-][xyz](?:(?:, | and )[+-][xyz])* up", asked)
+    assert words, message
+    directions = []
+    for word in words:
+        direction = np.zeros(3)
+        for sign, axis in re.findall(r"([+-])([xyz])", word):
+            direction["xyz".index(axis)] = 1.0 if sign == "+" else -1.0
+        directions.append(direction / np.linalg.norm(direction))
+    return np.array(directions)
+
+
+def plane(normal_axis: int, count: int = 16) -> np.ndarray:
+    angle = 2.0 * np.pi * np.arange(count) / count
+    circle = np.zeros((count, 3))
+    first, second = (axis for axis in range(3) if axis != normal_axis)
+    circle[:, first], circle[:, second] = np.cos(angle), np.sin(angle)
+    return circle
+
+
+def test_the_26_directions_are_6_faces_12_edges_and_8_corners() -> None:
+    directions = twenty_six_directions()
+    sizes = np.count_nonzero(np.abs(directions) > 1e-9, axis=1).tolist()
+    assert sizes == [1] * 6 + [2] * 12 + [3] * 8
+    assert len({tuple(np.round(d, 6)) for d in directions}) == 26
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("up", "words"),
+    [
+        ([9.8, 0.3, -0.2], "+x up"),
+        ([0.1, -9.7, 0.4], "-y up"),
+        ([0.0, 7.0, -7.0], "edge between +y and -z up"),
+        ([-5.7, 5.7, 5.7], "corner of -x, +y and +z up"),
+    ],
+)
+def test_a_direction_is_called_after_what_points_up(up: list[float], words: str) -> None:
+    assert describe_direction(np.array(up)) == words
+
+
+def test_poses_within_ten_degrees_are_one() -> None:
+    near, far = np.radians(8.0), np.radians(12.0)
+    directions = np.array(
+        [[1.0, 0.0, 0.0], [np.cos(near), np.sin(near), 0.0], [np.cos(far), 0.0, np.sin(far)], [2.0, 0.0, 0.0]]
+    )
+    assert distinct_poses(directions) == [0, 2]
+
+
+def test_what_a_pose_says_is_the_derivative_of_the_corrected_norm() -> None:
+    """The nine columns against the estimator's own derivative at an ideal unit, in units of gravity.
+
+    The corrected norm falls with what the true output would raise: the sign is the convention's.
+    """
+    from tumble.calibration.triad_unknowns import correct_with_derivatives
+
+    ideal = np.zeros(12)
+    ideal[3:6] = 1.0
+    directions = twenty_six_directions()
+    corrected = correct_with_derivatives(ideal, GRAVITY * directions)
+    moved = np.einsum("ka,kap->kp", directions, corrected.by_unknowns)[:, :9]
+    expected = norm_rows(directions)
+    np.testing.assert_allclose(moved[:, :3], -expected[:, :3], atol=1e-12)
+    np.testing.assert_allclose(moved[:, 3:9] / GRAVITY, -expected[:, 3:9], atol=1e-12)
+
+
+def test_one_pose_is_told_that_it_is_one() -> None:
+    message = refusal(np.tile([[0.0, 0.0, 1.0]], (12, 1)))
+    assert message.startswith("1 different pose was found and 9 are needed")
+
+
+def test_six_poses_for_nine_unknowns_are_told_of_the_prior_and_of_poses_that_help() -> None:
+    message = refusal(FACES)
+    assert "6 different poses were found and 9 are needed" in message
+    assert "--prior" in message
+    # Faces say nothing of non-orthogonality: none is asked for again.
+    assert np.all(np.count_nonzero(named_in(message), axis=1) > 1)
+    assert len(named_in(message)) == 3
+
+
+def test_six_faces_suffice_with_a_prior() -> None:
+    require_poses(raw(FACES), FORCE, has_prior=True)
+
+
+def test_five_faces_do_not_suffice_with_a_prior_and_the_sixth_is_asked_for() -> None:
+    message = refusal(FACES[:5], has_prior=True)
+    assert "--prior" not in message
+    require_poses(raw(np.vstack([FACES[:5], named_in(message)])), FORCE, has_prior=True)
+
+
+@pytest.mark.parametrize(("axis", "name"), [(0, "x"), (1, "y"), (2, "z")])
+def test_poses_all_in_one_plane_are_told_which_axis_is_missing(axis: int, name: str) -> None:
+    message = refusal(plane(axis))
+    assert "do not tell" in message
+    assert ("apart" in message) == (" and " in message[: message.index(".")])
+    assert re.search(rf"(scale factor|bias|non-orthogonality) \w*{name}", message), message
+    asked = named_in(message)
+    assert np.all(np.abs(asked[:, axis]) > 0.5), message
+
+
+@pytest.mark.parametrize("has_prior", [False, True], ids=["alone", "with a prior"])
+@pytest.mark.parametrize(
+    "directions",
+    [
+        pytest.param(FACES, id="six faces"),
+        pytest.param(FACES[:1], id="one pose"),
+        pytest.param(plane(0), id="a plane without x"),
+        pytest.param(plane(1), id="a plane without y"),
+        pytest.param(plane(2), id="a plane without z"),
+        pytest.param(twenty_six_directions()[twenty_six_directions()[:, 2] > 0.1], id="never upside down"),
+        pytest.param(twenty_six_directions()[6:18][:8], id="some edges"),
+    ],
+)
+def test_recording_exactly_the_poses_that_are_named_is_enough(
+    directions: np.ndarray, has_prior: bool
+) -> None:
+    try:
+        require_poses(raw(directions), FORCE, has_prior=has_prior)
+    except ObservabilityError as error:
+        asked = named_in(str(error))
+        require_poses(raw(np.vstack([directions, asked])), FORCE, has_prior=has_prior)
+        assert len(asked) <= 9
+        # Nobody is sent to a pose that he has held.
+        assert len(distinct_poses(np.vstack([directions, asked]))) == len(distinct_poses(directions)) + len(
+            asked
+        )
+    else:
+        assert has_prior  # every one of these is too little for nine unknowns
+
+
+def test_without_poses_any_are_as_telling() -> None:
+    assert len(most_telling_poses(np.zeros((9, 9)))) == 2
