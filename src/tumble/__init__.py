@@ -69,11 +69,12 @@ _ROOMS = {
     "Recording": "recording",
     "Site": "earth",
     "TumbleError": "errors",
-    "calibrate": "workflows",
+    # A workflow has its module's name: the room itself would give the module.
+    "calibrate": "workflows.calibrate",
     "find_timeline": "segmentation",
     "read_calibration": "calibration",
     "read_recording": "recording",
-    "verify": "workflows",
+    "verify": "workflows.verify",
 }
 
 

@@ -408,7 +408,7 @@ def _not_determined(kind: str) -> list[str]:
     sentences = {
         "none": "The recording has no gyro.",
         "bias": "The gyro's scale factors and misalignments are not determined by holds alone; "
-        "its matrix is the nominal one (identity) without a stated uncertainty.",
+        "where its unit is known its matrix is the nominal one (identity), without a stated uncertainty.",
         "full": "The rotation between the triads is not determined by norms; it is taken as zero, "
         "with a prior standard uncertainty of 10 mrad.",
     }

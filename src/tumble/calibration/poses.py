@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vector, Vectors, inverted
+from tumble.attitude.directions import twenty_six_directions
 
 # Poses closer than this are one pose: placement by hand repeats to a few degrees.
 SAME_POSE = np.radians(10.0)
@@ -20,13 +19,6 @@ def distinct_poses(directions: Vectors, angle: float = SAME_POSE) -> list[int]:
         if all(float(unit @ units[other]) < np.cos(angle) for other in kept):
             kept.append(index)
     return kept
-
-
-def twenty_six_directions() -> Vectors:
-    """Return (26, 3) unit vectors: six faces, then twelve edges, then eight corners up."""
-    signs = [np.array(s, dtype=float) for s in itertools.product((1, 0, -1), repeat=3) if any(s)]
-    signs.sort(key=lambda s: (np.count_nonzero(s), tuple(-s)))
-    return np.array([s / np.linalg.norm(s) for s in signs])
 
 
 def describe_direction(up: Vector) -> str:

@@ -51,7 +51,7 @@ def require_poses(means: Vectors, force_unknowns: Series, *, has_prior: bool, un
         order: list[int] = np.argsort(-np.abs(weak)).tolist()
         names = [NAMES[i] for i in order if abs(weak[i]) > 0.4 * np.max(np.abs(weak))]
         raise ObservabilityError(
-            f"The {held.shape[0]} different poses do not tell {_listed(names)} apart. "
+            f"The {held.shape[0]} different poses do not tell {_listed(names)}{' apart' if len(names) > 1 else ''}. "
             f"Record again and hold the unit also with {_suggestion(held, needed)}."
         )
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray, Vector, Vectors
-from tumble.calibration.poses import describe_direction, distinct_poses, twenty_six_directions
+from tumble.attitude.directions import twenty_six_directions
+from tumble.calibration.poses import describe_direction, distinct_poses
 from tumble.report.figure import BLUE, GREY, RED, Figure, Plot, Section, base_layout, hover, plain, text_axis
 
 # More hold numbers than this at one point are counted instead of listed.

@@ -24,13 +24,18 @@ if TYPE_CHECKING:
 _HEADINGS = ("parameter", "value ± standard uncertainty", "95 % interval", "in other units")
 
 
-def parameter_table(calibration: Calibration) -> Table:
-    """Return the parameters as a table for the terminal, in groups."""
+# Narrower than this, a terminal shows the table without its last column rather than folded.
+WIDE_TERMINAL = 104
+
+
+def parameter_table(calibration: Calibration, *, width: int = WIDE_TERMINAL) -> Table:
+    """Return the parameters as a table for a terminal of `width` characters, in groups."""
     from rich import box
     from rich.table import Table
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, highlight=False)
-    for heading in _HEADINGS:
+    columns = len(_HEADINGS) if width >= WIDE_TERMINAL else len(_HEADINGS) - 1
+    for heading in _HEADINGS[:columns]:
         table.add_column(heading, overflow="fold")
     factor = calibration.quality.coverage_factor
     for number, (group, rows) in enumerate(_grouped(calibration)):
@@ -38,7 +43,7 @@ def parameter_table(calibration: Calibration) -> Table:
             table.add_section()
         table.add_row(f"[bold]{group}[/bold]")
         for row in rows:
-            table.add_row(*(_escaped(cell) for cell in _cells(row, factor)))
+            table.add_row(*(_escaped(cell) for cell in _cells(row, factor)[:columns]))
     return table
 
 
@@ -71,7 +76,7 @@ def print_calibration(
     files : where the results were written.
     """
     if not quiet:
-        console.print(parameter_table(calibration))
+        console.print(parameter_table(calibration, width=console.width))
         console.print()
         for sentence in [
             *quality_sentences(calibration),

@@ -8,7 +8,7 @@ from tumble.simulation.disturbances import Disturbance, Knock, Oscillation, simu
 from tumble.simulation.grades import GRADES, Grade, TriadGrade, find_grade
 from tumble.simulation.motion import Motion
 from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise
-from tumble.simulation.poses import directions_26, poses_26, simulate_hand_poses
+from tumble.simulation.poses import poses_26, simulate_hand_poses
 from tumble.simulation.recordings import Distort, Truth, simulate_recording
 
 __all__ = [
@@ -23,7 +23,6 @@ __all__ = [
     "TriadNoise",
     "Truth",
     "convert_to_digital",
-    "directions_26",
     "find_grade",
     "poses_26",
     "simulate_hand_poses",

@@ -2,17 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-
-def directions_26() -> np.ndarray:
-    """Return the directions of a cube's 6 faces, 12 edges and 8 corners: (26, 3), unit length, in order."""
-    signs = [np.array(s, dtype=float) for s in itertools.product((-1, 0, 1), repeat=3) if any(s)]
-    signs.sort(key=lambda s: float(np.abs(s).sum()))
-    return np.array([s / np.linalg.norm(s) for s in signs])
+from tumble.attitude.directions import twenty_six_directions
 
 
 def poses_26(heading: float = 0.0) -> Rotation:
@@ -25,7 +18,9 @@ def poses_26(heading: float = 0.0) -> Rotation:
     """
     up_n = np.array([0.0, 0.0, -1.0])
     turned = Rotation.from_rotvec([0.0, 0.0, heading])
-    return Rotation.concatenate([turned * _turning_to(direction, up_n) for direction in directions_26()])
+    return Rotation.concatenate(
+        [turned * _turning_to(direction, up_n) for direction in twenty_six_directions()]
+    )
 
 
 def _turning_to(vector: np.ndarray, target: np.ndarray) -> Rotation:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.calibration.poses import twenty_six_directions
+from tumble.attitude.directions import twenty_six_directions
 from tumble.report.figure import packed, plain
 from tumble.report.pose_figure import missing_directions, pose_section
 from tumble.report.residual_figures import turn_section

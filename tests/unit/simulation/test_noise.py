@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tumble.attitude.directions import twenty_six_directions
 from tumble.errors import UsageError
 from tumble.simulation import (
     GRADES,
     TriadNoise,
     convert_to_digital,
-    directions_26,
     find_grade,
     poses_26,
     simulate_hand_poses,
@@ -91,7 +91,7 @@ def test_an_unknown_grade_is_refused_with_those_that_there_are() -> None:
 
 
 def test_the_26_poses_point_up_along_faces_edges_and_corners() -> None:
-    directions = directions_26()
+    directions = twenty_six_directions()
     up_b = poses_26(0.3).inv().apply([0.0, 0.0, -1.0])
     np.testing.assert_allclose(up_b, directions, atol=1e-14)
     assert [int(np.count_nonzero(np.abs(d) > 0.1)) for d in directions] == [1] * 6 + [2] * 12 + [3] * 8
