@@ -47,6 +47,14 @@ contract: $(DEV)  ## Check which way imports point (import-linter)
 docs: $(DEV)  ## Check the docs: links, commands, worked examples (plain Markdown; there is no site to build)
 	$(BIN)/python -m pytest tests/docs
 
+.PHONY: figures
+figures: $(DEV) bytecode  ## Simulate and draw the figures of the procedures' pages anew (some minutes)
+	$(BIN)/python docs/figures/expected_uncertainty.py
+
+.PHONY: schema
+schema: $(DEV)  ## Write the JSON schema of calibration.json anew
+	$(BIN)/python docs/schema/write_schema.py
+
 .PHONY: bench
 bench: $(DEV) bytecode  ## Run the benchmarks; they print ratios within one run
 	@for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
