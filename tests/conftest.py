@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 os.environ["TUMBLE_CHECK_SHAPES"] = "1"  # before tumble.arrays is first imported
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line sets it; before numpy is imported
 
 import hypothesis
 import pytest
