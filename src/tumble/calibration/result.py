@@ -16,7 +16,7 @@ from tumble.arrays import Square, Vectors
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.verdict import judge
 from tumble.earth import EARTH_RATE, Site
-from tumble.errors import CalibrationFileError, OutputError
+from tumble.errors import CalibrationFileError, OutputError, TumbleError
 from tumble.recording.recording import Recording
 from tumble.recording.writing import written_beside
 from tumble.sensor import FRAMES, ImuModel, Triad
@@ -24,6 +24,8 @@ from tumble.units import angular_rate_factor, specific_force_factor
 
 FORMAT = "tumble calibration"
 VERSION = 1
+# Of sensing axes as unit vectors; three within a degree of one plane have 0.017.
+SMALLEST_DETERMINANT = 1e-6
 FORWARD = (
     "raw = u + asymmetry * |u| + quadratic * u^2 + g_sensitivity * f + bias, u = matrix * true; "
     "true in m/s^2 and rad/s in frame b, f the true specific force in b (gyroscope only); "
@@ -318,16 +320,43 @@ def read_calibration(path: str | os.PathLike[str]) -> Calibration:
             f'{file} is not a calibration of tumble: it does not say "format": "{FORMAT}".'
         )
     version: Any = cast("dict[str, Any]", document).get("version")
-    if not isinstance(version, int) or version > VERSION:
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+        raise CalibrationFileError(
+            f"{file} is damaged: its version is {version!r}, which is no whole number from 1 on."
+        )
+    if version > VERSION:
         raise CalibrationFileError(
             f"{file} is of version {version!r} and this tumble reads up to {VERSION}: update tumble."
         )
     try:
-        return Calibration.model_validate(document)
+        calibration = Calibration.model_validate(document)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise CalibrationFileError(f"{file} is damaged: {where}: {first['msg']}.") from error
+    contradiction = _contradiction(calibration)
+    if contradiction is not None:
+        raise CalibrationFileError(f"{file} is damaged: {contradiction}.")
+    return calibration
+
+
+def _contradiction(calibration: Calibration) -> str | None:
+    """Return what the types of the fields cannot show: sizes, singular matrices, unknown units."""
+    size = len(calibration.covariance_parameters)
+    if len(calibration.covariance) != size or any(len(row) != size for row in calibration.covariance):
+        return f"covariance: it is not {size} by {size}, as covariance_parameters has it"
+    for name, block in (("accelerometer", calibration.accelerometer), ("gyroscope", calibration.gyroscope)):
+        if block is not None and block.matrix is not None:
+            matrix = np.array(block.matrix, dtype=float)
+            length = np.linalg.norm(matrix, axis=1, keepdims=True)
+            if not np.all(length > 0) or abs(float(np.linalg.det(matrix / length))) < SMALLEST_DETERMINANT:
+                return f"{name}.matrix: it cannot be inverted"
+    try:
+        specific_force_factor(calibration.raw_units.specific_force)
+        angular_rate_factor(calibration.raw_units.angular_rate)
+    except TumbleError as error:
+        return f"raw_units: {str(error).rstrip('.')}"
+    return None
 
 
 def calibration_schema() -> dict[str, Any]:
