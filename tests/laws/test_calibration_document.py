@@ -1,0 +1,308 @@
+"""calibration.json: read back as written, checked on reading, and usable by anyone with a few lines of numpy."""
+
+from __future__ import annotations
+
+import json
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tumble.calibration import Calibration, Estimate, calibration_from_estimate, read_calibration
+from tumble.calibration.canonical import canonical_names
+from tumble.calibration.estimate import NamedValue, TermTest
+from tumble.calibration.result import calibration_schema
+from tumble.earth import Site
+from tumble.errors import CalibrationFileError
+from tumble.recording import Recording
+from tumble.recording.recording import Source
+from tumble.sensor import ImuModel, Triad
+
+REAL = st.floats(-0.05, 0.05, allow_nan=False)
+
+
+def model_of(
+    numbers: list[float], *, terms: frozenset[str], scale: tuple[float, float], zero: tuple[float, float]
+) -> ImuModel:
+    """A unit near the ideal one: 30 numbers are its errors, `scale` and `zero` those of its converter."""
+    x = np.array(numbers)
+    accelerometer = Triad(
+        scale[0] * (np.eye(3) + np.tril(x[:9].reshape(3, 3))),
+        zero[0] + scale[0] * x[9:12],
+        None,
+        x[12:15] / scale[0] / 100.0 if "quadratic" in terms else None,
+    )
+    gyroscope = Triad(scale[1] * (np.eye(3) + x[15:24].reshape(3, 3)), zero[1] + scale[1] * x[24:27])
+    sensitivity = None
+    if "g_sensitivity" in terms:
+        sensitivity = scale[1] * 1e-2 * np.outer(x[27:30] + 0.01, [1.0, -2.0, 3.0])
+    return ImuModel(accelerometer, gyroscope, sensitivity)
+
+
+def document_of(
+    numbers: list[float],
+    *,
+    terms: frozenset[str] = frozenset({"g_sensitivity", "quadratic"}),
+    counts: bool = False,
+) -> Calibration:
+    model = model_of(
+        numbers,
+        terms=terms,
+        scale=(400.0, 4000.0) if counts else (1.0, 1.0),
+        zero=(32768.0, 2048.0) if counts else (0.0, 0.0),
+    )
+    names = canonical_names(terms, "full")
+    root = np.random.default_rng(7).standard_normal((len(names), len(names)))
+    estimate = Estimate(
+        procedure="hand-held",
+        model=model,
+        names=names,
+        covariance=1e-9 * root @ root.T,
+        parameters=[NamedValue("accelerometer bias x", 0.1, 0.001, "m/s^2")],
+        correlations=np.eye(1),
+        sigma0=1.2,
+        sigma0_final=float("nan"),
+        degrees_of_freedom=17,
+        coverage_factor=2.11,
+        largest_normalised=2.5,
+        hold_norms=np.array([1e-3, -2e-3]),
+        hold_sigmas=np.array([1e-3, 1e-3]),
+        turn_angles=np.array([1e-3, np.nan]),
+        turn_sigmas=np.array([1e-3, np.nan]),
+        turn_sizes=np.array([1.0, 0.0]),
+        terms=[TermTest("g_sensitivity", True, 9.0, 9, 1e-9, 0.01, "+9 sigma")],
+        not_determined=["nothing"],
+    )
+    recording = Recording(
+        np.arange(4.0), np.ones((4, 3)), np.ones((4, 3)),
+        "counts" if counts else "m/s^2", "counts" if counts else "rad/s", 1.0,
+        sources=(Source("tumbled.csv", "0" * 64),),
+    )  # fmt: skip
+    return calibration_from_estimate(
+        estimate,
+        recording,
+        Site.from_latitude(0.8, 100.0),
+        created=datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC),
+        imu=("model", "serial"),
+    )
+
+
+EXAMPLE = [0.03 * np.sin(2.3 * k + 1.0) for k in range(30)]
+
+
+@pytest.fixture(params=[False, True], ids=["SI", "counts"])
+def example(request: pytest.FixtureRequest) -> Calibration:
+    return document_of(EXAMPLE, counts=request.param)
+
+
+@given(st.lists(REAL, min_size=30, max_size=30))
+@settings(max_examples=20)
+def test_every_number_is_read_back_bit_for_bit(
+    tmp_path_factory: pytest.TempPathFactory, numbers: list[float]
+) -> None:
+    document = document_of(numbers)
+    path = tmp_path_factory.mktemp("document") / "calibration.json"
+    document.write(path)
+    assert read_calibration(path) == document
+    assert read_calibration(path.parent) == document
+
+
+def by_the_formula(
+    document: dict[str, Any], force: list[float], rate: list[float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Raw from true, nothing but the file's own formula: raw = u + q u^2 + G f + bias, u = matrix true."""
+    a, g = document["accelerometer"], document["gyroscope"]
+    u = np.array(a["matrix"]) @ force
+    raw_force = u + np.array(a["quadratic"] or [0, 0, 0]) * u**2 + a["bias"]
+    raw_rate = np.array(g["matrix"]) @ rate + g["bias"]
+    if g["g_sensitivity"]:
+        raw_rate = raw_rate + np.array(g["g_sensitivity"]) @ force
+    return raw_force, raw_rate
+
+
+@given(
+    st.lists(REAL, min_size=30, max_size=30),
+    st.booleans(),
+    st.sampled_from([(), ("g_sensitivity",), ("quadratic",)]),
+)
+@settings(max_examples=30)
+def test_test_vectors_follow_from_the_file_s_own_formula(
+    numbers: list[float], counts: bool, terms: tuple[str, ...]
+) -> None:
+    """The corrected numbers, distorted by the formula in the file, are the raw ones: to 1e-12 of the largest."""
+    document = json.loads(document_of(numbers, counts=counts, terms=frozenset(terms)).to_json())
+    assert len(document["test_vectors"]) >= 3
+    for vector in document["test_vectors"]:
+        force, rate = by_the_formula(document, vector["specific_force"], vector["angular_rate"])
+        np.testing.assert_allclose(force, vector["raw_specific_force"], rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(rate, vector["raw_angular_rate"], rtol=1e-12, atol=1e-12)
+
+
+def test_the_test_vectors_are_not_trivial(example: Calibration) -> None:
+    """They have negative values, off-axis values, and sizes at which a wrong sign of any term shows."""
+    truth = json.loads(example.to_json())
+    for block in ("accelerometer", "gyroscope"):
+        for key in ("matrix", "quadratic", "g_sensitivity"):
+            if truth[block].get(key) is None:
+                continue
+            changed = json.loads(example.to_json())
+            changed[block][key] = (np.array(changed[block][key]) * 1.01).tolist()
+            off = 0.0
+            for vector in truth["test_vectors"]:
+                force, rate = by_the_formula(changed, vector["specific_force"], vector["angular_rate"])
+                off = max(off, float(np.max(np.abs(force - vector["raw_specific_force"]))))
+                off = max(off, float(np.max(np.abs(rate - vector["raw_angular_rate"]))))
+            assert off > 1e-7, (block, key)
+
+
+def test_the_formulas_stand_in_the_file_and_name_every_term(example: Calibration) -> None:
+    document = json.loads(example.to_json())
+    for word in ("matrix", "bias", "asymmetry", "quadratic", "g_sensitivity"):
+        assert word in document["formula"]
+    assert "inverse(matrix)" in document["inverse_formula"]
+    assert document["frame"]["name"] == "accelerometer-x"
+
+
+def test_covariance_parameters_name_entries_of_the_file_in_the_covariance_s_order(
+    example: Calibration,
+) -> None:
+    document = json.loads(example.to_json())
+    names = document["covariance_parameters"]
+    covariance = np.array(document["covariance"])
+    assert covariance.shape == (len(names), len(names))
+    np.testing.assert_allclose(covariance, covariance.T, atol=1e-20)
+    for name in names:
+        block, key, indices = re.fullmatch(r"(\w+)\.(\w+)\[([\d,]+)\]", name).groups()  # type: ignore[union-attr]
+        value: Any = document[block][key]
+        for index in indices.split(","):
+            value = value[int(index)]
+        assert isinstance(value, float)
+    # Row by row, triad by triad.
+    assert names[:4] == [f"accelerometer.matrix[{i}]" for i in ("0,0", "0,1", "0,2", "1,0")]
+    assert names[9] == "accelerometer.bias[0]"
+    assert names.index("gyroscope.matrix[2,2]") < names.index("gyroscope.bias[0]")
+
+
+def test_what_the_contract_promises_stands_in_the_file(example: Calibration) -> None:
+    document = json.loads(example.to_json())
+    for key in (
+        "format", "version", "created", "software", "imu", "procedure", "recordings", "site", "temperature_celsius",
+        "frame", "not_determined", "raw_units", "accelerometer", "gyroscope", "parameters", "covariance",
+        "covariance_parameters", "quality", "verdict", "test_vectors",
+    ):  # fmt: skip
+        assert key in document, key
+    assert (document["format"], document["version"]) == ("tumble calibration", 1)
+    assert {"latitude_deg", "height_m", "gravity", "earth_rate"} <= set(document["site"])
+    assert document["recordings"] == [{"name": "tumbled.csv", "sha256": "0" * 64}]
+    assert set(document["parameters"][0]) == {"name", "value", "standard_uncertainty", "unit"}
+    # A number that is none is null: JSON knows no NaN.
+    assert document["quality"]["sigma0_with_variance_components"] is None
+
+
+def test_the_schema_names_every_key_of_the_file(example: Calibration) -> None:
+    schema = calibration_schema()
+    document = json.loads(example.to_json())
+    assert set(document) == set(schema["properties"])
+    assert {"accelerometer", "covariance", "verdict"} <= set(schema["required"])
+    json.dumps(schema)
+
+
+def test_python_offers_the_same_correction_as_the_file(example: Calibration) -> None:
+    vectors = example.test_vectors
+    force, rate = example.correct(
+        np.array([v.raw_specific_force for v in vectors]), np.array([v.raw_angular_rate for v in vectors])
+    )
+    np.testing.assert_allclose(force, [v.specific_force for v in vectors], rtol=1e-13)
+    assert rate is not None
+    np.testing.assert_allclose(rate, [v.angular_rate for v in vectors], rtol=1e-12, atol=1e-15)
+
+
+def damaged(example: Calibration, path: Path, change: Any) -> Path:
+    document = json.loads(example.to_json())
+    change(document)
+    path.write_text(json.dumps(document), encoding="utf-8")
+    return path
+
+
+def test_a_later_version_is_refused_and_an_update_is_asked_for(example: Calibration, tmp_path: Path) -> None:
+    path = damaged(example, tmp_path / "calibration.json", lambda d: d.update(version=2))
+    with pytest.raises(CalibrationFileError, match=r"version 2 and this tumble reads up to 1: update tumble"):
+        read_calibration(path)
+
+
+@pytest.mark.parametrize("version", ["1", None, 0, -3, 1.5, True])
+def test_a_version_that_is_none_is_refused(example: Calibration, tmp_path: Path, version: object) -> None:
+    path = damaged(example, tmp_path / "calibration.json", lambda d: d.update(version=version))
+    with pytest.raises(CalibrationFileError, match="version"):
+        read_calibration(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "where"),
+    [
+        (lambda d: d["accelerometer"].pop("bias"), "accelerometer.bias"),
+        (lambda d: d["accelerometer"].update(bias=[1.0, 2.0]), "accelerometer.bias"),
+        (lambda d: d["gyroscope"].update(matrix=[[1, 0, 0], [0, 1, 0], [0, 0, "x"]]), "gyroscope.matrix"),
+        (lambda d: d.pop("covariance"), "covariance"),
+        (lambda d: d["covariance"].pop(), "covariance"),
+        (lambda d: d["covariance"][3].pop(), "covariance"),
+        (lambda d: d.update(verdict="fit"), "verdict"),
+        (lambda d: d["accelerometer"].update(matrix=[[1, 0, 0], [0, 1, 0], [0, 0, 0]]), "accelerometer.matrix"),
+        (lambda d: d["raw_units"].update(specific_force="furlong"), "raw_units"),
+    ],
+)  # fmt: skip
+def test_a_damaged_document_is_refused_with_the_place_of_the_damage(
+    example: Calibration, tmp_path: Path, change: Any, where: str
+) -> None:
+    path = damaged(example, tmp_path / "calibration.json", change)
+    with pytest.raises(CalibrationFileError, match=re.escape(where)) as caught:
+        read_calibration(path)
+    assert "\n" not in str(caught.value)
+    assert path.name in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "cannot be read as a calibration"),
+        (b"not json", "cannot be read as a calibration"),
+        (b'{"format": "tumble calibration", "version": 1', "cannot be read as a calibration"),
+        (b"\xff\xfe\x00binary\x80", "cannot be read as a calibration"),
+        (b"[1, 2, 3]", "is not a calibration of tumble"),
+        (b'{"format": "another"}', "is not a calibration of tumble"),
+        (b'{"format": "tumble calibration"}', "version"),
+    ],
+)
+def test_what_is_no_calibration_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
+    path = tmp_path / "calibration.json"
+    path.write_bytes(content)
+    with pytest.raises(CalibrationFileError, match=message) as caught:
+        read_calibration(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_document_with_numbers_that_are_none_is_refused(example: Calibration, tmp_path: Path) -> None:
+    """Python's json reads NaN and Infinity, which JSON does not know."""
+    path = damaged(
+        example,
+        tmp_path / "calibration.json",
+        lambda d: d["accelerometer"].update(bias=[1.0, float("nan"), 2.0]),
+    )
+    with pytest.raises(CalibrationFileError, match=r"accelerometer\.bias"):
+        read_calibration(path)
+
+
+def test_unknown_keys_of_the_same_version_are_let_through(example: Calibration, tmp_path: Path) -> None:
+    path = damaged(example, tmp_path / "calibration.json", lambda d: d.update(later="kept out"))
+    assert read_calibration(path) == example
+
+
+def test_a_missing_file_and_a_folder_without_one_are_told(tmp_path: Path) -> None:
+    for path in (tmp_path / "absent.json", tmp_path):
+        with pytest.raises(CalibrationFileError, match="There is no calibration"):
+            read_calibration(path)
