@@ -24,7 +24,7 @@ from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parents[1] / "tests" / "reference" / "xsens_mti_hand"
 LIBRARIES = "import numpy, numba, scipy.special, pydantic, typer, rich.console, rich.table"
-TUMBLE = "import sys; from tumble.cli.main import main; sys.argv[0] = 'tumble'; main()"
+TUMBLE = "import sys; from tumble.cli.main import program; sys.argv[0] = 'tumble'; program()"
 
 
 def ten_fold(lines: list[str], copies: int) -> str:
