@@ -127,7 +127,6 @@ def calibrate_hand_held(
         )
     say("start values")
     values = _start(recording, data, site.gravity, prior)
-    require_poses(data.force_mean, values[FORCE], has_prior=prior is not None)
     refuse_contradicting_axes(recording, inverted(values[GYRO_MATRIX].reshape(3, 3)))
 
     say("adjustment")
@@ -208,6 +207,8 @@ def _start(
     force = rough_triad(data.force_mean, gravity)
     if prior is not None:
         force[6:9] = prior.angles
+    factor = specific_force_factor(recording.specific_force_unit)
+    require_poses(data.force_mean, force, has_prior=prior is not None, factor=factor)
     spread = (0.01 * gravity) ** 2
     if len(distinct_poses(data.force_mean - force[BIAS])) >= 9:
         conditions = NormConditions(

@@ -172,7 +172,8 @@ def calibrate_multi_position(
     start = rough_triad(means.specific_force, site.gravity)
     if prior is not None:
         start[ANGLE] = prior.angles
-    require_poses(means.specific_force, start, has_prior=prior is not None)
+    factor = specific_force_factor(recording.specific_force_unit)
+    require_poses(means.specific_force, start, has_prior=prior is not None, factor=factor)
     free = np.arange(9)
     force = fit_norms(
         means.specific_force,

@@ -13,7 +13,7 @@ SAME_POSE = np.radians(10.0)
 
 def distinct_poses(directions: Vectors, angle: float = SAME_POSE) -> list[int]:
     """Return the indices of poses that differ from all earlier ones by more than `angle` (rad)."""
-    units = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    units = directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-300)
     kept: list[int] = []
     for index, unit in enumerate(units):
         if all(float(unit @ units[other]) < np.cos(angle) for other in kept):

@@ -12,6 +12,9 @@ from tumble.errors import ObservabilityError
 # A combination of unknowns whose sigma is this many times that of a single hold's norm is not told.
 # The 26 attitudes give at most 1.2, nine well-chosen ones 2.6.
 LARGEST_AMPLIFICATION = 30.0
+# Of a rough solution in SI units: a sphere fitted to one pose, laid down again and again, is beyond these.
+LARGEST_SCALE_ERROR = 0.3
+LARGEST_BIAS = 3.0  # m/s²
 NAMES = (
     "bias x",
     "bias y",
@@ -25,7 +28,14 @@ NAMES = (
 )
 
 
-def require_poses(means: Vectors, force_unknowns: Series, *, has_prior: bool, unknowns: int = 9) -> None:
+def require_poses(
+    means: Vectors,
+    force_unknowns: Series,
+    *,
+    has_prior: bool,
+    unknowns: int = 9,
+    factor: float | None = None,
+) -> None:
     """Refuse poses that do not determine the accelerometers, and say what to record instead.
 
     Parameters
@@ -34,6 +44,7 @@ def require_poses(means: Vectors, force_unknowns: Series, *, has_prior: bool, un
     force_unknowns : (12,) rough unknowns of the accelerometer triad.
     has_prior : the non-orthogonalities are known from an earlier calibration.
     unknowns : how many are to be estimated from the norms.
+    factor : m/s² per raw unit, or None for counts, of which neither zero nor size is known.
 
     Raises
     ------
@@ -41,8 +52,7 @@ def require_poses(means: Vectors, force_unknowns: Series, *, has_prior: bool, un
         With the number of poses found and needed, or the combination that no pose tells.
     """
     needed = 6 if has_prior else unknowns
-    up = (means - force_unknowns[BIAS]) / force_unknowns[SCALE]
-    up = up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-300)
+    up = _directions(means, force_unknowns, factor)
     held = up[distinct_poses(up)]
     if held.shape[0] < needed:
         raise ObservabilityError(_too_few(held, needed, has_prior))
@@ -54,6 +64,20 @@ def require_poses(means: Vectors, force_unknowns: Series, *, has_prior: bool, un
             f"The {held.shape[0]} different poses do not tell {_listed(names)}{' apart' if len(names) > 1 else ''}. "
             f"Record again and hold the unit also with {_suggestion(held, needed)}."
         )
+
+
+def _directions(means: Vectors, force_unknowns: Series, factor: float | None) -> Vectors:
+    """Return unit vectors up; a rough solution that no sensor has is none, and the raw numbers serve."""
+    bias, scale = force_unknowns[BIAS], force_unknowns[SCALE]
+    if factor is not None:
+        off = max(
+            np.max(np.abs(scale * factor - 1.0)) / LARGEST_SCALE_ERROR,
+            np.max(np.abs(bias * factor)) / LARGEST_BIAS,
+        )
+        if not off < 1.0:
+            bias, scale = np.zeros(3), np.full(3, 1.0 / factor)
+    up = (means - bias) / scale
+    return up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-300)
 
 
 def _weakest(held: Vectors, unknowns: int) -> Series | None:
