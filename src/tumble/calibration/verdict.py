@@ -126,6 +126,10 @@ def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
     holds = estimate.hold_norms.size
     rms = float(np.sqrt(np.mean(estimate.hold_norms**2)))
     noise = float(np.sqrt(np.mean(estimate.hold_sigmas**2)))
+    if estimate.degrees_of_freedom <= 0:
+        words.append(
+            f"{holds} holds for as many unknowns fit whatever they say: nothing checks the result. Record more poses."
+        )
     words.append(
         f"Over {holds} holds the corrected specific force has the norm of gravity within "
         f"{1e3 * rms:.2g} mm/s² rms (expected with the noise found: {1e3 * noise:.2g} mm/s²)."
