@@ -98,11 +98,14 @@ def program() -> None:
 
 
 def _usage_or_internal(error: Exception) -> None:
-    """End with typer's own message for wrong usage; anything else is a fault of tumble."""
-    show = getattr(error, "show", None)
-    if callable(show):
-        show()
-        sys.exit(getattr(error, "exit_code", 2))
+    """End with typer's own sentence for wrong usage; anything else is a fault of tumble."""
+    said = getattr(error, "format_message", None)
+    if callable(said):
+        status, message = getattr(error, "exit_code", 2), str(said()).strip().rstrip(".")
+        if not message:  # called without any argument: the help has been printed
+            sys.exit(status)
+        context = getattr(error, "ctx", None)
+        _end(f"{message}: see `{getattr(context, 'command_path', 'tumble')} --help`.", status)
     if os.environ.get("TUMBLE_DEBUG"):
         raise error
     _end(

@@ -221,7 +221,9 @@ def _knowledge(prior: str | os.PathLike[str] | None) -> StableKnowledge | None:
     names = {name: index for index, name in enumerate(earlier.covariance_parameters)}
     at = [names.get(f"accelerometer.matrix[{i},{j}]", size) for i in range(3) for j in range(3)]
     if size in at or earlier.accelerometer.matrix is None:
-        raise UsageError(f"{prior} says nothing of the accelerometer matrix: it cannot serve as --prior.")
+        raise UsageError(
+            f"{prior} states no accelerometer matrix with its covariance: it cannot serve as --prior."
+        )
     covariance = earlier.covariance_matrix[np.ix_(at, at)]
     return stable_knowledge(np.array(earlier.accelerometer.matrix, dtype=float), covariance)
 
