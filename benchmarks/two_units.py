@@ -1,6 +1,6 @@
 """Two MPU-9150 tumbled together on one rig: does imu1 have something that imu0 has not?
 
-    python benchmarks/two_units.py
+    python benchmarks/two_units.py                # --leave-out: also without each hold and turn in turn
 
 The program of the data set's authors (mikoff/imu-calib, MIT) ends with a cost of 0.28 for imu0 and of
 2.07 for imu1. Both units saw the same motion, so that their difference shows what belongs to a unit:
@@ -10,11 +10,12 @@ its rule for rest is applied to both recordings.
 
 from __future__ import annotations
 
+import argparse
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -213,7 +214,33 @@ def report_rest(units, difference: np.ndarray, sigma: np.ndarray) -> None:
         )
 
 
+def leave_out(unit: Unit) -> None:
+    """Calibrate without each turn, and without each hold and its turns; say what moves most."""
+    before = {p.name: p for p in unit.estimate.parameters if p.unit != "s"}
+    means = observe_holds(unit.recording, unit.timeline)
+    moved, angles = [], []
+    holds = len(unit.timeline.holds)
+    for kind, k in [("turn", k) for k in range(holds - 1)] + [("hold", k) for k in range(holds)]:
+        gone = [k] if kind == "turn" else [k - 1, k]
+        turns = tuple(replace(t, usable=t.usable and t.before not in gone) for t in unit.timeline.turns)
+        timeline = replace(unit.timeline, turns=turns)
+        unused = [k] if kind == "hold" else []
+        estimate = calibrate_hand_held(unit.recording, timeline, means, SITE, unused_holds=unused)
+        for p in estimate.parameters:
+            if p.name in before and not p.name.startswith("g-sensitivity"):
+                was = before[p.name]
+                size = abs(p.value - was.value) / was.standard_uncertainty
+                moved.append((size, f"{kind} {k + 1} moves {p.name} by {size:.1f} sigma"))
+        angles.append((float(np.degrees(np.sqrt(np.nanmean(estimate.turn_angles**2)))), f"{kind} {k + 1}"))
+    print(
+        f"  {unit.name}: {max(moved)[1]}; the turns are least without {min(angles)[1]}: {min(angles)[0]:.3f}°"
+    )
+
+
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--leave-out", action="store_true")
+    options = parser.parse_args()
     units = tuple(read_unit(f"imu{i}", path) for i, path in enumerate(FILES))
     print("Turns left by each set of parameters, on our holds:")
     for unit in units:
@@ -256,6 +283,10 @@ def main() -> None:
     print(f"Clock: imu1's stamp = {ratio:.5f} * imu0's {1e3 * offset:+.1f} ms")
     print("Rates at rest, imu1 minus imu0 turned (the hand's motion cancels):")
     report_rest(units, *rest_differences(units, rates, ratio, offset))
+    if options.leave_out:
+        print("Without each hold and turn in turn:")
+        for unit in units:
+            leave_out(unit)
 
 
 if __name__ == "__main__":
