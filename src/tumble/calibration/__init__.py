@@ -8,10 +8,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from tumble.calibration.composition import calibration_from_estimate
     from tumble.calibration.estimate import Estimate
     from tumble.calibration.hand_held import calibrate_hand_held
     from tumble.calibration.multi_position import calibrate_multi_position
-    from tumble.calibration.result import Calibration, calibration_from_estimate, read_calibration
+    from tumble.calibration.result import Calibration, read_calibration
 
 __all__ = [
     "Calibration",
@@ -27,7 +28,7 @@ _MODULES = {
     "Estimate": "estimate",
     "calibrate_hand_held": "hand_held",
     "calibrate_multi_position": "multi_position",
-    "calibration_from_estimate": "result",
+    "calibration_from_estimate": "composition",
     "read_calibration": "result",
 }
 

@@ -6,17 +6,21 @@ the entries of both matrices and biases, and of the optional terms that were est
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Square, Table
-from tumble.calibration.estimate import NamedValue
+from tumble.calibration.estimate import NamedValue, correlation_matrix
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE
+from tumble.earth import Site
+from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel, Triad, propagate
 from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
 from tumble.sensor.gauge import inverse, lower_factor
+from tumble.units import angular_rate_factor, specific_force_factor
 
 Complex = npt.NDArray[Any]
 
@@ -146,6 +150,67 @@ def named_values(
         for (name, unit), value, sigma in zip(labels, values, sigmas, strict=True)
     ]
     return named, spread
+
+
+@dataclass(frozen=True, slots=True)
+class Described:
+    """The 36 unknowns as everybody else knows them, with covariance; see `Estimate`."""
+
+    model: ImuModel
+    names: list[str]
+    covariance: Table
+    parameters: list[NamedValue]
+    correlations: Table
+
+
+def describe_unknowns(
+    unknowns: Series,
+    covariance: Square,
+    site: Site,
+    recording: Recording,
+    *,
+    terms: frozenset[str],
+    gyro: str,
+) -> Described:
+    """Return model, canonical and named parameters, with gravity's own uncertainty in the covariance.
+
+    Parameters
+    ----------
+    unknowns, covariance : (36,), (36, 36) of the adjustment.
+    site : how well gravity is known.
+    recording : for its units.
+    terms, gyro : as for `canonical_names`.
+    """
+    everything = covariance + gravity_covariance(unknowns, site)
+    named, spread = named_values(
+        unknowns,
+        everything,
+        terms=terms,
+        gyro=gyro,
+        units=(recording.specific_force_unit, recording.angular_rate_unit),
+        factors=(
+            specific_force_factor(recording.specific_force_unit),
+            angular_rate_factor(recording.angular_rate_unit),
+        ),
+    )
+    return Described(
+        model=model_from_unknowns(unknowns, terms, gyro),
+        names=canonical_names(terms, gyro),
+        covariance=canonical_covariance(unknowns, everything, terms, gyro),
+        parameters=named,
+        correlations=correlation_matrix(spread),
+    )
+
+
+def gravity_covariance(unknowns: Series, site: Site) -> Square:
+    """Return what the uncertainty of gravity adds: all accelerometer scales move together.
+
+    d scale / d gravity = -scale / gravity; the g-sensitivity moves the same way.
+    """
+    slope = np.zeros(unknowns.size)
+    slope[SCALE] = -unknowns[SCALE] / site.gravity
+    slope[G_SENSITIVITY] = -unknowns[G_SENSITIVITY] / site.gravity
+    return np.outer(slope, slope) * site.gravity_sigma**2
 
 
 def _scale(scale: Complex, factor: float | None) -> Complex:

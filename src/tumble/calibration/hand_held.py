@@ -12,20 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Series, Square, inverted
+from tumble.arrays import Series, inverted
 from tumble.calibration.bias_steps import find_bias_step
-from tumble.calibration.canonical import (
-    canonical_covariance,
-    canonical_names,
-    model_from_unknowns,
-    named_values,
-)
+from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.estimate import (
     Estimate,
     LeftOut,
     NamedValue,
     TermTest,
-    correlation_matrix,
     coverage_factor,
 )
 from tumble.calibration.gathering import gather
@@ -36,6 +30,7 @@ from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.requirements import require_poses
 from tumble.calibration.snooping import Kind, Outlier, balance
 from tumble.calibration.start_values import rough_gyro_matrix, rough_triad
+from tumble.calibration.term_tests import wald_test
 from tumble.calibration.time_lag import estimate_time_lag
 from tumble.calibration.triad_unknowns import BIAS, QUADRATIC, triad_from_unknowns
 from tumble.calibration.turn_conditions import (
@@ -57,7 +52,7 @@ from tumble.errors import ObservabilityError
 from tumble.estimation import Adjustment, Prior, adjust
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline
-from tumble.units import angular_rate_factor, specific_force_factor
+from tumble.units import specific_force_factor
 
 # Optional terms, tried together and dropped one by one: name -> unknowns.
 OPTIONAL_TERMS: dict[str, np.ndarray] = {
@@ -335,27 +330,10 @@ def _with_terms(
 
 
 def _test_term(solution: _Solution, name: str, limit: float) -> TermTest:
-    from scipy.special import fdtrc
-
     at = np.searchsorted(solution.free, OPTIONAL_TERMS[name])
-    estimate = solution.adjustment.parameters[at]
-    covariance = solution.adjustment.cofactor[np.ix_(at, at)]
-    scale = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.outer(scale, scale)
-    normalised = estimate / scale
-    statistic = float(normalised @ np.linalg.solve(correlation, normalised)) / at.size
-    freedom = max(solution.adjustment.redundancy, 1)
-    probability = float(fdtrc(at.size, freedom, statistic))
-    largest = int(np.argmax(np.abs(normalised)))
-    return TermTest(
-        name=name,
-        kept=probability < limit,
-        statistic=statistic,
-        degrees=at.size,
-        probability=probability,
-        limit=limit,
-        largest=f"{normalised[largest]:+.1f} sigma",
-    )
+    adjustment = solution.adjustment
+    covariance = adjustment.cofactor[np.ix_(at, at)]
+    return wald_test(name, adjustment.parameters[at], covariance, adjustment.redundancy, limit)
 
 
 def _estimate(
@@ -372,19 +350,7 @@ def _estimate(
     covariance = np.zeros((TOTAL, TOTAL))
     scale = max(1.0, solution.adjustment.sigma0) ** 2
     covariance[np.ix_(solution.free, solution.free)] = scale * solution.adjustment.cofactor
-    covariance += gravity_covariance(solution.values, site)
-    factors = (
-        specific_force_factor(recording.specific_force_unit),
-        angular_rate_factor(recording.angular_rate_unit),
-    )
-    named, spread = named_values(
-        solution.values,
-        covariance,
-        terms=terms,
-        gyro="full",
-        units=(recording.specific_force_unit, recording.angular_rate_unit),
-        factors=factors,
-    )
+    described = describe_unknowns(solution.values, covariance, site, recording, terms=terms, gyro="full")
     conditions = TurnConditions(
         data,
         site.gravity,
@@ -400,11 +366,11 @@ def _estimate(
     turn_sigmas = np.where(data.turn_start >= 0, np.sqrt(variances[:, TURN].sum(axis=1)), np.nan)
     return Estimate(
         procedure="hand-held",
-        model=model_from_unknowns(solution.values, terms, "full"),
-        names=canonical_names(terms, "full"),
-        covariance=canonical_covariance(solution.values, covariance, terms, "full"),
-        parameters=named,
-        correlations=correlation_matrix(spread),
+        model=described.model,
+        names=described.names,
+        covariance=described.covariance,
+        parameters=described.parameters,
+        correlations=described.correlations,
         sigma0=alone.adjustment.sigma0,
         sigma0_final=solution.adjustment.sigma0,
         degrees_of_freedom=solution.adjustment.redundancy,
@@ -424,17 +390,6 @@ def _estimate(
         terms=tests,
         not_determined=[],
     )
-
-
-def gravity_covariance(values: Series, site: Site) -> Square:
-    """Return what the uncertainty of gravity adds: all accelerometer scales move together.
-
-    d scale / d gravity = -scale / gravity; the g-sensitivity moves the same way.
-    """
-    slope = np.zeros(TOTAL)
-    slope[3:6] = -values[3:6] / site.gravity
-    slope[G_SENSITIVITY] = -values[G_SENSITIVITY] / site.gravity
-    return np.outer(slope, slope) * site.gravity_sigma**2
 
 
 def _largest_normalised(adjustment: Adjustment) -> float:

@@ -17,18 +17,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Square, Vectors, inverted
-from tumble.calibration.canonical import (
-    Complex,
-    canonical_covariance,
-    canonical_names,
-    model_from_unknowns,
-    named_values,
-)
+from tumble.calibration.canonical import Complex, describe_unknowns
 from tumble.calibration.estimate import (
     Estimate,
     LeftOut,
     TermTest,
-    correlation_matrix,
     coverage_factor,
 )
 from tumble.calibration.norm_conditions import NormConditions
@@ -36,6 +29,7 @@ from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.requirements import require_poses
 from tumble.calibration.snooping import Kind, Outlier, balance
 from tumble.calibration.start_values import rough_triad
+from tumble.calibration.term_tests import wald_test
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, COUNT, SCALE, triad_from_unknowns
 from tumble.calibration.turn_conditions import FORCE, G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, TOTAL
 from tumble.earth import EARTH_RATE, Site
@@ -292,7 +286,7 @@ def _mean_bias(
         equal = np.eye(3).ravel() * vertical_sigma
         spread[3:, 3:] += np.outer(equal, equal)
         slopes = solution[1:].T.ravel()
-        test = _test_g_sensitivity(slopes, spread[3:, 3:], 3 * (holds - 4))
+        test = wald_test("g_sensitivity", slopes, spread[3:, 3:], 3 * (holds - 4), G_SENSITIVITY_FALSE_ALARM)
         if test.kept:
             values[GYRO_BIAS], values[G_SENSITIVITY] = solution[0], slopes
             # Bias and g-sensitivity stand one after the other among the unknowns.
@@ -311,20 +305,6 @@ def _vertical_earth_rate(site: Site, nominal: float) -> tuple[float, float]:
     return nominal * EARTH_RATE * float(np.sin(site.latitude)) / site.gravity, 0.0
 
 
-def _test_g_sensitivity(slopes: Series, covariance: Square, freedom: int) -> TermTest:
-    """Test nine slopes against zero (Wald's test as F)."""
-    from scipy.special import fdtrc
-
-    statistic = float(slopes @ inverted(covariance) @ slopes) / 9.0
-    probability = float(fdtrc(9, freedom, statistic))
-    normalised = slopes / np.sqrt(np.diag(covariance))
-    largest = float(normalised[np.argmax(np.abs(normalised))])
-    kept = probability < G_SENSITIVITY_FALSE_ALARM
-    return TermTest(
-        "g_sensitivity", kept, statistic, 9, probability, G_SENSITIVITY_FALSE_ALARM, f"{largest:+.1f} sigma"
-    )
-
-
 def _estimate(
     recording: Recording, means: HoldMeans, site: Site, force: TriadFit, gyro: _GyroFit | None
 ) -> Estimate:
@@ -333,25 +313,10 @@ def _estimate(
         values, covariance = gyro.values.copy(), gyro.covariance.copy()
     values[FORCE] = force.unknowns
     covariance[FORCE, FORCE] = force.covariance
-    slope = np.zeros(TOTAL)
-    slope[SCALE] = -values[SCALE] / site.gravity
-    slope[G_SENSITIVITY] = -values[G_SENSITIVITY] / site.gravity
-    covariance += np.outer(slope, slope) * site.gravity_sigma**2
-    factors = (
-        specific_force_factor(recording.specific_force_unit),
-        angular_rate_factor(recording.angular_rate_unit),
-    )
     kind = "none" if gyro is None else gyro.kind
     test = None if gyro is None else gyro.test
     terms = frozenset({"g_sensitivity"}) if test is not None and test.kept else frozenset[str]()
-    named, spread = named_values(
-        values,
-        covariance,
-        terms=terms,
-        gyro=kind,
-        units=(recording.specific_force_unit, recording.angular_rate_unit),
-        factors=factors,
-    )
+    described = describe_unknowns(values, covariance, site, recording, terms=terms, gyro=kind)
     adjustment = force.adjustment
     assert means.specific_force is not None
     corrected = triad_from_unknowns(force.unknowns).correct(means.specific_force)
@@ -362,11 +327,11 @@ def _estimate(
     nothing = np.full(holds, np.nan)
     return Estimate(
         procedure="multi-position",
-        model=model_from_unknowns(values, terms, kind),
-        names=canonical_names(terms, kind),
-        covariance=canonical_covariance(values, covariance, terms, kind),
-        parameters=named,
-        correlations=correlation_matrix(spread),
+        model=described.model,
+        names=described.names,
+        covariance=described.covariance,
+        parameters=described.parameters,
+        correlations=described.correlations,
         sigma0=force.alone,
         sigma0_final=adjustment.sigma0,
         degrees_of_freedom=adjustment.redundancy,

@@ -4,22 +4,16 @@ from __future__ import annotations
 
 import json
 import os
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, cast
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-import tumble
 from tumble.arrays import Square, Vectors
-from tumble.calibration.estimate import Estimate
-from tumble.calibration.verdict import judge
-from tumble.earth import EARTH_RATE, Site
 from tumble.errors import CalibrationFileError, OutputError, TumbleError
-from tumble.recording.recording import Recording
 from tumble.recording.writing import written_beside
-from tumble.sensor import FRAMES, ImuModel, Triad
+from tumble.sensor import ImuModel, Triad
 from tumble.units import angular_rate_factor, specific_force_factor
 
 FORMAT = "tumble calibration"
@@ -247,55 +241,6 @@ class Calibration(_Strict):
         write_text(Path(path), self.to_json())
 
 
-def calibration_from_estimate(
-    estimate: Estimate,
-    recording: Recording,
-    site: Site,
-    *,
-    created: datetime | None = None,
-    remarks: tuple[str, ...] = (),
-    imu: tuple[str | None, str | None] = (None, None),
-) -> Calibration:
-    """Return the document of an estimate, judged and with test vectors."""
-    judgement = judge(estimate, recording)
-    temperature = None if recording.temperature is None else float(np.nanmean(recording.temperature))
-    model = estimate.model
-    assert model.accelerometer is not None
-    known = any(name.startswith("gyroscope.matrix") for name in estimate.names)
-    nominal = angular_rate_factor(recording.angular_rate_unit) is not None
-    gyroscope = None
-    if model.gyroscope is not None:
-        gyroscope = _block(model.gyroscope, model.g_sensitivity, has_matrix=known or nominal)
-    return Calibration(
-        created=(created or datetime.now(UTC)).isoformat(timespec="seconds"),
-        software=f"tumble {tumble.__version__}",
-        imu=Imu(model=imu[0], serial_number=imu[1]),
-        procedure=estimate.procedure,
-        recordings=[RecordingName(name=s.name, sha256=s.sha256) for s in recording.sources],
-        site=_site_block(site),
-        temperature_celsius=temperature,
-        frame=FrameBlock(name="accelerometer-x", description=FRAMES["accelerometer-x"]),
-        not_determined=list(estimate.not_determined),
-        raw_units=RawUnits(
-            specific_force=recording.specific_force_unit, angular_rate=recording.angular_rate_unit
-        ),
-        accelerometer=_block(model.accelerometer, None, has_matrix=True),
-        gyroscope=gyroscope,
-        parameters=[
-            ParameterBlock(
-                name=p.name, value=p.value, standard_uncertainty=p.standard_uncertainty, unit=p.unit
-            )
-            for p in estimate.parameters
-        ],
-        covariance_parameters=list(estimate.names),
-        covariance=estimate.covariance.tolist(),
-        quality=_quality(estimate),
-        verdict=VerdictBlock(fit=judgement.fit, reasons=judgement.reasons),
-        remarks=[*estimate.remarks, *remarks],
-        test_vectors=_test_vectors(model, recording, gyroscope),
-    )
-
-
 def read_calibration(path: str | os.PathLike[str]) -> Calibration:
     """Read a ``calibration.json``, or a folder that holds one.
 
@@ -391,95 +336,3 @@ def _triad(block: TriadBlock) -> Triad | None:
         None if block.asymmetry is None else np.array(block.asymmetry, dtype=float),
         None if block.quadratic is None else np.array(block.quadratic, dtype=float),
     )
-
-
-def _rows(matrix: Any) -> Any:
-    return tuple(tuple(float(v) for v in row) for row in matrix)
-
-
-def _row(vector: Any) -> Any:
-    return tuple(float(v) for v in vector)
-
-
-def _block(triad: Triad, g_sensitivity: Any, *, has_matrix: bool) -> TriadBlock:
-    return TriadBlock(
-        matrix=_rows(triad.matrix) if has_matrix else None,
-        bias=_row(triad.bias),
-        asymmetry=None if triad.asymmetry is None else _row(triad.asymmetry),
-        quadratic=None if triad.quadratic is None else _row(triad.quadratic),
-        g_sensitivity=None if g_sensitivity is None else _rows(g_sensitivity),
-    )
-
-
-def _site_block(site: Site) -> SiteBlock:
-    return SiteBlock(
-        latitude_deg=None if site.latitude is None else float(np.degrees(site.latitude)),
-        height_m=site.height if site.latitude is not None else None,
-        gravity=site.gravity,
-        gravity_standard_uncertainty=site.gravity_sigma,
-        gravity_source=site.source,
-        earth_rate=EARTH_RATE,
-    )
-
-
-def _quality(estimate: Estimate) -> QualityBlock:
-    turns = estimate.turn_angles[np.isfinite(estimate.turn_angles)]
-
-    def finite(value: float) -> float | None:
-        return value if np.isfinite(value) else None
-
-    return QualityBlock(
-        sigma0=finite(estimate.sigma0),
-        sigma0_with_variance_components=finite(estimate.sigma0_final),
-        degrees_of_freedom=estimate.degrees_of_freedom,
-        largest_normalised_residual=estimate.largest_normalised,
-        coverage_factor=estimate.coverage_factor,
-        rms_hold_norm=float(np.sqrt(np.mean(estimate.hold_norms**2))) if estimate.hold_norms.size else None,
-        rms_turn_angle=float(np.sqrt(np.mean(turns**2))) if turns.size else None,
-        holds=int(estimate.hold_norms.size),
-        turns=int(turns.size),
-        variance_components=estimate.variance_components,
-        left_out=[
-            LeftOutBlock(kind="hold" if o.kind == "hold" else "turn", number=o.index + 1, reason=o.reason)
-            for o in estimate.left_out
-        ],
-        optional_terms=[
-            TermBlock(
-                name=t.name,
-                kept=t.kept,
-                f_statistic=t.statistic,
-                degrees_of_freedom=t.degrees,
-                probability=t.probability,
-                limit=t.limit,
-            )
-            for t in estimate.terms
-        ],
-    )
-
-
-def _test_vectors(model: ImuModel, recording: Recording, gyroscope: TriadBlock | None) -> list[TestVector]:
-    """Return round raw numbers near the recording's own and what they become."""
-    assert model.accelerometer is not None
-    scale = 1.0 / (specific_force_factor(recording.specific_force_unit) or 1.0)
-    raw_force = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, -1.0], [3.0, -4.0, 5.0]])
-    raw_rate = np.array([[0.1, 0.0, 0.0], [0.0, 0.2, -0.1], [0.3, -0.4, 0.5]])
-    raw_force = raw_force * scale
-    raw_rate = raw_rate / (angular_rate_factor(recording.angular_rate_unit) or 1.0)
-    if specific_force_factor(recording.specific_force_unit) is None:
-        raw_force = np.round(
-            model.accelerometer.bias + raw_force * np.abs(np.diag(model.accelerometer.matrix))
-        )
-    has_gyro = model.gyroscope is not None and gyroscope is not None and gyroscope.matrix is not None
-    if has_gyro and model.gyroscope is not None and angular_rate_factor(recording.angular_rate_unit) is None:
-        raw_rate = np.round(model.gyroscope.bias + raw_rate * np.abs(np.diag(model.gyroscope.matrix)))
-    force = model.accelerometer.correct(raw_force)
-    rate = model.correct(raw_force, raw_rate)[1] if has_gyro else None
-    return [
-        TestVector(
-            raw_specific_force=_row(raw_force[i]),
-            raw_angular_rate=_row(raw_rate[i]) if rate is not None else None,
-            specific_force=_row(force[i]),
-            angular_rate=_row(rate[i]) if rate is not None else None,
-        )
-        for i in range(3)
-    ]
