@@ -86,9 +86,9 @@ def test_every_command_of_the_readme_exists_with_its_options(command: str) -> No
     assert {option for line in lines for option in OPTION.findall(line)} <= options_of(command)
 
 
-def test_the_readme_shows_the_four_steps() -> None:
+def test_the_readme_shows_the_demo_and_the_four_steps() -> None:
     shown = re.findall(r"^\$ tumble (\S+)", README, re.M)
-    assert shown == ["inspect", "calibrate", "apply", "verify"]
+    assert shown == ["demo", "inspect", "calibrate", "apply", "verify"]
 
 
 @pytest.mark.parametrize(("left", "right"), [("│ ", " │"), ("  ", "")])
