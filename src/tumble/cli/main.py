@@ -24,6 +24,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 INTERRUPTED = 130
 UNWRITTEN = 3
 INTERNAL = 70
+STOPPED = "Stopped; no file was changed."
 
 app = typer.Typer(
     name="tumble",
@@ -59,13 +60,15 @@ def options(
 
 def main() -> None:
     """Run the command line; every error is one sentence and an exit status."""
+    sys.unraisablehook = _send_again
     try:
         status = app(standalone_mode=False)
     except TumbleError as error:
         _end(str(error), error.exit_status)
     except (KeyboardInterrupt, typer.Abort):
-        _end("Stopped; no file was changed.", INTERRUPTED)
-    except BrokenPipeError:
+        _end(STOPPED, INTERRUPTED)
+    except (BrokenPipeError, SystemExit):
+        # Nobody reads on, as after `| head`: typer knows no other reason to leave by itself.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
     except OSError as error:
@@ -75,7 +78,23 @@ def main() -> None:
     except Exception as error:  # noqa: BLE001 (the last line of defence: a sentence, not a traceback)
         _usage_or_internal(error)
     else:
+        # typer turns Ctrl-C into this status without a word.
+        if status == INTERRUPTED:
+            _end(STOPPED, INTERRUPTED)
         sys.exit(status if isinstance(status, int) else 0)
+
+
+def _send_again(lost: sys.UnraisableHookArgs) -> None:
+    """Send a Ctrl-C again that came while a compiled library called back, where it cannot be raised."""
+    if not issubclass(lost.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+        return
+    import _thread
+    import threading
+
+    again = threading.Timer(0.02, _thread.interrupt_main)
+    again.daemon = True
+    again.start()
 
 
 def program() -> None:
