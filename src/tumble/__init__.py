@@ -45,7 +45,8 @@ if TYPE_CHECKING:
     from tumble.recording import Recording, read_recording
     from tumble.segmentation import find_timeline
     from tumble.sensor import ImuModel
-    from tumble.workflows import calibrate, verify
+    from tumble.workflows.calibrate import calibrate
+    from tumble.workflows.verify import verify
 
 __version__ = "0.1.0"
 

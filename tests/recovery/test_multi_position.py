@@ -8,7 +8,7 @@ import pytest
 from tumble.calibration import Estimate, calibrate_multi_position
 from tumble.calibration.prior import StableKnowledge
 from tumble.earth import EARTH_RATE, Site
-from tumble.errors import ObservabilityError
+from tumble.errors import ObservabilityError, UsageError
 from tumble.recording import Recording
 from tumble.segmentation import HoldMeans
 
@@ -206,3 +206,42 @@ def test_an_unknown_gravity_is_in_the_scale_factors_together_and_nowhere_else() 
     slope = matrix / vague.gravity * vague.gravity_sigma
     expected[:9, :9] = np.outer(slope, slope)
     np.testing.assert_allclose(added, expected, atol=1e-12)
+
+
+# Orthogonal axes: raw = diag(1.02, 0.98, 1.05) f + (0.1, -0.2, 0.3), six faces multiplied out by hand.
+SIX_FACES_ORTHOGONAL = (
+    (10.096, -0.2, 0.3),
+    (-9.896, -0.2, 0.3),
+    (0.1, 9.404, 0.3),
+    (0.1, -9.804, 0.3),
+    (0.1, -0.2, 10.59),
+    (0.1, -0.2, -9.99),
+)
+
+
+def test_six_unknowns_of_six_faces_are_bias_and_scale_factors_and_the_rest_is_said_to_be_nominal() -> None:
+    means = means_of(np.array(SIX_FACES_ORTHOGONAL))
+    estimate = calibrate_multi_position(recording_of(means), means, SITE, unknowns=6)
+    assert estimate.model.accelerometer is not None
+    np.testing.assert_allclose(estimate.model.accelerometer.matrix, np.diag([1.02, 0.98, 1.05]), atol=1e-9)
+    np.testing.assert_allclose(estimate.model.accelerometer.bias, BIAS, atol=1e-9)
+    assert any("non-orthogonalities were not estimated" in sentence for sentence in estimate.not_determined)
+
+
+def test_three_unknowns_are_the_biases_with_the_scale_factors_nominal() -> None:
+    # raw = f + (0.1, -0.2, 0.3): the three positive faces and one negative.
+    faces = 9.8 * np.vstack([np.eye(3), [[0.0, 0.0, -1.0]]]) + BIAS
+    means = means_of(faces)
+    estimate = calibrate_multi_position(recording_of(means), means, SITE, unknowns=3)
+    assert estimate.model.accelerometer is not None
+    np.testing.assert_allclose(estimate.model.accelerometer.bias, BIAS, atol=1e-9)
+    np.testing.assert_array_equal(estimate.model.accelerometer.matrix, np.eye(3))
+
+
+@pytest.mark.parametrize(("unknowns", "unit", "words"), [(4, "m/s^2", "9"), (3, "counts", "raw counts")])
+def test_other_numbers_of_unknowns_and_biases_of_counts_are_refused(
+    unknowns: int, unit: str, words: str
+) -> None:
+    means = means_of(raw_by_hand())
+    with pytest.raises(UsageError, match=words):
+        calibrate_multi_position(recording_of(means, (unit, "rad/s")), means, SITE, unknowns=unknowns)

@@ -72,7 +72,7 @@ def calibration_from_estimate(
             for p in estimate.parameters
         ],
         covariance_parameters=list(estimate.names),
-        covariance=estimate.covariance.tolist(),
+        covariance=(0.5 * (estimate.covariance + estimate.covariance.T)).tolist(),
         quality=_quality(estimate),
         verdict=VerdictBlock(fit=judgement.fit, reasons=judgement.reasons),
         remarks=[*estimate.remarks, *remarks],

@@ -33,7 +33,7 @@ from tumble.calibration.term_tests import wald_test
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, COUNT, SCALE, triad_from_unknowns
 from tumble.calibration.turn_conditions import FORCE, G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, TOTAL
 from tumble.earth import EARTH_RATE, Site
-from tumble.errors import ConvergenceError, ObservabilityError
+from tumble.errors import ConvergenceError, ObservabilityError, UsageError
 from tumble.estimation import Adjustment, Prior, adjust, snoop_groups
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans
@@ -141,6 +141,7 @@ def calibrate_multi_position(
     site: Site,
     *,
     prior: StableKnowledge | None = None,
+    unknowns: int = 9,
     progress: Callable[[str], None] | None = None,
 ) -> Estimate:
     """Calibrate the accelerometers on gravity and the gyros, as far as they see it, on the Earth rate.
@@ -151,9 +152,13 @@ def calibrate_multi_position(
     means : the holds' means and covariances.
     site : gravity.
     prior : non-orthogonalities of an earlier calibration; six poses then suffice.
+    unknowns : of a triad: 9 (bias, scale factor, non-orthogonality), 6 (without non-orthogonality) or
+        3 (bias alone); what is not estimated is nominal, or the prior's.
 
     Raises
     ------
+    UsageError
+        If `unknowns` is another number, or 3 for raw counts, whose scale nobody has said.
     ObservabilityError
         If poses are too few or too alike; the message names the pose that would tell more.
     ConvergenceError
@@ -167,20 +172,40 @@ def calibrate_multi_position(
     if prior is not None:
         start[ANGLE] = prior.angles
     factor = specific_force_factor(recording.specific_force_unit)
-    require_poses(means.specific_force, start, has_prior=prior is not None, factor=factor)
-    free = np.arange(9)
+    _check_unknowns(unknowns, factor)
+    if unknowns == 3 and factor is not None:
+        start[SCALE] = 1.0 / factor
+    require_poses(means.specific_force, start, has_prior=prior is not None, unknowns=unknowns, factor=factor)
+    free = np.arange(unknowns)
     force = fit_norms(
         means.specific_force,
         means.specific_force_covariance,
         site.gravity,
         start,
         free,
-        prior=None if prior is None else _angle_prior(prior, 9),
+        prior=None if prior is None or unknowns < 9 else _angle_prior(prior, 9),
     )
     say("gyros")
     specific_force_b = triad_from_unknowns(force.unknowns).correct(means.specific_force)
-    gyro = _fit_gyro(recording, means, specific_force_b, site)
-    return _estimate(recording, means, site, force, gyro)
+    gyro = _fit_gyro(recording, means, specific_force_b, site, unknowns)
+    estimate = _estimate(recording, means, site, force, gyro)
+    if unknowns < 9:
+        kept = "non-orthogonalities" if unknowns == 6 else "scale factors and non-orthogonalities"
+        of = "an earlier calibration's values" if prior is not None else "their nominal values"
+        estimate.not_determined.append(
+            f"The accelerometers' {kept} were not estimated ({unknowns} unknowns, as asked for): they have {of}, "
+            "and no uncertainty is stated for them."
+        )
+    return estimate
+
+
+def _check_unknowns(unknowns: int, factor: float | None) -> None:
+    if unknowns not in (3, 6, 9):
+        raise UsageError(
+            f"--unknowns {unknowns}: it is 9 (bias, scale factor, non-orthogonality), 6 or 3 a triad."
+        )
+    if unknowns == 3 and factor is None:
+        raise UsageError("--unknowns 3 takes the scale factors as known, and those of raw counts are not.")
 
 
 def _angle_prior(prior: StableKnowledge, size: int) -> Prior:
@@ -191,7 +216,7 @@ def _angle_prior(prior: StableKnowledge, size: int) -> Prior:
 
 
 def _fit_gyro(
-    recording: Recording, means: HoldMeans, specific_force_b: Vectors, site: Site
+    recording: Recording, means: HoldMeans, specific_force_b: Vectors, site: Site, unknowns: int
 ) -> _GyroFit | None:
     """Take the largest solution on the Earth rate that the noise allows."""
     if means.angular_rate is None or means.angular_rate_covariance is None:
@@ -199,6 +224,8 @@ def _fit_gyro(
     factor = angular_rate_factor(recording.angular_rate_unit)
     observed, covariance = means.angular_rate, means.angular_rate_covariance
     for count in (9, 6, 3) if factor else ():
+        if count > unknowns:
+            continue
         start = np.zeros(COUNT)
         start[SCALE] = 1.0 / float(factor or 1.0)
         start[BIAS] = np.mean(observed, axis=0)

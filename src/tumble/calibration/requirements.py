@@ -15,6 +15,11 @@ LARGEST_AMPLIFICATION = 30.0
 # Of a rough solution in SI units: a sphere fitted to one pose, laid down again and again, is beyond these.
 LARGEST_SCALE_ERROR = 0.3
 LARGEST_BIAS = 3.0  # m/s²
+WANTED = {
+    9: "nine unknowns (bias, scale factor, non-orthogonality)",
+    6: "biases and scale factors",
+    3: "biases",
+}
 NAMES = (
     "bias x",
     "bias y",
@@ -51,7 +56,7 @@ def require_poses(
     ObservabilityError
         With the number of poses found and needed, or the combination that no pose tells.
     """
-    needed = 6 if has_prior else unknowns
+    needed = min(6, unknowns) if has_prior else unknowns
     up = _directions(means, force_unknowns, factor)
     held = up[distinct_poses(up)]
     if held.shape[0] < needed:
@@ -93,10 +98,10 @@ def _too_few(held: Vectors, needed: int, has_prior: bool) -> str:
     verb = "was" if found == 1 else "were"
     text = (
         f"{poses} {verb} found and {needed} are needed for "
-        f"{'biases and scale factors' if has_prior else 'nine unknowns (bias, scale factor, non-orthogonality)'}: "
+        f"{WANTED[needed]}: "
         f"hold the unit also with {_suggestion(held, needed)}"
     )
-    if not has_prior and found >= 6:
+    if needed == 9 and found >= 6:
         text += "; or give an earlier calibration of this unit with --prior, and six poses suffice"
     return text + "."
 

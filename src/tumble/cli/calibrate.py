@@ -58,6 +58,10 @@ def calibrate_command(
             help="Try g-sensitivity and quadratic terms, and keep them if the data want them.",
         ),
     ] = True,
+    unknowns: Annotated[
+        int | None,
+        typer.Option(help="For multi-position: 9 a triad, 6 (no non-orthogonality) or 3 (bias alone)."),
+    ] = None,
     imu_model: Annotated[str | None, typer.Option(help="Model of the unit, noted in the file.")] = None,
     imu_serial: Annotated[
         str | None, typer.Option(help="Serial number of the unit, noted in the file.")
@@ -89,6 +93,7 @@ def calibrate_command(
             prior=prior,
             intervals=intervals,
             optional_terms=optional_terms,
+            unknowns=unknowns,
             imu=(imu_model, imu_serial),
             progress=say,
         )

@@ -67,6 +67,7 @@ def calibrate(
     prior: str | os.PathLike[str] | None = None,
     intervals: str | os.PathLike[str] | None = None,
     optional_terms: bool = True,
+    unknowns: int | None = None,
     imu: tuple[str | None, str | None] = (None, None),
     progress: Callable[[str], None] | None = None,
 ) -> CalibrationRun:
@@ -82,6 +83,7 @@ def calibrate(
     prior : an earlier calibration of the unit, whose non-orthogonalities are kept.
     intervals : file of the holds' start and stop in seconds, instead of finding them.
     optional_terms : try g-sensitivity and quadratic terms.
+    unknowns : 9, 6 or 3 a triad, for the multi-position procedure only.
     imu : (model, serial number) to note in the document.
     progress : is told in words what is being done.
 
@@ -95,7 +97,7 @@ def calibrate(
         If the results cannot be written; earlier ones are intact.
     """
     say = progress or _silent
-    _check_procedure(procedure)
+    _check_procedure(procedure, unknowns)
     folder = None if output is None else Path(output)
     if folder is not None:
         _require_writable(folder)
@@ -117,7 +119,9 @@ def calibrate(
     from tumble.calibration import calibration_from_estimate
 
     place = site or Site.unknown()
-    estimate, reason = _estimate(recording, timeline, means, place, procedure, knowledge, optional_terms, say)
+    estimate, reason = _estimate(
+        recording, timeline, means, place, procedure, knowledge, optional_terms, unknowns, say
+    )
     clock.lap("solving")
 
     calibration = calibration_from_estimate(
@@ -131,7 +135,11 @@ def calibrate(
     return run
 
 
-def _check_procedure(procedure: str | None) -> None:
+def _check_procedure(procedure: str | None, unknowns: int | None) -> None:
+    if unknowns is not None and procedure != "multi-position":
+        raise UsageError(
+            "--unknowns is for the multi-position procedure: add --procedure multi-position, or leave it out."
+        )
     if procedure is None or procedure in PROCEDURES:
         return
     if procedure in LATER_PROCEDURES:
@@ -236,6 +244,7 @@ def _estimate(
     procedure: str | None,
     knowledge: StableKnowledge | None,
     optional_terms: bool,
+    unknowns: int | None,
     say: Callable[[str], None],
 ) -> tuple[Estimate, str]:
     """Run the procedure asked for, or the one that the recording suits; say why."""
@@ -250,7 +259,9 @@ def _estimate(
         )
 
     def multi_position() -> Estimate:
-        return calibrate_multi_position(recording, means, site, prior=knowledge, progress=say)
+        return calibrate_multi_position(
+            recording, means, site, prior=knowledge, unknowns=unknowns or 9, progress=say
+        )
 
     if procedure == "hand-held":
         return hand_held(), "Procedure hand-held, as asked for."
