@@ -61,7 +61,7 @@ def apply(
     remarks = [remark.text for remark in first.remarks]
     if document.gyroscope is None or document.gyroscope.matrix is None:
         remarks.append("The calibration has no gyro matrix: the corrected file has no angular rate.")
-    target = _target(output, first, paths)
+    target = _target(output, calibration, paths)
 
     done = 0
 
@@ -141,11 +141,18 @@ def _corrected(document: Calibration, block: Recording, factors: tuple[float, fl
 
 def _target(
     output: str | os.PathLike[str] | None,
-    recording: Recording,
+    calibration: str | os.PathLike[str] | Calibration,
     paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
 ) -> Path:
     named = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
     target = Path(output) if output is not None else Path(f"{Path(named[0]).stem}-corrected.csv")
-    if any(target.resolve() == Path(path).resolve() for path in named):
+    if any(_same_file(target, Path(path)) for path in named):
         raise UsageError(f"{target} is the recording itself: give another file with -o.")
+    if not isinstance(calibration, Calibration) and _same_file(target, Path(calibration)):
+        raise UsageError(f"{target} is the calibration itself: give another file with -o.")
     return target
+
+
+def _same_file(one: Path, other: Path) -> bool:
+    """Tell whether both are one file, also by way of a link."""
+    return one.exists() and other.exists() and one.samefile(other)
