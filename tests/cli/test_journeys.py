@@ -1,0 +1,385 @@
+"""From a recording to a calibration, to a corrected recording, to a judgement on another session."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+GRAVITY = 9.81
+COLUMNS = ["t", "ax", "ay", "az", "gx", "gy", "gz"]
+
+
+def document_of(folder: Path) -> dict[str, Any]:
+    return json.loads((folder / "calibration.json").read_text(encoding="utf-8"))
+
+
+def by_hand(document: dict[str, Any], rows: np.ndarray) -> np.ndarray:
+    """Corrected rows by the formula that stands in the file, without tumble."""
+    a, g = document["accelerometer"], document["gyroscope"]
+    assert a["quadratic"] is None
+    force = np.linalg.solve(np.array(a["matrix"]), (rows[:, 1:4] - a["bias"]).T).T
+    rate = rows[:, 4:] - g["bias"]
+    if g["g_sensitivity"] is not None:
+        rate = rate - force @ np.array(g["g_sensitivity"]).T
+    return np.column_stack([rows[:, 0], force, np.linalg.solve(np.array(g["matrix"]), rate.T).T])
+
+
+# --- calibrate
+
+
+def test_calibrate_prints_the_parameters_the_verdict_and_where_the_files_are(
+    tumble: Any, recording: Path, tmp_path: Path
+) -> None:
+    answer = tumble("calibrate", recording, "--gravity", GRAVITY, "-o", tmp_path / "results")
+    assert answer.status == 0
+    assert answer.err == ""
+    for word in ("hand-held", "bias x", "FIT FOR USE", "calibration.json", "report.html"):
+        assert word in answer.out
+    assert sorted(p.name for p in (tmp_path / "results").iterdir()) == ["calibration.json", "report.html"]
+    page = (tmp_path / "results" / "report.html").read_text(encoding="utf-8")
+    assert page.lstrip().lower().startswith("<!doctype html>")
+    assert 'src="http' not in page  # one file that works offline
+
+
+def test_calibrate_json_is_the_document_that_is_written(tumble: Any, recording: Path, tmp_path: Path) -> None:
+    answer = tumble("calibrate", recording, "--gravity", GRAVITY, "-o", tmp_path / "results", "--json")
+    assert answer.status == 0
+    assert json.loads(answer.out) == document_of(tmp_path / "results")
+
+
+def test_quiet_prints_the_verdict_only(tumble: Any, recording: Path, tmp_path: Path) -> None:
+    answer = tumble("calibrate", recording, "--gravity", GRAVITY, "-o", tmp_path / "results", "-q")
+    assert answer.status == 0
+    assert answer.out.startswith("FIT FOR USE")
+    assert "bias x" not in answer.out
+    assert len(answer.out.splitlines()) <= 4
+
+
+def test_verbose_prints_what_was_assumed_and_what_each_stage_took(
+    tumble: Any, recording: Path, tmp_path: Path
+) -> None:
+    answer = tumble("calibrate", recording, "--gravity", GRAVITY, "-o", tmp_path / "results", "-v")
+    for word in ("assumed: ", "reading", "solving", "reporting"):
+        assert word in answer.out
+
+
+def test_without_an_output_the_folder_is_named_after_the_recording(
+    tumble: Any, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert tumble("calibrate", recording, "--gravity", GRAVITY, "-q").status == 0
+    assert [p.name for p in tmp_path.iterdir()] == ["tumbled-calibration"]
+
+
+def test_the_same_recording_gives_the_same_document_but_for_the_date(
+    tumble: Any, recording: Path, calibrated: Path, tmp_path: Path
+) -> None:
+    tumble("calibrate", recording, "--gravity", GRAVITY, "-o", tmp_path / "results", "-q")
+    first, second = document_of(calibrated), document_of(tmp_path / "results")
+    first.pop("created")
+    second.pop("created")
+    assert first == second
+
+
+def test_a_calibration_that_is_not_fit_is_written_and_ends_with_1(
+    tumble: Any, written: Any, rows: np.ndarray, tmp_path: Path
+) -> None:
+    """Declared in m/s² with a scale 30 % off: no sensor has that, and the verdict says so."""
+    wrong = rows.copy()
+    wrong[:, 1:4] *= 1.3
+    path = written(tmp_path / "wrong.csv", wrong)
+    answer = tumble(
+        "calibrate", path, "--gravity", GRAVITY, "-o", tmp_path / "results", "--units", "m/s^2,rad/s"
+    )
+    assert answer.status == 1, answer
+    assert "NOT FIT" in answer.out
+    assert "beyond belief" in " ".join(answer.out.split())
+    document = document_of(tmp_path / "results")
+    assert document["verdict"]["fit"] is False
+    assert document["verdict"]["reasons"]
+
+
+def test_model_and_serial_number_are_noted(tumble: Any, recording: Path, tmp_path: Path) -> None:
+    tumble(
+        "calibrate", recording, "-o", tmp_path / "r", "-q", "--imu-model", "MPU-9150", "--imu-serial", "no. 7"
+    )
+    imu = document_of(tmp_path / "r")["imu"]
+    assert (imu["model"], imu["serial_number"]) == ("MPU-9150", "no. 7")
+
+
+def test_without_a_site_gravity_is_assumed_and_its_uncertainty_is_in_the_scale_factors(
+    tumble: Any, recording: Path, tmp_path: Path
+) -> None:
+    """0.015 m/s² of 9.80665 m/s² is 0.15 % for all three alike."""
+    tumble("calibrate", recording, "-o", tmp_path / "r", "-q")
+    document = document_of(tmp_path / "r")
+    assert "assumed" in document["site"]["gravity_source"]
+    scale = {
+        p["name"]: p["standard_uncertainty"]
+        for p in document["parameters"]
+        if "accelerometer scale" in p["name"]
+    }
+    assert len(scale) == 3
+    for sigma in scale.values():
+        assert 0.0015 < sigma < 0.0017
+
+
+def test_several_recordings_of_one_unit_are_taken_together(
+    tumble: Any, written: Any, sessions: Any, recording: Path, calibrated: Path, tmp_path: Path
+) -> None:
+    """Two sessions know more than one: every accelerometer parameter's uncertainty falls."""
+    other = written(tmp_path / "other.csv", sessions(11))
+    assert tumble("calibrate", recording, other, "--gravity", GRAVITY, "-o", tmp_path / "r", "-q").status == 0
+    document = document_of(tmp_path / "r")
+    assert [r["name"] for r in document["recordings"]] == ["tumbled.csv", "other.csv"]
+    assert document["quality"]["holds"] == 40
+    assert document["quality"]["turns"] == 38  # none goes from one recording to the next
+    alone = {p["name"]: p["standard_uncertainty"] for p in document_of(calibrated)["parameters"]}
+    both = {p["name"]: p["standard_uncertainty"] for p in document["parameters"]}
+    assert np.median([both[name] / alone[name] for name in alone if name in both]) < 0.9
+
+
+def test_recordings_in_different_units_are_not_taken_together(
+    tumble: Any, written: Any, rows: np.ndarray, recording: Path, tmp_path: Path
+) -> None:
+    in_g = rows.copy()
+    in_g[:, 1:4] /= 9.80665
+    other = written(tmp_path / "in-g.csv", in_g)
+    answer = tumble("calibrate", recording, other, "-o", tmp_path / "r")
+    assert answer.status == 2
+    assert "in-g.csv has other units" in answer.err
+
+
+def test_given_intervals_are_used_instead_of_a_search(tumble: Any, recording: Path, tmp_path: Path) -> None:
+    intervals = tmp_path / "holds.txt"
+    intervals.write_text("".join(f"{4.1 * k + 0.3} {4.1 * k + 2.3}\n" for k in range(20)))
+    answer = tumble(
+        "calibrate", recording, "--gravity", GRAVITY, "-o", tmp_path / "r", "--intervals", intervals, "--json"
+    )
+    assert answer.status == 0
+    assert json.loads(answer.out)["quality"]["holds"] == 20
+
+
+# --- demo
+
+
+def test_demo_calibrates_the_recording_that_ships_with_the_package(tumble: Any, tmp_path: Path) -> None:
+    answer = tumble("demo", "-o", tmp_path / "demo", "-q")
+    assert answer.status == 0
+    assert answer.out.startswith("FIT FOR USE")
+    document = document_of(tmp_path / "demo")
+    assert document["imu"]["model"] == "MPU-9150"
+    assert (tmp_path / "demo" / "report.html").is_file()
+
+
+# --- apply
+
+
+@pytest.mark.parametrize("name", ["corrected.csv", "corrected.parquet"])
+def test_apply_corrects_as_the_formula_in_the_file_says(
+    tumble: Any, calibrated: Path, recording: Path, tmp_path: Path, name: str
+) -> None:
+    """Arithmetic: the recording has 7 digits, and both solve the same equations in double precision."""
+    answer = tumble("apply", calibrated, recording, "-o", tmp_path / name)
+    assert answer.status == 0
+    assert answer.err == ""
+    read = pl.read_csv if name.endswith("csv") else pl.read_parquet
+    corrected = read(tmp_path / name)
+    assert corrected.columns == COLUMNS  # plain names: m/s² and rad/s
+    raw = np.loadtxt(recording, delimiter=",", skiprows=1)
+    assert f"{len(raw)} samples corrected" in answer.out
+    np.testing.assert_allclose(
+        corrected.to_numpy(), by_hand(document_of(calibrated), raw), rtol=1e-10, atol=1e-12
+    )
+
+
+def test_apply_gives_gravity_at_rest(tumble: Any, calibrated: Path, recording: Path, tmp_path: Path) -> None:
+    """The first hold lasts 2.6 s; its mean is known to the noise, 4 mm/s² a sample over the root of 100."""
+    tumble("apply", calibrated, recording, "-o", tmp_path / "out.csv", "-q")
+    corrected = pl.read_csv(tmp_path / "out.csv").to_numpy()[:125]
+    assert np.linalg.norm(corrected[:, 1:4].mean(axis=0)) == pytest.approx(GRAVITY, abs=0.01)
+    np.testing.assert_allclose(corrected[:, 4:].mean(axis=0), 0.0, atol=1e-3)
+
+
+def test_apply_by_blocks_equals_apply_of_the_whole(
+    tumble: Any, calibrated: Path, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Blocks of 700 samples, a number that divides nothing, against one block."""
+    from tumble.recording.formats import npy
+
+    np.save(tmp_path / "raw.npy", np.loadtxt(recording, delimiter=",", skiprows=1))
+    options = ["--columns", ",".join(COLUMNS), "--units", "m/s^2,rad/s", "-q"]
+    tumble("apply", calibrated, tmp_path / "raw.npy", "-o", tmp_path / "whole.parquet", *options)
+    real = npy.read_table_blocks
+    monkeypatch.setattr(npy, "read_table_blocks", lambda path, rows=700: real(path, rows))
+    for name in ("blocks.parquet", "blocks.csv"):
+        answer = tumble("apply", calibrated, tmp_path / "raw.npy", "-o", tmp_path / name, *options)
+        assert answer.status == 0, answer
+    whole = pl.read_parquet(tmp_path / "whole.parquet")
+    assert whole.equals(pl.read_parquet(tmp_path / "blocks.parquet"))
+    assert whole.equals(pl.read_csv(tmp_path / "blocks.csv"))
+
+
+def test_apply_scales_another_unit_of_the_same_kind(
+    tumble: Any, written: Any, calibrated: Path, rows: np.ndarray, recording: Path, tmp_path: Path
+) -> None:
+    """g and deg/s are brought to the calibration's m/s² and rad/s first, and said in the columns' names."""
+    other = rows.copy()
+    other[:, 1:4] /= 9.80665
+    other[:, 4:] = np.degrees(other[:, 4:])
+    path = written(
+        tmp_path / "other.csv", other, header="t,ax [g],ay [g],az [g],gx [deg/s],gy [deg/s],gz [deg/s]"
+    )
+    tumble("apply", calibrated, recording, "-o", tmp_path / "si.csv", "-q")
+    answer = tumble("apply", calibrated, path, "-o", tmp_path / "other-out.csv", "-q")
+    assert answer.status == 0, answer.err
+    # The file has seven digits.
+    np.testing.assert_allclose(
+        pl.read_csv(tmp_path / "other-out.csv").to_numpy(),
+        pl.read_csv(tmp_path / "si.csv").to_numpy(),
+        atol=2e-5,
+    )
+
+
+def test_apply_refuses_counts_for_a_calibration_in_si(
+    tumble: Any, calibrated: Path, written: Any, rows: np.ndarray, tmp_path: Path
+) -> None:
+    path = written(tmp_path / "counts.csv", np.round(rows * [1, *[1000] * 6], 2))
+    answer = tumble("apply", calibrated, path, "--units", "counts", "-o", tmp_path / "out.csv")
+    assert answer.status == 2
+    assert "in counts" in answer.err
+    assert "made for m/s^2" in answer.err
+    assert not (tmp_path / "out.csv").exists()
+
+
+@pytest.mark.parametrize("link", ["", "symlink_to", "hardlink_to"], ids=["its name", "a link", "a hard link"])
+def test_apply_refuses_to_overwrite_its_input(
+    tumble: Any, calibrated: Path, recording: Path, tmp_path: Path, link: str
+) -> None:
+    path = tmp_path / "mine.csv"
+    path.write_bytes(recording.read_bytes())
+    target = path
+    if link:
+        target = tmp_path / "link.csv"
+        getattr(target, link)(path)
+    answer = tumble("apply", calibrated, path, "-o", target)
+    assert answer.status == 2
+    assert "is the recording itself" in answer.err
+    assert path.read_bytes() == recording.read_bytes()
+
+
+def test_apply_refuses_to_overwrite_its_calibration(
+    tumble: Any, calibrated: Path, recording: Path, tmp_path: Path
+) -> None:
+    mine = tmp_path / "calibration.csv"
+    mine.write_bytes((calibrated / "calibration.json").read_bytes())
+    answer = tumble("apply", mine, recording, "-o", mine)
+    assert answer.status == 2
+    assert mine.read_bytes() == (calibrated / "calibration.json").read_bytes()
+
+
+def test_apply_writes_csv_or_parquet_only(
+    tumble: Any, calibrated: Path, recording: Path, tmp_path: Path
+) -> None:
+    answer = tumble("apply", calibrated, recording, "-o", tmp_path / "out.xlsx")
+    assert answer.status == 2
+    assert ".csv or .parquet" in answer.err
+
+
+def test_apply_json_tells_file_and_samples(
+    tumble: Any, calibrated: Path, recording: Path, tmp_path: Path
+) -> None:
+    answer = tumble("apply", calibrated, recording, "-o", tmp_path / "out.csv", "--json")
+    told = json.loads(answer.out)
+    assert Path(told["file"]) == (tmp_path / "out.csv").resolve()
+    assert told["samples"] == len(np.loadtxt(recording, delimiter=",", skiprows=1))
+
+
+def test_apply_without_an_output_names_the_file_after_the_recording(
+    tumble: Any, calibrated: Path, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert tumble("apply", calibrated, recording, "-q").status == 0
+    assert [p.name for p in tmp_path.iterdir()] == ["tumbled-corrected.csv"]
+
+
+# --- verify
+
+
+def test_verify_a_good_calibration_on_another_session_serves(
+    tumble: Any, written: Any, sessions: Any, calibrated: Path, tmp_path: Path
+) -> None:
+    other = written(tmp_path / "other.csv", sessions(12))
+    answer = tumble("verify", calibrated, other)
+    assert answer.status == 0, answer
+    assert "SERVES" in answer.out
+    assert "DOES NOT" not in answer.out
+
+
+def test_verify_another_unit_s_calibration_does_not_serve(
+    tumble: Any, written: Any, sessions: Any, calibrated: Path, tmp_path: Path
+) -> None:
+    other = written(tmp_path / "other.csv", sessions(12, unit_seed=101))
+    answer = tumble("verify", calibrated, other)
+    assert answer.status == 1, answer
+    assert "DOES NOT SERVE" in answer.out
+    assert "this is another unit" in " ".join(answer.out.split())
+
+
+def test_verify_finds_a_changed_gyro_though_gravity_is_right(
+    tumble: Any, written: Any, sessions: Any, calibrated: Path, tmp_path: Path
+) -> None:
+    rows = sessions(12)
+    rows[:, 4:] *= 1.05
+    answer = tumble("verify", calibrated, written(tmp_path / "other.csv", rows))
+    assert answer.status == 1, answer
+    assert "Over turns the gyro is off" in " ".join(answer.out.split())
+
+
+def test_verify_json_has_one_result_a_recording_with_the_numbers(
+    tumble: Any, written: Any, sessions: Any, calibrated: Path, recording: Path, tmp_path: Path
+) -> None:
+    other = written(tmp_path / "other.csv", sessions(12, unit_seed=101))
+    answer = tumble("verify", calibrated, recording, other, "--json")
+    assert answer.status == 1
+    first, second = json.loads(answer.out)
+    assert (first["recording"], first["fit"]) == ("tumbled.csv", True)
+    assert (second["recording"], second["fit"]) == ("other.csv", False)
+    norms = np.array(first["hold_norm_error"])
+    assert len(norms) == 20
+    # 1.7 mm/s² of noise a hold, at five sigma.
+    assert np.max(np.abs(norms)) < 9e-3
+    angles = [angle for angle in first["turn_angle"] if angle is not None]
+    assert 15 <= len(angles) <= 19
+    assert np.degrees(np.sqrt(np.mean(np.square(angles)))) < 0.2
+
+
+def test_verify_at_another_gravity_sees_it(tumble: Any, recording: Path, calibrated: Path) -> None:
+    """The sentence names the place as a possible reason: 0.03 m/s² are too much for the noise."""
+    answer = tumble("verify", calibrated, recording, "--gravity", 9.77)
+    assert answer.status == 1
+    answer = tumble("verify", calibrated, recording, "--gravity", GRAVITY)
+    assert answer.status == 0
+
+
+def test_verify_quiet_prints_no_table(tumble: Any, recording: Path, calibrated: Path) -> None:
+    answer = tumble("verify", calibrated, recording, "-q")
+    assert answer.status == 0
+    assert answer.out.startswith("SERVES")
+    assert "expected" not in answer.out
+
+
+def test_verify_of_a_recording_without_holds_to_judge_by_is_refused(
+    tumble: Any, written: Any, calibrated: Path, rows: np.ndarray, tmp_path: Path
+) -> None:
+    """The gyro alone says nothing of gravity."""
+    path = written(tmp_path / "gyro.csv", rows[:, [0, 4, 5, 6]], header="t,gx,gy,gz")
+    answer = tumble("verify", calibrated, path)
+    assert answer.status == 2
+    assert len(answer.err.splitlines()) == 1
+    assert "accelerometer" in answer.err
