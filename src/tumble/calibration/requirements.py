@@ -8,6 +8,7 @@ from tumble.arrays import Series, Vectors
 from tumble.calibration.poses import describe_direction, distinct_poses, most_telling_poses, norm_rows
 from tumble.calibration.triad_unknowns import BIAS, SCALE
 from tumble.errors import ObservabilityError
+from tumble.estimation import find_weak_directions
 
 # A combination of unknowns whose sigma is this many times that of a single hold's norm is not told.
 # The 26 attitudes give at most 1.2, nine well-chosen ones 2.6.
@@ -88,8 +89,8 @@ def _directions(means: Vectors, force_unknowns: Series, factor: float | None) ->
 def _weakest(held: Vectors, unknowns: int) -> Series | None:
     """Return the combination of unknowns that the poses do not tell, or None."""
     rows = norm_rows(held)[:, :unknowns]
-    eigenvalues, vectors = np.linalg.eigh(rows.T @ rows)
-    return vectors[:, 0] if eigenvalues[0] < 1.0 / LARGEST_AMPLIFICATION**2 else None
+    weak = find_weak_directions(rows.T @ rows, np.ones(unknowns), LARGEST_AMPLIFICATION)
+    return weak[0].direction if weak else None
 
 
 def _too_few(held: Vectors, needed: int, has_prior: bool) -> str:

@@ -9,6 +9,7 @@ turns in body axes.
 from __future__ import annotations
 
 from tumble.recording.doctor import Findings, inspect_recording
+from tumble.recording.formats.output import write_recording
 from tumble.recording.gravity_check import (
     AxisAgreement,
     GyroScale,
@@ -20,7 +21,6 @@ from tumble.recording.gravity_check import (
 )
 from tumble.recording.reading import read_blocks, read_recording, read_recordings
 from tumble.recording.recording import Recording, Remark, Source
-from tumble.recording.writing import write_recording
 
 __all__ = [
     "AxisAgreement",
