@@ -190,7 +190,8 @@ def _judge(result: Verification, document: Calibration) -> None:
     elif chi > LARGEST_NORMALISED:
         against.append(
             f"The residuals of the holds are {chi:.1f} times what the calibration's own uncertainty and the noise "
-            "explain: the biases have moved (new power cycle, other temperature), or this is another unit; calibrate again."
+            "explain: the biases have moved (new power cycle, other temperature), or this is another unit; "
+            "calibrate again."
         )
     angle = result.rms_angle
     turns = int(np.count_nonzero(np.isfinite(result.angles)))
