@@ -18,7 +18,7 @@ def apply_command(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", help="The corrected file, .csv or .parquet  [default: NAME-corrected.csv]"
+            "--output", "-o", help="The corrected file, .csv or .parquet (default: NAME-corrected.csv)."
         ),
     ] = None,
     units: Units = None,

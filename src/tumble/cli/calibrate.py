@@ -30,7 +30,7 @@ def calibrate_command(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", help="Folder for calibration.json and report.html  [default: NAME-calibration]"
+            "--output", "-o", help="Folder for calibration.json and report.html (default: NAME-calibration)."
         ),
     ] = None,
     procedure: Annotated[
@@ -113,10 +113,14 @@ def print_run(run: CalibrationRun, *, as_json: bool, quiet: bool, verbose: bool)
     console = Console(highlight=False)
     if not quiet:
         console.print(run.reason, markup=False)
-        if verbose:
-            for remark in run.recording.remarks:
+        for remark in run.recording.remarks:
+            # A guess is said, and so is what was changed; what was merely found or cannot be seen, on request.
+            if verbose or remark.kind in ("assumed", "mended"):
                 console.print(f"{remark.kind}: {remark.text}", markup=False, style="dim")
+        console.print()
     print_calibration(run.calibration, console, quiet=quiet)
+    for remark in () if quiet else run.estimate.remarks:
+        console.print(f"- {remark}", markup=False)
     for file in run.files:
         console.print(f"written: {file.resolve()}", markup=False, soft_wrap=True)
     if verbose:

@@ -40,5 +40,8 @@ Intervals: TypeAlias = Annotated[
 Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print everything as JSON.")]
 Quiet: TypeAlias = Annotated[bool, typer.Option("--quiet", "-q", help="Print the verdict only.")]
 Verbose: TypeAlias = Annotated[
-    bool, typer.Option("--verbose", "-v", help="Also print remarks, correlations and seconds by stage.")
+    bool,
+    typer.Option(
+        "--verbose", "-v", help="Also print what was found and cannot be seen, and seconds by stage."
+    ),
 ]

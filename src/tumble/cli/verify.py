@@ -47,7 +47,7 @@ def verify_command(
     from tumble.workflows.site import choose_site
     from tumble.workflows.verify import verify
 
-    place = None if site is None and gravity is None else choose_site(site, gravity)
+    place = choose_site(site, gravity)
     with progress(quiet or as_json) as say:
         results = verify(
             calibration,

@@ -122,6 +122,12 @@ def calibrate(
     estimate, reason = _estimate(
         recording, timeline, means, place, procedure, knowledge, optional_terms, unknowns, say
     )
+    if site is None:
+        estimate.remarks.append(
+            f"Gravity was not given and is taken as {place.gravity:.5f} ± {place.gravity_sigma:.3f} m/s², which makes "
+            f"every accelerometer scale factor uncertain by {100 * place.gravity_sigma / place.gravity:.2f} %: "
+            "give --site LATITUDE[,HEIGHT] or --gravity."
+        )
     clock.lap("solving")
 
     calibration = calibration_from_estimate(

@@ -8,8 +8,10 @@ from tumble.earth import Site
 from tumble.errors import SiteError, UsageError
 
 
-def choose_site(site: str | None, gravity: float | None) -> Site:
+def choose_site(site: str | None, gravity: float | None) -> Site | None:
     """Return the site for ``--site LATITUDE[,HEIGHT]`` (degrees, metres) or ``--gravity G`` (m/s²).
+
+    None if neither is given.
 
     With both, gravity is the one given and the latitude tells the Earth rate's direction.
 
@@ -21,7 +23,7 @@ def choose_site(site: str | None, gravity: float | None) -> Site:
         If the place or the gravity is none of the Earth's.
     """
     if site is None:
-        return Site.unknown() if gravity is None else Site.from_gravity(gravity)
+        return None if gravity is None else Site.from_gravity(gravity)
     try:
         numbers = [float(part) for part in site.split(",")]
     except ValueError:

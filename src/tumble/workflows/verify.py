@@ -189,8 +189,8 @@ def _judge(result: Verification, document: Calibration) -> None:
         )
     elif chi > LARGEST_NORMALISED:
         against.append(
-            f"The residuals of the holds are {chi:.1f} times what the calibration's own uncertainty and the noise "
-            "explain: the biases have moved (new power cycle, other temperature), or this is another unit; "
+            f"The residuals of the holds are {chi:.1f} times what the calibration's own uncertainty and the "
+            "noise explain: the biases have moved (new power cycle, other temperature), or this is another unit; "
             "calibrate again."
         )
     angle = result.rms_angle
