@@ -135,6 +135,10 @@ def calibrate_hand_held(
     if optional_terms:
         say("optional terms")
         solution, tests, outliers = _with_terms(data, site, prior, solution, outliers, everything)
+    if solution.free.size > free.size:
+        # What the noise at rest leaves unexplained is a matter of the model that was kept.
+        nothing = {"norm": 0.0, "rate": 0.0, "turn": 0.0}
+        alone = _solve(data, site, prior, solution.values, solution.free, everything.copy(), nothing)
     estimate = _estimate(recording, data, site, alone, solution, outliers, tests)
     if optional_terms:
         _add_time_lag(estimate, data)
