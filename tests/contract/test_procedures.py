@@ -1,0 +1,231 @@
+"""What every procedure owes to whoever calls it, run on each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tumble.calibration import (
+    Calibration,
+    Estimate,
+    calibrate_hand_held,
+    calibrate_multi_position,
+    calibration_from_estimate,
+)
+from tumble.calibration.prior import StableKnowledge
+from tumble.earth import Site
+from tumble.errors import ObservabilityError
+from tumble.recording import Recording
+from tumble.segmentation import HoldMeans, Timeline, find_timeline, observe_holds
+from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
+from tumble.workflows.calibrate import PROCEDURES
+
+SITE = Site(9.81, 0.0, None, 0.0, "as simulated")
+
+
+@dataclass(frozen=True)
+class Scene:
+    recording: Recording
+    timeline: Timeline
+    means: HoldMeans
+
+
+Procedure = Callable[..., Estimate]
+
+
+def hand_held(scene: Scene, site: Site = SITE, **options: Any) -> Estimate:
+    return calibrate_hand_held(scene.recording, scene.timeline, scene.means, site, **options)
+
+
+def multi_position(scene: Scene, site: Site = SITE, **options: Any) -> Estimate:
+    return calibrate_multi_position(scene.recording, scene.means, site, **options)
+
+
+MEMBERS: dict[str, Procedure] = {"hand-held": hand_held, "multi-position": multi_position}
+
+
+def tumbled(poses: np.ndarray, seed: int = 1) -> Scene:
+    rng = np.random.default_rng(seed)
+    headings = Rotation.from_rotvec(np.outer(rng.uniform(0.0, 6.28, len(poses)), [0.0, 0.0, 1.0]))
+    motion = Motion.between_poses(
+        headings * poses_26()[poses], np.full(len(poses), 3.0), np.full(len(poses) - 1, 2.0)
+    )
+    recording, _ = simulate_recording(motion, 50.0, rng, site=SITE, grade=find_grade("consumer-mems"))
+    return seen(recording)
+
+
+def seen(recording: Recording) -> Scene:
+    timeline = find_timeline(recording)
+    return Scene(recording, timeline, observe_holds(recording, timeline))
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return tumbled(np.random.default_rng(2).permutation(26)[:20])
+
+
+@pytest.fixture(scope="module", params=sorted(MEMBERS))
+def name(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def procedure(name: str) -> Procedure:
+    return MEMBERS[name]
+
+
+@pytest.fixture(scope="module")
+def estimate(procedure: Procedure, scene: Scene) -> Estimate:
+    return procedure(scene)
+
+
+def test_every_procedure_that_is_offered_is_tested_here() -> None:
+    assert set(PROCEDURES) == set(MEMBERS)
+
+
+class TestProcedure:
+    """The contract."""
+
+    def test_it_says_its_name(self, estimate: Estimate, name: str) -> None:
+        assert estimate.procedure == name
+
+    def test_the_accelerometer_is_in_the_frame_accelerometer_x(self, estimate: Estimate) -> None:
+        assert estimate.model.accelerometer is not None
+        matrix = estimate.model.accelerometer.matrix
+        np.testing.assert_array_equal(np.triu(matrix, 1), 0.0)
+        assert np.all(np.diag(matrix) > 0)
+
+    def test_names_are_unique_and_the_covariance_is_theirs(self, estimate: Estimate) -> None:
+        assert len(set(estimate.names)) == len(estimate.names)
+        assert estimate.covariance.shape == (len(estimate.names), len(estimate.names))
+
+    def test_the_covariance_is_symmetric_and_no_variance_is_negative(self, estimate: Estimate) -> None:
+        covariance = estimate.covariance
+        scale = np.sqrt(np.diag(covariance))
+        assert np.all(np.isfinite(scale))
+        known = scale > 0
+        correlation = covariance[np.ix_(known, known)] / np.outer(scale[known], scale[known])
+        np.testing.assert_allclose(correlation, correlation.T, atol=1e-12)
+        # More names than unknowns: eigenvalues of zero, never below rounding.
+        assert np.linalg.eigvalsh(correlation)[0] > -1e-9
+
+    def test_every_parameter_has_a_finite_value_a_positive_sigma_and_a_unit(self, estimate: Estimate) -> None:
+        assert len({parameter.name for parameter in estimate.parameters}) == len(estimate.parameters)
+        for parameter in estimate.parameters:
+            assert np.isfinite(parameter.value)
+            assert 0.0 < parameter.standard_uncertainty < np.inf
+            assert parameter.unit
+
+    def test_correlations_are_those_of_the_parameters(self, estimate: Estimate) -> None:
+        correlations = estimate.correlations
+        assert correlations.shape == (len(estimate.parameters),) * 2
+        np.testing.assert_allclose(np.diag(correlations), 1.0, atol=1e-9)
+        assert np.max(np.abs(correlations)) < 1.0 + 1e-9
+
+    def test_there_is_one_score_a_hold(self, estimate: Estimate, scene: Scene) -> None:
+        holds = len(scene.timeline.holds)
+        for scores in (
+            estimate.hold_norms, estimate.hold_sigmas, estimate.turn_angles, estimate.turn_sigmas, estimate.turn_sizes,
+        ):  # fmt: skip
+            assert scores.shape == (holds,)
+        assert np.all(np.isfinite(estimate.hold_norms))
+
+    def test_the_same_data_give_the_same_numbers(
+        self, procedure: Procedure, estimate: Estimate, scene: Scene
+    ) -> None:
+        again = procedure(scene)
+        np.testing.assert_array_equal(again.covariance, estimate.covariance)
+        assert again.parameters == estimate.parameters
+
+    def test_its_input_is_left_alone(self, procedure: Procedure, scene: Scene) -> None:
+        assert scene.recording.specific_force is not None
+        assert scene.means.specific_force is not None
+        before = scene.recording.specific_force.copy(), scene.means.specific_force.copy()
+        procedure(scene)
+        np.testing.assert_array_equal(scene.recording.specific_force, before[0])
+        np.testing.assert_array_equal(scene.means.specific_force, before[1])
+
+    def test_the_clock_s_origin_does_not_matter(
+        self, procedure: Procedure, estimate: Estimate, scene: Scene
+    ) -> None:
+        """An hour later by its stamps: rounding of 5e-13 s in a step of 0.02 s."""
+        later = seen(replace(scene.recording, time=scene.recording.time + 3600.0))
+        moved = procedure(later)
+        assert moved.model.accelerometer is not None
+        assert estimate.model.accelerometer is not None
+        np.testing.assert_allclose(
+            moved.model.accelerometer.matrix, estimate.model.accelerometer.matrix, atol=1e-7
+        )
+        np.testing.assert_allclose(moved.covariance, estimate.covariance, rtol=1e-4, atol=1e-15)
+
+    def test_other_raw_units_scale_the_matrix_and_nothing_else(
+        self, procedure: Procedure, estimate: Estimate, scene: Scene
+    ) -> None:
+        """250 counts a m/s² and 4000 a rad/s, with the converter's zero at 2048: dimensionless numbers stay.
+
+        The adjustment stops below 1e-3 sigma, which is its share of the tolerance.
+        """
+        recording = scene.recording
+        assert recording.specific_force is not None
+        assert recording.angular_rate is not None
+        counts = replace(
+            recording,
+            specific_force=2048.0 + 250.0 * recording.specific_force,
+            angular_rate=2048.0 + 4000.0 * recording.angular_rate,
+            specific_force_unit="counts",
+            angular_rate_unit="counts",
+        )
+        other = procedure(seen(counts))
+        assert other.model.accelerometer is not None
+        assert estimate.model.accelerometer is not None
+        np.testing.assert_allclose(
+            other.model.accelerometer.matrix / 250.0, estimate.model.accelerometer.matrix, atol=1e-6
+        )
+        ours = {p.name: p for p in estimate.parameters}
+        for parameter in other.parameters:
+            if "accelerometer non-orthogonality" in parameter.name:
+                own = ours[parameter.name]
+                assert parameter.value == pytest.approx(own.value, abs=0.01 * own.standard_uncertainty)
+                assert parameter.standard_uncertainty == pytest.approx(own.standard_uncertainty, rel=1e-3)
+
+    def test_an_uncertain_gravity_widens_the_scale_factors(
+        self, procedure: Procedure, estimate: Estimate, scene: Scene
+    ) -> None:
+        vague = procedure(scene, replace(SITE, gravity_sigma=0.015))
+        for before, after in zip(estimate.parameters, vague.parameters, strict=True):
+            assert after.value == pytest.approx(before.value, rel=1e-9)
+            if before.name.startswith("accelerometer scale factor"):
+                expected = np.hypot(before.standard_uncertainty, (1.0 + before.value) * 0.015 / 9.81)
+                assert after.standard_uncertainty == pytest.approx(expected, rel=1e-3)
+
+    def test_too_few_poses_are_refused_with_the_way_out(self, procedure: Procedure) -> None:
+        with pytest.raises(
+            ObservabilityError, match=r"6 different poses were found and 9 are needed.*--prior"
+        ):
+            procedure(tumbled(np.array([0, 1, 2, 3, 4, 5])))
+
+    def test_six_poses_serve_with_a_prior(self, procedure: Procedure) -> None:
+        known = StableKnowledge(np.array([0.001, -0.002, 0.003]), np.diag([1e-4, 2e-4, 3e-4]) ** 2)
+        narrow = procedure(tumbled(np.array([0, 1, 2, 3, 4, 5])), prior=known)
+        angles = [p for p in narrow.parameters if p.name.startswith("accelerometer non-orthogonality")]
+        # In the order yz, zx, zy; six faces add next to nothing.
+        assert [p.standard_uncertainty for p in angles] == pytest.approx([1e-4, 2e-4, 3e-4], rel=0.05)
+
+    def test_it_tells_in_words_what_it_is_doing(self, procedure: Procedure, scene: Scene) -> None:
+        told: list[str] = []
+        procedure(scene, progress=told.append)
+        assert told
+        assert all(words and words == words.strip() for words in told)
+
+    def test_its_document_is_complete_and_reads_back(self, estimate: Estimate, scene: Scene) -> None:
+        document = calibration_from_estimate(estimate, scene.recording, SITE)
+        again = Calibration.model_validate(json.loads(document.to_json()))
+        assert again == document
+        assert document.verdict.reasons
+        assert document.covariance_parameters == estimate.names
