@@ -162,6 +162,10 @@ def _require_writable(folder: Path) -> None:
     existing = folder
     while not existing.exists() and existing != existing.parent:
         existing = existing.parent
+    if not existing.is_dir():
+        raise OutputError(
+            f"The folder {folder} cannot be made: {existing} is a file. Give another folder with -o."
+        )
     if not os.access(existing, os.W_OK):
         raise OutputError(f"{existing} cannot be written to: give another folder with -o.")
 
