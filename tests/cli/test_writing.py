@@ -65,7 +65,7 @@ def test_a_folder_that_the_system_does_not_allow(tumble: Any, recording: Path, p
 def test_a_folder_under_a_file(tumble: Any, recording: Path, tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("precious")
-    is_told(tumble("calibrate", recording, "--gravity", 9.81, "-o", file / "results"), "Not a directory")
+    is_told(tumble("calibrate", recording, "--gravity", 9.81, "-o", file / "results"), "file is a file")
     assert contents(tmp_path) == {"file": "precious"}
 
 
