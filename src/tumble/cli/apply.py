@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from tumble.cli.options import Columns, Json, Quiet, Rate, Recordings, Units
-from tumble.cli.progress import progress
+from tumble.cli.progress import progress, results_stand
 
 
 def apply_command(
@@ -43,6 +43,7 @@ def apply_command(
             rate=rate,
             progress=lambda samples: say(f"{samples:,} samples corrected"),
         )
+    results_stand()
     if as_json:
         typer.echo(
             json.dumps({"file": str(done.file.resolve()), "samples": done.samples, "remarks": done.remarks})

@@ -19,7 +19,7 @@ from tumble.cli.options import (
     Units,
     Verbose,
 )
-from tumble.cli.progress import progress
+from tumble.cli.progress import progress, results_stand
 
 if TYPE_CHECKING:
     from tumble.workflows.calibrate import CalibrationRun
@@ -97,6 +97,7 @@ def calibrate_command(
             imu=(imu_model, imu_serial),
             progress=say,
         )
+    results_stand()
     print_run(run, as_json=as_json, quiet=quiet, verbose=verbose)
     raise typer.Exit(0 if run.calibration.verdict.fit else 1)
 

@@ -9,7 +9,7 @@ import typer
 
 from tumble.cli.calibrate import print_run
 from tumble.cli.options import Json, Quiet, Verbose
-from tumble.cli.progress import progress
+from tumble.cli.progress import progress, results_stand
 
 
 def demo_command(
@@ -28,5 +28,6 @@ def demo_command(
 
     with progress(quiet or as_json) as say:
         run = demo(output, progress=say)
+    results_stand()
     print_run(run, as_json=as_json, quiet=quiet, verbose=verbose)
     raise typer.Exit(0 if run.calibration.verdict.fit else 1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import signal
 import sys
 from typing import Annotated
 
@@ -60,6 +61,15 @@ def options(
 
 def main() -> None:
     """Run the command line; every error is one sentence and an exit status."""
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        _run()
+    finally:
+        # A command that has written its files ignores Ctrl-C; a caller of this function must not inherit that.
+        signal.signal(signal.SIGINT, before)
+
+
+def _run() -> None:
     sys.unraisablehook = _send_again
     try:
         status = app(standalone_mode=False)

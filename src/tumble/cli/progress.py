@@ -1,7 +1,8 @@
-"""What the user sees while work is going on: one line on the terminal's error stream."""
+"""What the user sees while work is going on, and the moment from which it cannot be stopped."""
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -18,3 +19,8 @@ def progress(quiet: bool) -> Generator[Callable[[str], None], None, None]:
     console = Console(stderr=True)
     with console.status("starting") as status:
         yield lambda stage: status.update(stage)
+
+
+def results_stand() -> None:
+    """Ignore Ctrl-C from here on: the files are in their places, and only words about them are left."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

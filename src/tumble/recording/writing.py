@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import signal
+import threading
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,3 +29,19 @@ def written_beside(path: Path) -> Generator[Path, None, None]:
         raise OutputError(f"{path} could not be written: {error.strerror or error}.") from error
     finally:
         beside.unlink(missing_ok=True)
+
+
+@contextmanager
+def uninterrupted() -> Generator[None, None, None]:
+    """Let a Ctrl-C pass unheard for the moment in which finished files take their places.
+
+    It comes too late to stop anything: heard, it would leave one file of two in place.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -299,7 +300,7 @@ def _estimate(
 
 def _write(run: CalibrationRun, folder: Path) -> None:
     """Write both files beside their places, then rename both."""
-    from tumble.recording.writing import written_beside
+    from tumble.recording.writing import uninterrupted, written_beside
     from tumble.report.html import render_report
 
     report = render_report(
@@ -315,12 +316,15 @@ def _write(run: CalibrationRun, folder: Path) -> None:
         raise OutputError(f"The folder {folder} cannot be made: {error.strerror or error}.") from error
     document, page = folder / "calibration.json", folder / "report.html"
     # Both are complete on the disk before either takes its place.
-    with written_beside(document) as beside_document, written_beside(page) as beside_page:
-        for path, text in ((beside_document, run.calibration.to_json()), (beside_page, report)):
-            with path.open("w", encoding="utf-8") as file:
+    with ExitStack() as stack:
+        for place, text in ((document, run.calibration.to_json()), (page, report)):
+            beside = stack.enter_context(written_beside(place))
+            with beside.open("w", encoding="utf-8") as file:
                 file.write(text)
                 file.flush()
                 os.fsync(file.fileno())
+        with uninterrupted():
+            stack.pop_all().close()
     run.files = [document, page]
 
 
