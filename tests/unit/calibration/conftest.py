@@ -50,9 +50,16 @@ class Tumbled:
 
 
 def tumble_by_hand(
-    *, holds: int = 12, noise: tuple[float, float] = (0.02, 2e-3), noise_seed: int = 1, earth: bool = True
+    *,
+    holds: int = 12,
+    noise: tuple[float | np.ndarray, float] = (0.02, 2e-3),
+    noise_seed: int = 1,
+    earth: bool = True,
 ) -> Tumbled:
-    """Holds of 3 s in poses of chance, turns of 2 s between them, 100 Hz, white noise per sample."""
+    """Holds of 3 s in poses of chance, turns of 2 s between them, 100 Hz, white noise per sample.
+
+    `noise` is that of the accelerometers, one for all or one each, and that of the gyros.
+    """
     rng = np.random.default_rng(1)
     motion = Motion.between_poses(Rotation.random(holds, rng), np.full(holds, 3.0), np.full(holds - 1, 2.0))
     place = SITE if earth else Site.from_gravity(SITE.gravity)
@@ -67,7 +74,8 @@ def tumble_by_hand(
     )
     found = [Hold(500 * k, 500 * k + 300) for k in range(holds)]
     turns = [Turn(k, k + 1, 500 * k + 300, 500 * (k + 1)) for k in range(holds - 1)]
-    floor = NoiseFloor(np.full(3, max(noise[0], 1e-6)), np.full(3, max(noise[1], 1e-8)), 1.0, "as simulated")
+    seen = [np.maximum(noise[i], 1e-8) * np.ones(3) for i in range(2)]
+    floor = NoiseFloor(seen[0], seen[1], 1.0, "as simulated")
     timeline = Timeline(tuple(found), tuple(turns), (), floor)
     return Tumbled(recording, timeline, observe_holds(recording, timeline))
 
