@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -199,21 +199,30 @@ def test_the_covariance_is_that_of_misclosures_of_many_recordings(
     assert np.all((checked > 0.55) & (checked < 1.63))
 
 
-def with_wandering_bias(tumbled: Any, size: float, rng: np.random.Generator) -> Any:
-    """The accelerometers' bias is another in every hold, and the holds' covariance says so."""
-    recording, means = tumbled.recording, tumbled.means
-    force, moved = recording.specific_force.copy(), size * rng.standard_normal((len(means), 3))
-    for hold, offset in zip(tumbled.timeline.holds, moved, strict=True):
-        force[hold.start : hold.stop] += offset
-    return replace(
-        tumbled,
-        recording=replace(recording, specific_force=force),
-        means=replace(
-            means,
-            specific_force=means.specific_force + moved,
-            specific_force_covariance=means.specific_force_covariance + size**2 * np.eye(3),
-        ),
-    )
+@dataclass(frozen=True)
+class WithWanderingBias:
+    """A recording whose accelerometers' bias is another in every hold, and constant within it.
+
+    The holds' covariance says so; that the bias wanders within a hold, too, is taken out of it.
+    """
+
+    tumbled: Any
+    size: float
+    seed: int
+
+    def data(self) -> Any:
+        data = self.tumbled.data()
+        moved = self.size * np.random.default_rng(self.seed).standard_normal((data.holds, 3))
+        force = data.raw_force.copy()
+        for hold, offset in zip(self.tumbled.timeline.holds, moved, strict=True):
+            force[hold.start : hold.stop] += offset
+        return replace(
+            data,
+            raw_force=force,
+            force_mean=data.force_mean + moved,
+            force_covariance=data.force_covariance + self.size**2 * np.eye(3),
+            force_floor=np.zeros(3),
+        )
 
 
 @pytest.mark.parametrize(("wander", "between"), [(0.0, "a turn and a norm"), (0.02, "a turn and the next")])
@@ -230,8 +239,9 @@ def test_conditions_are_correlated_as_the_covariance_says(
     drawn, stated = [], []
     for seed in range(200):
         tumbled = play(holds=5, noise=(noise, 1e-3), noise_seed=seed)
-        tumbled = with_wandering_bias(tumbled, wander, np.random.default_rng(1000 + seed))
-        linear = conditions_of(tumbled, site, values).linearise(values)
+        linear = conditions_of(WithWanderingBias(tumbled, wander, 1000 + seed), site, values).linearise(
+            values
+        )
         drawn.append(linear.misclosure.ravel())
         stated.append(dense(linear))
     covariance = np.mean(stated, axis=0)
