@@ -65,6 +65,7 @@ class Estimate:
     terms : tests of optional terms.
     not_determined : sentences.
     remarks : sentences on how the estimate was made.
+    objections : sentences that make it unfit for use, whatever its numbers say.
     """
 
     procedure: str
@@ -88,6 +89,7 @@ class Estimate:
     terms: list[TermTest] = field(default_factory=list[TermTest])
     not_determined: list[str] = field(default_factory=list[str])
     remarks: list[str] = field(default_factory=list[str])
+    objections: list[str] = field(default_factory=list[str])
 
 
 def coverage_factor(degrees_of_freedom: int) -> float:

@@ -28,6 +28,7 @@ from tumble.calibration.norm_conditions import NormConditions
 from tumble.calibration.poses import distinct_poses
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.requirements import require_poses
+from tumble.calibration.scores import score_turns
 from tumble.calibration.snooping import Kind, Outlier, balance
 from tumble.calibration.start_values import rough_gyro_matrix, rough_triad
 from tumble.calibration.term_tests import wald_test
@@ -364,8 +365,9 @@ def _estimate(
         ExtraVariances(solution.extra["norm"], solution.extra["rate"], solution.extra["turn"]),
     )
     linear = conditions.linearise(solution.values[solution.free])
-    norms, angles = linear.misclosure[:, 0].copy(), np.linalg.norm(linear.misclosure[:, TURN], axis=1)
-    angles[data.turn_start < 0] = np.nan
+    norms = linear.misclosure[:, 0].copy()
+    # The yardstick of `tumble verify`, so that both can be compared.
+    angles = score_turns(described.model, data).angle
     variances = np.diagonal(linear.covariance, axis1=1, axis2=2)
     turn_sigmas = np.where(data.turn_start >= 0, np.sqrt(variances[:, TURN].sum(axis=1)), np.nan)
     return Estimate(

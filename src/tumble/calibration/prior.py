@@ -43,3 +43,24 @@ def stable_knowledge(matrix: np.ndarray, covariance: Square) -> StableKnowledge:
             "so that it cannot be weighed: give one that has a covariance of the accelerometer matrix."
         )
     return StableKnowledge(np.real(angles), spread)
+
+
+# Chance of objecting to a prior that is the unit's own.
+CONTRADICTION_FALSE_ALARM = 1e-3
+
+
+def find_contradiction(prior: StableKnowledge, own: StableKnowledge) -> str | None:
+    """Return a sentence if the recording's own angles contradict the prior's (chi-square, 3 degrees)."""
+    from scipy.special import chdtrc
+
+    difference = own.angles - prior.angles
+    spread = own.angle_covariance + prior.angle_covariance
+    statistic = float(difference @ np.linalg.solve(spread, difference))
+    if float(chdtrc(3.0, statistic)) >= CONTRADICTION_FALSE_ALARM:
+        return None
+    worst = float(np.max(np.abs(difference) / np.sqrt(np.diag(spread))))
+    return (
+        f"The prior contradicts the recording: its non-orthogonalities differ from what these poses tell by up to "
+        f"{1e3 * np.max(np.abs(difference)):.2g} mrad, {worst:.0f} standard uncertainties. It is another unit's, or "
+        "this unit has been dropped: calibrate without --prior."
+    )

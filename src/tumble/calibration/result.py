@@ -259,7 +259,9 @@ def read_calibration(path: str | os.PathLike[str]) -> Calibration:
             f"There is no calibration {file}: give the calibration.json that `tumble calibrate` wrote."
         ) from None
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise CalibrationFileError(f"{file} cannot be read as a calibration: {error}.") from error
+        raise CalibrationFileError(
+            f"{file} cannot be read as a calibration (it is not JSON, or not readable): {error}."
+        ) from error
     if not isinstance(document, dict) or cast("dict[str, Any]", document).get("format") != FORMAT:
         raise CalibrationFileError(
             f'{file} is not a calibration of tumble: it does not say "format": "{FORMAT}".'

@@ -23,6 +23,10 @@ WORST_ANGLE_SIGMA = 0.02
 WORST_FORCE_BIAS_SIGMA = 0.1
 # More left out than this, and the rest is no majority to trust.
 LARGEST_SHARE_LEFT_OUT = 0.25
+# Residuals beyond these are no noise of any unit worth calibrating, however small the stated
+# uncertainties: 2 mg on gravity, 1.5 degrees after a turn. The model does not describe the data.
+LARGEST_RMS_NORM = 0.02
+LARGEST_RMS_TURN = np.radians(1.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +39,43 @@ class Judgement:
 
 def judge(estimate: Estimate, recording: Recording) -> Judgement:
     """Judge an estimate by plausibility, by its own uncertainties and by its residuals."""
-    against = [*_implausible(estimate, recording), *_too_uncertain(estimate), *_too_much_left_out(estimate)]
+    against = [
+        *estimate.objections,
+        *_implausible(estimate, recording),
+        *_misfit(estimate),
+        *_too_uncertain(estimate),
+        *_too_much_left_out(estimate),
+    ]
     return Judgement(not against, against + _in_plain_words(estimate, recording))
+
+
+def _misfit(estimate: Estimate) -> list[str]:
+    against: list[str] = []
+    norm = float(np.sqrt(np.mean(estimate.hold_norms**2)))
+    if norm > LARGEST_RMS_NORM:
+        against.append(
+            f"The corrected specific force misses gravity by {two_digits(1e3 * norm)} mm/s² rms: the model that was "
+            "fitted does not describe these holds (too few unknowns, an alien prior, or a unit that moved)."
+        )
+    turns = estimate.turn_angles[np.isfinite(estimate.turn_angles)]
+    if turns.size and np.sqrt(np.mean(turns**2)) > LARGEST_RMS_TURN:
+        angle = np.degrees(np.sqrt(np.mean(turns**2)))
+        against.append(
+            f"Gravity carried over the turns misses by {two_digits(angle)}° rms: the gyro's model does not describe "
+            "these turns (saturation, a wrong clock, lost samples)."
+        )
+    return against
+
+
+def two_digits(value: float) -> str:
+    """Return a positive number to two significant digits, without an exponent.
+
+    Examples
+    --------
+    >>> two_digits(193.4), two_digits(2.06), two_digits(0.0123)
+    ('193', '2.1', '0.012')
+    """
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.2g}"
 
 
 def _implausible(estimate: Estimate, recording: Recording) -> list[str]:
@@ -132,15 +171,19 @@ def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
         )
     words.append(
         f"Over {holds} holds the corrected specific force has the norm of gravity within "
-        f"{1e3 * rms:.2g} mm/s² rms (expected with the noise found: {1e3 * noise:.2g} mm/s²)."
+        f"{two_digits(1e3 * rms)} mm/s² rms (expected with the noise found: {two_digits(1e3 * noise)} mm/s²)."
     )
+    if estimate.model.gyroscope is not None and not any(
+        name.startswith("gyroscope.matrix") for name in estimate.names
+    ):
+        words.append("This is the accelerometers' calibration: of the gyro only the bias at rest is known.")
     turns = estimate.turn_angles[np.isfinite(estimate.turn_angles)]
     if turns.size:
         angle = float(np.degrees(np.sqrt(np.mean(turns**2))))
         expected = float(np.degrees(np.sqrt(np.nanmean(estimate.turn_sigmas**2))))
         words.append(
             f"Over {turns.size} turns the corrected gyro carries gravity to where it is seen within "
-            f"{angle:.2g}° rms (expected: {expected:.2g}°)."
+            f"{two_digits(angle)}° rms (expected: {two_digits(expected)}°)."
         )
     if np.isfinite(estimate.sigma0) and estimate.sigma0 > 1.5:
         words.append(

@@ -15,6 +15,7 @@ from tumble.cli.apply import apply_command
 from tumble.cli.calibrate import calibrate_command
 from tumble.cli.demo import demo_command
 from tumble.cli.inspect import inspect_command
+from tumble.cli.progress import state
 from tumble.cli.verify import verify_command
 from tumble.errors import TumbleError
 
@@ -62,6 +63,7 @@ def options(
 def main() -> None:
     """Run the command line; every error is one sentence and an exit status."""
     before = signal.getsignal(signal.SIGINT)
+    state["results stand"] = False
     try:
         _run()
     finally:
@@ -145,6 +147,8 @@ def _usage_or_internal(error: Exception) -> None:
 
 
 def _of_the_system(error: OSError) -> str:
+    if state["results stand"]:
+        return f"The files are written, but words about them could not be printed: {error.strerror or error}."
     where = f" ({error.filename})" if error.filename else ""
     if error.errno == errno.ENOSPC:
         return f"The disk is full{where}: nothing was changed; give another folder with -o."

@@ -7,6 +7,9 @@ import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 
+state = {"results stand": False}
+"""Whether files of this call are already in their places."""
+
 
 @contextmanager
 def progress(quiet: bool) -> Generator[Callable[[str], None], None, None]:
@@ -24,3 +27,4 @@ def progress(quiet: bool) -> Generator[Callable[[str], None], None, None]:
 def results_stand() -> None:
     """Ignore Ctrl-C from here on: the files are in their places, and only words about them are left."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    state["results stand"] = True

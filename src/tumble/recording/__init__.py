@@ -9,6 +9,7 @@ turns in body axes.
 from __future__ import annotations
 
 from tumble.recording.doctor import Findings, inspect_recording
+from tumble.recording.faults import find_dead_channels, find_saturated_channels
 from tumble.recording.formats.output import write_recording
 from tumble.recording.gravity_check import (
     AxisAgreement,
@@ -32,6 +33,8 @@ __all__ = [
     "axis_agreement",
     "describe_axis_contradiction",
     "find_axis_contradiction",
+    "find_dead_channels",
+    "find_saturated_channels",
     "gyro_scale_from_gravity",
     "inspect_recording",
     "read_blocks",

@@ -97,7 +97,8 @@ class Findings:
     missing: tuple[str, ...]
 
 
-def _channels(recording: Recording) -> dict[str, Series]:
+def channels_of(recording: Recording) -> dict[str, Series]:
+    """Return the channels that a recording has by name, ax to gz."""
     found: dict[str, Series] = {}
     for letter, triad in (("a", recording.specific_force), ("g", recording.angular_rate)):
         if triad is not None:
@@ -172,7 +173,7 @@ def inspect_recording(recording: Recording) -> Findings:
     ----------
     recording : as read; nothing of it is changed.
     """
-    channels = _channels(recording)
+    channels = channels_of(recording)
     signals = np.column_stack(list(channels.values()))
     quiet = find_quiet_stretches(signals, recording.rate)
     long = quiet.at_least(1.0 * recording.rate)

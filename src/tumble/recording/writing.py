@@ -6,7 +6,7 @@ import os
 import signal
 import threading
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tumble.errors import OutputError
@@ -28,7 +28,9 @@ def written_beside(path: Path) -> Generator[Path, None, None]:
     except OSError as error:
         raise OutputError(f"{path} could not be written: {error.strerror or error}.") from error
     finally:
-        beside.unlink(missing_ok=True)
+        # On a read-only place even removing what is not there is an error, and not the one to tell.
+        with suppress(OSError):
+            beside.unlink(missing_ok=True)
 
 
 @contextmanager

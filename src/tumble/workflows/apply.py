@@ -58,7 +58,7 @@ def apply(
     blocks = iter(read_blocks(paths, columns=columns, units=units, rate=rate))
     first = next(blocks)
     factors = raw_factors(document, first)
-    remarks = [remark.text for remark in first.remarks]
+    remarks = [f"{r.kind}: {r.text}" for r in first.remarks if r.kind in ("assumed", "mended")]
     if document.gyroscope is None or document.gyroscope.matrix is None:
         remarks.append("The calibration has no gyro matrix: the corrected file has no angular rate.")
     target = _target(output, calibration, paths)
@@ -94,7 +94,8 @@ def raw_factors(document: Calibration, recording: Recording) -> tuple[float, flo
         recording.specific_force_unit,
         document.raw_units.specific_force,
     )
-    if recording.angular_rate is None:
+    known = document.gyroscope is not None and document.gyroscope.matrix is not None
+    if recording.angular_rate is None or not known:
         return force, 1.0
     return force, _ratio(
         angular_rate_factor(recording.angular_rate_unit),

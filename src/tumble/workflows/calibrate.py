@@ -13,8 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.earth import Site
-from tumble.errors import ObservabilityError, OutputError, UsageError
-from tumble.recording import Recording, Remark, read_recordings
+from tumble.errors import ConvergenceError, ObservabilityError, OutputError, UsageError
+from tumble.recording import (
+    Recording,
+    Remark,
+    find_dead_channels,
+    find_saturated_channels,
+    read_recordings,
+)
 
 if TYPE_CHECKING:
     from tumble.calibration import Calibration, Estimate
@@ -105,7 +111,7 @@ def calibrate(
     clock = _Clock()
     say("reading")
     recording = _one_recording(read_recordings(paths, columns=columns, units=units, rate=rate))
-    knowledge = _knowledge(prior)
+    knowledge = _knowledge(prior, imu[1])
     clock.lap("reading")
 
     say("finding holds and turns")
@@ -123,6 +129,9 @@ def calibrate(
     estimate, reason = _estimate(
         recording, timeline, means, place, procedure, knowledge, optional_terms, unknowns, say
     )
+    _add_objections(estimate, recording, timeline, procedure, reason)
+    if knowledge is not None:
+        _test_prior(estimate, knowledge, recording, means, place)
     if site is None:
         estimate.remarks.append(
             f"Gravity was not given and is taken as {place.gravity:.5f} ± {place.gravity_sigma:.3f} m/s², which makes "
@@ -177,11 +186,18 @@ def _one_recording(recordings: list[Recording]) -> Recording:
     Raises
     ------
     UsageError
-        If they differ in units or sensors.
+        If they differ in units or sensors, or one is given twice.
     """
     if len(recordings) == 1:
         return recordings[0]
     first = recordings[0]
+    seen: dict[str, str] = {}
+    for source in (source for recording in recordings for source in recording.sources):
+        if source.sha256 in seen:
+            raise UsageError(
+                f"{source.name} and {seen[source.sha256]} are the same recording: it tells nothing more a second time."
+            )
+        seen[source.sha256] = source.name
     for other in recordings[1:]:
         same = (
             other.specific_force_unit == first.specific_force_unit
@@ -228,7 +244,7 @@ def _concatenated(recordings: list[Recording]) -> Recording:
     )
 
 
-def _knowledge(prior: str | os.PathLike[str] | None) -> StableKnowledge | None:
+def _knowledge(prior: str | os.PathLike[str] | None, serial: str | None) -> StableKnowledge | None:
     """Read what an earlier calibration knows of the accelerometers' angles."""
     if prior is None:
         return None
@@ -236,6 +252,11 @@ def _knowledge(prior: str | os.PathLike[str] | None) -> StableKnowledge | None:
     from tumble.calibration.result import read_calibration
 
     earlier = read_calibration(prior)
+    if serial is not None and earlier.imu.serial_number not in (None, serial):
+        raise UsageError(
+            f"{prior} is the calibration of unit {earlier.imu.serial_number}, and this is unit {serial}: "
+            "a prior must be of the same unit."
+        )
     size = len(earlier.covariance_parameters)
     names = {name: index for index, name in enumerate(earlier.covariance_parameters)}
     at = [names.get(f"accelerometer.matrix[{i},{j}]", size) for i in range(3) for j in range(3)]
@@ -296,6 +317,54 @@ def _estimate(
         # Too few poses are too few for either; only what the gyro lacks leaves the other way open.
         estimate = multi_position()
         return estimate, f"Procedure multi-position: the turns do not tell the gyro. {error}"
+
+
+def _add_objections(
+    estimate: Estimate, recording: Recording, timeline: Timeline, procedure: str | None, reason: str
+) -> None:
+    """Say what a user who meant a whole calibration does not get, and what was wrong with the sensors."""
+    from tumble.calibration.hand_held import SMALLEST_TURNS
+
+    estimate.objections += find_dead_channels(recording)
+    estimate.remarks += find_saturated_channels(recording)
+    lost = [turn for turn in timeline.turns if not turn.usable]
+    estimate.remarks += [
+        f"The turn from hold {turn.before + 1} to hold {turn.after + 1} was not used: {turn.reason}."
+        for turn in lost[:5]
+    ]
+    if len(lost) > 5:
+        estimate.remarks.append(f"{len(lost) - 5} more turns were not used for such reasons.")
+    meant_for_turns = procedure is None and recording.angular_rate is not None
+    if meant_for_turns and estimate.procedure == "multi-position" and len(timeline.turns) >= SMALLEST_TURNS:
+        estimate.objections.append(
+            f"The recording has {len(timeline.turns)} turns, but they do not calibrate the gyro. {reason} "
+            "With --procedure multi-position the accelerometers' part is judged alone."
+        )
+
+
+def _test_prior(
+    estimate: Estimate,
+    knowledge: StableKnowledge,
+    recording: Recording,
+    means: HoldMeans,
+    place: Site,
+) -> None:
+    """Object to a prior that the poses contradict, where they can tell the angles without it."""
+    from tumble.calibration import calibrate_multi_position
+    from tumble.calibration.prior import find_contradiction, stable_knowledge
+
+    try:
+        alone = calibrate_multi_position(recording, means, place)
+    except (ObservabilityError, ConvergenceError):
+        estimate.remarks.append(
+            "The poses are too few to check the prior against them: it is taken on trust."
+        )
+        return
+    assert alone.model.accelerometer is not None
+    own = stable_knowledge(alone.model.accelerometer.matrix, alone.covariance[:9, :9])
+    contradiction = find_contradiction(knowledge, own)
+    if contradiction is not None:
+        estimate.objections.append(contradiction)
 
 
 def _write(run: CalibrationRun, folder: Path) -> None:

@@ -12,7 +12,9 @@ import numpy as np
 from tumble.arrays import Series
 from tumble.calibration import Calibration, read_calibration
 from tumble.calibration.gathering import gather
+from tumble.calibration.poses import distinct_poses
 from tumble.calibration.scores import hold_norm_errors, score_turns
+from tumble.calibration.verdict import two_digits
 from tumble.earth import Site
 from tumble.errors import RecordingError
 from tumble.recording import read_recordings
@@ -24,6 +26,10 @@ LARGEST_NORMALISED = 4.0
 # A unit keeps its bias within this from one power cycle to the next (consumer data sheets).
 TURN_ON_FORCE_BIAS = 0.05  # m/s²
 TURN_ON_RATE_BIAS = 0.005  # rad/s
+# Fewer different poses than this leave too much of the accelerometers untouched to judge them.
+SMALLEST_POSES = 3
+# Turns are off by more than this only with a gyro that is not, or no longer, calibrated.
+LARGEST_TURN_ANGLE = np.radians(1.0)
 
 
 @dataclass(slots=True)
@@ -126,7 +132,10 @@ def verify(
             fit=True,
             remarks=[remark.text for remark in recording.remarks],
         )
-        _judge(result, document)
+        hashes = {name.sha256 for name in document.recordings}
+        assert model.accelerometer is not None
+        poses = len(distinct_poses(model.accelerometer.correct(means.specific_force)))
+        _judge(result, document, poses, any(source.sha256 in hashes for source in recording.sources))
         results.append(result)
     return results
 
@@ -171,49 +180,82 @@ def _norm_sigmas(document: Calibration, means: np.ndarray, noise: np.ndarray, pl
     return np.sqrt(variance)
 
 
-def _judge(result: Verification, document: Calibration) -> None:
+def _judge(result: Verification, document: Calibration, poses: int, own_recording: bool) -> None:
     """Fill `fit` and `reasons`."""
     against: list[str] = []
-    normalised = result.norms / result.norm_sigmas
-    rms, expected = result.rms_norm, float(np.sqrt(np.mean(result.norm_sigmas**2)))
-    chi = float(np.sqrt(np.mean(normalised**2)))
-    words = (
-        f"{result.norms.size} holds: the corrected specific force is off gravity by {1e3 * rms:.2g} mm/s² rms "
-        f"(largest {1e3 * np.max(np.abs(result.norms)):.2g}); the calibration's uncertainty and the noise "
-        f"explain {1e3 * expected:.2g} mm/s²."
-    )
-    if rms > TURN_ON_FORCE_BIAS:
+    if poses < SMALLEST_POSES:
         against.append(
-            f"The specific force at rest is off gravity by {1e3 * rms:.3g} mm/s² rms: this is another unit, "
-            "another place (--gravity), or the unit has changed."
+            f"{poses} different pose{'s' if poses != 1 else ''} cannot show whether the calibration serves: "
+            f"give a recording with at least {SMALLEST_POSES}, better nine."
         )
-    elif chi > LARGEST_NORMALISED:
-        against.append(
-            f"The residuals of the holds are {chi:.1f} times what the calibration's own uncertainty and the "
-            "noise explain: the biases have moved (new power cycle, other temperature), or this is another unit; "
-            "calibrate again."
-        )
-    angle = result.rms_angle
-    turns = int(np.count_nonzero(np.isfinite(result.angles)))
-    turn_words = "No turn could be scored: the gyro is not verified."
-    if turns:
-        turn_words = (
-            f"{turns} turns: gravity carried by the corrected gyro is off by {np.degrees(angle):.2g}° rms "
-            f"(largest {np.degrees(np.nanmax(result.angles)):.2g}°)"
-        )
-        own = document.quality.rms_turn_angle
-        if own is not None:
-            turn_words += f"; on the calibration's own recording it was {np.degrees(own):.2g}°"
-            # A changed bias turns into angle with time; a factor of five is beyond any turn-on change
-            # that leaves the calibration of use.
-            if angle > max(5.0 * own, np.radians(1.0)):
-                against.append(
-                    f"Over turns the gyro is off by {np.degrees(angle):.2g}° rms, against {np.degrees(own):.2g}° when "
-                    "it was calibrated: its bias or scale has changed, or the columns differ."
-                )
-        turn_words += "."
+    own = ["This is the recording that the calibration was made from: it shows nothing new."]
+    against += _against_norms(result)
+    against += _against_turns(result, document)
     result.fit = not against
-    result.reasons = [*against, words, turn_words]
+    words = [_words_on_norms(result), _words_on_turns(result, document)]
+    result.reasons = [*against, *(own if own_recording else []), *words]
+
+
+def _against_norms(result: Verification) -> list[str]:
+    excess = float(np.sqrt(np.mean((result.norms / result.norm_sigmas) ** 2)))
+    if result.rms_norm > TURN_ON_FORCE_BIAS:
+        return [
+            (
+                f"The specific force at rest is off gravity by {two_digits(1e3 * result.rms_norm)} mm/s² rms: this is "
+                "another unit, another place (--gravity), or the unit has changed."
+            )
+        ]
+    if excess > LARGEST_NORMALISED:
+        return [
+            (
+                f"The residuals of the holds are {excess:.1f} times what the calibration's own uncertainty and the "
+                "noise explain: the biases have moved (new power cycle, other temperature), or this is another unit; "
+                "calibrate again."
+            )
+        ]
+    return []
+
+
+def _against_turns(result: Verification, document: Calibration) -> list[str]:
+    angle, own = result.rms_angle, document.quality.rms_turn_angle
+    # A changed bias turns into angle with time; a factor of five is beyond any turn-on change that leaves
+    # the calibration of use.
+    limit = LARGEST_TURN_ANGLE if own is None else max(5.0 * own, LARGEST_TURN_ANGLE)
+    if not np.isfinite(angle) or angle <= limit:
+        return []
+    off = f"Over turns the gyro is off by {two_digits(np.degrees(angle))}° rms"
+    if own is None:
+        return [f"{off}: the calibration knows only its bias, or nothing of turns."]
+    return [
+        (
+            f"{off}, against {two_digits(np.degrees(own))}° when it was calibrated: its bias or scale has changed, "
+            "or the columns differ."
+        )
+    ]
+
+
+def _words_on_norms(result: Verification) -> str:
+    expected = float(np.sqrt(np.mean(result.norm_sigmas**2)))
+    largest = float(np.max(np.abs(result.norms)))
+    return (
+        f"Holds: {result.norms.size}; the corrected specific force is off gravity by "
+        f"{two_digits(1e3 * result.rms_norm)} mm/s² rms (largest {two_digits(1e3 * largest)}); the calibration's "
+        f"uncertainty and the noise explain {two_digits(1e3 * expected)} mm/s²."
+    )
+
+
+def _words_on_turns(result: Verification, document: Calibration) -> str:
+    scored = result.angles[np.isfinite(result.angles)]
+    if not scored.size:
+        return "No turn could be scored: the gyro is not verified."
+    own = document.quality.rms_turn_angle
+    compared = (
+        "" if own is None else f"; on the calibration's own recording it was {two_digits(np.degrees(own))}°"
+    )
+    return (
+        f"Turns: {scored.size}; gravity carried by the corrected gyro is off by "
+        f"{two_digits(np.degrees(result.rms_angle))}° rms (largest {two_digits(np.degrees(scored.max()))}°){compared}."
+    )
 
 
 def _silent(_: str) -> None:

@@ -1,0 +1,36 @@
+"""Faults of single channels that a calibration must not pass over: dead ones, saturated ones."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tumble.arrays import Series
+from tumble.recording.doctor import channels_of, find_saturation
+from tumble.recording.recording import Recording
+
+
+def find_dead_channels(recording: Recording) -> list[str]:
+    """Return a sentence for each channel that never changes."""
+    return [
+        f"{name} never changes ({float(channel[0]):g} throughout): a dead sensor or a wrong column."
+        for name, channel in channels_of(recording).items()
+        if channel.size and float(np.ptp(channel)) == 0.0
+    ]
+
+
+def find_saturated_channels(recording: Recording) -> list[str]:
+    """Return a sentence for each limit at which a channel sticks."""
+    sentences: list[str] = []
+    for name, channel in channels_of(recording).items():
+        for found in find_saturation(channel, name, _noise(channel)):
+            when = float(recording.time[found.index])
+            sentences.append(
+                f"{name} is saturated at {found.value:g} in {found.samples} samples (first for long at {when:.1f} s): "
+                "turns with a saturated gyro are left out."
+            )
+    return sentences
+
+
+def _noise(channel: Series) -> float:
+    """Return the noise per sample, robustly, from successive differences."""
+    return float(np.median(np.abs(np.diff(channel)))) / 0.954 if channel.size > 1 else 0.0
