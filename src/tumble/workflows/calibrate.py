@@ -336,8 +336,9 @@ def _add_objections(
         estimate.remarks.append(f"{len(lost) - 5} more turns were not used for such reasons.")
     meant_for_turns = procedure is None and recording.angular_rate is not None
     if meant_for_turns and estimate.procedure == "multi-position" and len(timeline.turns) >= SMALLEST_TURNS:
+        because = f" {len(lost)} of them cannot be used ({lost[0].reason})." if lost else ""
         estimate.objections.append(
-            f"The recording has {len(timeline.turns)} turns, but they do not calibrate the gyro. {reason} "
+            f"The recording has {len(timeline.turns)} turns, but they do not calibrate the gyro.{because} {reason} "
             "With --procedure multi-position the accelerometers' part is judged alone."
         )
 
