@@ -81,6 +81,8 @@ def _turn_ranges(timeline: Timeline, head: np.ndarray, tail: np.ndarray) -> tupl
     start, stop = -np.ones(len(timeline.holds), dtype=int), -np.ones(len(timeline.holds), dtype=int)
     for turn in timeline.turns:
         if turn.usable and turn.after == turn.before + 1:
-            start[turn.before] = tail[turn.before, 1] - 1
-            stop[turn.before] = head[turn.after, 0] + 1
+            first, last = tail[turn.before, 1] - 1, head[turn.after, 0] + 1
+            # Holds of a user's list may touch: then there is no turn between them.
+            if last - first >= 2:
+                start[turn.before], stop[turn.before] = first, last
     return start, stop
