@@ -163,8 +163,10 @@ def _flicker_floor(parts: list[list[tuple[np.ndarray, np.ndarray]]], top: int) -
     aa, ab, bb = np.sum(weight / length**2), np.sum(weight / length), np.sum(weight)
     determinant = aa * bb - ab**2
     floor = float((aa * np.sum(weight * common) - ab * np.sum(weight * common / length)) / determinant)
-    significant = floor > FLOOR_SIGMAS * float(np.sqrt(aa / determinant))
-    return variances[0] * floor if significant else np.zeros(3)
+    # Grows from nothing where it begins to be significant: a yes or no here would double or halve every
+    # stated uncertainty for the loss of a few samples.
+    limit = FLOOR_SIGMAS * float(np.sqrt(aa / determinant))
+    return variances[0] * floor * (1.0 - (limit / floor) ** 2) if floor > limit else np.zeros(3)
 
 
 def _allan(parts: list[list[tuple[np.ndarray, np.ndarray]]], level: int) -> tuple[Vectors, Series]:
