@@ -289,9 +289,8 @@ def _axis_sentence(permutation: Matrix) -> str:
     listed = ", ".join(words)
     return (
         f"The gyro's axes contradict the way gravity turns in the accelerometers: {'; '.join(parts)}. "
-        f"If the accelerometer's columns are right, name the gyro's columns {listed} with --columns. A reversed "
-        "accelerometer axis, or two accelerometer columns that are swapped, looks the same: compare both with the "
-        "data sheet."
+        f"Name the gyro's columns {listed} with --columns, if the accelerometer's are right: a reversed accelerometer "
+        "axis, or two swapped ones, looks the same, so compare both triads with the data sheet."
     )
 
 
