@@ -1,0 +1,9 @@
+"""Protocols: what is done to a unit in a test, step by step, as data that a file can hold.
+
+The room is low in the house: simulation plays a protocol, segmentation matches a recording with it,
+calibration interprets it, and none of them knows the others.
+"""
+
+from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
+
+__all__ = ["HoldStep", "Pose", "Protocol", "SpinStep", "Step", "TurnStep"]

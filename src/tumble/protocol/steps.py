@@ -1,0 +1,162 @@
+"""What is done to a unit: holds, turns and spins, one after another, as plain data.
+
+A protocol says what is *known* of the motion and how well. Simulation plays it, segmentation matches a
+recording with it, calibration takes from it what it may believe. Frames: n north-east-down, b the
+unit's body frame (its axes as the recording's columns name them). Angles are right-handed: positive
+is counter-clockwise for someone whom the axis points at.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tumble.arrays import Vector
+from tumble.attitude.rotations import rotation_between
+from tumble.earth.site import Site
+
+UP_N = np.array([0.0, 0.0, -1.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """What is known of b's attitude during a hold.
+
+    Attributes
+    ----------
+    up_b : (3,) unit vector in b that points up, against gravity.
+    heading : rad, or None if it is not known. From b along north-east-down, the shortest turn brings
+        `up_b` up (about the north axis where that is half a turn); then b is turned about the vertical
+        by the heading, clockwise seen from above.
+    sigma : rad, standard uncertainty of the pose about each axis; zero for an exact table reading.
+    """
+
+    up_b: Vector
+    heading: float | None = None
+    sigma: float = 0.0
+
+    @staticmethod
+    def from_rotation(rotation_nb: Rotation, sigma: float = 0.0) -> Pose:
+        """Return the pose of an attitude that is known in full."""
+        up_b = rotation_nb.inv().apply(UP_N)
+        about_vertical = (rotation_nb * _turn_up(up_b).inv()).as_rotvec()
+        return Pose(up_b, float(about_vertical[2]), sigma)
+
+    def rotation_nb(self, heading: float = 0.0) -> Rotation:
+        """Return the nominal attitude; an unknown heading is `heading`, rad."""
+        about_vertical = self.heading if self.heading is not None else heading
+        return Rotation.from_rotvec([0.0, 0.0, about_vertical]) * _turn_up(self.up_b)
+
+
+def _turn_up(up_b: Vector) -> Rotation:
+    """Return the shortest rotation that brings `up_b` up; about north where it is half a turn."""
+    if up_b[2] > 1.0 - 1e-12:
+        return Rotation.from_rotvec([np.pi, 0.0, 0.0])
+    return Rotation.from_matrix(rotation_between(up_b, UP_N))
+
+
+@dataclass(frozen=True, slots=True)
+class HoldStep:
+    """The unit rests.
+
+    Attributes
+    ----------
+    duration : s.
+    pose : what is known of the attitude; None for nothing but that it rests.
+    name : as the user calls the step.
+    file : the recording of this step alone, if it has one of its own.
+    interval : (start, stop) s on the recording's clock, if it is known when the step was.
+    """
+
+    duration: float
+    pose: Pose | None = None
+    name: str = ""
+    file: str | None = None
+    interval: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TurnStep:
+    """The unit is brought from one pose to another, it does not matter how fast.
+
+    Attributes
+    ----------
+    duration : s.
+    axis_b : (3,) unit vector in b; None if it is not known.
+    angle : rad about `axis_b`, with sign; may exceed a turn. None if it is not known.
+    sigma : rad, standard uncertainty of the angle; zero for an exact table reading.
+    name, file, interval : as for `HoldStep`.
+    """
+
+    duration: float
+    axis_b: Vector | None = None
+    angle: float | None = None
+    sigma: float = 0.0
+    name: str = ""
+    file: str | None = None
+    interval: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SpinStep:
+    """A table turns the unit at a constant rate.
+
+    Attributes
+    ----------
+    duration : s at the constant rate.
+    rate : rad/s against the Earth about the axis, with sign.
+    axis_b : (3,) unit vector in b along the table's axis; None for a vertical axis that points up,
+        wherever that is in b.
+    sigma : standard uncertainty of the rate as a share of it; zero for an exact table.
+    ramp : s that the table takes to come to its rate, and to stop.
+    name, file, interval : as for `HoldStep`.
+    """
+
+    duration: float
+    rate: float
+    axis_b: Vector | None = None
+    sigma: float = 0.0
+    ramp: float = 2.0
+    name: str = ""
+    file: str | None = None
+    interval: tuple[float, float] | None = None
+
+
+Step = HoldStep | TurnStep | SpinStep
+
+
+@dataclass(frozen=True, slots=True)
+class Protocol:
+    """The steps of a test in order, and what else its evaluation needs.
+
+    Between two holds without a turn the unit is turned somehow. Before and after a spin the table
+    stands still.
+
+    Attributes
+    ----------
+    name : such as ``multi-position-26``.
+    procedure : the procedure that evaluates it, by name.
+    steps : in order.
+    site : where it is performed; None in the library, where nobody has said yet.
+    description : one or two sentences for people.
+    recordings : the files that were recorded, in order, relative to the protocol's own folder.
+    units, columns : of those files, as the command line's options of that name take them.
+    rate : Hz, of files without stamps.
+    """
+
+    name: str
+    procedure: str
+    steps: tuple[Step, ...]
+    site: Site | None = None
+    description: str = ""
+    recordings: tuple[str, ...] = ()
+    units: str | None = None
+    columns: str | None = None
+    rate: float | None = None
+
+    @property
+    def duration(self) -> float:
+        """Seconds of all steps together, ramps included."""
+        return sum(s.duration + (2.0 * s.ramp if isinstance(s, SpinStep) else 0.0) for s in self.steps)
