@@ -24,7 +24,7 @@ from tumble.errors import ObservabilityError
 from tumble.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline, find_timeline, observe_holds
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
-from tumble.workflows.calibrate import PROCEDURES
+from tumble.workflows.procedures import PROCEDURES
 
 SITE = Site(9.81, 0.0, None, 0.0, "as simulated")
 

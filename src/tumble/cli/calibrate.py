@@ -12,9 +12,10 @@ from tumble.cli.options import (
     Gravity,
     Intervals,
     Json,
+    OptionalRecordings,
+    ProtocolOption,
     Quiet,
     Rate,
-    Recordings,
     SiteOption,
     Units,
     Verbose,
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def calibrate_command(
-    recordings: Recordings,
+    recordings: OptionalRecordings = None,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -36,9 +37,11 @@ def calibrate_command(
     procedure: Annotated[
         str | None,
         typer.Option(
-            help="hand-held or multi-position; without it the recording decides, and it is said why."
+            help="hand-held, multi-position, six-position, improved-six-position, rate-table or "
+            "modified-multi-position; without it the protocol or the recording decides, and it is said why."
         ),
     ] = None,
+    protocol: ProtocolOption = None,
     site: SiteOption = None,
     gravity: Gravity = None,
     units: Units = None,
@@ -70,22 +73,24 @@ def calibrate_command(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Calibrate an IMU from a recording of it tumbled by hand.
+    """Calibrate an IMU from a recording of it tumbled by hand, on faces, or on a rate table.
 
-    Rest the unit in at least nine different poses (better 26: faces, edges, corners), a few seconds
-    each, and turn it in between about all axes. Writes calibration.json and report.html, prints the
-    parameters with their standard uncertainties, and says whether the result is fit for use
-    (exit status 0) or not (1).
+    By hand: rest the unit in at least nine different poses (better 26: faces, edges, corners), a few
+    seconds each, and turn it in between about all axes. With a fixture or a table: say in a protocol
+    what was done (--protocol; `tumble simulate` writes examples). Writes calibration.json and
+    report.html, prints the parameters with their standard uncertainties, and says whether the result
+    is fit for use (exit status 0) or not (1).
     """
     from tumble.workflows.calibrate import calibrate
     from tumble.workflows.site import choose_site
 
-    folder = output or Path(f"{recordings[0].stem}-calibration")
+    folder = output or _default_folder(recordings or [], protocol)
     with progress(quiet or as_json) as say:
         run = calibrate(
-            recordings,
+            recordings or [],
             output=folder,
             procedure=procedure,
+            protocol=protocol,
             site=choose_site(site, gravity),
             columns=columns,
             units=units,
@@ -100,6 +105,14 @@ def calibrate_command(
     results_stand()
     print_run(run, as_json=as_json, quiet=quiet, verbose=verbose)
     raise typer.Exit(0 if run.calibration.verdict.fit else 1)
+
+
+def _default_folder(recordings: list[Path], protocol: str | None) -> Path:
+    """Return where the results go when nobody says: beside what they were made from, by its name."""
+    if recordings:
+        return Path(f"{recordings[0].stem}-calibration")
+    given = Path(protocol or "protocol")
+    return Path(f"{given.parent.resolve().name if given.is_file() else given.name}-calibration")
 
 
 def print_run(run: CalibrationRun, *, as_json: bool, quiet: bool, verbose: bool) -> None:

@@ -13,6 +13,21 @@ Recordings: TypeAlias = Annotated[
         help="A recording: one file, or a pair of files with one triad each (CSV, text, Parquet, NPY, NPZ, MATLAB)."
     ),
 ]
+OptionalRecordings: TypeAlias = Annotated[
+    list[Path] | None,
+    typer.Argument(
+        help="A recording: one file, or a pair of files with one triad each (CSV, text, Parquet, NPY, NPZ, MATLAB). "
+        "None: those that the protocol names.",
+        show_default=False,
+    ),
+]
+ProtocolOption: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE|NAME",
+        help="What was done to the unit: a protocol file (YAML), or the name of a protocol, such as six-position.",
+    ),
+]
 Columns: TypeAlias = Annotated[
     str | None,
     typer.Option(help="What the columns are, as t,ax,ay,az,gx,gy,gz; - skips one, -ay reverses one."),

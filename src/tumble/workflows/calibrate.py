@@ -13,34 +13,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.earth import Site
-from tumble.errors import ConvergenceError, ObservabilityError, OutputError, UsageError
-from tumble.recording import (
-    Recording,
-    Remark,
-    find_dead_channels,
-    find_saturated_channels,
-    read_recordings,
+from tumble.errors import OutputError, UsageError
+from tumble.recording import Recording, read_recordings
+from tumble.workflows.joining import join_recordings
+from tumble.workflows.procedures import (
+    Task,
+    add_objections,
+    check_prior,
+    check_procedure,
+    run_procedure,
 )
+from tumble.workflows.protocols import GivenProtocol, read_given_protocol
 
 if TYPE_CHECKING:
     from tumble.calibration import Calibration, Estimate
     from tumble.calibration.prior import StableKnowledge
+    from tumble.protocol import Protocol
     from tumble.segmentation import HoldMeans, Timeline
-
-PROCEDURES = ("hand-held", "multi-position")
-LATER_PROCEDURES = (
-    "six-position",
-    "improved-six-position",
-    "rate-table",
-    "modified-multi-position",
-    "turntable",
-    "laboratory",
-    "strapdown-rotation",
-    "thermal",
-    "joint",
-)
-# Between recordings of separate poses: long enough that no hold and no turn goes across.
-PAUSE = 10.0
+    from tumble.segmentation.matching import Matching
 
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
@@ -49,7 +39,8 @@ Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 class CalibrationRun:
     """What `calibrate` made: the calibration, everything behind it, and where the files are.
 
-    `reason` says why the procedure was chosen; `seconds` what each stage took.
+    `reason` says why the procedure was chosen; `matching` which hold is which step of the `protocol`, where
+    one was given; `seconds` what each stage took.
     """
 
     calibration: Calibration
@@ -58,15 +49,18 @@ class CalibrationRun:
     timeline: Timeline
     means: HoldMeans
     reason: str
+    protocol: Protocol | None = None
+    matching: Matching | None = None
     files: list[Path] = field(default_factory=list[Path])
     seconds: dict[str, float] = field(default_factory=dict[str, float])
 
 
 def calibrate(
-    paths: Paths,
+    paths: Paths = (),
     *,
     output: str | os.PathLike[str] | None = None,
     procedure: str | None = None,
+    protocol: str | os.PathLike[str] | None = None,
     site: Site | None = None,
     columns: str | None = None,
     units: str | None = None,
@@ -82,10 +76,13 @@ def calibrate(
 
     Parameters
     ----------
-    paths : one recording (a file, or a pair of files with one triad each), or several of one unit.
+    paths : one recording (a file, or a pair of files with one triad each), or several of one unit;
+        empty for those that the protocol names.
     output : folder for ``calibration.json`` and ``report.html``; None writes nothing.
-    procedure : one of `PROCEDURES`; None lets the recording decide.
-    site : gravity and latitude; None assumes standard gravity with an uncertainty of 0.015 m/s².
+    procedure : one of `PROCEDURES`; None lets the protocol decide, or else the recording.
+    protocol : a protocol file, or the name of one of `tumble.protocol.PROTOCOLS`: what was done.
+    site : gravity and latitude; None takes the protocol's, or else assumes standard gravity with an
+        uncertainty of 0.015 m/s².
     columns, units, rate : what the files do not say, as for `tumble.read_recording`.
     prior : an earlier calibration of the unit, whose non-orthogonalities are kept.
     intervals : file of the holds' start and stop in seconds, instead of finding them.
@@ -98,52 +95,41 @@ def calibrate(
     ------
     RecordingError, SegmentationError, ObservabilityError, ConvergenceError
         If the recording cannot serve; the message says what was found and what to do.
-    UsageError, CalibrationFileError
+    UsageError, CalibrationFileError, ProtocolError
         If an option is wrong.
     OutputError
         If the results cannot be written; earlier ones are intact.
     """
     say = progress or _silent
-    _check_procedure(procedure, unknowns)
+    check_procedure(procedure, unknowns, has_protocol=protocol is not None)
     folder = None if output is None else Path(output)
     if folder is not None:
         _require_writable(folder)
     clock = _Clock()
     say("reading")
-    recording = _one_recording(read_recordings(paths, columns=columns, units=units, rate=rate))
+    given = None if protocol is None else read_given_protocol(protocol)
+    recording, told = _read(paths, given, columns, units, rate)
     knowledge = _knowledge(prior, imu[1])
     clock.lap("reading")
 
-    say("finding holds and turns")
-    from tumble.segmentation import find_timeline, observe_holds, read_intervals
-
-    clock.lap("importing")
-    given = None if intervals is None else read_intervals(Path(intervals))
-    timeline = find_timeline(recording, intervals=given)
-    means = observe_holds(recording, timeline)
-    clock.lap("segmenting")
+    task = _prepare(recording, told, site, intervals, clock, say)
+    task.knowledge, task.optional_terms, task.unknowns = knowledge, optional_terms, unknowns
+    estimate, reason = run_procedure(task, procedure)
+    add_objections(task, estimate, procedure, reason)
+    if knowledge is not None:
+        check_prior(task, estimate)
+    if site is None and (told is None or told.site is None):
+        estimate.remarks.append(_about_gravity(task.site))
+    clock.lap("solving")
 
     from tumble.calibration import calibration_from_estimate
 
-    place = site or Site.unknown()
-    estimate, reason = _estimate(
-        recording, timeline, means, place, procedure, knowledge, optional_terms, unknowns, say
+    remarks = (reason, *(r.text for r in recording.remarks))
+    calibration = calibration_from_estimate(estimate, recording, task.site, remarks=remarks, imu=imu)
+    run = CalibrationRun(
+        calibration, estimate, recording, task.timeline, task.means, reason, told, task.matching
     )
-    _add_objections(estimate, recording, timeline, procedure, reason)
-    if knowledge is not None:
-        _test_prior(estimate, knowledge, recording, means, place)
-    if site is None:
-        estimate.remarks.append(
-            f"Gravity was not given and is taken as {place.gravity:.5f} ± {place.gravity_sigma:.3f} m/s², which makes "
-            f"every accelerometer scale factor uncertain by {100 * place.gravity_sigma / place.gravity:.2f} %: "
-            "give --site LATITUDE[,HEIGHT] or --gravity."
-        )
-    clock.lap("solving")
-
-    calibration = calibration_from_estimate(
-        estimate, recording, place, remarks=(reason, *(r.text for r in recording.remarks)), imu=imu
-    )
-    run = CalibrationRun(calibration, estimate, recording, timeline, means, reason, [], clock.seconds)
+    run.seconds = clock.seconds
     if folder is not None:
         say("writing the report")
         _write(run, folder)
@@ -151,18 +137,68 @@ def calibrate(
     return run
 
 
-def _check_procedure(procedure: str | None, unknowns: int | None) -> None:
-    if unknowns is not None and procedure != "multi-position":
-        raise UsageError(
-            "--unknowns is for the multi-position procedure: add --procedure multi-position, or leave it out."
-        )
-    if procedure is None or procedure in PROCEDURES:
-        return
-    if procedure in LATER_PROCEDURES:
-        raise UsageError(
-            f"The procedure {procedure} is not part of this version: it has {', '.join(PROCEDURES)}."
-        )
-    raise UsageError(f"There is no procedure {procedure!r}: choose one of {', '.join(PROCEDURES)}.")
+def _read(
+    paths: Paths, given: GivenProtocol | None, columns: str | None, units: str | None, rate: float | None
+) -> tuple[Recording, Protocol | None]:
+    """Read the recordings named, or the protocol's own; options go before what the protocol says."""
+    named = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    if given is None:
+        if not named:
+            raise UsageError(
+                "Name a recording, or a protocol file that names its recordings (--protocol FILE): "
+                "see `tumble calibrate --help`."
+            )
+        return join_recordings(read_recordings(named, columns=columns, units=units, rate=rate))[0], None
+    if not named:
+        named = [*given.files()]
+        if not named:
+            raise UsageError(
+                f"The protocol {given.protocol.name} names no recordings: give them, or list them in its file."
+            )
+    protocol = given.protocol
+    recordings = read_recordings(
+        named,
+        columns=columns or protocol.columns,
+        units=units or protocol.units,
+        rate=rate or protocol.rate,
+    )
+    recording, spans = join_recordings(recordings)
+    return recording, given.on_clock_of(recordings, spans)
+
+
+def _prepare(
+    recording: Recording,
+    protocol: Protocol | None,
+    site: Site | None,
+    intervals: str | os.PathLike[str] | None,
+    clock: _Clock,
+    say: Callable[[str], None],
+) -> Task:
+    """Find holds and turns, and which step of the protocol each of them is."""
+    say("finding holds and turns")
+    from tumble.segmentation import find_timeline, observe_holds, read_intervals
+
+    clock.lap("importing")
+    given = None if intervals is None else read_intervals(Path(intervals))
+    timeline = find_timeline(recording, intervals=given)
+    means = observe_holds(recording, timeline)
+    matching = None
+    if protocol is not None:
+        from tumble.segmentation.matching import match_protocol
+
+        say("matching them with the protocol")
+        matching = match_protocol(protocol, recording, timeline, means)
+    clock.lap("segmenting")
+    place = site or (None if protocol is None else protocol.site) or Site.unknown()
+    return Task(recording, timeline, means, place, protocol, matching, say=say)
+
+
+def _about_gravity(place: Site) -> str:
+    return (
+        f"Gravity was not given and is taken as {place.gravity:.5f} ± {place.gravity_sigma:.3f} m/s², which makes "
+        f"every accelerometer scale factor uncertain by {100 * place.gravity_sigma / place.gravity:.2f} %: "
+        "give --site LATITUDE[,HEIGHT] or --gravity."
+    )
 
 
 def _require_writable(folder: Path) -> None:
@@ -178,70 +214,6 @@ def _require_writable(folder: Path) -> None:
         )
     if not os.access(existing, os.W_OK):
         raise OutputError(f"{existing} cannot be written to: give another folder with -o.")
-
-
-def _one_recording(recordings: list[Recording]) -> Recording:
-    """Return one recording; several are put one after the other with a pause between.
-
-    Raises
-    ------
-    UsageError
-        If they differ in units or sensors, or one is given twice.
-    """
-    if len(recordings) == 1:
-        return recordings[0]
-    first = recordings[0]
-    seen: dict[str, str] = {}
-    for source in (source for recording in recordings for source in recording.sources):
-        if source.sha256 in seen:
-            raise UsageError(
-                f"{source.name} and {seen[source.sha256]} are the same recording: it tells nothing more a second time."
-            )
-        seen[source.sha256] = source.name
-    for other in recordings[1:]:
-        same = (
-            other.specific_force_unit == first.specific_force_unit
-            and other.angular_rate_unit == first.angular_rate_unit
-            and (other.specific_force is None) == (first.specific_force is None)
-            and (other.angular_rate is None) == (first.angular_rate is None)
-        )
-        if not same:
-            raise UsageError(
-                f"{other.sources[0].name} has other units or sensors than {first.sources[0].name}: "
-                "only recordings of one unit with the same columns can be calibrated together."
-            )
-    return _concatenated(recordings)
-
-
-def _concatenated(recordings: list[Recording]) -> Recording:
-    times: list[np.ndarray] = []
-    gaps: list[int] = []
-    end, samples = 0.0, 0
-    for number, recording in enumerate(recordings):
-        moved = recording.time - recording.time[0] + (end + PAUSE if number else 0.0)
-        gaps += [samples + gap for gap in recording.gaps] + ([samples] if number else [])
-        times.append(moved)
-        end, samples = float(moved[-1]), samples + len(recording)
-
-    def joined(name: str) -> np.ndarray | None:
-        parts = [getattr(recording, name) for recording in recordings]
-        return None if any(part is None for part in parts) else np.concatenate(parts)
-
-    first = recordings[0]
-    remarks = [remark for recording in recordings for remark in recording.remarks]
-    remarks.append(Remark("found", f"{len(recordings)} recordings are taken together as one unit's."))
-    return Recording(
-        time=np.concatenate(times),
-        specific_force=joined("specific_force"),
-        angular_rate=joined("angular_rate"),
-        specific_force_unit=first.specific_force_unit,
-        angular_rate_unit=first.angular_rate_unit,
-        rate=first.rate,
-        temperature=joined("temperature"),
-        sources=tuple(source for recording in recordings for source in recording.sources),
-        remarks=tuple(dict.fromkeys(remarks)),
-        gaps=tuple(sorted(gaps)),
-    )
 
 
 def _knowledge(prior: str | os.PathLike[str] | None, serial: str | None) -> StableKnowledge | None:
@@ -266,106 +238,6 @@ def _knowledge(prior: str | os.PathLike[str] | None, serial: str | None) -> Stab
         )
     covariance = earlier.covariance_matrix[np.ix_(at, at)]
     return stable_knowledge(np.array(earlier.accelerometer.matrix, dtype=float), covariance)
-
-
-def _estimate(
-    recording: Recording,
-    timeline: Timeline,
-    means: HoldMeans,
-    site: Site,
-    procedure: str | None,
-    knowledge: StableKnowledge | None,
-    optional_terms: bool,
-    unknowns: int | None,
-    say: Callable[[str], None],
-) -> tuple[Estimate, str]:
-    """Run the procedure asked for, or the one that the recording suits; say why."""
-    from tumble.calibration import calibrate_hand_held, calibrate_multi_position
-
-    turns = sum(turn.usable for turn in timeline.turns)
-    both = recording.specific_force is not None and recording.angular_rate is not None
-
-    def hand_held() -> Estimate:
-        return calibrate_hand_held(
-            recording, timeline, means, site, prior=knowledge, optional_terms=optional_terms, progress=say
-        )
-
-    def multi_position() -> Estimate:
-        return calibrate_multi_position(
-            recording, means, site, prior=knowledge, unknowns=unknowns or 9, progress=say
-        )
-
-    if procedure == "hand-held":
-        return hand_held(), "Procedure hand-held, as asked for."
-    if procedure == "multi-position":
-        return multi_position(), "Procedure multi-position, as asked for."
-    from tumble.calibration.hand_held import SMALLEST_TURNS
-
-    if not both:
-        return multi_position(), "Procedure multi-position: the recording has one triad only."
-    if turns < SMALLEST_TURNS:
-        return multi_position(), (
-            f"Procedure multi-position: {turns} turns between holds can be used, and the hand-held "
-            f"procedure needs {SMALLEST_TURNS}."
-        )
-    try:
-        return hand_held(), (
-            f"Procedure hand-held: {len(timeline.holds)} holds and {turns} turns between them were found, "
-            "which tell both triads."
-        )
-    except ObservabilityError as error:
-        # Too few poses are too few for either; only what the gyro lacks leaves the other way open.
-        estimate = multi_position()
-        return estimate, f"Procedure multi-position: the turns do not tell the gyro. {error}"
-
-
-def _add_objections(
-    estimate: Estimate, recording: Recording, timeline: Timeline, procedure: str | None, reason: str
-) -> None:
-    """Say what a user who meant a whole calibration does not get, and what was wrong with the sensors."""
-    from tumble.calibration.hand_held import SMALLEST_TURNS
-
-    estimate.objections += find_dead_channels(recording)
-    estimate.remarks += find_saturated_channels(recording)
-    lost = [turn for turn in timeline.turns if not turn.usable]
-    estimate.remarks += [
-        f"The turn from hold {turn.before + 1} to hold {turn.after + 1} was not used: {turn.reason}."
-        for turn in lost[:5]
-    ]
-    if len(lost) > 5:
-        estimate.remarks.append(f"{len(lost) - 5} more turns were not used for such reasons.")
-    meant_for_turns = procedure is None and recording.angular_rate is not None
-    if meant_for_turns and estimate.procedure == "multi-position" and len(timeline.turns) >= SMALLEST_TURNS:
-        because = f" {len(lost)} of them cannot be used ({lost[0].reason})." if lost else ""
-        estimate.objections.append(
-            f"The recording has {len(timeline.turns)} turns, but they do not calibrate the gyro.{because} {reason} "
-            "With --procedure multi-position the accelerometers' part is judged alone."
-        )
-
-
-def _test_prior(
-    estimate: Estimate,
-    knowledge: StableKnowledge,
-    recording: Recording,
-    means: HoldMeans,
-    place: Site,
-) -> None:
-    """Object to a prior that the poses contradict, where they can tell the angles without it."""
-    from tumble.calibration import calibrate_multi_position
-    from tumble.calibration.prior import find_contradiction, stable_knowledge
-
-    try:
-        alone = calibrate_multi_position(recording, means, place)
-    except (ObservabilityError, ConvergenceError):
-        estimate.remarks.append(
-            "The poses are too few to check the prior against them: it is taken on trust."
-        )
-        return
-    assert alone.model.accelerometer is not None
-    own = stable_knowledge(alone.model.accelerometer.matrix, alone.covariance[:9, :9])
-    contradiction = find_contradiction(knowledge, own)
-    if contradiction is not None:
-        estimate.objections.append(contradiction)
 
 
 def _write(run: CalibrationRun, folder: Path) -> None:

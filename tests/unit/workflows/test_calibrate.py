@@ -13,7 +13,8 @@ from tumble.earth import Site
 from tumble.errors import ObservabilityError, OutputError, UsageError
 from tumble.recording import Recording, write_recording
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
-from tumble.workflows.calibrate import PAUSE, calibrate
+from tumble.workflows.calibrate import calibrate
+from tumble.workflows.joining import PAUSE
 
 SITE = Site.from_gravity(9.81)
 

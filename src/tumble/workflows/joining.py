@@ -1,0 +1,93 @@
+"""Several recordings of one unit as one: put one after the other, with a pause between."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tumble.errors import UsageError
+from tumble.recording import Recording, Remark
+
+# Between recordings of separate poses: long enough that no hold and no turn goes across.
+PAUSE = 10.0
+
+Span = tuple[float, float]
+
+
+def join_recordings(recordings: list[Recording]) -> tuple[Recording, list[Span]]:
+    """Return one recording, and where each of the several lies on its clock, in seconds.
+
+    Parameters
+    ----------
+    recordings : of one unit, in order; a single one stays as it is.
+
+    Raises
+    ------
+    UsageError
+        If they differ in units or sensors, or one is given twice.
+    """
+    if len(recordings) == 1:
+        only = recordings[0]
+        return only, [(float(only.time[0]), float(only.time[-1]))]
+    _require_different(recordings)
+    _require_same_columns(recordings)
+    return _concatenated(recordings)
+
+
+def _require_different(recordings: list[Recording]) -> None:
+    seen: dict[str, str] = {}
+    for source in (source for recording in recordings for source in recording.sources):
+        if source.sha256 in seen:
+            raise UsageError(
+                f"{source.name} and {seen[source.sha256]} are the same recording: it tells nothing more a second time."
+            )
+        seen[source.sha256] = source.name
+
+
+def _require_same_columns(recordings: list[Recording]) -> None:
+    first = recordings[0]
+    for other in recordings[1:]:
+        same = (
+            other.specific_force_unit == first.specific_force_unit
+            and other.angular_rate_unit == first.angular_rate_unit
+            and (other.specific_force is None) == (first.specific_force is None)
+            and (other.angular_rate is None) == (first.angular_rate is None)
+        )
+        if not same:
+            raise UsageError(
+                f"{other.sources[0].name} has other units or sensors than {first.sources[0].name}: "
+                "only recordings of one unit with the same columns can be calibrated together."
+            )
+
+
+def _concatenated(recordings: list[Recording]) -> tuple[Recording, list[Span]]:
+    times: list[np.ndarray] = []
+    gaps: list[int] = []
+    spans: list[Span] = []
+    end, samples = 0.0, 0
+    for number, recording in enumerate(recordings):
+        moved = recording.time - recording.time[0] + (end + PAUSE if number else 0.0)
+        gaps += [samples + gap for gap in recording.gaps] + ([samples] if number else [])
+        times.append(moved)
+        end, samples = float(moved[-1]), samples + len(recording)
+        spans.append((float(moved[0]), end))
+
+    def joined(name: str) -> np.ndarray | None:
+        parts = [getattr(recording, name) for recording in recordings]
+        return None if any(part is None for part in parts) else np.concatenate(parts)
+
+    first = recordings[0]
+    remarks = [remark for recording in recordings for remark in recording.remarks]
+    remarks.append(Remark("found", f"{len(recordings)} recordings are taken together as one unit's."))
+    whole = Recording(
+        time=np.concatenate(times),
+        specific_force=joined("specific_force"),
+        angular_rate=joined("angular_rate"),
+        specific_force_unit=first.specific_force_unit,
+        angular_rate_unit=first.angular_rate_unit,
+        rate=first.rate,
+        temperature=joined("temperature"),
+        sources=tuple(source for recording in recordings for source in recording.sources),
+        remarks=tuple(dict.fromkeys(remarks)),
+        gaps=tuple(sorted(gaps)),
+    )
+    return whole, spans

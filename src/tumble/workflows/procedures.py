@@ -1,0 +1,263 @@
+"""Which procedure evaluates a recording, what it is handed, and what a user is told about the choice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from tumble.earth import Site
+from tumble.errors import ConvergenceError, ObservabilityError, UsageError
+from tumble.recording import Recording, find_dead_channels, find_saturated_channels
+
+if TYPE_CHECKING:
+    from tumble.calibration import Estimate
+    from tumble.calibration.prior import StableKnowledge
+    from tumble.protocol import Protocol
+    from tumble.segmentation import HoldMeans, SpinMeans, Timeline
+    from tumble.segmentation.matching import Matching
+
+PROCEDURES = (
+    "hand-held",
+    "multi-position",
+    "six-position",
+    "improved-six-position",
+    "rate-table",
+    "modified-multi-position",
+)
+LATER_PROCEDURES = ("turntable", "laboratory", "strapdown-rotation", "thermal", "joint")
+# These know the table's rates from the protocol and from nowhere else.
+NEED_PROTOCOL = ("rate-table", "modified-multi-position")
+
+
+def _silent(_: str) -> None:
+    """Tell nobody."""
+
+
+@dataclass(slots=True)
+class Task:
+    """What a procedure is given.
+
+    Attributes
+    ----------
+    recording, timeline, means, site : what was recorded, what was found in it, and where.
+    protocol, matching : what was to be done, and which hold and spin is which of its steps.
+    knowledge : of an earlier calibration.
+    optional_terms, unknowns : as for `calibrate`.
+    say : is told in words what is being done.
+    """
+
+    recording: Recording
+    timeline: Timeline
+    means: HoldMeans
+    site: Site
+    protocol: Protocol | None = None
+    matching: Matching | None = None
+    knowledge: StableKnowledge | None = None
+    optional_terms: bool = True
+    unknowns: int | None = None
+    say: Callable[[str], None] = field(default=_silent)
+
+
+def check_procedure(procedure: str | None, unknowns: int | None, *, has_protocol: bool) -> None:
+    """Refuse a procedure that there is not, or that lacks what it needs.
+
+    Raises
+    ------
+    UsageError
+        If the name is unknown, or an option does not go with it.
+    """
+    if unknowns is not None and procedure != "multi-position":
+        raise UsageError(
+            "--unknowns is for the multi-position procedure: add --procedure multi-position, or leave it out."
+        )
+    if procedure in LATER_PROCEDURES:
+        raise UsageError(
+            f"The procedure {procedure} is not part of this version: it has {', '.join(PROCEDURES)}."
+        )
+    if procedure is not None and procedure not in PROCEDURES:
+        raise UsageError(f"There is no procedure {procedure!r}: choose one of {', '.join(PROCEDURES)}.")
+    if procedure in NEED_PROTOCOL and not has_protocol:
+        raise UsageError(
+            f"The procedure {procedure} has to know the table's rates and directions: write them into a protocol "
+            f"file and give --protocol FILE. `tumble simulate {procedure} -o DIR` writes an example, DIR/protocol.yaml."
+        )
+
+
+def run_procedure(task: Task, procedure: str | None) -> tuple[Estimate, str]:
+    """Run the procedure asked for, the protocol's own, or the one that the recording suits; say why.
+
+    Raises
+    ------
+    ObservabilityError, ConvergenceError, SegmentationError
+        If the recording cannot serve.
+    """
+    if procedure is not None:
+        return _run(task, procedure), f"Procedure {procedure}, as asked for."
+    if task.protocol is not None:
+        own = task.protocol.procedure
+        check_procedure(own, None, has_protocol=True)
+        return _run(task, own), f"Procedure {own}, as the protocol {task.protocol.name} says."
+    return _most_telling(task)
+
+
+def _run(task: Task, procedure: str) -> Estimate:
+    estimate = _PROCEDURES[procedure](task)
+    if task.matching is not None:
+        estimate.remarks += [r for r in task.matching.remarks if r not in estimate.remarks]
+    return estimate
+
+
+def _most_telling(task: Task) -> tuple[Estimate, str]:
+    from tumble.calibration.hand_held import SMALLEST_TURNS
+
+    recording, timeline = task.recording, task.timeline
+    turns = sum(turn.usable for turn in timeline.turns)
+    if recording.specific_force is None or recording.angular_rate is None:
+        return _multi_position(task), "Procedure multi-position: the recording has one triad only."
+    if turns < SMALLEST_TURNS:
+        return _multi_position(task), (
+            f"Procedure multi-position: {turns} turns between holds can be used, and the hand-held "
+            f"procedure needs {SMALLEST_TURNS}."
+        )
+    try:
+        return _hand_held(task), (
+            f"Procedure hand-held: {len(timeline.holds)} holds and {turns} turns between them were found, "
+            "which tell both triads."
+        )
+    except ObservabilityError as error:
+        # Too few poses are too few for either; only what the gyro lacks leaves the other way open.
+        estimate = _multi_position(task)
+        return estimate, f"Procedure multi-position: the turns do not tell the gyro. {error}"
+
+
+def _hand_held(task: Task) -> Estimate:
+    from tumble.calibration import calibrate_hand_held
+
+    return calibrate_hand_held(
+        task.recording,
+        task.timeline,
+        task.means,
+        task.site,
+        prior=task.knowledge,
+        optional_terms=task.optional_terms,
+        progress=task.say,
+    )
+
+
+def _multi_position(task: Task) -> Estimate:
+    from tumble.calibration import calibrate_multi_position
+
+    return calibrate_multi_position(
+        task.recording,
+        task.means,
+        task.site,
+        prior=task.knowledge,
+        unknowns=task.unknowns or 9,
+        progress=task.say,
+    )
+
+
+def _six_position(task: Task) -> Estimate:
+    return _faces(task, improved=False)
+
+
+def _improved_six_position(task: Task) -> Estimate:
+    return _faces(task, improved=True)
+
+
+def _faces(task: Task, *, improved: bool) -> Estimate:
+    from tumble.calibration.six_position import calibrate_six_position
+    from tumble.workflows.faces import match_faces
+
+    protocol, matching = task.protocol, task.matching
+    if protocol is None or matching is None:
+        protocol, matching = match_faces(task.means, task.site)
+    estimate = calibrate_six_position(
+        task.recording, task.means, matching, protocol, task.site, improved=improved
+    )
+    estimate.remarks += [r for r in matching.remarks if r not in estimate.remarks]
+    return estimate
+
+
+def _rate_table(task: Task) -> Estimate:
+    from tumble.calibration.rate_table import calibrate_rate_table
+
+    protocol, matching, spins = _spins(task)
+    return calibrate_rate_table(task.recording, task.means, spins, matching, protocol, task.site)
+
+
+def _modified_multi_position(task: Task) -> Estimate:
+    from tumble.calibration.modified_multi_position import calibrate_modified_multi_position
+
+    protocol, matching, spins = _spins(task)
+    return calibrate_modified_multi_position(
+        task.recording, task.means, spins, matching, protocol, task.site, prior=task.knowledge
+    )
+
+
+def _spins(task: Task) -> tuple[Protocol, Matching, SpinMeans]:
+    from tumble.segmentation.matching import observe_matched_spins
+
+    if task.protocol is None or task.matching is None:
+        raise UsageError("This procedure needs a protocol: give --protocol FILE.")
+    return (
+        task.protocol,
+        task.matching,
+        observe_matched_spins(task.protocol, task.recording, task.timeline, task.matching),
+    )
+
+
+_PROCEDURES: dict[str, Callable[[Task], Estimate]] = {
+    "hand-held": _hand_held,
+    "multi-position": _multi_position,
+    "six-position": _six_position,
+    "improved-six-position": _improved_six_position,
+    "rate-table": _rate_table,
+    "modified-multi-position": _modified_multi_position,
+}
+
+
+def add_objections(task: Task, estimate: Estimate, procedure: str | None, reason: str) -> None:
+    """Say what a user who meant a whole calibration does not get, and what was wrong with the sensors."""
+    from tumble.calibration.hand_held import SMALLEST_TURNS
+
+    recording, timeline = task.recording, task.timeline
+    estimate.objections += find_dead_channels(recording)
+    estimate.remarks += find_saturated_channels(recording)
+    if procedure is None and task.protocol is not None:
+        return
+    lost = [turn for turn in timeline.turns if not turn.usable]
+    estimate.remarks += [
+        f"The turn from hold {turn.before + 1} to hold {turn.after + 1} was not used: {turn.reason}."
+        for turn in lost[:5]
+    ]
+    if len(lost) > 5:
+        estimate.remarks.append(f"{len(lost) - 5} more turns were not used for such reasons.")
+    meant_for_turns = procedure is None and recording.angular_rate is not None
+    if meant_for_turns and estimate.procedure == "multi-position" and len(timeline.turns) >= SMALLEST_TURNS:
+        because = f" {len(lost)} of them cannot be used ({lost[0].reason})." if lost else ""
+        estimate.objections.append(
+            f"The recording has {len(timeline.turns)} turns, but they do not calibrate the gyro.{because} {reason} "
+            "With --procedure multi-position the accelerometers' part is judged alone."
+        )
+
+
+def check_prior(task: Task, estimate: Estimate) -> None:
+    """Object to a prior that the poses contradict, where they can tell the angles without it."""
+    from tumble.calibration import calibrate_multi_position
+    from tumble.calibration.prior import find_contradiction, stable_knowledge
+
+    assert task.knowledge is not None
+    try:
+        alone = calibrate_multi_position(task.recording, task.means, task.site)
+    except (ObservabilityError, ConvergenceError):
+        estimate.remarks.append(
+            "The poses are too few to check the prior against them: it is taken on trust."
+        )
+        return
+    assert alone.model.accelerometer is not None
+    own = stable_knowledge(alone.model.accelerometer.matrix, alone.covariance[:9, :9])
+    contradiction = find_contradiction(task.knowledge, own)
+    if contradiction is not None:
+        estimate.objections.append(contradiction)

@@ -1,0 +1,102 @@
+"""The protocol that a calibration was told: its file or its name, its recordings, its clock."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tumble.errors import UsageError
+from tumble.recording import Recording
+
+if TYPE_CHECKING:
+    from tumble.protocol import Protocol, Step
+    from tumble.workflows.joining import Span
+
+
+@dataclass(frozen=True, slots=True)
+class GivenProtocol:
+    """A protocol and the folder that its files are relative to; None for a named one."""
+
+    protocol: Protocol
+    folder: Path | None
+
+    def files(self) -> list[Path]:
+        """Return the recordings that the protocol names, in order; steps' own files in theirs."""
+        named = list(self.protocol.recordings) or _distinct(
+            [step.file for step in self.protocol.steps if step.file is not None]
+        )
+        folder = self.folder or Path()
+        return [folder / name for name in named]
+
+    def on_clock_of(self, recordings: list[Recording], spans: list[Span]) -> Protocol:
+        """Return the protocol with every step's own file or interval on the joined recording's clock.
+
+        Parameters
+        ----------
+        recordings, spans : as they were joined.
+
+        Raises
+        ------
+        UsageError
+            If a step names a file that was not given.
+        """
+        if len(recordings) == 1 and all(step.file is None for step in self.protocol.steps):
+            return self.protocol
+        place = {
+            source.name: (recording, span)
+            for recording, span in zip(recordings, spans, strict=True)
+            for source in recording.sources
+        }
+        steps = tuple(_placed(step, number, place) for number, step in enumerate(self.protocol.steps, 1))
+        return replace(self.protocol, steps=steps)
+
+
+def _distinct(names: list[str]) -> list[str]:
+    return list(dict.fromkeys(names))
+
+
+def _placed(step: Step, number: int, place: dict[str, tuple[Recording, Span]]) -> Step:
+    if step.file is None:
+        return step
+    name = Path(step.file).name
+    if name not in place:
+        raise UsageError(
+            f"Step {number} of the protocol names the recording {step.file}, which is not among those given: "
+            f"{', '.join(place)}. Give no recordings, and those of the protocol are read."
+        )
+    recording, (start, stop) = place[name]
+    if step.interval is None:
+        return replace(step, interval=(start, stop))
+    shift = start - float(recording.time[0])
+    return replace(step, interval=(step.interval[0] + shift, step.interval[1] + shift))
+
+
+def read_given_protocol(given: str | os.PathLike[str]) -> GivenProtocol:
+    """Return the protocol of a file, or the named one where there is no such file.
+
+    Parameters
+    ----------
+    given : path of a protocol file, a folder that holds a ``protocol.yaml``, or a name.
+
+    Raises
+    ------
+    ProtocolError
+        If the file is not a protocol, or something in it is wrong; the message names the line.
+    UsageError
+        If there is neither such a file nor such a name.
+    """
+    from tumble.protocol import PROTOCOLS, named_protocol, read_protocol
+
+    path = Path(given)
+    if path.is_dir():
+        path = path / "protocol.yaml"
+    if path.is_file():
+        return GivenProtocol(read_protocol(path), path.parent)
+    if str(given) in PROTOCOLS:
+        return GivenProtocol(named_protocol(str(given)), None)
+    raise UsageError(
+        f"There is no protocol file {path}, and no protocol of that name: give a file, or one of "
+        f"{', '.join(PROTOCOLS)}."
+    )
