@@ -125,6 +125,7 @@ def _quality(estimate: Estimate) -> QualityBlock:
         rms_turn_angle=float(np.sqrt(np.mean(turns**2))) if turns.size else None,
         holds=int(estimate.hold_norms.size),
         turns=int(turns.size),
+        spins=int(estimate.spin_rates.size),
         variance_components=estimate.variance_components,
         left_out=[
             LeftOutBlock(kind="hold" if o.kind == "hold" else "turn", number=o.index + 1, reason=o.reason)

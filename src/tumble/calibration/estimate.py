@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Table
+from tumble.arrays import Series, Square, Table, Vectors
 from tumble.sensor import ImuModel
 
 
@@ -66,6 +66,9 @@ class Estimate:
     not_determined : sentences.
     remarks : sentences on how the estimate was made.
     objections : sentences that make it unfit for use, whatever its numbers say.
+    spin_rates : (spins,) rad/s, the reference rate of each spin with its sign; empty without spins.
+    spin_residuals, spin_sigmas : (spins, 3) rad/s, what each gyro shows beyond the model, and its sigma.
+    spin_names : what each spin is, in words.
     """
 
     procedure: str
@@ -90,6 +93,10 @@ class Estimate:
     not_determined: list[str] = field(default_factory=list[str])
     remarks: list[str] = field(default_factory=list[str])
     objections: list[str] = field(default_factory=list[str])
+    spin_rates: Series = field(default_factory=lambda: np.zeros(0))
+    spin_residuals: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
+    spin_sigmas: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
+    spin_names: list[str] = field(default_factory=list[str])
 
 
 def coverage_factor(degrees_of_freedom: int) -> float:

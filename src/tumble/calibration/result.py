@@ -128,6 +128,7 @@ class QualityBlock(_Strict):
     rms_turn_angle: float | None
     holds: int
     turns: int
+    spins: int = 0
     variance_components: dict[str, float]
     left_out: list[LeftOutBlock]
     optional_terms: list[TermBlock]

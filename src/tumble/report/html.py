@@ -23,6 +23,7 @@ from tumble.report.formula import formula_text, python_snippet
 from tumble.report.parameter_figures import correlation_section, interval_section
 from tumble.report.parameters import GROUPS, ParameterRow, parameter_rows, plain_unit
 from tumble.report.pose_figure import pose_section, pose_words
+from tumble.report.protocol_section import protocol_table, spin_section
 from tumble.report.residual_figures import hold_section, turn_section
 from tumble.report.timeline_figure import timeline_section
 from tumble.report.uncalibrated import nominal_hold_norms, nominal_turn_angles
@@ -37,8 +38,10 @@ from tumble.report.words import (
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Estimate
     from tumble.calibration.result import Calibration
+    from tumble.protocol import Protocol
     from tumble.recording.recording import Recording
     from tumble.segmentation import HoldMeans, Timeline
+    from tumble.segmentation.matching import Matching
 
 # The page may run what it holds and draw what it made, and fetch nothing.
 _POLICY = (
@@ -78,6 +81,8 @@ def render_report(
     recording: Recording,
     timeline: Timeline,
     means: HoldMeans,
+    protocol: Protocol | None = None,
+    matching: Matching | None = None,
 ) -> str:
     """Return the report of a calibration as one HTML page that works offline.
 
@@ -85,6 +90,7 @@ def render_report(
     ----------
     calibration, estimate : the result, and what the procedure made.
     recording, timeline, means : what it was made from.
+    protocol, matching : what was to be done, and which hold and spin is which step, if it was told.
     """
     rows = parameter_rows(calibration)
     sections = _sections(calibration, estimate, recording, timeline, means, rows)
@@ -92,6 +98,9 @@ def render_report(
         _header(calibration, recording),
         _verdict(calibration),
         _parameters(calibration, rows),
+        ""
+        if protocol is None or matching is None
+        else protocol_table(protocol, matching, recording, timeline),
         *(_figures(section) for section in sections),
         _terms(calibration),
         _components(calibration),
@@ -253,9 +262,12 @@ def _sections(
     gone = {left.index for left in estimate.left_out if left.kind == "hold"}
     if up_b is not None:
         sections.append(pose_section(up_b, gone))
-    sections.append(
-        hold_section(estimate, nominal_hold_norms(recording, means, calibration.site.gravity), poses)
-    )
+    if estimate.hold_norms.size:
+        before = nominal_hold_norms(recording, means, calibration.site.gravity)
+        sections.append(hold_section(estimate, before, poses))
+    spins = spin_section(estimate)
+    if spins is not None:
+        sections.append(spins)
     if np.any(np.isfinite(estimate.turn_angles)):
         before = nominal_turn_angles(recording, timeline, means, estimate.model)
         turns = turn_section(estimate, before, poses)

@@ -12,6 +12,8 @@ TERMS = {
     "g_sensitivity": "g-sensitivity of the gyros",
     "quadratic": "quadratic terms of the accelerometers",
     "time_lag": "a time lag between the triads",
+    "asymmetry": "scale-factor asymmetry of the gyros",
+    "linearity": "quadratic terms of the gyros",
 }
 
 
@@ -28,9 +30,10 @@ def term_words(name: str) -> str:
 def quality_sentences(calibration: Calibration) -> list[str]:
     """Return how well the data fit, in sentences with numbers."""
     quality = calibration.quality
-    words = [
-        f"{quality.holds} holds and {quality.turns} turns, {quality.degrees_of_freedom} degrees of freedom."
-    ]
+    counted = [f"{quality.holds} holds"] if quality.holds else []
+    counted += [f"{quality.turns} turns"] if quality.turns or not quality.spins else []
+    counted += [f"{quality.spins} spins"] if quality.spins else []
+    words = [f"{' and '.join(counted)}, {quality.degrees_of_freedom} degrees of freedom."]
     if quality.rms_hold_norm is not None:
         text = f"Rms of the corrected holds' norm against gravity {1e3 * quality.rms_hold_norm:.2g} mm/s²"
         if quality.rms_turn_angle is not None:

@@ -251,6 +251,8 @@ def _write(run: CalibrationRun, folder: Path) -> None:
         recording=run.recording,
         timeline=run.timeline,
         means=run.means,
+        protocol=run.protocol,
+        matching=run.matching,
     )
     try:
         folder.mkdir(parents=True, exist_ok=True)

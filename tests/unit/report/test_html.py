@@ -161,9 +161,18 @@ def test_the_snippet_corrects_as_the_calibration_does(run: dict[str, Any], text:
 
 def test_the_snippet_knows_the_optional_terms(calibration: Any) -> None:
     snippet = python_snippet(calibration)
-    assert "q = " in snippet
+    assert "own_input(" in snippet
     assert "G = " in snippet
     check_snippet(snippet, calibration)
+
+
+def test_the_snippet_knows_an_asymmetric_gyro(calibration: Any) -> None:
+    gyro = calibration.gyroscope.model_copy(
+        update={"asymmetry": (0.01, -0.02, 0.03), "quadratic": (1e-3, 2e-3, -1e-3)}
+    )
+    other = calibration.model_copy(update={"gyroscope": gyro})
+    check_snippet(python_snippet(other), other)
+    assert "u + a |u| + q u²" in formula_text(other)
 
 
 def test_a_gyro_without_matrix_keeps_its_bias_and_g_sensitivity_in_the_formula(calibration: Any) -> None:
