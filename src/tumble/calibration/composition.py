@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import tumble
+from tumble.arrays import Vectors
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.result import (
     Calibration,
@@ -30,6 +31,14 @@ from tumble.recording.recording import Recording
 from tumble.sensor import FRAMES, ImuModel, Triad
 from tumble.units import angular_rate_factor, specific_force_factor
 
+_FRAME_WORDS = {
+    **FRAMES,
+    "fixture": (
+        "the axes of the fixture (or table) that the unit was placed with: the nominal poses of the protocol "
+        "are exact in it on average; each sensor's misalignment is against these axes"
+    ),
+}
+
 
 def calibration_from_estimate(
     estimate: Estimate,
@@ -44,7 +53,6 @@ def calibration_from_estimate(
     judgement = judge(estimate, recording)
     temperature = None if recording.temperature is None else float(np.nanmean(recording.temperature))
     model = estimate.model
-    assert model.accelerometer is not None
     known = any(name.startswith("gyroscope.matrix") for name in estimate.names)
     nominal = angular_rate_factor(recording.angular_rate_unit) is not None
     gyroscope = None
@@ -58,12 +66,14 @@ def calibration_from_estimate(
         recordings=[RecordingName(name=s.name, sha256=s.sha256) for s in recording.sources],
         site=_site_block(site),
         temperature_celsius=temperature,
-        frame=FrameBlock(name="accelerometer-x", description=FRAMES["accelerometer-x"]),
+        frame=FrameBlock(name=estimate.frame, description=_FRAME_WORDS[estimate.frame]),
         not_determined=list(estimate.not_determined),
         raw_units=RawUnits(
             specific_force=recording.specific_force_unit, angular_rate=recording.angular_rate_unit
         ),
-        accelerometer=_block(model.accelerometer, None, has_matrix=True),
+        accelerometer=None
+        if model.accelerometer is None
+        else _block(model.accelerometer, None, has_matrix=True),
         gyroscope=gyroscope,
         parameters=[
             ParameterBlock(
@@ -147,27 +157,34 @@ def _quality(estimate: Estimate) -> QualityBlock:
 
 def _test_vectors(model: ImuModel, recording: Recording, gyroscope: TriadBlock | None) -> list[TestVector]:
     """Return round raw numbers near the recording's own and what they become."""
-    assert model.accelerometer is not None
-    scale = 1.0 / (specific_force_factor(recording.specific_force_unit) or 1.0)
-    raw_force = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, -1.0], [3.0, -4.0, 5.0]])
-    raw_rate = np.array([[0.1, 0.0, 0.0], [0.0, 0.2, -0.1], [0.3, -0.4, 0.5]])
-    raw_force = raw_force * scale
-    raw_rate = raw_rate / (angular_rate_factor(recording.angular_rate_unit) or 1.0)
-    if specific_force_factor(recording.specific_force_unit) is None:
-        raw_force = np.round(
-            model.accelerometer.bias + raw_force * np.abs(np.diag(model.accelerometer.matrix))
+    raw_force, raw_rate, force, rate = None, None, None, None
+    if model.accelerometer is not None:
+        round_numbers = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, -1.0], [3.0, -4.0, 5.0]])
+        factor = specific_force_factor(recording.specific_force_unit)
+        raw_force = _raw_numbers(model.accelerometer, round_numbers, factor)
+        force = model.accelerometer.correct(raw_force)
+    if model.gyroscope is not None and gyroscope is not None and gyroscope.matrix is not None:
+        round_numbers = np.array([[0.1, 0.0, 0.0], [0.0, 0.2, -0.1], [0.3, -0.4, 0.5]])
+        raw_rate = _raw_numbers(
+            model.gyroscope, round_numbers, angular_rate_factor(recording.angular_rate_unit)
         )
-    has_gyro = model.gyroscope is not None and gyroscope is not None and gyroscope.matrix is not None
-    if has_gyro and model.gyroscope is not None and angular_rate_factor(recording.angular_rate_unit) is None:
-        raw_rate = np.round(model.gyroscope.bias + raw_rate * np.abs(np.diag(model.gyroscope.matrix)))
-    force = model.accelerometer.correct(raw_force)
-    rate = model.correct(raw_force, raw_rate)[1] if has_gyro else None
+        seen = raw_rate
+        if model.g_sensitivity is not None and force is not None:
+            seen = raw_rate - force @ model.g_sensitivity.T
+        rate = model.gyroscope.correct(seen)
     return [
         TestVector(
-            raw_specific_force=_row(raw_force[i]),
-            raw_angular_rate=_row(raw_rate[i]) if rate is not None else None,
-            specific_force=_row(force[i]),
-            angular_rate=_row(rate[i]) if rate is not None else None,
+            raw_specific_force=None if raw_force is None else _row(raw_force[i]),
+            raw_angular_rate=None if raw_rate is None else _row(raw_rate[i]),
+            specific_force=None if force is None else _row(force[i]),
+            angular_rate=None if rate is None else _row(rate[i]),
         )
         for i in range(3)
     ]
+
+
+def _raw_numbers(triad: Triad, true: Vectors, factor: float | None) -> Vectors:
+    """Return raw numbers for about these true ones; of counts whole ones about the bias."""
+    if factor is not None:
+        return true * (1.0 / factor)
+    return np.round(triad.bias + true * np.abs(np.diag(triad.matrix)))

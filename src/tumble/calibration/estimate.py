@@ -46,10 +46,13 @@ class TermTest:
 class Estimate:
     """The outcome of a procedure, before it becomes a document.
 
+    Of a gyro calibrated without the accelerometers (`model.accelerometer` is None) the arrays of holds
+    and turns are empty.
+
     Attributes
     ----------
     procedure : its name.
-    model : both triads, in the frame ``accelerometer-x``.
+    model : the triads, in the frame `frame`.
     names, covariance : canonical parameters (entries of matrix and bias, raw units) and (n, n).
     parameters : the same knowledge in the procedure's own convention.
     sigma0 : square root of the variance of unit weight against the noise seen at rest alone.
@@ -69,6 +72,8 @@ class Estimate:
     spin_rates : (spins,) rad/s, the reference rate of each spin with its sign; empty without spins.
     spin_residuals, spin_sigmas : (spins, 3) rad/s, what each gyro shows beyond the model, and its sigma.
     spin_names : what each spin is, in words.
+    frame : which body frame the model is in: ``accelerometer-x``, or ``fixture`` for a procedure that
+        knows the poses, and has the axes of the fixture in them.
     """
 
     procedure: str
@@ -97,6 +102,7 @@ class Estimate:
     spin_residuals: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
     spin_sigmas: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
     spin_names: list[str] = field(default_factory=list[str])
+    frame: str = "accelerometer-x"
 
 
 def coverage_factor(degrees_of_freedom: int) -> float:

@@ -142,11 +142,11 @@ class VerdictBlock(_Strict):
 
 
 class TestVector(_Strict):
-    """Raw in, corrected out: m/s² and rad/s in frame b."""
+    """Raw in, corrected out: m/s² and rad/s in frame b; null for a triad that is not calibrated."""
 
-    raw_specific_force: Row
+    raw_specific_force: Row | None = None
     raw_angular_rate: Row | None = None
-    specific_force: Row
+    specific_force: Row | None = None
     angular_rate: Row | None = None
 
 
@@ -155,7 +155,7 @@ class Calibration(_Strict):
 
     Attributes
     ----------
-    accelerometer, gyroscope : what `model` is made of.
+    accelerometer, gyroscope : what `model` is made of; a triad that was not calibrated is None.
     parameters : in the procedure's own convention, with standard uncertainties.
     covariance, covariance_parameters : over the entries of matrices and biases, in their units.
     """
@@ -174,7 +174,7 @@ class Calibration(_Strict):
     raw_units: RawUnits
     formula: str = FORWARD
     inverse_formula: str = BACKWARD
-    accelerometer: TriadBlock
+    accelerometer: TriadBlock | None
     gyroscope: TriadBlock | None = None
     parameters: list[ParameterBlock]
     covariance_parameters: list[str]
@@ -186,17 +186,17 @@ class Calibration(_Strict):
 
     @property
     def model(self) -> ImuModel:
-        """The sensor model; its gyro is None if the gyro's matrix is not known.
+        """The sensor model; a triad whose matrix is not known is None in it.
 
         Raises
         ------
         CalibrationFileError
-            If the document has no accelerometer matrix.
+            If the document has no matrix of either triad.
         """
-        accelerometer = _triad(self.accelerometer)
-        if accelerometer is None:
-            raise CalibrationFileError("The calibration has no accelerometer matrix: it cannot be applied.")
+        accelerometer = None if self.accelerometer is None else _triad(self.accelerometer)
         gyroscope = None if self.gyroscope is None else _triad(self.gyroscope)
+        if accelerometer is None and gyroscope is None:
+            raise CalibrationFileError("The calibration has no matrix of either triad: it cannot be applied.")
         sensitivity = None if self.gyroscope is None else self.gyroscope.g_sensitivity
         return ImuModel(accelerometer, gyroscope, None if sensitivity is None else np.array(sensitivity))
 
@@ -206,26 +206,35 @@ class Calibration(_Strict):
         return np.array(self.covariance, dtype=float)
 
     def correct(
-        self, raw_specific_force: Vectors, raw_angular_rate: Vectors | None = None
-    ) -> tuple[Vectors, Vectors | None]:
+        self, raw_specific_force: Vectors | None, raw_angular_rate: Vectors | None = None
+    ) -> tuple[Vectors | None, Vectors | None]:
         """Return corrected specific force (m/s²) and angular rate (rad/s), (samples, 3) in frame b.
 
-        Without a calibrated gyro, or without rates, the second is None.
+        The part of a triad that is not calibrated, or has no raw numbers, is None.
 
         Raises
         ------
         CalibrationFileError
-            If the document has no accelerometer matrix.
+            If the document has no matrix of either triad, or the gyro's g-sensitivity is to be taken
+            out and there is no corrected specific force.
         ValueError
             If a matrix is singular.
         """
         model = self.model
-        assert model.accelerometer is not None
-        if raw_angular_rate is None or model.gyroscope is None:
-            return model.accelerometer.correct(np.asarray(raw_specific_force, dtype=float)), None
-        return model.correct(
-            np.asarray(raw_specific_force, dtype=float), np.asarray(raw_angular_rate, dtype=float)
-        )
+        force = rate = None
+        if model.accelerometer is not None and raw_specific_force is not None:
+            force = model.accelerometer.correct(np.asarray(raw_specific_force, dtype=float))
+        if model.gyroscope is not None and raw_angular_rate is not None:
+            rate = np.asarray(raw_angular_rate, dtype=float)
+            if model.g_sensitivity is not None:
+                if force is None:
+                    raise CalibrationFileError(
+                        "The calibration's gyro has a g-sensitivity, which acts on the specific force: "
+                        "angular rates cannot be corrected without it."
+                    )
+                rate = rate - force @ model.g_sensitivity.T
+            rate = model.gyroscope.correct(rate)
+        return force, rate
 
     def to_json(self) -> str:
         """Return the document as JSON text, numbers with all their digits."""

@@ -28,6 +28,15 @@ LARGEST_SHARE_LEFT_OUT = 0.25
 LARGEST_RMS_NORM = 0.02
 LARGEST_RMS_TURN = np.radians(1.5)
 
+# What makes uncertainties smaller, by procedure.
+_REMEDIES = {
+    "": "more holds and turns in more different poses are needed",
+    "six-position": "place the unit more exactly, or record longer holds",
+    "improved-six-position": "place the unit more exactly, or repeat the poses and hold them longer",
+    "rate-table": "spin faster or longer, both ways about each axis",
+    "modified-multi-position": "spin faster or longer, both ways in more different poses",
+}
+
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
@@ -51,7 +60,7 @@ def judge(estimate: Estimate, recording: Recording) -> Judgement:
 
 def _misfit(estimate: Estimate) -> list[str]:
     against: list[str] = []
-    norm = float(np.sqrt(np.mean(estimate.hold_norms**2)))
+    norm = root_mean_square(estimate.hold_norms)
     if norm > LARGEST_RMS_NORM:
         against.append(
             f"The corrected specific force misses gravity by {two_digits(1e3 * norm)} mm/s² rms: the model that was "
@@ -65,6 +74,12 @@ def _misfit(estimate: Estimate) -> list[str]:
             "these turns (saturation, a wrong clock, lost samples)."
         )
     return against
+
+
+def root_mean_square(values: np.ndarray) -> float:
+    """Return the root of the mean square of what is finite; zero of nothing."""
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if finite.size else 0.0
 
 
 def two_digits(value: float) -> str:
@@ -126,7 +141,7 @@ def _too_uncertain(estimate: Estimate) -> list[str]:
         if not sigma < limit:
             against.append(
                 f"{parameter.name[0].upper()}{parameter.name[1:]} is only known to ± {shown}, worse than an "
-                "uncalibrated unit: more holds and turns in more different poses are needed."
+                f"uncalibrated unit: {_REMEDIES.get(estimate.procedure, _REMEDIES[''])}."
             )
     return against
 
@@ -147,6 +162,20 @@ def _relative_sigma(parameter: NamedValue) -> tuple[float, float, str] | None:
     return None
 
 
+def _about_spins(estimate: Estimate) -> list[str]:
+    """Return how well the corrected gyro shows the table's rates."""
+    if estimate.spin_rates.size == 0:
+        return []
+    rms, noise = root_mean_square(estimate.spin_residuals), root_mean_square(estimate.spin_sigmas)
+    largest = float(np.max(np.abs(estimate.spin_rates)))
+    sentence = (
+        f"Over {estimate.spin_rates.size} spins the corrected gyro shows the table's rate within "
+        f"{two_digits(1e3 * np.degrees(rms))} m°/s rms, {two_digits(1e6 * rms / largest)} ppm of the fastest "
+        f"(expected with the noise found: {two_digits(1e3 * np.degrees(noise))} m°/s)."
+    )
+    return [sentence]
+
+
 def _too_much_left_out(estimate: Estimate) -> list[str]:
     turns = int(np.count_nonzero(np.isfinite(estimate.turn_angles)))
     against: list[str] = []
@@ -163,16 +192,20 @@ def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
     """Return what can be said for the calibration, in numbers."""
     words: list[str] = []
     holds = estimate.hold_norms.size
-    rms = float(np.sqrt(np.mean(estimate.hold_norms**2)))
-    noise = float(np.sqrt(np.mean(estimate.hold_sigmas**2)))
+    rms, noise = root_mean_square(estimate.hold_norms), root_mean_square(estimate.hold_sigmas)
     if estimate.degrees_of_freedom <= 0:
+        what = f"{holds} holds" if holds else f"{estimate.spin_rates.size} spins"
         words.append(
-            f"{holds} holds for as many unknowns fit whatever they say: nothing checks the result. Record more poses."
+            f"{what} for as many unknowns fit whatever they say: nothing checks the result. Record more poses."
         )
-    words.append(
-        f"Over {holds} holds the corrected specific force has the norm of gravity within "
-        f"{two_digits(1e3 * rms)} mm/s² rms (expected with the noise found: {two_digits(1e3 * noise)} mm/s²)."
-    )
+    if holds:
+        words.append(
+            f"Over {holds} holds the corrected specific force has the norm of gravity within "
+            f"{two_digits(1e3 * rms)} mm/s² rms (expected with the noise found: {two_digits(1e3 * noise)} mm/s²)."
+        )
+    words += _about_spins(estimate)
+    if estimate.model.accelerometer is None:
+        words.append("This is the gyros' calibration: the accelerometers are not calibrated by it.")
     if estimate.model.gyroscope is not None and not any(
         name.startswith("gyroscope.matrix") for name in estimate.names
     ):
