@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from tumble.calibration import Calibration, read_calibration
+from tumble.calibration.result import TriadBlock
 from tumble.errors import UsageError
 from tumble.recording import Recording, read_blocks
 from tumble.recording.formats.output import write_blocks
@@ -59,8 +60,10 @@ def apply(
     first = next(blocks)
     factors = raw_factors(document, first)
     remarks = [f"{r.kind}: {r.text}" for r in first.remarks if r.kind in ("assumed", "mended")]
-    if document.gyroscope is None or document.gyroscope.matrix is None:
+    if not _knows(document.gyroscope):
         remarks.append("The calibration has no gyro matrix: the corrected file has no angular rate.")
+    if not _knows(document.accelerometer):
+        remarks.append("The calibration has no accelerometer matrix: the corrected file has no specific force.")
     target = _target(output, calibration, paths)
 
     done = 0
@@ -83,19 +86,22 @@ def raw_factors(document: Calibration, recording: Recording) -> tuple[float, flo
     Raises
     ------
     UsageError
-        If one is in counts and the other is not, or the recording has no accelerometer.
+        If one is in counts and the other is not, or the recording lacks what the calibration corrects.
     """
-    if recording.specific_force is None:
-        raise UsageError("The recording has no accelerometer columns: there is nothing to correct.")
-    force = _ratio(
-        specific_force_factor(recording.specific_force_unit),
-        specific_force_factor(document.raw_units.specific_force),
-        "specific force",
-        recording.specific_force_unit,
-        document.raw_units.specific_force,
-    )
-    known = document.gyroscope is not None and document.gyroscope.matrix is not None
-    if recording.angular_rate is None or not known:
+    force = 1.0
+    if _knows(document.accelerometer):
+        if recording.specific_force is None:
+            raise UsageError("The recording has no accelerometer columns: there is nothing to correct.")
+        force = _ratio(
+            specific_force_factor(recording.specific_force_unit),
+            specific_force_factor(document.raw_units.specific_force),
+            "specific force",
+            recording.specific_force_unit,
+            document.raw_units.specific_force,
+        )
+    elif recording.angular_rate is None:
+        raise UsageError("The calibration is of the gyro alone, and the recording has no angular rate to correct.")
+    if recording.angular_rate is None or not _knows(document.gyroscope):
         return force, 1.0
     return force, _ratio(
         angular_rate_factor(recording.angular_rate_unit),
@@ -104,6 +110,11 @@ def raw_factors(document: Calibration, recording: Recording) -> tuple[float, flo
         recording.angular_rate_unit,
         document.raw_units.angular_rate,
     )
+
+
+def _knows(block: TriadBlock | None) -> bool:
+    """Tell whether a triad of the calibration can be corrected."""
+    return block is not None and block.matrix is not None
 
 
 def _ratio(ours: float | None, theirs: float | None, what: str, unit: str, wanted: str) -> float:
@@ -129,11 +140,10 @@ def in_calibration_units(recording: Recording, factors: tuple[float, float]) -> 
 
 def _corrected(document: Calibration, block: Recording, factors: tuple[float, float]) -> Recording:
     scaled = in_calibration_units(block, factors)
-    assert scaled.specific_force is not None
     force, rate = document.correct(scaled.specific_force, scaled.angular_rate)
     return replace(
         block,
-        specific_force=np.ascontiguousarray(force),
+        specific_force=None if force is None else np.ascontiguousarray(force),
         angular_rate=None if rate is None else np.ascontiguousarray(rate),
         specific_force_unit="m/s^2",
         angular_rate_unit="rad/s",

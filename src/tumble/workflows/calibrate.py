@@ -232,7 +232,7 @@ def _knowledge(prior: str | os.PathLike[str] | None, serial: str | None) -> Stab
     size = len(earlier.covariance_parameters)
     names = {name: index for index, name in enumerate(earlier.covariance_parameters)}
     at = [names.get(f"accelerometer.matrix[{i},{j}]", size) for i in range(3) for j in range(3)]
-    if size in at or earlier.accelerometer.matrix is None:
+    if size in at or earlier.accelerometer is None or earlier.accelerometer.matrix is None:
         raise UsageError(
             f"{prior} states no accelerometer matrix with its covariance: it cannot serve as --prior."
         )

@@ -16,7 +16,7 @@ from tumble.calibration.poses import distinct_poses
 from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.calibration.verdict import two_digits
 from tumble.earth import Site
-from tumble.errors import RecordingError
+from tumble.errors import CalibrationFileError, RecordingError
 from tumble.recording import read_recordings
 from tumble.segmentation import find_timeline, observe_holds, read_intervals
 from tumble.workflows.apply import in_calibration_units, raw_factors
@@ -97,6 +97,11 @@ def verify(
     """
     say = progress or _silent
     document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
+    if document.accelerometer is None or document.accelerometer.matrix is None:
+        raise CalibrationFileError(
+            "The calibration is of the gyro alone: holds and turns are judged against gravity, which takes the "
+            "accelerometers' calibration too; calibrate both triads (hand-held, modified-multi-position)."
+        )
     place = site or _site_of(document)
     say("reading")
     results: list[Verification] = []
@@ -109,6 +114,7 @@ def verify(
         if means.specific_force is None or means.specific_force_covariance is None:
             raise RecordingError("The recording has no accelerometer: there is nothing to verify by.")
         model = document.model
+        assert model.accelerometer is not None
         norms = hold_norm_errors(model, means.specific_force, place.gravity)
         sigmas = _norm_sigmas(document, means.specific_force, means.specific_force_covariance, place)
         none = np.full(norms.size, np.nan)
