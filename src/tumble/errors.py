@@ -25,6 +25,10 @@ class CalibrationFileError(TumbleError):
     """A file given as a calibration is not one, or is of an unknown version."""
 
 
+class ProtocolError(TumbleError):
+    """A file given as a protocol is not one, or a step in it cannot be; the message names the line."""
+
+
 class SiteError(TumbleError):
     """A latitude, height or gravity is outside what the Earth offers."""
 

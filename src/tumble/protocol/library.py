@@ -1,0 +1,163 @@
+"""The named protocols: the field's tests, step by step, without a site.
+
+What is known of the poses is what the classical test asks for: a six-position test levels its faces, a
+multi-position test only wants the poses to differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import Vector
+from tumble.attitude.directions import twenty_six_directions
+from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
+
+_DEGREE = np.pi / 180.0
+# A cube's face on a levelled plate; and a box that a hand props up on an edge.
+LEVELLED, BY_HAND = 0.5 * _DEGREE, 5.0 * _DEGREE
+HOLD, TURN = 30.0, 3.0  # s
+# Ten thousand times the Earth's rate, which is what the thesis (4.4.1) finds to be enough.
+TABLE_RATE = 1e4 * 7.292115e-5  # rad/s
+RATES = tuple(rate * _DEGREE for rate in (10.0, 50.0, 100.0, 200.0))
+# Whole revolutions at every rate: 36 s at 10°/s, and at least 18 s.
+LEAST_SPIN = 18.0
+# Faces, and one edge in each coordinate plane: the nine directions make nine unknowns observable.
+NINE = (0, 1, 2, 3, 4, 5, 6, 7, 10)
+
+
+def _direction_name(up_b: Vector) -> str:
+    parts = "".join(
+        f"{'+' if v > 0 else '-'}{axis}" for v, axis in zip(up_b, "xyz", strict=True) if abs(v) > 1e-9
+    )
+    count = len(parts) // 2
+    if count == 1:
+        return f"{parts[1]} {'up' if parts[0] == '+' else 'down'}"
+    return f"{'edge' if count == 2 else 'corner'} {parts} up"
+
+
+def _holds(directions: np.ndarray, sigma: float) -> tuple[Step, ...]:
+    steps: list[Step] = []
+    for up_b in directions:
+        if steps:
+            steps.append(TurnStep(TURN))
+        steps.append(HoldStep(HOLD, Pose(up_b, None, sigma), _direction_name(up_b)))
+    return tuple(steps)
+
+
+def _six_position() -> tuple[Step, ...]:
+    return _holds(twenty_six_directions()[:6], LEVELLED)
+
+
+def _multi_position(count: int) -> tuple[Step, ...]:
+    chosen = np.array(NINE) if count == 9 else np.arange(count)
+    return _holds(twenty_six_directions()[chosen], BY_HAND)
+
+
+def _hand_held() -> tuple[Step, ...]:
+    steps = list(_holds(twenty_six_directions(), BY_HAND))
+    return tuple(HoldStep(4.0, s.pose, s.name) if isinstance(s, HoldStep) else TurnStep(2.0) for s in steps)
+
+
+def _spin(rate: float, name: str) -> SpinStep:
+    period = 2.0 * np.pi / abs(rate)
+    way = "counter-clockwise" if rate > 0 else "clockwise"
+    return SpinStep(float(np.ceil(LEAST_SPIN / period - 1e-9) * period), rate, name=f"{name}, {way}")
+
+
+def _spun(directions: np.ndarray, rates: tuple[float, ...], sigma: float, hold: float) -> tuple[Step, ...]:
+    """Each pose on the table, at rest before every spin and after the last."""
+    steps: list[Step] = []
+    for up_b in directions:
+        name = _direction_name(up_b)
+        if steps:
+            steps.append(TurnStep(TURN))
+        for rate in rates:
+            steps.append(HoldStep(hold, Pose(up_b, None, sigma), name))
+            steps.append(_spin(rate, f"{name}, {abs(rate) / _DEGREE:.4g}°/s"))
+        steps.append(HoldStep(hold, Pose(up_b, None, sigma), name))
+    return tuple(steps)
+
+
+def _rate_table() -> tuple[Step, ...]:
+    both = tuple(sign * rate for rate in RATES for sign in (1.0, -1.0))
+    return _spun(twenty_six_directions()[[0, 1, 2, 3, 4, 5]], both, LEVELLED, 10.0)
+
+
+def _modified_multi_position() -> tuple[Step, ...]:
+    chosen = [*range(6), 6, 8, 10, 12, 14, 17]
+    return _spun(twenty_six_directions()[chosen], (-TABLE_RATE, TABLE_RATE), BY_HAND, HOLD)
+
+
+@dataclass(frozen=True, slots=True)
+class _Named:
+    procedure: str
+    steps: Callable[[], tuple[Step, ...]]
+    description: str
+
+
+_NAMED = {
+    "six-position": _Named(
+        "six-position",
+        _six_position,
+        "Each face up once, on a levelled plate: accelerometer biases and scale factors.",
+    ),
+    "multi-position-26": _Named(
+        "multi-position",
+        lambda: _multi_position(26),
+        "All faces, edges and corners of a cube up once, anyhow: accelerometers in full.",
+    ),
+    "multi-position-18": _Named(
+        "multi-position",
+        lambda: _multi_position(18),
+        "Faces and edges up once, anyhow: accelerometers in full.",
+    ),
+    "multi-position-10": _Named(
+        "multi-position",
+        lambda: _multi_position(10),
+        "Faces and four edges: the thesis' first ten, which leave one non-orthogonality almost unseen.",
+    ),
+    "multi-position-9": _Named(
+        "multi-position",
+        lambda: _multi_position(9),
+        "Faces and three edges: as many poses as unknowns, so that nothing checks the result.",
+    ),
+    "rate-table": _Named(
+        "rate-table",
+        _rate_table,
+        "Each face up on a rate table, spun both ways at 10, 50, 100 and 200°/s: the gyros.",
+    ),
+    "modified-multi-position": _Named(
+        "modified-multi-position",
+        _modified_multi_position,
+        "Twelve poses on a single-axis table, each at rest and spun both ways at 41.8°/s: both triads.",
+    ),
+    "hand-held": _Named(
+        "hand-held", _hand_held, "All 26 poses held and turned by hand: both triads in full."
+    ),
+}
+
+PROTOCOLS: dict[str, str] = {name: named.description for name, named in _NAMED.items()}
+"""What each named protocol is for, in a sentence."""
+
+
+def named_protocol(name: str) -> Protocol:
+    """Return the protocol of that name, without a site.
+
+    Parameters
+    ----------
+    name : one of `PROTOCOLS`.
+
+    Raises
+    ------
+    ProtocolError
+        If there is none; the message lists those that there are.
+    """
+    if name not in _NAMED:
+        from tumble.errors import ProtocolError
+
+        raise ProtocolError(f"There is no protocol {name!r}: choose one of {', '.join(PROTOCOLS)}.")
+    named = _NAMED[name]
+    return Protocol(name, named.procedure, named.steps(), description=named.description)
