@@ -7,18 +7,24 @@ from tumble.segmentation.averages import MeanCovariance, mean_covariance
 from tumble.segmentation.intervals import read_intervals
 from tumble.segmentation.observations import HoldMeans, observe_holds
 from tumble.segmentation.search import find_timeline
+from tumble.segmentation.spin_means import SpinMeans, observe_spins
+from tumble.segmentation.spins import FoundSpin, find_spins
 from tumble.segmentation.timeline import Hold, NoiseFloor, Rejection, Timeline, Turn
 
 __all__ = [
+    "FoundSpin",
     "Hold",
     "HoldMeans",
     "MeanCovariance",
     "NoiseFloor",
     "Rejection",
+    "SpinMeans",
     "Timeline",
     "Turn",
+    "find_spins",
     "find_timeline",
     "mean_covariance",
     "observe_holds",
+    "observe_spins",
     "read_intervals",
 ]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
-from tumble.segmentation.blocks import Blocks, TriadBlocks
+from tumble.segmentation.blocks import Blocks, TriadBlocks, find_runs
 
 # Slower than any turn made on purpose (10 deg/s = 0.17 rad/s), faster than hand tremor after
 # smoothing (0.003 rad/s) with a MEMS gyro's g-sensitive bias (0.02 rad/s) on top.
@@ -19,6 +19,10 @@ SLOWEST_LIMIT = 0.02
 FASTEST_LIMIT = 0.06
 # sqrt of the chi-square quantile for 3 degrees of freedom at 1e-5: the share of resting blocks above.
 CHI_1E5 = 5.09
+# Two levels of the gyro are one if they differ by less than this share of the fastest motion, ...
+SAME_LEVEL = 0.02
+# ... and a level is visited if it stays for this long.
+SHORTEST_VISIT_SECONDS = 0.5
 # A typical turn by hand, used only where nothing in the recording tells the gyro's scale.
 TYPICAL_TURN_RATE = 1.0
 
@@ -56,13 +60,16 @@ def find_activity(blocks: Blocks) -> Activity:
     ----------
     blocks : of the whole recording.
     """
-    quiet = _quietest(blocks)
+    unrest = _unrest(blocks)
+    quiet, slowest = _among_rests(blocks, unrest, _quietest(unrest))
     force, rate = blocks.specific_force, blocks.angular_rate
     gravity = force_bias = rate_bias = scale = None
     apparent: Series | None = None
+    centred = False
     if force is not None:
         noise = float(np.median(_change_sizes(force, _lag(blocks))[quiet]))
-        force_bias, gravity = _sphere(force.smooth[quiet], noise)
+        force_bias, gravity, centred = _sphere(force.smooth[quiet], noise)
+        centred = centred or blocks.force_factor is not None
         span = _lag(blocks) * 2 * blocks.seconds
         apparent = _change_sizes(force, _lag(blocks)) / (gravity * span)
     if rate is None:
@@ -72,7 +79,8 @@ def find_activity(blocks: Blocks) -> Activity:
     else:
         rate_bias = np.median(rate.smooth[quiet], axis=0)
         size = _distances(rate, rate_bias)
-        scale = _rate_scale(blocks, size, quiet, rate_bias, force_bias, apparent)
+        telling = apparent if centred else None
+        scale = _rate_scale(blocks, size, quiet, rate_bias, force_bias, telling, slowest)
         size *= scale
         spread = scale * float(np.linalg.norm(_scatter(rate.smooth[quiet]))) / np.sqrt(3.0)
         activity = size if apparent is None else np.maximum(size, apparent / 3.0, out=size)
@@ -106,8 +114,8 @@ def _scatter(values: Vectors) -> Vector:
     return 1.4826 * np.median(np.abs(values - np.median(values, axis=0)), axis=0)
 
 
-def _quietest(blocks: Blocks) -> np.ndarray:
-    """Indices of the tenth of the blocks around which the signals change least."""
+def _unrest(blocks: Blocks) -> Series:
+    """How much the signals change around each block, in multiples of their usual change."""
     total = np.zeros(len(blocks))
     for triad in (blocks.specific_force, blocks.angular_rate):
         if triad is None:
@@ -118,15 +126,59 @@ def _quietest(blocks: Blocks) -> np.ndarray:
     # a quiet moment inside a turn is short: its surroundings give it away
     reach = blocks.half_width
     padded = np.pad(total, reach, mode="edge")
-    worst = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
-    wanted = min(len(blocks), max(20, len(blocks) // 10))
-    return np.sort(np.argpartition(worst, wanted - 1)[:wanted])
+    return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
 
 
-def _sphere(force: Vectors, noise: float) -> tuple[Vector, float]:
+def _quietest(unrest: Series) -> np.ndarray:
+    """Indices of the tenth of the blocks around which the signals change least, or more that are alike."""
+    wanted = min(len(unrest), max(20, len(unrest) // 10))
+    return np.flatnonzero(unrest <= np.partition(unrest, wanted - 1)[wanted - 1])
+
+
+def _among_rests(blocks: Blocks, unrest: Series, quiet: np.ndarray) -> tuple[np.ndarray, float | None]:
+    """The quiet blocks that are at rest, and the slowest rate of a table in raw units, None without one.
+
+    A constant rate about the vertical changes as little as no rate. But between two spins the table
+    stands still: of all the gyro's steady levels, rest is the one that is come back to most often.
+    """
+    if blocks.angular_rate is None:
+        return quiet, None
+    rate = blocks.angular_rate
+    away = _distances(rate, np.median(rate.smooth[quiet], axis=0))
+    noise = float(np.linalg.norm(np.median(rate.roughness[quiet], axis=0)) ** 0.5) / blocks.size**0.5
+    apart = max(SAME_LEVEL * float(np.quantile(away, 0.99)), 10.0 * noise)
+    limit = max(4.0 * float(np.median(unrest[quiet])), 1e-9 * float(unrest.max()))
+    shortest = round(SHORTEST_VISIT_SECONDS / blocks.seconds)
+    runs = [run for run in find_runs(unrest <= limit) if run[1] - run[0] >= shortest]
+    levels = np.array([np.median(rate.smooth[a:b], axis=0) for a, b in runs]).reshape(-1, 3)
+    chosen, rest = _most_visited(levels, apart)
+    if rest.all():
+        return quiet, None
+    slowest = float(np.linalg.norm(levels[~rest] - levels[chosen], axis=1).min())
+    astray = np.count_nonzero(_distances(rate, levels[chosen])[quiet] > apart)
+    if astray >= 0.05 * len(quiet):
+        quiet = np.concatenate([np.arange(a, b) for (a, b), same in zip(runs, rest, strict=True) if same])
+    return quiet, slowest
+
+
+def _most_visited(levels: Vectors, apart: float) -> tuple[int, np.ndarray]:
+    """Which of the levels is visited most often, and which are the same as it."""
+    if len(levels) == 0:
+        return 0, np.ones(0, dtype=bool)
+    # a visit may be torn by noise: a run at the level of the one before it is no new visit
+    new = np.ones(len(levels), dtype=bool)
+    new[1:] = np.linalg.norm(np.diff(levels, axis=0), axis=1) > apart
+    near = np.linalg.norm(levels[:, None] - levels[None], axis=2) <= apart
+    # of levels visited alike the middle one: spins go both ways from rest
+    outside = np.linalg.norm(levels - np.median(levels[new], axis=0), axis=1)
+    chosen = int(np.lexsort((outside, -(near @ new.astype(float))))[0])
+    return chosen, near[chosen]
+
+
+def _sphere(force: Vectors, noise: float) -> tuple[Vector, float, bool]:
     """Centre and radius of the sphere on which the specific force at rest lies, raw units.
 
-    One pose alone shows a sphere of noise: then the centre is taken as zero.
+    One pose alone shows a sphere of noise: then the centre is taken as zero, and the last is False.
     """
     force = force[:: max(1, force.shape[0] // 2000)]
     middle = np.median(force, axis=0)
@@ -140,8 +192,8 @@ def _sphere(force: Vectors, noise: float) -> tuple[Vector, float]:
         solution: np.ndarray = np.linalg.pinv(table) @ np.sum(unit**2, axis=1)
         radius = float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
         if 0.5 < radius < 3.0:
-            return middle + reach * solution[:3], radius * reach
-    return np.zeros(3), usual
+            return middle + reach * solution[:3], radius * reach, True
+    return np.zeros(3), usual, False
 
 
 def _rate_scale(
@@ -151,11 +203,16 @@ def _rate_scale(
     rate_bias: Vector,
     force_bias: Vector | None,
     apparent: Series | None,
+    slowest: float | None,
 ) -> float:
-    """Rad/s per raw unit of the gyro, from how fast the specific force turns while the gyro turns."""
+    """Rad/s per raw unit of the gyro, from how fast the specific force turns while the gyro turns.
+
+    Where gravity stays upright in the unit the declared unit is believed, and for counts a typical turn;
+    but the slowest steady rate of a table is a motion, whatever the scale.
+    """
     rate, force = blocks.angular_rate, blocks.specific_force
     assert rate is not None
-    moving = size > max(12.0 * float(np.median(size[quiet])), float(np.quantile(size, 0.8)))
+    moving = (size > 12.0 * float(np.median(size[quiet]))) & (size >= float(np.quantile(size, 0.8)))
     if force is not None and apparent is not None and force_bias is not None:
         direction = force.smooth[moving] - force_bias
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
@@ -163,8 +220,11 @@ def _rate_scale(
         telling = across > 0.5 * size[moving]
         if np.count_nonzero(telling) >= 10:
             return float(np.median(apparent[moving][telling] / across[telling]))
-    if np.count_nonzero(moving) >= 3:
-        return TYPICAL_TURN_RATE / float(np.quantile(size[moving], 0.75))
+    if np.count_nonzero(moving) >= 3 and blocks.rate_factor is None:
+        typical = TYPICAL_TURN_RATE / float(np.quantile(size[moving], 0.75))
+        return typical if slowest is None else max(typical, 2.0 * FASTEST_LIMIT / slowest)
+    if np.count_nonzero(moving) >= 3 and blocks.rate_factor is not None:
+        return blocks.rate_factor
     # nothing moves: any scale that keeps the whole recording at rest
     return 0.2 * SLOWEST_LIMIT / (float(np.max(size)) or 1.0)
 

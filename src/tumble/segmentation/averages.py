@@ -26,7 +26,9 @@ class MeanCovariance:
     dof: Series
 
 
-def mean_covariance(signal: Vectors, items: list[list[tuple[int, int]]]) -> MeanCovariance:
+def mean_covariance(
+    signal: Vectors, items: list[list[tuple[int, int]]], *, span: int | None = None
+) -> MeanCovariance:
     """Average a signal over each item's stretches and find the covariance of each average.
 
     Two things are added. *Batch means*: an item of n samples is cut into 8 to 15 batches of equal
@@ -49,6 +51,8 @@ def mean_covariance(signal: Vectors, items: list[list[tuple[int, int]]]) -> Mean
     ----------
     signal : (samples, 3) raw.
     items : the half-open index ranges of each item, in order and without overlap.
+    span : samples from the first item to the end of the last on the recording's clock, where `signal`
+        holds the items alone.
 
     Raises
     ------
@@ -65,11 +69,11 @@ def mean_covariance(signal: Vectors, items: list[list[tuple[int, int]]]) -> Mean
     counts = np.array([sum(b - a for a, b in item) for item in items])
     if counts.min(initial=2) < 2:
         raise SegmentationError("A hold of fewer than two samples has no mean with an uncertainty.")
-    base = max(1, int(counts.min()) // (2 * BATCHES))
+    base = _shortest_batch(int(counts.min()))
     parts = [[_batches(signal, a, b, base) for a, b in item] for item in items]
     means = np.array([sum(total for _, total in part) / n for part, n in zip(parts, counts, strict=True)])
     # level of each item: the batch length base * 2**level that leaves 8 to 15 batches
-    levels = np.maximum(np.floor(np.log2(np.maximum(counts / (BATCHES * base), 1.0))), 0).astype(int)
+    levels = np.array([_level(int(count), base) for count in counts])
     variances, dof = np.zeros((len(items), 3)), np.zeros(len(items))
     disturbed = np.zeros(len(items), dtype=bool)
     for level in np.unique(levels):
@@ -81,10 +85,30 @@ def mean_covariance(signal: Vectors, items: list[list[tuple[int, int]]]) -> Mean
         dof[here] = np.where(noisier.any(axis=1), own_dof, pooled_dof)[here]
     calm = [part for part, out in zip(parts, disturbed, strict=True) if not out]
     floor = _flicker_floor(calm, int(np.median(levels)))
-    span = max(item[-1][1] for item in items) - min(item[0][0] for item in items)
+    if span is None:
+        span = max(item[-1][1] for item in items) - min(item[0][0] for item in items)
     wander = np.maximum(np.log(span / counts), 0.0)[:, None] * floor / (2.0 * np.log(2.0))
     covariance = (variances / counts[:, None] + wander)[:, :, None] * np.eye(3)
     return MeanCovariance(means, covariance, dof)
+
+
+def batch_length(count: int, least: int) -> int:
+    """Return the samples of a batch that `mean_covariance` cuts an item into.
+
+    Parameters
+    ----------
+    count, least : samples of the item, and of the shortest item beside it.
+    """
+    base = _shortest_batch(least)
+    return base * 2 ** _level(count, base)
+
+
+def _shortest_batch(least: int) -> int:
+    return max(1, least // (2 * BATCHES))
+
+
+def _level(count: int, base: int) -> int:
+    return max(int(np.floor(np.log2(max(count / (BATCHES * base), 1.0)))), 0)
 
 
 def _batches(signal: Vectors, start: int, stop: int, size: int) -> tuple[np.ndarray, np.ndarray]:

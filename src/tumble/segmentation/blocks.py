@@ -8,6 +8,7 @@ import numpy as np
 
 from tumble.arrays import Vectors
 from tumble.recording.recording import Recording
+from tumble.units import angular_rate_factor, specific_force_factor
 
 BLOCK_SECONDS = 0.05
 # Half-width of the triangle over blocks. Its nulls lie at multiples of 1 / 0.15 s = 6.7 Hz, so hand
@@ -25,13 +26,18 @@ class TriadBlocks:
 
 @dataclass(frozen=True, slots=True)
 class Blocks:
-    """A recording cut into blocks of `size` samples; a triad that is missing is None."""
+    """A recording cut into blocks of `size` samples; a triad that is missing is None.
+
+    `force_factor` and `rate_factor` are those from the declared units to SI, None for counts.
+    """
 
     size: int
     seconds: float
     half_width: int
     specific_force: TriadBlocks | None
     angular_rate: TriadBlocks | None
+    force_factor: float | None = None
+    rate_factor: float | None = None
 
     def __len__(self) -> int:
         triad = self.angular_rate or self.specific_force
@@ -63,4 +69,18 @@ def cut_blocks(recording: Recording) -> Blocks:
         triangle_smooth(mean, half_width, smooth)
         return TriadBlocks(smooth, roughness)
 
-    return Blocks(size, seconds, half_width, cut(recording.specific_force), cut(recording.angular_rate))
+    return Blocks(
+        size,
+        seconds,
+        half_width,
+        cut(recording.specific_force),
+        cut(recording.angular_rate),
+        specific_force_factor(recording.specific_force_unit),
+        angular_rate_factor(recording.angular_rate_unit),
+    )
+
+
+def find_runs(flags: np.ndarray) -> list[tuple[int, int]]:
+    """Return the half-open index ranges in which `flags` is true."""
+    edge = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return [(int(a), int(b)) for a, b in zip(edge[::2], edge[1::2], strict=True)]

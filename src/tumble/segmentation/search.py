@@ -16,14 +16,13 @@ import numpy as np
 from tumble.errors import SegmentationError
 from tumble.recording.recording import Recording
 from tumble.segmentation.activity import Activity, find_activity, noise_per_sample
-from tumble.segmentation.blocks import Blocks, cut_blocks
+from tumble.segmentation.blocks import Blocks, cut_blocks, find_runs
 from tumble.segmentation.creep import LARGEST_CREEP, find_turning, keep_still_part
 from tumble.segmentation.stretches import (
     LARGEST_LOSS_SECONDS,
     SHORTEST_PIECE_SECONDS,
     Stretch,
     find_knocks,
-    find_runs,
     join_stretches,
     shape_stretch,
     usual_scatter,

@@ -8,7 +8,7 @@ import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
 from tumble.segmentation.activity import Activity
-from tumble.segmentation.blocks import Blocks
+from tumble.segmentation.blocks import Blocks, find_runs
 
 # Standard deviations within which a rest has settled: 5.09 is the chi-square quantile of three axes at
 # 1e-5, and a scatter from some twenty blocks is known to 15 %.
@@ -45,12 +45,6 @@ class Stretch:
     def length(self) -> float:
         """Blocks at rest, without those excluded."""
         return self.stop - self.start - sum(b - a for a, b in self.excluded)
-
-
-def find_runs(rest: np.ndarray) -> list[tuple[int, int]]:
-    """Return the half-open index ranges in which `rest` is true."""
-    edge = np.flatnonzero(np.diff(np.concatenate([[0], rest.astype(np.int8), [0]])))
-    return [(int(a), int(b)) for a, b in zip(edge[::2], edge[1::2], strict=True)]
 
 
 def _level(smooth: Vectors, first: int, last: int, margin: int) -> tuple[Vector, Vector]:
@@ -146,7 +140,8 @@ def _distance(
     values = triad.smooth[first:last] - middle
     scatter = np.maximum(scatter, floor)
     # a quantised axis may not move at all during a hold: the others stand in for it
-    least = max(float(np.sqrt(np.mean(scatter**2))), 1e-12 * float(np.abs(middle).max()), 1e-300)
+    largest = max(float(np.abs(middle).max()), float(np.abs(values).max(initial=0.0)))
+    least = max(float(np.sqrt(np.mean(scatter**2))), 1e-12 * largest, 1e-300)
     own = np.sqrt(np.sum((values / np.maximum(scatter, 0.5 * least)) ** 2, axis=1))
     return np.maximum(own, SETTLED / farthest * np.linalg.norm(values, axis=1))
 

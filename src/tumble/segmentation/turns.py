@@ -63,3 +63,46 @@ def longest_run(flags: np.ndarray) -> int:
     """Return the length of the longest run of true values."""
     edge = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
     return int((edge[1::2] - edge[::2]).max()) if edge.size else 0
+
+
+# A value that a share of this size of a spin's samples has, and twice the share that any value has in the
+# holds, is the end of scale: noise spreads over more codes than that.
+CLIPPED_SHARE = 0.05
+
+
+def find_saturated_axis(recording: Recording, holds: tuple[Hold, ...], start: int, stop: int) -> int | None:
+    """Return the axis of the gyro that is clipped at a constant rate, or None.
+
+    A run at the extreme value proves nothing there, because the fastest spin of a quantised gyro is at
+    the recording's extreme value all along. What betrays clipping is that noise has gone: far more
+    samples than any code has at rest are at the extreme.
+
+    Parameters
+    ----------
+    recording, holds : raw samples, and the holds found in them.
+    start, stop : samples of constant rate.
+    """
+    rate = recording.angular_rate
+    if rate is None:
+        return None
+    lowest, highest = rate.min(axis=0), rate.max(axis=0)
+    for axis in range(3):
+        piece = rate[start:stop, axis]
+        same = 1e-9 * (highest[axis] - lowest[axis])
+        clipped = max(np.sum(piece <= lowest[axis] + same), np.sum(piece >= highest[axis] - same))
+        share = float(clipped) / len(piece)
+        usual = 2.0 * _largest_share(rate[:, axis], holds, same)
+        if clipped > SATURATED_RUN and share > max(CLIPPED_SHARE, usual):
+            return axis
+    return None
+
+
+def _largest_share(values: np.ndarray, holds: tuple[Hold, ...], same: float) -> float:
+    """Median over the holds of the share of samples that have the most frequent value."""
+    shares: list[float] = []
+    for hold in holds:
+        piece = np.sort(values[hold.start : hold.stop])
+        if len(piece) > 1:
+            edges = np.flatnonzero(np.concatenate([[True], np.diff(piece) > same, [True]]))
+            shares.append(float(np.diff(edges).max()) / len(piece))
+    return float(np.median(shares)) if shares else 1.0

@@ -1,0 +1,276 @@
+"""Spins: what is found of a table's constant rates, and what their means tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tumble.earth import Site
+from tumble.errors import SegmentationError
+from tumble.recording.recording import Recording
+from tumble.segmentation import FoundSpin, find_spins, find_timeline, observe_spins
+from tumble.segmentation.spin_means import whole_revolutions
+
+SITE = Site.from_latitude(np.radians(41.0))
+RATE = np.radians(41.78)  # ten thousand times the Earth's
+PERIOD = 2.0 * np.pi / RATE
+# x, y, z of the fixture in b: not symmetric, so that a transposed or swapped axis shows
+TILT = Rotation.from_rotvec([np.pi - 0.02, 0.03, 0.0])
+
+
+@dataclass(frozen=True)
+class Part:
+    """A hold (no rate, no angle), a turn by an angle with a minimum-jerk profile, or a spin at a rate."""
+
+    seconds: float
+    rate: float = 0.0
+    angle: float = 0.0
+    ramp: float = 2.0
+
+    @property
+    def duration(self) -> float:
+        return self.seconds + (2.0 * self.ramp if self.rate else 0.0)
+
+    def turned(self, time: np.ndarray) -> np.ndarray:
+        """Angle after a time since the beginning of the part."""
+        if not self.rate:
+            x = np.clip(time / self.seconds, 0.0, 1.0)
+            return self.angle * x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+        up = np.clip(time / self.ramp, 0.0, 1.0)
+        down = np.clip((time - self.ramp - self.seconds) / self.ramp, 0.0, 1.0)
+        # the integral of the minimum-jerk profile, 10 x³ - 15 x⁴ + 6 x⁵, and what it lacks to the full rate
+        grown = self.ramp * (2.5 * up**4 - 3.0 * up**5 + up**6)
+        steady = np.clip(time - self.ramp, 0.0, self.seconds)
+        slowed = self.ramp * (down - (2.5 * down**4 - 3.0 * down**5 + down**6))
+        return self.rate * (grown + steady + slowed)
+
+
+def recorded(
+    parts: list[Part],
+    *,
+    first: Rotation = TILT,
+    axis_b: tuple[float, float, float] = (0.0, 0.0, 1.0),
+    rate: float = 100.0,
+    noise: tuple[float, float] = (0.02, 0.002),
+    ripple: float = 0.0,
+    seed: int = 1,
+) -> Recording:
+    """One axis after another part; samples are exact increments, stamped at the middle."""
+    ends = np.cumsum([0.0, *(part.duration for part in parts)])
+    edges = np.arange(int(ends[-1] * rate) + 1) / rate
+
+    def attitude(time: np.ndarray) -> Rotation:
+        angle = sum(part.turned(time - start) for part, start in zip(parts, ends, strict=False))
+        return first * Rotation.from_rotvec(np.asarray(angle)[:, None] * np.array(axis_b))
+
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    rotation, earth = attitude(edges), Rotation.from_rotvec(SITE.earth_rate_n / rate)
+    angular_rate = (rotation[:-1].inv() * earth * rotation[1:]).as_rotvec() * rate
+    angular_rate = angular_rate * (1.0 + ripple * np.sin(2.0 * np.pi * 3.3 * middle))[:, None]
+    force = attitude(middle).inv().apply([0.0, 0.0, -SITE.gravity])
+    rng = np.random.default_rng(seed)
+    return Recording(
+        time=middle,
+        specific_force=force + noise[0] * rng.standard_normal(force.shape),
+        angular_rate=angular_rate + noise[1] * rng.standard_normal(force.shape),
+        specific_force_unit="m/s^2",
+        angular_rate_unit="rad/s",
+        rate=rate,
+    )
+
+
+def spun(*rates: float, seconds: float = 20.0, rest: float = 5.0) -> list[Part]:
+    return [Part(rest), *(part for rate in rates for part in (Part(seconds, rate), Part(rest)))]
+
+
+def plateaus(parts: list[Part]) -> list[tuple[float, float]]:
+    ends = np.cumsum([part.duration for part in parts])
+    return [
+        (float(end - part.ramp - part.seconds), float(end - part.ramp))
+        for part, end in zip(parts, ends, strict=True)
+        if part.rate
+    ]
+
+
+def assert_found(recording: Recording, parts: list[Part], lost: float = 0.4) -> list[FoundSpin]:
+    """Every plateau is found, nothing of its ramps, and `lost` s at most at each end."""
+    timeline = find_timeline(recording)
+    assert len(timeline.holds) == sum(not part.rate and not part.angle for part in parts)
+    spins = find_spins(recording, timeline)
+    assert len(spins) == len(plateaus(parts))
+    for spin, (start, stop) in zip(spins, plateaus(parts), strict=True):
+        assert start < recording.time[spin.start] < start + lost
+        assert stop - lost < recording.time[spin.stop - 1] < stop
+        assert spin.turn is not None
+        assert timeline.turns[spin.turn].start <= spin.start < spin.stop <= timeline.turns[spin.turn].stop
+    return spins
+
+
+@pytest.mark.parametrize("noise", [(0.0, 0.0), (1e-4, 1e-6), (0.05, 0.005)], ids=["none", "laser", "mems"])
+@pytest.mark.parametrize("rate", [25.0, 100.0, 400.0])
+def test_every_rate_of_a_table_is_found(noise: tuple[float, float], rate: float) -> None:
+    parts = spun(*(sign * np.radians(speed) for speed in (10, 60, 200) for sign in (1, -1)))
+    # at 10 deg/s and 25 Hz the noise hides the last eighth of the ramp
+    assert_found(recorded(parts, noise=noise, rate=rate), parts, lost=0.7)
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        pytest.param(spun(RATE, RATE, RATE, 2 * RATE), id="always the same way"),
+        pytest.param(
+            [Part(5.0), Part(20.0, RATE), Part(20.0, -RATE), Part(5.0)], id="straight to the other way"
+        ),
+        pytest.param(spun(RATE, -RATE, seconds=300.0, rest=3.0), id="hardly ever at rest"),
+        pytest.param(spun(np.radians(5.0), -np.radians(5.0), seconds=60.0), id="slow"),
+        pytest.param([Part(5.0), Part(8.0, 5.0, ramp=0.5), Part(5.0)], id="fast, and quick to come to it"),
+        pytest.param([Part(5.0), Part(30.0, RATE, ramp=10.0), Part(5.0)], id="slow to come to it"),
+    ],
+)
+def test_spins_of_every_kind_are_found(parts: list[Part]) -> None:
+    assert_found(recorded(parts), parts, lost=0.5)
+
+
+def test_ripple_and_counts_do_not_matter() -> None:
+    parts = spun(RATE, -RATE)
+    recording = recorded(parts, ripple=1e-3)
+    assert recording.specific_force is not None
+    assert recording.angular_rate is not None
+    counts = replace(
+        recording,
+        specific_force=np.round(recording.specific_force * 400.0 + 33_000.0),
+        angular_rate=np.round(recording.angular_rate * 3000.0 + 32_000.0),
+        specific_force_unit="counts",
+        angular_rate_unit="counts",
+    )
+    assert_found(recording, parts)
+    assert_found(counts, parts)
+
+
+@pytest.mark.parametrize("seconds", [0.8, 2.0, 4.0, 12.0, 20.0])
+def test_a_turn_by_hand_has_no_plateau(seconds: float) -> None:
+    parts = [Part(4.0)]
+    for angle in (3.0, -2.0, 1.6, -3.1, 2.5, -1.8):
+        parts += [Part(seconds, angle=angle), Part(4.0)]
+    for noise in ((0.0, 0.0), (0.05, 0.005)):
+        recording = recorded(parts, noise=noise, axis_b=(0.8, 0.0, 0.6))
+        timeline = find_timeline(recording)
+        assert len(timeline.holds) == 7
+        assert find_spins(recording, timeline) == []
+
+
+def test_a_saturated_spin_says_so() -> None:
+    parts = spun(RATE, 2.0 * RATE, -RATE)
+    recording = recorded(parts)
+    assert recording.angular_rate is not None
+    clipped = replace(recording, angular_rate=np.clip(recording.angular_rate, -5.0, 1.5 * RATE))
+    spins = find_spins(clipped, find_timeline(clipped))
+    assert [spin.usable for spin in spins] == [True, False, True]
+    assert spins[1].reason == "the gyro's z axis is at its extreme value: saturated"
+
+
+def test_the_fastest_spin_of_a_coarse_gyro_is_not_called_saturated() -> None:
+    recording = recorded(spun(RATE, -RATE), noise=(0.0, 0.0))
+    assert recording.angular_rate is not None
+    coarse = replace(recording, angular_rate=np.round(recording.angular_rate / 0.01) * 0.01)
+    assert all(spin.usable for spin in find_spins(coarse, find_timeline(coarse)))
+
+
+def test_without_a_gyro_there_are_no_spins_to_be_seen() -> None:
+    recording = replace(recorded(spun(RATE)), angular_rate=None)
+    assert find_spins(recording, find_timeline(recording)) == []
+
+
+@pytest.mark.parametrize("seconds", [6.0, 20.0, 33.3])
+@pytest.mark.parametrize(
+    "first", [TILT, Rotation.from_rotvec([0.5 * np.pi, 0.1, 0.0])], ids=["upright", "lying"]
+)
+def test_without_noise_the_means_are_the_truth_whatever_the_window(seconds: float, first: Rotation) -> None:
+    """6 s is 0.65 of a revolution; no window here is a whole number of samples per revolution."""
+    parts = spun(RATE, -RATE, seconds=seconds)
+    recording = recorded(parts, first=first, noise=(0.0, 0.0), rate=97.0)
+    spins = find_spins(recording, find_timeline(recording))
+    means = observe_spins(recording, spins, [PERIOD, PERIOD])
+    along = first.inv().apply([SITE.earth_rate_n, [0.0, 0.0, -SITE.gravity]])[:, 2]
+    assert means.angular_rate is not None
+    assert means.specific_force is not None
+    expected = np.zeros((2, 3))
+    expected[:, 2] = np.array([RATE, -RATE]) + along[0]
+    # arithmetic: a fit of some thousand samples whose condition is below ten
+    np.testing.assert_allclose(means.angular_rate, expected, atol=1e-11)
+    np.testing.assert_allclose(means.specific_force, np.tile([0.0, 0.0, along[1]], (2, 1)), atol=1e-10)
+
+
+def test_a_plain_mean_keeps_the_horizontal_earth_rate() -> None:
+    """What the harmonics are for: over 1.4 revolutions it leaves some 1e-5 rad/s."""
+    recording = recorded(spun(RATE, seconds=1.4 * PERIOD), noise=(0.0, 0.0))
+    spins = find_spins(recording, find_timeline(recording))
+    plain, fitted = observe_spins(recording, spins), observe_spins(recording, spins, [PERIOD])
+    assert plain.angular_rate is not None
+    assert fitted.angular_rate is not None
+    assert np.linalg.norm(plain.angular_rate[0, :2]) > 5e-6
+    assert np.linalg.norm(fitted.angular_rate[0, :2]) < 1e-12
+    assert np.isnan(plain.period[0])
+
+
+def test_a_table_off_its_nominal_rate_is_seen_by_the_phase_of_gravity() -> None:
+    lying = Rotation.from_rotvec([0.5 * np.pi, 0.1, 0.0])
+    recording = recorded(spun(RATE * 1.003, seconds=60.0), first=lying)
+    means = observe_spins(recording, find_spins(recording, find_timeline(recording)), [PERIOD])
+    assert means.specific_force is not None
+    assert means.specific_force_covariance is not None
+    # phase noise of 0.02 m/s² on 9.8 over 52 s: 1e-6 of the rate; five of them
+    assert means.period[0] == pytest.approx(PERIOD / 1.003, rel=5e-6)
+    sigma = np.sqrt(np.diagonal(means.specific_force_covariance[0]))
+    # statistics: two components, 4.5 sigma; with the nominal period they would be off by 0.05 m/s²
+    assert np.all(np.abs(means.specific_force[0, :2]) < 4.5 * sigma[:2])
+
+
+def test_errors_of_the_means_have_their_stated_size_with_gravity_going_round() -> None:
+    """Sixty spins about a lying axis: what goes round is 500 times the noise and must not be in sigma."""
+    lying = Rotation.from_rotvec([0.5 * np.pi, 0.1, 0.0])
+    squares: list[np.ndarray] = []
+    for seed in range(10):
+        recording = recorded(spun(*[RATE, -RATE] * 3, seconds=10.0, rest=3.0), first=lying, seed=seed)
+        means = observe_spins(recording, find_spins(recording, find_timeline(recording)), [PERIOD] * 6)
+        assert means.specific_force is not None
+        assert means.specific_force_covariance is not None
+        error = means.specific_force[:, :2]
+        squares.append(error**2 / np.diagonal(means.specific_force_covariance, axis1=1, axis2=2)[:, :2])
+    # 120 normalised errors: their mean square spreads by sqrt(2 / 120) = 0.13; four of these
+    assert abs(np.mean(squares) - 1.0) < 0.52
+
+
+def test_half_a_revolution_costs_variance_and_less_is_averaged_plainly() -> None:
+    recording = recorded(spun(RATE, seconds=5.0))
+    spins = [FoundSpin(700, 700 + int(0.5 * PERIOD * 100) + 1, 0), FoundSpin(700, 1000, 0)]
+    means = observe_spins(recording, spins, [PERIOD, PERIOD])
+    plain = observe_spins(recording, spins[:1])
+    assert means.angular_rate_covariance is not None
+    assert plain.angular_rate_covariance is not None
+    assert np.isnan(means.period[1])
+    # closed form: columns 1, cos, sin over half a turn give 1 / (1 - 8 / pi²) = 5.28; the pools of one
+    # and of two spins differ by their few degrees of freedom (14 and more: 40 %)
+    ratio = means.angular_rate_covariance[0, 2, 2] / plain.angular_rate_covariance[0, 2, 2]
+    assert 2.0 < ratio < 12.0
+
+
+def test_whole_revolutions_lie_in_the_middle() -> None:
+    recording = recorded([Part(30.0)])
+    start, stop = whole_revolutions(recording, 100, 2000, 6.0)
+    assert (stop - start, start - 100, 2000 - stop) == (1800, 50, 50)
+    assert whole_revolutions(recording, 100, 2000, 20.0) == (100, 2000)
+    assert whole_revolutions(recording, 100, 2000, float("nan")) == (100, 2000)
+
+
+def test_wrong_arguments_are_refused() -> None:
+    recording = recorded([Part(5.0)])
+    with pytest.raises(SegmentationError, match="no spins to average"):
+        observe_spins(recording, [])
+    with pytest.raises(SegmentationError, match="fewer than two samples"):
+        observe_spins(recording, [FoundSpin(3, 4, None)])
+    with pytest.raises(ValueError, match="as many periods"):
+        observe_spins(recording, [FoundSpin(3, 40, None)], [1.0, 2.0])
