@@ -1,0 +1,202 @@
+"""A triad that is shown known vectors, by a unit that is placed with an uncertainty.
+
+Reading k is ``raw_k = matrix @ true_k + bias + noise_k``. The true vector is the nominal one of the
+pose, off by the small rotation theta_k with which the unit was really placed, sigma_k about each axis:
+
+    true_k = nominal_k - theta_k x nominal_k + second order,
+
+a covariance ``sigma_k² (|r|² I - r r')`` with r the nominal vector. Along r a tilt acts to second
+order only: cos(theta) is below one by sigma_k² on average, with the standard deviation sigma_k².
+Which direction of a reading that is depends on the matrix, whose elements are off by the placement too:
+of the first-order part as much again, sigma_k² |r|, leaks into it.
+
+The twelve unknowns, matrix (rows) and bias, are those of the improved six-position test (Hayal 2010,
+2.7 to 2.12), with weights. Its least squares (2.11) treats every element of every reading alike; here a
+sensor across gravity, whose reading a tilt moves to first order, weighs less than one along it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Vector, Vectors
+from tumble.errors import ObservabilityError
+from tumble.estimation import Adjustment, Linearisation, adjust
+
+UNKNOWNS = 12
+# Chance of finding a placement worse than stated in poses that are as stated.
+EXCESS_FALSE_ALARM = 0.01
+# Beyond half a radian a pose is another pose.
+_LARGEST_PLACEMENT = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedReadings:
+    """Readings of one triad in nominal poses.
+
+    Attributes
+    ----------
+    observed, covariance : (readings, 3), (readings, 3, 3) means and their noise, raw.
+    nominal : (readings, 3) the vectors that the poses should show, SI, in the fixture's axes.
+    sigma : (readings,) rad, standard uncertainty of the placement about each axis.
+    """
+
+    observed: Vectors
+    covariance: Matrices
+    nominal: Vectors
+    sigma: Series
+
+    def with_placement(self, added: float) -> PlacedReadings:
+        """Return the readings with `added` (rad) joined to every placement sigma."""
+        return replace(self, sigma=np.hypot(self.sigma, added))
+
+
+class PlacementConditions:
+    """Three conditions a reading: `Conditions` for the adjustment, in raw units."""
+
+    def __init__(self, readings: PlacedReadings) -> None:
+        self.readings = readings
+        n = readings.nominal.shape[0]
+        self._design = np.zeros((n, 3, UNKNOWNS))
+        for i in range(3):
+            self._design[:, i, 3 * i : 3 * i + 3] = readings.nominal
+            self._design[:, i, 9 + i] = 1.0
+
+    def linearise(self, parameters: Series) -> Linearisation:
+        """Linearise; the placement's covariance is seen through the matrix as it is now."""
+        readings = self.readings
+        covariance = readings.covariance + placement_covariance(readings, parameters[:9].reshape(3, 3))
+        misclosure = self._design @ parameters - readings.observed
+        active = np.ones(misclosure.shape, dtype=bool)
+        return Linearisation(misclosure, self._design, covariance, None, active)
+
+    def adjust_observations(self, multipliers: AnyArray) -> None:
+        """Do nothing: the conditions are linear in the observations."""
+
+
+def placement_covariance(readings: PlacedReadings, matrix: Matrix) -> Matrices:
+    """Return (readings, 3, 3) raw: what the placement adds to each reading's covariance."""
+    r, variance = readings.nominal, readings.sigma**2
+    along = np.einsum("ka,kb->kab", r, r)
+    across = np.einsum("ka,ka->k", r, r)[:, None, None] * np.eye(3) - along
+    # 2: the tilt's own second order and the leak, equal in size and independent.
+    moved = variance[:, None, None] * across + 2.0 * (variance**2)[:, None, None] * along
+    return matrix @ moved @ matrix.T
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedFit:
+    """A triad adjusted to placed readings.
+
+    Attributes
+    ----------
+    matrix, bias : raw per SI unit, in the fixture's axes; raw.
+    covariance : (12, 12) of the matrix (by rows) and the bias: second moments about the truth, the
+        mean shift by second-order tilts included.
+    alone : root of the variance of unit weight with the placement as stated.
+    added : rad, placement found beyond what was stated, joined to it; zero unless significant.
+    readings : with the placement that was used.
+    adjustment : the last one.
+    """
+
+    matrix: Matrix
+    bias: Vector
+    covariance: Square
+    alone: float
+    added: float
+    readings: PlacedReadings
+    adjustment: Adjustment
+
+
+def fit_placed(readings: PlacedReadings) -> PlacedFit:
+    """Adjust matrix and bias to placed readings; find the placement where it is worse than stated.
+
+    Where the residuals with the placement as stated are larger than chance allows (1 %), a common
+    placement sigma is added in quadrature so that they are as large as they should be.
+
+    Raises
+    ------
+    ObservabilityError
+        If the poses do not determine twelve unknowns.
+    ConvergenceError
+        If the adjustment fails.
+    """
+    design = np.column_stack([readings.nominal, np.ones(readings.nominal.shape[0])])
+    size = float(np.max(np.abs(readings.nominal)))
+    scaled = design / np.array([size, size, size, 1.0])
+    if np.linalg.matrix_rank(scaled, tol=1e-3) < 4:
+        raise ObservabilityError(
+            "The poses do not tell all of the matrix and the bias: at least four are needed, up along three "
+            "different axes, and one of them the other way up too."
+        )
+    start = plain_least_squares(readings.nominal, readings.observed)
+    adjustment = adjust(PlacementConditions(readings), start)
+    alone = adjustment.sigma0
+    added = _added_placement(readings, adjustment)
+    if added > 0.0:
+        readings = readings.with_placement(added)
+        adjustment = adjust(PlacementConditions(readings), adjustment.parameters)
+    matrix = adjustment.parameters[:9].reshape(3, 3)
+    covariance = adjustment.cofactor + _second_order_shift(readings, adjustment, matrix)
+    return PlacedFit(matrix, adjustment.parameters[9:].copy(), covariance, alone, added, readings, adjustment)
+
+
+def plain_least_squares(nominal: Vectors, observed: Vectors) -> Series:
+    """Return matrix (by rows) and bias by Hayal's 2.11: least squares without weights.
+
+    Parameters
+    ----------
+    nominal, observed : (readings, 3) vectors that the poses should show, SI, and the raw readings.
+    """
+    design = np.column_stack([nominal, np.ones(nominal.shape[0])])
+    solution = np.linalg.lstsq(design, observed, rcond=None)[0]
+    return np.concatenate([solution[:3].T.ravel(), solution[3]])
+
+
+def _added_placement(readings: PlacedReadings, adjustment: Adjustment) -> float:
+    """Return the placement sigma that brings the residuals' square sum to its expectation (rad)."""
+    from scipy.optimize import brentq
+    from scipy.special import chdtrc
+
+    redundancy = adjustment.redundancy
+    if redundancy < 1 or float(chdtrc(redundancy, adjustment.square_sum)) > EXCESS_FALSE_ALARM:
+        return 0.0
+
+    def excess(logarithm: float) -> float:
+        moved = readings.with_placement(float(np.exp(logarithm)))
+        solution = adjust(PlacementConditions(moved), adjustment.parameters)
+        return float(np.log(solution.square_sum / redundancy))
+
+    low, high = np.log(1e-8), np.log(_LARGEST_PLACEMENT)
+    if excess(high) > 0.0:
+        return _LARGEST_PLACEMENT
+    return float(np.exp(brentq(excess, low, high, xtol=1e-3))) if excess(low) > 0.0 else 0.0
+
+
+def _second_order_shift(readings: PlacedReadings, adjustment: Adjustment, matrix: Matrix) -> Square:
+    """Return what the mean shift of the readings, -sigma² M r, adds to the second moments."""
+    shift = -(readings.sigma**2)[:, None] * (readings.nominal @ matrix.T)
+    weighted = adjustment.chain.solve(shift[:, :, None])[:, :, 0]
+    moved = adjustment.cofactor @ np.einsum("gsp,gs->p", adjustment.linearisation.design, weighted)
+    return np.outer(moved, moved)
+
+
+def up_down_pair(up: float, down: float, reference: float) -> tuple[float, float]:
+    """Return bias and scale factor of a sensor shown a vector up and down its axis (Hayal 2.5, 2.6).
+
+    The scale factor is raw per SI unit; Hayal's S is it minus one.
+
+    Parameters
+    ----------
+    up, down : raw readings.
+    reference : the vector's component along the axis when it points up, SI.
+
+    Examples
+    --------
+    >>> bias, scale = up_down_pair(10.5, -9.5, 10.0)
+    >>> bias, scale
+    (0.5, 1.0)
+    """
+    return 0.5 * (up + down), 0.5 * (up - down) / reference
