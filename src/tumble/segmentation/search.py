@@ -10,6 +10,7 @@ force and no net turn between them are one hold with a knock in it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -155,9 +156,19 @@ def _rests(blocks: Blocks, activity: Activity, walls: np.ndarray) -> list[Stretc
             floor=floor,
             farthest=_farthest(activity),
         )
-        stretch.excluded = find_knocks(blocks, stretch)
         stretches.append(stretch)
+    _part(stretches, activity)
+    for stretch in stretches:
+        stretch.excluded = find_knocks(blocks, stretch)
     return stretches
+
+
+def _part(stretches: list[Stretch], activity: Activity) -> None:
+    """Draw back the ends of neighbours that both claim the ground between, to the liveliest block of it."""
+    for before, after in pairwise(stretches):
+        if before.stop > after.start:
+            peak = before.last + int(np.argmax(activity.rate[before.last : after.first]))
+            before.stop, after.start = min(before.stop, float(peak)), max(after.start, peak + 1.0)
 
 
 def _farthest(activity: Activity) -> float:

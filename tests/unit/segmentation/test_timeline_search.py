@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -229,3 +230,22 @@ def test_a_recording_without_triads_or_of_few_samples_is_refused() -> None:
         find_timeline(replace(recording, specific_force=None, angular_rate=None))
     with pytest.raises(SegmentationError, match="30 samples"):
         find_timeline(recording.between(0, 30))
+
+
+def test_two_rests_that_both_reach_for_what_lies_between_share_it() -> None:
+    """A car brakes: the specific force leans over in 0.4 s while the gyro sees nothing."""
+    time = np.arange(3000) / RATE
+    lean = 0.15 * np.clip((time - 14.0) / 0.4, 0.0, 1.0)
+    rng = np.random.default_rng(3)
+    recording = Recording(
+        time=time,
+        specific_force=GRAVITY * np.column_stack([lean, 0.0 * lean, np.ones_like(lean)])
+        + 0.02 * rng.standard_normal((3000, 3)),
+        angular_rate=0.001 * rng.standard_normal((3000, 3)),
+        specific_force_unit="m/s^2",
+        angular_rate_unit="rad/s",
+        rate=RATE,
+    )
+    before, after = find_timeline(recording).holds
+    # smoothing and the differences over it blur the 0.4 s by 0.3 s to either side
+    assert 13.6 * RATE < before.stop <= after.start < 14.8 * RATE
