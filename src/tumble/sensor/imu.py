@@ -25,6 +25,11 @@ class ImuModel:
     gyroscope: Triad | None
     g_sensitivity: Matrix | None = None
 
+    @staticmethod
+    def ideal() -> ImuModel:
+        """Return a unit without errors whose raw numbers are SI."""
+        return ImuModel(Triad(np.eye(3), np.zeros(3)), Triad(np.eye(3), np.zeros(3)))
+
     def distort(self, specific_force_b: Vectors, angular_rate_ib_b: Vectors) -> tuple[Vectors, Vectors]:
         """Return the raw (specific force, angular rate) for true ones in b, m/s² and rad/s.
 

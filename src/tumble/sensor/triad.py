@@ -53,6 +53,15 @@ class Triad:
         except np.linalg.LinAlgError as error:
             raise ValueError("the triad's matrix is singular: it cannot be corrected") from error
 
+    def in_raw_unit(self, factor: float) -> Triad:
+        """Return the same triad with raw numbers `factor` times as large, such as counts instead of SI."""
+        return Triad(
+            factor * self.matrix,
+            factor * self.bias,
+            self.asymmetry,
+            None if self.quadratic is None else self.quadratic / factor,
+        )
+
     def own_input(self, raw: Vectors) -> Vectors:
         """Return each sensor's own input ``u`` in raw units, before cross-coupling is removed."""
         output = raw - self.bias

@@ -1,7 +1,8 @@
 """Recordings of which the truth is known: motion, sensor errors, noise.
 
 `Motion` says what is done to the unit, `Disturbance` objects shake it, a `Grade` says what kind of unit it
-is, and `simulate_recording` plays it. Every random number comes from the generator that is passed in.
+is, and `simulate_recording` plays it; `simulate_protocol` plays a protocol with its placement errors. Every
+random number comes from the generator that is passed in.
 """
 
 from tumble.simulation.disturbances import Disturbance, Knock, Oscillation, simulate_tremor
@@ -9,24 +10,30 @@ from tumble.simulation.grades import GRADES, Grade, TriadGrade, find_grade
 from tumble.simulation.motion import Motion
 from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise
 from tumble.simulation.poses import poses_26, simulate_hand_poses
+from tumble.simulation.protocols import PlayedProtocol, play_protocol, simulate_protocol
 from tumble.simulation.recordings import Distort, Truth, simulate_recording
+from tumble.simulation.sampling import Imperfections
 
 __all__ = [
     "GRADES",
     "Distort",
     "Disturbance",
     "Grade",
+    "Imperfections",
     "Knock",
     "Motion",
     "Oscillation",
+    "PlayedProtocol",
     "TriadGrade",
     "TriadNoise",
     "Truth",
     "convert_to_digital",
     "find_grade",
+    "play_protocol",
     "poses_26",
     "simulate_hand_poses",
     "simulate_noise",
+    "simulate_protocol",
     "simulate_recording",
     "simulate_tremor",
 ]

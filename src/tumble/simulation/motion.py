@@ -2,8 +2,9 @@
 
 Frames: n local level (north, east, down), b the unit's body frame, i inertial. A turn follows one
 fixed axis with the minimum-jerk profile, ``s(x) = 10 x³ − 15 x⁴ + 6 x⁵``, which is how an arm moves
-(Flash and Hogan, J. Neurosci. 5 (1985) 1688) and how a turntable is driven gently. Attitude, rate and
-acceleration are closed formulas of time; nothing is differentiated or integrated numerically.
+(Flash and Hogan, J. Neurosci. 5 (1985) 1688) and how a turntable is driven gently. A spin is a turn
+that comes to a constant rate by that profile of its speed, keeps it, and stops the same way. Attitude,
+rate and acceleration are closed formulas of time; nothing is differentiated or integrated numerically.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ class Motion:
     creep_vector_b : (holds, 3) rad, rotation vector in b by which each hold creeps at a constant rate.
     lever_arm_b : (3,) m, from the centre of the turns to the unit; gives it acceleration while turned.
     disturbances : tremor, vibration, knocks: on top of the path, at all times.
+    turn_ramp : (holds - 1,) s that a spin takes to come to its constant rate and to stop from it; zero
+        for a turn without such a part. None for no spins at all.
     """
 
     first_rotation_nb: Rotation
@@ -40,6 +43,7 @@ class Motion:
     creep_vector_b: AnyArray
     lever_arm_b: Vector
     disturbances: tuple[Disturbance, ...] = ()
+    turn_ramp: AnyArray | None = None
 
     @staticmethod
     def between_poses(
@@ -115,7 +119,9 @@ class Motion:
         for step in Rotation.from_rotvec(vector[:-1]) if holds > 1 else ():
             rotations.append(rotations[-1] * step)
         edges = np.concatenate([[0.0], np.cumsum(length)])
-        return _Steps(edges, length, vector, Rotation.concatenate(rotations))
+        ramp = np.zeros(2 * holds - 1)
+        ramp[1::2] = 0.0 if self.turn_ramp is None else self.turn_ramp
+        return _Steps(edges, length, vector, ramp, Rotation.concatenate(rotations))
 
     def rotation_nb(self, time: Series) -> Rotation:
         """Return the attitude at each time, disturbances included.
@@ -193,16 +199,41 @@ class Motion:
         share = np.where(turning, x**3 * (10.0 - 15.0 * x + 6.0 * x**2), x)
         speed = np.where(turning, 30.0 * x**2 * (1.0 - x) ** 2, inside) / length
         gain = np.where(turning, 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x), 0.0) / length**2
+        spinning = path.ramp[step] > 0.0
+        if np.any(spinning):
+            rows = step[spinning]
+            share[spinning], speed[spinning], gain[spinning] = _spin_progress(
+                time[spinning] - path.edges[rows], path.length[rows], path.ramp[rows]
+            )
         return step, share, speed, gain
+
+
+def _spin_progress(elapsed: Series, length: Series, ramp: Series) -> tuple[Series, Series, Series]:
+    """Share of a spin's angle, and its first and second time derivative.
+
+    The speed rises as ``10 x³ − 15 x⁴ + 6 x⁵`` over the ramp, whose integral is ``5/2 x⁴ − 3 x⁵ + x⁶``
+    and a half at its end, stays, and falls the same way: the whole angle is the rate times length - ramp.
+    """
+    elapsed = np.clip(elapsed, 0.0, length)
+    late = elapsed > 0.5 * length
+    x = np.minimum(np.where(late, length - elapsed, elapsed) / ramp, 1.0)
+    way = ramp * x**4 * (2.5 - 3.0 * x + x**2) + np.where(
+        x < 1.0, 0.0, np.where(late, length - elapsed, elapsed) - ramp
+    )
+    whole = length - ramp
+    speed = x**3 * (10.0 - 15.0 * x + 6.0 * x**2) / whole
+    gain = np.where(late, -1.0, 1.0) * 30.0 * x**2 * (1.0 - x) ** 2 / (ramp * whole)
+    return np.where(late, 1.0 - way / whole, way / whole), speed, gain
 
 
 @dataclass(frozen=True, slots=True)
 class _Steps:
-    """Holds and turns in one row: edges in s, length in s, rotation vector, attitude at the beginning."""
+    """Holds and turns in one row: edges, length and ramp in s, rotation vector, attitude at the beginning."""
 
     edges: AnyArray
     length: AnyArray
     vector: AnyArray
+    ramp: AnyArray
     rotations_nb: Rotation
 
 

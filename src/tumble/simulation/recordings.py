@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,6 +15,7 @@ from tumble.sensor.imu import ImuModel
 from tumble.simulation.grades import Grade
 from tumble.simulation.motion import Motion
 from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise, simulate_wander
+from tumble.simulation.sampling import Imperfections, count_increments, drop_samples, scatter_stamps
 
 Distort = Callable[[Vectors, Vectors], tuple[Vectors, Vectors]]
 """True (specific force, angular rate) in b, m/s² and rad/s, to raw: `ImuModel.distort` is one."""
@@ -34,6 +35,7 @@ class Truth:
     force_wander, rate_wander : (holds, 3) raw, how far each bias had wandered in each hold (its mean).
     model : the sensor's errors, where a grade was drawn.
     site : gravity and Earth rate.
+    step_edges : (steps, 2) s, when each step of the protocol began and ended, where one was played.
     """
 
     hold_edges: AnyArray
@@ -45,6 +47,7 @@ class Truth:
     rate_wander: AnyArray
     model: ImuModel | None
     site: Site
+    step_edges: AnyArray = field(default_factory=lambda: np.zeros((0, 2)))
 
 
 def simulate_recording(
@@ -58,6 +61,7 @@ def simulate_recording(
     start: float = 0.0,
     stop: float | None = None,
     missing: Sequence[tuple[float, float]] = (),
+    imperfections: Imperfections | None = None,
 ) -> tuple[Recording, Truth]:
     """Record a motion with a simulated unit.
 
@@ -75,7 +79,9 @@ def simulate_recording(
         noise and converter act on the raw numbers in the grade's units: raw units are then SI.
     start, stop : s of the motion, where the recording begins and ends; a turn may be cut.
     missing : (from, to) s of the motion, samples that the recording lost.
+    imperfections : what the recording chain does beside: increments, scattered stamps, lost samples.
     """
+    chain = imperfections or Imperfections()
     stop = motion.duration if stop is None else stop
     edges = start + np.arange(int(np.floor((stop - start) * rate)) + 1) / rate
     middle = 0.5 * (edges[:-1] + edges[1:])
@@ -89,11 +95,14 @@ def simulate_recording(
         raw_force, force_wander = _sensed(raw_force, grade.accelerometer.noise, rate, rng)
         raw_rate, rate_wander = _sensed(raw_rate, grade.gyroscope.noise, rate, rng)
         wander = (force_wander, rate_wander)
-    keep = np.ones(len(middle), dtype=bool)
+    raw_force = count_increments(raw_force, rate, chain.velocity_increment)
+    raw_rate = count_increments(raw_rate, rate, chain.angle_increment)
+    stamps = scatter_stamps(middle, rate, chain.jitter, rng)
+    keep = drop_samples(len(middle), chain.dropped, chain.burst, rng)
     for first, last in missing:
         keep &= (middle < first) | (middle >= last)
     recording = Recording(
-        time=middle[keep] - start,
+        time=stamps[keep] - start,
         specific_force=raw_force[keep],
         angular_rate=raw_rate[keep],
         specific_force_unit="m/s^2",
