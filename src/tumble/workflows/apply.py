@@ -63,7 +63,9 @@ def apply(
     if not _knows(document.gyroscope):
         remarks.append("The calibration has no gyro matrix: the corrected file has no angular rate.")
     if not _knows(document.accelerometer):
-        remarks.append("The calibration has no accelerometer matrix: the corrected file has no specific force.")
+        remarks.append(
+            "The calibration has no accelerometer matrix: the corrected file has no specific force."
+        )
     target = _target(output, calibration, paths)
 
     done = 0
@@ -100,7 +102,9 @@ def raw_factors(document: Calibration, recording: Recording) -> tuple[float, flo
             document.raw_units.specific_force,
         )
     elif recording.angular_rate is None:
-        raise UsageError("The calibration is of the gyro alone, and the recording has no angular rate to correct.")
+        raise UsageError(
+            "The calibration is of the gyro alone, and the recording has no angular rate to correct."
+        )
     if recording.angular_rate is None or not _knows(document.gyroscope):
         return force, 1.0
     return force, _ratio(
