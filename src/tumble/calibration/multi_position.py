@@ -66,7 +66,7 @@ class TriadFit:
 def fit_norms(
     observed: Vectors,
     covariance: Matrices,
-    reference: float,
+    reference: float | Series,
     start: Series,
     free: np.ndarray,
     *,
@@ -77,6 +77,7 @@ def fit_norms(
 
     Parameters
     ----------
+    reference : SI; one for all holds, or (holds,).
     observed, covariance : (holds, 3), (holds, 3, 3) of the hold means, raw.
     start : (12,) start values; unknowns not in `free` keep them.
     free : indices into the twelve unknowns.

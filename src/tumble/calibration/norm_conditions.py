@@ -21,7 +21,8 @@ class NormConditions:
     ----------
     observed : (holds, 3) mean raw vectors.
     covariance : (holds, 3, 3) of the means.
-    reference : norm of the true vector, SI.
+    reference : norm of the true vector, SI; one for all, or (holds,) of them (a table that spins faster
+        one way than the other against inertial space).
     values : (12,) the triad's unknowns; those not in `free` keep these values.
     free : indices of the unknowns to adjust.
     active : (holds,) of bool, holds that take part; all by default.
@@ -32,7 +33,7 @@ class NormConditions:
         self,
         observed: Vectors,
         covariance: Matrices,
-        reference: float,
+        reference: float | Series,
         values: Series,
         free: np.ndarray,
         active: np.ndarray | None = None,
@@ -40,7 +41,7 @@ class NormConditions:
     ) -> None:
         self.observed = observed
         self.covariance = covariance
-        self.reference = reference
+        self.reference = np.broadcast_to(np.asarray(reference, dtype=float), observed.shape[:1])
         self.values = values.astype(float)
         self.free = free
         self.active = np.ones(observed.shape[0], dtype=bool) if active is None else active
@@ -53,7 +54,7 @@ class NormConditions:
         full = self.values.copy()
         full[self.free] = parameters
         corrected = correct_with_derivatives(full, self._adjusted)
-        towards = corrected.value / self.reference
+        towards = corrected.value / self.reference[:, None]
         self._by_observed = np.einsum("ka,kab->kb", towards, corrected.by_raw)
         length = np.einsum("ka,ka->k", corrected.value, towards)
         misclosure = 0.5 * (length - self.reference)
