@@ -17,6 +17,7 @@ sensor across gravity, whose reading a tilt moves to first order, weighs less th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,8 +29,8 @@ from tumble.estimation import Adjustment, Linearisation, adjust
 UNKNOWNS = 12
 # Chance of finding a placement worse than stated in poses that are as stated.
 EXCESS_FALSE_ALARM = 0.01
-# Beyond half a radian a pose is another pose.
-_LARGEST_PLACEMENT = 0.5
+# Beyond 11 degrees a pose is another pose.
+LARGEST_PLACEMENT = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +55,17 @@ class PlacedReadings:
 
 
 class PlacementConditions:
-    """Three conditions a reading: `Conditions` for the adjustment, in raw units."""
+    """Three conditions a reading: `Conditions` for the adjustment, in raw units.
 
-    def __init__(self, readings: PlacedReadings) -> None:
+    Parameters
+    ----------
+    readings : see there.
+    matrix : that the placement's covariance is seen through; it stays as the unknowns move.
+    """
+
+    def __init__(self, readings: PlacedReadings, matrix: Matrix) -> None:
         self.readings = readings
+        self._covariance = readings.covariance + placement_covariance(readings, matrix)
         n = readings.nominal.shape[0]
         self._design = np.zeros((n, 3, UNKNOWNS))
         for i in range(3):
@@ -65,12 +73,10 @@ class PlacementConditions:
             self._design[:, i, 9 + i] = 1.0
 
     def linearise(self, parameters: Series) -> Linearisation:
-        """Linearise; the placement's covariance is seen through the matrix as it is now."""
-        readings = self.readings
-        covariance = readings.covariance + placement_covariance(readings, parameters[:9].reshape(3, 3))
-        misclosure = self._design @ parameters - readings.observed
+        """Linearise, which these conditions are."""
+        misclosure = self._design @ parameters - self.readings.observed
         active = np.ones(misclosure.shape, dtype=bool)
-        return Linearisation(misclosure, self._design, covariance, None, active)
+        return Linearisation(misclosure, self._design, self._covariance, None, active)
 
     def adjust_observations(self, multipliers: AnyArray) -> None:
         """Do nothing: the conditions are linear in the observations."""
@@ -132,15 +138,24 @@ def fit_placed(readings: PlacedReadings) -> PlacedFit:
             "different axes, and one of them the other way up too."
         )
     start = plain_least_squares(readings.nominal, readings.observed)
-    adjustment = adjust(PlacementConditions(readings), start)
+    adjustment = _adjust(readings, start)
     alone = adjustment.sigma0
     added = _added_placement(readings, adjustment)
     if added > 0.0:
         readings = readings.with_placement(added)
-        adjustment = adjust(PlacementConditions(readings), adjustment.parameters)
+        adjustment = _adjust(readings, adjustment.parameters)
     matrix = adjustment.parameters[:9].reshape(3, 3)
     covariance = adjustment.cofactor + _second_order_shift(readings, adjustment, matrix)
     return PlacedFit(matrix, adjustment.parameters[9:].copy(), covariance, alone, added, readings, adjustment)
+
+
+def _adjust(readings: PlacedReadings, start: Series) -> Adjustment:
+    """Adjust until the matrix that the covariance is seen through is the estimate's own, or all but it."""
+    adjustment = adjust(PlacementConditions(readings, start[:9].reshape(3, 3)), start)
+    for _ in range(2):
+        start = adjustment.parameters
+        adjustment = adjust(PlacementConditions(readings, start[:9].reshape(3, 3)), start)
+    return adjustment
 
 
 def plain_least_squares(nominal: Vectors, observed: Vectors) -> Series:
@@ -156,23 +171,51 @@ def plain_least_squares(nominal: Vectors, observed: Vectors) -> Series:
 
 
 def _added_placement(readings: PlacedReadings, adjustment: Adjustment) -> float:
-    """Return the placement sigma that brings the residuals' square sum to its expectation (rad)."""
-    from scipy.optimize import brentq
+    def square_sum(added: float) -> float:
+        conditions = PlacementConditions(readings.with_placement(added), matrix)
+        return adjust(conditions, adjustment.parameters).square_sum
+
+    matrix = adjustment.parameters[:9].reshape(3, 3)
+
+    if not is_excessive(adjustment.square_sum, adjustment.redundancy):
+        return 0.0
+    return find_added_sigma(square_sum, adjustment.redundancy, 1e-8, LARGEST_PLACEMENT)
+
+
+def is_excessive(square_sum: float, redundancy: int) -> bool:
+    """Tell whether chance gives so large a square sum of residuals in fewer than 1 % of cases."""
     from scipy.special import chdtrc
 
-    redundancy = adjustment.redundancy
-    if redundancy < 1 or float(chdtrc(redundancy, adjustment.square_sum)) > EXCESS_FALSE_ALARM:
-        return 0.0
+    return redundancy > 0 and float(chdtrc(redundancy, square_sum)) < EXCESS_FALSE_ALARM
+
+
+def find_added_sigma(
+    square_sum: Callable[[float], float], redundancy: int, least: float, largest: float
+) -> float:
+    """Return the sigma that, added to the noise, brings a square sum to its expectation.
+
+    Parameters
+    ----------
+    square_sum : of the residuals by their covariance, with that sigma added; falls as it grows.
+    redundancy : its expectation.
+    least, largest : where to look; returned if the answer lies beyond.
+
+    References
+    ----------
+    R. C. Paule, J. Mandel, Consensus values and weighting factors, J. Res. NBS 87 (1982) 377-385.
+    """
+    from scipy.optimize import brentq
 
     def excess(logarithm: float) -> float:
-        moved = readings.with_placement(float(np.exp(logarithm)))
-        solution = adjust(PlacementConditions(moved), adjustment.parameters)
-        return float(np.log(solution.square_sum / redundancy))
+        return float(np.log(max(square_sum(float(np.exp(logarithm))), 1e-300) / redundancy))
 
-    low, high = np.log(1e-8), np.log(_LARGEST_PLACEMENT)
-    if excess(high) > 0.0:
-        return _LARGEST_PLACEMENT
-    return float(np.exp(brentq(excess, low, high, xtol=1e-3))) if excess(low) > 0.0 else 0.0
+    low, high = float(np.log(least)), float(np.log(largest))
+    if excess(high) >= 0.0:
+        return largest
+    if excess(low) <= 0.0:
+        return least
+    # A thousandth of itself: the sigma is told to some per cent at best.
+    return float(np.exp(brentq(excess, low, high, xtol=1e-3)))
 
 
 def _second_order_shift(readings: PlacedReadings, adjustment: Adjustment, matrix: Matrix) -> Square:

@@ -1,0 +1,188 @@
+"""The conditions of a gyro on a rate table whose rates are known: one group for each placement.
+
+In a spin s of placement c the gyro shows, averaged over whole revolutions,
+
+    raw_s = u + asymmetry * |u| + quadratic * u² + bias_c,   u = matrix @ r_s,   r_s = rate_s * axis_c,
+
+with the rate against the Earth. `bias_c` is the placement's own: in it are the bias, what the gyro sees
+of the Earth's rotation about the table's axis, and its g-sensitivity to gravity along that axis. At
+rest on the table r is zero, and the horizontal Earth rate, of unknown heading, is added to the noise.
+
+A placement that is off by theta turns the rate vectors of all its spins alike, by ``-theta x r_s``: the
+spins of a group are correlated, and a misalignment is told by placements, however many spins each has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vectors
+from tumble.estimation import Linearisation
+
+MATRIX, ASYMMETRY, QUADRATIC, BIASES = slice(0, 9), slice(9, 12), slice(12, 15), 15
+
+
+@dataclass(frozen=True, slots=True)
+class SpinReadings:
+    """Mean raw rates on the table, padded to (placements, rows); a placement at rest is a row too.
+
+    Attributes
+    ----------
+    observed, covariance : (placements, rows, 3), (placements, rows, 3, 3) raw.
+    rate : (placements, rows, 3) rad/s, rate against the Earth times axis; zero at rest.
+    share : (placements, rows) standard uncertainty of the rate as a share of it.
+    unseen : (placements, rows, 3, 3) (rad/s)², covariance of what else the unit is shown.
+    spin : (placements, rows) index of the spin, -1 at rest, -2 for padding.
+    sigma : (placements,) rad, of the placement about each axis.
+    """
+
+    observed: AnyArray
+    covariance: AnyArray
+    rate: AnyArray
+    share: AnyArray
+    unseen: AnyArray
+    spin: np.ndarray
+    sigma: Series
+
+    @property
+    def placements(self) -> int:
+        """Number of placements."""
+        return int(self.sigma.size)
+
+    @property
+    def active(self) -> np.ndarray:
+        """(placements, rows) of bool, False for padding."""
+        return self.spin > -2
+
+    def inner_square_sum(self, matrix: Matrix, terms: int, wander: float) -> tuple[float, int]:
+        """Return how the rows of each placement contradict one another, and how many checks that is.
+
+        Each sensor of each placement is given a straight line of its own over the rates, with `terms`
+        (0 to 2: the size of the rate, and its square) more; axis and bias of the placement do not matter.
+
+        Parameters
+        ----------
+        matrix : rough, raw per rad/s.
+        wander : rad/s, as for `SpinConditions`.
+        """
+        total, checks = 0.0, 0
+        for c in range(self.placements):
+            use = self.active[c]
+            axis = self.rate[c, np.argmax(np.linalg.norm(self.rate[c], axis=1))]
+            along = self.rate[c, use] @ axis / (axis @ axis)
+            columns = [np.ones_like(along), along, np.abs(along), along**2]
+            design = np.column_stack(columns[: 2 + terms])
+            si = np.einsum("r,ij->rij", (self.share[c, use] * along) ** 2, np.outer(axis, axis))
+            si = si + self.unseen[c, use] + wander**2 * np.eye(3)
+            raw = self.covariance[c, use] + matrix @ si @ matrix.T
+            for i in range(3):
+                weight = 1.0 / np.sqrt(raw[:, i, i])
+                solution, _, rank, _ = np.linalg.lstsq(
+                    design * weight[:, None], self.observed[c, use, i] * weight, rcond=1e-9
+                )
+                off = (self.observed[c, use, i] - design @ solution) * weight
+                total += float(off @ off)
+                checks += int(along.size - rank)
+        return total, checks
+
+
+class SpinConditions:
+    """Conditions for the adjustment: matrix (9), asymmetry, quadratic, then each placement's bias.
+
+    Parameters
+    ----------
+    readings : see there.
+    values : (15 + 3 placements,) those not in `free` stay. The covariance and the own input of asymmetry
+        and quadratic term are seen through their matrix and stay as the unknowns move: conditions
+        without a kink, adjusted two or three times.
+    free : indices of the unknowns to adjust.
+    placement : rad, joined to the readings' placement sigmas.
+    wander : rad/s, standard deviation from row to row beyond the noise.
+    """
+
+    def __init__(
+        self, readings: SpinReadings, values: Series, free: np.ndarray, placement: float, wander: float
+    ) -> None:
+        self.readings, self.values, self.free = readings, values.astype(float), free
+        self.sigma = np.hypot(readings.sigma, placement)
+        self.wander = wander
+
+    def full(self, parameters: Series) -> Series:
+        """Return all unknowns with the free ones replaced."""
+        values = self.values.copy()
+        values[self.free] = parameters
+        return values
+
+    def linearise(self, parameters: Series) -> Linearisation:
+        """Linearise at `parameters` (the free unknowns)."""
+        readings, full = self.readings, self.full(parameters)
+        groups, rows = readings.spin.shape
+        matrix = full[MATRIX].reshape(3, 3)
+        before = self.values[MATRIX].reshape(3, 3)
+        u = readings.rate @ before.T
+        biases = full[BIASES:].reshape(groups, 1, 3)
+        terms = full[ASYMMETRY] * np.abs(u) + full[QUADRATIC] * u**2
+        misclosure = readings.rate @ matrix.T + terms + biases - readings.observed
+        design = np.zeros((groups, rows, 3, full.size))
+        for i in range(3):
+            design[:, :, i, 3 * i : 3 * i + 3] = readings.rate
+            design[:, :, i, ASYMMETRY.start + i] = np.abs(u[:, :, i])
+            design[:, :, i, QUADRATIC.start + i] = u[:, :, i] ** 2
+            for c in range(groups):
+                design[c, :, i, BIASES + 3 * c + i] = 1.0
+        covariance = self._covariance(before)
+        off = np.repeat(~readings.active, 3, axis=1)
+        flat, rows_flat = (
+            design.reshape(groups, 3 * rows, -1)[:, :, self.free],
+            misclosure.reshape(groups, -1),
+        )
+        rows_flat[off], flat[off] = 0.0, 0.0
+        both = ~off[:, :, None] & ~off[:, None, :]
+        covariance = np.where(both, covariance, 0.0) + np.eye(3 * rows) * off[:, :, None]
+        return Linearisation(rows_flat, flat, covariance, None, ~off)
+
+    def adjust_observations(self, multipliers: AnyArray) -> None:
+        """Do nothing: the conditions are linear in the observations."""
+
+    def _covariance(self, matrix: Matrix) -> AnyArray:
+        """Return (groups, 3 rows, 3 rows) raw: noise of each row, and the placement common to them."""
+        readings = self.readings
+        groups, rows = readings.spin.shape
+        r, variance = readings.rate, self.sigma[:, None, None, None, None] ** 2
+        along = np.einsum("gsi,gtj->gstij", r, r)
+        across = np.einsum("gsi,gti->gst", r, r)[..., None, None] * np.eye(3) - np.swapaxes(along, 3, 4)
+        # Along the axis of second order only; 2: see `placement`.
+        shown = variance * across + 2.0 * variance**2 * along
+        own = np.einsum("gs,gsi,gsj->gsij", readings.share**2, r, r) + readings.unseen
+        own = own + self.wander**2 * np.eye(3)
+        index = np.arange(rows)
+        shown[:, index, index] += own
+        raw = matrix @ shown @ matrix.T
+        raw[:, index, index] += readings.covariance
+        return np.swapaxes(raw, 2, 3).reshape(groups, 3 * rows, 3 * rows)
+
+    def mean_shift(self, full: Series) -> AnyArray:
+        """Return (groups, 3 rows) raw: what tilts of second order take off on average."""
+        groups, rows = self.readings.spin.shape
+        matrix = full[MATRIX].reshape(3, 3)
+        shift = -(self.sigma**2)[:, None, None] * (self.readings.rate @ matrix.T)
+        return shift.reshape(groups, 3 * rows)
+
+
+def padded(items: list[list[AnyArray]], rows: int) -> AnyArray:
+    """Return lists of equally shaped arrays as one array, short lists filled with zeros."""
+    shape = items[0][0].shape
+    array = np.zeros((len(items), rows, *shape))
+    for at, item in enumerate(items):
+        for row, value in enumerate(item):
+            array[at, row] = value
+    return array
+
+
+def combined_mean(observed: Vectors, covariance: Matrices) -> tuple[AnyArray, AnyArray]:
+    """Return the weighted mean of several means of the same, and its covariance."""
+    weights = np.linalg.inv(covariance)
+    spread = np.linalg.inv(weights.sum(axis=0))
+    return spread @ np.einsum("kij,kj->i", weights, observed), spread
