@@ -1,7 +1,9 @@
 """Grades of IMUs as data sheets state them, each number with its source.
 
-A sheet's tolerance or maximum is taken as three standard deviations. What a sheet does not state is
-marked *assumed*.
+A sheet's tolerance of a bias, a scale factor or an axis is taken as three standard deviations; what it
+states as one sigma is taken as it stands. A sheet's largest random walk is taken as the random walk, as
+Hayal (2010, table 3.1) does. What a sheet does not state is marked *assumed* here and named in
+`Grade.assumed`.
 """
 
 from __future__ import annotations
@@ -23,6 +25,15 @@ _PER_HOUR = _DEGREE / 3600.0  # (rad/s) per (deg/h)
 _PER_ROOT_HOUR = _DEGREE / 60.0  # (rad/√s) per (deg/√h)
 _MILLI = STANDARD_GRAVITY * 1e-3
 _MICRO = STANDARD_GRAVITY * 1e-6
+# The angle between two axes varies √2 times as much as each axis about one direction.
+_PAIR = float(np.sqrt(2.0))
+# One count of such a unit is an increment of 2⁻²⁷ ft/s or 2⁻³³ rad over a sample of 10 ms.
+_HG_COUNTS_PER_SI = (2.0**27 / (0.3048 * 100.0), 2.0**33 / 100.0)
+
+
+# A sheet's linearity is read as the rms deviation from the best straight line over ± full scale, as a
+# share of full scale F. For a quadratic term q it is q F² √(4/45).
+_RMS_OF_QUADRATIC = float(np.sqrt(4.0 / 45.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +47,9 @@ class TriadGrade:
     scale_factor : dimensionless.
     misalignment : rad, of each sensing axis about each of the other two.
     alignment : rad, of the whole triad against the unit's case, about each axis.
+    linearity : share of full scale, rms deviation of the output from the best straight line over the
+        operating range; zero where the sheet states none. It becomes a quadratic term on request.
+    bias_stability : u, how far a bias wanders within a run where the sheet states it; played on request.
     """
 
     noise: TriadNoise
@@ -43,6 +57,15 @@ class TriadGrade:
     scale_factor: float
     misalignment: float
     alignment: float = 0.0
+    linearity: float = 0.0
+    bias_stability: float = 0.0
+
+    @property
+    def quadratic(self) -> float:
+        """One sigma of the quadratic term that the linearity stands for, 1/u; zero for none."""
+        if self.linearity == 0.0:
+            return 0.0
+        return self.linearity / (_RMS_OF_QUADRATIC * self.noise.full_scale)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +77,14 @@ class Grade:
     name : as asked for.
     accelerometer, gyroscope : m/s² and rad/s.
     g_sensitivity : (rad/s)/(m/s²), one sigma of each element.
-    source : of every number.
+    source : of every number that is not assumed.
+    assumed : the numbers that no source states, in words.
     rate : Hz at which such a unit is usually recorded.
     counts_per_si : raw counts per m/s² and per rad/s, for recordings in counts.
     axes : how the unit's own axes lie in its case, in words; the body frame b of a simulated recording is
-        that of the unit's own axes, which are the recording's columns.
-    C_instrument_case : (3, 3), the unit's own axes in a case frame of forward, right, down; or None.
+        that of the unit's own axes, which are the recording's columns, unless the case's is asked for.
+    C_instrument_case : (3, 3), from a case frame of forward, right, down to the unit's own axes:
+        ``v_instrument = C_instrument_case @ v_case``; None where both are the same.
     """
 
     name: str
@@ -67,39 +92,68 @@ class Grade:
     gyroscope: TriadGrade
     g_sensitivity: float
     source: str
+    assumed: tuple[str, ...] = ()
     rate: float = 100.0
     counts_per_si: tuple[float, float] = (1e4, 1e6)
     axes: str = ""
     C_instrument_case: Matrix | None = None
 
     def in_counts(self) -> Grade:
-        """Return the grade with noise and converter in counts; its converter rounds to whole counts."""
+        """Return the grade with noise and converter in counts; its converter rounds to whole counts.
+
+        The spread of the errors stays in SI: draw the unit before, and convert it with
+        `Triad.in_raw_unit`.
+        """
         force, rate = self.counts_per_si
         return replace(
             self,
-            accelerometer=replace(self.accelerometer, noise=_scaled(self.accelerometer.noise, force)),
-            gyroscope=replace(self.gyroscope, noise=_scaled(self.gyroscope.noise, rate)),
+            accelerometer=replace(self.accelerometer, noise=_in_counts(self.accelerometer.noise, force)),
+            gyroscope=replace(self.gyroscope, noise=_in_counts(self.gyroscope.noise, rate)),
         )
 
-    def simulate_model(self, rng: np.random.Generator) -> ImuModel:
+    def with_wandering_biases(self, correlation_time: float = 3600.0) -> Grade:
+        """Return the grade whose biases also wander within the run, as the sheet's in-run stability says.
+
+        Parameters
+        ----------
+        correlation_time : s, of the first-order Gauss-Markov process; no sheet states it, an hour is assumed.
+        """
+
+        def wandering(grade: TriadGrade) -> TriadGrade:
+            noise = replace(
+                grade.noise, bias_stability=grade.bias_stability, correlation_time=correlation_time
+            )
+            return replace(grade, noise=noise)
+
+        return replace(self, accelerometer=wandering(self.accelerometer), gyroscope=wandering(self.gyroscope))
+
+    def simulate_model(
+        self, rng: np.random.Generator, *, nonlinear: bool = False, case_axes: bool = False
+    ) -> ImuModel:
         """Draw one unit of this grade: its matrices, biases and g-sensitivity.
 
         Parameters
         ----------
         rng : source of all numbers.
+        nonlinear : draw quadratic terms that have the sheet's linearity, too.
+        case_axes : b is the case (forward, right, down), not the unit's own axes; raw columns stay
+            those of the unit's own axes.
         """
         g_sensitivity = rng.normal(0.0, self.g_sensitivity, (3, 3)) if self.g_sensitivity else None
-        return ImuModel(_draw(self.accelerometer, rng), _draw(self.gyroscope, rng), g_sensitivity)
+        model = ImuModel(_draw(self.accelerometer, rng), _draw(self.gyroscope, rng), g_sensitivity)
+        if nonlinear:
+            model = replace(
+                model,
+                accelerometer=_bent(model.accelerometer, self.accelerometer, rng),
+                gyroscope=_bent(model.gyroscope, self.gyroscope, rng),
+            )
+        if case_axes and self.C_instrument_case is not None:
+            return model.turned(self.C_instrument_case.T)
+        return model
 
 
-def _scaled(noise: TriadNoise, factor: float) -> TriadNoise:
-    return TriadNoise(
-        random_walk=factor * noise.random_walk,
-        bias_instability=factor * noise.bias_instability,
-        rate_random_walk=factor * noise.rate_random_walk,
-        resolution=1.0,
-        full_scale=factor * noise.full_scale,
-    )
+def _in_counts(noise: TriadNoise, factor: float) -> TriadNoise:
+    return replace(noise.scaled(factor), resolution=1.0)
 
 
 def _draw(grade: TriadGrade, rng: np.random.Generator) -> Triad:
@@ -108,6 +162,12 @@ def _draw(grade: TriadGrade, rng: np.random.Generator) -> Triad:
     if grade.alignment > 0.0:
         matrix = np.asarray(matrix @ matrix_from_rotation_vector(rng.normal(0.0, grade.alignment, 3)))
     return Triad(matrix, rng.normal(0.0, grade.bias, 3))
+
+
+def _bent(triad: Triad | None, grade: TriadGrade, rng: np.random.Generator) -> Triad | None:
+    if triad is None or grade.quadratic == 0.0:
+        return triad
+    return replace(triad, quadratic=rng.normal(0.0, grade.quadratic, 3))
 
 
 _CONSUMER = Grade(
@@ -136,6 +196,7 @@ _CONSUMER = Grade(
     ),
     g_sensitivity=0.1 * _DEGREE / STANDARD_GRAVITY,  # 0.1 (deg/s)/g
     source="InvenSense MPU-6000/MPU-6050 Product Specification PS-MPU-6000A-00 rev. 3.4 (2013), 6.1 and 6.2",
+    assumed=("bias instability of both triads",),
     counts_per_si=(8192.0 / STANDARD_GRAVITY, 65.5 / _DEGREE),
 )
 
@@ -166,6 +227,11 @@ _INDUSTRIAL = Grade(
     g_sensitivity=0.01 * _DEGREE / STANDARD_GRAVITY,  # assumed
     source="Xsens MTi 1-series data sheet, as tabulated in Transactions on Aerospace Research (2023), "
     "doi 10.2478/tar-2023-0022",
+    assumed=(
+        "resolution of 16 bits",
+        "turn-on bias, scale factor and misalignment of both triads",
+        "g-sensitivity",
+    ),
     counts_per_si=(32768.0 / (16.0 * STANDARD_GRAVITY), 32768.0 / (2000.0 * _DEGREE)),
 )
 
@@ -193,6 +259,13 @@ _TACTICAL = Grade(
     ),
     g_sensitivity=0.0,
     source="Honeywell HG1700 brochure N61-1619-000-001 (higher-end versions)",
+    assumed=(
+        "bias instability of both triads",
+        "scale factor and misalignment of both triads",
+        "full scale of both triads",
+        "no g-sensitivity",
+    ),
+    counts_per_si=_HG_COUNTS_PER_SI,
 )
 
 _RING_LASER = Grade(
@@ -219,6 +292,15 @@ _RING_LASER = Grade(
     ),
     g_sensitivity=0.0,
     source="Honeywell HG9900 brochure N61-1638-000-000",
+    assumed=(
+        "velocity random walk",
+        "bias instability of both triads",
+        "misalignment of both triads",
+        "full scale of both triads",
+        "no g-sensitivity",
+        "counts as of the HG1700",
+    ),
+    counts_per_si=_HG_COUNTS_PER_SI,
 )
 
 _HG_AXES = (
@@ -228,68 +310,71 @@ _HG_AXES = (
 # With the connector taken as the case's front (assumed): x is up, y forward, z left.
 _HG_C_INSTRUMENT_CASE = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 _HG_SOURCE = (
-    "Honeywell Tactical Inertial Measurement Units (2007), as tabulated in Hayal 2010, table 2.1. Not modelled: "
-    "scale-factor linearity (150 ppm; accelerometers 500 ppm), g²-sensitivity, acoustic and vibration rectification"
+    "Honeywell Tactical Inertial Measurement Units (2007), as tabulated in Hayal, Static Calibration of the "
+    "Tactical Grade Inertial Measurement Units, Ohio State University (2010), table 2.1; counts: NovAtel OEM7 "
+    "manual, log RAWIMUSX (HG1700-AG58, HG1900)"
+)
+_HG_ASSUMED = (
+    "no flicker (the sheet states in-run stability instead)",
+    "correlation time of the in-run stability, one hour",
+    "linearity as a quadratic term",
+    "connector at the front of the case",
+)
+
+_HG_ACCELEROMETER = TriadGrade(
+    TriadNoise(
+        random_walk=0.22 / 60.0,  # 0.22 (m/s)/√h, the sheet's maximum: 3.6667e-3 m/s² for samples of 1 s
+        full_scale=70.0 * STANDARD_GRAVITY,  # operating range 70 g
+    ),
+    bias=1.0 * _MILLI,  # bias repeatability 1 mg (1σ)
+    scale_factor=300e-6,  # scale factor error 300 ppm (1σ)
+    misalignment=100e-6 / _PAIR,  # axis alignment stability (non-orthogonality) 100 µrad (1σ)
+    linearity=500e-6,  # scale factor linearity 500 ppm (1σ)
+    bias_stability=1.0 * _MILLI,  # bias stability 1 mg (1σ)
 )
 
 _HG1700 = Grade(
     name="hg1700",
-    accelerometer=TriadGrade(
-        TriadNoise(
-            random_walk=0.22 / 60.0,  # 0.22 (m/s)/√h, the sheet's maximum: 3.667e-3 m/s² for samples of 1 s
-            bias_instability=1.0 * _MILLI,  # bias stability 1 mg, taken as flicker
-            full_scale=70.0 * STANDARD_GRAVITY,
-        ),
-        bias=1.0 * _MILLI,  # bias repeatability
-        scale_factor=300e-6,
-        misalignment=100e-6,  # axis alignment stability, non-orthogonality
-        alignment=500e-6,  # axis alignment stability; the sheet states it for the gyros
-    ),
+    accelerometer=_HG_ACCELEROMETER,
     gyroscope=TriadGrade(
         TriadNoise(
-            random_walk=0.125 * _PER_ROOT_HOUR,  # the sheet's maximum: 3.636e-5 rad/s for samples of 1 s
-            bias_instability=1.0 * _PER_HOUR,  # in-run stability 1 deg/h, taken as flicker
-            full_scale=1074.0 * _DEGREE,
+            random_walk=0.125 * _PER_ROOT_HOUR,  # 0.125 deg/√h, the maximum: 3.6361e-5 rad/s for 1 s
+            full_scale=1074.0 * _DEGREE,  # operating range ± 1074 deg/s
         ),
-        bias=1.0 * _PER_HOUR,  # bias repeatability
-        scale_factor=150e-6,
-        misalignment=100e-6,
-        alignment=500e-6,
+        bias=1.0 * _PER_HOUR,  # bias repeatability 1 deg/h (1σ)
+        scale_factor=150e-6,  # scale factor repeatability 150 ppm (1σ)
+        misalignment=100e-6 / _PAIR,  # axis alignment stability (non-orthogonality) 100 µrad (1σ)
+        alignment=500e-6,  # axis alignment stability 500 µrad (1σ)
+        linearity=150e-6,  # scale factor linearity 150 ppm (1σ)
+        bias_stability=1.0 * _PER_HOUR,  # bias, in-run stability 1 deg/h (1σ)
     ),
-    g_sensitivity=0.0,  # a ring laser has none worth a line on the sheet
+    g_sensitivity=0.0,  # the sheet's field is empty
     source=_HG_SOURCE,
-    counts_per_si=(1e5, 1e7),
+    assumed=("no g-sensitivity", *_HG_ASSUMED),
+    counts_per_si=_HG_COUNTS_PER_SI,
     axes=_HG_AXES,
     C_instrument_case=_HG_C_INSTRUMENT_CASE,
 )
 
 _HG1900 = Grade(
     name="hg1900",
-    accelerometer=TriadGrade(
-        TriadNoise(
-            random_walk=0.22 / 60.0,
-            bias_instability=1.0 * _MILLI,
-            full_scale=70.0 * STANDARD_GRAVITY,
-        ),
-        bias=1.0 * _MILLI,
-        scale_factor=300e-6,
-        misalignment=100e-6,
-        alignment=80e-6,
-    ),
+    accelerometer=_HG_ACCELEROMETER,
     gyroscope=TriadGrade(
         TriadNoise(
-            random_walk=0.09 * _PER_ROOT_HOUR,  # 2.618e-5 rad/s for samples of 1 s
-            bias_instability=7.0 * _PER_HOUR,  # in-run stability below 7 deg/h, taken as flicker of that size
-            full_scale=1000.0 * _DEGREE,
+            random_walk=0.09 * _PER_ROOT_HOUR,  # 0.09 deg/√h, the maximum: 2.6180e-5 rad/s for 1 s
+            full_scale=1000.0 * _DEGREE,  # operating range ± 1000 deg/s
         ),
-        bias=17.0 * _PER_HOUR,  # bias repeatability below 17 deg/h
-        scale_factor=150e-6,
-        misalignment=50e-6,
-        alignment=80e-6,
+        bias=17.0 * _PER_HOUR,  # bias repeatability < 17 deg/h (1σ)
+        scale_factor=150e-6,  # scale factor repeatability 150 ppm (1σ)
+        misalignment=50e-6 / _PAIR,  # axis alignment stability (non-orthogonality) 50 µrad (1σ)
+        alignment=80e-6,  # axis alignment stability 80 µrad (1σ)
+        linearity=150e-6,  # scale factor linearity 150 ppm (1σ)
+        bias_stability=7.0 * _PER_HOUR,  # bias, in-run stability < 7 deg/h (1σ)
     ),
-    g_sensitivity=3.0 * _PER_HOUR / STANDARD_GRAVITY,  # 3 (deg/h)/g
+    g_sensitivity=3.0 * _PER_HOUR / STANDARD_GRAVITY,  # bias static g sensitivity 3 (deg/h)/g (1σ)
     source=_HG_SOURCE,
-    counts_per_si=(1e5, 1e7),
+    assumed=_HG_ASSUMED,
+    counts_per_si=_HG_COUNTS_PER_SI,
     axes=_HG_AXES,
     C_instrument_case=_HG_C_INSTRUMENT_CASE,
 )
@@ -310,8 +395,12 @@ def find_grade(name: str) -> Grade:
     Raises
     ------
     UsageError
-        If there is none; the message lists those that there are.
+        If there is none; the message lists those that there are, the nearest first.
     """
     if name not in GRADES:
-        raise UsageError(f"There is no IMU grade {name!r}; choose one of {', '.join(GRADES)}.")
+        import difflib
+
+        near = difflib.get_close_matches(name.lower(), GRADES, 1)
+        meant = f" Did you mean {near[0]}?" if near else ""
+        raise UsageError(f"There is no IMU grade {name!r}; choose one of {', '.join(GRADES)}.{meant}")
     return GRADES[name]

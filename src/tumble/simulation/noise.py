@@ -7,6 +7,7 @@ one-sided: N is that density over √2.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -28,6 +29,9 @@ class TriadNoise:
     rate_random_walk : K, u·√Hz: the integral of white noise of density K².
     resolution : u, the converter's step; zero for none.
     full_scale : u, the converter's limit; infinite for none.
+    bias_stability : u, standard deviation that the bias tends to as it wanders within the run, a
+        first-order Gauss-Markov process from zero; zero for none.
+    correlation_time : s, of that process.
     """
 
     random_walk: float = 0.0
@@ -35,6 +39,25 @@ class TriadNoise:
     rate_random_walk: float = 0.0
     resolution: float = 0.0
     full_scale: float = float("inf")
+    bias_stability: float = 0.0
+    correlation_time: float = 3600.0
+
+    def scaled(self, factor: float) -> TriadNoise:
+        """Return the same noise of raw numbers `factor` times as large, such as counts instead of SI."""
+        return TriadNoise(
+            random_walk=factor * self.random_walk,
+            bias_instability=factor * self.bias_instability,
+            rate_random_walk=factor * self.rate_random_walk,
+            resolution=factor * self.resolution,
+            full_scale=factor * self.full_scale,
+            bias_stability=factor * self.bias_stability,
+            correlation_time=self.correlation_time,
+        )
+
+    @property
+    def wanders(self) -> bool:
+        """Whether the bias moves during a run."""
+        return max(self.bias_instability, self.rate_random_walk, self.bias_stability) > 0.0
 
 
 def simulate_noise(noise: TriadNoise, samples: int, rate: float, rng: np.random.Generator) -> AnyArray:
@@ -49,45 +72,97 @@ def simulate_noise(noise: TriadNoise, samples: int, rate: float, rng: np.random.
 
     Notes
     -----
-    Flicker is a sum of first-order Gauss-Markov processes whose corners lie a factor r = 4 apart, from
-    a quarter of the lowest frequency that the recording has to the Nyquist frequency. Each of variance
-    σ² adds a two-sided density σ² / (π f_c (1 + (f/f_c)²)); the sum over corners is σ² / (2 ln r f),
-    which is B² / (2π f) with σ² = B² ln r / π. The random walk begins at zero.
+    Flicker has the spectrum of a sum of first-order Gauss-Markov processes whose corners lie a factor
+    r = 4 apart, from a quarter of the lowest frequency that the recording has to the Nyquist frequency.
+    Each of variance σ² adds a two-sided density σ² / (π f_c (1 + (f/f_c)²)); the sum over corners is
+    σ² / (2 ln r f), which is B² / (2π f) with σ² = B² ln r / π.
+
+    The sum of k processes with a drive each is drawn with a single drive: a sum of rational spectra is
+    rational, and its minimum-phase factor splits into k first-order recursions of the same memories with
+    other gains. Covariances, and with normal numbers the distribution, are the same, for one random
+    number a sample instead of k.
+
+    Both the random walk and the wander of `bias_stability` begin at zero.
     """
-    white = noise.random_walk * np.sqrt(rate) * rng.standard_normal((samples, 3))
-    return white + simulate_wander(noise, samples, rate, rng)
+    from tumble.simulation.kernels import add_white
+
+    total = simulate_wander(noise, samples, rate, rng)
+    if noise.random_walk > 0.0:
+        add_white(rng, noise.random_walk * np.sqrt(rate), total.reshape(-1))
+    return total
 
 
 def simulate_wander(noise: TriadNoise, samples: int, rate: float, rng: np.random.Generator) -> AnyArray:
-    """Draw how the bias wanders during the run, (samples, 3): flicker and random walk.
+    """Draw how the bias wanders during the run, (samples, 3): flicker, random walk, in-run stability.
 
     Parameters
     ----------
     noise, samples, rate, rng : as for `simulate_noise`, whose coloured part this is.
     """
-    total = np.zeros((samples, 3))
-    if noise.bias_instability > 0.0:
-        total += _flicker(noise.bias_instability, samples, rate, rng)
-    if noise.rate_random_walk > 0.0:
-        steps = rng.standard_normal((samples, 3))
-        total += noise.rate_random_walk / np.sqrt(rate) * np.cumsum(steps, axis=0)
-    return total
-
-
-def _flicker(instability: float, samples: int, rate: float, rng: np.random.Generator) -> AnyArray:
     from tumble.simulation.kernels import add_markov
 
     total = np.zeros((samples, 3))
-    sigma = instability * np.sqrt(np.log(OCTAVES) / np.pi)
-    corner = 0.25 * rate / samples
-    while corner < 0.5 * rate:
-        memory = np.exp(-2.0 * np.pi * corner / rate)
-        drive = sigma * np.sqrt(1.0 - memory**2) * rng.standard_normal((samples, 3))
-        # the process is stationary from its first sample on
-        drive[0] = sigma * rng.standard_normal(3)
-        add_markov(drive, memory, total)
-        corner *= OCTAVES
+    if noise.bias_instability > 0.0 and samples > 0:
+        memory, gain, spread = _flicker(noise.bias_instability, samples, rate)
+        # the processes are stationary from the first sample on
+        add_markov(rng, memory, gain, rng.standard_normal((3, len(memory))) @ spread.T, total)
+    if noise.rate_random_walk > 0.0:
+        add_markov(
+            rng, np.ones(1), np.array([noise.rate_random_walk / np.sqrt(rate)]), np.zeros((3, 1)), total
+        )
+    if noise.bias_stability > 0.0:
+        memory = np.array([np.exp(-1.0 / (noise.correlation_time * rate))])
+        gain = noise.bias_stability * np.sqrt(1.0 - memory**2)
+        add_markov(rng, memory, gain, np.zeros((3, 1)), total)
     return total
+
+
+def _flicker(instability: float, samples: int, rate: float) -> tuple[AnyArray, AnyArray, AnyArray]:
+    """Memories and gains of the recursions with one drive, and a root of their states' covariance."""
+    variance = instability**2 * np.log(OCTAVES) / np.pi
+    lowest = 0.25 * rate / samples
+    count = max(int(np.ceil(np.log(0.5 * rate / lowest) / np.log(OCTAVES))), 1)
+    # 1 - memory, because a memory close to one keeps no digits of it
+    loss = -np.expm1(-2.0 * np.pi * lowest * OCTAVES ** np.arange(count) / rate)
+    memory = 1.0 - loss
+    gain = _single_drive(loss, variance * loss * (2.0 - loss))
+    # E[x_i x_j] = g_i g_j / (1 - a_i a_j)
+    covariance = np.outer(gain, gain) / (loss[:, None] + loss - np.outer(loss, loss))
+    values, vectors = np.linalg.eigh(covariance)
+    return memory, gain, vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def _single_drive(loss: AnyArray, power: AnyArray) -> AnyArray:
+    """Gains of recursions with one common drive whose sum has the spectrum of independent ones.
+
+    With y = z + 1/z - 2 the spectrum of process j is ``power_j / (loss_j² - memory_j y)``. The sum has
+    one zero between each two poles in y; taken inside the unit circle they give the minimum-phase factor,
+    and its partial fractions the gains.
+    """
+    memory = 1.0 - loss
+    pole = loss**2 / memory
+
+    def spectrum(y: float) -> float:
+        return float(np.sum(power / (loss**2 - memory * y)))
+
+    zeros: list[float] = []
+    for low, high in pairwise(pole):
+        # bisection in log y: from minus infinity behind one pole to plus infinity before the next
+        below, above = np.log(low), np.log(high)
+        for _ in range(80):
+            middle = 0.5 * (below + above)
+            below, above = (middle, above) if spectrum(np.exp(middle)) < 0.0 else (below, middle)
+        zeros.append(float(np.exp(0.5 * (below + above))))
+    y = np.array(zeros)
+    # w²/(1 - w) = y for w = 1 - zero
+    zero_loss = 0.5 * (np.sqrt(y**2 + 4.0 * y) - y)
+    gain = np.ones(len(loss))
+    for j in range(len(loss)):
+        others = np.arange(len(loss)) != j
+        # with a = memory: residue at a_j is Π (a_j - b_k) / Π (a_j - a_k), both differences of losses
+        gain[j] = np.prod(zero_loss - loss[j]) / np.prod(loss[others] - loss[j])
+    # H(1) is Σ gain / loss, and the spectrum there is Σ power / loss²
+    return gain * np.sqrt(np.sum(power / loss**2)) / np.abs(np.sum(gain / loss))
 
 
 def convert_to_digital(signal: Vectors, noise: TriadNoise) -> Vectors:
@@ -101,3 +176,25 @@ def convert_to_digital(signal: Vectors, noise: TriadNoise) -> Vectors:
     if noise.resolution > 0.0:
         signal = noise.resolution * np.round(signal / noise.resolution)
     return np.clip(signal, -noise.full_scale, noise.full_scale)
+
+
+def simulate_output(
+    signal: Vectors, noise: TriadNoise, rate: float, rng: np.random.Generator
+) -> tuple[AnyArray, AnyArray]:
+    """Return what a triad gives for its raw signal, and how the bias wandered, both (samples, 3).
+
+    It is the signal with the noise of `simulate_noise`, number for number, as `convert_to_digital` gives
+    it, without copies in between.
+
+    Parameters
+    ----------
+    signal : (samples, 3) raw signal without noise, in the unit of the coefficients.
+    noise, rate, rng : as for `simulate_noise`.
+    """
+    from tumble.simulation.kernels import add_white_and_digitise
+
+    wander = simulate_wander(noise, len(signal), rate, rng)
+    output = np.ascontiguousarray(signal + wander)
+    scale = noise.random_walk * np.sqrt(rate)
+    add_white_and_digitise(rng, scale, noise.resolution, noise.full_scale, output.reshape(-1))
+    return output, wander
