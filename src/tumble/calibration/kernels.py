@@ -1,0 +1,184 @@
+"""The norm adjustment of one triad, compiled: many sets of hold means one after the other."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, types
+
+_SETS = types.float64[:, :, ::1]
+_ROWS = types.float64[:, ::1]
+_ROW = types.float64[::1]
+_WHOLE = types.int64[::1]
+
+# How the conditions are weighed and linearised; see `norm_batch.ESTIMATORS`.
+POPE, FIXED, NORM, SQUARE = 0, 1, 2, 3
+
+
+@njit(cache=True, nogil=True)
+def _forward(values, m):
+    """Lower-triangular matrix of bias, scale and angles (Hayal 3.13)."""
+    m[0, 0] = values[3]
+    m[1, 0] = -values[4] * np.sin(values[6])
+    m[1, 1] = values[4] * np.cos(values[6])
+    m[2, 0] = values[5] * np.sin(values[8])
+    m[2, 1] = -values[5] * np.sin(values[7]) * np.cos(values[8])
+    m[2, 2] = values[5] * np.cos(values[7]) * np.cos(values[8])
+
+
+@njit(cache=True, nogil=True)
+def _cholesky_solve(normal, right, size, step, cofactor):
+    """Solve the scaled normal equations in place; return whether they are positive definite."""
+    scale = np.empty(size)
+    for i in range(size):
+        if not normal[i, i] > 0.0:
+            return False
+        scale[i] = 1.0 / np.sqrt(normal[i, i])
+    factor = np.zeros((size, size))
+    for i in range(size):
+        for j in range(i + 1):
+            total = normal[i, j] * scale[i] * scale[j]
+            for k in range(j):
+                total -= factor[i, k] * factor[j, k]
+            if i == j:
+                if not total > 1e-12:
+                    return False
+                factor[i, i] = np.sqrt(total)
+            else:
+                factor[i, j] = total / factor[j, j]
+    root = np.zeros((size, size))
+    for i in range(size):
+        root[i, i] = 1.0 / factor[i, i]
+        for j in range(i):
+            total = 0.0
+            for k in range(j, i):
+                total -= factor[i, k] * root[k, j]
+            root[i, j] = total / factor[i, i]
+    for i in range(size):
+        for j in range(size):
+            total = 0.0
+            for k in range(max(i, j), size):
+                total += root[k, i] * root[k, j]
+            cofactor[i, j] = total * scale[i] * scale[j]
+    for i in range(size):
+        total = 0.0
+        for j in range(size):
+            total += cofactor[i, j] * right[j]
+        step[i] = total
+    return True
+
+
+@njit(
+    [types.void(_SETS, _ROWS, _ROW, _ROWS, types.int64, types.int64, types.int64, _ROWS, _SETS, _ROW, _WHOLE)],
+    cache=True,
+    nogil=True,
+)
+def adjust_norm_sets(
+    observed, variance, reference, start, size, estimator, limit, parameters, cofactors, sigma0, iterations
+):
+    """Adjust every set; `iterations` is negative where it did not converge.
+
+    `observed` (sets, holds, 3), `variance` (holds, 3), `reference` (holds,), `start` and `parameters`
+    (sets, 9), `cofactors` (sets, size, size).
+    """
+    sets, holds = observed.shape[0], observed.shape[1]
+    m, normal = np.zeros((3, 3)), np.zeros((size, size))
+    right, step, row = np.zeros(size), np.zeros(size), np.zeros(9)
+    adjusted, by_raw = np.zeros((holds, 3)), np.zeros((holds, 3))
+    design, misclosure, spread = np.zeros((holds, 9)), np.zeros(holds), np.zeros(holds)
+    t, w, cofactor = np.zeros(3), np.zeros(3), np.zeros((size, size))
+    for number in range(sets):
+        values = parameters[number]
+        values[:] = start[number]
+        adjusted[:] = observed[number]
+        before, done, count = np.inf, False, 0
+        while not done and count < limit:
+            count += 1
+            _forward(values, m)
+            sin_yz, cos_yz = np.sin(values[6]), np.cos(values[6])
+            sin_zx, cos_zx = np.sin(values[7]), np.cos(values[7])
+            sin_zy, cos_zy = np.sin(values[8]), np.cos(values[8])
+            normal[:] = 0.0
+            right[:] = 0.0
+            for k in range(holds):
+                ux = adjusted[k, 0] - values[0]
+                uy = adjusted[k, 1] - values[1]
+                uz = adjusted[k, 2] - values[2]
+                t[0] = ux / m[0, 0]
+                t[1] = (uy - m[1, 0] * t[0]) / m[1, 1]
+                t[2] = (uz - m[2, 0] * t[0] - m[2, 1] * t[1]) / m[2, 2]
+                square = t[0] * t[0] + t[1] * t[1] + t[2] * t[2]
+                K = reference[k]
+                length = np.sqrt(square)
+                # derivative of the condition by the true vector is t times this
+                slope = 1.0 / length if estimator == 2 else (2.0 if estimator == 3 else 1.0 / K)
+                if estimator == 2:
+                    f = length - K
+                elif estimator == 3:
+                    f = square - K * K
+                else:
+                    f = 0.5 * (square - K * K) / K
+                w[2] = slope * t[2] / m[2, 2]
+                w[1] = (slope * t[1] - m[2, 1] * w[2]) / m[1, 1]
+                w[0] = (slope * t[0] - m[1, 0] * w[1] - m[2, 0] * w[2]) / m[0, 0]
+                row[0], row[1], row[2] = -w[0], -w[1], -w[2]
+                row[3] = -w[0] * ux / values[3]
+                row[4] = -w[1] * uy / values[4]
+                row[5] = -w[2] * uz / values[5]
+                row[6] = w[1] * values[4] * (cos_yz * t[0] + sin_yz * t[1])
+                row[7] = w[2] * values[5] * cos_zy * (cos_zx * t[1] + sin_zx * t[2])
+                row[8] = -w[2] * values[5] * (cos_zy * t[0] + sin_zx * sin_zy * t[1] - cos_zx * sin_zy * t[2])
+                total = 0.0
+                for a in range(3):
+                    f += w[a] * (observed[number, k, a] - adjusted[k, a])
+                    total += w[a] * w[a] * variance[k, a]
+                    by_raw[k, a] = w[a]
+                # least squares on the norm knows no weights
+                spread[k] = total if estimator < 2 else 1.0
+                misclosure[k] = f
+                for i in range(size):
+                    design[k, i] = row[i]
+                    right[i] -= row[i] * f / spread[k]
+                    for j in range(i + 1):
+                        normal[i, j] += row[i] * row[j] / spread[k]
+            if not _cholesky_solve(normal, right, size, step, cofactor):
+                break
+            biggest, settled = 0.0, True
+            for i in range(size):
+                biggest = max(biggest, abs(step[i]) / np.sqrt(cofactor[i, i]))
+                settled = settled and abs(step[i]) <= 1e-13 * max(abs(values[i]), 1.0)
+            if not np.isfinite(biggest):
+                break
+            square_sum = 0.0
+            for k in range(holds):
+                residual = misclosure[k]
+                for i in range(size):
+                    residual += design[k, i] * step[i]
+                square_sum += residual * residual / spread[k]
+                if estimator == 0:
+                    for a in range(3):
+                        moved = variance[k, a] * by_raw[k, a] * residual / spread[k]
+                        adjusted[k, a] = observed[number, k, a] - moved
+            for i in range(size):
+                values[i] += step[i]
+            done = biggest <= 1e-6 or settled or (biggest < 1e-3 and biggest >= before)
+            before = biggest
+            sigma0[number] = np.sqrt(square_sum / (holds - size)) if holds > size else np.nan
+        cofactors[number, :, :] = cofactor
+        iterations[number] = count if done else -count
+
+
+@njit(cache=True, nogil=True)
+def add_mean_noise(rng, sigma, samples, means):
+    """Add to every number of `means` (rows, 3) the mean of `samples` normal numbers of standard deviation `sigma`.
+
+    Every single sample is drawn.
+    """
+    for k in range(means.shape[0]):
+        for a in range(means.shape[1]):
+            total = 0.0
+            for _ in range(samples):
+                total += rng.standard_normal()
+            means[k, a] += sigma * total / samples
+
+
+__all__ = ["FIXED", "NORM", "POPE", "SQUARE", "add_mean_noise", "adjust_norm_sets"]
