@@ -68,12 +68,38 @@ def _cholesky_solve(normal, right, size, step, cofactor):
 
 
 @njit(
-    [types.void(_SETS, _ROWS, _ROW, _ROWS, types.int64, types.int64, types.int64, _ROWS, _SETS, _ROW, _WHOLE)],
+    [
+        types.void(
+            _SETS,
+            _ROWS,
+            _ROW,
+            _ROWS,
+            types.int64,
+            types.int64,
+            types.int64,
+            types.float64,
+            _ROWS,
+            _SETS,
+            _ROW,
+            _WHOLE,
+        )
+    ],
     cache=True,
     nogil=True,
 )
 def adjust_norm_sets(
-    observed, variance, reference, start, size, estimator, limit, parameters, cofactors, sigma0, iterations
+    observed,
+    variance,
+    reference,
+    start,
+    size,
+    estimator,
+    limit,
+    tolerance,
+    parameters,
+    cofactors,
+    sigma0,
+    iterations,
 ):
     """Adjust every set; `iterations` is negative where it did not converge.
 
@@ -86,6 +112,8 @@ def adjust_norm_sets(
     adjusted, by_raw = np.zeros((holds, 3)), np.zeros((holds, 3))
     design, misclosure, spread = np.zeros((holds, 9)), np.zeros(holds), np.zeros(holds)
     t, w, cofactor = np.zeros(3), np.zeros(3), np.zeros((size, size))
+    # Least squares on the norm weighs all holds alike: by the mean variance of a sensor.
+    alike = variance.mean()
     for number in range(sets):
         values = parameters[number]
         values[:] = start[number]
@@ -132,8 +160,7 @@ def adjust_norm_sets(
                     f += w[a] * (observed[number, k, a] - adjusted[k, a])
                     total += w[a] * w[a] * variance[k, a]
                     by_raw[k, a] = w[a]
-                # least squares on the norm knows no weights
-                spread[k] = total if estimator < 2 else 1.0
+                spread[k] = total if estimator < 2 else (alike if estimator == 2 else 4.0 * K * K * alike)
                 misclosure[k] = f
                 for i in range(size):
                     design[k, i] = row[i]
@@ -160,7 +187,7 @@ def adjust_norm_sets(
                         adjusted[k, a] = observed[number, k, a] - moved
             for i in range(size):
                 values[i] += step[i]
-            done = biggest <= 1e-6 or settled or (biggest < 1e-3 and biggest >= before)
+            done = biggest <= tolerance or settled or (biggest < 1e-3 and biggest >= before)
             before = biggest
             sigma0[number] = np.sqrt(square_sum / (holds - size)) if holds > size else np.nan
         cofactors[number, :, :] = cofactor

@@ -59,6 +59,7 @@ def adjust_norms(
     start: AnyArray | None = None,
     estimator: str = "gauss-helmert",
     limit: int = 100,
+    tolerance: float = 1e-6,
 ) -> NormBatch:
     """Adjust the norm conditions of many sets of hold means.
 
@@ -71,6 +72,7 @@ def adjust_norms(
     start : (9,) or (sets, 9) start values; None for no bias, scale factors of one, no angles.
     estimator : one of `ESTIMATORS`.
     limit : iterations after which a set has not converged.
+    tolerance : converged when no parameter moves by more than this share of its sigma.
 
     Raises
     ------
@@ -80,7 +82,9 @@ def adjust_norms(
     from tumble.calibration.kernels import adjust_norm_sets
 
     if unknowns not in (3, 6, 9) or estimator not in ESTIMATORS:
-        raise UsageError(f"Unknowns are 3, 6 or 9 and not {unknowns}; estimators are {', '.join(ESTIMATORS)}.")
+        raise UsageError(
+            f"Unknowns are 3, 6 or 9 and not {unknowns}; estimators are {', '.join(ESTIMATORS)}."
+        )
     sets, holds = observed.shape[:2]
     if holds < unknowns:
         raise UsageError(f"{holds} holds cannot tell {unknowns} unknowns.")
@@ -100,6 +104,7 @@ def adjust_norms(
         unknowns,
         _CODES[estimator],
         limit,
+        tolerance,
         parameters,
         cofactors,
         sigma0,

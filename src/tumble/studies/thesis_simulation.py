@@ -36,6 +36,8 @@ GYRO_ERRORS = np.repeat([4.848e-6, 150e-6, 100e-6], 3)  # rad/s, -, rad
 FORCE_ERRORS = np.repeat([0.01, 300e-6, 100e-6], 3)  # m/s², -, rad
 # With no noise the weights need some sigma: the thesis does not say which.
 NOMINAL_SHARE = 1e-10
+# Converged when no parameter moves by more than this share of its sigma.
+TOLERANCE = 1e-6
 CASES = (1, 2, 3)
 FASTER = 1e4  # case 3
 
@@ -147,6 +149,7 @@ def run_setting(setting: Setting, runs: int, rng: np.random.Generator) -> Runs:
         setting.reference,
         unknowns=setting.unknowns,
         estimator=setting.estimator,
+        tolerance=TOLERANCE,
     )
     return _runs(setting, batch)
 
