@@ -212,7 +212,9 @@ def _rate_scale(
     """
     rate, force = blocks.angular_rate, blocks.specific_force
     assert rate is not None
-    moving = (size > 12.0 * float(np.median(size[quiet]))) & (size >= float(np.quantile(size, 0.8)))
+    # without noise the scatter at rest is round-off: a thousandth of the fastest is rest then too
+    least = max(12.0 * float(np.median(size[quiet])), 1e-3 * float(size.max()))
+    moving = (size > least) & (size >= float(np.quantile(size, 0.8)))
     if force is not None and apparent is not None and force_bias is not None:
         direction = force.smooth[moving] - force_bias
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)

@@ -159,7 +159,7 @@ def _rests(blocks: Blocks, activity: Activity, walls: np.ndarray) -> list[Stretc
         stretches.append(stretch)
     _part(stretches, activity)
     for stretch in stretches:
-        stretch.excluded = find_knocks(blocks, stretch)
+        stretch.excluded = find_knocks(blocks, stretch, activity)
     return stretches
 
 

@@ -161,8 +161,8 @@ def whole_revolutions(recording: Recording, start: int, stop: int, period: float
     period : s per revolution; a stretch of less than one, or NaN, stays as it is.
     """
     step = float(recording.time[stop - 1] - recording.time[start]) / max(stop - start - 1, 1)
-    # a thousandth of a revolution short of whole is whole: a table's rate is not known better
-    revolutions = np.floor((stop - start) * step / period + 1e-3)
+    # a stretch that was cut to whole revolutions before may be half a sample short
+    revolutions = np.floor((stop - start + 0.6) * step / period)
     if not revolutions >= 1.0:
         return start, stop
     count = min(round(revolutions * period / step), stop - start)

@@ -19,6 +19,8 @@ KNOCK = 25.0
 SAME_POSE = float(np.radians(0.3))
 LARGEST_NET_TURN = float(np.radians(1.0))
 LONGEST_KNOCK_SECONDS = 3.0
+# Share of the limit between rest and motion below which scatter is not looked at.
+NO_MOTION = 1e-6
 # How far beyond the threshold an end may lie: smoothing and the differences over it blur by 0.3 s.
 OUTWARD_SECONDS = 0.6
 # A knock just before a turn is the hand that grasps the unit: a piece of rest this short beyond it is
@@ -140,8 +142,8 @@ def _distance(
     values = triad.smooth[first:last] - middle
     scatter = np.maximum(scatter, floor)
     # a quantised axis may not move at all during a hold: the others stand in for it
-    largest = max(float(np.abs(middle).max()), float(np.abs(values).max(initial=0.0)))
-    least = max(float(np.sqrt(np.mean(scatter**2))), 1e-12 * largest, 1e-300)
+    # without noise round-off must not decide: a millionth of the limit of motion is no motion
+    least = max(float(np.sqrt(np.mean(scatter**2))), NO_MOTION * farthest)
     own = np.sqrt(np.sum((values / np.maximum(scatter, 0.5 * least)) ** 2, axis=1))
     return np.maximum(own, SETTLED / farthest * np.linalg.norm(values, axis=1))
 
@@ -183,15 +185,23 @@ def _crossing(distance: Series, k: int, limit: float) -> float:
     return k + 0.5 - float(np.clip(share, 0.0, 1.0))
 
 
-def find_knocks(blocks: Blocks, stretch: Stretch) -> list[tuple[int, int]]:
-    """Return the block ranges inside a stretch that are far rougher than the rest of it."""
+def find_knocks(blocks: Blocks, stretch: Stretch, activity: Activity) -> list[tuple[int, int]]:
+    """Return the block ranges inside a stretch that are far rougher than the rest of it.
+
+    Parameters
+    ----------
+    blocks, activity : of the whole recording.
+    stretch : a rest with its ends.
+    """
+    limit = NO_MOTION * activity.threshold
+    scales = (activity.gravity or 1.0, 1.0 / (activity.rate_scale or 1.0))
     first, last = int(np.ceil(stretch.start)), int(stretch.stop)
     rough = np.zeros(max(last - first, 0), dtype=bool)
-    for triad in (blocks.angular_rate, blocks.specific_force):
+    for triad, scale in zip((blocks.specific_force, blocks.angular_rate), scales, strict=True):
         if triad is None or rough.size == 0:
             continue
         total = triad.roughness[first:last].sum(axis=1)
-        rough |= total > KNOCK * max(float(np.sort(total)[total.size // 2]), 1e-300)
+        rough |= total > KNOCK * max(float(np.sort(total)[total.size // 2]), (limit * scale) ** 2)
     spread = rough.copy()
     spread[1:] |= rough[:-1]
     spread[:-1] |= rough[1:]

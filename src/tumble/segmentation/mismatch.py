@@ -1,0 +1,299 @@
+"""Why a recording is not of a protocol, in words that say what to do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Matrix
+from tumble.errors import SegmentationError
+from tumble.protocol.steps import SpinStep, TurnStep
+from tumble.segmentation.alignment import signed_permutations
+from tumble.segmentation.events import GAP, pose_of, spin_axis
+from tumble.units import angular_rate_factor, known_units
+
+if TYPE_CHECKING:
+    from tumble.segmentation.matching import Case, Fit
+
+# A share of the steps below which the protocol is not the recording's.
+SMALLEST_SHARE = 0.5
+# Below this share of the steps that tell axes, other axes are tried, and believed above it.
+SUSPICIOUS_SHARE = 0.9
+# No gyro's scale is off by more: beyond it is another unit or another rate.
+LARGEST_RATE_RATIO = 1.3
+# Turns within 20 degrees of none or half of one end alike either way round.
+TELLING_TURN = np.radians(20.0)
+
+
+def refuse_without_spins(case: Case) -> None:
+    """Refuse a recording without spins for a protocol that has some.
+
+    Raises
+    ------
+    SegmentationError
+        If the recording has a gyro and it sees no constant rate.
+    """
+    wanted = sum(isinstance(case.protocol.steps[number], SpinStep) for number in case.steps)
+    if wanted and not any(event.spin is not None for event in case.events):
+        raise SegmentationError(
+            f"The protocol {case.protocol.name} has {wanted} spins, but the recording has "
+            f"{describe(case)}: nowhere is the unit turned at a constant rate for a second or more. "
+            "Give the protocol of this recording, or the recording of this protocol."
+        )
+
+
+def refuse_wrong_units(case: Case) -> None:
+    """Refuse rates that no scale error explains, where units are declared.
+
+    Raises
+    ------
+    SegmentationError
+        If the spins are faster or slower than the protocol's by more than 30 %.
+    """
+    declared = angular_rate_factor(case.recording.angular_rate_unit)
+    scale = case.rate_scale()
+    if declared is None or scale is None:
+        return
+    ratio = scale * declared
+    if 1.0 / LARGEST_RATE_RATIO < ratio < LARGEST_RATE_RATIO:
+        return
+    fastest = max(abs(s.rate) for s in case.protocol.steps if isinstance(s, SpinStep))
+    advice = "mend the rates in the protocol, or declare the file's units with --units"
+    for unit in known_units("angular rate"):
+        factor = angular_rate_factor(unit)
+        if factor is not None and abs(np.log(scale * factor)) < np.log(LARGEST_RATE_RATIO):
+            advice = f"the file's rates look like {unit}: declare them with --units"
+    raise SegmentationError(
+        f"The spins are {ratio:.3g} times as fast as the protocol's: where it says "
+        f"{np.degrees(fastest):.4g}°/s the gyro has {np.degrees(fastest) * ratio:.4g}°/s, taken as "
+        f"{case.recording.angular_rate_unit}. No scale error is that large; {advice}."
+    )
+
+
+def refuse_misfit(case: Case, fit: Fit) -> None:
+    """Refuse what does not fit, with the likeliest reason.
+
+    Raises
+    ------
+    SegmentationError
+        If spins go the other way round, if axes are swapped, or if too few steps fit.
+    """
+    _refuse_reversed_spins(case, fit)
+    if _share(case, fit, spins=False) < SUSPICIOUS_SHARE:
+        _refuse_swapped_accelerometer(case, fit)
+    if _share(case, fit, spins=True) < SUSPICIOUS_SHARE:
+        _refuse_swapped_gyro(case, fit)
+    found = len(fit.alignment.steps())
+    if found < SMALLEST_SHARE * len(case.steps):
+        raise SegmentationError(
+            f"The recording is not of the protocol {case.protocol.name}: {found} of its {len(case.steps)} holds "
+            f"and spins fit in order. The recording has {describe(case)}{_another_order(case, fit)}."
+        )
+
+
+def describe(case: Case) -> str:
+    """Return how many holds and spins were found, in words."""
+    holds = sum(event.hold is not None for event in case.events)
+    spins = len(case.events) - holds
+    return f"{_counted(holds, 'hold')} and {_counted(spins, 'spin')}"
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count or 'no'} {noun}{'' if count == 1 else 's'}"
+
+
+def _share(case: Case, fit: Fit, *, spins: bool) -> float:
+    """Share of the posed holds, or of the spins, that have an event."""
+    steps = [case.protocol.steps[number] for number in case.steps]
+    telling = {
+        i
+        for i, step in enumerate(steps)
+        if (isinstance(step, SpinStep) if spins else pose_of(step) is not None)
+    }
+    return len(telling & fit.alignment.steps()) / len(telling) if telling else 1.0
+
+
+def _refuse_reversed_spins(case: Case, fit: Fit) -> None:
+    up_b = fit.reading.up_b()
+    wrong: list[str] = []
+    said = True
+    for i, k in fit.alignment.pairs:
+        step, event = case.protocol.steps[case.steps[i]], case.events[k]
+        if not isinstance(step, SpinStep) or event.rate is None:
+            continue
+        axis_b = spin_axis(case.protocol, case.steps[i], event, up_b)
+        if axis_b is not None and float(event.rate @ axis_b) * step.rate < 0.0:
+            wrong.append(str(case.steps[i] + 1))
+            said = step.rate > 0.0
+    if wrong:
+        _raise_reversed(case, wrong, said)
+
+
+def _raise_reversed(case: Case, wrong: list[str], counter_clockwise: bool) -> None:
+    spins = sum(isinstance(step, SpinStep) for step in case.protocol.steps)
+    ways = ("counter-clockwise", "clockwise")
+    said, seen = ways if counter_clockwise else ways[::-1]
+    if len(wrong) == 1:
+        told = f"step {wrong[0]}: the protocol turns {said} about its axis and the gyro saw {seen}"
+    else:
+        told = f"steps {_listed(wrong)}: the gyro saw them go the other way round than the protocol says"
+    if len(wrong) == spins:
+        advice = "The gyro's signs are reversed (--columns with -gx,-gy,-gz), or the protocol counts angles clockwise"
+    else:
+        advice = "Mend the signs of these rates in the protocol: positive is counter-clockwise seen against the axis"
+    raise SegmentationError(f"Wrong way round, {told}. {advice}.")
+
+
+def _refuse_swapped_accelerometer(case: Case, fit: Fit) -> None:
+    """Refuse if other axes of the accelerometer bring nearly all holds to their poses."""
+    if case.means.specific_force is None:
+        return
+    plain = case.fit(axes=np.eye(3), quick=True)
+    best, axes = _best_axes(plain, [case.fit(axes=m, quick=True) for m in signed_permutations()])
+    if best is None or _share(case, best, spins=False) < SUSPICIOUS_SHARE:
+        return
+    holds = sum(pose_of(case.protocol.steps[number]) is not None for number in case.steps)
+    fitting = sum(pose_of(case.protocol.steps[case.steps[i]]) is not None for i in best.alignment.steps())
+    # a unit mounted otherwise turns both triads; only mirrored axes are the accelerometer's own
+    both = np.linalg.det(axes) > 0.0 and case.recording.angular_rate is not None
+    gyro = axes if both else np.eye(3)
+    raise SegmentationError(
+        f"{fitting} of the {holds} poses fit once the axes are swapped: {_in_words(axes)}. If the columns are "
+        f"mistaken or the unit is mounted otherwise, give --columns {_columns(axes, gyro)} (the file's columns in "
+        "their order); if the steps were done in another order, put the protocol's steps into that order."
+    )
+
+
+def _refuse_swapped_gyro(case: Case, fit: Fit) -> None:
+    """Refuse if other axes of the gyro bring nearly all spins to theirs."""
+    best, axes = _best_axes(fit, [case.fit(gyro=m, quick=True) for m in signed_permutations()])
+    if best is None or _share(case, best, spins=True) < SUSPICIOUS_SHARE:
+        return
+    if np.array_equal(axes, -np.eye(3)):
+        spins = [number for number in case.steps if isinstance(case.protocol.steps[number], SpinStep)]
+        _raise_reversed(case, [str(number + 1) for number in spins], counter_clockwise=True)
+    raise SegmentationError(
+        f"The spins fit once the gyro's axes are swapped: {_in_words(axes)}. Give --columns "
+        f"{_columns(np.eye(3), axes)} (the file's columns in their order), or mend the axes in the protocol."
+    )
+
+
+def _best_axes(plain: Fit, fits: list[Fit]) -> tuple[Fit | None, Matrix]:
+    """The fit that is clearly better than the plain one, and its axes; None if none is."""
+    costs = [fit.alignment.cost for fit in fits]
+    best = int(np.argmin(costs))
+    axes = signed_permutations()[best]
+    return (fits[best] if costs[best] < plain.alignment.cost - 1.5 * GAP else None), axes
+
+
+def _in_words(axes: Matrix) -> str:
+    """Which column is which axis, such as ``x is -y, y is x``."""
+    words: list[str] = []
+    for column in range(3):
+        axis = int(np.argmax(np.abs(axes[:, column])))
+        sign = "-" if axes[axis, column] < 0.0 else ""
+        if axis != column or sign:
+            words.append(f"{'xyz'[column]} is {sign}{'xyz'[axis]}")
+    return ", ".join(words)
+
+
+def _columns(accelerometer: Matrix, gyro: Matrix) -> str:
+    names = ["t"]
+    for letter, axes in (("a", accelerometer), ("g", gyro)):
+        for column in range(3):
+            axis = int(np.argmax(np.abs(axes[:, column])))
+            names.append(f"{'-' if axes[axis, column] < 0.0 else ''}{letter}{'xyz'[axis]}")
+    return ",".join(names)
+
+
+def _another_order(case: Case, fit: Fit) -> str:
+    """Say so if the holds would fit in another order."""
+    up_b = fit.reading.up_b()
+    poses = [pose for number in case.steps if (pose := pose_of(case.protocol.steps[number])) is not None]
+    if up_b is None or not poses:
+        return ""
+    cosines = np.array([pose.up_b for pose in poses]) @ up_b.T
+    near = np.arccos(np.clip(cosines, -1.0, 1.0)) < np.array(
+        [[np.radians(10.0) + 2.0 * pose.sigma] for pose in poses]
+    )
+    from scipy.optimize import linear_sum_assignment
+
+    rows, columns = linear_sum_assignment(~near)
+    fitting = int(np.sum(near[rows, columns]))
+    if fitting < SUSPICIOUS_SHARE * len(poses):
+        return ""
+    return f"; {fitting} of the {len(poses)} poses are among its holds, but in another order: put the steps into it"
+
+
+def _listed(words: list[str], most: int = 8) -> str:
+    shown = ", ".join(words[:most])
+    return shown if len(words) <= most else f"{shown} and {len(words) - most} more"
+
+
+def find_reversed_turns(case: Case, chosen: list[tuple[int, int]]) -> tuple[list[int], int, bool]:
+    """Return the turns made the other way round (step indices), how many turns tell, and if poses say so too.
+
+    The last is True where a reversed turn is far from half a turn: the holds on both sides then fit the
+    protocol's way, and it is the gyro that is reversed.
+
+    Parameters
+    ----------
+    case, chosen : the protocol beside what was found, and the pairs used.
+    """
+    hold_of = {case.steps[i]: hold for i, k in chosen if (hold := case.events[k].hold) is not None}
+    wrong: list[int] = []
+    told, contradicted = 0, False
+    for number, step in enumerate(case.protocol.steps):
+        if not isinstance(step, TurnStep) or step.axis_b is None or step.angle is None:
+            continue
+        before, after = hold_of.get(number - 1), hold_of.get(number + 1)
+        if before is None or after is None or after != before + 1:
+            continue
+        along = _turned_along(case, before, step.axis_b)
+        if along is None:
+            continue
+        told += 1
+        if along * step.angle < 0.0:
+            wrong.append(number)
+            past_half = abs(step.angle) % np.pi
+            contradicted |= bool(TELLING_TURN < past_half < np.pi - TELLING_TURN)
+    return wrong, told, contradicted
+
+
+def _turned_along(case: Case, before: int, axis_b: AnyArray) -> float | None:
+    """Cosine of the integrated rate against an axis; None where the gyro does not tell."""
+    turn = next((t for t in case.timeline.turns if t.before == before), None)
+    rate, bias = case.recording.angular_rate, case.means.angular_rate
+    if turn is None or not turn.usable or rate is None or bias is None or turn.stop <= turn.start:
+        return None
+    total = np.sum(rate[turn.start : turn.stop] - 0.5 * (bias[before] + bias[before + 1]), axis=0)
+    cosine = float(total @ axis_b / max(np.linalg.norm(total) * np.linalg.norm(axis_b), 1e-300))
+    return cosine if abs(cosine) > 0.7 else None
+
+
+def refuse_reversed_turns(case: Case, chosen: list[tuple[int, int]]) -> None:
+    """Refuse a gyro that sees turns the other way round than the poses say.
+
+    Raises
+    ------
+    SegmentationError
+        If at least half of the turns that tell are reversed, against what the poses say.
+    """
+    wrong, told, contradicted = find_reversed_turns(case, chosen)
+    if contradicted and 2 * len(wrong) >= told:
+        raise SegmentationError(
+            f"Wrong way round, steps {_listed([str(n + 1) for n in wrong])}: the holds before and after fit the "
+            "protocol, but the gyro saw these turns go the other way round. The gyro's signs are reversed: give "
+            "--columns with -gx,-gy,-gz."
+        )
+
+
+__all__ = [
+    "describe",
+    "find_reversed_turns",
+    "refuse_misfit",
+    "refuse_reversed_turns",
+    "refuse_without_spins",
+    "refuse_wrong_units",
+]
