@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from tumble.recording.recording import Recording
 from tumble.sensor import FRAMES, ImuModel, Triad
 from tumble.units import angular_rate_factor, specific_force_factor
 
+_KINDS: dict[str, Literal["hold", "turn", "spin"]] = {"hold": "hold", "turn": "turn", "spin": "spin"}
 _FRAME_WORDS = {
     **FRAMES,
     "fixture": (
@@ -138,8 +139,7 @@ def _quality(estimate: Estimate) -> QualityBlock:
         spins=int(estimate.spin_rates.size),
         variance_components=estimate.variance_components,
         left_out=[
-            LeftOutBlock(kind="hold" if o.kind == "hold" else "turn", number=o.index + 1, reason=o.reason)
-            for o in estimate.left_out
+            LeftOutBlock(kind=_KINDS[o.kind], number=o.index + 1, reason=o.reason) for o in estimate.left_out
         ],
         optional_terms=[
             TermBlock(

@@ -22,7 +22,7 @@ class NamedValue:
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """A hold or a turn that took no part, with the reason as a sentence."""
+    """A hold, a turn or a spin that took no part, with the reason as a sentence."""
 
     kind: str
     index: int

@@ -98,9 +98,9 @@ class ParameterBlock(_Strict):
 
 
 class LeftOutBlock(_Strict):
-    """A hold or turn (numbered from 1) without part in the estimate."""
+    """A hold, turn or spin (numbered from 1) without part in the estimate."""
 
-    kind: Literal["hold", "turn"]
+    kind: Literal["hold", "turn", "spin"]
     number: int
     reason: str
 

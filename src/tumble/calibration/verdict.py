@@ -179,7 +179,8 @@ def _about_spins(estimate: Estimate) -> list[str]:
 def _too_much_left_out(estimate: Estimate) -> list[str]:
     turns = int(np.count_nonzero(np.isfinite(estimate.turn_angles)))
     against: list[str] = []
-    for kind, total in (("hold", estimate.hold_norms.size), ("turn", turns)):
+    totals = (("hold", estimate.hold_norms.size), ("turn", turns), ("spin", estimate.spin_rates.size))
+    for kind, total in totals:
         gone = len({left.index for left in estimate.left_out if left.kind == kind})
         if total and gone > LARGEST_SHARE_LEFT_OUT * total:
             against.append(

@@ -1,0 +1,192 @@
+"""What a rate table showed a unit whose axes on it are known, gathered for the adjustment.
+
+The axis of a spin is the protocol's own, or the one that the pose before it has up, or, where the
+protocol says nothing, the coordinate axis along which the accelerometers show gravity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Vector
+from tumble.calibration.spin_conditions import SpinReadings, combined_mean, padded
+from tumble.calibration.spin_groups import SpinGroup, group_spins
+from tumble.earth import EARTH_RATE, Site
+from tumble.errors import ObservabilityError
+from tumble.protocol import Protocol
+from tumble.recording.recording import Recording
+from tumble.segmentation import HoldMeans, SpinMeans
+from tumble.segmentation.matching import Matching
+from tumble.units import specific_force_factor
+
+# An axis within this of a coordinate axis is meant to be it.
+_FACE_COSINE = np.cos(np.radians(10.0))
+
+
+@dataclass(frozen=True, slots=True)
+class SpunPlacement:
+    """A placement on the table whose axis is known.
+
+    Attributes
+    ----------
+    group : its holds and spins.
+    axis : (3,) unit vector in the fixture's axes that the rates are about, right-handed.
+    upward : how much of the axis points up, -1 to 1; nan if that is not known.
+    guessed : the axis is the one that the accelerometers show up, for lack of a pose.
+    """
+
+    group: SpinGroup
+    axis: Vector
+    upward: float
+    guessed: bool = False
+
+
+def find_placements(
+    recording: Recording, means: HoldMeans, matching: Matching, protocol: Protocol
+) -> list[SpunPlacement]:
+    """Return the placements with spins, each with its axis.
+
+    Raises
+    ------
+    ObservabilityError
+        If an axis is not known.
+    """
+    return [
+        _placement(recording, means, group) for group in group_spins(matching, protocol) if len(group.rows)
+    ]
+
+
+def _placement(recording: Recording, means: HoldMeans, group: SpinGroup) -> SpunPlacement:
+    """Return the axis that a group was spun about: the protocol's, the pose's, or the one seen up."""
+    if group.pose is not None:
+        up_b = group.pose.up_b / np.linalg.norm(group.pose.up_b)
+        axis = up_b if group.spins[0].axis_b is None else group.spins[0].axis_b
+        axis = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+        return SpunPlacement(group, axis, float(axis @ up_b))
+    if group.spins[0].axis_b is not None:
+        axis = np.asarray(group.spins[0].axis_b, dtype=float)
+        return SpunPlacement(group, axis / np.linalg.norm(axis), float("nan"))
+    factor = specific_force_factor(recording.specific_force_unit)
+    if factor is not None and means.specific_force is not None and group.holds:
+        seen = means.specific_force[group.holds].mean(axis=0)
+        face = int(np.argmax(np.abs(seen)))
+        if abs(seen[face]) > _FACE_COSINE * np.linalg.norm(seen):
+            axis = np.sign(seen[face]) * np.eye(3)[face]
+            return SpunPlacement(group, axis, 1.0, guessed=True)
+    raise ObservabilityError(
+        f"The axis that the unit was spun about ({group.name or 'a spin without a name'}) is not known: give the spin "
+        "an axis in the protocol, or the hold before it a pose."
+    )
+
+
+def gather_spins(
+    recording: Recording, means: HoldMeans, spins: SpinMeans, placements: list[SpunPlacement], site: Site
+) -> SpinReadings:
+    """Return the readings of all placements: a row for each spin, and one at rest where there is a hold.
+
+    Parameters
+    ----------
+    recording, means, spins : units; means at rest; means of the spins.
+    site : its latitude says how large the horizontal Earth rate is, which is seen at rest only.
+    """
+    assert spins.angular_rate is not None
+    assert spins.angular_rate_covariance is not None
+    cosine = np.cos(site.latitude) if site.latitude is not None else np.sqrt(2.0 / 3.0)
+    columns: list[list[list[AnyArray]]] = [[], [], [], [], []]
+    marks: list[list[int]] = []
+    for placement in placements:
+        group = placement.group
+        lists: list[list[AnyArray]] = [[], [], [], [], []]
+        for row, step in zip(group.rows, group.spins, strict=True):
+            rate = step.rate * placement.axis * _sense(placement, step.axis_b)
+            parts = (
+                spins.angular_rate[row],
+                spins.angular_rate_covariance[row],
+                rate,
+                np.array(step.sigma),
+                np.zeros((3, 3)),
+            )
+            for column, part in zip(lists, parts, strict=True):
+                column.append(part)
+        rest = _at_rest(means, group)
+        if rest is not None:
+            across = np.eye(3) - np.outer(placement.axis, placement.axis)
+            unseen = 0.5 * (EARTH_RATE * cosine) ** 2 * across
+            for column, part in zip(lists, (*rest, np.zeros(3), np.array(0.0), unseen), strict=True):
+                column.append(part)
+        marks.append([*group.rows, *([-1] if rest is not None else [])])
+        for column, part in zip(columns, lists, strict=True):
+            column.append(part)
+    rows = max(len(mark) for mark in marks)
+    spin = np.full((len(marks), rows), -2)
+    for at, mark in enumerate(marks):
+        spin[at, : len(mark)] = mark
+    observed, covariance, rate, share, unseen = (padded(column, rows) for column in columns)
+    sigma = np.array([0.0 if p.group.pose is None else p.group.pose.sigma for p in placements])
+    return SpinReadings(observed, covariance, rate, share, unseen, spin, sigma)
+
+
+def _sense(placement: SpunPlacement, axis_b: Vector | None) -> float:
+    """Return -1 for a spin about the axis opposite to the placement's."""
+    return 1.0 if axis_b is None or float(np.dot(axis_b, placement.axis)) >= 0.0 else -1.0
+
+
+def _at_rest(means: HoldMeans, group: SpinGroup) -> tuple[AnyArray, AnyArray] | None:
+    """Return what the gyro shows with the table at rest: one row, for its heading may always be the same."""
+    if not group.holds or means.angular_rate is None or means.angular_rate_covariance is None:
+        return None
+    return combined_mean(means.angular_rate[group.holds], means.angular_rate_covariance[group.holds])
+
+
+def require_rates(readings: SpinReadings, placements: list[SpunPlacement]) -> None:
+    """Refuse a placement that does not tell bias and scale factor apart.
+
+    Raises
+    ------
+    ObservabilityError
+        If it was spun at one rate in one direction, and not seen at rest.
+    """
+    for c, placement in enumerate(placements):
+        along = readings.rate[c][readings.active[c]] @ placement.axis
+        if np.ptp(along) <= 1e-6 * np.max(np.abs(along)):
+            raise ObservabilityError(
+                f"{placement.group.name or axis_words(placement.axis)}: spun at one rate and in one direction only, "
+                "and nowhere at rest: bias and scale factor cannot be told apart. Spin both ways, at several rates, "
+                "and record the table at rest in between."
+            )
+
+
+def axis_words(axis: Vector) -> str:
+    """Return an axis in words.
+
+    Examples
+    --------
+    >>> axis_words(np.array([0.0, -1.0, 0.0]))
+    'axis -y'
+    """
+    face = int(np.argmax(np.abs(axis)))
+    if abs(axis[face]) > 1.0 - 1e-6:
+        return f"axis {'-' if axis[face] < 0 else ''}{'xyz'[face]}"
+    return "axis (" + ", ".join(f"{v:.3g}" for v in axis) + ")"
+
+
+def known_columns(placements: list[SpunPlacement]) -> np.ndarray:
+    """Return (3,) of bool: which columns of the matrix the spun axes tell.
+
+    Raises
+    ------
+    ObservabilityError
+        If the axes are neither the fixture's own nor span it.
+    """
+    axes = np.array([p.axis for p in placements])
+    if np.linalg.matrix_rank(axes, tol=0.1) == 3:
+        return np.ones(3, dtype=bool)
+    faces = np.argmax(np.abs(axes), axis=1)
+    if np.any(np.abs(axes[np.arange(faces.size), faces]) < 1.0 - 1e-6):
+        raise ObservabilityError(
+            "The unit was spun about fewer than three independent axes, and these are not its own x, y or z: spin it "
+            "about x, y and z."
+        )
+    return np.isin(np.arange(3), faces)
