@@ -21,10 +21,10 @@ def add_white(rng: np.random.Generator, scale: float, total: np.ndarray) -> None
 def add_markov(
     rng: np.random.Generator, memory: np.ndarray, gain: np.ndarray, state: np.ndarray, total: np.ndarray
 ) -> None:
-    """Add to each column the sum of the processes x_j[i] = memory_j x_j[i - 1] + gain_j z[i].
+    """Add to each column the sum of the processes x_j[i] = memory_j x_j[i - 1] + gain_j z[i], the same z for all.
 
-    All processes of a column are driven by the same z; `state` is (columns, processes), before the
-    first sample, and is left as it is after the last.
+    `state` is (columns, processes), before the first sample, and is left as it is after the last. No
+    fastmath: a seed gives the same numbers on every processor.
     """
     processes = memory.shape[0]
     for i in range(total.shape[0]):
@@ -36,6 +36,19 @@ def add_markov(
                 state[axis, j] = x
                 value += x
             total[i, axis] += value
+
+
+@njit([types.void(_GENERATOR, types.float64, types.float64, _SIGNAL)], cache=True, nogil=True)
+def add_walk(rng: np.random.Generator, memory: float, gain: float, total: np.ndarray) -> None:
+    """Add to each of three columns the process x[i] = memory x[i - 1] + gain z[i] from x = 0."""
+    x = y = z = 0.0
+    for i in range(total.shape[0]):
+        x = memory * x + gain * rng.standard_normal()
+        y = memory * y + gain * rng.standard_normal()
+        z = memory * z + gain * rng.standard_normal()
+        total[i, 0] += x
+        total[i, 1] += y
+        total[i, 2] += z
 
 
 @njit([types.void(_GENERATOR, types.float64, types.float64, types.float64, _NUMBERS)], cache=True, nogil=True)
@@ -64,4 +77,4 @@ def carry_remainders(signal: np.ndarray, step: float) -> None:
             signal[i, axis] = whole * step
 
 
-__all__ = ["add_markov", "add_white", "add_white_and_digitise", "carry_remainders"]
+__all__ = ["add_markov", "add_walk", "add_white", "add_white_and_digitise", "carry_remainders"]

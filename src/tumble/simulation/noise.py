@@ -99,21 +99,18 @@ def simulate_wander(noise: TriadNoise, samples: int, rate: float, rng: np.random
     ----------
     noise, samples, rate, rng : as for `simulate_noise`, whose coloured part this is.
     """
-    from tumble.simulation.kernels import add_markov
+    from tumble.simulation.kernels import add_markov, add_walk
 
     total = np.zeros((samples, 3))
     if noise.bias_instability > 0.0 and samples > 0:
-        memory, gain, spread = _flicker(noise.bias_instability, samples, rate)
+        memories, gains, spread = _flicker(noise.bias_instability, samples, rate)
         # the processes are stationary from the first sample on
-        add_markov(rng, memory, gain, rng.standard_normal((3, len(memory))) @ spread.T, total)
+        add_markov(rng, memories, gains, rng.standard_normal((3, len(memories))) @ spread.T, total)
     if noise.rate_random_walk > 0.0:
-        add_markov(
-            rng, np.ones(1), np.array([noise.rate_random_walk / np.sqrt(rate)]), np.zeros((3, 1)), total
-        )
+        add_walk(rng, 1.0, noise.rate_random_walk / np.sqrt(rate), total)
     if noise.bias_stability > 0.0:
-        memory = np.array([np.exp(-1.0 / (noise.correlation_time * rate))])
-        gain = noise.bias_stability * np.sqrt(1.0 - memory**2)
-        add_markov(rng, memory, gain, np.zeros((3, 1)), total)
+        passed = 1.0 / (noise.correlation_time * rate)
+        add_walk(rng, np.exp(-passed), noise.bias_stability * np.sqrt(-np.expm1(-2.0 * passed)), total)
     return total
 
 
@@ -194,7 +191,7 @@ def simulate_output(
     from tumble.simulation.kernels import add_white_and_digitise
 
     wander = simulate_wander(noise, len(signal), rate, rng)
-    output = np.ascontiguousarray(signal + wander)
+    output = np.ascontiguousarray(signal + wander if noise.wanders else signal.copy())
     scale = noise.random_walk * np.sqrt(rate)
     add_white_and_digitise(rng, scale, noise.resolution, noise.full_scale, output.reshape(-1))
     return output, wander

@@ -1,0 +1,179 @@
+"""Simulated noise has the Allan deviation of its coefficients (IEEE Std 952), and reproduces bit for bit.
+
+Each test averages the Allan variance of many short records. The averages are normal to a good
+approximation, with a spread that is taken from the records themselves; a test with c comparisons allows
+z = 4.5 for each, a false alarm in c times 7e-6.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tumble.simulation import TriadNoise, convert_to_digital, simulate_noise
+from tumble.simulation.noise import simulate_output, simulate_wander
+from tumble.simulation.sampling import Imperfections, count_increments, drop_samples, scatter_instants
+
+RATE = 50.0
+LARGEST_Z = 4.5
+
+
+def overlapping_allan_variance(signal: np.ndarray, length: int) -> np.ndarray:
+    """Of each column, IEEE Std 1554's overlapping estimate, from the definition by sums."""
+    angle = np.concatenate([np.zeros((1, signal.shape[1])), np.cumsum(signal, axis=0)])
+    second = angle[2 * length :] - 2.0 * angle[length:-length] + angle[: -2 * length]
+    return 0.5 * np.mean(second**2, axis=0) / length**2
+
+
+def records_of(noise: TriadNoise, lengths: tuple[int, ...], seed: int, samples: int = 4000) -> np.ndarray:
+    """(records x axes, lengths) Allan variances of independent records."""
+    rng = np.random.Generator(np.random.SFC64(seed))
+    rows = [
+        np.array([overlapping_allan_variance(record, length) for length in lengths]).T
+        for record in (simulate_noise(noise, samples, RATE, rng) for _ in range(200))
+    ]
+    return np.concatenate(rows)
+
+
+def check(records: np.ndarray, expected: np.ndarray) -> None:
+    spread = records.std(axis=0) / np.sqrt(len(records))
+    np.testing.assert_array_less(np.abs(records.mean(axis=0) - expected) / spread, LARGEST_Z)
+
+
+LENGTHS = (1, 3, 10, 40, 200)
+
+
+def test_white_noise_falls_as_n_over_the_root_of_tau() -> None:
+    tau = np.array(LENGTHS) / RATE
+    check(records_of(TriadNoise(random_walk=0.03), LENGTHS, 1), 0.03**2 / tau)
+
+
+def test_a_rate_random_walk_rises_as_k_root_tau_over_three() -> None:
+    """σ² = K² τ / 3 for the continuous process; for one of steps each of K²/rate, (2 m² + 1) / (6 m rate)."""
+    m = np.array(LENGTHS)
+    check(records_of(TriadNoise(rate_random_walk=0.2), LENGTHS, 2), 0.2**2 * (2 * m**2 + 1) / (6 * m * RATE))
+
+
+def test_flicker_stays_at_its_floor() -> None:
+    """0.664 B, from 0.2 s on (the sampling filters faster noise) to a tenth of the record.
+
+    The ladder of corners makes a ripple of 2 % in the spectrum, which is allowed on top of statistics.
+    """
+    lengths = (10, 20, 50, 100, 200)
+    records = records_of(TriadNoise(bias_instability=0.5), lengths, 3)
+    floor = 2.0 * np.log(2.0) / np.pi * 0.5**2
+    spread = records.std(axis=0) / np.sqrt(len(records))
+    off = np.abs(records.mean(axis=0) - floor)
+    np.testing.assert_array_less(off, 0.03 * floor + LARGEST_Z * spread)
+
+
+def test_flicker_from_one_drive_has_the_covariances_of_independent_processes() -> None:
+    """The lag covariances of the first 200 samples against the sum of Gauss-Markov processes, exactly known."""
+    instability, samples = 0.7, 200
+    corner, total = 0.25 * RATE / samples, np.zeros(samples)
+    lag = np.arange(samples)
+    while corner < 0.5 * RATE:
+        # variance B² ln 4 / π for each corner, a factor four apart
+        total += instability**2 * np.log(4.0) / np.pi * np.exp(-2.0 * np.pi * corner / RATE * lag)
+        corner *= 4.0
+    rng = np.random.default_rng(4)
+    paths = np.concatenate(
+        [simulate_noise(TriadNoise(bias_instability=instability), samples, RATE, rng).T for _ in range(3000)]
+    )
+    for first in (0, 57):
+        products = paths[:, [first]] * paths[:, first:]
+        spread = products.std(axis=0) / np.sqrt(len(paths))
+        z = (products.mean(axis=0) - total[: samples - first]) / spread
+        # neighbouring lags are strongly dependent: far fewer than 343 independent comparisons
+        assert np.max(np.abs(z)) < LARGEST_Z
+
+
+def test_the_in_run_wander_begins_at_zero_and_tends_to_its_standard_deviation() -> None:
+    noise = TriadNoise(bias_stability=0.4, correlation_time=5.0)
+    rng = np.random.default_rng(5)
+    paths = np.concatenate([simulate_wander(noise, 1000, RATE, rng).T for _ in range(500)])
+    for index in (0, 49, 249, 999):
+        variance = 0.4**2 * -np.expm1(-2.0 * (index + 1) / (5.0 * RATE))
+        # the mean square of 1500 normal numbers spreads by √(2/1500)
+        assert abs(np.mean(paths[:, index] ** 2) / variance - 1.0) < LARGEST_Z * np.sqrt(2.0 / len(paths))
+
+
+def test_the_axes_are_independent() -> None:
+    noise = TriadNoise(random_walk=0.1, bias_instability=0.1, rate_random_walk=0.1)
+    rng = np.random.default_rng(6)
+    ends = np.array([simulate_noise(noise, 50, RATE, rng)[-1] for _ in range(4000)])
+    correlation = np.corrcoef(ends.T)[np.triu_indices(3, 1)]
+    assert np.max(np.abs(correlation)) < LARGEST_Z / np.sqrt(4000)
+
+
+@pytest.mark.parametrize("generator", [np.random.PCG64, np.random.SFC64, np.random.MT19937])
+def test_the_same_state_gives_the_same_numbers_whatever_the_generator(generator: type) -> None:
+    noise = TriadNoise(random_walk=0.1, bias_instability=0.2, rate_random_walk=0.3, bias_stability=0.1)
+    first, second = (
+        simulate_noise(noise, 500, RATE, np.random.Generator(generator(9))).tobytes() for _ in range(2)
+    )
+    other = simulate_noise(noise, 500, RATE, np.random.Generator(generator(10))).tobytes()
+    assert first == second
+    assert first != other
+
+
+def test_white_noise_is_numpy_s_own_stream() -> None:
+    """Compiled drawing takes the same numbers from the generator as numpy does, and leaves it in the same state."""
+    ours, numpys = np.random.default_rng(11), np.random.default_rng(11)
+    drawn = simulate_noise(TriadNoise(random_walk=0.5), 1000, 4.0, ours)
+    np.testing.assert_array_equal(drawn, 0.5 * 2.0 * numpys.standard_normal((1000, 3)))
+    assert ours.random() == numpys.random()
+
+
+def test_the_output_at_once_is_that_step_by_step() -> None:
+    noise = TriadNoise(0.1, 0.05, 0.02, resolution=0.013, full_scale=1.1)
+    signal = np.random.default_rng(12).normal(0.0, 0.8, (600, 3))
+    before = signal.copy()
+    output, wander = simulate_output(signal, noise, RATE, np.random.default_rng(13))
+    steps = convert_to_digital(signal + simulate_noise(noise, 600, RATE, np.random.default_rng(13)), noise)
+    # the sums are taken in another order: a rounding may fall to the other side, here it does not
+    np.testing.assert_allclose(output, steps, rtol=1e-13)
+    np.testing.assert_array_equal(wander, simulate_wander(noise, 600, RATE, np.random.default_rng(13)))
+    np.testing.assert_array_equal(signal, before)
+    assert np.max(np.abs(output)) == 1.1
+
+
+# --- the chain to the file
+
+
+def test_the_rounding_of_increments_has_the_variance_of_a_carried_remainder() -> None:
+    """The remainder is uniform over a step q: a mean over T is off by the difference of two, variance q²/6 / T².
+
+    Rounding each sample alone would leave q² rate / (12 T), a hundred times as much here.
+    """
+    rng = np.random.default_rng(14)
+    step, samples = 2e-4, 50
+    signal = rng.uniform(-1.0, 1.0, (1, 3)) + rng.normal(0.0, 0.05, (100_000, 3))
+    off = (count_increments(signal, RATE, step) - signal).reshape(-1, samples, 3).mean(axis=1)
+    duration = samples / RATE
+    ratio = np.mean(off**2) / (step**2 / 6.0 / duration**2)
+    # 6000 means; neighbours share an edge, which at most doubles the variance of their mean square
+    assert abs(ratio - 1.0) < LARGEST_Z * np.sqrt(2.0 * 2.0 / off.size)
+
+
+def test_the_share_and_the_length_of_what_is_lost_are_those_asked_for() -> None:
+    rng = np.random.default_rng(15)
+    samples, dropped, burst = 400_000, 0.08, 5.0
+    lost = ~drop_samples(samples, dropped, burst, rng)
+    starts = np.flatnonzero(np.diff(lost.astype(int), prepend=0) == 1)
+    # number of bursts: a renewal process of about samples * dropped / burst = 6400 events
+    share_spread = np.sqrt(dropped * (1 - dropped) * (2.0 * burst * (1 - dropped)) / samples)
+    assert abs(lost.mean() - dropped) < LARGEST_Z * share_spread
+    lengths = lost.sum() / len(starts)
+    # geometric lengths spread by √(burst (burst - 1))
+    assert abs(lengths - burst) < LARGEST_Z * np.sqrt(burst * (burst - 1.0) / len(starts))
+
+
+def test_instants_scatter_as_asked_and_stay_in_order() -> None:
+    edges = np.arange(100_001) / RATE
+    jitter = Imperfections(sampling_jitter=0.002).sampling_jitter
+    scattered = scatter_instants(edges, RATE, jitter, np.random.default_rng(16))
+    off = (scattered - edges)[1:]
+    assert scattered[0] == edges[0]
+    assert np.all(np.diff(scattered) > 0.0)
+    assert abs(np.mean(off**2) / jitter**2 - 1.0) < LARGEST_Z * np.sqrt(2.0 / len(off))
