@@ -7,7 +7,7 @@ one-sided: N is that density over √2.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import lru_cache
 
 import numpy as np
 
@@ -103,9 +103,10 @@ def simulate_wander(noise: TriadNoise, samples: int, rate: float, rng: np.random
 
     total = np.zeros((samples, 3))
     if noise.bias_instability > 0.0 and samples > 0:
-        memories, gains, spread = _flicker(noise.bias_instability, samples, rate)
+        memories, gains, spread = _flicker(samples, rate)
         # the processes are stationary from the first sample on
-        add_markov(rng, memories, gains, rng.standard_normal((3, len(memories))) @ spread.T, total)
+        start = noise.bias_instability * rng.standard_normal((3, len(memories))) @ spread.T
+        add_markov(rng, memories, noise.bias_instability * gains, start, total)
     if noise.rate_random_walk > 0.0:
         add_walk(rng, 1.0, noise.rate_random_walk / np.sqrt(rate), total)
     if noise.bias_stability > 0.0:
@@ -114,19 +115,19 @@ def simulate_wander(noise: TriadNoise, samples: int, rate: float, rng: np.random
     return total
 
 
-def _flicker(instability: float, samples: int, rate: float) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """Memories and gains of the recursions with one drive, and a root of their states' covariance."""
-    variance = instability**2 * np.log(OCTAVES) / np.pi
+@lru_cache(maxsize=32)
+def _flicker(samples: int, rate: float) -> tuple[AnyArray, AnyArray, AnyArray]:
+    """For B = 1: memories and gains of the recursions with one drive, and a root of their states' covariance."""
+    variance = np.log(OCTAVES) / np.pi
     lowest = 0.25 * rate / samples
     count = max(int(np.ceil(np.log(0.5 * rate / lowest) / np.log(OCTAVES))), 1)
     # 1 - memory, because a memory close to one keeps no digits of it
     loss = -np.expm1(-2.0 * np.pi * lowest * OCTAVES ** np.arange(count) / rate)
-    memory = 1.0 - loss
     gain = _single_drive(loss, variance * loss * (2.0 - loss))
     # E[x_i x_j] = g_i g_j / (1 - a_i a_j)
     covariance = np.outer(gain, gain) / (loss[:, None] + loss - np.outer(loss, loss))
     values, vectors = np.linalg.eigh(covariance)
-    return memory, gain, vectors * np.sqrt(np.maximum(values, 0.0))
+    return 1.0 - loss, gain, vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def _single_drive(loss: AnyArray, power: AnyArray) -> AnyArray:
@@ -137,27 +138,19 @@ def _single_drive(loss: AnyArray, power: AnyArray) -> AnyArray:
     and its partial fractions the gains.
     """
     memory = 1.0 - loss
-    pole = loss**2 / memory
-
-    def spectrum(y: float) -> float:
-        return float(np.sum(power / (loss**2 - memory * y)))
-
-    zeros: list[float] = []
-    for low, high in pairwise(pole):
-        # bisection in log y: from minus infinity behind one pole to plus infinity before the next
-        below, above = np.log(low), np.log(high)
-        for _ in range(80):
-            middle = 0.5 * (below + above)
-            below, above = (middle, above) if spectrum(np.exp(middle)) < 0.0 else (below, middle)
-        zeros.append(float(np.exp(0.5 * (below + above))))
-    y = np.array(zeros)
-    # w²/(1 - w) = y for w = 1 - zero
+    below, above = np.log(loss[:-1] ** 2 / memory[:-1]), np.log(loss[1:] ** 2 / memory[1:])
+    # bisection in log y: from minus infinity behind one pole to plus infinity before the next
+    for _ in range(60):
+        middle = 0.5 * (below + above)
+        spectrum = np.sum(power / (loss**2 - memory * np.exp(middle)[:, None]), axis=1)
+        below, above = np.where(spectrum < 0.0, middle, below), np.where(spectrum < 0.0, above, middle)
+    y = np.exp(0.5 * (below + above))
+    # w² / (1 - w) = y for w = 1 - zero
     zero_loss = 0.5 * (np.sqrt(y**2 + 4.0 * y) - y)
-    gain = np.ones(len(loss))
-    for j in range(len(loss)):
-        others = np.arange(len(loss)) != j
-        # with a = memory: residue at a_j is Π (a_j - b_k) / Π (a_j - a_k), both differences of losses
-        gain[j] = np.prod(zero_loss - loss[j]) / np.prod(loss[others] - loss[j])
+    # the residue at a_j is Π (a_j - b_k) / Π (a_j - a_k), both differences of losses
+    distance = loss - loss[:, None]
+    np.fill_diagonal(distance, 1.0)
+    gain = np.prod(zero_loss - loss[:, None], axis=1) / np.prod(distance, axis=1)
     # H(1) is Σ gain / loss, and the spectrum there is Σ power / loss²
     return gain * np.sqrt(np.sum(power / loss**2)) / np.abs(np.sum(gain / loss))
 
