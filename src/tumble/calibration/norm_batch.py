@@ -93,14 +93,15 @@ def adjust_norms(
     norm = np.broadcast_to(np.asarray(reference, dtype=float), (holds,))
     if estimator == "corrected":
         norm = np.sqrt(norm**2 + 2.0 * np.mean(spread**2, axis=1))
+    # Copies, because what is broadcast cannot be handed to compiled code.
     first = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) if start is None else start
     parameters, cofactors = np.empty((sets, 9)), np.zeros((sets, unknowns, unknowns))
     sigma0, iterations = np.full(sets, np.nan), np.zeros(sets, dtype=np.int64)
     adjust_norm_sets(
-        np.ascontiguousarray(observed, dtype=float),
-        np.ascontiguousarray(spread**2),
-        np.ascontiguousarray(norm),
-        np.ascontiguousarray(np.broadcast_to(first, (sets, 9)), dtype=float),
+        np.array(observed, dtype=float, order="C"),
+        np.array(spread**2, order="C"),
+        np.array(norm),
+        np.array(np.broadcast_to(first, (sets, 9)), dtype=float, order="C"),
         unknowns,
         _CODES[estimator],
         limit,

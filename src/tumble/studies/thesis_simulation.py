@@ -36,8 +36,6 @@ GYRO_ERRORS = np.repeat([4.848e-6, 150e-6, 100e-6], 3)  # rad/s, -, rad
 FORCE_ERRORS = np.repeat([0.01, 300e-6, 100e-6], 3)  # m/s², -, rad
 # With no noise the weights need some sigma: the thesis does not say which.
 NOMINAL_SHARE = 1e-10
-# Converged when no parameter moves by more than this share of its sigma.
-TOLERANCE = 1e-6
 CASES = (1, 2, 3)
 FASTER = 1e4  # case 3
 
@@ -132,7 +130,7 @@ def table_setting(table: str, case: int) -> Setting:
     )
 
 
-def run_setting(setting: Setting, runs: int, rng: np.random.Generator) -> Runs:
+def run_setting(setting: Setting, runs: int, rng: np.random.Generator, *, tolerance: float = 1e-6) -> Runs:
     """Simulate a setting many times and adjust every run.
 
     Parameters
@@ -140,6 +138,7 @@ def run_setting(setting: Setting, runs: int, rng: np.random.Generator) -> Runs:
     setting : what to simulate.
     runs : how many.
     rng : source of all numbers; the same state gives the same runs bit for bit.
+    tolerance : converged when no parameter moves by more than this share of its sigma.
     """
     means = simulate_means(setting, runs, rng)
     sigma = setting.noise / np.sqrt(setting.samples)
@@ -149,7 +148,7 @@ def run_setting(setting: Setting, runs: int, rng: np.random.Generator) -> Runs:
         setting.reference,
         unknowns=setting.unknowns,
         estimator=setting.estimator,
-        tolerance=TOLERANCE,
+        tolerance=tolerance,
     )
     return _runs(setting, batch)
 

@@ -1,0 +1,96 @@
+"""What a study hands over: a table beside the paper's numbers with a verdict a row, figures, notes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from tumble.arrays import Series
+
+INSIDE, OUTSIDE, UNJUDGED = "inside", "outside", ""
+
+Value = float | str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One line of a table.
+
+    Attributes
+    ----------
+    label : what it is.
+    unit : of the numbers; empty where they have none.
+    cells : one for each column of the outcome.
+    verdict : `INSIDE` or `OUTSIDE` of the range that the outcome's `criterion` names, or `UNJUDGED`.
+    reason : why, where it is outside or needs a word.
+    """
+
+    label: str
+    unit: str
+    cells: tuple[Value, ...]
+    verdict: str = UNJUDGED
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A line of a figure with its range: `y` over `x`, between `low` and `high`."""
+
+    name: str
+    x: Series
+    y: Series
+    low: Series
+    high: Series
+
+
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """A figure with logarithmic axes.
+
+    Attributes
+    ----------
+    name : identifier.
+    title, x_label, y_label : words with units.
+    curves : what is drawn.
+    """
+
+    name: str
+    title: str
+    x_label: str
+    y_label: str
+    curves: tuple[Curve, ...]
+
+
+@dataclass(slots=True)
+class Outcome:
+    """A table or figure of a paper, made anew.
+
+    Attributes
+    ----------
+    item : the name that it is asked for by.
+    title, source : what it is, and where it is printed.
+    columns : heads of the rows' cells.
+    rows : the table.
+    criterion : what the verdicts mean, in a sentence.
+    plots : the figures.
+    notes : sentences.
+    repetitions, seed : how often, and from what, it was simulated.
+    seconds : how long it took.
+    """
+
+    item: str
+    title: str
+    source: str
+    columns: tuple[str, ...]
+    rows: list[Row]
+    criterion: str = ""
+    plots: list[Plot] = field(default_factory=list[Plot])
+    notes: list[str] = field(default_factory=list[str])
+    repetitions: int = 1
+    seed: int = 0
+    seconds: float = 0.0
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """How many rows are inside, and how many are judged."""
+        judged = [row for row in self.rows if row.verdict != UNJUDGED]
+        return sum(row.verdict == INSIDE for row in judged), len(judged)

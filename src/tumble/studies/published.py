@@ -1,0 +1,15 @@
+"""The numbers that the papers print, as they print them."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+
+@cache
+def hayal() -> dict[str, Any]:
+    """Return the printed tables of Hayal (2010): ``tables``, ``position_tables`` and the abstract's claim."""
+    text = (files("tumble") / "data" / "papers" / "hayal-2010.json").read_text(encoding="utf-8")
+    return json.loads(text)
