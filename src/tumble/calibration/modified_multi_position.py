@@ -23,7 +23,7 @@ from tumble.calibration.multi_position import TriadFit, fit_norms
 from tumble.calibration.placement import find_added_sigma, is_excessive
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.requirements import require_poses
-from tumble.calibration.spin_conditions import combined_mean, padded
+from tumble.calibration.spin_conditions import combined_mean, padded, spin_covariance
 from tumble.calibration.spin_groups import REVERSED, SpinGroup, group_spins
 from tumble.calibration.start_values import rough_triad
 from tumble.calibration.table_conditions import VERTICAL, TableConditions, TableReadings
@@ -47,7 +47,7 @@ FEWEST_EACH_WAY = 4
 # Chance of keeping a g-sensitivity that is not there.
 G_SENSITIVITY_FALSE_ALARM = 0.01
 # Of a table's axis against the vertical; before it is known, a common one.
-LARGEST_TILT, ROUGH_TILT = 0.1, 0.01
+LARGEST_TILT, ROUGH_TILT = 0.03, 0.01
 _NINE = np.arange(9)
 _GYRO = np.arange(GYRO_MATRIX.start, GYRO_BIAS.stop)
 _G = np.arange(G_SENSITIVITY.start, G_SENSITIVITY.stop)
@@ -161,7 +161,7 @@ def _gather(means: HoldMeans, spins: SpinMeans, groups: list[SpinGroup], force: 
     assert means.specific_force is not None
     assert means.specific_force_covariance is not None
     assert spins.angular_rate is not None
-    assert spins.angular_rate_covariance is not None
+    noise = spin_covariance(spins)
     triad = triad_from_unknowns(force.unknowns)
     bad = {outlier.group for outlier in force.outliers}
     kept: list[SpinGroup] = []
@@ -185,9 +185,7 @@ def _gather(means: HoldMeans, spins: SpinMeans, groups: list[SpinGroup], force: 
         force_covariance=np.array([spread for _, spread in rest]).reshape(-1, 3, 3),
         rate=rate,
         shown=padded([[spins.angular_rate[r] for r in g.rows] or zero[0] for g in groups], most),
-        shown_covariance=padded(
-            [[spins.angular_rate_covariance[r] for r in g.rows] or zero[1] for g in groups], most
-        ),
+        shown_covariance=padded([[noise[r] for r in g.rows] or zero[1] for g in groups], most),
         row=row,
     )
 

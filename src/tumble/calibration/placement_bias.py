@@ -16,13 +16,13 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, Vectors
 from tumble.calibration.estimate import TermTest
+from tumble.calibration.placement import find_added_sigma, is_excessive
 from tumble.calibration.term_tests import wald_test
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
 from tumble.estimation import Adjustment, Linearisation, adjust
 
 G_SENSITIVITY_FALSE_ALARM = 0.01
-_CHANCE = 0.025
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,16 +97,16 @@ def fit_placement_biases(
     earth, covariance = _earth(shown, upward, covariance, site)
     flat = (observed - earth).ravel()
     same = np.tile(np.eye(3), (count, 1))
-    plain = adjust(_LinearConditions(same, flat, covariance), flat.reshape(-1, 3).mean(axis=0))
     spans = (
         np.all(np.isfinite(upward)) and np.linalg.matrix_rank(np.column_stack([np.ones(count), up]), 0.1) == 4
     )
     if not spans:
-        return _without_sensitivity(plain, same, earth)
+        return _without_sensitivity(flat, covariance, earth)
     # Row 3 c + i: bias i, then G[i, j] times the force along j.
     force = np.einsum("cj,ik->cikj", up * site.gravity, np.eye(3)).reshape(3 * count, 9)
     design = np.hstack([same, force])
-    fit = adjust(_LinearConditions(design, flat, covariance), np.concatenate([plain.parameters, np.zeros(9)]))
+    start = np.concatenate([flat.reshape(-1, 3).mean(axis=0), np.zeros(9)])
+    fit = adjust(_LinearConditions(design, flat, covariance), start)
     covariance = covariance + _tilted(fit.parameters[3:].reshape(3, 3) * site.gravity, up, sigma)
     fit = adjust(_LinearConditions(design, flat, covariance), fit.parameters)
     freedom = max(fit.redundancy, 1)
@@ -114,7 +114,7 @@ def fit_placement_biases(
     spread = fit.cofactor[3:, 3:] * scale
     test = wald_test("g_sensitivity", fit.parameters[3:], spread, freedom, G_SENSITIVITY_FALSE_ALARM)
     if not test.kept:
-        return replace(_without_sensitivity(plain, same, earth, told=True), test=test)
+        return replace(_without_sensitivity(flat, covariance, earth, told=True), test=test)
     largest = two_digits(
         float(np.degrees(np.max(np.abs(np.linalg.inv(matrix) @ fit.parameters[3:].reshape(3, 3)))) * 9.80665)
     )
@@ -165,34 +165,37 @@ def _tilted(per_up: Matrix, up: Vectors, sigma: Series) -> Square:
 
 
 def _without_sensitivity(
-    plain: Adjustment,
-    design: Table,
-    earth: Vectors,
-    *,
-    told: bool = False,
+    flat: Series, covariance: Square, earth: Vectors, *, told: bool = False
 ) -> PlacementBiases:
-    """Return the mean over the placements; their scatter counts where chance does not explain it."""
-    from scipy.special import chdtrc
+    """Return the mean over the placements; a scatter that chance does not explain counts in full."""
+    design = np.tile(np.eye(3), (earth.shape[0], 1))
+    start = flat.reshape(-1, 3).mean(axis=0)
 
-    grown = plain.redundancy > 0 and float(chdtrc(plain.redundancy, plain.square_sum)) < _CHANCE
-    scale = plain.sigma0**2 if grown else 1.0
-    missing: list[str] = []
-    if not told:
-        missing.append(
-            "The gyros' g-sensitivity is in the bias: gravity lay along the table's axis in all spins, and the "
-            "placements do not tell the two apart. Place each axis up and down."
+    def solve(scatter: float) -> Adjustment:
+        return adjust(_LinearConditions(design, flat, covariance + scatter**2 * np.eye(flat.size)), start)
+
+    plain, scatter = solve(0.0), 0.0
+    if is_excessive(plain.square_sum, plain.redundancy):
+        size = float(np.max(np.ptp(flat.reshape(-1, 3), axis=0)))
+        scatter = find_added_sigma(
+            lambda added: solve(added).square_sum, plain.redundancy, 1e-6 * size, 10.0 * size
         )
+        plain = solve(scatter)
+    missing = (
+        "The gyros' g-sensitivity is in the bias: gravity lay along the table's axis in all spins, and the "
+        "placements do not tell the two apart. Place each axis up and down."
+    )
     remark = (
-        f"From placement to placement the bias differs by {np.sqrt(scale):.1f} times what the noise explains "
+        f"From placement to placement the bias scatters by {scatter:.2g} (raw units) beyond the noise "
         "(g-sensitivity, or a bias that wanders); its uncertainty includes it."
     )
     return PlacementBiases(
         bias=plain.parameters,
-        covariance=plain.cofactor * scale,
+        covariance=plain.cofactor,
         weights=_weights(plain, design),
         beside=earth,
-        remarks=[remark] if grown else [],
-        not_determined=missing,
+        remarks=[remark] if scatter > 0.0 else [],
+        not_determined=[] if told else [missing],
     )
 
 

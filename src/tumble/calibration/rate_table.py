@@ -348,7 +348,7 @@ def _spin_residuals(
     for c, placement in enumerate(placements):
         for row in np.flatnonzero(readings.spin[c] >= 0).tolist():
             at = int(readings.spin[c, row])
-            shown = told.triad.own_input(readings.observed[c, row] - biases.beside[c])
+            shown = told.triad.own_input((readings.observed[c, row] - biases.beside[c])[None])[0]
             residuals[at] = to_si @ shown - readings.rate[c, row]
             sigmas[at] = np.sqrt((to_si**2) @ variance[c, 3 * row : 3 * row + 3])
             rates[at] = float(readings.rate[c, row] @ placement.axis)

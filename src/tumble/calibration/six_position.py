@@ -377,15 +377,17 @@ def _gyro_bias(
     bias = np.sum(weight * means, axis=0) / np.sum(weight, axis=0)
     variance = 1.0 / np.sum(weight, axis=0)
     variance *= _excess(float(np.sum(weight * (means - bias) ** 2)), 6)
+    why = "without a latitude the Earth's rotation is no reference"
+    if site.latitude is not None:
+        why = "the Earth's rotation is not seen well enough"
     told = describe_bias(
         "gyroscope", bias, np.diag(variance), unit=recording.angular_rate_unit, nominal=nominal
     )
     return _Gyro(
         told,
         "Of the gyro the six poses tell the bias alone." + seen,
-        "The gyro's scale factors and misalignments are not determined by these poses: the Earth's rotation is not "
-        "seen well enough, or no latitude was given. Where its unit is known its matrix is the nominal one "
-        "(identity), without a stated uncertainty. Spin the unit on a rate table.",
+        f"The gyro's scale factors and misalignments are not determined by these poses: {why}. Where its unit is known "
+        "its matrix is the nominal one (identity), without a stated uncertainty. Spin the unit on a rate table.",
     )
 
 

@@ -20,7 +20,10 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vectors
 from tumble.estimation import Linearisation
+from tumble.segmentation import SpinMeans
 
+# Share of its rate within which the mean rate of the best tables repeats.
+STEADIEST = 1e-7
 MATRIX, ASYMMETRY, QUADRATIC, BIASES = slice(0, 9), slice(9, 12), slice(12, 15), 15
 
 
@@ -169,6 +172,22 @@ class SpinConditions:
         matrix = full[MATRIX].reshape(3, 3)
         shift = -(self.sigma**2)[:, None, None] * (self.readings.rate @ matrix.T)
         return shift.reshape(groups, 3 * rows)
+
+
+def spin_covariance(spins: SpinMeans) -> Matrices:
+    """Return the covariance of the spins' mean rates, raw, with what no table is steadier than.
+
+    Without noise at all (a simulation's) an adjustment has nothing to weigh by.
+
+    Raises
+    ------
+    ValueError
+        If the spins have no rates.
+    """
+    if spins.angular_rate is None or spins.angular_rate_covariance is None:
+        raise ValueError("the spins have no angular rate")
+    size = 0.5 * float(np.max(np.ptp(spins.angular_rate, axis=0)))
+    return spins.angular_rate_covariance + (STEADIEST * size) ** 2 * np.eye(3)
 
 
 def padded(items: list[list[AnyArray]], rows: int) -> AnyArray:

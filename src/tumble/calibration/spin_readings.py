@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import AnyArray, Vector
-from tumble.calibration.spin_conditions import SpinReadings, combined_mean, padded
+from tumble.calibration.spin_conditions import SpinReadings, combined_mean, padded, spin_covariance
 from tumble.calibration.spin_groups import SpinGroup, group_spins
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
@@ -92,7 +92,7 @@ def gather_spins(
     site : its latitude says how large the horizontal Earth rate is, which is seen at rest only.
     """
     assert spins.angular_rate is not None
-    assert spins.angular_rate_covariance is not None
+    noise = spin_covariance(spins)
     cosine = np.cos(site.latitude) if site.latitude is not None else np.sqrt(2.0 / 3.0)
     columns: list[list[list[AnyArray]]] = [[], [], [], [], []]
     marks: list[list[int]] = []
@@ -103,7 +103,7 @@ def gather_spins(
             rate = step.rate * placement.axis * _sense(placement, step.axis_b)
             parts = (
                 spins.angular_rate[row],
-                spins.angular_rate_covariance[row],
+                noise[row],
                 rate,
                 np.array(step.sigma),
                 np.zeros((3, 3)),
