@@ -5,17 +5,19 @@ is, and `simulate_recording` plays it; `simulate_protocol` plays a protocol with
 random number comes from the generator that is passed in.
 """
 
-from tumble.simulation.disturbances import Disturbance, Knock, Oscillation, simulate_tremor
+from tumble.simulation.disturbances import Detours, Disturbance, Knock, Oscillation, simulate_tremor
+from tumble.simulation.fixtures import PlayedProtocol, TrueSpin, play_protocol
 from tumble.simulation.grades import GRADES, Grade, TriadGrade, find_grade
 from tumble.simulation.motion import Motion
 from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise
 from tumble.simulation.poses import poses_26, simulate_hand_poses
-from tumble.simulation.protocols import PlayedProtocol, play_protocol, simulate_protocol
+from tumble.simulation.protocols import motion_from_protocol, simulate_protocol
 from tumble.simulation.recordings import Distort, Truth, simulate_recording
 from tumble.simulation.sampling import Imperfections
 
 __all__ = [
     "GRADES",
+    "Detours",
     "Distort",
     "Disturbance",
     "Grade",
@@ -26,9 +28,11 @@ __all__ = [
     "PlayedProtocol",
     "TriadGrade",
     "TriadNoise",
+    "TrueSpin",
     "Truth",
     "convert_to_digital",
     "find_grade",
+    "motion_from_protocol",
     "play_protocol",
     "poses_26",
     "simulate_hand_poses",

@@ -1,4 +1,4 @@
-"""What disturbs a unit on its path: hand tremor, vibration, knocks.
+"""What disturbs a unit on its path: hand tremor, vibration, knocks, detours.
 
 A disturbance turns the body by a small rotation vector (in b, applied after the path's attitude) and
 shakes it by an acceleration in b. It is an exact function of time, so that a simulated recording of
@@ -107,6 +107,45 @@ class Knock:
 
     def _angle(self, time: Series) -> Series:
         return np.pi * np.clip((time - self.time) / self.duration, 0.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Detours:
+    """A hand does not turn about one fixed axis: during each of some turns the attitude leaves the path.
+
+    It goes off as the square of a sine and is back at the turn's end. The unit's acceleration on the way
+    is left out, as if it turned about itself.
+
+    Attributes
+    ----------
+    time : (turns,) s, increasing, where each begins.
+    duration : (turns,) s; each ends before the next begins.
+    swing : (turns, 3) rad, the largest excursion in b.
+    """
+
+    time: Series
+    duration: Series
+    swing: Vectors
+
+    def rotation(self, time: Series) -> Vectors:
+        """Return the extra rotation vector in b, rad."""
+        turn, angle = self._angle(time)
+        return np.sin(angle)[:, None] ** 2 * self.swing[turn]
+
+    def rotation_rate(self, time: Series) -> Vectors:
+        """Return its time derivative, rad/s."""
+        turn, angle = self._angle(time)
+        return (np.sin(2.0 * angle) * np.pi / self.duration[turn])[:, None] * self.swing[turn]
+
+    def acceleration(self, time: Series) -> Vectors:
+        """Return the extra acceleration in b, m/s²: none."""
+        return np.zeros((len(time), 3))
+
+    def _angle(self, time: Series) -> tuple[np.ndarray, Series]:
+        turn = np.maximum(np.searchsorted(self.time, time, side="right") - 1, 0)
+        share = np.clip((time - self.time[turn]) / self.duration[turn], 0.0, 1.0)
+        # sin(pi) is not zero to the last digit, and a hold shall be one
+        return turn, np.where(share < 1.0, np.pi * share, 0.0)
 
 
 def simulate_tremor(

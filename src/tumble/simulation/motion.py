@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from tumble.arrays import AnyArray, Series, Vector, Vectors
 from tumble.earth.site import Site
+from tumble.errors import UsageError
 from tumble.simulation.disturbances import Disturbance
 
 
@@ -32,8 +33,8 @@ class Motion:
     creep_vector_b : (holds, 3) rad, rotation vector in b by which each hold creeps at a constant rate.
     lever_arm_b : (3,) m, from the centre of the turns to the unit; gives it acceleration while turned.
     disturbances : tremor, vibration, knocks: on top of the path, at all times.
-    turn_ramp : (holds - 1,) s that a spin takes to come to its constant rate and to stop from it; zero
-        for a turn without such a part. None for no spins at all.
+    turn_ramp : (holds - 1,) s that a spin takes to come to its constant rate and to stop from it; NaN
+        for a turn without a constant part. None for no spins at all.
     """
 
     first_rotation_nb: Rotation
@@ -119,8 +120,8 @@ class Motion:
         for step in Rotation.from_rotvec(vector[:-1]) if holds > 1 else ():
             rotations.append(rotations[-1] * step)
         edges = np.concatenate([[0.0], np.cumsum(length)])
-        ramp = np.zeros(2 * holds - 1)
-        ramp[1::2] = 0.0 if self.turn_ramp is None else self.turn_ramp
+        ramp = np.full(2 * holds - 1, np.nan)
+        ramp[1::2] = np.nan if self.turn_ramp is None else self.turn_ramp
         return _Steps(edges, length, vector, ramp, Rotation.concatenate(rotations))
 
     def rotation_nb(self, time: Series) -> Rotation:
@@ -155,17 +156,46 @@ class Motion:
         """Return the rotation vector from each edge to the next over the time between, rad/s, in b.
 
         It is what a gyro's increments tell without coning error: the rotations by ``rate * step``,
-        chained, return the attitude exactly.
+        chained, return the attitude exactly. Within one hold, turn or spin the path's part is made from
+        the angle and the Earth's from its rate, so that both keep all their digits at any sampling rate;
+        a difference of attitudes would leave of the Earth rate at 1 kHz only eight.
 
         Parameters
         ----------
         edges : (samples + 1,) s, strictly increasing.
         site : as for `angular_rate_ib_b`.
+
+        Raises
+        ------
+        UsageError
+            If the unit turns by half a turn or more between two edges: no gyro sample tells that.
         """
-        rotation = self.rotation_nb(edges)
-        step = np.diff(edges)
-        earth = Rotation.from_rotvec(step[:, None] * _earth_rate(site))
-        return (rotation[:-1].inv() * earth * rotation[1:]).as_rotvec() / step[:, None]
+        step, share, *_ = self._progress(edges)
+        path = self._steps()
+        self._refuse_half_turns(edges, step, share)
+        before = path.rotations_nb[step] * Rotation.from_rotvec(path.vector[step] * share[:, None])
+        across = step[1:] != step[:-1]
+        turned = path.vector[step[:-1]] * np.diff(share)[:, None]
+        turned[across] = (before[:-1].inv() * before[1:]).as_rotvec()[across]
+        moved = Rotation.from_rotvec(turned)
+        if self.disturbances:
+            shake = Rotation.from_rotvec(self._shake(edges))
+            before, moved = before * shake, shake[:-1].inv() * moved * shake[1:]
+        interval = np.diff(edges)[:, None]
+        earth_b = before[:-1].inv().apply(_earth_rate(site))
+        return (Rotation.from_rotvec(interval * earth_b) * moved).as_rotvec() / interval
+
+    def _refuse_half_turns(self, edges: Series, step: np.ndarray, share: Series) -> None:
+        path = self._steps()
+        angle = np.linalg.norm(path.vector, axis=1)
+        turned = np.diff(np.concatenate([[0.0], np.cumsum(angle)])[step] + angle[step] * share)
+        worst = int(np.argmax(turned))
+        if turned[worst] >= np.pi:
+            raise UsageError(
+                f"Between {edges[worst]:.6g} s and {edges[worst + 1]:.6g} s the unit turns by "
+                f"{np.degrees(turned[worst]):.0f} degrees, and a gyro sample of half a turn or more tells "
+                "nothing: give a higher sampling rate, or slower turns."
+            )
 
     def specific_force_b(self, time: Series, site: Site) -> Vectors:
         """Return the specific force at each instant, m/s², in b; at rest it is minus gravity.
@@ -199,7 +229,7 @@ class Motion:
         share = np.where(turning, x**3 * (10.0 - 15.0 * x + 6.0 * x**2), x)
         speed = np.where(turning, 30.0 * x**2 * (1.0 - x) ** 2, inside) / length
         gain = np.where(turning, 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x), 0.0) / length**2
-        spinning = path.ramp[step] > 0.0
+        spinning = ~np.isnan(path.ramp[step])
         if np.any(spinning):
             rows = step[spinning]
             share[spinning], speed[spinning], gain[spinning] = _spin_progress(
@@ -213,22 +243,24 @@ def _spin_progress(elapsed: Series, length: Series, ramp: Series) -> tuple[Serie
 
     The speed rises as ``10 x³ − 15 x⁴ + 6 x⁵`` over the ramp, whose integral is ``5/2 x⁴ − 3 x⁵ + x⁶``
     and a half at its end, stays, and falls the same way: the whole angle is the rate times length - ramp.
+    Without a ramp the speed jumps.
     """
     elapsed = np.clip(elapsed, 0.0, length)
     late = elapsed > 0.5 * length
-    x = np.minimum(np.where(late, length - elapsed, elapsed) / ramp, 1.0)
-    way = ramp * x**4 * (2.5 - 3.0 * x + x**2) + np.where(
-        x < 1.0, 0.0, np.where(late, length - elapsed, elapsed) - ramp
-    )
+    near = np.where(late, length - elapsed, elapsed)
+    ramping = near < ramp
+    x = np.where(ramping, near / np.where(ramping, ramp, 1.0), 1.0)
+    way = np.where(ramping, ramp * x**4 * (2.5 - 3.0 * x + x**2), near - 0.5 * ramp)
     whole = length - ramp
     speed = x**3 * (10.0 - 15.0 * x + 6.0 * x**2) / whole
-    gain = np.where(late, -1.0, 1.0) * 30.0 * x**2 * (1.0 - x) ** 2 / (ramp * whole)
+    fastest = 30.0 * x**2 * (1.0 - x) ** 2 / np.where(ramping, ramp * whole, 1.0)
+    gain = np.where(late, -fastest, fastest)
     return np.where(late, 1.0 - way / whole, way / whole), speed, gain
 
 
 @dataclass(frozen=True, slots=True)
 class _Steps:
-    """Holds and turns in one row: edges, length and ramp in s, rotation vector, attitude at the beginning."""
+    """Holds and turns in one row: edges, length and ramp (NaN: no spin) in s, rotation vector, first attitude."""
 
     edges: AnyArray
     length: AnyArray

@@ -8,17 +8,28 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tumble.arrays import AnyArray, Vectors
+from tumble.arrays import AnyArray, Series, Vectors
 from tumble.earth.site import Site
+from tumble.errors import UsageError
 from tumble.recording.recording import Recording
 from tumble.sensor.imu import ImuModel
+from tumble.simulation.fixtures import TrueSpin
 from tumble.simulation.grades import Grade
 from tumble.simulation.motion import Motion
 from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise, simulate_wander
-from tumble.simulation.sampling import Imperfections, count_increments, drop_samples, scatter_stamps
+from tumble.simulation.sampling import (
+    Imperfections,
+    count_increments,
+    drop_samples,
+    scatter_instants,
+    scatter_stamps,
+)
 
 Distort = Callable[[Vectors, Vectors], tuple[Vectors, Vectors]]
 """True (specific force, angular rate) in b, m/s² and rad/s, to raw: `ImuModel.distort` is one."""
+
+# Samples whose motion is worked out at a time: some 60 MB of intermediate results.
+BLOCK = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +40,17 @@ class Truth:
     ----------
     hold_edges : (holds, 2) s on the recording's clock, from where each hold begins to where it ends.
     rotations_nb : attitude at each hold's beginning.
-    specific_force_b, angular_rate_ib_b : (holds, 3) true means over each hold's samples, m/s², rad/s;
-        NaN for a hold of which no sample was recorded.
+    specific_force_b, angular_rate_ib_b : (holds, 3) true means over the samples that lie wholly in each
+        hold, m/s², rad/s; NaN for a hold of which no sample was recorded.
     creep_angle : (holds,) rad by which each hold's attitude creeps.
     force_wander, rate_wander : (holds, 3) raw, how far each bias had wandered in each hold (its mean).
-    model : the sensor's errors, where a grade was drawn.
+    model : the sensor's errors, raw units as in the recording, where they were drawn or a protocol was played.
     site : gravity and Earth rate.
-    step_edges : (steps, 2) s, when each step of the protocol began and ended, where one was played.
+    step_edges : (steps, 2) s, when each step of the protocol began and ended, where one was played; a
+        spin without its ramps.
+    hold_steps : for each hold the index of the protocol's step; None for a rest that no step asked for.
+    spins : the true rate and axis of each spin of the protocol.
+    counts_per_si : raw counts per m/s² and per rad/s, or None where raw units are SI.
     """
 
     hold_edges: AnyArray
@@ -48,6 +63,9 @@ class Truth:
     model: ImuModel | None
     site: Site
     step_edges: AnyArray = field(default_factory=lambda: np.zeros((0, 2)))
+    hold_steps: tuple[int | None, ...] = ()
+    spins: tuple[TrueSpin, ...] = ()
+    counts_per_si: tuple[float, float] | None = None
 
 
 def simulate_recording(
@@ -79,14 +97,25 @@ def simulate_recording(
         noise and converter act on the raw numbers in the grade's units: raw units are then SI.
     start, stop : s of the motion, where the recording begins and ends; a turn may be cut.
     missing : (from, to) s of the motion, samples that the recording lost.
-    imperfections : what the recording chain does beside: increments, scattered stamps, lost samples.
+    imperfections : what the recording chain does beside: increments, scattered instants and stamps, lost
+        samples.
+
+    Raises
+    ------
+    UsageError
+        If the rate is not positive, so low that there is no sample, or so low that the unit turns by half
+        a turn within one.
     """
     chain = imperfections or Imperfections()
     stop = motion.duration if stop is None else stop
-    edges = start + np.arange(int(np.floor((stop - start) * rate)) + 1) / rate
-    middle = 0.5 * (edges[:-1] + edges[1:])
-    force = motion.specific_force_b(middle, site)
-    angular_rate = motion.mean_angular_rate_ib_b(edges, site)
+    if not 0.0 < rate < np.inf or (stop - start) * rate < 1.0:
+        raise UsageError(
+            f"A recording of {stop - start:g} s at {rate:g} Hz has no sample: give a higher sampling rate."
+        )
+    regular = start + np.arange(int(np.floor((stop - start) * rate)) + 1) / rate
+    middle = 0.5 * (regular[:-1] + regular[1:])
+    edges = scatter_instants(regular, rate, chain.sampling_jitter, rng)
+    force, angular_rate = _sample(motion, edges, site)
     model = grade.simulate_model(rng) if grade is not None and distort is None else None
     distort = model.distort if model is not None else distort
     raw_force, raw_rate = (force, angular_rate) if distort is None else distort(force, angular_rate)
@@ -110,7 +139,19 @@ def simulate_recording(
         rate=rate,
         gaps=_gaps(keep),
     )
-    return recording, _truth(motion, start, middle, (force, angular_rate, *wander), model, site)
+    return recording, _truth(motion, start, edges, (force, angular_rate, *wander), model, site)
+
+
+def _sample(motion: Motion, edges: Series, site: Site) -> tuple[Vectors, Vectors]:
+    """Return specific force at each interval's middle and mean rate over it, a block of samples at a time."""
+    samples = len(edges) - 1
+    force, angular_rate = np.empty((samples, 3)), np.empty((samples, 3))
+    for first in range(0, samples, BLOCK):
+        ends = edges[first : first + BLOCK + 1]
+        part = slice(first, first + len(ends) - 1)
+        force[part] = motion.specific_force_b(0.5 * (ends[:-1] + ends[1:]), site)
+        angular_rate[part] = motion.mean_angular_rate_ib_b(ends, site)
+    return force, angular_rate
 
 
 def _sensed(
@@ -130,19 +171,22 @@ def _gaps(keep: np.ndarray) -> tuple[int, ...]:
 def _truth(
     motion: Motion,
     start: float,
-    middle: AnyArray,
+    ends: Series,
     signals: tuple[AnyArray, AnyArray, AnyArray, AnyArray],
     model: ImuModel | None,
     site: Site,
 ) -> Truth:
     edges = motion.hold_edges
+    # A sample that ends with the hold belongs to it, whatever round-off says.
+    slack = 1e-9 * (motion.duration + 1.0)
+    firsts: list[int] = np.searchsorted(ends, edges[:, 0] - slack).tolist()
+    lasts: list[int] = (np.searchsorted(ends, edges[:, 1] + slack, side="right") - 1).tolist()
 
     def means(signal: AnyArray) -> AnyArray:
         rows = np.full((len(edges), 3), np.nan)
-        for row, (first, last) in zip(rows, edges, strict=True):
-            inside = signal[(middle >= first) & (middle < last)]
-            if len(inside):
-                row[:] = inside.mean(axis=0)
+        for row, first, last in zip(rows, firsts, lasts, strict=True):
+            if last > first:
+                row[:] = signal[first:last].mean(axis=0)
         return rows
 
     force, angular_rate, force_wander, rate_wander = (means(signal) for signal in signals)

@@ -1,0 +1,425 @@
+"""What hands and a table make of a protocol: poses with placement errors, turns and spins between them.
+
+The protocol says where the unit is meant to be; the fixture puts it there with an error that stays until
+it is placed anew. A turn or a spin about a named axis goes about the axis of the table or of the box,
+which does not move with that error: in the unit's own b it is off by it. So a misplaced unit shows its
+gyros a rate that is not along the nominal axis, in every spin of that placement alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tumble.arrays import AnyArray, Series, Vector
+from tumble.errors import ProtocolError
+from tumble.protocol.steps import UP_N, HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
+from tumble.simulation.disturbances import Detours
+from tumble.simulation.motion import Motion
+from tumble.simulation.poses import simulate_hand_poses
+
+# A turn that the protocol leaves out takes this long; before a turn or spin that no hold precedes the
+# unit rests so long.
+HAND_TURN, TABLE_REST = 3.0, 1.0  # s
+# A hand's turn: one sigma of its duration as a share, and of its largest excursion from the shortest way
+# as a share of the turn's angle about each axis.
+HAND_PACE, HAND_DETOUR = 0.1, 0.03
+# What poses and turns contradict one another by, beyond their uncertainties: digits of a file, rad.
+SAME_POSE = 1e-3
+# So many sigmas a turn may miss the pose that it is said to lead to.
+CONTRADICTION = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class TrueSpin:
+    """A spin as it was.
+
+    Attributes
+    ----------
+    step : index of the protocol's step, from 0.
+    start, stop : s, the part at the constant rate.
+    rate : rad/s against the Earth about the axis, with the table's error.
+    axis_b : (3,) unit vector, the table's axis in b, with the placement's error.
+    axis_n : (3,) the same in north, east, down.
+    """
+
+    step: int
+    start: float
+    stop: float
+    rate: float
+    axis_b: Vector
+    axis_n: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class PlayedProtocol:
+    """The motion that a protocol became.
+
+    Attributes
+    ----------
+    motion : holds, turns and spins one after another.
+    step_edges : (steps, 2) s, when each step began and ended; a spin without its ramps.
+    hold_steps : for each hold of the motion the index of its step; None for a rest that no step asks for.
+    spins : each spin's true rate and axis, in order.
+    """
+
+    motion: Motion
+    step_edges: AnyArray
+    hold_steps: tuple[int | None, ...]
+    spins: tuple[TrueSpin, ...]
+
+
+def play_protocol(
+    protocol: Protocol,
+    rng: np.random.Generator,
+    *,
+    placement: bool = True,
+    heading: float | Series | None = None,
+    lever_arm_b: Vector | None = None,
+    table_tilt: float = 0.0,
+) -> PlayedProtocol:
+    """Return a motion that follows the protocol as well as its uncertainties say.
+
+    A hold with a pose is put there with an error of its standard uncertainty about each axis; one
+    without a pose is put anyhow. A turn that is named with axis and angle is made with an error of its
+    uncertainty; it ends in the pose that the next hold names where that is the better known. Any other
+    turn is made by hand: the shortest way, a little off it, in a little more or less time. After a spin
+    the unit stays as it was mounted; the table goes back if the next hold says so.
+
+    Parameters
+    ----------
+    protocol : what to do. Its file names and time intervals are not heeded.
+    rng : source of errors and of unknown headings and poses.
+    placement : make errors of placement, angle, rate and hand; False plays the nominal motion, and a
+        heading that is not known is then zero.
+    heading : rad, of every pose whose heading is not known, or one for each step; None draws them.
+    lever_arm_b : (3,) m, from the centre of turns to the unit.
+    table_tilt : rad, one sigma of a lean of the whole fixture about north and about east, which all
+        poses and axes have in common and the protocol does not know.
+
+    Raises
+    ------
+    ProtocolError
+        If a step cannot be: a duration that is not positive, an axis of no direction, or a turn that
+        does not lead to the pose of the next hold.
+    """
+    for number, step in enumerate(protocol.steps):
+        _check(number, step)
+    fixture = _Fixture(protocol.steps, rng, placement, heading, table_tilt)
+    for number, step in enumerate(protocol.steps):
+        if isinstance(step, HoldStep):
+            fixture.hold(number, step)
+        elif isinstance(step, TurnStep):
+            fixture.turn(number, step)
+        else:
+            fixture.spin(number, step)
+    return fixture.finish(np.zeros(3) if lever_arm_b is None else lever_arm_b)
+
+
+@dataclass(slots=True)
+class _Move:
+    """A turn or spin: s, rotation vector in b, s of ramp (NaN: no spin), its step, a hand's swing in b."""
+
+    duration: float
+    vector_b: Vector
+    ramp: float = np.nan
+    step: int | None = None
+    swing: Vector = field(default_factory=lambda: np.zeros(3))
+
+
+class _Fixture:
+    """Strings steps together: every turn or spin lies between two holds."""
+
+    def __init__(
+        self,
+        steps: tuple[Step, ...],
+        rng: np.random.Generator,
+        placement: bool,
+        heading: float | Series | None,
+        table_tilt: float,
+    ) -> None:
+        self.steps, self.rng, self.placement = steps, rng, placement
+        self.heading = 0.0 if heading is None and not placement else heading
+        tilt = rng.normal(0.0, table_tilt, 2) if placement and table_tilt > 0.0 else np.zeros(2)
+        self.lean = Rotation.from_rotvec([*tilt, 0.0])
+        # Where the unit is (up to the lean), and where it is meant to be.
+        self.actual: Rotation | None = None
+        self.nominal = Rotation.identity()
+        self.first = Rotation.identity()
+        # One sigma of the named turns since the unit was last put into a pose that is known.
+        self.doubt = 0.0
+        self.holds: list[tuple[float, int | None]] = []
+        self.moves: list[_Move] = []
+        self.waiting: int | None = None
+
+    def hold(self, number: int, step: HoldStep) -> None:
+        if self.actual is None:
+            self._put(number, step.pose)
+        elif self.waiting is not None or len(self.moves) < len(self.holds):
+            self._carry(number, step.pose)
+        elif step.pose is not None:
+            if np.isnan(self.moves[-1].ramp):
+                self._agree(number, step.pose)
+            else:
+                self._return(number, step.pose)
+        self.holds.append((step.duration, number))
+
+    def turn(self, number: int, step: TurnStep) -> None:
+        self._settle(None)
+        if step.axis_b is None or step.angle is None:
+            self.waiting = number
+            return
+        vector = step.angle * _unit(step.axis_b)
+        angle = step.angle + self._error(step.sigma)
+        self.doubt = float(np.hypot(self.doubt, step.sigma))
+        self._move(_Move(step.duration, angle * self._in_b(_unit(step.axis_b)), step=number), vector)
+
+    def spin(self, number: int, step: SpinStep) -> None:
+        # A table that nothing is said of stands level.
+        self._settle(None if step.axis_b is None else Pose(_unit(step.axis_b)))
+        rate = step.rate * (1.0 + self._error(step.sigma))
+        axis, axis_b = self._spin_axes(step)
+        seconds = step.duration + step.ramp
+        move = _Move(step.duration + 2.0 * step.ramp, rate * seconds * axis_b, step.ramp, number)
+        self._move(move, step.rate * seconds * axis)
+
+    def _settle(self, pose: Pose | None) -> None:
+        """Bring the unit to rest: somewhere if it is nowhere yet, or where a turn in waiting goes."""
+        if self.actual is None:
+            self._put(None, pose)
+        elif self.waiting is not None:
+            self._carry(None, pose)
+        if len(self.moves) == len(self.holds):
+            self.holds.append((TABLE_REST, None))
+
+    def _put(self, number: int | None, pose: Pose | None) -> None:
+        """Place the unit anew."""
+        self.nominal = self._nominal(number, pose)
+        self.actual = self._misplaced(pose)
+        self.doubt = 0.0
+        if not self.holds:
+            self.first = self.lean * self.actual
+
+    def _misplaced(self, pose: Pose | None) -> Rotation:
+        if pose is None or not self.placement or pose.sigma == 0.0:
+            return self.nominal
+        return self.nominal * Rotation.from_rotvec(self.rng.normal(0.0, pose.sigma, 3))
+
+    def _carry(self, number: int | None, pose: Pose | None) -> None:
+        """Turn by hand, the shortest way, to where the unit is placed next."""
+        before, step = self.actual, None if self.waiting is None else self.steps[self.waiting]
+        assert before is not None
+        self._put(number, pose)
+        assert self.actual is not None
+        move = _Move(
+            HAND_TURN if step is None else step.duration,
+            (before.inv() * self.actual).as_rotvec(),
+            step=self.waiting,
+        )
+        if self.placement:
+            angle = float(np.linalg.norm(move.vector_b))
+            move.swing = self.rng.normal(0.0, HAND_DETOUR * angle, 3)
+            move.duration *= 1.0 + HAND_PACE * float(np.clip(self.rng.normal(), -3.0, 3.0))
+        self.moves.append(move)
+        self.waiting = None
+
+    def _move(self, move: _Move, nominal_vector: Vector) -> None:
+        assert self.actual is not None
+        self.moves.append(move)
+        self.actual = self.actual * Rotation.from_rotvec(move.vector_b)
+        self.nominal = self.nominal * Rotation.from_rotvec(nominal_vector)
+
+    def _in_b(self, axis: Vector) -> Vector:
+        """The nominal axis as it lies in the misplaced unit."""
+        assert self.actual is not None
+        return (self.actual.inv() * self.nominal).apply(axis)
+
+    def _spin_axes(self, step: SpinStep) -> tuple[Vector, Vector]:
+        """A spin's axis where it is meant to be in b, and where it is."""
+        axis = self.nominal.inv().apply(UP_N) if step.axis_b is None else _unit(step.axis_b)
+        return axis, self._in_b(axis)
+
+    def _agree(self, number: int, pose: Pose) -> None:
+        """Let a named turn end in the pose of the hold that follows, if that is known better."""
+        assert self.actual is not None
+        wanted = pose.rotation_nb(_nearest_heading(pose, self.nominal))
+        away = float((self.nominal.inv() * wanted).magnitude())
+        if away > CONTRADICTION * np.hypot(self.doubt, pose.sigma) + SAME_POSE:
+            raise ProtocolError(
+                f"Step {number + 1}{_named(self.steps[number])} is a hold in a pose "
+                f"{np.degrees(away):.1f} degrees away from where the turns before it lead: "
+                "put right the pose, or the axis, angle or sign of the turn."
+            )
+        if self.placement and self.doubt < pose.sigma:
+            return
+        self.nominal = pose.rotation_nb(_nearest_heading(pose, self.actual))
+        target = self._misplaced(pose)
+        move = self.moves[-1]
+        before = self.actual * Rotation.from_rotvec(-move.vector_b)
+        move.vector_b = _nearest_turn((before.inv() * target).as_rotvec(), move.vector_b)
+        self.actual = before * Rotation.from_rotvec(move.vector_b)
+        self.doubt = 0.0
+
+    def _return(self, number: int, pose: Pose) -> None:
+        """After a spin, turn the table on to where the next hold is, or place the unit anew."""
+        move = self.moves[-1]
+        assert move.step is not None
+        step = self.steps[move.step]
+        assert isinstance(step, SpinStep)
+        axis, axis_b = self._spin_axes(step)
+        angle = _angle_to(self.nominal, pose, axis)
+        if angle is None:
+            self.holds.append((TABLE_REST, None))
+            self._carry(number, pose)
+        elif abs(angle) > SAME_POSE:
+            self.holds.append((TABLE_REST, None))
+            self._move(_Move(HAND_TURN, angle * axis_b), angle * axis)
+
+    def _nominal(self, number: int | None, pose: Pose | None) -> Rotation:
+        """The attitude that is meant, in full: what is not known is known by a later hold, or drawn."""
+        if pose is not None and pose.heading is not None:
+            return pose.rotation_nb()
+        told = None if number is None else self._told_later(number, headed=True)
+        if pose is not None:
+            return pose.rotation_nb(self._heading(number) if told is None else _nearest_heading(pose, told))
+        if told is None and number is not None:
+            told = self._told_later(number, headed=False)
+        if told is not None:
+            return told
+        return simulate_hand_poses(self.rng, 1, after=self.actual)[0]
+
+    def _told_later(self, number: int, headed: bool) -> Rotation | None:
+        """The attitude in which named turns from this hold lead to a later one whose pose is known."""
+        turned, before = Rotation.identity(), self.steps[number]
+        for later, step in enumerate(self.steps[number + 1 :], number + 1):
+            if isinstance(step, TurnStep) and step.axis_b is not None and step.angle is not None:
+                turned = turned * Rotation.from_rotvec(step.angle * _unit(step.axis_b))
+            elif not isinstance(step, HoldStep) or isinstance(before, HoldStep):
+                return None
+            elif step.pose is not None and (step.pose.heading is not None or not headed):
+                return step.pose.rotation_nb(0.0 if headed else self._heading(later)) * turned.inv()
+            before = step
+        return None
+
+    def _heading(self, number: int | None) -> float:
+        if self.heading is None:
+            return float(self.rng.uniform(0.0, 2.0 * np.pi))
+        if isinstance(self.heading, np.ndarray):
+            return 0.0 if number is None else float(self.heading[number])
+        return self.heading
+
+    def _error(self, sigma: float) -> float:
+        return float(self.rng.normal(0.0, sigma)) if self.placement and sigma > 0.0 else 0.0
+
+    def finish(self, lever_arm_b: Vector) -> PlayedProtocol:
+        self._settle(None)
+        motion = Motion(
+            first_rotation_nb=self.first,
+            hold_duration=np.array([duration for duration, _ in self.holds]),
+            turn_duration=np.array([move.duration for move in self.moves]),
+            turn_vector_b=np.array([move.vector_b for move in self.moves]).reshape(-1, 3),
+            creep_vector_b=np.zeros((len(self.holds), 3)),
+            lever_arm_b=lever_arm_b,
+            turn_ramp=np.array([move.ramp for move in self.moves]),
+        )
+        holds = motion.hold_edges
+        by_hand = [k for k, move in enumerate(self.moves) if np.any(move.swing)]
+        if by_hand:
+            moves = [self.moves[k] for k in by_hand]
+            motion = motion.disturbed(
+                Detours(
+                    holds[by_hand, 1],
+                    np.array([move.duration for move in moves]),
+                    np.array([move.swing for move in moves]),
+                )
+            )
+        edges = np.full((len(self.steps), 2), np.nan)
+        for (_, number), interval in zip(self.holds, holds, strict=True):
+            if number is not None:
+                edges[number] = interval
+        for k, move in enumerate(self.moves):
+            if move.step is not None:
+                ramp = 0.0 if np.isnan(move.ramp) else move.ramp
+                edges[move.step] = holds[k, 1] + ramp, holds[k + 1, 0] - ramp
+        steps = tuple(number for _, number in self.holds)
+        return PlayedProtocol(motion, edges, steps, tuple(self._true_spins(motion, edges)))
+
+    def _true_spins(self, motion: Motion, edges: AnyArray) -> list[TrueSpin]:
+        spins: list[TrueSpin] = []
+        rotations = motion.hold_rotations_nb
+        for k, move in enumerate(self.moves):
+            if np.isnan(move.ramp) or move.step is None:
+                continue
+            step = self.steps[move.step]
+            assert isinstance(step, SpinStep)
+            start, stop = (float(edge) for edge in edges[move.step])
+            # The rate that a step asks for may be negative: the axis is the protocol's, the sign the rate's.
+            rate = float(np.copysign(np.linalg.norm(move.vector_b), step.rate)) / (move.duration - move.ramp)
+            axis_b = move.vector_b / (rate * (move.duration - move.ramp))
+            spins.append(TrueSpin(move.step, start, stop, rate, axis_b, rotations[k].apply(axis_b)))
+        return spins
+
+
+def _check(number: int, step: Step) -> None:
+    where = f"Step {number + 1}{_named(step)}"
+    if not 0.0 < step.duration < np.inf:
+        raise ProtocolError(f"{where} lasts {step.duration:g} s: give it a duration above zero.")
+    axis = None if isinstance(step, HoldStep) else step.axis_b
+    if axis is not None and not 0.0 < float(np.linalg.norm(axis)) < np.inf:
+        raise ProtocolError(f"{where} has an axis of no direction: give three numbers, not all zero.")
+    if isinstance(step, SpinStep):
+        if not 0.0 < abs(step.rate) < np.inf:
+            raise ProtocolError(f"{where} spins at {step.rate:g} rad/s: give it a rate that is not zero.")
+        if not 0.0 <= step.ramp < np.inf:
+            raise ProtocolError(f"{where} has a ramp of {step.ramp:g} s: give zero or more.")
+
+
+def _named(step: Step) -> str:
+    return f" ({step.name})" if step.name else ""
+
+
+def _unit(vector: Vector) -> Vector:
+    return np.asarray(vector, dtype=np.float64) / np.linalg.norm(vector)
+
+
+def _nearest_heading(pose: Pose, rotation_nb: Rotation) -> float:
+    """The heading with which a pose comes nearest to an attitude."""
+    if pose.heading is not None:
+        return pose.heading
+    turn = (rotation_nb * pose.rotation_nb().inv()).as_matrix()
+    return float(np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1]))
+
+
+def _nearest_turn(vector: Vector, named: Vector) -> Vector:
+    """The rotation by as many whole turns more as make it like the named one.
+
+    Where the named one is all but whole turns, no axis near its own leads to another rotation: then it
+    is made whole, and the unit comes back to where it was.
+    """
+    angle, wanted = float(np.linalg.norm(vector)), float(np.linalg.norm(named))
+    axis = vector / angle if angle > 1e-9 else named / wanted
+    turns = np.round((float(axis @ named) - angle) / (2.0 * np.pi))
+    nearest = vector + 2.0 * np.pi * turns * axis
+    if np.linalg.norm(nearest - named) < 0.5:
+        return nearest
+    return named / wanted * 2.0 * np.pi * np.round(wanted / (2.0 * np.pi))
+
+
+def _angle_to(nominal: Rotation, pose: Pose, axis: Vector) -> float | None:
+    """The angle about an axis in b that leads to a pose; None if none does."""
+    up_b, wanted = nominal.inv().apply(UP_N), _unit(pose.up_b)
+    if abs(float(axis @ (up_b - wanted))) > SAME_POSE:
+        return None
+    across = up_b - (axis @ up_b) * axis
+    angle = 0.0
+    if np.linalg.norm(across) > SAME_POSE:
+        # b turns by the angle, so that what stands still in n turns the other way in b.
+        angle = -float(np.arctan2(axis @ np.cross(up_b, wanted), across @ wanted))
+    elif pose.heading is not None:
+        apart = (nominal.inv() * pose.rotation_nb()).as_rotvec()
+        angle = float(axis @ apart)
+    there = nominal * Rotation.from_rotvec(angle * axis)
+    left = (there.inv() * pose.rotation_nb(_nearest_heading(pose, there))).magnitude()
+    return angle if left < 3.0 * SAME_POSE else None
