@@ -14,6 +14,11 @@ from tumble.cli.progress import progress, results_stand
 if TYPE_CHECKING:
     from tumble.workflows.simulate import Simulated
 
+# More files than this are counted instead of listed.
+LISTED = 5
+# What ratios and angles are shown in.
+_PRACTICAL = {"1": (1e6, "ppm"), "rad": (1e3, "mrad")}
+
 
 def simulate_command(
     protocol: Annotated[
@@ -33,14 +38,21 @@ def simulate_command(
         ),
     ] = "consumer-mems",
     seed: Annotated[
-        int, typer.Option(help="Another seed is another unit, other placements, other noise.")
+        int, typer.Option(help="Another seed is another session, and another unit of the grade.")
     ] = 0,
+    unit: Annotated[
+        int | None,
+        typer.Option(help="Seed of the unit alone: the same unit in another session (default: the seed)."),
+    ] = None,
     site: SiteOption = None,
     gravity: Gravity = None,
     rate: Annotated[
-        float | None, typer.Option(help="Sampling rate in Hz (default: the grade's own).")
+        float | None, typer.Option(help="Sampling rate in Hz (default: the protocol's or the grade's own).")
     ] = None,
     units: Annotated[str, typer.Option(help="SI, or counts.")] = "SI",
+    axes: Annotated[
+        str, typer.Option(help="What the poses are of: the axes of the unit, or of its case (HG units).")
+    ] = "unit",
     per_step: Annotated[
         bool, typer.Option("--per-step/--one-file", help="A file for each hold and spin, or one for all.")
     ] = False,
@@ -53,10 +65,21 @@ def simulate_command(
     noise: Annotated[
         bool, typer.Option("--noise/--no-noise", help="Add noise and the converter's steps.")
     ] = True,
+    nonlinear: Annotated[
+        bool, typer.Option("--nonlinear", help="Also draw quadratic terms of the sheet's linearity.")
+    ] = False,
+    wander: Annotated[
+        bool, typer.Option("--wander", help="Also let biases wander by the sheet's in-run stability.")
+    ] = False,
     jitter: Annotated[
         float, typer.Option(help="Standard deviation of the stamps about the true instants, in ms.")
     ] = 0.0,
+    sampling_jitter: Annotated[
+        float,
+        typer.Option(help="Standard deviation of the instants themselves, which no stamp tells, in ms."),
+    ] = 0.0,
     dropped: Annotated[float, typer.Option(help="Share of the samples that are lost, in per cent.")] = 0.0,
+    burst: Annotated[float, typer.Option(help="How many samples are lost at a time, on average.")] = 1.0,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -64,7 +87,7 @@ def simulate_command(
 
     Writes recording.csv (or a file a step), protocol.yaml and truth.json. `tumble calibrate --protocol
     DIR/protocol.yaml` needs nothing else; the truth, with the keys of calibration.json, is for you to
-    compare. The same seed gives the same files.
+    compare. The same seed gives the same files, bit for bit.
     """
     from tumble.errors import UsageError
     from tumble.simulation import Imperfections
@@ -73,38 +96,79 @@ def simulate_command(
 
     if not 0.0 <= dropped <= 50.0:
         raise UsageError(f"--dropped {dropped:g}: a share of the samples in per cent, from 0 to 50.")
-    if not 0.0 <= jitter <= 1000.0:
-        raise UsageError(f"--jitter {jitter:g}: milliseconds from 0 to 1000.")
+    if not 1.0 <= burst <= 1e6:
+        raise UsageError(f"--burst {burst:g}: how many samples are lost at a time, 1 or more.")
+    for name, value in (("jitter", jitter), ("sampling-jitter", sampling_jitter)):
+        if not 0.0 <= value <= 1000.0:
+            raise UsageError(f"--{name} {value:g}: milliseconds from 0 to 1000.")
     with progress(quiet or as_json) as say:
         done = simulate(
             protocol,
             output=output,
             grade=imu,
             seed=seed,
+            unit=unit,
             site=choose_site(site, gravity),
             rate=rate,
             units=units,
+            axes=axes,
             per_step=per_step,
             placement=placement,
             noise=noise,
-            imperfections=Imperfections(jitter=1e-3 * jitter, dropped=1e-2 * dropped),
+            nonlinear=nonlinear,
+            wander=wander,
+            imperfections=Imperfections(
+                jitter=1e-3 * jitter,
+                sampling_jitter=1e-3 * sampling_jitter,
+                dropped=1e-2 * dropped,
+                burst=burst,
+            ),
             progress=say,
         )
     results_stand()
     if as_json:
         files = [str(file.resolve()) for file in done.files]
-        typer.echo(json.dumps({"files": files, "remarks": done.remarks, "truth": done.truth}))
+        typer.echo(
+            json.dumps(
+                {"files": files, "remarks": done.remarks, "next": _next(done), "truth": done.truth},
+                ensure_ascii=False,
+            )
+        )
         return
     _print(done, quiet)
 
 
+def _next(done: Simulated) -> str:
+    return f"tumble calibrate --protocol {done.folder / 'protocol.yaml'} -o {done.folder / 'calibration'}"
+
+
 def _print(done: Simulated, quiet: bool) -> None:
     if not quiet:
+        truth = done.truth
         for remark in done.remarks:
             typer.echo(remark)
-        for file in done.files if len(done.files) <= 5 else [done.files[0], *done.files[-2:]]:
+        typer.echo(
+            f"Protocol {truth['protocol']}, {len(truth['steps'])} steps, {truth['samples']} samples at "
+            f"{truth['rate_hz']:g} Hz, by a unit of the grade {truth['imu']['grade']} (seed {truth['unit_seed']})."
+        )
+        for line in _true_lines(truth["parameters"]):
+            typer.echo(line)
+        for file in done.files if len(done.files) <= LISTED else [done.files[0], *done.files[-2:]]:
             typer.echo(f"written: {file.resolve()}")
-        if len(done.files) > 5:
+        if len(done.files) > LISTED:
             typer.echo(f"... {len(done.files)} files in all")
-    where = done.folder / "protocol.yaml"
-    typer.echo(f"Next: tumble calibrate --protocol {where} -o {done.folder}/calibration")
+    typer.echo(f"Next: {_next(done)}")
+
+
+def _true_lines(parameters: list[dict[str, object]]) -> list[str]:
+    """The true parameters, three to a line, in the convention of the table of `tumble calibrate`."""
+    lines = ["", "True parameters, as `tumble calibrate` names them in the frame accelerometer-x:"]
+    for first in range(0, len(parameters), 3):
+        three = parameters[first : first + 3]
+        names = [str(parameter["name"]) for parameter in three]
+        stem = names[0].rsplit(" ", 1)[0]
+        tails = " ".join(name.rsplit(" ", 1)[1] for name in names)
+        factor, unit = _PRACTICAL.get(str(three[0]["unit"]), (1.0, str(three[0]["unit"])))
+        values = "".join(f"{factor * float(str(parameter['value'])):>14.6g}" for parameter in three)
+        lines.append(f"  {stem + ' ' + tails:<44}{values} {unit}")
+    return [*lines, ""]

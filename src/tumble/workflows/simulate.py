@@ -2,43 +2,49 @@
 
 from __future__ import annotations
 
+import difflib
 import json
+import math
 import os
 import tempfile
+import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-import tumble
-from tumble.earth import EARTH_RATE, Site
+from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
 from tumble.workflows.protocols import read_given_protocol
+from tumble.workflows.truth import FORMAT, Settings, truth_document
 
 if TYPE_CHECKING:
     from tumble.protocol import Protocol, Step
     from tumble.recording import Recording
-    from tumble.sensor import ImuModel
-    from tumble.simulation import Grade, Imperfections, Truth
+    from tumble.simulation import Imperfections, Truth
 
+# What most people hold in their hands, with errors large enough for every procedure to find.
 DEFAULT_GRADE = "consumer-mems"
 # Where a protocol is played that names no place: nobody's, and said.
-DEFAULT_LATITUDE = np.radians(45.0)
-LARGEST_SAMPLES = 50_000_000
+DEFAULT_LATITUDE = math.radians(45.0)
+# Two hours and three quarters at 2 kHz, or 2.5 GB of memory.
+LARGEST_SAMPLES = 20_000_000
 UNITS = ("SI", "counts")
+AXES = ("unit", "case")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Simulated:
-    """What `simulate` wrote: the folder, its files, the truth, and sentences for the user."""
+    """What `simulate` wrote: the folder, its files, the truth, sentences for the user, seconds by stage."""
 
     folder: Path
     files: list[Path]
     truth: dict[str, Any]
     remarks: list[str]
+    seconds: dict[str, float] = field(default_factory=dict[str, float])
 
 
 def simulate(
@@ -47,32 +53,40 @@ def simulate(
     output: str | os.PathLike[str] | None = None,
     grade: str = DEFAULT_GRADE,
     seed: int = 0,
+    unit: int | None = None,
     site: Site | None = None,
     rate: float | None = None,
     units: str = "SI",
+    axes: str = "unit",
     per_step: bool = False,
     placement: bool = True,
     noise: bool = True,
+    nonlinear: bool = False,
+    wander: bool = False,
     imperfections: Imperfections | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Simulated:
     """Play a protocol on a simulated unit, and write recording, protocol and truth into one folder.
 
     ``tumble calibrate --protocol FOLDER/protocol.yaml`` then needs nothing else, and never reads the
-    truth.
+    truth. An earlier simulation in the folder is replaced as a whole; anything else there is left alone.
 
     Parameters
     ----------
     protocol : a protocol file, or the name of one.
     output : the folder; by default the protocol's name with ``-simulated``.
     grade : name of one of `tumble.simulation.GRADES`.
-    seed : of all random numbers; the same seed gives the same files bit for bit.
+    seed : of placements, noise and losses; the same seed gives the same files bit for bit.
+    unit : seed of the unit itself; None takes `seed`. The same unit in another session has another seed.
     site : where it is played; None takes the protocol's, or latitude 45°, height 0.
-    rate : Hz; None takes the grade's usual one.
+    rate : Hz; None takes the protocol's or the grade's usual one.
     units : "SI" or "counts" of the recording.
+    axes : "unit", b is the unit's own axes, or "case", forward, right, down of its case.
     per_step : one file for each hold and each spin instead of one for all.
     placement : make the placement errors that the protocol's uncertainties allow.
     noise : add noise and converter.
+    nonlinear : draw quadratic terms of the sheet's linearity, where it states one.
+    wander : let biases wander within the run as the sheet's in-run stability says, where it states one.
     imperfections : what the recording chain does.
     progress : is told in words what is being done.
 
@@ -83,171 +97,138 @@ def simulate(
     OutputError
         If the files cannot be written; earlier ones are intact.
     """
-    from tumble.simulation import find_grade, simulate_protocol
+    from tumble.simulation import Imperfections, find_grade, simulate_protocol
 
-    say = progress or _silent
-    given = read_given_protocol(protocol).protocol
+    say, began = progress or _silent, time.perf_counter()
+    given = _read(protocol)
     chosen = find_grade(grade)
-    remarks: list[str] = []
+    remarks = _check_terms(chosen.name, nonlinear=nonlinear, wander=wander, axes=axes)
     place = site or given.site
     if place is None:
         place = Site.from_latitude(DEFAULT_LATITUDE)
-        remarks.append("No site was given: it is played at latitude 45°, height 0 m (--site says another).")
-    hertz = rate or given.rate or chosen.rate
-    _check(units, seed, hertz, given)
+        remarks.append("No site was given: it is played at latitude 45°, height 0 m; --site says another.")
+    hertz = rate if rate is not None else given.rate or chosen.rate
+    _check(units, seed, unit, hertz, given, per_step)
     folder = Path(output) if output is not None else Path(f"{given.name}-simulated")
+    _require_place(folder)
+
     say("playing the protocol")
+    unit = seed if unit is None else unit
+    played_by = chosen.with_wandering_biases() if wander else chosen
+    chain = imperfections or Imperfections()
     recording, truth = simulate_protocol(
         given,
         hertz,
-        np.random.default_rng(seed),
+        _generator(seed, "session"),
         site=place,
-        grade=chosen,
+        grade=played_by,
+        model=chosen.simulate_model(_generator(unit, "unit"), nonlinear=nonlinear, case_axes=axes == "case"),
         noise=noise,
-        imperfections=imperfections,
+        imperfections=chain,
         placement=placement,
         units=units,
     )
-    document = truth_document(given, recording, truth, chosen if noise else None, chosen, seed)
-    played = replace(given, site=place, recordings=(), rate=None, columns=None, units=None)
+    settings = Settings(played_by, seed, unit, noise, placement, axes, chain)
+    document = truth_document(given, recording, truth, settings)
+    simulated = time.perf_counter()
     say("writing")
+    said = "counts" if units == "counts" else "m/s^2,rad/s,s"
+    played = replace(given, site=place, recordings=(), rate=None, columns=None, units=said)
     files = _write(folder, played, recording, truth, document, per_step)
-    return Simulated(folder, files, document, remarks)
+    seconds = {"simulating": simulated - began, "writing": time.perf_counter() - simulated}
+    return Simulated(folder, files, document, remarks, seconds)
 
 
-def _check(units: str, seed: int, rate: float, protocol: Protocol) -> None:
+def _generator(seed: int, what: str) -> np.random.Generator:
+    """A stream of its own for the unit and for the session; SFC64 is the fastest that numpy has."""
+    number = {"unit": 0, "session": 1}[what]
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(number,))))
+
+
+def _read(protocol: str | os.PathLike[str]) -> Protocol:
+    from tumble.protocol import PROTOCOLS
+
+    name = str(protocol)
+    if name not in PROTOCOLS and not Path(name).exists() and Path(name).suffix not in (".yaml", ".yml"):
+        near = difflib.get_close_matches(name.lower(), PROTOCOLS, 1)
+        meant = f" Did you mean {near[0]}?" if near else ""
+        raise UsageError(
+            f"There is no protocol {name!r}: give a protocol file, or one of {', '.join(PROTOCOLS)}.{meant}"
+        )
+    return read_given_protocol(protocol).protocol
+
+
+def _check_terms(name: str, *, nonlinear: bool, wander: bool, axes: str) -> list[str]:
+    """Refuse or remark on what the grade's sheet does not state."""
+    from tumble.simulation import find_grade
+
+    grade = find_grade(name)
+    if axes not in AXES:
+        raise UsageError(f"--axes {axes}: b is the axes of the {' or of the '.join(AXES)}.")
+    if axes == "case" and grade.C_instrument_case is None:
+        raise UsageError(
+            f"--axes case: no source says how the axes of the grade {name} lie in its case; hg1700 and hg1900 do."
+        )
+    triads = (grade.accelerometer, grade.gyroscope)
+    remarks: list[str] = []
+    if nonlinear and not any(triad.linearity for triad in triads):
+        remarks.append(f"The sheet of {name} states no linearity: --nonlinear changes nothing.")
+    if wander and not any(triad.bias_stability for triad in triads):
+        remarks.append(f"The sheet of {name} states no in-run stability: --wander changes nothing.")
+    return remarks
+
+
+def _check(units: str, seed: int, unit: int | None, rate: float, protocol: Protocol, per_step: bool) -> None:
     if units not in UNITS:
         raise UsageError(f"--units {units}: a simulated recording is in {' or '.join(UNITS)}.")
-    if seed < 0:
-        raise UsageError(f"--seed {seed}: a seed is a whole number from 0 on.")
+    for name, value in (("seed", seed), ("unit", unit)):
+        if value is not None and value < 0:
+            raise UsageError(f"--{name} {value}: a seed is a whole number from 0 on.")
     if not 1.0 <= rate <= 20_000.0:
         raise UsageError(f"--rate {rate:g}: the sampling rate is in Hz, from 1 to 20000.")
     samples = protocol.duration * rate
     if samples > LARGEST_SAMPLES:
         raise UsageError(
             f"The protocol lasts {protocol.duration:.0f} s, which is {samples:.3g} samples at {rate:g} Hz: "
-            f"at most {LARGEST_SAMPLES:.0e} are simulated; give a lower --rate."
+            f"at most {LARGEST_SAMPLES:,} are simulated; give a lower --rate."
+        )
+    if per_step and protocol.procedure == "hand-held":
+        raise UsageError(
+            "--per-step: the procedure hand-held needs the turns between the holds, so that its recording is one file."
         )
 
 
-def truth_document(
-    protocol: Protocol,
-    recording: Recording,
-    truth: Truth,
-    noisy: Grade | None,
-    grade: Grade,
-    seed: int,
-) -> dict[str, Any]:
-    """Return what was simulated as a document, with the keys of ``calibration.json`` for both triads.
-
-    Parameters
-    ----------
-    protocol, recording, truth : what was played, what came of it, and what was true.
-    noisy : the grade whose noise was added, or None.
-    grade, seed : what the unit was drawn from.
-    """
-    from tumble.calibration.result import BACKWARD, FORWARD
-
-    assert truth.model is not None
-    model = truth.model
-    in_gauge = _in_gauge(model)
-    return {
-        "format": "tumble truth",
-        "version": 1,
-        "software": f"tumble {tumble.__version__}",
-        "protocol": protocol.name,
-        "seed": seed,
-        "imu": {
-            "grade": grade.name,
-            "source": grade.source,
-            "axes": grade.axes or None,
-            "C_instrument_case": None
-            if grade.C_instrument_case is None
-            else grade.C_instrument_case.tolist(),
-        },
-        "site": {
-            "latitude_deg": None if truth.site.latitude is None else float(np.degrees(truth.site.latitude)),
-            "height_m": truth.site.height,
-            "gravity": truth.site.gravity,
-            "earth_rate": EARTH_RATE,
-        },
-        "frame": {
-            "name": "protocol",
-            "description": "the body frame b of the protocol's poses; a calibration in another gauge differs from it "
-            "by a common rotation, which in_frame_accelerometer_x has taken out",
-        },
-        "raw_units": {
-            "specific_force": recording.specific_force_unit,
-            "angular_rate": recording.angular_rate_unit,
-        },
-        "formula": FORWARD,
-        "inverse_formula": BACKWARD,
-        **_blocks(model),
-        "in_frame_accelerometer_x": None if in_gauge is None else _blocks(in_gauge),
-        "noise": None if noisy is None else _noise(noisy, recording),
-        "steps": [_step(number, step, truth) for number, step in enumerate(protocol.steps)],
-    }
+def _require_place(folder: Path) -> None:
+    """Refuse before the work what would fail after it, and never write over what was not simulated."""
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"-o {folder} is a file: give a folder for the simulated files.")
+    existing = folder
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    if not existing.is_dir():
+        raise OutputError(f"The folder {folder} cannot be made: {existing} is a file. Give another with -o.")
+    if not os.access(existing, os.W_OK):
+        raise OutputError(f"{existing} cannot be written to: give another folder with -o.")
+    precious = [name for name in ("recording.csv", "protocol.yaml") if (folder / name).exists()]
+    if precious and not (folder / "truth.json").exists():
+        raise UsageError(
+            f"{folder} holds a {precious[0]} that was not simulated, for there is no truth.json beside it: "
+            "give another folder with -o."
+        )
+    if (folder / "truth.json").exists() and not _earlier(folder):
+        raise UsageError(f"{folder / 'truth.json'} is not of `tumble simulate`: give another folder with -o.")
 
 
-def _in_gauge(model: ImuModel) -> ImuModel | None:
-    from tumble.sensor import change_frame
-
-    return change_frame(model, "accelerometer-x")
-
-
-def _blocks(model: ImuModel) -> dict[str, Any]:
-    def block(triad: Any, g_sensitivity: Any) -> dict[str, Any]:
-        values = {
-            "matrix": triad.matrix,
-            "bias": triad.bias,
-            "asymmetry": triad.asymmetry,
-            "quadratic": triad.quadratic,
-            "g_sensitivity": g_sensitivity,
-        }
-        return {name: None if value is None else np.asarray(value).tolist() for name, value in values.items()}
-
-    return {
-        "accelerometer": block(model.accelerometer, None),
-        "gyroscope": block(model.gyroscope, model.g_sensitivity),
-    }
-
-
-def _noise(grade: Grade, recording: Recording) -> dict[str, Any]:
-    """Return the noise coefficients, in SI whatever the recording's unit is."""
-    named = {
-        "random_walk": ("{u}/sqrt(Hz)", "N of IEEE Std 952, two-sided density"),
-        "bias_instability": ("{u}", "B: flicker whose Allan floor is 0.664 B"),
-        "rate_random_walk": ("{u}*sqrt(Hz)", "K of IEEE Std 952"),
-        "resolution": ("{u}", "step of the converter; 0 for none"),
-        "full_scale": ("{u}", "limit of the converter; null for none"),
-    }
-    result: dict[str, Any] = {}
-    for triad, noise, unit in (
-        ("accelerometer", grade.accelerometer.noise, "m/s^2"),
-        ("gyroscope", grade.gyroscope.noise, "rad/s"),
-    ):
-        values = asdict(noise)
-        result[triad] = {
-            name: {
-                "value": values[name] if np.isfinite(values[name]) else None,
-                "unit": form.format(u=unit),
-                "definition": words,
-            }
-            for name, (form, words) in named.items()
-        }
-    return result
-
-
-def _step(number: int, step: Step, truth: Truth) -> dict[str, Any]:
-    start, stop = truth.step_edges[number]
-    kind = type(step).__name__.removesuffix("Step").lower()
-    return {
-        "step": number + 1,
-        "kind": kind,
-        "name": step.name,
-        "start_s": float(start) if np.isfinite(start) else None,
-        "stop_s": float(stop) if np.isfinite(stop) else None,
-    }
+def _earlier(folder: Path) -> dict[str, Any]:
+    """The truth of an earlier simulation in the folder; empty where there is none."""
+    try:
+        found: Any = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    if not isinstance(found, dict):
+        return {}
+    document = cast("dict[str, Any]", found)
+    return document if document.get("format") == FORMAT else {}
 
 
 def _write(
@@ -259,7 +240,6 @@ def _write(
     per_step: bool,
 ) -> list[Path]:
     """Write everything into a folder inside the folder, then rename it all into place."""
-    from tumble.protocol import protocol_to_yaml
     from tumble.recording.formats.output import write_recording
     from tumble.recording.writing import uninterrupted
 
@@ -268,22 +248,19 @@ def _write(
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder, prefix=".tumble-simulate-") as temporary:
             beside = Path(temporary)
-            names = [write_recording(recording, beside / "recording.csv").name] if not per_step else []
-            played = replace(protocol, recordings=("recording.csv",))
             if per_step:
-                played = replace(protocol, steps=_own_files(protocol, recording, truth, beside, names))
-            for name, text in (
-                ("protocol.yaml", protocol_to_yaml(played)),
-                ("truth.json", json.dumps(document, indent=1, ensure_ascii=False) + "\n"),
-            ):
-                with (beside / name).open("w", encoding="utf-8") as file:
-                    file.write(text)
-                    file.flush()
-                    os.fsync(file.fileno())
-                names.append(name)
+                protocol, names = _write_steps(protocol, recording, truth, beside)
+            else:
+                names = [write_recording(recording, beside / "recording.csv").name]
+                protocol = replace(protocol, recordings=tuple(names))
+            document["recordings"] = list(names)
+            names += _write_texts(protocol, document, beside)
+            stale = [name for name in _earlier(folder).get("recordings", []) if name not in names]
             with uninterrupted():
                 for name in names:
                     (beside / name).replace(folder / name)
+                for name in stale:
+                    (folder / Path(name).name).unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(
             f"The simulated recording could not be written to {folder}: {error.strerror or error}."
@@ -295,25 +272,44 @@ def _write(
     return [folder / name for name in names]
 
 
-def _own_files(
-    protocol: Protocol, recording: Recording, truth: Truth, beside: Path, names: list[str]
-) -> tuple[Step, ...]:
-    """Write each hold and spin to a file of its own, and return the steps that name them."""
+def _write_texts(protocol: Protocol, document: dict[str, Any], beside: Path) -> list[str]:
+    from tumble.protocol import protocol_to_yaml
+
+    texts = {
+        "protocol.yaml": protocol_to_yaml(protocol),
+        "truth.json": json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+    }
+    for name, text in texts.items():
+        with (beside / name).open("w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+    return list(texts)
+
+
+def _write_steps(
+    protocol: Protocol, recording: Recording, truth: Truth, beside: Path
+) -> tuple[Protocol, list[str]]:
+    """Write each hold and spin to a file of its own; return the protocol whose steps name them, and the names."""
     from tumble.protocol import TurnStep
     from tumble.recording.formats.output import write_recording
 
     steps: list[Step] = []
+    names: list[str] = []
     width = len(str(len(protocol.steps)))
+    # Whole samples inside the step: half an interval from each of its ends.
+    inside = 0.5 / recording.rate * (1.0 - 1e-6)
     for number, (step, (start, stop)) in enumerate(zip(protocol.steps, truth.step_edges, strict=True), 1):
-        if isinstance(step, TurnStep) or not np.isfinite(start):
-            steps.append(step)
+        first, last = (int(i) for i in np.searchsorted(recording.time, [start + inside, stop - inside]))
+        last = int(np.searchsorted(recording.time, stop - inside, side="right"))
+        if isinstance(step, TurnStep) or not last - first > 1:
+            steps.append(replace(step, file=None, interval=None))
             continue
-        first, last = (int(i) for i in np.searchsorted(recording.time, [start, stop]))
         name = f"step-{number:0{width}d}.csv"
         write_recording(recording.between(first, last), beside / name)
         names.append(name)
         steps.append(replace(step, file=name, interval=None))
-    return tuple(steps)
+    return replace(protocol, steps=tuple(steps)), names
 
 
 def _silent(_: str) -> None:

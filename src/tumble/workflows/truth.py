@@ -1,0 +1,260 @@
+"""What was simulated, as a document: ``truth.json`` has the keys of ``calibration.json``."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import tumble
+from tumble.earth import EARTH_RATE, Site
+from tumble.errors import TumbleError
+
+if TYPE_CHECKING:
+    from tumble.arrays import AnyArray
+    from tumble.protocol import Protocol, Step
+    from tumble.recording import Recording
+    from tumble.sensor import ImuModel, Triad
+    from tumble.simulation import Grade, Imperfections, TriadNoise, Truth
+
+FORMAT = "tumble truth"
+VERSION = 1
+FRAME = (
+    "axes of the fixture: the body frame b in which the protocol states its poses; a calibration in another "
+    "frame differs by one common rotation, which in_frame_accelerometer_x has taken out"
+)
+_NOISE = {
+    "random_walk": ("{u}/sqrt(Hz)", "N of IEEE Std 952 (two-sided density)"),
+    "bias_instability": ("{u}", "B of IEEE Std 952: flicker whose Allan floor is 0.664 B"),
+    "rate_random_walk": ("{u}*sqrt(Hz)", "K of IEEE Std 952"),
+    "bias_stability": ("{u}", "standard deviation that a wandering bias tends to (first-order Gauss-Markov)"),
+    "correlation_time": ("s", "of bias_stability"),
+    "resolution": ("{u}", "step of the converter; 0 for none"),
+    "full_scale": ("{u}", "limit of the converter; null for none"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How it was simulated, beside the protocol.
+
+    Attributes
+    ----------
+    grade : what the unit was drawn from, as it was played.
+    seed, unit : of the session, and of the unit.
+    noise, placement : whether there were any.
+    axes : "unit" or "case", what b is.
+    imperfections : of the chain to the file.
+    """
+
+    grade: Grade
+    seed: int
+    unit: int
+    noise: bool
+    placement: bool
+    axes: str
+    imperfections: Imperfections
+
+
+def truth_document(
+    protocol: Protocol, recording: Recording, truth: Truth, settings: Settings
+) -> dict[str, Any]:
+    """Return everything that was true of a simulated recording, as plain data.
+
+    Parameters
+    ----------
+    protocol, recording, truth : what was played, what came of it, and what was true.
+    settings : how.
+    """
+    from tumble.calibration.result import BACKWARD, FORWARD
+
+    assert truth.model is not None
+    in_gauge = _in_gauge(truth.model)
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "software": f"tumble {tumble.__version__}",
+        "protocol": protocol.name,
+        "procedure": protocol.procedure,
+        "seed": settings.seed,
+        "unit_seed": settings.unit,
+        "imu": _imu(settings),
+        "site": _site(truth.site),
+        "frame": {"name": "fixture", "description": FRAME},
+        "raw_units": {
+            "specific_force": recording.specific_force_unit,
+            "angular_rate": recording.angular_rate_unit,
+        },
+        "counts_per_si": _numbers(truth.counts_per_si),
+        "rate_hz": recording.rate,
+        "samples": len(recording),
+        "formula": FORWARD,
+        "inverse_formula": BACKWARD,
+        **_blocks(truth.model),
+        "in_frame_accelerometer_x": None if in_gauge is None else _blocks(in_gauge),
+        "parameters": [] if in_gauge is None else true_parameters(in_gauge, recording),
+        "noise": _noise(settings.grade) if settings.noise else None,
+        "placement": settings.placement,
+        "imperfections": asdict(settings.imperfections),
+        "steps": [_step(number, step, truth) for number, step in enumerate(protocol.steps)],
+    }
+
+
+def _imu(settings: Settings) -> dict[str, Any]:
+    grade = settings.grade
+    return {
+        "grade": grade.name,
+        "source": grade.source,
+        "assumed": list(grade.assumed),
+        "axes": grade.axes or None,
+        "C_instrument_case": _numbers(grade.C_instrument_case),
+        "b": "the unit's own axes" if settings.axes == "unit" else "the case's axes: forward, right, down",
+    }
+
+
+def _site(site: Site) -> dict[str, Any]:
+    return {
+        "latitude_deg": None if site.latitude is None else math.degrees(site.latitude),
+        "height_m": site.height,
+        "gravity": site.gravity,
+        "gravity_source": site.source,
+        "earth_rate": 0.0 if site.latitude is None else EARTH_RATE,
+    }
+
+
+def _in_gauge(model: ImuModel) -> ImuModel | None:
+    from tumble.sensor import change_frame
+
+    try:
+        return change_frame(model, "accelerometer-x")
+    except TumbleError:  # a left-handed unit has no such frame
+        return None
+
+
+def _blocks(model: ImuModel) -> dict[str, Any]:
+    def block(triad: Triad | None, g_sensitivity: AnyArray | None) -> dict[str, Any] | None:
+        if triad is None:
+            return None
+        return {
+            "matrix": _numbers(triad.matrix),
+            "bias": _numbers(triad.bias),
+            "asymmetry": _numbers(triad.asymmetry),
+            "quadratic": _numbers(triad.quadratic),
+            "g_sensitivity": _numbers(g_sensitivity),
+        }
+
+    return {
+        "accelerometer": block(model.accelerometer, None),
+        "gyroscope": block(model.gyroscope, model.g_sensitivity),
+    }
+
+
+def true_parameters(model: ImuModel, recording: Recording) -> list[dict[str, Any]]:
+    """Return name, value and unit of each parameter, named as ``calibration.json`` names them.
+
+    Parameters
+    ----------
+    model : in the frame ``accelerometer-x``.
+    recording : for its raw units.
+    """
+    from tumble.sensor.conventions.shin import shin_from_matrix
+    from tumble.sensor.gauge import inverse, lower_factor
+    from tumble.units import angular_rate_factor, specific_force_factor
+
+    rows: list[dict[str, Any]] = []
+
+    def add(names: list[str], values: AnyArray, unit: str) -> None:
+        rows.extend(
+            {"name": name, "value": float(np.real(value)), "unit": unit}
+            for name, value in zip(names, np.ravel(values), strict=True)
+        )
+
+    def triad(prefix: str, own: AnyArray, bias: AnyArray, unit: str, factor: float | None, si: str) -> None:
+        scale, angles = shin_from_matrix(own)
+        add([f"{prefix} bias {axis}" for axis in "xyz"], bias, unit)
+        if factor is None:
+            add([f"{prefix} scale factor {axis}" for axis in "xyz"], scale, f"{unit}/({si})")
+        else:
+            add([f"{prefix} scale factor error {axis}" for axis in "xyz"], scale * factor - 1.0, "1")
+        add([f"{prefix} non-orthogonality {angle}" for angle in ("yz", "zx", "zy")], angles, "rad")
+
+    force, gyro = model.accelerometer, model.gyroscope
+    assert force is not None
+    assert gyro is not None
+    unit = recording.specific_force_unit
+    triad("accelerometer", force.matrix, force.bias, unit, specific_force_factor(unit), "m/s²")
+    if force.quadratic is not None:
+        add([f"accelerometer quadratic {axis}" for axis in "xyz"], force.quadratic, f"1/({unit})")
+    own = np.real(lower_factor(gyro.matrix))
+    unit = recording.angular_rate_unit
+    triad("gyro", own, gyro.bias, unit, angular_rate_factor(unit), "rad/s")
+    from tumble.attitude.rotations import rotation_vector_from_matrix
+
+    between = rotation_vector_from_matrix(np.real(inverse(own) @ gyro.matrix))
+    add([f"rotation between the triads {axis}" for axis in "xyz"], between, "rad")
+    if model.g_sensitivity is not None:
+        names = [f"g-sensitivity of gyro {a} to force {b}" for a in "xyz" for b in "xyz"]
+        add(names, model.g_sensitivity, f"{unit}/(m/s²)")
+    return rows
+
+
+def _noise(grade: Grade) -> dict[str, Any]:
+    """Return the noise coefficients, in SI whatever the recording's unit is."""
+
+    def block(noise: TriadNoise, unit: str) -> dict[str, Any]:
+        values = asdict(noise)
+        return {
+            name: {"value": _finite(values[name]), "unit": form.format(u=unit), "definition": words}
+            for name, (form, words) in _NOISE.items()
+        }
+
+    return {
+        "accelerometer": block(grade.accelerometer.noise, "m/s^2"),
+        "gyroscope": block(grade.gyroscope.noise, "rad/s"),
+    }
+
+
+def _step(number: int, step: Step, truth: Truth) -> dict[str, Any]:
+    """Return when a step was, and what was true in it: the pose of a hold, the rate and axis of a spin."""
+    start, stop = truth.step_edges[number]
+    result: dict[str, Any] = {
+        "step": number + 1,
+        "kind": type(step).__name__.removesuffix("Step").lower(),
+        "name": step.name,
+        "start_s": _finite(start),
+        "stop_s": _finite(stop),
+    }
+    if number in truth.hold_steps:
+        hold = truth.hold_steps.index(number)
+        rotation_nb = truth.rotations_nb[hold]
+        result |= {
+            "quaternion_nb": _numbers(rotation_nb.as_quat()),
+            "up_b": _numbers(rotation_nb.inv().apply([0.0, 0.0, -1.0])),
+            "specific_force": _numbers(truth.specific_force_b[hold]),
+            "angular_rate": _numbers(truth.angular_rate_ib_b[hold]),
+            "accelerometer_wander": _numbers(truth.force_wander[hold]),
+            "gyroscope_wander": _numbers(truth.rate_wander[hold]),
+        }
+    for spin in truth.spins:
+        if spin.step == number:
+            result |= {
+                "rate": spin.rate,
+                "axis_b": _numbers(spin.axis_b),
+                "axis_n": _numbers(spin.axis_n),
+            }
+    return result
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _numbers(values: Any) -> Any:
+    """Return an array as lists of plain numbers; what is not finite is null."""
+    if values is None:
+        return None
+    if np.ndim(values) == 0:
+        return _finite(float(values))
+    return [_numbers(value) for value in values]
