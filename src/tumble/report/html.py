@@ -116,6 +116,22 @@ def render_report(
 
 
 def _page(title: str, body: str, calibration: Calibration, figures: list[dict[str, Any]]) -> str:
+    document = _json(calibration.model_dump(mode="json"))
+    return standalone_page(
+        title, body, figures, f'<script type="application/json" id="calibration">{document}</script>\n'
+    )
+
+
+def standalone_page(title: str, body: str, figures: list[dict[str, Any]], data: str = "") -> str:
+    """Return a page with the plotting library in it, that needs nothing else and may connect to nothing.
+
+    Parameters
+    ----------
+    title : plain text.
+    body : HTML, escaped already, with a place for each figure by its name.
+    figures : as `Figure.as_dict` has them.
+    data : further elements for the end of the body.
+    """
     parts = [
         (
             '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -124,9 +140,7 @@ def _page(title: str, body: str, calibration: Calibration, figures: list[dict[st
             f"<title>{_text(title)}</title>\n<style>\n{_resource('page.css')}</style>\n</head>\n<body>\n<main>\n"
         ),
         body,
-        '\n</main>\n<script type="application/json" id="calibration">',
-        _json(calibration.model_dump(mode="json")),
-        '</script>\n<script type="application/json" id="figures">',
+        f'\n</main>\n{data}<script type="application/json" id="figures">',
         _json(figures),
         "</script>\n<script>\n",
         _plotting_library(),

@@ -1,0 +1,114 @@
+"""A figure with logarithmic axes as SVG, drawn by ourselves: a picture that every browser and printer shows."""
+
+from __future__ import annotations
+
+import html
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.report.figure import BLUE, GREEN, GREY
+
+if TYPE_CHECKING:
+    from tumble.arrays import Series
+    from tumble.studies.outcome import Curve, Plot
+
+WIDTH, HEIGHT = 640, 400
+LEFT, RIGHT, TOP, BOTTOM = 84, 20, 46, 56
+_COLOURS = (BLUE, GREEN)
+_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def draw_plot(plot: Plot) -> str:
+    """Return the figure as SVG: each curve's mean as a line, lowest to highest as a band.
+
+    Parameters
+    ----------
+    plot : what to draw; values that are not positive are left out.
+    """
+    curves = [curve for curve in plot.curves if np.any(curve.y > 0)]
+    x_low, x_high = _decades(np.concatenate([curve.x for curve in curves]))
+    y_low, y_high = _decades(np.concatenate([np.concatenate([c.y, c.high, _floored(c)]) for c in curves]))
+
+    def at(x: Series, y: Series) -> list[str]:
+        across = LEFT + (WIDTH - LEFT - RIGHT) * (np.log10(x) - x_low) / (x_high - x_low)
+        up = HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (np.log10(y) - y_low) / (y_high - y_low)
+        return [f"{a:.1f},{b:.1f}" for a, b in zip(across, up, strict=True)]
+
+    parts = [*_frame(plot, (x_low, x_high), (y_low, y_high)), '<g fill="none" stroke-width="2">']
+    for curve, colour in zip(curves, _COLOURS, strict=False):
+        seen = curve.y > 0
+        x, y = curve.x[seen], curve.y[seen]
+        band = [*at(x, _floored(curve)[seen]), *at(x[::-1], curve.high[seen][::-1])]
+        parts.append(
+            f'<polygon points="{" ".join(band)}" fill="{colour}" fill-opacity="0.15" stroke="none"/>'
+        )
+        parts.append(f'<polyline points="{" ".join(at(x, y))}" stroke="{colour}"/>')
+        parts += [
+            f'<circle cx="{p.split(",")[0]}" cy="{p.split(",")[1]}" r="3" fill="{colour}" stroke="none"/>'
+            for p in at(x, y)
+        ]
+    return "\n".join([*parts, "</g>", *_legend(curves), "</svg>", ""])
+
+
+def _floored(curve: Curve) -> Series:
+    """Return the band's lower edge, no more than two decades below the line: differences come near zero."""
+    return np.maximum(curve.low, 1e-2 * curve.y)
+
+
+def _decades(values: np.ndarray) -> tuple[float, float]:
+    positive = values[np.isfinite(values) & (values > 0)]
+    low, high = (
+        float(np.floor(np.log10(positive.min()) + 1e-9)),
+        float(np.ceil(np.log10(positive.max()) - 1e-9)),
+    )
+    return low, max(high, low + 1.0)
+
+
+def _frame(plot: Plot, x_range: tuple[float, float], y_range: tuple[float, float]) -> list[str]:
+    style = 'font-family="system-ui, sans-serif" font-size="13"'
+    inner_width, inner_height = WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" {style}>',
+        f"<title>{html.escape(plot.title)}</title>",
+        f'<rect width="{WIDTH}" height="{HEIGHT}" fill="#ffffff"/>',
+        f'<text x="{LEFT}" y="20" font-weight="600">{html.escape(plot.title)}</text>',
+        f'<rect x="{LEFT}" y="{TOP}" width="{inner_width}" height="{inner_height}" fill="none" stroke="{GREY}"/>',
+    ]
+    for decade in _ticks(x_range):
+        x = LEFT + inner_width * (decade - x_range[0]) / (x_range[1] - x_range[0])
+        parts.append(f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}" stroke="#e3e6ea"/>')
+        parts.append(
+            f'<text x="{x:.1f}" y="{HEIGHT - BOTTOM + 18}" text-anchor="middle">{_power(decade)}</text>'
+        )
+    for decade in _ticks(y_range):
+        y = HEIGHT - BOTTOM - inner_height * (decade - y_range[0]) / (y_range[1] - y_range[0])
+        parts.append(f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}" stroke="#e3e6ea"/>')
+        parts.append(f'<text x="{LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{_power(decade)}</text>')
+    middle = LEFT + inner_width / 2
+    parts.append(
+        f'<text x="{middle:.0f}" y="{HEIGHT - 14}" text-anchor="middle">{html.escape(plot.x_label)}</text>'
+    )
+    upright = f"translate(20 {TOP + inner_height / 2:.0f}) rotate(-90)"
+    parts.append(f'<text transform="{upright}" text-anchor="middle">{html.escape(plot.y_label)}</text>')
+    return parts
+
+
+def _ticks(limits: tuple[float, float]) -> list[int]:
+    step = 1 if limits[1] - limits[0] <= 8 else 2
+    return list(range(int(limits[0]), int(limits[1]) + 1, step))
+
+
+def _power(decade: int) -> str:
+    return {0: "1", 1: "10", 2: "100"}.get(decade, f"10{str(decade).translate(_DIGITS)}")
+
+
+def _legend(curves: list[Curve]) -> list[str]:
+    parts: list[str] = []
+    x = LEFT
+    for curve, colour in zip(curves, _COLOURS, strict=False):
+        parts.append(f'<rect x="{x}" y="30" width="18" height="4" fill="{colour}"/>')
+        parts.append(f'<text x="{x + 24}" y="37">{html.escape(curve.name)}</text>')
+        x += 40 + 8 * len(curve.name)
+    parts.append(f'<text x="{x}" y="37" fill="{GREY}">line: mean; band: lowest to highest</text>')
+    return parts

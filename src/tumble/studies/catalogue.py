@@ -1,0 +1,111 @@
+"""What can be made anew: each item by name, with how long one run and a full study take."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from tumble.errors import UsageError
+from tumble.studies.hayal_contradictions import reproduce_contradictions
+from tumble.studies.hayal_estimators import reproduce_convergence, reproduce_norm_bias
+from tumble.studies.hayal_figures import reproduce_figure
+from tumble.studies.hayal_scenarios import TABLES, reproduce_scenario_table
+from tumble.studies.hayal_tables import reproduce_table
+from tumble.studies.outcome import Outcome
+from tumble.studies.published import hayal
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One table or figure.
+
+    Attributes
+    ----------
+    name, title : as it is asked for, and what it is.
+    run : makes it from repetitions and a seed.
+    repetitions : by default; None for an item that has none.
+    """
+
+    name: str
+    title: str
+    run: Callable[[int, int], Outcome]
+    repetitions: int | None = 1
+
+
+def _items() -> list[Item]:
+    tables = hayal()["tables"]
+    items = [
+        Item(f"hayal-{t}", f"table {t}: {tables[t]['title']}", partial(reproduce_table, t))
+        for t in ("4.2", "4.3", "4.4", "4.5")
+    ]
+    items += [
+        Item(
+            "hayal-figure-4.2",
+            "figure 4.2: gyros against the reference rate",
+            partial(reproduce_figure, "4.2"),
+            20,
+        ),
+        Item("hayal-figure-4.3", "figure 4.3: gyros against the noise", partial(reproduce_figure, "4.3"), 20),
+        Item("hayal-convergence", "how often the gyro solutions converge", reproduce_convergence, 500),
+        Item("hayal-norm-bias", "how far noise biases the estimators of the norm", reproduce_norm_bias, 500),
+    ]
+    items += [
+        Item(f"hayal-{t}", f"table {t}: {tables[t]['title']}", partial(reproduce_scenario_table, t))
+        for t in TABLES
+    ]
+    items.append(
+        Item(
+            "hayal-contradictions",
+            "what the thesis says against its own tables",
+            reproduce_contradictions,
+            None,
+        )
+    )
+    return items
+
+
+ITEMS: dict[str, Item] = {item.name: item for item in _items()}
+"""Every item by name, in the paper's order."""
+
+
+def find_items(name: str) -> list[Item]:
+    """Return the item of that name, or all of a paper.
+
+    Parameters
+    ----------
+    name : one of `ITEMS`, or the beginning that a paper's items share, such as "hayal".
+
+    Raises
+    ------
+    UsageError
+        If there is none.
+    """
+    if name in ITEMS:
+        return [ITEMS[name]]
+    found = [item for key, item in ITEMS.items() if key.startswith(f"{name}-")]
+    if not found:
+        import difflib
+
+        near = difflib.get_close_matches(name, ITEMS, 1, 0.4)
+        hint = f" Did you mean {near[0]}?" if near else ""
+        raise UsageError(
+            f"There is nothing to reproduce by the name of {name!r}.{hint} `tumble reproduce` lists what there is."
+        )
+    return found
+
+
+def run_item(item: Item, repetitions: int | None, seed: int) -> Outcome:
+    """Make an item anew.
+
+    Parameters
+    ----------
+    item : which.
+    repetitions : how many runs; None for the item's own number.
+    seed : of all random numbers.
+    """
+    began = time.perf_counter()
+    outcome = item.run(repetitions or item.repetitions or 1, seed)
+    outcome.seconds = time.perf_counter() - began
+    return outcome
