@@ -176,7 +176,10 @@ class Motion:
         before = path.rotations_nb[step] * Rotation.from_rotvec(path.vector[step] * share[:, None])
         across = step[1:] != step[:-1]
         turned = path.vector[step[:-1]] * np.diff(share)[:, None]
-        turned[across] = (before[:-1].inv() * before[1:]).as_rotvec()[across]
+        if across.any():
+            ends = before.as_quat()
+            first, last = Rotation.from_quat(ends[:-1][across]), Rotation.from_quat(ends[1:][across])
+            turned[across] = (first.inv() * last).as_rotvec()
         moved = Rotation.from_rotvec(turned)
         if self.disturbances:
             shake = Rotation.from_rotvec(self._shake(edges))

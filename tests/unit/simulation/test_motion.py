@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.earth import Site
-from tumble.simulation import Knock, Motion, poses_26, simulate_tremor
+from tumble.errors import UsageError
+from tumble.simulation import Detours, Knock, Motion, poses_26, simulate_hand_poses, simulate_tremor
 
 SITE = Site.from_latitude(np.radians(-33.0))
 STILL = Site.from_gravity(9.79)
@@ -115,3 +116,65 @@ def test_acceleration_is_the_second_derivative_of_the_lever_arm_s_end(motion: Mo
 def test_numbers_that_do_not_fit_together_are_refused() -> None:
     with pytest.raises(ValueError, match="3 poses take 3 hold durations and 2 turn durations, not 3 and 3"):
         Motion.between_poses(poses_26()[:3], np.ones(3), np.ones(3))
+
+
+def test_a_detour_s_rate_is_the_derivative_of_its_rotation_and_holds_are_free_of_it() -> None:
+    detours = Detours(
+        np.array([1.0, 5.0]), np.array([2.0, 0.5]), np.array([[0.1, -0.2, 0.05], [-0.03, 0.0, 0.2]])
+    )
+    time = np.array([1.3, 1.9, 2.6, 5.1, 5.33])
+    difference = (detours.rotation(time + 1e-5) - detours.rotation(time - 1e-5)) / 2e-5
+    # truncation: third derivative (8 π³/T³ times the swing) times 1e-10 / 6; rounding 1e-17 / 1e-5
+    np.testing.assert_allclose(detours.rotation_rate(time), difference, atol=1e-8)
+    np.testing.assert_allclose(detours.rotation(np.array([2.0]))[0], [0.1, -0.2, 0.05], rtol=1e-14)
+    resting = np.array([0.0, 0.99, 3.0, 4.2, 5.5, 9.0])
+    assert not detours.rotation(resting).any()
+    assert not detours.rotation_rate(resting).any()
+    assert not detours.acceleration(time).any()
+
+
+def test_hand_poses_can_differ_from_one_before_them() -> None:
+    before = poses_26(0.4)[7]
+    for seed in range(30):
+        pose = simulate_hand_poses(np.random.default_rng(seed), 1, after=before)[0]
+        up_before, up_now = (p.inv().apply([0.0, 0.0, -1.0]) for p in (before, pose))
+        assert np.arccos(up_before @ up_now) > 0.5
+
+
+def test_half_a_turn_between_two_samples_is_refused() -> None:
+    motion = Motion(
+        Rotation.identity(),
+        np.array([1.0, 1.0]),
+        np.array([4.0]),
+        np.array([[0.0, 0.0, 20.0]]),
+        np.zeros((2, 3)),
+        np.zeros(3),
+        turn_ramp=np.array([0.5]),
+    )
+    motion.mean_angular_rate_ib_b(np.arange(0.0, 6.01, 0.5), STILL)
+    with pytest.raises(UsageError, match="Between 2 s and 3 s the unit turns by 327 degrees"):
+        motion.mean_angular_rate_ib_b(np.arange(0.0, 6.1, 1.0), STILL)
+
+
+def test_a_spin_s_rate_and_its_change_are_derivatives_of_its_angle() -> None:
+    motion = Motion(
+        Rotation.from_rotvec([0.3, -0.2, 0.5]),
+        np.array([1.0, 1.0]),
+        np.array([6.0]),
+        np.array([[0.0, 0.0, -7.0]]),
+        np.zeros((2, 3)),
+        np.array([1.0, 0.0, 0.0]),
+        turn_ramp=np.array([1.5]),
+    )
+    time = np.array([1.2, 2.0, 2.45, 2.6, 4.0, 5.4, 6.2, 6.9])
+    h = 1e-4
+    rate = motion.angular_rate_ib_b(time, STILL)[:, 2]
+    mean = [motion.mean_angular_rate_ib_b(np.array([t - h, t + h]), STILL)[0, 2] for t in time]
+    # truncation: second derivative of the rate (some 10 rad/s³) times h² / 6
+    np.testing.assert_allclose(rate, mean, atol=1e-7)
+    assert rate[4] == pytest.approx(-7.0 / 4.5, rel=1e-13)  # the whole angle in length less a ramp
+    # along y, tangential to a lever arm along x, gravity apart: the rate's change
+    gravity_b = motion.rotation_nb(time).inv().apply([0.0, 0.0, -STILL.gravity])
+    tangential = (motion.specific_force_b(time, STILL) - gravity_b)[:, 1]
+    before, after = (motion.angular_rate_ib_b(time + s, STILL)[:, 2] for s in (-h, h))
+    np.testing.assert_allclose(tangential, (after - before) / (2.0 * h), atol=1e-6)

@@ -1,0 +1,463 @@
+"""Protocols played: where the unit is put, what it then does, and what the recording says of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tumble.earth import Site
+from tumble.errors import ProtocolError, UsageError
+from tumble.protocol import PROTOCOLS, HoldStep, Pose, Protocol, SpinStep, Step, TurnStep, named_protocol
+from tumble.sensor import ImuModel, Triad
+from tumble.simulation import (
+    Imperfections,
+    PlayedProtocol,
+    find_grade,
+    motion_from_protocol,
+    play_protocol,
+    simulate_protocol,
+)
+
+SITE = Site.from_latitude(np.radians(38.0))
+UP_N = np.array([0.0, 0.0, -1.0])
+X, Y, Z = np.eye(3)
+TILTED = np.array([2.0, -3.0, 6.0]) / 7.0
+
+MODEL = ImuModel(
+    Triad(
+        np.array([[1.02, 0.03, -0.01], [0.02, 0.97, 0.04], [-0.05, 0.01, 1.05]]), np.array([0.2, -0.1, 0.3])
+    ),
+    Triad(
+        np.array([[0.96, -0.02, 0.03], [0.05, 1.01, -0.01], [0.02, 0.04, 1.03]]),
+        np.array([1e-3, -2e-3, 5e-4]),
+        asymmetry=np.array([1e-4, -2e-4, 3e-4]),
+        quadratic=np.array([2e-3, 1e-3, -3e-3]),
+    ),
+    np.array([[1e-5, -3e-5, 2e-5], [4e-5, 2e-5, -1e-5], [-2e-5, 5e-5, 3e-5]]),
+)
+
+
+def protocol(*steps: Step) -> Protocol:
+    return Protocol("test", "multi-position", steps)
+
+
+def play(*steps: Step, seed: int = 1, placement: bool = True, **options: float) -> PlayedProtocol:
+    return play_protocol(protocol(*steps), np.random.default_rng(seed), placement=placement, **options)
+
+
+def hold_rotations(played: PlayedProtocol) -> dict[int, Rotation]:
+    """The attitude in the middle of each hold that is a step."""
+    middle = played.motion.hold_edges.mean(axis=1)
+    attitudes = played.motion.rotation_nb(middle)
+    return {s: a for s, a in zip(played.hold_steps, attitudes, strict=True) if s is not None}
+
+
+def up_in(rotation_nb: Rotation) -> np.ndarray:
+    return rotation_nb.inv().apply(UP_N)
+
+
+def raw_of(truth_rate: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """The gyro model written out: input, asymmetry, quadratic term, g-sensitivity, bias."""
+    gyro, g_sensitivity = MODEL.gyroscope, MODEL.g_sensitivity
+    assert gyro is not None
+    assert g_sensitivity is not None
+    assert gyro.asymmetry is not None
+    assert gyro.quadratic is not None
+    u = np.array([sum(gyro.matrix[i, j] * truth_rate[j] for j in range(3)) for i in range(3)])
+    g = np.array([sum(g_sensitivity[i, j] * force[j] for j in range(3)) for i in range(3)])
+    return u + gyro.asymmetry * abs(u) + gyro.quadratic * u**2 + g + gyro.bias
+
+
+@pytest.mark.parametrize("name", PROTOCOLS)
+def test_every_named_protocol_is_played_in_its_nominal_poses(name: str) -> None:
+    given = named_protocol(name)
+    played = play_protocol(given, np.random.default_rng(1), placement=False)
+    attitudes = hold_rotations(played)
+    holds = [k for k, step in enumerate(given.steps) if isinstance(step, HoldStep)]
+    assert sorted(attitudes) == holds
+    for number in holds:
+        step = given.steps[number]
+        assert isinstance(step, HoldStep)
+        assert step.pose is not None
+        # round-off of some hundred products of rotations
+        np.testing.assert_allclose(up_in(attitudes[number]), step.pose.up_b, atol=1e-12)
+    assert np.all(np.isfinite(played.step_edges))
+    assert None not in played.hold_steps
+    lengths = np.diff(played.step_edges, axis=1)[:, 0]
+    np.testing.assert_allclose(lengths, [step.duration for step in given.steps], rtol=1e-9)
+    assert played.motion.duration == pytest.approx(given.duration, rel=1e-12)
+
+
+def test_a_heading_of_a_quarter_turns_b_s_forward_axis_to_the_east() -> None:
+    """With z down and x to the east y is to the south: the Earth's horizontal rate shows there, reversed."""
+    recording, truth = simulate_protocol(
+        protocol(HoldStep(4.0, Pose(-Z, np.pi / 2))), 100.0, np.random.default_rng(1), site=SITE
+    )
+    assert recording.angular_rate is not None
+    north, _, down = SITE.earth_rate_n
+    expected = np.array([0.0, -north, down])
+    np.testing.assert_allclose(recording.angular_rate.mean(axis=0), expected, rtol=1e-12, atol=1e-19)
+    C_nb = truth.rotations_nb.as_matrix()[0]
+    np.testing.assert_allclose(C_nb @ X, [0.0, 1.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(C_nb, Pose(-Z, np.pi / 2).rotation_nb().as_matrix(), atol=1e-15)
+
+
+def test_a_pose_s_attitude_is_the_protocol_s_own_matrix() -> None:
+    pose = Pose(TILTED, 2.1)
+    (attitude,) = hold_rotations(play(HoldStep(3.0, pose))).values()
+    C_nb = attitude.as_matrix()
+    np.testing.assert_allclose(C_nb, pose.rotation_nb().as_matrix(), atol=1e-15)
+    np.testing.assert_allclose(C_nb @ TILTED, UP_N, atol=1e-15)
+    assert np.abs(C_nb - C_nb.T).max() > 0.3  # a transposed matrix would have been seen
+
+
+def test_unknown_headings_are_drawn_given_or_zero() -> None:
+    steps = (HoldStep(3.0, Pose(-Z)), TurnStep(2.0), HoldStep(3.0, Pose(-X)))
+
+    def headings(**options: object) -> list[float]:
+        played = play_protocol(protocol(*steps), np.random.default_rng(3), **options)
+        fixed = (
+            attitude * Pose(up_b).rotation_nb().inv()
+            for attitude, up_b in zip(hold_rotations(played).values(), (-Z, -X), strict=True)
+        )
+        return [float(turn.as_rotvec()[2]) for turn in fixed]
+
+    np.testing.assert_allclose(headings(placement=False), 0.0, atol=1e-14)
+    np.testing.assert_allclose(headings(heading=0.7), 0.7, atol=1e-14)
+    np.testing.assert_allclose(headings(heading=np.array([0.1, 9.0, 0.5])), [0.1, 0.5], atol=1e-14)
+    drawn = headings()
+    assert abs(drawn[0] - drawn[1]) > 0.1
+
+
+def test_without_noise_each_sample_is_the_model_of_the_true_signals_in_si_and_in_counts() -> None:
+    given = protocol(
+        HoldStep(5.0, Pose(TILTED, 0.4)), SpinStep(10.0, 1.3), HoldStep(5.0), TurnStep(2.0), HoldStep(5.0)
+    )
+    for units in ("SI", "counts"):
+        raw, truth = simulate_protocol(
+            given, 100.0, np.random.default_rng(1), site=SITE, model=MODEL, units=units
+        )
+        assert raw.specific_force is not None
+        assert raw.angular_rate is not None
+        factors = truth.counts_per_si or (1.0, 1.0)
+        assert raw.specific_force_unit == ("m/s^2" if units == "SI" else "counts")
+        for number, (start, stop) in enumerate(truth.hold_edges):
+            inside = (raw.time > start + 0.01) & (raw.time < stop - 0.01)
+            assert MODEL.accelerometer is not None
+            force, rate = truth.specific_force_b[number], truth.angular_rate_ib_b[number]
+            # the truth itself is the closed formula: at rest minus gravity, and Earth rate
+            attitude = truth.rotations_nb[number].inv()
+            np.testing.assert_allclose(force, attitude.apply(SITE.gravity * UP_N), rtol=1e-12, atol=1e-12)
+            np.testing.assert_allclose(rate, attitude.apply(SITE.earth_rate_n), rtol=1e-12, atol=1e-17)
+            by_hand = MODEL.accelerometer.matrix @ force + MODEL.accelerometer.bias
+            mean = raw.specific_force[inside].mean(axis=0) / factors[0]
+            np.testing.assert_allclose(mean, by_hand, rtol=1e-12)
+            mean = raw.angular_rate[inside].mean(axis=0) / factors[1]
+            np.testing.assert_allclose(mean, raw_of(rate, force), rtol=1e-12)
+    assert truth.counts_per_si is not None
+    assert truth.counts_per_si[0] != truth.counts_per_si[1]
+    assert truth.model is not None
+    corrected, _ = truth.model.correct(raw.specific_force, raw.angular_rate)
+    np.testing.assert_allclose(corrected[0], truth.specific_force_b[0], rtol=1e-12)
+
+
+def test_earth_rate_keeps_its_digits_at_a_high_sampling_rate() -> None:
+    recording, truth = simulate_protocol(
+        protocol(HoldStep(0.2, Pose(TILTED, 0.4))), 20_000.0, np.random.default_rng(1), site=SITE
+    )
+    assert recording.angular_rate is not None
+    exact = truth.rotations_nb.inv().apply(SITE.earth_rate_n)[0]
+    # 3.6e-9 rad a sample: a difference of attitudes would leave 3e-8 of it
+    np.testing.assert_allclose(recording.angular_rate, np.tile(exact, (4000, 1)), rtol=1e-13)
+
+
+def test_a_spin_s_nonlinear_terms_act_on_the_mean_rate_of_each_sample() -> None:
+    still = Site.from_gravity(9.8)
+    raw, truth = simulate_protocol(
+        protocol(HoldStep(5.0, Pose(TILTED, 0.4)), SpinStep(10.0, -1.3), HoldStep(5.0)),
+        100.0,
+        np.random.default_rng(1),
+        site=still,
+        model=MODEL,
+    )
+    assert raw.angular_rate is not None
+    start, stop = truth.step_edges[1]
+    inside = (raw.time > start) & (raw.time < stop)
+    expected = raw_of(-1.3 * TILTED, 9.8 * TILTED)
+    # angles of 15 rad know 2e-15 rad, over samples of 10 ms
+    np.testing.assert_allclose(raw.angular_rate[inside], np.tile(expected, (1000, 1)), atol=1e-12)
+
+
+def test_counts_of_a_noisy_unit_are_whole_numbers_in_its_grade_s_steps() -> None:
+    grade = find_grade("consumer-mems")
+    recording, truth = simulate_protocol(
+        protocol(HoldStep(5.0, Pose(Z))),
+        100.0,
+        np.random.default_rng(1),
+        site=SITE,
+        grade=grade,
+        units="counts",
+    )
+    assert truth.counts_per_si == grade.counts_per_si
+    for signal in (recording.specific_force, recording.angular_rate):
+        assert signal is not None
+        assert np.array_equal(signal, np.round(signal))
+    assert recording.specific_force is not None
+    assert recording.specific_force[:, 2].mean() == pytest.approx(8192, rel=0.1)  # one g, ±3 % and bias
+
+
+def test_the_same_seed_gives_the_same_recording_bit_for_bit() -> None:
+    def bits(seed: int) -> bytes:
+        recording, _ = simulate_protocol(
+            named_protocol("six-position"),
+            50.0,
+            np.random.default_rng(seed),
+            site=SITE,
+            grade=find_grade("industrial-mems"),
+            imperfections=Imperfections(jitter=1e-3, sampling_jitter=1e-3, dropped=0.01),
+        )
+        assert recording.specific_force is not None
+        assert recording.angular_rate is not None
+        return (
+            recording.time.tobytes() + recording.specific_force.tobytes() + recording.angular_rate.tobytes()
+        )
+
+    assert bits(5) == bits(5)
+    assert bits(5) != bits(6)
+
+
+def test_placement_errors_have_the_pose_s_sigma_about_each_axis() -> None:
+    sigma = 0.02
+    steps = [HoldStep(1.0, Pose(TILTED, 0.4, sigma)) for _ in range(400)]
+    nominal = Pose(TILTED, 0.4).rotation_nb()
+    errors = np.array([(nominal.inv() * a).as_rotvec() for a in hold_rotations(play(*steps)).values()])
+    # 400 numbers an axis: 3.5 %, four of them; correlations 5 %
+    np.testing.assert_allclose(errors.std(axis=0), sigma, rtol=0.15)
+    np.testing.assert_allclose(errors.mean(axis=0), 0.0, atol=4.0 * sigma / 20.0)
+    assert np.abs(np.corrcoef(errors.T) - np.eye(3)).max() < 0.2
+
+
+def test_a_placement_stays_through_its_spins_and_turns_the_axis_in_b() -> None:
+    pose = Pose(Z, 0.3, 0.05)
+    played = play(
+        HoldStep(3.0, pose),
+        SpinStep(10.0, 1.0, Z),
+        HoldStep(3.0, Pose(Z, None, 0.05)),
+        SpinStep(10.0, -1.0, Z),
+        HoldStep(3.0, Pose(Z, None, 0.05)),
+        TurnStep(2.0),
+        HoldStep(3.0, pose),
+        SpinStep(10.0, 1.0, Z),
+        HoldStep(3.0),
+    )
+    attitudes = hold_rotations(played)
+    first, second, third = (spin.axis_b for spin in played.spins)
+    np.testing.assert_allclose(first, second, atol=1e-14)
+    assert 0.005 < np.linalg.norm(first - Z) < 0.25
+    assert np.linalg.norm(first - third) > 0.005  # placed anew
+    for spin in played.spins:
+        # the table did not move: its axis is plumb, and what is up in the unit is its axis there
+        np.testing.assert_allclose(spin.axis_n, UP_N, atol=1e-14)
+    for number in (0, 2, 4):
+        np.testing.assert_allclose(up_in(attitudes[number]), first, atol=1e-13)
+
+
+def test_a_vertical_spin_goes_about_what_is_up_wherever_that_is() -> None:
+    played = play(HoldStep(3.0, Pose(TILTED, None, 0.03)), SpinStep(8.0, -0.9), HoldStep(3.0))
+    (spin,) = played.spins
+    np.testing.assert_allclose(spin.axis_n, UP_N, atol=1e-14)
+    assert spin.rate == pytest.approx(-0.9, rel=1e-14)
+    still = Site.from_gravity(9.8)
+    rate = played.motion.angular_rate_ib_b(np.array([spin.start + 1e-9, spin.stop - 1e-9]), still)
+    np.testing.assert_allclose(rate, [spin.rate * spin.axis_b] * 2, rtol=1e-9)
+    assert (spin.start, spin.stop) == tuple(played.step_edges[1])
+    assert spin.stop - spin.start == pytest.approx(8.0, rel=1e-14)
+
+
+def test_a_spin_without_a_ramp_jumps_to_its_rate() -> None:
+    played = play(HoldStep(3.0, Pose(Z)), SpinStep(8.0, 0.9, ramp=0.0), HoldStep(3.0), placement=False)
+    rate = played.motion.angular_rate_ib_b(np.array([2.999, 3.001, 10.999, 11.001]), Site.from_gravity(9.8))
+    np.testing.assert_allclose(rate[:, 2], [0.0, 0.9, 0.9, 0.0], atol=1e-14)
+
+
+def test_rates_and_angles_are_off_by_their_sigma() -> None:
+    rates = np.array(
+        [
+            play(HoldStep(1.0, Pose(Z)), SpinStep(5.0, 2.0, sigma=0.01), HoldStep(1.0), seed=k).spins[0].rate
+            for k in range(200)
+        ]
+    )
+    # 200 numbers: 5 %, four of them
+    assert np.std(rates) == pytest.approx(0.02, rel=0.2)
+    assert np.mean(rates) == pytest.approx(2.0, abs=4.0 * 0.02 / np.sqrt(200.0))
+    angles = np.array(
+        [
+            play(
+                HoldStep(1.0, Pose(Z)), TurnStep(3.0, X, -8.0, 0.03), HoldStep(1.0), seed=k
+            ).motion.turn_vector_b[0]
+            for k in range(200)
+        ]
+    )
+    assert np.std(angles[:, 0]) == pytest.approx(0.03, rel=0.2)
+    np.testing.assert_allclose(angles[:, 1:], 0.0, atol=1e-14)
+    assert np.mean(angles[:, 0]) == pytest.approx(-8.0, abs=0.01)  # more than a whole turn, and its sign
+
+
+def test_a_turn_that_is_known_exactly_decides_the_next_pose() -> None:
+    quarter = TurnStep(3.0, X, np.pi / 2)
+    played = play(HoldStep(3.0, Pose(Z, 0.2, 0.05)), quarter, HoldStep(3.0, Pose(Y, None, 0.05)))
+    before, after = hold_rotations(played).values()
+    turn = (before.inv() * after).as_rotvec()
+    assert np.linalg.norm(turn) == pytest.approx(np.pi / 2, abs=1e-13)
+    # about the box's own axis, which lies a little askew in the misplaced unit
+    assert 0.001 < np.linalg.norm(turn / np.linalg.norm(turn) - X) < 0.25
+
+
+def test_a_pose_that_is_known_better_than_the_turn_decides_where_it_ends() -> None:
+    pose = Pose(Y, None, 1e-6)
+    rough = TurnStep(3.0, X, np.pi / 2 + 2.0 * np.pi, 0.1)
+    played = play(HoldStep(3.0, Pose(Z, 0.2, 1e-6)), rough, HoldStep(3.0, pose))
+    after = hold_rotations(played)[2]
+    np.testing.assert_allclose(up_in(after), Y, atol=1e-5)
+    # the whole turn that was named is made
+    assert np.linalg.norm(played.motion.turn_vector_b[0]) == pytest.approx(2.5 * np.pi, abs=1e-4)
+    whole = TurnStep(3.0, X, -4.0 * np.pi, 0.1)
+    played = play(HoldStep(3.0, Pose(Z, 0.2, 1e-6)), whole, HoldStep(3.0, Pose(Z, None, 1e-6)))
+    np.testing.assert_allclose(played.motion.turn_vector_b[0], [-4.0 * np.pi, 0.0, 0.0], atol=1e-4)
+
+
+def test_a_turn_the_wrong_way_for_the_next_pose_is_refused() -> None:
+    steps = (
+        HoldStep(3.0, Pose(Z, None, 0.01)),
+        TurnStep(3.0, X, -np.pi / 2, 0.02),
+        HoldStep(3.0, Pose(Y, None, 0.01), "y up"),
+    )
+    with pytest.raises(ProtocolError, match=r"Step 3 \(y up\) is a hold in a pose 180\.0 degrees away"):
+        play(*steps)
+
+
+def test_what_a_later_hold_knows_is_known_before_the_named_turns_that_lead_to_it() -> None:
+    quarter = TurnStep(3.0, X, np.pi / 2)
+    unknown, headless, full = HoldStep(3.0), HoldStep(3.0, Pose(Y)), HoldStep(3.0, Pose(-Z, 1.1))
+    played = play(unknown, quarter, headless, quarter, full)
+    attitudes = hold_rotations(played)
+    assert (attitudes[4].inv() * Pose(-Z, 1.1).rotation_nb()).magnitude() < 1e-12
+    np.testing.assert_allclose(up_in(attitudes[2]), Y, atol=1e-12)
+    np.testing.assert_allclose(up_in(attitudes[0]), Z, atol=1e-12)
+    played = play(unknown, quarter, headless)
+    np.testing.assert_allclose(up_in(hold_rotations(played)[0]), Z, atol=1e-12)
+
+
+def test_holds_without_a_pose_are_anyhow_but_differ() -> None:
+    steps: list[Step] = [HoldStep(1.0)]
+    for _ in range(30):
+        steps += [TurnStep(1.0), HoldStep(1.0)]
+    ups = np.array([up_in(a) for a in hold_rotations(play(*steps)).values()])
+    assert np.arccos(np.clip(np.sum(ups[1:] * ups[:-1], axis=1), -1, 1)).min() > 0.5
+
+
+def test_a_hand_leaves_the_shortest_way_and_comes_back_to_it() -> None:
+    steps = (HoldStep(3.0, Pose(Z, 0.0)), TurnStep(2.0), HoldStep(3.0, Pose(X, 0.0)))
+    by_hand, nominal = play(*steps), play(*steps, placement=False)
+    np.testing.assert_allclose(by_hand.motion.turn_vector_b, nominal.motion.turn_vector_b, atol=1e-14)
+
+    def off_the_way(played: PlayedProtocol) -> float:
+        start, stop = played.step_edges[1]
+        away = played.motion.rotation_nb(np.linspace(start, stop, 50))
+        axis = nominal.motion.turn_vector_b[0] / np.linalg.norm(nominal.motion.turn_vector_b[0])
+        along = (away[0].inv() * away).apply(axis)
+        return float(np.linalg.norm(along - axis, axis=1).max())
+
+    assert off_the_way(nominal) < 1e-12
+    assert 0.005 < off_the_way(by_hand) < 0.3
+    (hold, after) = hold_rotations(by_hand).values()
+    assert (hold.inv() * Pose(Z, 0.0).rotation_nb()).magnitude() < 1e-14
+    assert (after.inv() * Pose(X, 0.0).rotation_nb()).magnitude() < 1e-14
+    assert 1.2 < np.diff(by_hand.step_edges[1])[0] < 2.8
+    rest = by_hand.motion.angular_rate_ib_b(np.array([1.0, 6.5]), Site.from_gravity(9.8))
+    np.testing.assert_array_equal(rest, 0.0)
+
+
+def test_a_leaning_table_tilts_every_pose_and_axis_alike() -> None:
+    steps = (
+        HoldStep(3.0, Pose(Z, 0.0)),
+        SpinStep(5.0, 1.0),
+        HoldStep(3.0),
+        TurnStep(2.0),
+        HoldStep(3.0, Pose(X, 0.5)),
+        SpinStep(5.0, 1.0, X),
+        HoldStep(3.0),
+    )
+    played = play(*steps, table_tilt=0.02)
+    one, other = (spin.axis_n for spin in played.spins)
+    np.testing.assert_allclose(one, other, atol=1e-14)
+    assert 0.002 < np.linalg.norm(one - UP_N) < 0.1
+    np.testing.assert_allclose(played.spins[1].axis_b, X, atol=1e-14)  # the unit lies well on the table
+    attitudes = hold_rotations(played)
+    lean = attitudes[0] * Pose(Z, 0.0).rotation_nb().inv()
+    assert (lean.inv() * attitudes[4] * Pose(X, 0.5).rotation_nb().inv()).magnitude() < 1e-13
+
+
+def test_a_table_with_a_level_axis_goes_back_to_the_pose_that_the_next_hold_names() -> None:
+    pose = Pose(Z, None, 0.01)
+    played = play(HoldStep(3.0, pose), SpinStep(10.0, 1.0, X), HoldStep(3.0, pose), seed=4)
+    before, after = hold_rotations(played).values()
+    # the same placement: the error is the one it was
+    np.testing.assert_allclose(up_in(after), up_in(before), atol=1e-12)
+    assert played.hold_steps == (0, None, 2)
+    turned = np.linalg.norm(played.motion.turn_vector_b[1])
+    assert turned == pytest.approx(4.0 * np.pi - 12.0, abs=1e-9)  # 12 rad were turned
+
+
+def test_a_hold_in_another_pose_after_a_spin_is_a_new_placement() -> None:
+    played = play(HoldStep(3.0, Pose(Z)), SpinStep(5.0, 1.0), HoldStep(3.0, Pose(X)), placement=False)
+    assert played.hold_steps == (0, None, 2)
+    np.testing.assert_allclose(up_in(hold_rotations(played)[2]), X, atol=1e-12)
+    table = play(HoldStep(3.0, Pose(Z, 0.0)), SpinStep(5.0, 1.0), HoldStep(3.0, Pose(Z, 0.0)))
+    assert (hold_rotations(table)[2].inv() * Pose(Z, 0.0).rotation_nb()).magnitude() < 1e-12
+
+
+def test_a_protocol_may_begin_and_end_with_anything() -> None:
+    played = play(SpinStep(5.0, 1.0, X), TurnStep(2.0), TurnStep(2.0, Y, 1.0), TurnStep(3.0))
+    assert np.all(np.isfinite(played.step_edges))
+    assert np.all(np.diff(played.step_edges.reshape(-1)) > 0.0)
+    assert played.hold_steps == (None,) * 5
+    np.testing.assert_allclose(played.spins[0].axis_n, UP_N, atol=1e-14)
+
+
+def test_motion_from_protocol_is_the_motion_that_was_played() -> None:
+    given = named_protocol("six-position")
+    motion = motion_from_protocol(given, np.random.default_rng(8))
+    same = play_protocol(given, np.random.default_rng(8)).motion
+    time = np.linspace(0.0, motion.duration, 40)
+    np.testing.assert_array_equal(motion.rotation_nb(time).as_quat(), same.rotation_nb(time).as_quat())
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [
+        (HoldStep(-1.0, Pose(Z), "z up"), r"Step 1 \(z up\) lasts -1 s: give it a duration above zero"),
+        (TurnStep(2.0, np.zeros(3), 1.0), "Step 1 has an axis of no direction"),
+        (SpinStep(2.0, 0.0), "spins at 0 rad/s: give it a rate that is not zero"),
+        (SpinStep(2.0, 1.0, ramp=-1.0), "a ramp of -1 s: give zero or more"),
+    ],
+)
+def test_a_step_that_cannot_be_is_refused(step: Step, words: str) -> None:
+    with pytest.raises(ProtocolError, match=words):
+        play(step)
+
+
+def test_what_cannot_be_simulated_is_refused_in_words() -> None:
+    spin = protocol(HoldStep(3.0, Pose(Z)), SpinStep(10.0, 4.0), HoldStep(3.0))
+    rng = np.random.default_rng(1)
+    with pytest.raises(UsageError, match="turns by 229 degrees, and a gyro sample of half a turn or more"):
+        simulate_protocol(spin, 1.0, rng, site=SITE)
+    with pytest.raises(UsageError, match="SI or counts, not in 'mg'"):
+        simulate_protocol(spin, 100.0, rng, site=SITE, units="mg")
+    with pytest.raises(UsageError, match="one triad only"):
+        simulate_protocol(spin, 100.0, rng, site=SITE, model=replace(MODEL, gyroscope=None))
+    with pytest.raises(UsageError, match="at -3 Hz has no sample"):
+        simulate_protocol(spin, -3.0, rng, site=SITE)
