@@ -264,6 +264,7 @@ _TACTICAL = Grade(
         "scale factor and misalignment of both triads",
         "full scale of both triads",
         "no g-sensitivity",
+        "counts as of hg1700",
     ),
     counts_per_si=_HG_COUNTS_PER_SI,
 )
@@ -298,7 +299,7 @@ _RING_LASER = Grade(
         "misalignment of both triads",
         "full scale of both triads",
         "no g-sensitivity",
-        "counts as of the HG1700",
+        "counts as of hg1700",
     ),
     counts_per_si=_HG_COUNTS_PER_SI,
 )
