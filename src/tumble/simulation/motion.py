@@ -131,10 +131,13 @@ class Motion:
         ----------
         time : (samples,) s from the beginning; before it and after the end the unit stays.
         """
-        step, progress, *_ = self._progress(time)
-        path = self._steps()
-        rotation = path.rotations_nb[step] * Rotation.from_rotvec(path.vector[step] * progress[:, None])
-        return rotation * Rotation.from_rotvec(self._shake(time)) if self.disturbances else rotation
+        path, step, share, *_ = self._progress(time)
+        return self._attitude(path, step, share, self._shake(time) if self.disturbances else None)
+
+    def _attitude(self, path: _Steps, step: np.ndarray, share: Series, shake: Vectors | None) -> Rotation:
+        turned = Rotation.from_rotvec(path.vector[step] * share[:, None])
+        rotation = _product(path.rotations_nb[step], turned)
+        return rotation if shake is None else _product(rotation, Rotation.from_rotvec(shake))
 
     def angular_rate_ib_b(self, time: Series, site: Site) -> Vectors:
         """Return the angular rate at each instant, rad/s, in b; Earth rate where the latitude is known.
@@ -144,13 +147,14 @@ class Motion:
         time : (samples,) s.
         site : its latitude gives the Earth rate; without one the Earth stands still.
         """
-        step, _, speed, _ = self._progress(time)
-        rate = self._steps().vector[step] * speed[:, None]
+        path, step, share, speed, _ = self._progress(time)
+        rate = path.vector[step] * speed[:, None]
+        shake = None
         if self.disturbances:
             shake = self._shake(time)
             shake_rate = np.sum([d.rotation_rate(time) for d in self.disturbances], axis=0)
             rate = Rotation.from_rotvec(shake).inv().apply(rate) + _right_jacobian(shake, shake_rate)
-        return rate + self.rotation_nb(time).inv().apply(_earth_rate(site))
+        return rate + self._attitude(path, step, share, shake).inv().apply(_earth_rate(site))
 
     def mean_angular_rate_ib_b(self, edges: Series, site: Site) -> AnyArray:
         """Return the rotation vector from each edge to the next over the time between, rad/s, in b.
@@ -170,10 +174,9 @@ class Motion:
         UsageError
             If the unit turns by half a turn or more between two edges: no gyro sample tells that.
         """
-        step, share, *_ = self._progress(edges)
-        path = self._steps()
-        self._refuse_half_turns(edges, step, share)
-        before = path.rotations_nb[step] * Rotation.from_rotvec(path.vector[step] * share[:, None])
+        path, step, share, *_ = self._progress(edges)
+        _refuse_half_turns(path, edges, step, share)
+        before = self._attitude(path, step, share, None)
         across = step[1:] != step[:-1]
         turned = path.vector[step[:-1]] * np.diff(share)[:, None]
         if across.any():
@@ -183,22 +186,11 @@ class Motion:
         moved = Rotation.from_rotvec(turned)
         if self.disturbances:
             shake = Rotation.from_rotvec(self._shake(edges))
-            before, moved = before * shake, shake[:-1].inv() * moved * shake[1:]
+            before = _product(before, shake)
+            moved = _product(_product(shake[:-1].inv(), moved), shake[1:])
         interval = np.diff(edges)[:, None]
         earth_b = before[:-1].inv().apply(_earth_rate(site))
-        return (Rotation.from_rotvec(interval * earth_b) * moved).as_rotvec() / interval
-
-    def _refuse_half_turns(self, edges: Series, step: np.ndarray, share: Series) -> None:
-        path = self._steps()
-        angle = np.linalg.norm(path.vector, axis=1)
-        turned = np.diff(np.concatenate([[0.0], np.cumsum(angle)])[step] + angle[step] * share)
-        worst = int(np.argmax(turned))
-        if turned[worst] >= np.pi:
-            raise UsageError(
-                f"Between {edges[worst]:.6g} s and {edges[worst + 1]:.6g} s the unit turns by "
-                f"{np.degrees(turned[worst]):.0f} degrees, and a gyro sample of half a turn or more tells "
-                "nothing: give a higher sampling rate, or slower turns."
-            )
+        return _product(Rotation.from_rotvec(interval * earth_b), moved).as_rotvec() / interval
 
     def specific_force_b(self, time: Series, site: Site) -> Vectors:
         """Return the specific force at each instant, m/s², in b; at rest it is minus gravity.
@@ -208,21 +200,24 @@ class Motion:
         time : (samples,) s.
         site : gives gravity.
         """
-        step, _, speed, gain = self._progress(time)
-        vector = self._steps().vector[step]
+        path, step, share, speed, gain = self._progress(time)
+        vector = path.vector[step]
         across = np.cross(vector, self.lever_arm_b)
         # a = ω' x l + ω x (ω x l), with ω = vector * speed along a fixed axis
         acceleration = across * gain[:, None] + np.cross(vector, across) * (speed**2)[:, None]
+        shake = None
         if self.disturbances:
-            acceleration = Rotation.from_rotvec(self._shake(time)).inv().apply(acceleration)
+            shake = self._shake(time)
+            acceleration = Rotation.from_rotvec(shake).inv().apply(acceleration)
             acceleration += np.sum([d.acceleration(time) for d in self.disturbances], axis=0)
-        return acceleration - self.rotation_nb(time).inv().apply([0.0, 0.0, site.gravity])
+        gravity_n = [0.0, 0.0, site.gravity]
+        return acceleration - self._attitude(path, step, share, shake).inv().apply(gravity_n)
 
     def _shake(self, time: Series) -> Vectors:
         return np.sum([d.rotation(time) for d in self.disturbances], axis=0)
 
-    def _progress(self, time: Series) -> tuple[np.ndarray, Series, Series, Series]:
-        """Step number, share of it done, and the share's first and second time derivative."""
+    def _progress(self, time: Series) -> tuple[_Steps, np.ndarray, Series, Series, Series]:
+        """The steps, step number, share of it done, and the share's first and second time derivative."""
         path = self._steps()
         step = np.clip(np.searchsorted(path.edges, time, side="right") - 1, 0, len(path.length) - 1)
         length = path.length[step]
@@ -238,7 +233,7 @@ class Motion:
             share[spinning], speed[spinning], gain[spinning] = _spin_progress(
                 time[spinning] - path.edges[rows], path.length[rows], path.ramp[rows]
             )
-        return step, share, speed, gain
+        return path, step, share, speed, gain
 
 
 def _spin_progress(elapsed: Series, length: Series, ramp: Series) -> tuple[Series, Series, Series]:
@@ -270,6 +265,30 @@ class _Steps:
     vector: AnyArray
     ramp: AnyArray
     rotations_nb: Rotation
+
+
+def _refuse_half_turns(path: _Steps, edges: Series, step: np.ndarray, share: Series) -> None:
+    angle = np.linalg.norm(path.vector, axis=1)
+    turned = np.diff(np.concatenate([[0.0], np.cumsum(angle)])[step] + angle[step] * share)
+    worst = int(np.argmax(turned))
+    if turned[worst] >= np.pi:
+        raise UsageError(
+            f"Between {edges[worst]:.6g} s and {edges[worst + 1]:.6g} s the unit turns by "
+            f"{np.degrees(turned[worst]):.0f} degrees, and a gyro sample of half a turn or more tells "
+            "nothing: give a higher sampling rate, or slower turns."
+        )
+
+
+def _product(first: Rotation, second: Rotation) -> Rotation:
+    """The products of two equally long rows of rotations; scipy's own takes sixteen times as long."""
+    one, other = first.as_quat(), second.as_quat()
+    (x, y, z, w), (i, j, k, s) = one.T, other.T
+    product = np.empty_like(one)
+    product[:, 0] = w * i + x * s + y * k - z * j
+    product[:, 1] = w * j - x * k + y * s + z * i
+    product[:, 2] = w * k + x * j - y * i + z * s
+    product[:, 3] = w * s - x * i - y * j - z * k
+    return Rotation.from_quat(product)
 
 
 def _earth_rate(site: Site) -> Vector:
