@@ -19,7 +19,7 @@ import numpy as np
 from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
 from tumble.workflows.protocols import read_given_protocol
-from tumble.workflows.truth import FORMAT, Settings, truth_document
+from tumble.workflows.truth import FORMAT, Settings, case_columns, read_in_other_axes, truth_document
 
 if TYPE_CHECKING:
     from tumble.protocol import Protocol, Step
@@ -81,7 +81,8 @@ def simulate(
     site : where it is played; None takes the protocol's, or latitude 45°, height 0.
     rate : Hz; None takes the protocol's or the grade's usual one.
     units : "SI" or "counts" of the recording.
-    axes : "unit", b is the unit's own axes, or "case", forward, right, down of its case.
+    axes : "unit", b is the unit's own axes, or "case", forward, right, down of its case; the protocol
+        then says how the columns, which stay the unit's own, are read.
     per_step : one file for each hold and each spin instead of one for all.
     placement : make the placement errors that the protocol's uncertainties allow.
     noise : add noise and converter.
@@ -128,12 +129,17 @@ def simulate(
         placement=placement,
         units=units,
     )
+    columns = None
+    if axes == "case" and chosen.C_instrument_case is not None:
+        # Read by these columns, the recording is in the axes that the poses are of.
+        columns = case_columns(chosen.C_instrument_case)
+        truth = read_in_other_axes(truth, chosen.C_instrument_case.T)
     settings = Settings(played_by, seed, unit, noise, placement, axes, chain)
     document = truth_document(given, recording, truth, settings)
     simulated = time.perf_counter()
     say("writing")
     said = "counts" if units == "counts" else "m/s^2,rad/s,s"
-    played = replace(given, site=place, recordings=(), rate=None, columns=None, units=said)
+    played = replace(given, site=place, recordings=(), rate=None, columns=columns, units=said)
     files = _write(folder, played, recording, truth, document, per_step)
     seconds = {"simulating": simulated - began, "writing": time.perf_counter() - simulated}
     return Simulated(folder, files, document, remarks, seconds)
@@ -261,10 +267,11 @@ def _write(
                     (beside / name).replace(folder / name)
                 for name in stale:
                     (folder / Path(name).name).unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"The simulated recording could not be written to {folder}: {error.strerror or error}."
-        ) from error
+    except (OSError, OutputError) as error:
+        # A writer below has turned the system's error into a sentence about a name that nobody knows.
+        cause = error.__cause__ if isinstance(error, OutputError) else error
+        words = cause.strerror if isinstance(cause, OSError) and cause.strerror else str(cause or error)
+        raise OutputError(f"The simulated recording could not be written to {folder}: {words}.") from error
     finally:
         if made:
             with suppress(OSError):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from tumble.earth import EARTH_RATE, Site
 from tumble.errors import TumbleError
 
 if TYPE_CHECKING:
-    from tumble.arrays import AnyArray
+    from tumble.arrays import AnyArray, Matrix
     from tumble.protocol import Protocol, Step
     from tumble.recording import Recording
     from tumble.sensor import ImuModel, Triad
@@ -102,6 +102,64 @@ def truth_document(
     }
 
 
+def case_columns(C_instrument_case: Matrix) -> str:
+    """Return the columns of a recording in the unit's own axes, named for the axes of its case.
+
+    Parameters
+    ----------
+    C_instrument_case : (3, 3) whose rows are axes of the case, with sign.
+
+    Examples
+    --------
+    The unit's x axis is up, its y axis forward, its z axis left:
+
+    >>> case_columns(np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]))
+    't,-az,ax,-ay,-gz,gx,-gy'
+    """
+    names = ["t"]
+    for letter in "ag":
+        for row in C_instrument_case:
+            axis = int(np.argmax(np.abs(row)))
+            names.append(f"{'-' if row[axis] < 0.0 else ''}{letter}{'xyz'[axis]}")
+    return ",".join(names)
+
+
+def read_in_other_axes(truth: Truth, C_new_raw: Matrix) -> Truth:
+    """Return what was true of the columns as they are read, taken in another order and with other signs.
+
+    Parameters
+    ----------
+    truth : of the columns as they are.
+    C_new_raw : (3, 3) each row one column, with sign.
+    """
+    assert truth.model is not None
+    sensitivity = truth.model.g_sensitivity
+    return replace(
+        truth,
+        model=replace(
+            truth.model,
+            accelerometer=_reordered(truth.model.accelerometer, C_new_raw),
+            gyroscope=_reordered(truth.model.gyroscope, C_new_raw),
+            g_sensitivity=None if sensitivity is None else C_new_raw @ sensitivity,
+        ),
+        force_wander=truth.force_wander @ C_new_raw.T,
+        rate_wander=truth.rate_wander @ C_new_raw.T,
+    )
+
+
+def _reordered(triad: Triad | None, C_new_raw: Matrix) -> Triad | None:
+    """Terms even in u change their sign with the sensor's: raw = u + q u² is -raw = (-u) - q (-u)²."""
+    if triad is None:
+        return None
+    return replace(
+        triad,
+        matrix=C_new_raw @ triad.matrix,
+        bias=C_new_raw @ triad.bias,
+        asymmetry=None if triad.asymmetry is None else C_new_raw @ triad.asymmetry,
+        quadratic=None if triad.quadratic is None else C_new_raw @ triad.quadratic,
+    )
+
+
 def _imu(settings: Settings) -> dict[str, Any]:
     grade = settings.grade
     return {
@@ -110,7 +168,9 @@ def _imu(settings: Settings) -> dict[str, Any]:
         "assumed": list(grade.assumed),
         "axes": grade.axes or None,
         "C_instrument_case": _numbers(grade.C_instrument_case),
-        "b": "the unit's own axes" if settings.axes == "unit" else "the case's axes: forward, right, down",
+        "b": "the unit's own axes, which are the recording's columns"
+        if settings.axes == "unit"
+        else "the case's axes: forward, right, down; raw is the columns as protocol.yaml reads them",
     }
 
 
