@@ -428,7 +428,8 @@ def test_without_a_latitude_the_earth_s_rotation_is_an_uncertainty_of_the_bias()
     noise = (1e-6, 1e-7)
     estimate = Table(FACES[:1], RATES, site=NO_LATITUDE, noise=noise).rate_table()
     off = gyro_of(estimate).bias - TILTED.gyroscope.bias
-    np.testing.assert_allclose(off, VERTICAL * TILTED.gyroscope.matrix[:, 0], rtol=0, atol=1e-9)
+    # The horizontal Earth rate, seen at rest, weighs little beside the spins, not nothing.
+    np.testing.assert_allclose(off, VERTICAL * TILTED.gyroscope.matrix[:, 0], rtol=0, atol=1e-7)
     assert abs(off[0]) < 2.0 * estimate.parameters[0].standard_uncertainty < 1e-4
     assert any("No latitude was given" in s for s in estimate.not_determined)
     # Three axes up show it beside the bias; up and down it cancels.
