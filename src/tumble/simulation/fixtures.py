@@ -93,7 +93,7 @@ def play_protocol(
     protocol : what to do. Its file names and time intervals are not heeded.
     rng : source of errors and of unknown headings and poses.
     placement : make errors of placement, angle, rate and hand; False plays the nominal motion, and a
-        heading that is not known is then zero.
+        heading that is not known is then zero. A pose of which nothing is known is drawn all the same.
     heading : rad, of every pose whose heading is not known, or one for each step; None draws them.
     lever_arm_b : (3,) m, from the centre of turns to the unit.
     table_tilt : rad, one sigma of a lean of the whole fixture about north and about east, which all
