@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Matrices, Vector
+from tumble.arrays import Matrices, Vector, Vectors
 from tumble.calibration.turn_conditions import HoldsAndTurns
 from tumble.errors import ObservabilityError
 from tumble.recording.recording import Recording
-from tumble.segmentation import Hold, HoldMeans, Timeline
+from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline
 
 # A turn joins a hold over its last or first two seconds: long enough to average the accelerometer's
 # noise below the gyro's, short enough that a creeping pose does not matter.
 EDGE_WINDOW = 2.0
+# Share of the largest sample below which a sample is not believed, noise or none.
+SAMPLE_DIGITS = 1e-7
 
 
 def gather(recording: Recording, timeline: Timeline, means: HoldMeans) -> HoldsAndTurns:
@@ -35,7 +37,12 @@ def gather(recording: Recording, timeline: Timeline, means: HoldMeans) -> HoldsA
         raise ObservabilityError("The holds' means lack a triad.")
     head, tail = edge_windows(timeline.holds, means, recording.rate)
     turn_start, turn_stop = _turn_ranges(timeline, head, tail)
-    floor = timeline.noise_floor
+    floor = NoiseFloor(
+        _least(timeline.noise_floor.specific_force, recording.specific_force),
+        _least(timeline.noise_floor.angular_rate, recording.angular_rate),
+        timeline.noise_floor.threshold,
+        timeline.noise_floor.statistic,
+    )
     return HoldsAndTurns(
         time=recording.time,
         raw_force=recording.specific_force,
@@ -54,6 +61,11 @@ def gather(recording: Recording, timeline: Timeline, means: HoldMeans) -> HoldsA
         force_floor=_floor(means.specific_force_covariance, floor.specific_force, means),
         rate_floor=_floor(means.angular_rate_covariance, floor.angular_rate, means),
     )
+
+
+def _least(sigma: Vector, signal: Vectors) -> Vector:
+    """Return a sample's sigma, or what its digits leave uncertain where there is no noise at all."""
+    return np.maximum(sigma, SAMPLE_DIGITS * float(np.max(np.abs(signal))))
 
 
 def _floor(covariance: Matrices, sigma: Vector, means: HoldMeans) -> Vector:

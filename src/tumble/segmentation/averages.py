@@ -16,6 +16,9 @@ EXCESS_FALSE_ALARM = 1e-3
 # Sigmas by which the Allan variance has to lie above white noise for a flicker floor to be believed.
 FLOOR_SIGMAS = 2.3
 
+# Share of the largest mean below which a mean is not believed, whatever its scatter.
+DIGITS = 1e-8
+
 
 @dataclass(frozen=True, slots=True)
 class MeanCovariance:
@@ -88,7 +91,9 @@ def mean_covariance(
     if span is None:
         span = max(item[-1][1] for item in items) - min(item[0][0] for item in items)
     wander = np.maximum(np.log(span / counts), 0.0)[:, None] * floor / (2.0 * np.log(2.0))
-    covariance = (variances / counts[:, None] + wander)[:, :, None] * np.eye(3)
+    # A signal without any noise (simulated, or a sensor that stands still) is still written in digits.
+    digits = (DIGITS * float(np.max(np.abs(means)))) ** 2
+    covariance = np.maximum(variances / counts[:, None] + wander, digits)[:, :, None] * np.eye(3)
     return MeanCovariance(means, covariance, dof)
 
 
