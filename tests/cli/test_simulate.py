@@ -1,0 +1,231 @@
+"""`tumble simulate` as a user meets it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+FILES = {"recording.csv", "protocol.yaml", "truth.json"}
+PROGRAM = "import sys, tumble.cli.main as m; sys.argv[0] = 'tumble'; {before}; print('ready', flush=True); m.program()"
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def is_told(answer: Any, status: int, *words: str) -> None:
+    assert answer.status == status, answer
+    assert len(answer.err.splitlines()) == 1, answer.err
+    assert "Traceback" not in answer.err
+    assert "fault of tumble" not in answer.err
+    for word in words:
+        assert word in answer.err
+
+
+@pytest.mark.parametrize("protocol", ["six-position", "multi-position-26"])
+def test_what_it_says_to_type_next_works(
+    tumble: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, protocol: str
+) -> None:
+    """Simulate, then type the line that is printed: a calibration that is fit for use."""
+    monkeypatch.chdir(tmp_path)
+    answer = tumble("simulate", protocol, "--rate", 50, "--site", "48.1,520", "-o", "trial")
+    assert answer.status == 0, answer
+    assert answer.err == ""
+    following = re.search(r"^Next: tumble (.*)$", answer.out, re.M)
+    assert following is not None
+    calibrated = tumble(*following[1].split())
+    assert calibrated.status == 0, calibrated
+    document = json.loads((tmp_path / "trial" / "calibration" / "calibration.json").read_text("utf-8"))
+    assert document["procedure"] == protocol.removesuffix("-26")
+    assert document["site"]["latitude_deg"] == pytest.approx(48.1)
+
+
+def test_it_prints_the_truth_with_units_and_every_file(tumble: Any, tmp_path: Path) -> None:
+    answer = tumble("simulate", "six-position", "--imu", "hg1700", "--rate", 5, "-o", tmp_path / "trial")
+    for words in (
+        "No site was given",
+        "grade hg1700 (seed 0)",
+        "accelerometer bias x y z",
+        "m/s^2",
+        "gyro scale factor error x y z",
+        "ppm",
+        "rotation between the triads x y z",
+        "mrad",
+    ):
+        assert words in answer.out
+    truth = json.loads((tmp_path / "trial" / "truth.json").read_text("utf-8"))
+    named = {row["name"]: row["value"] for row in truth["parameters"]}
+    line = re.search(r"^ *gyro scale factor error x y z +(\S+) +(\S+) +(\S+) ppm$", answer.out, re.M)
+    assert line is not None
+    for text, axis in zip(line.groups(), "xyz", strict=True):
+        # six digits are printed
+        assert float(text) == pytest.approx(1e6 * named[f"gyro scale factor error {axis}"], rel=1e-5)
+    for name in FILES:
+        assert f"written: {(tmp_path / 'trial' / name).resolve()}" in answer.out
+
+
+def test_json_is_the_truth_and_the_files(tumble: Any, tmp_path: Path) -> None:
+    answer = tumble("simulate", "six-position", "--rate", 5, "-o", tmp_path, "--json")
+    assert answer.status == 0
+    said = json.loads(answer.out)
+    assert said["truth"] == json.loads((tmp_path / "truth.json").read_text("utf-8"))
+    assert {Path(file).name for file in said["files"]} == FILES
+    assert said["next"].startswith("tumble calibrate --protocol ")
+
+
+def test_quiet_prints_the_next_command_alone(tumble: Any, tmp_path: Path) -> None:
+    answer = tumble("simulate", "six-position", "--rate", 5, "-o", tmp_path, "-q")
+    assert answer.out.startswith("Next: tumble calibrate")
+    assert len(answer.out.splitlines()) == 1
+
+
+def test_without_an_output_the_folder_is_named_after_the_protocol(
+    tumble: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert tumble("simulate", "six-position", "--rate", 5, "-q").status == 0
+    assert set(contents(tmp_path / "six-position-simulated")) == FILES
+
+
+def test_a_protocol_file_of_one_s_own_is_played(tumble: Any, tmp_path: Path) -> None:
+    """What a simulation writes is itself a protocol that can be played, on its own site."""
+    tumble("simulate", "multi-position-9", "--rate", 5, "--site", "-20", "-o", tmp_path / "a", "-q")
+    answer = tumble("simulate", tmp_path / "a" / "protocol.yaml", "--rate", 5, "-o", tmp_path / "b")
+    assert answer.status == 0, answer
+    assert "No site was given" not in answer.out
+    first, second = (json.loads((tmp_path / name / "truth.json").read_text("utf-8")) for name in "ab")
+    assert second["site"]["latitude_deg"] == pytest.approx(-20.0)
+    assert second["protocol"] == "multi-position-9"
+    assert second["gyroscope"] == first["gyroscope"]
+
+
+def test_the_same_seed_gives_the_same_bytes(tumble: Any, tmp_path: Path) -> None:
+    for name in "ab":
+        tumble("simulate", "six-position", "--rate", 5, "--seed", 12, "-o", tmp_path / name, "-q")
+    assert contents(tmp_path / "a") == contents(tmp_path / "b")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["sixposition"], ["no protocol 'sixposition'", "Did you mean six-position?"]),
+        (["six-position", "--imu", "hg170"], ["no IMU grade 'hg170'", "ring-laser", "Did you mean hg1700?"]),
+        (["six-position", "--rate", "-5"], ["--rate -5", "1 to 20000"]),
+        (["six-position", "--seed", "-1"], ["--seed -1", "whole number"]),
+        (["six-position", "--seed", "1.5"], ["--seed", "integer"]),
+        (["six-position", "--dropped", "80"], ["--dropped 80", "0 to 50"]),
+        (["six-position", "--burst", "0"], ["--burst 0"]),
+        (["six-position", "--jitter", "-1"], ["--jitter -1", "milliseconds"]),
+        (["six-position", "--sampling-jitter", "nan"], ["--sampling-jitter nan"]),
+        (["six-position", "--units", "g"], ["SI or counts"]),
+        (["six-position", "--axes", "case"], ["hg1700 and hg1900 do"]),
+        (["six-position", "--site", "95"], ["beyond the poles"]),
+        (["hand-held", "--per-step"], ["needs the turns"]),
+    ],
+)
+def test_wrong_usage_is_one_sentence_and_touches_nothing(
+    tumble: Any, tmp_path: Path, arguments: list[str], words: list[str]
+) -> None:
+    is_told(tumble("simulate", *arguments, "-o", tmp_path / "new"), 2, *words)
+    assert contents(tmp_path) == {}
+
+
+def test_a_recording_that_was_not_simulated_is_never_written_over(tumble: Any, tmp_path: Path) -> None:
+    (tmp_path / "recording.csv").write_text("precious")
+    is_told(tumble("simulate", "six-position", "-o", tmp_path), 2, "was not simulated", "-o")
+    assert contents(tmp_path) == {"recording.csv": b"precious"}
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 600 kB, which holds a short recording and not a second, longer one."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=600k", "tmpfs", str(place)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if mounted.returncode:
+        pytest.skip(f"a small disk cannot be mounted here: {mounted.stderr.strip()}")
+    try:
+        yield place
+    finally:
+        subprocess.run(["umount", str(place)], check=True)
+
+
+def test_a_full_disk_leaves_the_earlier_simulation(tumble: Any, small_disk: Path) -> None:
+    tumble("simulate", "six-position", "--rate", 5, "-o", small_disk, "-q")
+    earlier = contents(small_disk)
+    assert set(earlier) == FILES
+    is_told(tumble("simulate", "six-position", "--rate", 100, "-o", small_disk), 3, "No space left")
+    assert contents(small_disk) == earlier
+    is_told(tumble("simulate", "six-position", "--rate", 100, "-o", small_disk / "new"), 3, "No space left")
+    assert contents(small_disk) == earlier
+
+
+# Sends Ctrl-C from inside, at the N-th time that a file is brought to the disk.
+AT_FSYNC = """
+import os, signal
+real, calls = os.fsync, [0]
+def fsync(*arguments):
+    calls[0] += 1
+    if calls[0] == {at}:
+        os.kill(os.getpid(), signal.SIGINT)
+    return real(*arguments)
+os.fsync = fsync
+"""
+
+
+def started(before: str, *arguments: object) -> subprocess.Popen[str]:
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM.format(before=before), *map(str, arguments)],
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    return process
+
+
+@pytest.mark.parametrize("at", [1, 2, 3], ids=["recording", "protocol", "truth"])
+def test_ctrl_c_while_writing_leaves_the_earlier_simulation_and_no_part(
+    tumble: Any, tmp_path: Path, at: int
+) -> None:
+    tumble("simulate", "six-position", "--rate", 5, "-o", tmp_path / "trial", "-q")
+    earlier = contents(tmp_path / "trial")
+    before = f"exec({AT_FSYNC.format(at=at)!r})"
+    process = started(before, "simulate", "six-position", "--seed", 2, "--rate", 5, "-o", tmp_path / "trial")
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Stopped" in err
+    assert len(err.splitlines()) == 1, err
+    assert contents(tmp_path / "trial") == earlier
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4, 0.8])
+def test_ctrl_c_at_any_moment_leaves_all_or_nothing(tmp_path: Path, delay: float) -> None:
+    folder = tmp_path / "trial"
+    process = started("pass", "simulate", "six-position", "--rate", 100, "-o", folder)
+    time.sleep(delay)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert "Traceback" not in err, err
+    assert process.returncode in (0, 130), err
+    if process.returncode == 130:
+        assert not folder.exists()
+    else:
+        assert set(contents(folder)) == FILES

@@ -1,0 +1,289 @@
+"""The workflow of simulation: what stands in the folder, and that it is true."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tumble.earth import EARTH_RATE, Site
+from tumble.errors import OutputError, UsageError
+from tumble.protocol import PROTOCOLS, read_protocol
+from tumble.simulation import Imperfections
+from tumble.workflows.calibrate import calibrate
+from tumble.workflows.simulate import simulate
+from tumble.workflows.truth import case_columns
+
+RATE = 20.0
+AXES = ["ax", "ay", "az", "gx", "gy", "gz"]
+
+
+def read(folder: Path) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
+    """Stamps, raw numbers, truth."""
+    table = pl.read_csv(folder / "recording.csv").to_numpy()
+    return table[:, 0], table[:, 1:], json.loads((folder / "truth.json").read_text(encoding="utf-8"))
+
+
+def raw_of(truth: dict[str, Any], force: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """The raw numbers of a true force and rate by the formula in the file, without tumble."""
+    rows = []
+    for name, true in (("accelerometer", force), ("gyroscope", rate)):
+        block = truth[name]
+        u = np.array(block["matrix"]) @ true
+        row = u + np.array(block["bias"])
+        if block["quadratic"] is not None:
+            row = row + np.array(block["quadratic"]) * u**2
+        if block["g_sensitivity"] is not None:
+            row = row + np.array(block["g_sensitivity"]) @ force
+        rows.append(row)
+    return np.concatenate(rows)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"units": "counts"},
+        {"grade": "hg1900", "nonlinear": True},
+        {"grade": "hg1700", "axes": "case", "nonlinear": True},
+    ],
+    ids=str,
+)
+def test_the_holds_of_the_file_are_those_of_the_truth_by_its_own_formula(
+    tmp_path: Path, options: dict[str, Any]
+) -> None:
+    """Attitude, gravity, Earth rate, errors and columns, end to end, from the files alone."""
+    site = Site.from_latitude(np.radians(-35.0), 700.0)
+    simulate("six-position", output=tmp_path, seed=5, site=site, rate=RATE, noise=False, **options)
+    time, raw, truth = read(tmp_path)
+    if options.get("axes") == "case":
+        # columns t,-az,ax,-ay: the file's first column is minus the case's z
+        raw = np.stack([raw[:, 1], -raw[:, 2], -raw[:, 0], raw[:, 4], -raw[:, 5], -raw[:, 3]], axis=1)
+    assert truth["site"]["gravity"] == site.gravity
+    latitude = np.radians(-35.0)
+    earth_rate_n = EARTH_RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
+    holds = [step for step in truth["steps"] if step["kind"] == "hold"]
+    assert len(holds) == 6
+    for step in holds:
+        C_bn = Rotation.from_quat(step["quaternion_nb"]).as_matrix().T
+        np.testing.assert_allclose(step["up_b"], C_bn @ [0.0, 0.0, -1.0], atol=1e-15)
+        expected = raw_of(truth, C_bn @ [0.0, 0.0, -site.gravity], C_bn @ earth_rate_n)
+        inside = (time > step["start_s"] + 1.0 / RATE) & (time < step["stop_s"] - 1.0 / RATE)
+        assert inside.sum() > 500
+        # arithmetic: rates are differences of attitudes, good to 1e-16 rad over a sample, times the scale
+        scale = np.abs([np.linalg.norm(truth[n]["matrix"], 2) for n in ("accelerometer", "gyroscope")])
+        atol = 1e-13 * np.repeat(scale, 3) * [10.0, 10.0, 10.0, RATE, RATE, RATE]
+        assert np.all(np.abs(raw[inside] - expected) < atol)
+
+
+def test_the_numbers_of_the_file_keep_all_their_digits(tmp_path: Path) -> None:
+    from tumble.recording import read_recordings
+
+    simulate("six-position", output=tmp_path, seed=6, rate=RATE, grade="hg1700")
+    table = pl.read_csv(tmp_path / "recording.csv", infer_schema=False)
+    # seventeen digits tell every double from its neighbours; shorter texts are written where they do too
+    lengths = [len(text.lstrip("-0.")) for text in table["ax"][:200]]
+    assert max(lengths) >= 16
+    recording = read_recordings([tmp_path / "recording.csv"])[0]
+    assert len(recording) == len(table)
+
+
+@pytest.mark.parametrize("protocol", list(PROTOCOLS))
+def test_every_named_protocol_is_played_and_its_file_reads_back_with_site_and_recording(
+    tmp_path: Path, protocol: str
+) -> None:
+    done = simulate(protocol, output=tmp_path, rate=5.0, site=Site.from_latitude(np.radians(20.0), 33.0))
+    written = read_protocol(tmp_path / "protocol.yaml")
+    assert written.name == protocol
+    assert written.recordings == ("recording.csv",)
+    assert written.units is not None
+    assert written.site is not None
+    assert written.site.gravity == pytest.approx(
+        Site.from_latitude(np.radians(20.0), 33.0).gravity, rel=1e-12
+    )
+    assert [file.name for file in done.files] == ["recording.csv", "protocol.yaml", "truth.json"]
+    spins = [step for step in done.truth["steps"] if step["kind"] == "spin"]
+    assert all(abs(np.linalg.norm(step["axis_b"]) - 1.0) < 1e-12 for step in spins)
+    assert len(done.truth["steps"]) == len(written.steps)
+
+
+def test_calibrate_needs_nothing_but_the_protocol_and_finds_the_truth(tmp_path: Path) -> None:
+    simulate("multi-position-26", output=tmp_path, seed=7, rate=50.0, grade="industrial-mems")
+    run = calibrate(protocol=tmp_path / "protocol.yaml")
+    # nothing about the file had to be guessed
+    assert not [remark.text for remark in run.recording.remarks if "taken as" in remark.text]
+    _, _, truth = read(tmp_path)
+    named = {row["name"]: row["value"] for row in truth["parameters"]}
+    compared = 0
+    for parameter in run.calibration.parameters:
+        if parameter.name.startswith("accelerometer"):
+            # flicker is in the data and hardly in the sigmas: six instead of four and a half
+            assert abs(parameter.value - named[parameter.name]) < 6.0 * parameter.standard_uncertainty
+            compared += 1
+    assert compared >= 9
+
+
+def test_the_truth_is_never_read(tmp_path: Path) -> None:
+    simulate("six-position", output=tmp_path, seed=8, rate=RATE)
+    first = calibrate(protocol=tmp_path / "protocol.yaml").calibration
+    (tmp_path / "truth.json").write_text("not even JSON")
+    second = calibrate(protocol=tmp_path / "protocol.yaml").calibration
+    assert first.accelerometer == second.accelerometer
+
+
+def test_the_same_seed_gives_the_same_files_and_another_seed_others(tmp_path: Path) -> None:
+    def play(name: str, seed: int, **more: Any) -> list[bytes]:
+        done = simulate("six-position", output=tmp_path / name, seed=seed, rate=5.0, **more)
+        return [file.read_bytes() for file in done.files]
+
+    assert play("a", 1) == play("b", 1)
+    assert play("a", 1)[0] != play("b", 2)[0]
+    chain = Imperfections(jitter=0.01, sampling_jitter=0.005, dropped=0.1, burst=3.0)
+    assert play("a", 1, imperfections=chain) == play("b", 1, imperfections=chain)
+
+
+def test_the_same_unit_in_another_session_has_the_same_errors_and_other_noise(tmp_path: Path) -> None:
+    first = simulate("six-position", output=tmp_path / "a", seed=1, unit=9, rate=5.0).truth
+    second = simulate("multi-position-9", output=tmp_path / "b", seed=2, unit=9, rate=5.0).truth
+    assert first["gyroscope"] == second["gyroscope"]
+    assert first["steps"][0]["quaternion_nb"] != second["steps"][0]["quaternion_nb"]
+    other = simulate("six-position", output=tmp_path / "c", seed=1, rate=5.0).truth
+    assert other["gyroscope"] != first["gyroscope"]
+
+
+def test_one_file_a_step_is_calibrated_like_one_file_for_all(tmp_path: Path) -> None:
+    one = simulate("six-position", output=tmp_path / "one", seed=3, rate=RATE)
+    many = simulate("six-position", output=tmp_path / "many", seed=3, rate=RATE, per_step=True)
+    assert [file.name for file in many.files[:2]] == ["step-01.csv", "step-03.csv"]
+    assert many.truth["recordings"] == [f"step-{number:02d}.csv" for number in (1, 3, 5, 7, 9, 11)]
+    a, b = (calibrate(protocol=done.folder / "protocol.yaml").calibration for done in (one, many))
+    assert a.accelerometer is not None
+    assert b.accelerometer is not None
+    # the searched holds leave out a little at their ends: the same within a fraction of the noise of a mean
+    np.testing.assert_allclose(b.accelerometer.bias, a.accelerometer.bias, atol=1e-3)
+
+
+def test_in_counts_the_numbers_are_whole_and_without_noise_they_are_not_rounded(tmp_path: Path) -> None:
+    simulate("six-position", output=tmp_path, units="counts", rate=5.0)
+    _, raw, truth = read(tmp_path)
+    np.testing.assert_array_equal(raw, np.round(raw))
+    assert truth["raw_units"] == {"specific_force": "counts", "angular_rate": "counts"}
+    # 8192 counts a g (the sheet's range of 4 g)
+    assert np.abs(raw[:, :3]).max() == pytest.approx(8192.0, rel=0.06)
+    simulate("six-position", output=tmp_path, units="counts", rate=5.0, noise=False)
+    assert np.any(read(tmp_path)[1] != np.round(read(tmp_path)[1]))
+
+
+def test_the_truth_names_grade_source_noise_and_units(tmp_path: Path) -> None:
+    done = simulate("six-position", output=tmp_path, grade="hg1700", rate=5.0, wander=True)
+    truth = done.truth
+    assert truth["imu"]["grade"] == "hg1700"
+    assert "table 2.1" in truth["imu"]["source"]
+    assert truth["imu"]["C_instrument_case"] == [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
+    noise = truth["noise"]["gyroscope"]
+    assert noise["random_walk"]["value"] == pytest.approx(3.6361e-5, rel=2e-5)
+    assert noise["random_walk"]["unit"] == "rad/s/sqrt(Hz)"
+    assert noise["bias_stability"]["value"] == pytest.approx(np.radians(1.0) / 3600.0)
+    assert any(step.get("gyroscope_wander", [0.0])[0] != 0.0 for step in truth["steps"])
+    assert truth["frame"]["name"] == "fixture"
+    assert "latitude 45°" in done.remarks[0]
+
+
+def test_an_earlier_simulation_is_replaced_as_a_whole_and_what_else_is_there_stays(tmp_path: Path) -> None:
+    simulate("six-position", output=tmp_path, rate=5.0, per_step=True)
+    (tmp_path / "calibration").mkdir()
+    (tmp_path / "notes.txt").write_text("mine")
+    simulate("six-position", output=tmp_path, rate=5.0)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"recording.csv", "protocol.yaml", "truth.json", "calibration", "notes.txt"}
+
+
+@pytest.mark.parametrize("name", ["recording.csv", "protocol.yaml"])
+def test_what_was_not_simulated_is_never_written_over(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("precious")
+    with pytest.raises(UsageError, match=f"holds a {name} that was not simulated"):
+        simulate("six-position", output=tmp_path, rate=5.0)
+    (tmp_path / "truth.json").write_text('{"format": "of another program"}')
+    with pytest.raises(UsageError, match="is not of `tumble simulate`"):
+        simulate("six-position", output=tmp_path, rate=5.0)
+    assert (tmp_path / name).read_text() == "precious"
+    assert {path.name for path in tmp_path.iterdir()} == {name, "truth.json"}
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"grade": "hg1800"}, "no IMU grade 'hg1800'.*Did you mean hg1[79]00"),
+        ({"rate": -5.0}, "--rate -5: the sampling rate is in Hz, from 1 to 20000"),
+        ({"rate": 0.0}, "--rate 0"),
+        ({"rate": float("nan")}, "--rate nan"),
+        ({"rate": 1e5}, "--rate 100000"),
+        ({"seed": -1}, "--seed -1: a seed is a whole number from 0 on"),
+        ({"unit": -2}, "--unit -2"),
+        ({"units": "g"}, "--units g: a simulated recording is in SI or counts"),
+        ({"axes": "north"}, "--axes north"),
+        ({"axes": "case"}, "consumer-mems lie in its case; hg1700 and hg1900 do"),
+    ],
+)
+def test_options_that_cannot_be_are_refused_in_a_sentence(
+    tmp_path: Path, options: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(UsageError, match=words):
+        simulate("six-position", output=tmp_path / "new", **options)
+    assert not (tmp_path / "new").exists()
+
+
+def test_protocols_that_are_not_there_are_answered_with_the_nearest_name(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"give a protocol file, or one of .*\. Did you mean rate-table\?"):
+        simulate("rate-tabel", output=tmp_path / "new")
+    with pytest.raises(UsageError, match=r"There is no protocol file .*mine\.yaml"):
+        simulate(tmp_path / "mine.yaml", output=tmp_path / "new")
+
+
+def test_more_samples_than_a_machine_holds_are_refused_before_they_are_made(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="at most 20,000,000 are simulated; give a lower --rate"):
+        simulate("rate-table", output=tmp_path, rate=20_000.0)
+
+
+def test_turns_that_a_procedure_needs_are_not_cut_away(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="needs the turns between the holds"):
+        simulate("hand-held", output=tmp_path, per_step=True)
+
+
+def test_places_that_cannot_be_written_to_are_told_before_the_work(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_text("precious")
+    with pytest.raises(UsageError, match="is a file: give a folder"):
+        simulate("six-position", output=file)
+    with pytest.raises(OutputError, match="file is a file"):
+        simulate("six-position", output=file / "below")
+
+
+def test_terms_that_a_sheet_does_not_state_are_remarked_on(tmp_path: Path) -> None:
+    remarks = simulate("six-position", output=tmp_path, rate=5.0, nonlinear=True, wander=True).remarks
+    assert any("states no linearity" in remark for remark in remarks)
+    assert any("states no in-run stability" in remark for remark in remarks)
+
+
+def test_columns_of_a_case_by_hand() -> None:
+    """The unit's x axis is the case's y, its y axis against the case's z, its z axis against the case's x."""
+    C_instrument_case = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+    assert case_columns(C_instrument_case) == "t,ay,-az,-ax,gy,-gz,-gx"
+
+
+def test_lost_samples_and_scattered_stamps_stand_in_the_file(tmp_path: Path) -> None:
+    chain = Imperfections(jitter=0.004, dropped=0.2, burst=4.0)
+    simulate("six-position", output=tmp_path, rate=RATE, imperfections=chain)
+    time, _, truth = read(tmp_path)
+    whole = simulate("six-position", output=tmp_path / "whole", rate=RATE).truth["samples"]
+    # a fifth of some 3900 samples in bursts of four: 1.6 % standard deviation
+    assert len(time) / whole == pytest.approx(0.8, abs=0.07)
+    assert truth["samples"] == len(time)
+    assert np.all(np.diff(time) > 0.0)
+    off = (time * RATE - 0.5) % 1.0
+    assert np.std(np.where(off > 0.5, off - 1.0, off)) / RATE == pytest.approx(0.004, rel=0.1)
