@@ -166,7 +166,7 @@ def plain_least_squares(nominal: Vectors, observed: Vectors) -> Series:
     nominal, observed : (readings, 3) vectors that the poses should show, SI, and the raw readings.
     """
     design = np.column_stack([nominal, np.ones(nominal.shape[0])])
-    solution = np.linalg.lstsq(design, observed, rcond=None)[0]
+    solution: AnyArray = np.asarray(np.linalg.lstsq(design, observed, rcond=None)[0], dtype=np.float64)
     return np.concatenate([solution[:3].T.ravel(), solution[3]])
 
 
@@ -222,7 +222,7 @@ def _second_order_shift(readings: PlacedReadings, adjustment: Adjustment, matrix
     """Return what the mean shift of the readings, -sigma² M r, adds to the second moments."""
     shift = -(readings.sigma**2)[:, None] * (readings.nominal @ matrix.T)
     weighted = adjustment.chain.solve(shift[:, :, None])[:, :, 0]
-    moved = adjustment.cofactor @ np.einsum("gsp,gs->p", adjustment.linearisation.design, weighted)
+    moved: AnyArray = adjustment.cofactor @ np.einsum("gsp,gs->p", adjustment.linearisation.design, weighted)
     return np.outer(moved, moved)
 
 

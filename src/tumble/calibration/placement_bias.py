@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, Vectors
+from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, Vectors, inverted
 from tumble.calibration.estimate import TermTest
 from tumble.calibration.placement import find_added_sigma, is_excessive
 from tumble.calibration.term_tests import wald_test
@@ -116,7 +116,7 @@ def fit_placement_biases(
     if not test.kept:
         return replace(_without_sensitivity(flat, covariance, earth, told=True), test=test)
     largest = two_digits(
-        float(np.degrees(np.max(np.abs(np.linalg.inv(matrix) @ fit.parameters[3:].reshape(3, 3)))) * 9.80665)
+        float(np.degrees(np.max(np.abs(inverted(matrix) @ fit.parameters[3:].reshape(3, 3)))) * 9.80665)
     )
     remark = (
         f"The gyros have a g-sensitivity of up to {largest}°/s per g, told by placements up and down; the bias is "
@@ -147,7 +147,7 @@ def _earth(shown: Vectors, upward: Series, covariance: Square, site: Site) -> tu
         earth = shown * (cosine * EARTH_RATE * np.sin(site.latitude))[:, None]
         # An axis that is not plumb sees the horizontal part by its heading.
         unknown = EARTH_RATE * level * np.cos(site.latitude) / np.sqrt(2.0)
-    unknown = np.where(np.isfinite(upward), unknown, EARTH_RATE / np.sqrt(3.0))
+    unknown[~np.isfinite(upward)] = EARTH_RATE / np.sqrt(3.0)
     covariance = covariance.copy()
     for c in range(shown.shape[0]):
         at = slice(3 * c, 3 * c + 3)
@@ -201,4 +201,4 @@ def _without_sensitivity(
 
 def _weights(fit: Adjustment, design: Table) -> Table:
     """Return what the observations are multiplied with: N^-1 A' C^-1."""
-    return fit.cofactor @ np.linalg.solve(fit.linearisation.covariance[0], design).T
+    return fit.cofactor @ design.T @ inverted(fit.linearisation.covariance[0])

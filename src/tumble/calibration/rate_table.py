@@ -181,8 +181,8 @@ def _possible_terms(readings: SpinReadings, known: np.ndarray) -> list[str]:
         face = int(np.argmax(np.max(np.abs(rate), axis=0)))
         along = rate[:, face]
         both[face] |= [bool(np.any(along > 0)), bool(np.any(along < 0))]
-        sizes = np.unique(np.round(np.abs(along) / np.max(np.abs(along)), 3))
-        fewest = min(fewest, sizes.size)
+        sizes = {round(float(size), 3) for size in np.abs(along) / np.max(np.abs(along))}
+        fewest = min(fewest, len(sizes))
     if not np.all(both) or fewest < 2:
         return []
     return ["asymmetry", "quadratic"] if fewest >= 3 else ["asymmetry"]
@@ -198,11 +198,12 @@ def _balanced(readings: SpinReadings, start: Series, free: np.ndarray, terms: in
 
     def solve(placement: float, wander: float) -> Adjustment:
         # What the conditions take from the values before is off by the square of an angle after two.
+        found: list[Adjustment] = []
         for _ in range(3):
             conditions = SpinConditions(readings, values[-1], free, placement, wander)
-            adjustment = adjust(conditions, values[-1][free])
-            values.append(conditions.full(adjustment.parameters))
-        return adjustment
+            found.append(adjust(conditions, values[-1][free]))
+            values.append(conditions.full(found[-1].parameters))
+        return found[-1]
 
     largest = float(np.max(np.abs(readings.rate)))
     alone = solve(0.0, 0.0).sigma0
@@ -277,7 +278,7 @@ def _second_order(readings: SpinReadings, fit: _Fit) -> Square:
     conditions = SpinConditions(readings, fit.values, fit.free, fit.placement, fit.wander)
     adjustment = fit.adjustment
     weighted = adjustment.chain.solve(conditions.mean_shift(fit.values)[:, :, None])[:, :, 0]
-    moved = adjustment.cofactor @ np.einsum("gsp,gs->p", adjustment.linearisation.design, weighted)
+    moved: AnyArray = adjustment.cofactor @ np.einsum("gsp,gs->p", adjustment.linearisation.design, weighted)
     return np.outer(moved, moved)
 
 

@@ -35,7 +35,7 @@ from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.estimation import snoop_groups
-from tumble.protocol import HoldStep, Protocol
+from tumble.protocol import HoldStep, Pose, Protocol
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans
 from tumble.segmentation.matching import Matching
@@ -83,8 +83,11 @@ def known_poses(matching: Matching, protocol: Protocol) -> KnownPoses:
     ObservabilityError
         If there is none.
     """
-    matched = [(m.hold, step.pose) for m in matching.holds if (step := _hold_step(protocol, m.step)).pose]
-    poses = [(hold, pose) for hold, pose in matched if pose is not None]
+    poses: list[tuple[int, Pose]] = []
+    for matched in matching.holds:
+        step = protocol.steps[matched.step]
+        if isinstance(step, HoldStep) and step.pose is not None:
+            poses.append((matched.hold, step.pose))
     if not poses:
         raise ObservabilityError(
             f"The protocol {protocol.name} gives no pose for any of the holds found: the six-position test needs "
@@ -105,11 +108,6 @@ def known_poses(matching: Matching, protocol: Protocol) -> KnownPoses:
         sigma=np.array([pose.sigma for _, pose in poses], dtype=float),
         face=face,
     )
-
-
-def _hold_step(protocol: Protocol, index: int) -> HoldStep:
-    step = protocol.steps[index]
-    return step if isinstance(step, HoldStep) else HoldStep(0.0)
 
 
 def calibrate_six_position(
@@ -215,7 +213,8 @@ def combine_pairs(
     shift = np.zeros(6)
     for axis in range(3):
         ways = [np.flatnonzero(poses.face == 2 * axis + down) for down in (0, 1)]
-        rough = up_down_pair(*(float(observed[at, axis].mean()) for at in ways), reference)[1]
+        high, low = (float(observed[at, axis].mean()) for at in ways)
+        rough = up_down_pair(high, low, reference)[1]
         mean, spread, below = np.zeros(2), np.zeros(2), np.zeros(2)
         for way, at in enumerate(ways):
             tilted = (reference * sigma[at] ** 2) ** 2 + (across * sigma[at]) ** 2
@@ -440,9 +439,14 @@ def _estimate(
 
 
 def _blocks(blocks: list[Table]) -> Table:
-    from scipy.linalg import block_diag
-
-    return np.asarray(block_diag(*blocks), dtype=np.float64)
+    """Return a block-diagonal matrix."""
+    whole = np.zeros((sum(b.shape[0] for b in blocks), sum(b.shape[1] for b in blocks)))
+    at = 0
+    for block in blocks:
+        end = at + block.shape[0]
+        whole[at:end, at:end] = block
+        at = end
+    return whole
 
 
 def _norms(means: HoldMeans, told: DescribedTriad, site: Site) -> tuple[Series, Series]:

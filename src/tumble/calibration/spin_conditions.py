@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vectors
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vectors, inverted
 from tumble.estimation import Linearisation
 from tumble.segmentation import SpinMeans
 
@@ -81,13 +81,16 @@ class SpinReadings:
             si = si + self.unseen[c, use] + wander**2 * np.eye(3)
             raw = self.covariance[c, use] + matrix @ si @ matrix.T
             for i in range(3):
-                weight = 1.0 / np.sqrt(raw[:, i, i])
-                solution, _, rank, _ = np.linalg.lstsq(
-                    design * weight[:, None], self.observed[c, use, i] * weight, rcond=1e-9
-                )
-                off = (self.observed[c, use, i] - design @ solution) * weight
+                weight: AnyArray = 1.0 / np.sqrt(raw[:, i, i])
+                # Projected on what the columns leave: the rows' own basis, without solving for a line.
+                basis, size, _ = np.linalg.svd(design * weight[:, None], full_matrices=False)
+                basis = basis[:, size > 1e-9 * size[0]]
+                # Less their mean first, which a basis of raw counts would only tell to round-off.
+                seen: AnyArray = self.observed[c, use, i]
+                shown: AnyArray = (seen - float(seen.mean())) * weight
+                off: AnyArray = shown - basis @ (basis.T @ shown)
                 total += float(off @ off)
-                checks += int(along.size - rank)
+                checks += int(along.shape[0]) - int(basis.shape[1])
         return total, checks
 
 
@@ -160,10 +163,11 @@ class SpinConditions:
         shown = variance * across + 2.0 * variance**2 * along
         own = np.einsum("gs,gsi,gsj->gsij", readings.share**2, r, r) + readings.unseen
         own = own + self.wander**2 * np.eye(3)
-        index = np.arange(rows)
-        shown[:, index, index] += own
+        for row in range(rows):
+            shown[:, row, row] += own[:, row]
         raw = matrix @ shown @ matrix.T
-        raw[:, index, index] += readings.covariance
+        for row in range(rows):
+            raw[:, row, row] += readings.covariance[:, row]
         return np.swapaxes(raw, 2, 3).reshape(groups, 3 * rows, 3 * rows)
 
     def mean_shift(self, full: Series) -> AnyArray:
@@ -202,6 +206,6 @@ def padded(items: list[list[AnyArray]], rows: int) -> AnyArray:
 
 def combined_mean(observed: Vectors, covariance: Matrices) -> tuple[AnyArray, AnyArray]:
     """Return the weighted mean of several means of the same, and its covariance."""
-    weights = np.linalg.inv(covariance)
-    spread = np.linalg.inv(weights.sum(axis=0))
+    weights: AnyArray = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+    spread = inverted(weights.sum(axis=0))
     return spread @ np.einsum("kij,kj->i", weights, observed), spread

@@ -134,8 +134,8 @@ class TableConditions:
         across = np.eye(3) - np.einsum("ka,kb->kab", up, up)
         noise = self.tilt**2 * np.einsum("ks,kt,kab->kstab", total, total, across)
         own = inverse @ self.readings.shown_covariance @ inverse.T + self.wander**2 * np.eye(3)
-        index = np.arange(spins)
-        noise[:, index, index] += own
+        for spin in range(spins):
+            noise[:, spin, spin] += own[:, spin]
         return np.swapaxes(noise, 2, 3).reshape(groups, 3 * spins, 3 * spins)
 
     def _masked(self, w: AnyArray, A: AnyArray, C: AnyArray) -> Linearisation:
