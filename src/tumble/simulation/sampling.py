@@ -124,7 +124,8 @@ def scatter_stamps(time: Series, rate: float, jitter: float, rng: np.random.Gene
     if jitter <= 0.0:
         return time
     limit = LARGEST_SHIFT / rate
-    return time + np.clip(jitter * rng.standard_normal(time.shape[0]), -limit, limit)
+    shift: Series = jitter * rng.standard_normal(time.shape[0])
+    return time + np.minimum(np.maximum(shift, -limit), limit)
 
 
 def drop_samples(

@@ -307,7 +307,7 @@ def _write_steps(
     # Whole samples inside the step: half an interval from each of its ends.
     inside = 0.5 / recording.rate * (1.0 - 1e-6)
     for number, (step, (start, stop)) in enumerate(zip(protocol.steps, truth.step_edges, strict=True), 1):
-        first, last = (int(i) for i in np.searchsorted(recording.time, [start + inside, stop - inside]))
+        first = int(np.searchsorted(recording.time, start + inside))
         last = int(np.searchsorted(recording.time, stop - inside, side="right"))
         if isinstance(step, TurnStep) or not last - first > 1:
             steps.append(replace(step, file=None, interval=None))
