@@ -111,19 +111,21 @@ class Grade:
             gyroscope=replace(self.gyroscope, noise=_in_counts(self.gyroscope.noise, rate)),
         )
 
-    def with_wandering_biases(self, correlation_time: float = 3600.0) -> Grade:
+    def with_wandering_biases(self, duration: float = 3600.0) -> Grade:
         """Return the grade whose biases also wander within the run, as the sheet's in-run stability says.
+
+        It becomes a random walk from zero that has spread to the in-run stability after `duration`.
 
         Parameters
         ----------
-        correlation_time : s, of the first-order Gauss-Markov process; no sheet states it, an hour is assumed.
+        duration : s; no sheet states it, an hour is assumed.
         """
 
         def wandering(grade: TriadGrade) -> TriadGrade:
-            noise = replace(
-                grade.noise, bias_stability=grade.bias_stability, correlation_time=correlation_time
-            )
-            return replace(grade, noise=noise)
+            if grade.bias_stability == 0.0:
+                return grade
+            walk = grade.bias_stability / np.sqrt(duration)
+            return replace(grade, noise=replace(grade.noise, rate_random_walk=walk))
 
         return replace(self, accelerometer=wandering(self.accelerometer), gyroscope=wandering(self.gyroscope))
 
@@ -317,7 +319,7 @@ _HG_SOURCE = (
 )
 _HG_ASSUMED = (
     "no flicker (the sheet states in-run stability instead)",
-    "correlation time of the in-run stability, one hour",
+    "the time in which in-run stability is reached, one hour",
     "linearity as a quadratic term",
     "connector at the front of the case",
 )

@@ -38,14 +38,14 @@ def add_markov(
             total[i, axis] += value
 
 
-@njit([types.void(_GENERATOR, types.float64, types.float64, _SIGNAL)], cache=True, nogil=True)
-def add_walk(rng: np.random.Generator, memory: float, gain: float, total: np.ndarray) -> None:
-    """Add to each of three columns the process x[i] = memory x[i - 1] + gain z[i] from x = 0."""
+@njit([types.void(_GENERATOR, types.float64, _SIGNAL)], cache=True, nogil=True)
+def add_walk(rng: np.random.Generator, step: float, total: np.ndarray) -> None:
+    """Add to each of three columns a random walk x[i] = x[i - 1] + step z[i] from x = 0."""
     x = y = z = 0.0
     for i in range(total.shape[0]):
-        x = memory * x + gain * rng.standard_normal()
-        y = memory * y + gain * rng.standard_normal()
-        z = memory * z + gain * rng.standard_normal()
+        x += step * rng.standard_normal()
+        y += step * rng.standard_normal()
+        z += step * rng.standard_normal()
         total[i, 0] += x
         total[i, 1] += y
         total[i, 2] += z

@@ -29,9 +29,6 @@ class TriadNoise:
     rate_random_walk : K, u·√Hz: the integral of white noise of density K².
     resolution : u, the converter's step; zero for none.
     full_scale : u, the converter's limit; infinite for none.
-    bias_stability : u, standard deviation that the bias tends to as it wanders within the run, a
-        first-order Gauss-Markov process from zero; zero for none.
-    correlation_time : s, of that process.
     """
 
     random_walk: float = 0.0
@@ -39,8 +36,6 @@ class TriadNoise:
     rate_random_walk: float = 0.0
     resolution: float = 0.0
     full_scale: float = float("inf")
-    bias_stability: float = 0.0
-    correlation_time: float = 3600.0
 
     def scaled(self, factor: float) -> TriadNoise:
         """Return the same noise of raw numbers `factor` times as large, such as counts instead of SI."""
@@ -50,14 +45,12 @@ class TriadNoise:
             rate_random_walk=factor * self.rate_random_walk,
             resolution=factor * self.resolution,
             full_scale=factor * self.full_scale,
-            bias_stability=factor * self.bias_stability,
-            correlation_time=self.correlation_time,
         )
 
     @property
     def wanders(self) -> bool:
         """Whether the bias moves during a run."""
-        return max(self.bias_instability, self.rate_random_walk, self.bias_stability) > 0.0
+        return max(self.bias_instability, self.rate_random_walk) > 0.0
 
 
 def simulate_noise(noise: TriadNoise, samples: int, rate: float, rng: np.random.Generator) -> AnyArray:
@@ -82,7 +75,7 @@ def simulate_noise(noise: TriadNoise, samples: int, rate: float, rng: np.random.
     other gains. Covariances, and with normal numbers the distribution, are the same, for one random
     number a sample instead of k.
 
-    Both the random walk and the wander of `bias_stability` begin at zero.
+    The random walk begins at zero.
     """
     from tumble.simulation.kernels import add_white
 
@@ -93,7 +86,7 @@ def simulate_noise(noise: TriadNoise, samples: int, rate: float, rng: np.random.
 
 
 def simulate_wander(noise: TriadNoise, samples: int, rate: float, rng: np.random.Generator) -> AnyArray:
-    """Draw how the bias wanders during the run, (samples, 3): flicker, random walk, in-run stability.
+    """Draw how the bias wanders during the run, (samples, 3): flicker and random walk.
 
     Parameters
     ----------
@@ -108,10 +101,7 @@ def simulate_wander(noise: TriadNoise, samples: int, rate: float, rng: np.random
         start = noise.bias_instability * rng.standard_normal((3, len(memories))) @ spread.T
         add_markov(rng, memories, noise.bias_instability * gains, start, total)
     if noise.rate_random_walk > 0.0:
-        add_walk(rng, 1.0, noise.rate_random_walk / np.sqrt(rate), total)
-    if noise.bias_stability > 0.0:
-        passed = 1.0 / (noise.correlation_time * rate)
-        add_walk(rng, np.exp(-passed), noise.bias_stability * np.sqrt(-np.expm1(-2.0 * passed)), total)
+        add_walk(rng, noise.rate_random_walk / np.sqrt(rate), total)
     return total
 
 

@@ -29,8 +29,6 @@ _NOISE = {
     "random_walk": ("{u}/sqrt(Hz)", "N of IEEE Std 952 (two-sided density)"),
     "bias_instability": ("{u}", "B of IEEE Std 952: flicker whose Allan floor is 0.664 B"),
     "rate_random_walk": ("{u}*sqrt(Hz)", "K of IEEE Std 952"),
-    "bias_stability": ("{u}", "standard deviation that a wandering bias tends to (first-order Gauss-Markov)"),
-    "correlation_time": ("s", "of bias_stability"),
     "resolution": ("{u}", "step of the converter; 0 for none"),
     "full_scale": ("{u}", "limit of the converter; null for none"),
 }

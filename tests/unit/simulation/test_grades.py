@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tumble.errors import UsageError
-from tumble.simulation import GRADES, TriadNoise, find_grade, simulate_noise
+from tumble.simulation import GRADES, find_grade, simulate_noise
+from tumble.simulation.noise import simulate_wander
 from tumble.units import STANDARD_GRAVITY
 
 HOUR, DEGREE = 3600.0, np.pi / 180.0
@@ -154,13 +155,16 @@ def test_in_counts_noise_limit_and_step_are_in_counts() -> None:
 def test_wandering_biases_are_asked_for() -> None:
     grade = find_grade("hg1900")
     assert not grade.gyroscope.noise.wanders
-    wandering = grade.with_wandering_biases(correlation_time=600.0)
-    assert wandering.gyroscope.noise == TriadNoise(
-        random_walk=grade.gyroscope.noise.random_walk,
-        full_scale=grade.gyroscope.noise.full_scale,
-        bias_stability=7.0 * (DEGREE / HOUR),
-        correlation_time=600.0,
-    )
+    wandering = grade.with_wandering_biases(duration=400.0)
+    noise = wandering.gyroscope.noise
+    # 7 deg/h after 400 s, and half of it after 100 s
+    assert noise.rate_random_walk * np.sqrt(400.0) == pytest.approx(7.0 * DEGREE / HOUR)
+    rng = np.random.default_rng(46)
+    ends = [simulate_wander(noise, 100, 1.0, rng)[-1] for _ in range(400)]
+    # 1200 numbers: 2 %, four and a half of them
+    assert np.std(ends) == pytest.approx(3.5 * DEGREE / HOUR, rel=0.1)
+    # a sheet without in-run stability leaves the grade as it was
+    assert find_grade("ring-laser").with_wandering_biases() == find_grade("ring-laser")
 
 
 @pytest.mark.parametrize(

@@ -188,7 +188,8 @@ def test_the_truth_names_grade_source_noise_and_units(tmp_path: Path) -> None:
     noise = truth["noise"]["gyroscope"]
     assert noise["random_walk"]["value"] == pytest.approx(3.6361e-5, rel=2e-5)
     assert noise["random_walk"]["unit"] == "rad/s/sqrt(Hz)"
-    assert noise["bias_stability"]["value"] == pytest.approx(np.radians(1.0) / 3600.0)
+    # 1 deg/h after an hour
+    assert noise["rate_random_walk"]["value"] * 60.0 == pytest.approx(np.radians(1.0) / 3600.0)
     assert any(step.get("gyroscope_wander", [0.0])[0] != 0.0 for step in truth["steps"])
     assert truth["frame"]["name"] == "fixture"
     assert "latitude 45°" in done.remarks[0]
