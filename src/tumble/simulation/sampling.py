@@ -124,7 +124,7 @@ def scatter_stamps(time: Series, rate: float, jitter: float, rng: np.random.Gene
     if jitter <= 0.0:
         return time
     limit = LARGEST_SHIFT / rate
-    shift: Series = jitter * rng.standard_normal(time.shape[0])
+    shift = jitter * rng.standard_normal(len(time))
     return time + np.minimum(np.maximum(shift, -limit), limit)
 
 

@@ -306,9 +306,9 @@ def _write_steps(
     width = len(str(len(protocol.steps)))
     # Whole samples inside the step: half an interval from each of its ends.
     inside = 0.5 / recording.rate * (1.0 - 1e-6)
-    for number, (step, (start, stop)) in enumerate(zip(protocol.steps, truth.step_edges, strict=True), 1):
-        first = int(np.searchsorted(recording.time, start + inside))
-        last = int(np.searchsorted(recording.time, stop - inside, side="right"))
+    firsts = np.searchsorted(recording.time, truth.step_edges[:, 0] + inside).tolist()
+    lasts = np.searchsorted(recording.time, truth.step_edges[:, 1] - inside, side="right").tolist()
+    for number, (step, first, last) in enumerate(zip(protocol.steps, firsts, lasts, strict=True), 1):
         if isinstance(step, TurnStep) or not last - first > 1:
             steps.append(replace(step, file=None, interval=None))
             continue
