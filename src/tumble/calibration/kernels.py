@@ -15,7 +15,7 @@ POPE, FIXED, NORM, SQUARE = 0, 1, 2, 3
 
 
 @njit(cache=True, nogil=True)
-def _forward(values, m):
+def _forward(values: np.ndarray, m: np.ndarray) -> None:
     """Lower-triangular matrix of bias, scale and angles (Hayal 3.13)."""
     m[0, 0] = values[3]
     m[1, 0] = -values[4] * np.sin(values[6])
@@ -26,7 +26,9 @@ def _forward(values, m):
 
 
 @njit(cache=True, nogil=True)
-def _cholesky_solve(normal, right, size, step, cofactor):
+def _cholesky_solve(
+    normal: np.ndarray, right: np.ndarray, size: int, step: np.ndarray, cofactor: np.ndarray
+) -> bool:
     """Solve the scaled normal equations in place; return whether they are positive definite."""
     scale = np.empty(size)
     for i in range(size):
@@ -88,19 +90,19 @@ def _cholesky_solve(normal, right, size, step, cofactor):
     nogil=True,
 )
 def adjust_norm_sets(
-    observed,
-    variance,
-    reference,
-    start,
-    size,
-    estimator,
-    limit,
-    tolerance,
-    parameters,
-    cofactors,
-    sigma0,
-    iterations,
-):
+    observed: np.ndarray,
+    variance: np.ndarray,
+    reference: np.ndarray,
+    start: np.ndarray,
+    size: int,
+    estimator: int,
+    limit: int,
+    tolerance: float,
+    parameters: np.ndarray,
+    cofactors: np.ndarray,
+    sigma0: np.ndarray,
+    iterations: np.ndarray,
+) -> None:
     """Adjust every set; `iterations` is negative where it did not converge.
 
     `observed` (sets, holds, 3), `variance` (holds, 3), `reference` (holds,), `start` and `parameters`
@@ -195,7 +197,7 @@ def adjust_norm_sets(
 
 
 @njit(cache=True, nogil=True)
-def add_mean_noise(rng, sigma, samples, means):
+def add_mean_noise(rng: np.random.Generator, sigma: float, samples: int, means: np.ndarray) -> None:
     """Add to every number of `means` (rows, 3) the mean of `samples` normal numbers of standard deviation `sigma`.
 
     Every single sample is drawn.

@@ -18,6 +18,7 @@ import numpy as np
 
 from tumble.arrays import Matrices, Series, Square, Vectors, inverted
 from tumble.calibration.canonical import Complex, describe_unknowns
+from tumble.calibration.data_sheet import about_sheet, sheet_prior
 from tumble.calibration.estimate import (
     Estimate,
     LeftOut,
@@ -37,6 +38,7 @@ from tumble.errors import ConvergenceError, ObservabilityError, UsageError
 from tumble.estimation import Adjustment, Prior, adjust, snoop_groups
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans
+from tumble.simulation import Grade
 from tumble.units import angular_rate_factor, specific_force_factor
 
 # Worse than this, a gyro's scale and angles from the Earth rate are worse than any data sheet's.
@@ -134,6 +136,8 @@ class _GyroFit:
     sigma0: float
     outliers: list[Outlier] = field(default_factory=list[Outlier])
     test: TermTest | None = None
+    remarks: list[str] = field(default_factory=list[str])
+    objections: list[str] = field(default_factory=list[str])
 
 
 def calibrate_multi_position(
@@ -142,6 +146,8 @@ def calibrate_multi_position(
     site: Site,
     *,
     prior: StableKnowledge | None = None,
+    data_sheet: Grade | None = None,
+    noise_correction: bool = True,
     unknowns: int = 9,
     progress: Callable[[str], None] | None = None,
 ) -> Estimate:
@@ -153,13 +159,18 @@ def calibrate_multi_position(
     means : the holds' means and covariances.
     site : gravity.
     prior : non-orthogonalities of an earlier calibration; six poses then suffice.
+    data_sheet : spreads of a grade as a prior of all nine unknowns of both triads (P of Hayal 3.38); for
+        raw numbers in a known unit. Six poses then suffice.
+    noise_correction : take the noise's own square out of the gyros' norm (K² + 2σ² for K²); for
+        accelerometers it is below 0.1 ppm, and left alone.
     unknowns : of a triad: 9 (bias, scale factor, non-orthogonality), 6 (without non-orthogonality) or
         3 (bias alone); what is not estimated is nominal, or the prior's.
 
     Raises
     ------
     UsageError
-        If `unknowns` is another number, or 3 for raw counts, whose scale nobody has said.
+        If `unknowns` is another number, or 3 or a data sheet goes with raw counts, whose scale nobody has
+        said.
     ObservabilityError
         If poses are too few or too alike; the message names the pose that would tell more.
     ConvergenceError
@@ -176,20 +187,28 @@ def calibrate_multi_position(
     _check_unknowns(unknowns, factor)
     if unknowns == 3 and factor is not None:
         start[SCALE] = 1.0 / factor
-    require_poses(means.specific_force, start, has_prior=prior is not None, unknowns=unknowns, factor=factor)
+    known = prior is not None or data_sheet is not None
+    require_poses(means.specific_force, start, has_prior=known, unknowns=unknowns, factor=factor)
     free = np.arange(unknowns)
+    constraint = _constraint(prior, data_sheet, factor, unknowns)
     force = fit_norms(
         means.specific_force,
         means.specific_force_covariance,
         site.gravity,
         start,
         free,
-        prior=None if prior is None or unknowns < 9 else _angle_prior(prior, 9),
+        prior=constraint,
     )
     say("gyros")
     specific_force_b = triad_from_unknowns(force.unknowns).correct(means.specific_force)
-    gyro = _fit_gyro(recording, means, specific_force_b, site, unknowns)
+    gyro = _fit_gyro(recording, means, specific_force_b, site, unknowns, data_sheet, noise_correction)
     estimate = _estimate(recording, means, site, force, gyro)
+    if data_sheet is not None and constraint is not None:
+        said = about_sheet(
+            "accelerometer", force.unknowns[:9], np.sqrt(np.diag(force.covariance)[:9]), constraint
+        )
+        estimate.remarks += [*said[0], *([] if gyro is None else gyro.remarks)]
+        estimate.objections += [*said[1], *([] if gyro is None else gyro.objections)]
     if unknowns < 9:
         kept = "non-orthogonalities" if unknowns == 6 else "scale factors and non-orthogonalities"
         of = "an earlier calibration's values" if prior is not None else "their nominal values"
@@ -198,6 +217,32 @@ def calibrate_multi_position(
             "and no uncertainty is stated for them."
         )
     return estimate
+
+
+def _constraint(
+    prior: StableKnowledge | None, data_sheet: Grade | None, factor: float | None, unknowns: int
+) -> Prior | None:
+    """Return what is known of the accelerometers' nine unknowns beforehand."""
+    if unknowns < 9:
+        return None
+    if data_sheet is not None:
+        if factor is None:
+            raise UsageError(
+                "A data sheet speaks of SI units, and the recording is in counts: declare its units with --units, "
+                "or leave --data-sheet out."
+            )
+        return sheet_prior(data_sheet.accelerometer, factor, knowledge=prior)
+    return None if prior is None else _angle_prior(prior, 9)
+
+
+def _reference(norm: float, covariance: Matrices, start: Series, corrected: bool) -> Series:
+    """Return each hold's reference: K, or the root of K² + 2σ² that takes the noise's square into account.
+
+    Of E|y|² = K² + 3σ² the adjustment takes the part along y out of the observations by itself; what
+    remains across it makes every norm too large.
+    """
+    noise = np.einsum("kaa,a->k", covariance, start[SCALE] ** -2) / 3.0
+    return np.sqrt(norm**2 + (2.0 * noise if corrected else 0.0 * noise))
 
 
 def _check_unknowns(unknowns: int, factor: float | None) -> None:
@@ -217,7 +262,13 @@ def _angle_prior(prior: StableKnowledge, size: int) -> Prior:
 
 
 def _fit_gyro(
-    recording: Recording, means: HoldMeans, specific_force_b: Vectors, site: Site, unknowns: int
+    recording: Recording,
+    means: HoldMeans,
+    specific_force_b: Vectors,
+    site: Site,
+    unknowns: int,
+    data_sheet: Grade | None,
+    noise_correction: bool,
 ) -> _GyroFit | None:
     """Take the largest solution on the Earth rate that the noise allows."""
     if means.angular_rate is None or means.angular_rate_covariance is None:
@@ -230,10 +281,15 @@ def _fit_gyro(
         start = np.zeros(COUNT)
         start[SCALE] = 1.0 / float(factor or 1.0)
         start[BIAS] = np.mean(observed, axis=0)
-        if not _earth_rate_tells(observed, covariance, start, count):
+        sheet = None
+        if data_sheet is not None and count == 9:
+            sheet = sheet_prior(data_sheet.gyroscope, float(factor or 1.0))
+        # With a prior of everything the Earth's rate may tell as little as it does.
+        if not _earth_rate_tells(observed, covariance, start, 3 if sheet is not None else count):
             continue
+        reference = _reference(EARTH_RATE, covariance, start, noise_correction)
         try:
-            fit = fit_norms(observed, covariance, EARTH_RATE, start, np.arange(count))
+            fit = fit_norms(observed, covariance, reference, start, np.arange(count), prior=sheet)
         except (ObservabilityError, ConvergenceError):
             continue
         if count > 3 and not _good_enough(fit):
@@ -245,6 +301,10 @@ def _fit_gyro(
         seen = {9: "bias, scale factors and non-orthogonalities", 6: "bias and scale factors", 3: "bias"}[
             count
         ]
+        remarks, objections = list[str](), list[str]()
+        if sheet is not None:
+            sigmas = np.sqrt(np.diag(fit.covariance)[:9])
+            remarks, objections = about_sheet("gyro", fit.unknowns[:9], sigmas, sheet)
         return _GyroFit(
             "full" if count > 3 else "bias",
             values,
@@ -252,6 +312,8 @@ def _fit_gyro(
             f"The gyro sees the Earth's rotation well enough for {seen} ({count}-parameter solution).",
             fit.alone,
             fit.outliers,
+            remarks=remarks,
+            objections=objections,
         )
     return _mean_bias(observed, covariance, factor, specific_force_b, site)
 
@@ -311,9 +373,12 @@ def _mean_bias(
         for axis in range(3):
             at = [axis, *range(3 + 3 * axis, 6 + 3 * axis)]
             spread[np.ix_(at, at)] = variance[axis] * cofactor
+        slopes = solution[1:].T.ravel()
+        if factor is None:
+            # Counts do not tell how large the Earth's part is: all that is equal on the axes may be its.
+            vertical_sigma = abs(float(np.mean(slopes[[0, 4, 8]])))
         equal = np.eye(3).ravel() * vertical_sigma
         spread[3:, 3:] += np.outer(equal, equal)
-        slopes = solution[1:].T.ravel()
         test = wald_test("g_sensitivity", slopes, spread[3:, 3:], 3 * (holds - 4), G_SENSITIVITY_FALSE_ALARM)
         if test.kept:
             values[GYRO_BIAS], values[G_SENSITIVITY] = solution[0], slopes

@@ -53,12 +53,27 @@ def calibrate_command(
             help="An earlier calibration.json of this unit: its non-orthogonalities are kept, and six poses suffice."
         ),
     ] = None,
+    data_sheet: Annotated[
+        str | None,
+        typer.Option(
+            metavar="GRADE",
+            help="For multi-position: a kind of unit (hg1700, consumer-mems, ...; see `tumble simulate --help`) whose "
+            "data sheet is believed beforehand.",
+        ),
+    ] = None,
     intervals: Intervals = None,
     optional_terms: Annotated[
         bool,
         typer.Option(
             "--optional-terms/--no-optional-terms",
             help="Try g-sensitivity and quadratic terms, and keep them if the data want them.",
+        ),
+    ] = True,
+    noise_correction: Annotated[
+        bool,
+        typer.Option(
+            "--noise-correction/--no-noise-correction",
+            help="Take the noise's own square out of the norm of gyros on the Earth's rate.",
         ),
     ] = True,
     unknowns: Annotated[
@@ -96,8 +111,10 @@ def calibrate_command(
             units=units,
             rate=rate,
             prior=prior,
+            data_sheet=data_sheet,
             intervals=intervals,
             optional_terms=optional_terms,
+            noise_correction=noise_correction,
             unknowns=unknowns,
             imu=(imu_model, imu_serial),
             progress=say,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import json
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -75,9 +75,9 @@ def outcome_json(outcome: Outcome) -> str:
         if isinstance(value, np.ndarray):
             return [None if not np.isfinite(v) else float(v) for v in value]
         if isinstance(value, dict):
-            return {key: plain_data(v) for key, v in value.items()}
+            return {key: plain_data(v) for key, v in cast("dict[str, Any]", value).items()}
         if isinstance(value, list | tuple):
-            return [plain_data(v) for v in value]
+            return [plain_data(v) for v in cast("list[Any]", value)]
         return None if isinstance(value, float) and not np.isfinite(value) else value
 
     return json.dumps(plain_data(asdict(outcome)), indent=1, ensure_ascii=False) + "\n"

@@ -112,10 +112,11 @@ def simulate_field_means(imu: str, triad: str, runs: int, rng: np.random.Generat
         [
             rng.normal(0.0, spread.bias, (runs, 3)),
             rng.normal(0.0, spread.scale_factor, (runs, 3)),
-            rng.normal(0.0, spread.misalignment, (runs, 3)),
+            # The angle between two axes: each misalignment is about one direction.
+            np.sqrt(2.0) * rng.normal(0.0, spread.misalignment, (runs, 3)),
         ]
     )
-    share = np.exp(rng.uniform(*np.log(WANDER), runs))
+    share = np.exp(rng.uniform(np.log(WANDER[0]), np.log(WANDER[1]), runs))
     means = np.empty((len(MINUTES), runs, ATTITUDES, 3))
     length = HOLD + PAUSE
     for run in range(runs):
@@ -252,7 +253,8 @@ def _weakest(scenario: int, triad: str, unknowns: int) -> str:
     values, vectors = np.linalg.svd(design)[1:]
     share = vectors[-1] ** 2
     told = values[-1] / values[0]
-    involved = " and ".join(names[i] for i in np.argsort(share)[::-1] if share[i] > 0.15)
+    order: list[int] = np.argsort(share)[::-1].tolist()
+    involved = " and ".join(names[i] for i in order if share[i] > 0.15)
     which = f"Geometry: the {len(up)} attitudes of scenario {scenario}"
     if told < 1e-9:
         return (

@@ -66,8 +66,10 @@ def calibrate(
     units: str | None = None,
     rate: float | None = None,
     prior: str | os.PathLike[str] | None = None,
+    data_sheet: str | None = None,
     intervals: str | os.PathLike[str] | None = None,
     optional_terms: bool = True,
+    noise_correction: bool = True,
     unknowns: int | None = None,
     imu: tuple[str | None, str | None] = (None, None),
     progress: Callable[[str], None] | None = None,
@@ -85,8 +87,11 @@ def calibrate(
         uncertainty of 0.015 m/s².
     columns, units, rate : what the files do not say, as for `tumble.read_recording`.
     prior : an earlier calibration of the unit, whose non-orthogonalities are kept.
+    data_sheet : name of one of `tumble.simulation.GRADES`, whose spreads are a prior of all nine unknowns of both
+        triads; for the multi-position procedure only.
     intervals : file of the holds' start and stop in seconds, instead of finding them.
     optional_terms : try g-sensitivity and quadratic terms.
+    noise_correction : take the noise's own square out of the norm of gyros on the Earth's rate.
     unknowns : 9, 6 or 3 a triad, for the multi-position procedure only.
     imu : (model, serial number) to note in the document.
     progress : is told in words what is being done.
@@ -101,7 +106,7 @@ def calibrate(
         If the results cannot be written; earlier ones are intact.
     """
     say = progress or _silent
-    check_procedure(procedure, unknowns, has_protocol=protocol is not None)
+    check_procedure(procedure, unknowns, has_protocol=protocol is not None, data_sheet=data_sheet)
     folder = None if output is None else Path(output)
     if folder is not None:
         _require_writable(folder)
@@ -114,6 +119,7 @@ def calibrate(
 
     task = _prepare(recording, told, site, intervals, clock, say)
     task.knowledge, task.optional_terms, task.unknowns = knowledge, optional_terms, unknowns
+    task.data_sheet, task.noise_correction = data_sheet, noise_correction
     estimate, reason = run_procedure(task, procedure)
     add_objections(task, estimate, procedure, reason)
     if knowledge is not None:

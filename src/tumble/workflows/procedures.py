@@ -43,7 +43,8 @@ class Task:
     recording, timeline, means, site : what was recorded, what was found in it, and where.
     protocol, matching : what was to be done, and which hold and spin is which of its steps.
     knowledge : of an earlier calibration.
-    optional_terms, unknowns : as for `calibrate`.
+    data_sheet : name of a grade whose spreads are a prior, for the multi-position procedure.
+    optional_terms, noise_correction, unknowns : as for `calibrate`.
     say : is told in words what is being done.
     """
 
@@ -54,12 +55,16 @@ class Task:
     protocol: Protocol | None = None
     matching: Matching | None = None
     knowledge: StableKnowledge | None = None
+    data_sheet: str | None = None
     optional_terms: bool = True
+    noise_correction: bool = True
     unknowns: int | None = None
     say: Callable[[str], None] = field(default=_silent)
 
 
-def check_procedure(procedure: str | None, unknowns: int | None, *, has_protocol: bool) -> None:
+def check_procedure(
+    procedure: str | None, unknowns: int | None, *, has_protocol: bool, data_sheet: str | None = None
+) -> None:
     """Refuse a procedure that there is not, or that lacks what it needs.
 
     Raises
@@ -71,6 +76,14 @@ def check_procedure(procedure: str | None, unknowns: int | None, *, has_protocol
         raise UsageError(
             "--unknowns is for the multi-position procedure: add --procedure multi-position, or leave it out."
         )
+    if data_sheet is not None:
+        from tumble.simulation import find_grade
+
+        find_grade(data_sheet)
+        if procedure != "multi-position":
+            raise UsageError(
+                "--data-sheet is for the multi-position procedure: add --procedure multi-position, or leave it out."
+            )
     if procedure in LATER_PROCEDURES:
         raise UsageError(
             f"The procedure {procedure} is not part of this version: it has {', '.join(PROCEDURES)}."
@@ -147,12 +160,15 @@ def _hand_held(task: Task) -> Estimate:
 
 def _multi_position(task: Task) -> Estimate:
     from tumble.calibration import calibrate_multi_position
+    from tumble.simulation import find_grade
 
     return calibrate_multi_position(
         task.recording,
         task.means,
         task.site,
         prior=task.knowledge,
+        data_sheet=None if task.data_sheet is None else find_grade(task.data_sheet),
+        noise_correction=task.noise_correction,
         unknowns=task.unknowns or 9,
         progress=task.say,
     )

@@ -124,7 +124,7 @@ def verify(
             angles, sizes, durations = scores.angle, scores.size, scores.duration
             assert means.angular_rate is not None
             resting = means.angular_rate
-            if model.g_sensitivity is not None and model.accelerometer is not None:
+            if model.g_sensitivity is not None:
                 resting = resting - model.accelerometer.correct(means.specific_force) @ model.g_sensitivity.T
             change = np.median(resting, axis=0) - model.gyroscope.bias
         result = Verification(
