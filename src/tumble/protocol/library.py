@@ -117,12 +117,13 @@ _NAMED = {
     "multi-position-10": _Named(
         "multi-position",
         lambda: _multi_position(10),
-        "Faces and four edges: the thesis' first ten, which leave one non-orthogonality almost unseen.",
+        "Faces and four edges, anyhow: the thesis' first ten, none with an edge between y and z up, so that "
+        "the non-orthogonality of y and z is not seen.",
     ),
     "multi-position-9": _Named(
         "multi-position",
         lambda: _multi_position(9),
-        "Faces and three edges: as many poses as unknowns, so that nothing checks the result.",
+        "Faces and three edges, anyhow: as many poses as unknowns, so that nothing checks the result.",
     ),
     "rate-table": _Named(
         "rate-table",

@@ -1,32 +1,190 @@
-"""Values of a YAML file with the line that each stands on, so that a mistake can be named by its place."""
+"""Entries of a YAML file with the line that each stands on, so that a mistake can be named by its place."""
 
 from __future__ import annotations
 
 import difflib
 import math
-from dataclasses import dataclass
-from pathlib import Path
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 from tumble.errors import ProtocolError
-
-# What a place in the file is called in a message.
-Where = str
+from tumble.protocol.numerals import value_of
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
-    """The file that is read; it makes the messages."""
+class Entry:
+    """One value of a file, and what it is called in a message.
 
-    path: Path
+    Attributes
+    ----------
+    file : what the messages call the file.
+    node : the value with its marks, as PyYAML composes it.
+    step : such as ``step 3 (x up)``; empty outside the steps.
+    key : under which the value stands; empty for a whole step or file.
+    """
 
-    def error(self, node: Any, message: str) -> ProtocolError:
-        """Return the error that names the file and the node's line."""
-        return ProtocolError(f"{self.path}, line {node.start_mark.line + 1}: {message}")
+    file: str
+    node: Any
+    step: str = ""
+    key: str = ""
+
+    def error(self, message: str) -> ProtocolError:
+        """Return the error that names file, line and step."""
+        step = f", {self.step}" if self.step else ""
+        return ProtocolError(f"{self.file}, line {self.node.start_mark.line + 1}{step}: {message}")
+
+    @property
+    def is_scalar(self) -> bool:
+        """Whether the value is one word or number."""
+        return self.node.id == "scalar"
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing stands after the key."""
+        return self.is_scalar and self.node.style is None and str(self.node.value) in ("", "~", "null")
+
+    def mapping(self, known: Iterable[str], what: str) -> dict[str, Entry]:
+        """Return the entries of a mapping by key.
+
+        Raises
+        ------
+        ProtocolError
+            If it is no mapping, or a key is unknown or stands twice.
+        """
+        known = tuple(known)
+        if self.node.id != "mapping":
+            raise self.error(f"{what} is to be `key: value`, one a line, with the keys {_listed(known)}.")
+        found: dict[str, Entry] = {}
+        for key_node, value in self.node.value:
+            here = replace(self, node=key_node)
+            key = str(key_node.value) if key_node.id == "scalar" else "[...]"
+            if key not in known:
+                raise here.error(f"{what} has no key `{key}`: {nearest(key, known)}")
+            if key in found:
+                line = found[key].node.start_mark.line + 1
+                raise here.error(f"`{key}` stands twice, first in line {line}: remove one.")
+            found[key] = replace(self, node=value, key=key)
+        return found
+
+    def sequence(self) -> list[Entry]:
+        """Return the entries of a list.
+
+        Raises
+        ------
+        ProtocolError
+            If it is no list.
+        """
+        if self.node.id != "sequence":
+            raise self.error(f"`{self.key}` is to be a list: each item on a line of its own, after `- `.")
+        return [replace(self, node=item) for item in self.node.value]
+
+    def text(self) -> str:
+        """Return a text; nothing is the empty text.
+
+        Raises
+        ------
+        ProtocolError
+            If it is a list or a mapping.
+        """
+        if not self.is_scalar:
+            raise self.error(f"`{self.key}` is to be a text, and is a {self.node.id}.")
+        return "" if self.is_empty else str(self.node.value)
+
+    def number(
+        self,
+        factor: float = 1.0,
+        *,
+        least: float = -math.inf,
+        most: float = math.inf,
+        positive: bool = False,
+        instead: str = "",
+    ) -> float:
+        """Return a finite number, times the factor of its unit.
+
+        Parameters
+        ----------
+        factor : SI value of the file's unit.
+        least, most : limits in the file's unit.
+        positive : whether zero and less are refused.
+        instead : what to write instead of a number beyond the limits, after a colon.
+
+        Raises
+        ------
+        ProtocolError
+            If it is no number, or beyond the limits.
+        """
+        if self.is_empty:
+            raise self.error(f"`{self.key}` is empty: write a number after it, or remove it.")
+        word = str(self.node.value)
+        try:
+            value = value_of(word, factor)
+        except (ValueError, TypeError):
+            raise self.error(self._no_number()) from None
+        if self.node.style is not None:
+            raise self.error(self._no_number())
+        if not math.isfinite(value):
+            raise self.error(f"`{self.key}` is {word}: a finite number is needed.")
+        given = float(word)
+        if positive and value <= 0.0:
+            raise self.error(f"`{self.key}` is {word}: it has to be more than 0.{instead and f' {instead}'}")
+        if not least <= given <= most:
+            span = f"from {least:g} to {most:g}" if most < math.inf else f"{least:g} or more"
+            raise self.error(f"`{self.key}` is {word}: it has to be {span}.{instead and f' {instead}'}")
+        return value
+
+    def _no_number(self) -> str:
+        """Return why this is no number, and what to write."""
+        if not self.is_scalar:
+            return f"`{self.key}` is to be one number, and is a {self.node.id}."
+        word = str(self.node.value)
+        if self.node.style is not None:
+            return f'`{self.key}` is the text "{word[:30]}": write a number, without quotes.'
+        if re.fullmatch(r"[-+]?\d+,\d+", word):
+            return f"`{self.key}` is {word}: write the number with a point, {word.replace(',', '.')}."
+        if word.lower().lstrip("+-.") in ("nan", "inf", "infinity"):
+            return f"`{self.key}` is {word}: a finite number is needed."
+        with_unit = re.match(r"([-+]?\d*\.?\d+)\s*[^\d\s.,:]", word)
+        if with_unit:
+            return f"`{self.key}` is `{word[:30]}`: write {with_unit[1]} alone, the key says the unit."
+        return f"`{self.key}` is `{word[:30]}`, and is to be a number."
+
+    def numbers(
+        self, count: int, factor: float = 1.0, *, most: float = math.inf, instead: str = ""
+    ) -> list[float]:
+        """Return a list of so many finite numbers, each times the factor, none larger than `most`.
+
+        Raises
+        ------
+        ProtocolError
+            If it is none.
+        """
+        if self.node.id != "sequence" or len(self.node.value) != count:
+            raise self.error(
+                f"`{self.key}` is to be a list of {count} numbers, [{', '.join(['…'] * count)}]."
+            )
+        return [item.number(factor, least=-most, most=most, instead=instead) for item in self.sequence()]
 
 
-def compose(path: Path, text: str) -> Any:
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return the sentence that names the right word nearest to a wrong one, or all of them."""
+    known = tuple(known)
+    near = difflib.get_close_matches(word.lower(), known, 1, 0.6)
+    return f"did you mean `{near[0]}`?" if near else f"it can be {_listed(known)}."
+
+
+def _listed(words: Iterable[str]) -> str:
+    return ", ".join(f"`{word}`" for word in words)
+
+
+def compose(file: str, content: str) -> Any:
     """Return the root node of a YAML text.
+
+    Parameters
+    ----------
+    file : what the messages call it.
+    content : the text.
 
     Raises
     ------
@@ -35,107 +193,22 @@ def compose(path: Path, text: str) -> Any:
     """
     import yaml
 
+    library = cast("Any", yaml)
     try:
-        root: Any = cast("Any", yaml).compose(text, Loader=yaml.SafeLoader)
-    except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark is not None else 1
-        hint = " (indent with spaces, not tabs)" if "\\t" in str(error.problem) else ""
-        raise ProtocolError(f"{path}, line {line}: this is not YAML: {error.problem}{hint}.") from None
-    except yaml.YAMLError as error:
-        raise ProtocolError(f"{path}: this is not YAML: {error}.") from None
+        root: Any = library.compose(content, Loader=library.SafeLoader)
+    except library.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = mark.line + 1 if mark is not None else 1
+        tab = " (indent with spaces, not with tabs)" if "\\t" in str(error.problem) else ""
+        why = error.problem or error.context
+        raise ProtocolError(f"{file}, line {line}: this is not YAML: {why}{tab}.") from None
+    except library.reader.ReaderError as error:
+        line = content.count("\n", 0, error.position) + 1
+        raise ProtocolError(
+            f"{file}, line {line}: the character {error.character!r} has no place in a text file."
+        ) from None
+    except RecursionError:
+        raise ProtocolError(f"{file} is not a protocol: it is nested too deeply.") from None
     if root is None:
-        raise ProtocolError(f"{path} is empty: a protocol begins with `format: tumble protocol`.")
+        raise ProtocolError(f"{file} is empty: a protocol begins with `format: tumble protocol`.")
     return root
-
-
-def mapping(source: Source, node: Any, where: Where, known: tuple[str, ...]) -> dict[str, Any]:
-    """Return a mapping's nodes by key.
-
-    Raises
-    ------
-    ProtocolError
-        If it is no mapping, or a key is unknown or stands twice.
-    """
-    if node.id != "mapping":
-        raise source.error(node, f"{where} is to be a list of `key: value`.")
-    found: dict[str, Any] = {}
-    for key_node, value in node.value:
-        key = str(key_node.value)
-        if key not in known:
-            near = difflib.get_close_matches(key, known, 1, 0.5)
-            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}."
-            raise source.error(key_node, f"{where} has no key {key!r}; {hint}")
-        if key in found:
-            raise source.error(key_node, f"{where} has the key {key!r} twice.")
-        found[key] = value
-    return found
-
-
-def sequence(source: Source, node: Any, where: Where) -> list[Any]:
-    """Return a list's nodes.
-
-    Raises
-    ------
-    ProtocolError
-        If it is no list.
-    """
-    if node.id != "sequence":
-        raise source.error(node, f"{where} is to be a list.")
-    return list(node.value)
-
-
-def text(source: Source, node: Any, where: Where) -> str:
-    """Return a text; nothing is the empty text.
-
-    Raises
-    ------
-    ProtocolError
-        If it is a list or a mapping.
-    """
-    if node.id != "scalar":
-        raise source.error(node, f"{where} is to be a text.")
-    return "" if node.tag.endswith(":null") else str(node.value)
-
-
-def number(
-    source: Source,
-    node: Any,
-    where: Where,
-    *,
-    least: float = -math.inf,
-    most: float = math.inf,
-    above: float = -math.inf,
-) -> float:
-    """Return a finite number from `least` to `most`, and greater than `above`.
-
-    Raises
-    ------
-    ProtocolError
-        If it is none.
-    """
-    try:
-        value = float(text(source, node, where))
-    except ValueError:
-        raise source.error(node, f"{where} is {str(node.value)[:30]!r}, and is to be a number.") from None
-    if not math.isfinite(value):
-        raise source.error(node, f"{where} is {node.value}, and is to be a finite number.")
-    if value <= above:
-        raise source.error(node, f"{where} is {value:g}, and is to be more than {above:g}.")
-    if not least <= value <= most:
-        span = f"from {least:g} to {most:g}" if math.isfinite(most) else f"{least:g} or more"
-        raise source.error(node, f"{where} is {value:g}, and is to be {span}.")
-    return value
-
-
-def numbers(source: Source, node: Any, where: Where, count: int) -> list[float]:
-    """Return a list of so many finite numbers.
-
-    Raises
-    ------
-    ProtocolError
-        If it is none.
-    """
-    nodes = sequence(source, node, where)
-    if len(nodes) != count:
-        raise source.error(node, f"{where} has {len(nodes)} numbers, and is to have {count}.")
-    return [number(source, item, where) for item in nodes]
