@@ -72,7 +72,9 @@ def find_accelerometer(first: Vectors, second: Vectors, rate: float = _GUESS_RAT
     ratio = [s / r for s, r in zip(sizes, ranges, strict=True)]
     big, small = max(ratio), min(ratio)
     if big > 0.7 and big > 4.0 * small:
-        return TriadOrder(ratio[1] > ratio[0], True, "its norm at rest is steady and far from zero")
+        # On a turning table both are steady and far from zero: then it is a guess, and no proof.
+        sure = small < 3.0
+        return TriadOrder(ratio[1] > ratio[0], sure, "its norm at rest is steady and far from zero")
     return TriadOrder(False, False, "nothing in the numbers tells the triads apart, so the first is taken")
 
 
