@@ -7,6 +7,7 @@ In a spin s of placement c the gyro shows, averaged over whole revolutions,
 with the rate against the Earth. `bias_c` is the placement's own: in it are the bias, what the gyro sees
 of the Earth's rotation about the table's axis, and its g-sensitivity to gravity along that axis. At
 rest on the table r is zero, and the horizontal Earth rate, of unknown heading, is added to the noise.
+Rests between the spins follow a bias that wanders: rows of a placement are correlated as a walk's.
 
 A placement that is off by theta turns the rate vectors of all its spins alike, by ``-theta x r_s``: the
 spins of a group are correlated, and a misalignment is told by placements, however many spins each has.
@@ -18,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vectors, inverted
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vectors, inverted
 from tumble.estimation import Linearisation
 from tumble.segmentation import SpinMeans
 
@@ -29,14 +30,15 @@ MATRIX, ASYMMETRY, QUADRATIC, BIASES = slice(0, 9), slice(9, 12), slice(12, 15),
 
 @dataclass(frozen=True, slots=True)
 class SpinReadings:
-    """Mean raw rates on the table, padded to (placements, rows); a placement at rest is a row too.
+    """Mean raw rates on the table, padded to (placements, rows) in order of time; each rest is a row too.
 
     Attributes
     ----------
     observed, covariance : (placements, rows, 3), (placements, rows, 3, 3) raw.
     rate : (placements, rows, 3) rad/s, rate against the Earth times axis; zero at rest.
     share : (placements, rows) standard uncertainty of the rate as a share of it.
-    unseen : (placements, rows, 3, 3) (rad/s)², covariance of what else the unit is shown.
+    unseen : (placements, 3, 3) (rad/s)², covariance of the horizontal Earth rate, which is seen at rest.
+    time : (placements, rows) s, the middle of each row.
     spin : (placements, rows) index of the spin, -1 at rest, -2 for padding.
     sigma : (placements,) rad, of the placement about each axis.
     """
@@ -46,6 +48,7 @@ class SpinReadings:
     rate: AnyArray
     share: AnyArray
     unseen: AnyArray
+    time: AnyArray
     spin: np.ndarray
     sigma: Series
 
@@ -77,21 +80,47 @@ class SpinReadings:
             along = self.rate[c, use] @ axis / (axis @ axis)
             columns = [np.ones_like(along), along, np.abs(along), along**2]
             design = np.column_stack(columns[: 2 + terms])
-            si = np.einsum("r,ij->rij", (self.share[c, use] * along) ** 2, np.outer(axis, axis))
-            si = si + self.unseen[c, use] + wander**2 * np.eye(3)
-            raw = self.covariance[c, use] + matrix @ si @ matrix.T
+            raw = self.row_covariance(c, matrix, wander)[use][:, use]
             for i in range(3):
-                weight: AnyArray = 1.0 / np.sqrt(raw[:, i, i])
+                factor: AnyArray = np.asarray(np.linalg.cholesky(raw[:, :, i, i]), dtype=np.float64)
+                whiten = inverted(factor)
                 # Projected on what the columns leave: the rows' own basis, without solving for a line.
-                basis, size, _ = np.linalg.svd(design * weight[:, None], full_matrices=False)
+                basis, size, _ = np.linalg.svd(whiten @ design, full_matrices=False)
                 basis = basis[:, size > 1e-9 * size[0]]
                 # Less their mean first, which a basis of raw counts would only tell to round-off.
                 seen: AnyArray = self.observed[c, use, i]
-                shown: AnyArray = (seen - float(seen.mean())) * weight
+                shown: AnyArray = whiten @ (seen - float(seen.mean()))
                 off: AnyArray = shown - basis @ (basis.T @ shown)
                 total += float(off @ off)
                 checks += int(along.shape[0]) - int(basis.shape[1])
         return total, checks
+
+    def row_covariance(self, c: int, matrix: Matrix, wander: float) -> AnyArray:
+        """Return (rows, rows, 3, 3) raw: all that is not the placement's of placement `c`."""
+        rate, rows = self.rate[c], self.spin.shape[1]
+        own = np.einsum("r,ri,rj->rij", self.share[c] ** 2, rate, rate)
+        rest = (self.spin[c] == -1).astype(float)
+        # The table may stop at the same heading each time, or not: both are allowed for.
+        seen = np.outer(rest, rest) + np.diag(rest)
+        si = seen[:, :, None, None] * self.unseen[c] + self._wandering(c, wander)[:, :, None, None] * np.eye(
+            3
+        )
+        for row in range(rows):
+            si[row, row] += own[row]
+        raw = matrix @ si @ matrix.T
+        for row in range(rows):
+            raw[row, row] += self.covariance[c, row]
+        return raw
+
+    def _wandering(self, c: int, wander: float) -> Table:
+        """Return (rows, rows) (rad/s)²: a bias that wanders, half from row to row, half as a random walk.
+
+        Flicker lies between the two. The walk begins with the placement, whose bias is its own.
+        """
+        time = self.time[c] - self.time[c, 0]
+        spacing = max(float(np.max(time[self.active[c]])) / max(int(self.active[c].sum()) - 1, 1), 1e-9)
+        walk: Table = np.minimum.outer(time, time) / spacing
+        return 0.5 * wander**2 * (np.eye(time.size) + np.maximum(walk, 0.0))
 
 
 class SpinConditions:
@@ -105,7 +134,7 @@ class SpinConditions:
         without a kink, adjusted two or three times.
     free : indices of the unknowns to adjust.
     placement : rad, joined to the readings' placement sigmas.
-    wander : rad/s, standard deviation from row to row beyond the noise.
+    wander : rad/s, of the bias from row to row beyond the noise.
     """
 
     def __init__(
@@ -161,13 +190,9 @@ class SpinConditions:
         across = np.einsum("gsi,gti->gst", r, r)[..., None, None] * np.eye(3) - np.swapaxes(along, 3, 4)
         # Along the axis of second order only; 2: see `placement`.
         shown = variance * across + 2.0 * variance**2 * along
-        own = np.einsum("gs,gsi,gsj->gsij", readings.share**2, r, r) + readings.unseen
-        own = own + self.wander**2 * np.eye(3)
-        for row in range(rows):
-            shown[:, row, row] += own[:, row]
         raw = matrix @ shown @ matrix.T
-        for row in range(rows):
-            raw[:, row, row] += readings.covariance[:, row]
+        for c in range(groups):
+            raw[c] += readings.row_covariance(c, matrix, self.wander)
         return np.swapaxes(raw, 2, 3).reshape(groups, 3 * rows, 3 * rows)
 
     def mean_shift(self, full: Series) -> AnyArray:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Vector
-from tumble.calibration.spin_conditions import SpinReadings, combined_mean, padded, spin_covariance
+from tumble.arrays import Matrices, Matrix, Vector
+from tumble.calibration.spin_conditions import SpinReadings, padded, spin_covariance
 from tumble.calibration.spin_groups import SpinGroup, group_spins
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
@@ -84,60 +84,78 @@ def _placement(recording: Recording, means: HoldMeans, group: SpinGroup) -> Spun
 def gather_spins(
     recording: Recording, means: HoldMeans, spins: SpinMeans, placements: list[SpunPlacement], site: Site
 ) -> SpinReadings:
-    """Return the readings of all placements: a row for each spin, and one at rest where there is a hold.
+    """Return the readings of all placements: a row for each spin and each hold, in order of time.
 
     Parameters
     ----------
     recording, means, spins : units; means at rest; means of the spins.
     site : its latitude says how large the horizontal Earth rate is, which is seen at rest only.
     """
-    assert spins.angular_rate is not None
     noise = spin_covariance(spins)
     cosine = np.cos(site.latitude) if site.latitude is not None else np.sqrt(2.0 / 3.0)
-    columns: list[list[list[AnyArray]]] = [[], [], [], [], []]
-    marks: list[list[int]] = []
-    for placement in placements:
-        group = placement.group
-        lists: list[list[AnyArray]] = [[], [], [], [], []]
-        for row, step in zip(group.rows, group.spins, strict=True):
-            rate = step.rate * placement.axis * _sense(placement, step.axis_b)
-            parts = (
-                spins.angular_rate[row],
-                noise[row],
-                rate,
-                np.array(step.sigma),
-                np.zeros((3, 3)),
+    rows = [_rows(placement, means, spins, noise) for placement in placements]
+    longest = max(len(mine) for mine in rows)
+    marks = np.full((len(rows), longest), -2)
+    for c, mine in enumerate(rows):
+        marks[c, : len(mine)] = [row.spin for row in mine]
+    across = [np.eye(3) - np.outer(p.axis, p.axis) for p in placements]
+    return SpinReadings(
+        observed=padded([[row.shown for row in mine] for mine in rows], longest),
+        covariance=padded([[row.covariance for row in mine] for mine in rows], longest),
+        rate=padded([[row.rate for row in mine] for mine in rows], longest),
+        share=padded([[np.array(row.share) for row in mine] for mine in rows], longest),
+        unseen=0.5 * (EARTH_RATE * cosine) ** 2 * np.array(across),
+        time=padded([[np.array(row.time) for row in mine] for mine in rows], longest),
+        spin=marks,
+        sigma=np.array([0.0 if p.group.pose is None else p.group.pose.sigma for p in placements]),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """A spin, or a rest (`spin` is -1)."""
+
+    time: float
+    shown: Vector
+    covariance: Matrix
+    rate: Vector
+    share: float
+    spin: int
+
+
+def _rows(placement: SpunPlacement, means: HoldMeans, spins: SpinMeans, noise: Matrices) -> list[_Row]:
+    """Return a placement's spins and rests in order of time."""
+    assert spins.angular_rate is not None
+    group = placement.group
+    rows = [
+        _Row(
+            float(spins.time[at]),
+            spins.angular_rate[at],
+            noise[at],
+            step.rate * placement.axis * _sense(placement, step.axis_b),
+            step.sigma,
+            at,
+        )
+        for at, step in zip(group.rows, group.spins, strict=True)
+    ]
+    if means.angular_rate is not None and means.angular_rate_covariance is not None:
+        rows += [
+            _Row(
+                float(means.time[at]),
+                means.angular_rate[at],
+                means.angular_rate_covariance[at],
+                np.zeros(3),
+                0.0,
+                -1,
             )
-            for column, part in zip(lists, parts, strict=True):
-                column.append(part)
-        rest = _at_rest(means, group)
-        if rest is not None:
-            across = np.eye(3) - np.outer(placement.axis, placement.axis)
-            unseen = 0.5 * (EARTH_RATE * cosine) ** 2 * across
-            for column, part in zip(lists, (*rest, np.zeros(3), np.array(0.0), unseen), strict=True):
-                column.append(part)
-        marks.append([*group.rows, *([-1] if rest is not None else [])])
-        for column, part in zip(columns, lists, strict=True):
-            column.append(part)
-    rows = max(len(mark) for mark in marks)
-    spin = np.full((len(marks), rows), -2)
-    for at, mark in enumerate(marks):
-        spin[at, : len(mark)] = mark
-    observed, covariance, rate, share, unseen = (padded(column, rows) for column in columns)
-    sigma = np.array([0.0 if p.group.pose is None else p.group.pose.sigma for p in placements])
-    return SpinReadings(observed, covariance, rate, share, unseen, spin, sigma)
+            for at in group.holds
+        ]
+    return sorted(rows, key=lambda row: row.time)
 
 
 def _sense(placement: SpunPlacement, axis_b: Vector | None) -> float:
     """Return -1 for a spin about the axis opposite to the placement's."""
     return 1.0 if axis_b is None or float(np.dot(axis_b, placement.axis)) >= 0.0 else -1.0
-
-
-def _at_rest(means: HoldMeans, group: SpinGroup) -> tuple[AnyArray, AnyArray] | None:
-    """Return what the gyro shows with the table at rest: one row, for its heading may always be the same."""
-    if not group.holds or means.angular_rate is None or means.angular_rate_covariance is None:
-        return None
-    return combined_mean(means.angular_rate[group.holds], means.angular_rate_covariance[group.holds])
 
 
 def require_rates(readings: SpinReadings, placements: list[SpunPlacement]) -> None:

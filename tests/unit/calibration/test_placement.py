@@ -79,8 +79,9 @@ def spin_readings(sigma: float) -> SpinReadings:
     rate[1] = [[0, 0.5, 0], [0, -0.5, 0], [0, 0.8, 0]]
     spin = np.array([[0, 1, -2], [2, 3, 4]])
     noise = np.tile(1e-12 * np.eye(3), (2, 3, 1, 1))
+    time = np.array([[10.0, 30.0, 0.0], [90.0, 110.0, 130.0]])
     return SpinReadings(
-        rate @ MATRIX.T, noise, rate, np.zeros((2, 3)), np.zeros((2, 3, 3, 3)), spin, np.full(2, sigma)
+        rate @ MATRIX.T, noise, rate, np.zeros((2, 3)), np.zeros((2, 3, 3)), time, spin, np.full(2, sigma)
     )
 
 
@@ -109,6 +110,16 @@ def test_a_placement_turns_all_its_spins_alike() -> None:
     assert covariance[0, 1, 4] == pytest.approx(-((0.5 * sigma) ** 2))
     assert covariance[0, 0, 0] == pytest.approx(1e-12 + 2.0 * sigma**4 * 0.25)
     assert covariance[1, 0, 6] == pytest.approx(0.5 * 0.8 * sigma**2)
+
+
+def test_a_bias_that_wanders_is_half_a_walk_from_the_placement_s_first_row() -> None:
+    readings = spin_readings(0.0)
+    values = np.concatenate([np.eye(3).ravel(), np.zeros(12)])
+    covariance = SpinConditions(readings, values, np.arange(21), 0.0, 1e-3).linearise(values).covariance
+    # Rows at 0, 20 and 40 s, 20 s apart: min(t, t') / 20 is 0, 1 and 2; with the half that does not walk.
+    gyro_y = covariance[1][1::3, 1::3]
+    expected = 0.5e-6 * np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 1.0], [0.0, 1.0, 3.0]])
+    np.testing.assert_allclose(gyro_y, expected + 1e-12 * np.eye(3), rtol=1e-9)
 
 
 def test_the_earth_s_rotation_about_a_plumb_axis_is_known_and_about_a_level_one_an_uncertainty() -> None:
