@@ -120,6 +120,7 @@ def adjust_norm_sets(
         values = parameters[number]
         values[:] = start[number]
         adjusted[:] = observed[number]
+        cofactor[:] = np.nan
         before, done, count = np.inf, False, 0
         while not done and count < limit:
             count += 1
