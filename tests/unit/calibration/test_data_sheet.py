@@ -1,0 +1,161 @@
+"""A data sheet as prior: few poses suffice, what the sheet alone says is said, a contradiction is objected to."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tumble.attitude.directions import twenty_six_directions
+from tumble.calibration import Estimate, calibrate_multi_position
+from tumble.calibration.data_sheet import NAMES, about_sheet, sheet_prior
+from tumble.calibration.prior import StableKnowledge
+from tumble.earth import Site
+from tumble.errors import ObservabilityError, UsageError
+from tumble.recording import Recording
+from tumble.segmentation import HoldMeans
+from tumble.sensor.conventions.shin import matrix_from_shin
+from tumble.simulation import find_grade
+
+SITE = Site.from_gravity(9.8)
+HG1700 = find_grade("hg1700")
+# A unit of the sheet: bias 10 mm/s², scale factors of 300 ppm, misalignments of 100 µrad, one sigma.
+BIAS = np.array([0.011, -0.006, 0.009])
+SCALE_ERROR = 1e-6 * np.array([250.0, -410.0, 130.0])
+ANGLES = 1e-6 * np.array([120.0, -90.0, 60.0])
+NOISE = 1e-4  # m/s² of a hold's mean
+
+
+def means_in(up: np.ndarray, *, scale_error: np.ndarray = SCALE_ERROR, factor: float = 1.0) -> HoldMeans:
+    rng = np.random.default_rng(8)
+    matrix = np.real(matrix_from_shin(1.0 + scale_error, ANGLES))
+    force = 9.8 * up @ matrix.T + BIAS + NOISE * rng.standard_normal(up.shape)
+    holds = len(up)
+    return HoldMeans(
+        specific_force=force / factor,
+        specific_force_covariance=np.tile((NOISE / factor) ** 2 * np.eye(3), (holds, 1, 1)),
+        specific_force_dof=np.full(holds, 99.0),
+        angular_rate=None,
+        angular_rate_covariance=None,
+        angular_rate_dof=None,
+        duration=np.full(holds, 60.0),
+        time=90.0 * np.arange(holds, dtype=float),
+        count=np.full(holds, 60.0),
+        temperature=None,
+    )
+
+
+def calibrate(
+    means: HoldMeans, unit: str = "m/s^2", *, sheet: bool = True, prior: StableKnowledge | None = None
+) -> Estimate:
+    recording = Recording(means.time, means.specific_force, None, unit, "rad/s", 1.0)
+    return calibrate_multi_position(recording, means, SITE, prior=prior, data_sheet=HG1700 if sheet else None)
+
+
+def errors_of(estimate: Estimate) -> np.ndarray:
+    """Errors of the six entries of the matrix, row by row, and of the bias."""
+    model = estimate.model.accelerometer
+    assert model is not None
+    matrix = np.real(matrix_from_shin(1.0 + SCALE_ERROR, ANGLES))
+    return np.concatenate([(model.matrix - matrix)[np.tril_indices(3)], model.bias - BIAS])
+
+
+FACES = twenty_six_directions()[:6]
+
+
+def test_six_faces_alone_are_too_few_and_suffice_with_a_sheet() -> None:
+    with pytest.raises(ObservabilityError):
+        calibrate(means_in(FACES), sheet=False)
+    estimate = calibrate(means_in(FACES))
+    # bias and scale: NOISE over the root of two, five sigma of it; angles: the sheet's 141 µrad, five sigma
+    errors = errors_of(estimate)
+    assert np.all(np.abs(errors[6:]) < 5.0 * NOISE / np.sqrt(2.0))
+    assert np.all(np.abs(errors[[0, 2, 5]]) < 5.0 * NOISE / 9.8 / np.sqrt(2.0) + 1e-7)
+    assert np.all(np.abs(errors[[1, 3, 4]]) < 5.0 * np.sqrt(2.0) * 100e-6)
+
+
+def test_what_six_faces_leave_to_the_sheet_is_said() -> None:
+    """Faces show biases and scale factors; the angles keep the sheet's zero and the sheet's sigma."""
+    estimate = calibrate(means_in(FACES))
+    told = [r for r in estimate.remarks if "next to nothing" in r]
+    assert len(told) == 1
+    assert "non-orthogonality yz, non-orthogonality zx, non-orthogonality zy" in told[0]
+    assert "bias" not in told[0]
+    assert estimate.objections == []
+
+
+def test_with_26_poses_the_sheet_says_nothing_and_nothing_is_said() -> None:
+    up = twenty_six_directions()
+    with_sheet, alone = calibrate(means_in(up)), calibrate(means_in(up), sheet=False)
+    assert not [r for r in with_sheet.remarks if "data sheet" in r]
+    assert with_sheet.objections == []
+    # a prior of 300 ppm and 141 µrad beside sigmas of 5 to 10 ppm: it moves nothing by more than 1 %
+    moved = errors_of(with_sheet) - errors_of(alone)
+    assert np.all(np.abs(moved[:6]) < 0.01 * 300e-6)
+    assert np.all(np.abs(moved[6:]) < 0.01 * 0.01)
+
+
+def test_a_unit_that_is_none_of_the_sheet_s_is_objected_to() -> None:
+    """A scale factor of 0.5 % is 17 of the sheet's 300 ppm."""
+    scale_error = np.array([SCALE_ERROR[0], 5e-3, SCALE_ERROR[2]])
+    estimate = calibrate(means_in(twenty_six_directions(), scale_error=scale_error))
+    (said,) = estimate.objections
+    assert "accelerometer's scale factor y is 17 of the sheet's standard deviations off" in said
+    assert "calibrate without --data-sheet" in said
+
+
+def test_a_parameter_that_nothing_is_told_of_cannot_contradict() -> None:
+    prior = sheet_prior(HG1700.accelerometer, 1.0)
+    before = np.sqrt(np.diag(np.linalg.inv(prior.precision)))
+    values = prior.mean.copy()
+    values[7] += 6.0 * before[7]
+    untold = np.where(np.arange(9) == 7, 0.95, 0.1) * before
+    remarks, objections = about_sheet("gyro", values, untold, prior)
+    assert objections == []
+    assert NAMES[7] in remarks[0]
+    told = 0.1 * before
+    remarks, objections = about_sheet("gyro", values, told, prior)
+    assert remarks == []
+    assert "gyro's non-orthogonality zx" in objections[0]
+
+
+def test_the_prior_is_in_raw_units() -> None:
+    """For 0.5 m/s² a unit the scale factor is 2, and so is everything that is an output."""
+    sheet = HG1700.accelerometer
+    prior = sheet_prior(sheet, 0.5)
+    np.testing.assert_allclose(prior.mean, [0, 0, 0, 2, 2, 2, 0, 0, 0])
+    sigma = 1.0 / np.sqrt(np.diag(prior.precision))
+    expected = np.repeat([2 * sheet.bias, 2 * sheet.scale_factor, np.sqrt(2.0) * sheet.misalignment], 3)
+    np.testing.assert_allclose(sigma, expected, rtol=1e-14)
+
+
+def test_in_g_it_is_the_same_calibration() -> None:
+    in_si, in_g = calibrate(means_in(FACES)), calibrate(means_in(FACES, factor=9.80665), "g")
+    assert in_si.model.accelerometer is not None
+    assert in_g.model.accelerometer is not None
+    # the adjustment stops at 1e-6 of a sigma
+    np.testing.assert_allclose(
+        9.80665 * in_g.model.accelerometer.matrix, in_si.model.accelerometer.matrix, atol=1e-9
+    )
+
+
+def test_counts_have_no_data_sheet() -> None:
+    with pytest.raises(UsageError, match="--units"):
+        calibrate(means_in(twenty_six_directions()), "counts")
+
+
+def test_angles_of_an_earlier_calibration_take_the_sheet_s_place() -> None:
+    covariance = 1e-12 * np.array([[25.0, 3.0, -2.0], [3.0, 16.0, 1.0], [-2.0, 1.0, 9.0]])
+    estimate = calibrate(means_in(FACES), prior=StableKnowledge(ANGLES, covariance))
+    errors = errors_of(estimate)
+    # angles known to 3 to 5 µrad: five sigma, on scale factors of one
+    assert np.all(np.abs(errors[[1, 3, 4]]) < 25e-6)
+    assert estimate.objections == []
+
+
+def test_six_faces_suffice_with_last_year_s_angles_alone() -> None:
+    """Hayal, chapter 6: angles stay where biases and scale factors do not."""
+    covariance = 1e-12 * np.diag([25.0, 16.0, 9.0])
+    estimate = calibrate(means_in(FACES), sheet=False, prior=StableKnowledge(ANGLES, covariance))
+    errors = errors_of(estimate)
+    assert np.all(np.abs(errors[6:]) < 5.0 * NOISE / np.sqrt(2.0))
+    assert np.all(np.abs(errors[[1, 3, 4]]) < 25e-6)
