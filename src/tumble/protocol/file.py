@@ -100,18 +100,18 @@ def protocol_to_yaml(protocol: Protocol) -> str:
     """
     content = protocol_to_text(protocol)
     # The reader knows what cannot be: what it refuses is not written.
-    _read(content, f"The protocol {protocol.name!r} cannot be a file", protocol.name)
+    _read(content, f"The protocol {protocol.name!r} cannot be a file", protocol.name, lines=False)
     return content
 
 
-def _read(content: str, file: str, stem: str) -> Protocol:
+def _read(content: str, file: str, stem: str, *, lines: bool = True) -> Protocol:
     no_protocol = ProtocolError(
         f"{file} is not a protocol: write `format: {FORMAT}` as its first line, or give the file as what it is."
     )
     # A long recording given by mistake is told at once, not after minutes of looking for YAML in it.
     if content.strip() and "format" not in content:
         raise no_protocol
-    root = Entry(file, compose(file, content))
+    root = Entry(file, compose(file, content), lines=lines)
     written = [str(key.value) for key, _ in root.node.value] if root.node.id == "mapping" else []
     if "format" not in written:
         raise no_protocol

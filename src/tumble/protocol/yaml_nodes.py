@@ -23,17 +23,20 @@ class Entry:
     node : the value with its marks, as PyYAML composes it.
     step : such as ``step 3 (x up)``; empty outside the steps.
     key : under which the value stands; empty for a whole step or file.
+    lines : whether anybody can look at the file's lines.
     """
 
     file: str
     node: Any
     step: str = ""
     key: str = ""
+    lines: bool = True
 
     def error(self, message: str) -> ProtocolError:
         """Return the error that names file, line and step."""
+        line = f", line {self.node.start_mark.line + 1}" if self.lines else ""
         step = f", {self.step}" if self.step else ""
-        return ProtocolError(f"{self.file}, line {self.node.start_mark.line + 1}{step}: {message}")
+        return ProtocolError(f"{self.file}{line}{step}: {message}")
 
     @property
     def is_scalar(self) -> bool:
