@@ -19,6 +19,16 @@ if TYPE_CHECKING:
     from tumble.recording.recording import Recording
     from tumble.segmentation import Timeline
 
+# Of procedures that believe the poses or the table, the placement is what limits them.
+_BY_PLACEMENT = {
+    "six-position": "The placement limits the scale factors and biases: level the plate, use the unit's own flat "
+    "faces, and say in the protocol how well (`uncertainty_deg`). The hand-held and multi-position procedures need "
+    "no level.",
+    "improved-six-position": "The placement limits the misalignments one to one: repeat the six positions with the "
+    "unit placed anew, or use the multi-position procedure, whose non-orthogonalities need no level.",
+    "rate-table": "The placement on the table limits the misalignments one to one. The modified multi-position "
+    "procedure finds them from the same table without believing the placement, and calibrates the accelerometers too.",
+}
 # One axis turned less than this share of the best one is worth a sentence.
 _MUCH_LESS = 0.6
 
@@ -26,7 +36,7 @@ _MUCH_LESS = 0.6
 def next_steps(
     calibration: Calibration,
     rows: list[ParameterRow],
-    up_b: Vectors,
+    up_b: Vectors | None,
     recording: Recording,
     timeline: Timeline,
 ) -> list[str]:
@@ -35,19 +45,24 @@ def next_steps(
     Parameters
     ----------
     calibration, rows : the result and its parameters for people.
-    up_b : (holds, 3) corrected specific force of the holds, m/s².
+    up_b : (holds, 3) corrected specific force of the holds, m/s²; None without calibrated accelerometers.
     recording, timeline : for the turns.
     """
     steps: list[str] = []
     if not calibration.verdict.fit:
         steps.append("The calibration is not fit for use: mend what the verdict names, and record again.")
-    steps += _poses(_without_gravity(calibration, rows), up_b)
-    steps += _turns(rows, calibration, recording, timeline, up_b)
-    steps += _gravity(calibration)
-    steps.append(
-        "Verify it on another recording that it has not seen, of the same unit, some minutes of holds and turns: "
-        "`tumble verify calibration.json` RECORDING."
-    )
+    if calibration.procedure in _BY_PLACEMENT:
+        steps.append(_BY_PLACEMENT[calibration.procedure])
+    elif up_b is not None:
+        steps += _poses(_without_gravity(calibration, rows), up_b)
+        if calibration.procedure != "modified-multi-position":
+            steps += _turns(rows, calibration, recording, timeline, up_b)
+    if calibration.accelerometer is not None:
+        steps += _gravity(calibration)
+        steps.append(
+            "Verify it on another recording that it has not seen, of the same unit, some minutes of holds and turns: "
+            "`tumble verify calibration.json` RECORDING."
+        )
     temperature = calibration.temperature_celsius
     at = "at one temperature" if temperature is None else f"at {temperature:.0f} °C"
     steps.append(

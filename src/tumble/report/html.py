@@ -275,7 +275,7 @@ def _sections(
     poses = [] if up_b is None else [pose_words(up) for up in up_b]
     gone = {left.index for left in estimate.left_out if left.kind == "hold"}
     if up_b is not None:
-        sections.append(pose_section(up_b, gone))
+        sections.append(pose_section(up_b, gone, by_hand=not calibration.procedure.endswith("six-position")))
     if estimate.hold_norms.size:
         before = nominal_hold_norms(recording, means, calibration.site.gravity)
         sections.append(hold_section(estimate, before, poses))
@@ -417,6 +417,6 @@ def _next(
     rows: list[ParameterRow],
 ) -> str:
     up_b = _up(estimate, means)
-    steps = [] if up_b is None else next_steps(calibration, rows, up_b, recording, timeline)
+    steps = next_steps(calibration, rows, up_b, recording, timeline)
     remarks = f"<h2>How it was made</h2>{_list(calibration.remarks)}" if calibration.remarks else ""
     return f"<h2>What to do next</h2>{_list(steps)}{remarks}"

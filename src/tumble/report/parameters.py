@@ -100,7 +100,7 @@ def _family(name: str) -> str:
     if name.startswith("g-sensitivity"):
         return "g-sensitivity"
     words = name.split()
-    if words[-1] in ("x", "y", "z", "yz", "zx", "zy"):
+    if len(words[-1]) <= 2 and set(words[-1]) <= set("xyz"):
         words = words[:-1]
     if words[0] in ("accelerometer", "gyro") and _group(name) != OPTIONAL:
         words = words[1:]

@@ -15,13 +15,14 @@ from tumble.report.figure import BLUE, GREY, RED, Figure, Plot, Section, base_la
 _MOST_NUMBERS = 4
 
 
-def pose_section(up_b: Vectors, left_out: set[int]) -> Section:
+def pose_section(up_b: Vectors, left_out: set[int], *, by_hand: bool = True) -> Section:
     """Return the figure of the directions that pointed up in the holds.
 
     Parameters
     ----------
     up_b : (holds, 3) corrected specific force of each hold, in b.
     left_out : indices of holds without part in the estimate.
+    by_hand : the test wants poses all over the sphere: name those that are missing.
     """
     units = up_b / np.linalg.norm(up_b, axis=1, keepdims=True)
     standard = twenty_six_directions()
@@ -33,7 +34,7 @@ def pose_section(up_b: Vectors, left_out: set[int]) -> Section:
             f"{26 - len(missing)} of the 26 standard attitudes (faces, edges and corners up) are covered."
         )
     ]
-    if len(missing):
+    if len(missing) and by_hand:
         notes.append("Missing: " + "; ".join(pose_words(direction) for direction in missing) + ".")
     colours = [RED if k in left_out else BLUE for k in range(len(units))]
     words = [f"hold {k + 1}: {pose_words(unit)}" for k, unit in enumerate(units)]
@@ -48,8 +49,9 @@ def pose_section(up_b: Vectors, left_out: set[int]) -> Section:
                 _map(units, standard, colours, words),
             )
         ],
-        "Each numbered point is the direction that pointed up in a hold: they should cover the sphere evenly, "
-        "with a point near each faint marker; drag to turn it.",
+        "Each numbered point is the direction that pointed up in a hold"
+        + (": they should cover the sphere evenly, with a point near each faint marker" if by_hand else "")
+        + "; drag to turn it.",
         notes,
     )
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tumble.calibration.verdict import two_digits
 from tumble.report.figure import (
     AXIS_COLOURS,
     GREY,
@@ -122,8 +123,9 @@ def spin_section(estimate: Estimate) -> Section | None:
     )
     label = "Residual of each gyro in each spin against the reference rate"
     caption = (
-        f"After calibration the spins leave {1e3 * np.degrees(rms):.2g} m°/s rms, {1e6 * rms / largest:.2g} ppm of the "
-        "fastest one. Points that follow a curve would be a nonlinear scale factor, a kink at zero an asymmetry; "
+        f"After calibration the spins leave {two_digits(1e3 * np.degrees(rms))} m°/s rms over all three gyros, "
+        f"{two_digits(1e6 * rms / largest)} ppm of the fastest spin; on the gyros that are not spun, a placement "
+        "that is off shows. Points that follow a curve would be a nonlinear scale factor, a kink at zero an asymmetry; "
         "bars are one standard deviation."
     )
     return Section("Spins: residual against the rate", [Figure("spins", label, data, layout)], caption)
