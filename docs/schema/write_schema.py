@@ -1,4 +1,4 @@
-"""Write calibration.schema.json beside this file, from the code that reads and writes calibrations.
+"""Write the JSON schemas beside this file, from the code that reads and writes calibrations and protocols.
 
 python docs/schema/write_schema.py
 """
@@ -9,18 +9,26 @@ import json
 from pathlib import Path
 
 from tumble.calibration.result import calibration_schema
+from tumble.protocol import protocol_schema
 
-FILE = Path(__file__).resolve().parent / "calibration.schema.json"
+FOLDER = Path(__file__).resolve().parent
+# Name -> what makes it, and the page that explains it.
+SCHEMAS = {
+    "calibration": (calibration_schema, "docs/file-format.md"),
+    "protocol": (protocol_schema, "docs/protocols.md"),
+}
 
 
-def schema_text() -> str:
-    """Return the schema as it is published."""
+def schema_text(name: str = "calibration") -> str:
+    """Return a schema as it is published."""
+    schema, page = SCHEMAS[name]
     head = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "$comment": "Written by docs/schema/write_schema.py (make schema); explained in docs/file-format.md.",
+        "$comment": f"Written by docs/schema/write_schema.py (make schema); explained in {page}.",
     }
-    return json.dumps({**head, **calibration_schema()}, indent=1, ensure_ascii=False) + "\n"
+    return json.dumps({**head, **schema()}, indent=1, ensure_ascii=False) + "\n"
 
 
 if __name__ == "__main__":
-    FILE.write_text(schema_text(), encoding="utf-8")
+    for name in SCHEMAS:
+        (FOLDER / f"{name}.schema.json").write_text(schema_text(name), encoding="utf-8")
