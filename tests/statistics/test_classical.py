@@ -156,7 +156,7 @@ def test_two_degrees_of_misplacement_are_what_the_standard_test_states_for_them(
     stated_scale = np.array([sigma_of(e, "accelerometer scale factor error y") for e in runs])
     assert np.median(stated_bias) == pytest.approx(8.45e-3, rel=0.02)
     assert np.median(stated_scale) == pytest.approx(1218e-6 * math.sqrt(1.5), rel=0.02)
-    # Sensor misalignments of 5 mrad times tilts, which the standard test takes as zero, add 15 %.
+    # Sensor misalignments of 5 mrad times tilts are counted where the poses show them; they add up to 15 %.
     assert within(float(np.sqrt(np.mean(scale**2))), 1218e-6 * math.sqrt(1.5), 150, slack=0.15)
 
 

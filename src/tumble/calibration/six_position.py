@@ -192,6 +192,7 @@ def combine_pairs(
     sigma: Series,
     reference: float,
     across: float = 0.0,
+    lean: Vector | None = None,
 ) -> Pairs:
     """Return the standard six-position solution, all holds of a face averaged by weight (2.5, 2.6).
 
@@ -201,6 +202,8 @@ def combine_pairs(
     poses, sigma : the poses, and (poses,) rad how exactly the unit was placed.
     reference : K, the vertical component that a sensor pointing up is shown, SI; with its sign.
     across : horizontal component of unknown heading, SI, of which a tilt shows a share.
+    lean : (3,) rad, how far each sensing axis leans from the fixture's, where that is known: a tilt
+        shows such a sensor K times tilt times lean, to first order.
 
     Notes
     -----
@@ -209,6 +212,7 @@ def combine_pairs(
     K sigma²/√2, for one hold a face. The mean is not corrected for, since sigma is seldom known so
     well; it is part of the covariance, the same for all axes.
     """
+    lean = np.zeros(3) if lean is None else lean
     bias, scale, covariance = np.zeros(3), np.zeros(3), np.zeros((6, 6))
     shift = np.zeros(6)
     for axis in range(3):
@@ -217,7 +221,9 @@ def combine_pairs(
         rough = up_down_pair(high, low, reference)[1]
         mean, spread, below = np.zeros(2), np.zeros(2), np.zeros(2)
         for way, at in enumerate(ways):
-            tilted = (reference * sigma[at] ** 2) ** 2 + (across * sigma[at]) ** 2
+            tilted = (reference * sigma[at] ** 2) ** 2 + (
+                np.hypot(across, reference * lean[axis]) * sigma[at]
+            ) ** 2
             weight = 1.0 / (variance[at, axis] + rough**2 * tilted)
             mean[way] = np.average(observed[at, axis], weights=weight)
             spread[way] = 1.0 / np.sum(weight)
@@ -258,7 +264,12 @@ def _accelerometer(
         assert means.specific_force_covariance is not None
         variance = np.diagonal(means.specific_force_covariance, axis1=1, axis2=2)[poses.hold]
         pairs = combine_pairs(
-            means.specific_force[poses.hold], variance, poses, force.readings.sigma, site.gravity
+            means.specific_force[poses.hold],
+            variance,
+            poses,
+            force.readings.sigma,
+            site.gravity,
+            lean=_lean(force),
         )
         unknowns, covariance = _diagonal_unknowns(pairs)
     # A gravity that is too large makes the whole matrix too small by the same share.
@@ -272,6 +283,14 @@ def _accelerometer(
         unit=recording.specific_force_unit,
         factor=specific_force_factor(recording.specific_force_unit),
     )
+
+
+def _lean(force: PlacedFit) -> Vector:
+    """Return how far each sensing axis leans from the fixture's, without what the placement makes of it."""
+    variance = np.diag(force.covariance)[:9].reshape(3, 3)
+    off = ~np.eye(3, dtype=bool)
+    squared = np.sum(force.matrix**2 * off, axis=1) - np.sum(variance * off, axis=1)
+    return np.sqrt(np.maximum(squared, 0.0)) / np.linalg.norm(force.matrix, axis=1)
 
 
 def _known_elements(whole: bool) -> np.ndarray:
