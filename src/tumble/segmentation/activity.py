@@ -221,7 +221,9 @@ def _rate_scale(
         across = np.linalg.norm(np.cross(rate.smooth[moving] - rate_bias, direction), axis=1)
         telling = across > 0.5 * size[moving]
         if np.count_nonzero(telling) >= 10:
-            return float(np.median(apparent[moving][telling] / across[telling]))
+            shown = float(np.median(apparent[moving][telling] / across[telling]))
+            # with the gyro's columns exchanged gravity seems not to follow it, and the scale comes out far too small
+            return shown if slowest is None else max(shown, 2.0 * FASTEST_LIMIT / slowest)
     if np.count_nonzero(moving) >= 3 and blocks.rate_factor is None:
         typical = TYPICAL_TURN_RATE / float(np.quantile(size[moving], 0.75))
         return typical if slowest is None else max(typical, 2.0 * FASTEST_LIMIT / slowest)

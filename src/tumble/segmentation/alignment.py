@@ -54,23 +54,21 @@ def align(cost: Table, left_out: Series, skipped: Series, again: Table) -> Align
         best[i][0], how_best[i][0] = best[i - 1][0] + skip, "s"
         for j in range(1, events + 1):
             match = row[j - 1]
-            choices = (
-                (best[i - 1][j - 1] + match, "m"),
-                (held[i][j - 1] + match + row_more[j - 1], "a"),
-                (held[i][j - 1] + omit[j - 1], "o"),
-            )
-            held[i][j], how_held[i][j] = min(choices, key=_first)
-            ways = (
-                (held[i][j], "h"),
-                (best[i - 1][j] + skip, "s"),
-                (best[i][j - 1] + omit[j - 1], "o"),
-            )
-            best[i][j], how_best[i][j] = min(ways, key=_first)
+            cheapest, how = best[i - 1][j - 1] + match, "m"
+            repeated = held[i][j - 1] + match + row_more[j - 1]
+            if repeated < cheapest:
+                cheapest, how = repeated, "a"
+            omitted = held[i][j - 1] + omit[j - 1]
+            if omitted < cheapest:
+                cheapest, how = omitted, "o"
+            held[i][j], how_held[i][j] = cheapest, how
+            how = "h"
+            if best[i - 1][j] + skip < cheapest:
+                cheapest, how = best[i - 1][j] + skip, "s"
+            if best[i][j - 1] + omit[j - 1] < cheapest:
+                cheapest, how = best[i][j - 1] + omit[j - 1], "o"
+            best[i][j], how_best[i][j] = cheapest, how
     return Alignment(tuple(_traced(how_best, how_held, steps, events)), best[steps][events])
-
-
-def _first(choice: tuple[float, str]) -> float:
-    return choice[0]
 
 
 def _traced(how_best: list[list[str]], how_held: list[list[str]], i: int, j: int) -> list[tuple[int, int]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -111,19 +111,12 @@ class Reading:
     scale : of the specific force; None without one.
     gyro : signed permutation that is applied to the rates.
     rate_scale : raw units per rad/s; None where the rates are not compared.
-    axes_told : whether a spin's axis and direction count.
     """
 
     specific_force: Vectors | None
     scale: RoughScale | None
     gyro: Matrix
     rate_scale: float | None
-    axes_told: bool = True
-
-    def turned(self, axes: Matrix) -> Reading:
-        """Return the reading with the accelerometer's axes swapped; the gyro's are then not heeded."""
-        assert self.specific_force is not None
-        return replace(self, specific_force=self.specific_force @ axes.T, scale=None, axes_told=False)
 
     def up_b(self) -> Vectors | None:
         """Return the measured up direction of each hold; None without an accelerometer."""
@@ -225,7 +218,7 @@ def _spin_costs(
         sigma = float(np.hypot(RATE_SIGMA, step.sigma))
         total += _gated(np.abs(np.log(lengths / reading.rate_scale / abs(step.rate))) / sigma)
     axes = [spin_axis(protocol, number, events[k], up_b) for k in found]
-    if reading.axes_told and all(axis is not None for axis in axes):
+    if all(axis is not None for axis in axes):
         along = np.sum(rates * np.array(axes), axis=1) / lengths * np.sign(step.rate)
         angle = np.arccos(np.clip(np.abs(along), 0.0, 1.0))
         total += _gated(angle / SPIN_AXIS_SIGMA) + np.where(along < 0.0, WRONG_WAY, 0.0)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tumble.arrays import Matrix, Vectors
+from tumble.arrays import Vectors
 from tumble.protocol.steps import HoldStep, Protocol, SpinStep
 from tumble.recording.recording import Recording
 from tumble.segmentation.alignment import Alignment, align
@@ -102,21 +102,23 @@ class Case:
     steps: list[int]
     events: list[Event]
 
-    def fit(self, axes: Matrix | None = None, gyro: Matrix | None = None, *, quick: bool = False) -> Fit:
-        """Return the best alignment, with the axes of either triad swapped or reversed first.
+    def fit(self) -> Fit:
+        """Return the best alignment, whatever centre and scale the accelerometer has."""
+        reading = Reading(self.means.specific_force, None, np.eye(3), self.rate_scale())
+        fits = [self._settled(replace(reading, scale=scale)) for scale in self.scales(reading.specific_force)]
+        return min(fits, key=lambda fit: fit.alignment.cost)
+
+    def only(self, kind: type[HoldStep] | type[SpinStep]) -> Case:
+        """Return the same with the holds alone, or the spins alone.
 
         Parameters
         ----------
-        axes, gyro : signed permutations of the accelerometer's and of the gyro's columns.
-        quick : take the first scale as it is.
+        kind : of step.
         """
-        rate_scale = self.rate_scale()
-        reading = Reading(self.means.specific_force, None, np.eye(3) if gyro is None else gyro, rate_scale)
-        if axes is not None:
-            reading = reading.turned(axes)
-        settle = self._aligned if quick else self._settled
-        fits = [settle(replace(reading, scale=scale)) for scale in self._scales(reading)]
-        return min(fits, key=lambda fit: fit.alignment.cost)
+        steps = [number for number in self.steps if isinstance(self.protocol.steps[number], kind)]
+        return replace(
+            self, steps=steps, events=[e for e in self.events if (e.hold is not None) == (kind is HoldStep)]
+        )
 
     def rate_scale(self) -> float | None:
         """Return the raw units per rad/s of the gyro that the spins show; None without spins."""
@@ -134,9 +136,13 @@ class Case:
         words = self.protocol.steps[number].name
         return f"{number + 1} ({words})" if words else f"{number + 1}"
 
-    def _scales(self, reading: Reading) -> list[RoughScale | None]:
-        """Centres and scales to begin with."""
-        force = reading.specific_force
+    def scales(self, force: Vectors | None) -> list[RoughScale | None]:
+        """Return centres and scales of the accelerometer to begin with.
+
+        Parameters
+        ----------
+        force : (holds, 3) raw means; None without an accelerometer.
+        """
         if force is None:
             return [None]
         if specific_force_factor(self.recording.specific_force_unit) is not None:
@@ -156,18 +162,24 @@ class Case:
 
     def _settled(self, reading: Reading) -> Fit:
         """Align, find the scale from what was aligned, and align again until nothing changes."""
-        fit = self._aligned(reading)
+        fit = self.aligned(reading)
         for _ in range(4):
             scale = self._scale_from(fit)
             if scale is None:
                 break
-            better = self._aligned(replace(reading, scale=scale))
+            better = self.aligned(replace(reading, scale=scale))
             if better.alignment.cost >= fit.alignment.cost:
                 break
             fit = better
         return fit
 
-    def _aligned(self, reading: Reading) -> Fit:
+    def aligned(self, reading: Reading) -> Fit:
+        """Return the best alignment under a reading of the raw numbers.
+
+        Parameters
+        ----------
+        reading : scales and axes.
+        """
         cost, again = costs_of(self.protocol, self.steps, self.events, reading, self.recording)
         gaps = gaps_of(self.events, self.timeline.holds)
         return Fit(align(cost, gaps, np.full(len(self.steps), GAP), again), reading)
@@ -246,8 +258,9 @@ def open_case(protocol: Protocol, recording: Recording, timeline: Timeline, mean
     ----------
     protocol, recording, timeline, means : as for `match_protocol`.
     """
-    seen = HoldStep if recording.angular_rate is None else HoldStep | SpinStep
-    steps = [i for i, step in enumerate(protocol.steps) if isinstance(step, seen)]
+    steps = [i for i, step in enumerate(protocol.steps) if isinstance(step, HoldStep | SpinStep)]
+    if recording.angular_rate is None:
+        steps = [i for i in steps if _is_told_without_gyro(protocol, i)]
     key = -np.inf
     keys: list[float] = []
     for number in steps:
@@ -257,6 +270,17 @@ def open_case(protocol: Protocol, recording: Recording, timeline: Timeline, mean
     ordered = [number for _, number in sorted(zip(keys, steps, strict=True), key=lambda pair: pair[0])]
     events = find_events(protocol, recording, timeline, means)
     return Case(protocol, recording, timeline, means, ordered, events)
+
+
+def _is_told_without_gyro(protocol: Protocol, number: int) -> bool:
+    """Whether a step is a hold that the accelerometer can tell from the one before it."""
+    if not isinstance(protocol.steps[number], HoldStep):
+        return False
+    before = number - 1
+    while before >= 0 and isinstance(step := protocol.steps[before], SpinStep) and step.axis_b is None:
+        before -= 1
+    # a spin about the vertical leaves the specific force as it is
+    return before in (number - 1, -1) or not isinstance(protocol.steps[before], HoldStep)
 
 
 def _chosen(case: Case, fit: Fit) -> list[tuple[int, int]]:

@@ -44,7 +44,10 @@ def _about_triads(case: Case) -> list[str]:
     spins = sum(isinstance(step, SpinStep) for step in case.protocol.steps)
     remarks: list[str] = []
     if case.recording.angular_rate is None and spins:
-        remarks.append(f"The recording has no gyro: the protocol's {spins} spins cannot be seen in it.")
+        remarks.append(
+            f"The recording has no gyro: the protocol's {spins} spins cannot be seen in it, nor the holds before and "
+            "after a spin be told apart."
+        )
     if case.means.specific_force is None:
         remarks.append(
             "The recording has no accelerometer: its holds were taken for the protocol's in order, whatever their pose."
@@ -92,6 +95,10 @@ def _extra(case: Case, fit: Fit) -> list[str]:
         if k in used or _is_rest_beside_spin(case, k, used) or _is_turn(case, k, used):
             continue
         kind = "hold" if event.hold is not None else "spin"
+        if event.spin is not None and not event.spin.usable:
+            # Its rate is cut off, so that it looks like no step: the reason comes first.
+            remarks.append(f"The spin at {_span(case, event)} was left out: {event.spin.reason}.")
+            continue
         remarks.append(
             f"The {kind} at {_span(case, event)} is not in the protocol{_likeness(case, fit, event)} and was left out."
         )

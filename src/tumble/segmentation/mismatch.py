@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix
 from tumble.errors import SegmentationError
-from tumble.protocol.steps import SpinStep, TurnStep
+from tumble.protocol.steps import HoldStep, SpinStep, TurnStep
 from tumble.segmentation.alignment import signed_permutations
 from tumble.segmentation.events import GAP, pose_of, spin_axis
 from tumble.units import angular_rate_factor, known_units
@@ -82,9 +83,10 @@ def refuse_misfit(case: Case, fit: Fit) -> None:
     _refuse_reversed_spins(case, fit)
     if _share(case, fit, spins=False) < SUSPICIOUS_SHARE:
         _refuse_swapped_accelerometer(case, fit)
-    if _share(case, fit, spins=True) < SUSPICIOUS_SHARE:
-        _refuse_swapped_gyro(case, fit)
     found = len(fit.alignment.steps())
+    # Spins both ways in turn fit all but one the wrong way round, and the holds between them then do not.
+    if min(_share(case, fit, spins=True), found / len(case.steps)) < SUSPICIOUS_SHARE:
+        _refuse_swapped_gyro(case, fit)
     if found < SMALLEST_SHARE * len(case.steps):
         raise SegmentationError(
             f"The recording is not of the protocol {case.protocol.name}: {found} of its {len(case.steps)} holds "
@@ -149,17 +151,22 @@ def _refuse_swapped_accelerometer(case: Case, fit: Fit) -> None:
     """Refuse if other axes of the accelerometer bring nearly all holds to their poses."""
     if case.means.specific_force is None:
         return
-    plain = case.fit(axes=np.eye(3), quick=True)
-    best, axes = _best_axes(plain, [case.fit(axes=m, quick=True) for m in signed_permutations()])
-    if best is None or _share(case, best, spins=False) < SUSPICIOUS_SHARE:
+    holds = case.only(HoldStep)
+    fits: list[Fit] = []
+    for axes in signed_permutations():
+        force = case.means.specific_force @ axes.T
+        readings = [replace(fit.reading, specific_force=force, scale=scale) for scale in holds.scales(force)]
+        fits.append(min((holds.aligned(r) for r in readings), key=lambda other: other.alignment.cost))
+    best, axes = _best_axes(fits)
+    if best is None or _share(holds, best, spins=False) < SUSPICIOUS_SHARE:
         return
-    holds = sum(pose_of(case.protocol.steps[number]) is not None for number in case.steps)
-    fitting = sum(pose_of(case.protocol.steps[case.steps[i]]) is not None for i in best.alignment.steps())
+    posed = sum(pose_of(case.protocol.steps[number]) is not None for number in holds.steps)
+    fitting = sum(pose_of(case.protocol.steps[holds.steps[i]]) is not None for i in best.alignment.steps())
     # a unit mounted otherwise turns both triads; only mirrored axes are the accelerometer's own
     both = np.linalg.det(axes) > 0.0 and case.recording.angular_rate is not None
     gyro = axes if both else np.eye(3)
     raise SegmentationError(
-        f"{fitting} of the {holds} poses fit once the axes are swapped: {_in_words(axes)}. If the columns are "
+        f"{fitting} of the {posed} poses fit once the axes are swapped: {_in_words(axes)}. If the columns are "
         f"mistaken or the unit is mounted otherwise, give --columns {_columns(axes, gyro)} (the file's columns in "
         "their order); if the steps were done in another order, put the protocol's steps into that order."
     )
@@ -167,8 +174,9 @@ def _refuse_swapped_accelerometer(case: Case, fit: Fit) -> None:
 
 def _refuse_swapped_gyro(case: Case, fit: Fit) -> None:
     """Refuse if other axes of the gyro bring nearly all spins to theirs."""
-    best, axes = _best_axes(fit, [case.fit(gyro=m, quick=True) for m in signed_permutations()])
-    if best is None or _share(case, best, spins=True) < SUSPICIOUS_SHARE:
+    only = case.only(SpinStep)
+    best, axes = _best_axes([only.aligned(replace(fit.reading, gyro=m)) for m in signed_permutations()])
+    if best is None or _share(only, best, spins=True) < SUSPICIOUS_SHARE:
         return
     if np.array_equal(axes, -np.eye(3)):
         spins = [number for number in case.steps if isinstance(case.protocol.steps[number], SpinStep)]
@@ -179,12 +187,11 @@ def _refuse_swapped_gyro(case: Case, fit: Fit) -> None:
     )
 
 
-def _best_axes(plain: Fit, fits: list[Fit]) -> tuple[Fit | None, Matrix]:
-    """The fit that is clearly better than the plain one, and its axes; None if none is."""
+def _best_axes(fits: list[Fit]) -> tuple[Fit | None, Matrix]:
+    """The best of the fits with swapped axes, and its axes; None if the axes as they are do as well."""
     costs = [fit.alignment.cost for fit in fits]
     best = int(np.argmin(costs))
-    axes = signed_permutations()[best]
-    return (fits[best] if costs[best] < plain.alignment.cost - 1.5 * GAP else None), axes
+    return (fits[best] if costs[best] < costs[0] - 1.5 * GAP else None), signed_permutations()[best]
 
 
 def _in_words(axes: Matrix) -> str:
