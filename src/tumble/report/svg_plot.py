@@ -27,8 +27,8 @@ def draw_plot(plot: Plot) -> str:
     plot : what to draw; values that are not positive are left out.
     """
     curves = [curve for curve in plot.curves if np.any(curve.y > 0)]
-    x_low, x_high = _decades(np.concatenate([curve.x for curve in curves]))
-    y_low, y_high = _decades(np.concatenate([np.concatenate([c.y, c.high, _floored(c)]) for c in curves]))
+    x_low, x_high = _decades([curve.x for curve in curves])
+    y_low, y_high = _decades([values for c in curves for values in (c.y, c.high, _floored(c))])
 
     def at(x: Series, y: Series) -> list[str]:
         across = LEFT + (WIDTH - LEFT - RIGHT) * (np.log10(x) - x_low) / (x_high - x_low)
@@ -56,8 +56,11 @@ def _floored(curve: Curve) -> Series:
     return np.maximum(curve.low, 1e-2 * curve.y)
 
 
-def _decades(values: np.ndarray) -> tuple[float, float]:
+def _decades(series: list[Series]) -> tuple[float, float]:
+    values = np.concatenate([np.zeros(0), *series])
     positive = values[np.isfinite(values) & (values > 0)]
+    if not positive.size:
+        return 0.0, 1.0
     low, high = (
         float(np.floor(np.log10(positive.min()) + 1e-9)),
         float(np.ceil(np.log10(positive.max()) - 1e-9)),

@@ -1,0 +1,146 @@
+"""A reproduced table for people: cells, lines, JSON with all digits, pictures, a page that works offline."""
+
+from __future__ import annotations
+
+import json
+import re
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+from tumble.report.reproduction import (
+    cell_text,
+    outcome_json,
+    outcome_lines,
+    outcome_pictures,
+    render_outcome,
+)
+from tumble.report.svg_plot import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, draw_plot
+from tumble.studies.outcome import INSIDE, OUTSIDE, Curve, Outcome, Plot, Row
+
+X = np.array([1.0, 10.0, 100.0])
+Y = np.array([3e-6, 3e-7, 3e-8])
+PLOT = Plot(
+    "scale",
+    "Gyro <scale>",
+    "rate & more",
+    "scale / ppm",
+    (Curve("stated", X, Y, 0.5 * Y, 2.0 * Y), Curve("|difference|", X, 2 * Y, 0.0 * Y, 5.0 * Y)),
+)
+OUTCOME = Outcome(
+    "paper-1.1",
+    "Table <1.1>: it",
+    "A. Paper & Co",
+    ("case", "thesis"),
+    [
+        Row("b x", "m/s²", ("1: none", 1.23456789e-9), INSIDE),
+        Row("s y", "ppm", ("2: noise", 20912.4), OUTSIDE, "1 < 2"),
+        Row("θ zy", "µrad", (None, float("nan"))),
+    ],
+    "inside: as it says",
+    [PLOT],
+    ["A note."],
+    500,
+    7,
+    1.25,
+)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (1.23456e-9, "1.23e-09"),
+        (0.0136, "0.0136"),
+        (123.4, "123"),
+        (20912.4, "20912"),
+        (-1.641, "-1.64"),
+        (3, "3"),
+        (1.5e9, "1.50e+09"),
+        (float("nan"), "none"),
+        (float("inf"), "none"),
+        ("two", "two"),
+        (None, ""),
+        (0.0, "0"),
+    ],
+)
+def test_a_cell_has_three_digits(value: float | str | None, text: str) -> None:
+    assert cell_text(value) == text
+
+
+def test_lines_are_aligned_and_say_verdict_and_reason() -> None:
+    lines = outcome_lines(OUTCOME)
+    head, first, second = lines[3], lines[4], lines[5]
+    assert head.index("thesis") == first.index("1.23e-09") == second.index("20912")
+    assert second.endswith("outside: 1 < 2")
+    assert first.endswith("inside")
+    assert "500 runs, seed 7, 1.2 s." in lines
+    assert "1 of 2 rows inside. Inside: as it says." in lines
+    assert lines[-1] == "- A note."
+
+
+def test_json_has_all_digits_and_no_nan() -> None:
+    document = json.loads(outcome_json(OUTCOME), parse_constant=lambda word: pytest.fail(word))
+    assert document["rows"][0]["cells"] == ["1: none", 1.23456789e-9]
+    assert document["rows"][2]["cells"] == [None, None]
+    assert document["rows"][1]["verdict"] == "outside"
+    assert document["plots"][0]["curves"][0]["y"] == list(Y)
+    assert (document["repetitions"], document["seed"]) == (500, 7)
+
+
+def test_a_picture_is_well_formed_and_its_points_are_where_their_logarithms_say() -> None:
+    pictures = outcome_pictures(OUTCOME)
+    assert set(pictures) == {"paper-1.1-scale.svg"}
+    root = ET.fromstring(pictures["paper-1.1-scale.svg"])
+    name = "{http://www.w3.org/2000/svg}"
+    lines = root.findall(f".//{name}polyline")
+    assert len(lines) == 2
+    points = [tuple(map(float, pair.split(","))) for pair in lines[0].attrib["points"].split()]
+    # x over two decades, edge to edge
+    assert [p[0] for p in points] == pytest.approx([LEFT, (LEFT + WIDTH - RIGHT) / 2, WIDTH - RIGHT], abs=0.1)
+    # a decade less is as far down each time
+    assert points[1][1] - points[0][1] == pytest.approx(points[2][1] - points[1][1], abs=0.2)
+    assert points[1][1] > points[0][1]
+    for polygon in root.findall(f".//{name}polygon"):
+        for pair in polygon.attrib["points"].split():
+            x, y = map(float, pair.split(","))
+            assert LEFT - 0.1 <= x <= WIDTH - RIGHT + 0.1
+            assert TOP - 0.1 <= y <= HEIGHT - BOTTOM + 0.1
+    assert root.find(f"{name}title") is not None
+    assert "Gyro <scale>" in "".join(root.itertext())
+
+
+def test_points_without_a_value_are_left_out() -> None:
+    gap = np.array([1e-6, np.nan, 0.0])
+    svg = draw_plot(Plot("p", "p", "x", "y", (Curve("a", X, gap, gap, gap), Curve("b", X, Y, Y, Y))))
+    assert "nan" not in svg
+    assert "inf" not in svg
+    assert svg.count("<circle") == 1 + 3
+
+
+def test_a_plot_without_any_value_is_an_empty_frame() -> None:
+    nothing = np.full(3, np.nan)
+    svg = draw_plot(Plot("p", "none", "x", "y", (Curve("a", X, nothing, nothing, nothing),)))
+    ET.fromstring(svg)
+    assert "<circle" not in svg
+
+
+def test_the_page_stands_alone_and_escapes_words() -> None:
+    page = render_outcome(OUTCOME)
+    assert "Table &lt;1.1&gt;: it" in page
+    assert "A. Paper &amp; Co" in page
+    assert "Gyro &lt;scale&gt;" in page
+    assert "<td>outside: 1 &lt; 2</td>" in page
+    assert page.count("<tr>") == 1 + len(OUTCOME.rows)
+    # nothing is fetched when it is opened: addresses stand inside the drawing program alone
+    outside = re.sub(r"<script[^>]*>.*?</script>", "", page, flags=re.S)
+    assert not re.search(r"""(?:src|href)=|url\(""", outside)
+    assert not re.search(r"<script[^>]+src=", page[: page.index("</head>")])
+
+
+def test_an_outcome_without_figures_has_none() -> None:
+    bare = Outcome("x-1", "X", "Y", ("n",), [Row("a", "", (1,))])
+    assert outcome_pictures(bare) == {}
+    assert "<figure>" not in render_outcome(bare)
+    assert "rows inside" not in "\n".join(outcome_lines(bare))
+    assert "1 run, seed 0" in "\n".join(outcome_lines(bare))
