@@ -138,7 +138,7 @@ SPIN = {
     ),
     "rate_deg_per_s": Key("constant rate against the Earth; negative is clockwise", "°/s", "", _NUMBER),
     "seconds": Key(
-        "how long the rate is constant", "s", "see `revolutions`; one of the two is needed", _POSITIVE
+        "how long the rate is constant", "s", "from `revolutions`; else the length of `interval_s`", _POSITIVE
     ),
     "revolutions": Key(
         "how many revolutions at the constant rate, instead of `seconds`", "turns", "see `seconds`", _POSITIVE

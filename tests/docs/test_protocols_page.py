@@ -1,0 +1,135 @@
+"""The page of protocols: its tables are the reader's keys, the library and today's messages; its examples run.
+
+    python tests/docs/test_protocols_page.py
+
+writes the tables anew.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tumble.errors import ProtocolError
+from tumble.protocol import PROTOCOLS, HoldStep, SpinStep, named_protocol, protocol_schema, read_protocol
+from tumble.protocol.keys import KINDS, PROTOCOL, SITE, Key
+from tumble.simulation import motion_from_protocol
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "protocols.md"
+SCHEMA_FILE = ROOT / "docs" / "schema" / "protocol.schema.json"
+
+# What stands in the page's first example, and what is written instead.
+MISTAKES = [
+    ("angle_deg: 90", "angel_deg: 90"),
+    ("angle_deg: 90", "angle_deg: 400"),
+    ("- turn: over", "- trun: over"),
+    ("up: z", "up: top"),
+    ("seconds: 30", "seconds: -30"),
+    ("seconds: 30", "seconds: 30 s"),
+    ("seconds: 30", "seconds: 30,5"),
+    ("rate_deg_per_s: -50", "rate_deg_per_s: 0"),
+    ("latitude_deg: 48.14", "latitude_deg: 148.14"),
+    ("site:", "place:"),
+    ("version: 1", "version: 2"),
+    ("format: tumble protocol\n", ""),
+]
+
+
+def blocks(language: str) -> list[re.Match[str]]:
+    text = PAGE.read_text(encoding="utf-8")
+    return list(re.finditer(rf"^```{language}\n(.*?)^```$", text, re.M | re.S))
+
+
+def examples(folder: Path) -> list[Path]:
+    """The YAML of the page, each as the file that the page calls it."""
+    paths = [folder / "plate.yaml", folder / "six.yaml"]
+    for path, block in zip(paths, blocks("yaml"), strict=True):
+        path.write_text(block[1], encoding="utf-8")
+    return paths
+
+
+def key_table(keys: dict[str, Key]) -> str:
+    rows = [f"| `{name}` | {key.words} | {key.unit} | {key.default} |" for name, key in keys.items()]
+    return "\n".join(["| key | is | unit | without it |", "|---|---|---|---|", *rows])
+
+
+def mistakes() -> str:
+    rows = ["| instead of | somebody wrote | and is told |", "|---|---|---|"]
+    with tempfile.TemporaryDirectory() as folder:
+        path = examples(Path(folder))[0]
+        good = path.read_text(encoding="utf-8")
+        for found, instead in MISTAKES:
+            assert found in good
+            path.write_text(good.replace(found, instead, 1), encoding="utf-8")
+            with pytest.raises(ProtocolError) as raised:
+                read_protocol(path)
+            said = str(raised.value).removeprefix(folder + "/")
+            written = f"`` {instead} ``" if instead else "nothing"
+            rows.append(f"| `` {found.strip()} `` | {written} | `` {said} `` |")
+    return "\n".join(rows)
+
+
+TABLES = {
+    "file": lambda: key_table(PROTOCOL),
+    "site": lambda: key_table(SITE),
+    **{kind: lambda kind=kind: key_table(KINDS[kind]) for kind in KINDS},
+    "mistakes": mistakes,
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_table_of_the_page_is_that_of_the_code(name: str) -> None:
+    found = re.search(
+        rf"<!-- {name}: .*?-->\n(.*?)\n?<!-- /{name} -->", PAGE.read_text(encoding="utf-8"), re.S
+    )
+    assert found is not None
+    assert found[1] == TABLES[name](), "run python tests/docs/test_protocols_page.py"
+
+
+def test_the_named_protocols_of_the_page_are_those_of_the_library() -> None:
+    section = PAGE.read_text(encoding="utf-8").partition("\n## Named protocols")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| `([\w-]+)` \| (\d+) \| (\d+|–) \| ([\d.]+) \|", section, re.M)
+    assert [row[0] for row in rows] == list(PROTOCOLS)
+    for name, poses, spins, minutes in rows:
+        protocol = named_protocol(name)
+        ups = [s.pose.up_b for s in protocol.steps if isinstance(s, HoldStep) and s.pose is not None]
+        assert len(np.unique(ups, axis=0)) == int(poses)
+        assert sum(isinstance(s, SpinStep) for s in protocol.steps) == (0 if spins == "–" else int(spins))
+        assert float(minutes) == pytest.approx(protocol.duration / 60.0, abs=0.051)  # one decimal
+
+
+def test_the_examples_of_the_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its assertions are worked out by hand on the page, or follow from what the page says."""
+    paths = examples(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    text, names = PAGE.read_text(encoding="utf-8"), dict[str, object]()
+    assert sum(block[1].count("assert ") for block in blocks("python")) >= 11
+    for block in blocks("python"):
+        line = text.count("\n", 0, block.start(1))
+        exec(compile("\n" * line + block[1], str(PAGE), "exec"), names)
+    for path in paths:
+        motion_from_protocol(read_protocol(path), np.random.default_rng(1))
+
+
+def test_the_published_schema_is_the_reader_s() -> None:
+    published = json.loads(SCHEMA_FILE.read_text(encoding="utf-8"))
+    assert published.pop("$schema") == "https://json-schema.org/draft/2020-12/schema"
+    published.pop("$comment")
+    assert published == protocol_schema(), "run make schema"
+
+
+if __name__ == "__main__":
+    page = PAGE.read_text(encoding="utf-8")
+    for name, make in TABLES.items():
+        before, opening, rest = page.partition(
+            f"<!-- {name}: printed by tests/docs/test_protocols_page.py -->\n"
+        )
+        _, closing, after = rest.partition(f"<!-- /{name} -->")
+        page = f"{before}{opening}{make()}\n{closing}{after}"
+    PAGE.write_text(page, encoding="utf-8")
