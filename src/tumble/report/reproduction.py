@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from tumble.report.figure import BLUE, GREEN, Figure, base_layout, plain, text_axis
-from tumble.report.svg_plot import draw_plot
+from tumble.report.svg_plot import above_zero, draw_plot
 
 if TYPE_CHECKING:
     from tumble.studies.outcome import Outcome, Plot, Row, Value
@@ -60,7 +60,7 @@ def _verdict(row: Row) -> str:
 def _summary(outcome: Outcome) -> list[str]:
     inside, judged = outcome.counts
     runs = "1 run" if outcome.repetitions == 1 else f"{outcome.repetitions} runs"
-    words = [f"{runs}, seed {outcome.seed}, {outcome.seconds:.1f} s."]
+    words = [f"{runs}, seed {outcome.seed}, {outcome.seconds:.2g} s."]
     if judged:
         words.append(
             f"{inside} of {judged} rows inside. {outcome.criterion[:1].upper()}{outcome.criterion[1:]}."
@@ -93,18 +93,22 @@ def render_outcome(outcome: Outcome) -> str:
     from tumble.report.html import standalone_page
 
     figures = [_figure(plot) for plot in outcome.plots]
-    heads = "".join(f"<th>{html.escape(head)}</th>" for head in ("", *outcome.columns, "unit", "verdict"))
+    # The verdict stands where a narrow window shows it; the heads break into lines.
+    heads = "".join(
+        f'<th style="white-space:normal">{html.escape(head)}</th>'
+        for head in ("", "unit", "verdict", *outcome.columns, "why")
+    )
     rows = "".join(
         "<tr>"
         + "".join(
             f"<td>{html.escape(text)}</td>"
-            for text in (row.label, *(cell_text(c) for c in row.cells), row.unit, _verdict(row))
+            for text in (row.label, row.unit, row.verdict, *(cell_text(c) for c in row.cells))
         )
-        + "</tr>"
+        + f'<td style="white-space:normal">{html.escape(row.reason)}</td></tr>'
         for row in outcome.rows
     )
     places = "".join(
-        f"<figure><figcaption>{html.escape(plot.title)}: line: mean, band: lowest to highest of the runs</figcaption>"
+        f"<figure><figcaption>{html.escape(plot.title)}: line: mean, band: 5 % to 95 % of the runs</figcaption>"
         f'<div id="{figure.name}" role="img" aria-label="{html.escape(figure.label)}" '
         f'style="height:{figure.height}px"></div></figure>'
         for plot, figure in zip(outcome.plots, figures, strict=True)
@@ -123,7 +127,7 @@ def _figure(plot: Plot) -> Figure:
     data: list[dict[str, Any]] = []
     for curve, colour in zip(plot.curves, _COLOURS, strict=False):
         x = plain(curve.x)
-        data.append(_line(x, curve.low, colour, None, curve.name))
+        data.append(_line(x, above_zero(curve), colour, None, curve.name))
         data.append(_line(x, curve.high, colour, "tonexty", curve.name))
         data.append(
             {
@@ -138,9 +142,10 @@ def _figure(plot: Plot) -> Figure:
         )
     layout = base_layout(
         380,
-        xaxis=text_axis(plot.x_label, type="log", exponentformat="power"),
-        yaxis=text_axis(plot.y_label, type="log", exponentformat="power"),
+        xaxis=text_axis(plot.x_label, type="log", exponentformat="power", dtick=1),
+        yaxis=text_axis(plot.y_label, type="log", exponentformat="power", dtick=1),
     )
+    layout["legend"]["traceorder"] = "normal"
     return Figure(plot.name, plot.title, data, layout)
 
 
@@ -149,7 +154,7 @@ def _line(x: Any, y: np.ndarray, colour: str, fill: str | None, name: str) -> di
         "type": "scatter",
         "mode": "lines",
         "x": x,
-        "y": plain(np.maximum(y, 1e-300)),
+        "y": plain(y),
         "line": {"width": 0, "color": colour},
         "showlegend": False,
         "hoverinfo": "skip",

@@ -20,7 +20,7 @@ _DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def draw_plot(plot: Plot) -> str:
-    """Return the figure as SVG: each curve's mean as a line, lowest to highest as a band.
+    """Return the figure as SVG: each curve as a line in its band.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def draw_plot(plot: Plot) -> str:
     """
     curves = [curve for curve in plot.curves if np.any(curve.y > 0)]
     x_low, x_high = _decades([curve.x for curve in curves])
-    y_low, y_high = _decades([values for c in curves for values in (c.y, c.high, _floored(c))])
+    y_low, y_high = _decades([values for c in curves for values in (c.y, c.high, above_zero(c))])
 
     def at(x: Series, y: Series) -> list[str]:
         across = LEFT + (WIDTH - LEFT - RIGHT) * (np.log10(x) - x_low) / (x_high - x_low)
@@ -39,7 +39,7 @@ def draw_plot(plot: Plot) -> str:
     for curve, colour in zip(curves, _COLOURS, strict=False):
         seen = curve.y > 0
         x, y = curve.x[seen], curve.y[seen]
-        band = [*at(x, _floored(curve)[seen]), *at(x[::-1], curve.high[seen][::-1])]
+        band = [*at(x, above_zero(curve)[seen]), *at(x[::-1], curve.high[seen][::-1])]
         parts.append(
             f'<polygon points="{" ".join(band)}" fill="{colour}" fill-opacity="0.15" stroke="none"/>'
         )
@@ -51,9 +51,9 @@ def draw_plot(plot: Plot) -> str:
     return "\n".join([*parts, "</g>", *_legend(curves), "</svg>", ""])
 
 
-def _floored(curve: Curve) -> Series:
-    """Return the band's lower edge, no more than two decades below the line: differences come near zero."""
-    return np.maximum(curve.low, 1e-2 * curve.y)
+def above_zero(curve: Curve) -> Series:
+    """Return the band's lower edge; a zero, which has no logarithm, is a hundredth of the line."""
+    return np.where(curve.low > 0, curve.low, 1e-2 * curve.y)
 
 
 def _decades(series: list[Series]) -> tuple[float, float]:
@@ -113,5 +113,5 @@ def _legend(curves: list[Curve]) -> list[str]:
         parts.append(f'<rect x="{x}" y="30" width="18" height="4" fill="{colour}"/>')
         parts.append(f'<text x="{x + 24}" y="37">{html.escape(curve.name)}</text>')
         x += 40 + 8 * len(curve.name)
-    parts.append(f'<text x="{x}" y="37" fill="{GREY}">line: mean; band: lowest to highest</text>')
+    parts.append(f'<text x="{x}" y="37" fill="{GREY}">line: mean; band: 5 % to 95 %</text>')
     return parts

@@ -125,10 +125,9 @@ def _judged(
 
 def _notes(case: int, runs: Runs) -> list[str]:
     total, usable = runs.sigma0.size, runs.usable
-    words = (
-        f"Case {CASES[case]}: sigma0 {np.mean(runs.sigma0[usable]):.3g}, {np.min(runs.iterations[usable])} to "
-        f"{np.max(runs.iterations[usable])} iterations"
-    )
+    few, most = np.min(runs.iterations[usable]), np.max(runs.iterations[usable])
+    span = f"{few}" if few == most else f"{few} to {most}"
+    words = f"Case {CASES[case]}: sigma0 {np.mean(runs.sigma0[usable]):.3g}, {span} iterations"
     lost = total - int(np.count_nonzero(usable))
     if lost:
         words += f"; {lost} of {total} runs did not converge or ended in the mirror root"

@@ -130,7 +130,8 @@ def test_the_page_stands_alone_and_escapes_words() -> None:
     assert "Table &lt;1.1&gt;: it" in page
     assert "A. Paper &amp; Co" in page
     assert "Gyro &lt;scale&gt;" in page
-    assert "<td>outside: 1 &lt; 2</td>" in page
+    assert "<td>s y</td><td>ppm</td><td>outside</td><td>2: noise</td><td>20912</td>" in page
+    assert ">1 &lt; 2</td>" in page
     assert page.count("<tr>") == 1 + len(OUTCOME.rows)
     # nothing is fetched when it is opened: addresses stand inside the drawing program alone
     outside = re.sub(r"<script[^>]*>.*?</script>", "", page, flags=re.S)

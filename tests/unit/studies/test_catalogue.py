@@ -84,8 +84,8 @@ def test_figure_4_2_scale_and_angles_fall_with_the_rate_and_the_bias_stays() -> 
     assert angle.y[[0, -1]] == pytest.approx([36_300, 0.35], rel=0.15)
     for plot in outcome.plots:
         for curve in plot.curves:
-            assert np.all(curve.low <= curve.y)
-            assert np.all(curve.y <= curve.high)
+            assert np.all(curve.low < curve.y)
+            assert np.all(curve.y < curve.high)
 
 
 def test_figure_4_3_all_grow_with_the_noise_and_faster_when_it_is_large() -> None:
