@@ -124,6 +124,9 @@ def program() -> None:
         main()
     except SystemExit as end:
         status = end.code if isinstance(end.code, int) else 0
+    except KeyboardInterrupt:  # before or after the part that has its own words for it
+        sys.stderr.write(f"tumble: {STOPPED}\n")
+        status = INTERRUPTED
     try:
         sys.stdout.flush()
         sys.stderr.flush()

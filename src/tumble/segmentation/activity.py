@@ -222,8 +222,12 @@ def _rate_scale(
         telling = across > 0.5 * size[moving]
         if np.count_nonzero(telling) >= 10:
             shown = float(np.median(apparent[moving][telling] / across[telling]))
-            # with the gyro's columns exchanged gravity seems not to follow it, and the scale comes out far too small
-            return shown if slowest is None else max(shown, 2.0 * FASTEST_LIMIT / slowest)
+            declared = blocks.rate_factor
+            if declared is None or slowest is None or 0.5 < shown / declared < 2.0:
+                return shown
+            # On a table with the gyro's columns exchanged gravity seems not to follow the gyro: the steady
+            # rates that are motion in the declared unit decide.
+            return declared if declared * slowest > FASTEST_LIMIT else shown
     if np.count_nonzero(moving) >= 3 and blocks.rate_factor is None:
         typical = TYPICAL_TURN_RATE / float(np.quantile(size[moving], 0.75))
         return typical if slowest is None else max(typical, 2.0 * FASTEST_LIMIT / slowest)
