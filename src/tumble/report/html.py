@@ -323,7 +323,7 @@ def _terms(calibration: Calibration) -> str:
     columns = ("term", "F statistic", "unknowns", "probability of chance", "limit", "decision")
     heads = "".join(f"<th>{head}</th>" for head in columns)
     rows = "".join(
-        f"<tr><td>{_text(term_words(term.name))}</td><td>{term.f_statistic:.3g}</td>"
+        f"<tr><td>{_text(term_words(term.name, calibration.procedure))}</td><td>{term.f_statistic:.3g}</td>"
         f"<td>{term.degrees_of_freedom}</td><td>{_number(chance(term))}</td><td>{term.limit:.2g}</td>"
         f"<td>{'kept' if term.kept else 'not kept'}</td></tr>"
         for term in terms

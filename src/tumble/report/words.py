@@ -13,7 +13,6 @@ TERMS = {
     "quadratic": "quadratic terms of the accelerometers",
     "time_lag": "a time lag between the triads",
     "asymmetry": "scale-factor asymmetry of the gyros",
-    "linearity": "quadratic terms of the gyros",
 }
 
 
@@ -22,8 +21,15 @@ def verdict_words(fit: bool) -> str:
     return "Fit for use" if fit else "Not fit for use"
 
 
-def term_words(name: str) -> str:
-    """Return an optional term's name in words."""
+def term_words(name: str, procedure: str = "") -> str:
+    """Return an optional term's name in words; on a rate table a quadratic term is the gyros'.
+
+    Parameters
+    ----------
+    name, procedure : as the document has them.
+    """
+    if name == "quadratic" and procedure == "rate-table":
+        return "quadratic terms of the gyros"
     return TERMS.get(name, name.replace("_", " "))
 
 
@@ -55,7 +61,7 @@ def terms_sentences(calibration: Calibration) -> list[str]:
     """Return what became of each optional term."""
     return [
         (
-            f"Optional term {term_words(term.name)}: {'kept' if term.kept else 'left out'} "
+            f"Optional term {term_words(term.name, calibration.procedure)}: {'kept' if term.kept else 'left out'} "
             f"(probability of chance {chance(term)}, limit {term.limit:.2g})."
         )
         for term in calibration.quality.optional_terms
