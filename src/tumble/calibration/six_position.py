@@ -45,6 +45,8 @@ from tumble.units import angular_rate_factor, specific_force_factor
 # A gyro's scale factor or angle from the Earth rate that is worse than this is left at its nominal value:
 # a data sheet's is better.
 WORST_SCALE = 0.02
+# No gyro's scale factor is off by more: then it is not the Earth's rotation that the poses show.
+LARGEST_SCALE_ERROR = 0.2
 FACES = tuple(f"{axis} {way}" for axis in "xyz" for way in ("up", "down"))
 # A pose within half a degree of a face is one by intention.
 _FACE_COSINE = np.cos(np.radians(0.5))
@@ -321,7 +323,7 @@ def _fit_gyro(
         fit = fit_placed(PlacedReadings(observed, covariance, earth_b, sigma))
         length = np.linalg.norm(fit.matrix, axis=1)
         worst = float(np.max(np.sqrt(np.diag(fit.covariance)[:9]) / np.repeat(length, 3)))
-        if worst < WORST_SCALE:
+        if worst < WORST_SCALE and _is_earth(length, factor):
             unknowns, spread = _full_unknowns(fit)
             told = describe_fixture_triad(
                 "gyroscope", unknowns, spread, known=_known_elements(True), unit=unit, factor=factor
@@ -335,9 +337,14 @@ def _fit_gyro(
         noise = np.diagonal(covariance, axis1=1, axis2=2)
         pairs = combine_pairs(observed, noise, poses, sigma, float(vertical), float(horizontal))
         share = np.sqrt(np.diag(pairs.covariance)[3:]) / np.abs(pairs.scale)
-        if float(np.max(share)) < WORST_SCALE:
+        if float(np.max(share)) < WORST_SCALE and _is_earth(pairs.scale, factor):
             return _gyro_from_pairs(pairs, unit, factor, improved=improved)
-        if float(np.max(share)) < 0.5:
+        if float(np.max(share)) < WORST_SCALE:
+            seen = (
+                " What differs between up and down is not the Earth's rotation, but a g-sensitivity of the gyros: as "
+                "scale factors it would be beyond belief."
+            )
+        elif float(np.max(share)) < 0.5:
             shown = ", ".join(
                 f"{s * (factor or 1.0):.4g} ± {100 * p:.2g} %"
                 for s, p in zip(pairs.scale, share, strict=True)
@@ -347,6 +354,15 @@ def _fit_gyro(
                 "uncertain to be used."
             )
     return _gyro_bias(recording, observed, covariance, poses, site, seen)
+
+
+def _is_earth(scale: Series, factor: float | None) -> bool:
+    """Whether scale factors from the Earth's rate are a gyro's: near the nominal one, or of counts near one another.
+
+    A g-sensitivity goes up and down with the vertical Earth rate, and can be a hundred times as large.
+    """
+    nominal = 1.0 / factor if factor else float(np.median(scale))
+    return bool(np.all(np.abs(scale / nominal - 1.0) < LARGEST_SCALE_ERROR))
 
 
 def _gyro_from_pairs(pairs: Pairs, unit: str, factor: float | None, *, improved: bool) -> _Gyro:
