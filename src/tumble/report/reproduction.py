@@ -104,7 +104,7 @@ def render_outcome(outcome: Outcome) -> str:
             f"<td>{html.escape(text)}</td>"
             for text in (row.label, row.unit, row.verdict, *(cell_text(c) for c in row.cells))
         )
-        + f'<td style="white-space:normal">{html.escape(row.reason)}</td></tr>'
+        + f'<td style="white-space:normal{";min-width:20em" if row.reason else ""}">{html.escape(row.reason)}</td></tr>'
         for row in outcome.rows
     )
     places = "".join(

@@ -225,7 +225,9 @@ def _judged(thesis: dict[str, float], sigma: Series, factor: float, parameter: i
 def _why(ratio: float) -> str:
     if ratio > 1.0:
         return "its sigma0, not printed, must have been as many times larger: biases wandered more between attitudes"
-    return "its sigma0 was small by luck (few degrees of freedom), or its attitudes differed from ours"
+    return (
+        "its unit was quieter than the sheet, its sigma0 small by luck, or its attitudes differed from ours"
+    )
 
 
 def _notes(imu: str, adjusted: list[NormBatch]) -> list[str]:

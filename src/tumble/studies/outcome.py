@@ -33,7 +33,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A line of a figure with its band: `y`, the mean, over `x`, between `low` and `high` (5 % and 95 % of the runs)."""
+    """A line of a figure with its band: the mean `y` over `x`, between `low` (5 % of the runs) and `high` (95 %)."""
 
     name: str
     x: Series
