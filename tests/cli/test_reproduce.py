@@ -1,0 +1,246 @@
+"""`tumble reproduce` as a user meets it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tumble.studies.catalogue import ITEMS
+
+PROGRAM = "import sys, tumble.cli.main as m; sys.argv[0] = 'tumble'; {before}; print('ready', flush=True); m.program()"
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def is_told(answer: Any, status: int, *words: str) -> None:
+    assert answer.status == status, answer
+    assert len(answer.err.splitlines()) == 1, answer.err
+    assert "Traceback" not in answer.err
+    assert "fault of tumble" not in answer.err
+    for word in words:
+        assert word in answer.err
+
+
+def test_without_an_item_it_lists_what_there_is(tumble: Any) -> None:
+    answer = tumble("reproduce")
+    assert answer.status == 0
+    names = re.findall(r"^(hayal-\S+)  ", answer.out, re.M)
+    assert names == list(ITEMS)
+    assert "5.5 to 5.7 need navigation" in answer.out
+
+
+def test_an_item_is_printed_beside_the_thesis(tumble: Any) -> None:
+    answer = tumble("reproduce", "hayal-4.5", "--repetitions", 40, "--seed", 2)
+    assert answer.status == 0
+    assert answer.err == ""
+    assert "Table 4.5: 9-parameter solution of the accelerometers" in answer.out
+    (row,) = re.findall(r"^θ yz +2: noise.*$", answer.out, re.M)
+    assert re.split(r"  +", row)[2:4] == ["32", "27.8"]  # 32.018 and 27.802, printed
+    assert re.search(r"^40 runs, seed 2, \S+ s\.$", answer.out, re.M)
+    assert re.search(r"^\d+ of 18 rows inside\. Inside: the thesis' sigma", answer.out, re.M)
+
+
+def test_the_same_seed_prints_the_same(tumble: Any) -> None:
+    def rows(seed: int) -> list[str]:
+        out = tumble("reproduce", "hayal-4.4", "--repetitions", 5, "--seed", seed).out
+        return re.findall(r"^[bsθ] .*$", out, re.M)
+
+    assert rows(1) == rows(1)
+    assert rows(1) != rows(2)
+
+
+def test_quiet_is_a_line_an_item(tumble: Any) -> None:
+    answer = tumble("reproduce", "hayal-figure", "--repetitions", 20, "-q")
+    assert answer.status == 0
+    assert answer.out.splitlines() == [
+        "hayal-figure-4.2: 3 of 3 rows inside",
+        "hayal-figure-4.3: 3 of 3 rows inside",
+    ]
+    assert tumble("reproduce", "hayal-convergence", "--repetitions", 2, "-q").out == (
+        "hayal-convergence: not judged\n"
+    )
+
+
+def test_json_is_a_list_with_all_digits(tumble: Any) -> None:
+    answer = tumble("reproduce", "hayal-5.2", "--repetitions", 3, "--json")
+    assert answer.status == 0
+    (outcome,) = json.loads(answer.out)
+    assert (outcome["item"], outcome["repetitions"], outcome["seed"]) == ("hayal-5.2", 3, 0)
+    assert len(outcome["rows"]) == 18
+    first = dict(zip(outcome["columns"], outcome["rows"][0]["cells"], strict=True))
+    assert (first["IMU"], first["thesis"], first["thesis: sigma"]) == ("HG1700", 2.46e-6, 8.79e-7)
+
+
+def test_a_folder_gets_page_data_text_and_pictures(tumble: Any, tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "reproduced"
+    answer = tumble("reproduce", "hayal-figure-4.3", "--repetitions", 5, "-o", folder)
+    assert answer.status == 0
+    stem = "hayal-figure-4.3"
+    pictures = {f"{stem}-{name}.svg" for name in ("bias", "scale", "non-orthogonality")}
+    assert set(contents(folder)) == pictures | {f"{stem}.html", f"{stem}.json", f"{stem}.txt"}
+    assert set(re.findall(r"^written: (.*)$", answer.out, re.M)) == {
+        str((folder / name).resolve()) for name in contents(folder)
+    }
+    document = json.loads((folder / f"{stem}.json").read_text("utf-8"))
+    assert [plot["name"] for plot in document["plots"]] == ["bias", "scale", "non-orthogonality"]
+    text = (folder / f"{stem}.txt").read_text("utf-8")
+    # a row of the text is a row of what was printed
+    (row,) = re.findall(r"^bias from .*$", text, re.M)
+    assert row in answer.out
+
+
+def test_what_else_is_in_the_folder_stays_and_earlier_results_are_replaced(
+    tumble: Any, tmp_path: Path
+) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    assert tumble("reproduce", "hayal-4.2", "-o", tmp_path, "-q").status == 0
+    earlier = contents(tmp_path)
+    assert tumble("reproduce", "hayal-4.2", "-o", tmp_path, "-q", "--seed", 5).status == 0
+    later = contents(tmp_path)
+    assert set(earlier) == set(later) == {"notes.txt", "hayal-4.2.html", "hayal-4.2.json", "hayal-4.2.txt"}
+    assert later["notes.txt"] == b"mine"
+    assert json.loads(later["hayal-4.2.json"])["seed"] == 5
+
+
+def test_an_unknown_item_is_refused_with_a_hint(tumble: Any, tmp_path: Path) -> None:
+    answer = tumble("reproduce", "hayal-44", "-o", tmp_path / "out")
+    is_told(answer, 2, "'hayal-44'", "Did you mean hayal-4.4?", "`tumble reproduce` lists")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("--repetitions", 0, "from 1 to 100000"),
+        ("--repetitions", -5, "from 1 to 100000"),
+        ("--repetitions", 100_001, "from 1 to 100000"),
+        ("--seed", -1, "from 0 on"),
+    ],
+)
+def test_a_wrong_number_is_refused(tumble: Any, option: str, value: int, words: str) -> None:
+    is_told(tumble("reproduce", "hayal-4.2", option, value), 2, option, str(value), words)
+
+
+@pytest.mark.parametrize(("option", "value"), [("--repetitions", "many"), ("--seed", "1.5")])
+def test_no_number_is_refused(tumble: Any, option: str, value: str) -> None:
+    answer = tumble("reproduce", "hayal-4.2", option, value)
+    assert answer.status == 2
+    assert option in answer.err
+    assert "Traceback" not in answer.err
+
+
+def test_a_file_is_no_folder(tumble: Any, tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_text("mine")
+    is_told(tumble("reproduce", "hayal-4.2", "-o", file), 2, "file", "give a folder")
+    assert file.read_text() == "mine"
+
+
+def test_where_nothing_can_be_written_nothing_is_left(tumble: Any, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    answer = tumble("reproduce", "hayal-4.2", "-o", tmp_path / "file" / "below")
+    assert answer.status not in (0, 70)
+    assert len(answer.err.splitlines()) == 1
+    assert "could not be written" in answer.err
+    assert set(contents(tmp_path)) == {"file"}
+
+
+# Sends Ctrl-C from inside, at the N-th time that a file is brought to the disk.
+AT_FSYNC = """
+import os, signal
+real, calls = os.fsync, [0]
+def fsync(*arguments):
+    calls[0] += 1
+    if calls[0] == {at}:
+        os.kill(os.getpid(), signal.SIGINT)
+    return real(*arguments)
+os.fsync = fsync
+"""
+# The same in the middle of renaming: it takes effect when all is in place.
+AT_RENAME = """
+import os, pathlib, signal
+real, calls = pathlib.Path.replace, [0]
+def replace(*arguments):
+    calls[0] += 1
+    if calls[0] == 2:
+        os.kill(os.getpid(), signal.SIGINT)
+    return real(*arguments)
+pathlib.Path.replace = replace
+"""
+
+
+def run(before: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", PROGRAM.format(before=f"exec({before!r})"), *map(str, arguments)],
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("at", [1, 3])
+def test_ctrl_c_while_writing_leaves_the_earlier_results(tumble: Any, tmp_path: Path, at: int) -> None:
+    assert tumble("reproduce", "hayal-4.2", "-o", tmp_path, "-q").status == 0
+    earlier = contents(tmp_path)
+    ended = run(AT_FSYNC.format(at=at), "reproduce", "hayal-4.2", "--seed", 9, "-o", tmp_path)
+    assert ended.returncode == 130, ended
+    assert "Traceback" not in ended.stderr
+    assert contents(tmp_path) == earlier
+
+
+def test_ctrl_c_while_writing_leaves_no_new_folder(tmp_path: Path) -> None:
+    ended = run(AT_FSYNC.format(at=2), "reproduce", "hayal-4.2", "-o", tmp_path / "new")
+    assert ended.returncode == 130, ended
+    assert contents(tmp_path) == {}
+
+
+def test_ctrl_c_while_renaming_leaves_one_whole_set(tumble: Any, tmp_path: Path) -> None:
+    assert tumble("reproduce", "hayal-4.2", "-o", tmp_path, "-q").status == 0
+    ended = run(AT_RENAME, "reproduce", "hayal-4.2", "--seed", 9, "-o", tmp_path)
+    assert "Traceback" not in ended.stderr
+    assert set(contents(tmp_path)) == {"hayal-4.2.html", "hayal-4.2.json", "hayal-4.2.txt"}
+    for suffix in ("html", "txt"):
+        assert "seed 9" in (tmp_path / f"hayal-4.2.{suffix}").read_text("utf-8")
+    assert json.loads((tmp_path / "hayal-4.2.json").read_text("utf-8"))["seed"] == 9
+
+
+def test_ctrl_c_while_it_simulates_ends_it_without_a_file(tmp_path: Path) -> None:
+    """A study of minutes, interrupted after the program said that it began."""
+    process = subprocess.Popen(
+        [
+            sys.executable,
+            "-c",
+            PROGRAM.format(before="pass"),
+            "reproduce",
+            "hayal",
+            "--repetitions",
+            "100000",
+            "-o",
+            str(tmp_path / "new"),
+        ],
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    time.sleep(3.0)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in err
+    assert contents(tmp_path) == {}
