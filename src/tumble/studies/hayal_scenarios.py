@@ -151,7 +151,12 @@ def reproduce_scenario_table(table: str, repetitions: int, seed: int) -> Outcome
                 for k, minutes in enumerate(MINUTES)
             ]
         notes += _notes(imu, adjusted)
-    notes.append(_weakest(scenario, triad, unknowns))
+    notes.append(_weakest(scenario, unknowns))
+    if len(range(ATTITUDES)[SCENARIOS[scenario]]) - unknowns == 1:
+        notes.append(
+            "Only one attitude more than unknowns: sigma0, and with it every sigma, scatters over decades from unit to "
+            "unit. That the thesis' lie among them says little."
+        )
     criterion = (
         f"inside: the thesis' sigma lies in the range of the sigmas that {repetitions} simulated units state"
         if repetitions > 1
@@ -238,13 +243,15 @@ def _notes(imu: str, adjusted: list[NormBatch]) -> list[str]:
         if np.any(batch.usable):
             low, high = np.min(batch.sigma0[batch.usable]), np.max(batch.sigma0[batch.usable])
             words += f": sigma0 {low:.2g} to {high:.2g}" if batch.sigma0.size > 1 else f": sigma0 {low:.2g}"
-        if lost or mirror:
-            words += f", {100 * lost:.0f} % not converged, {100 * mirror:.0f} % in the mirror root"
+        if lost:
+            words += f", {100 * lost:.2g} % not converged"
+        if mirror:
+            words += f", {100 * mirror:.2g} % in the mirror root"
         parts.append(words)
     return [f"{imu}: {'; '.join(parts)}."]
 
 
-def _weakest(scenario: int, triad: str, unknowns: int) -> str:
+def _weakest(scenario: int, unknowns: int) -> str:
     """Name what the attitudes of a scenario tell least, from the geometry alone."""
     from tumble.attitude.directions import twenty_six_directions
 

@@ -141,7 +141,9 @@ def test_a_field_unit_s_means_get_better_with_time_until_the_wander_shows() -> N
 
 def test_ten_first_attitudes_cannot_see_one_angle_and_it_is_said() -> None:
     outcome = reproduce_scenario_table("5.4", 30, 0)
-    assert "do not tell θ zx at all" in outcome.notes[-1]
+    assert "do not tell θ zx at all" in outcome.notes[-2]
+    # ten attitudes for nine unknowns: that the thesis lies in the range says little, and that is said as well
+    assert "says little" in outcome.notes[-1]
     assert "26 attitudes" in reproduce_scenario_table("B.1", 3, 0).notes[-1]
     # their stated sigma of it is the largest of the three angles, as in the thesis
     highest = {
