@@ -107,3 +107,14 @@ def test_the_cases_are_the_thesis() -> None:
         7.292115e-1, rel=1e-6
     )  # rad/s, 10⁴ × the Earth's
     assert table_setting("4.5", 2).reference == 9.801
+
+
+def test_every_sample_is_drawn_and_averaged() -> None:
+    """The means are those of numpy's own numbers from the same generator, sample by sample."""
+    setting = table_setting("4.5", 2)
+    means = simulate_means(setting, 2, rng(12))
+    again = rng(12)
+    quiet = simulate_means(replace(setting, noise=0.0), 2, again)  # draws the attitudes, and no more
+    samples = FORCE_NOISE * again.standard_normal((2, ATTITUDES, 3, SAMPLES))
+    # round-off of sums of 180, beside g
+    np.testing.assert_allclose(means, quiet + samples.mean(axis=-1), rtol=0, atol=1e-14)
