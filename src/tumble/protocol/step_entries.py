@@ -146,6 +146,10 @@ def _interval(keys: dict[str, Entry]) -> tuple[float, float] | None:
         raise keys["interval_s"].error(
             f"the interval ends at {stop:g} s, not after its start at {start:g} s: write [start, stop]."
         )
+    if not np.isfinite(stop - start):
+        raise keys["interval_s"].error(
+            f"the interval from {start:g} to {stop:g} s is longer than any number."
+        )
     return start, stop
 
 

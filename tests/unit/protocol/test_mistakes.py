@@ -159,6 +159,12 @@ SPOILT = {
         12,
         "ends at 4 s, not after its start at 9",
     ),
+    "an interval longer than any number": (
+        "seconds: 30",
+        "interval_s: [-1e308, 1e308]",
+        12,
+        "the interval from -1e+308 to 1e+308 s is longer than any number",
+    ),
     "an interval of one number": ("seconds: 30", "interval_s: 9", 12, "to be a list of 2 numbers"),
     "not a number": ("seconds: 30", "seconds: .nan", 12, "`seconds` is .nan: a finite number is needed."),
     "NaN as others write it": ("seconds: 30", "seconds: NaN", 12, "a finite number is needed."),
