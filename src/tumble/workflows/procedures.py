@@ -115,10 +115,27 @@ def run_procedure(task: Task, procedure: str | None) -> tuple[Estimate, str]:
 
 
 def _run(task: Task, procedure: str) -> Estimate:
-    estimate = _PROCEDURES[procedure](task)
+    try:
+        estimate = _PROCEDURES[procedure](task)
+    except ObservabilityError as error:
+        raise ObservabilityError(f"{error}{_how_it_matched(task)}") from error
     if task.matching is not None:
         estimate.remarks += [r for r in task.matching.remarks if r not in estimate.remarks]
     return estimate
+
+
+def _how_it_matched(task: Task) -> str:
+    """Return how much of the protocol was found, where something is missing: it may be another recording's."""
+    matching, protocol = task.matching, task.protocol
+    if matching is None or protocol is None or not (matching.missing or matching.extra):
+        return ""
+    found = len({match.step for match in (*matching.holds, *matching.spins)})
+    extra = len(matching.extra)
+    beside = f", and {extra} holds of the recording are not in it" if extra else ""
+    return (
+        f" Of the {found + len(matching.missing)} holds and spins of the protocol {protocol.name} {found} were found"
+        f"{beside}: if that is not what was done, give another protocol."
+    )
 
 
 def _most_telling(task: Task) -> tuple[Estimate, str]:
