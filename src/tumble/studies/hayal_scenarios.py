@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series
+from tumble.arrays import AnyArray, Series, Table, Vectors
 from tumble.calibration.norm_batch import NormBatch, adjust_norms
+from tumble.estimation.weak_directions import find_weak_directions
 from tumble.simulation import TriadNoise, find_grade
 from tumble.simulation.noise import simulate_noise
 from tumble.studies.outcome import INSIDE, OUTSIDE, Outcome, Row
@@ -59,15 +60,18 @@ TABLES = {
 IMUS = ("HG1700", "HG1900")
 RATE_NOISES = {"HG1700": RATE_NOISE, "HG1900": RATE_NOISE_HG1900}
 FACTORS = np.repeat([1.0, 1e6, 1e6], 3)
+NAMES = ("b x", "b y", "b z", "s x", "s y", "s z", "θ yz", "θ zx", "θ zy")
 COLUMNS = (
     "IMU",
     "minutes",
     "thesis",
     "thesis: sigma",
+    "sheet",
     "one run: error",
     "one run: sigma",
     "sigma: lowest",
     "sigma: highest",
+    "ours as far off, %",
 )
 # Of the sheet's in-run stability, a unit's flicker in one afternoon: from a fiftieth to a half (assumed).
 WANDER = (0.02, 0.5)
@@ -75,18 +79,24 @@ WANDER = (0.02, 0.5)
 ONE_RUN = 4.0
 # Angles beyond this cannot be a unit's whose sheet says 100 µrad.
 ABSURD = 0.5
+# An estimate so many times farther from zero than sheet and sigma together allow wants a word.
+FAR = 3.0
+# It is implausible if fewer of our units than this share are as far off.
+RARE = 0.005
 
 
 @dataclass(frozen=True, slots=True)
 class Means:
     """Hold means of many simulated units, for each averaging time.
 
-    `means` is (minutes, runs, 26, 3) raw, `bias`, `scale` and `angles` (runs, 3) the truth (the bias is
-    that of the first sample), `noise` a sample's standard deviation, `reference` the norm.
+    `means` is (minutes, runs, 26, 3) raw, `errors` (runs, 9) the truth: bias (of the first sample), scale
+    factor errors, angles; `sheet` (9,) their standard deviations by the data sheet, `noise` a sample's
+    standard deviation, `reference` the norm.
     """
 
     means: AnyArray
     errors: AnyArray
+    sheet: Series
     noise: float
     reference: float
 
@@ -108,14 +118,10 @@ def simulate_field_means(imu: str, triad: str, runs: int, rng: np.random.Generat
     noise = FORCE_NOISE if triad == "accelerometer" else RATE_NOISES[imu]
     setting = Setting(triad, 9, noise=noise)
     true = simulate_true(setting, runs, rng)
-    errors = np.column_stack(
-        [
-            rng.normal(0.0, spread.bias, (runs, 3)),
-            rng.normal(0.0, spread.scale_factor, (runs, 3)),
-            # The angle between two axes: each misalignment is about one direction.
-            np.sqrt(2.0) * rng.normal(0.0, spread.misalignment, (runs, 3)),
-        ]
-    )
+    # The angle between two axes: each misalignment is about one direction.
+    angle = np.sqrt(2.0) * spread.misalignment
+    sheet = np.repeat([spread.bias, spread.scale_factor, angle], 3)
+    errors = np.concatenate([rng.normal(0.0, size, (runs, 3)) for size in sheet[::3]], axis=1)
     share = np.exp(rng.uniform(np.log(WANDER[0]), np.log(WANDER[1]), runs))
     means = np.empty((len(MINUTES), runs, ATTITUDES, 3))
     length = HOLD + PAUSE
@@ -126,7 +132,7 @@ def simulate_field_means(imu: str, triad: str, runs: int, rng: np.random.Generat
         samples = simulate_noise(wander, ATTITUDES * length, 1.0, rng).reshape(ATTITUDES, length, 3)
         for k, minutes in enumerate(MINUTES):
             means[k, run] = steady + samples[:, : 60 * minutes].mean(axis=1)
-    return Means(means, errors, noise, setting.reference)
+    return Means(means, errors, sheet, noise, setting.reference)
 
 
 def reproduce_scenario_table(table: str, repetitions: int, seed: int) -> Outcome:
@@ -147,18 +153,20 @@ def reproduce_scenario_table(table: str, repetitions: int, seed: int) -> Outcome
         entries = [entry for entry in printed["rows"] if entry["imu"] == imu]
         for parameter, entry in enumerate(entries):
             rows += [
-                _row(imu, minutes, entry, parameter, adjusted[k], means.errors)
-                for k, minutes in enumerate(MINUTES)
+                _row(imu, minutes, entry, parameter, adjusted[k], means) for k, minutes in enumerate(MINUTES)
             ]
         notes += _notes(imu, adjusted)
-    notes.append(_weakest(scenario, unknowns))
+        notes.append(_against_sheet(imu, means, scenario, unknowns))
+    unseen = _unseen(scenario, unknowns) if triad == "accelerometer" else ""
+    notes += [unseen] if unseen else []
     if len(range(ATTITUDES)[SCENARIOS[scenario]]) - unknowns == 1:
         notes.append(
             "Only one attitude more than unknowns: sigma0, and with it every sigma, scatters over decades from unit to "
             "unit. That the thesis' lie among them says little."
         )
     criterion = (
-        f"inside: the thesis' sigma lies in the range of the sigmas that {repetitions} simulated units state"
+        f"inside: the thesis' sigma lies in the range of the sigmas that {repetitions} simulated units state, and at "
+        f"least {100 * RARE:g} % of them are as many times farther from zero than sheet and sigma together allow"
         if repetitions > 1
         else f"inside: the thesis' sigma is within a factor of {ONE_RUN:g} of what one simulated unit states "
         "(--repetitions 200 gives the range itself)"
@@ -186,45 +194,63 @@ def _adjusted(means: Means, k: int, scenario: int, unknowns: int) -> NormBatch:
 
 
 def _row(
-    imu: str, minutes: int, entry: dict[str, Any], parameter: int, batch: NormBatch, errors: AnyArray
+    imu: str, minutes: int, entry: dict[str, Any], parameter: int, batch: NormBatch, means: Means
 ) -> Row:
     thesis = entry["minutes"][str(minutes)]
     factor = float(FACTORS[parameter])
     usable = batch.usable
     sigma = factor * (batch.sigmas * batch.sigma0[:, None])[usable, parameter]
+    sheet = factor * float(means.sheet[parameter])
     unit = entry["unit"].replace("^2", "²")
+    head = (imu, float(minutes), thesis["estimate"], thesis["sigma"], sheet)
     if not sigma.size:
-        cells = (imu, float(minutes), thesis["estimate"], thesis["sigma"], None, None, None, None)
-        return Row(entry["parameter"], unit, cells, OUTSIDE, "none of our runs converged")
+        nothing = (None,) * (len(COLUMNS) - len(head))
+        return Row(entry["parameter"], unit, (*head, *nothing), OUTSIDE, "none of our runs converged")
     estimate = batch.parameters[usable, parameter] - (1.0 if 3 <= parameter < 6 else 0.0)
-    error = factor * (estimate - errors[usable, parameter])
+    error = factor * (estimate - means.errors[usable, parameter])
+    far = abs(thesis["estimate"]) / float(np.hypot(sheet, thesis["sigma"]))
+    as_far = float(np.mean(factor * np.abs(estimate) >= far * np.hypot(sheet, sigma)))
     cells = (
-        imu,
-        float(minutes),
-        thesis["estimate"],
-        thesis["sigma"],
+        *head,
         float(error[0]),
         float(sigma[0]),
         float(sigma.min()),
         float(sigma.max()),
+        100.0 * as_far if sigma.size > 1 else None,
     )
-    return Row(entry["parameter"], unit, cells, *_judged(thesis, sigma, factor, parameter))
+    sigma_said = _of_sigma(thesis["sigma"], sigma, float(np.median(factor * batch.sigmas[usable, parameter])))
+    absurd = parameter >= 3 and abs(thesis["estimate"]) > ABSURD * factor
+    estimate_said = _of_estimate(far, as_far, sigma.size, absurd)
+    reasons = [words for _, words in (estimate_said, sigma_said) if words]
+    inside = estimate_said[0] and sigma_said[0]
+    return Row(entry["parameter"], unit, cells, INSIDE if inside else OUTSIDE, "; ".join(reasons))
 
 
-def _judged(thesis: dict[str, float], sigma: Series, factor: float, parameter: int) -> tuple[str, str]:
-    printed = thesis["sigma"]
+def _of_sigma(printed: float, sigma: Series, cofactor: float) -> tuple[bool, str]:
+    """Judge the printed sigma against ours; `cofactor` is the sigma at a sigma0 of one."""
     typical = float(np.median(sigma))
+    ratio = printed / typical
     if sigma.size == 1:
-        inside = 1.0 / ONE_RUN <= printed / typical <= ONE_RUN
+        inside = 1.0 / ONE_RUN <= ratio <= ONE_RUN
     else:
         inside = bool(sigma.min() <= printed <= sigma.max())
-    reasons: list[str] = []
-    if parameter >= 3 and abs(thesis["estimate"]) > ABSURD * factor:
-        reasons.append("no unit has such an error: the solution ran away, or into the mirror root")
-    if not inside:
-        ratio = printed / typical
-        reasons.append(f"its sigma is {ratio:.2g} times the median of ours: {_why(ratio)}")
-    return (INSIDE if inside else OUTSIDE), "; ".join(reasons)
+    if inside:
+        return True, ""
+    return False, (
+        f"its sigma is {ratio:.2g} times the median of ours, of a sigma0 (not printed) of about {printed / cofactor:.2g}: "
+        f"{_why(ratio)}"
+    )
+
+
+def _of_estimate(far: float, as_far: float, units: int, absurd: bool) -> tuple[bool, str]:
+    """Judge the printed estimate, which is `far` times the sheet's and its own sigma together from zero."""
+    words: list[str] = []
+    if absurd:
+        words.append("no unit has such an error: the solution ran away, or into the mirror root")
+    if far > FAR:
+        beyond = f"its estimate is {far:.2g} times sheet and sigma together from zero"
+        words.append(beyond if units == 1 else f"{beyond}, as are {100 * as_far:.2g} % of ours")
+    return far <= FAR or units == 1 or as_far >= RARE, "; ".join(words)
 
 
 def _why(ratio: float) -> str:
@@ -251,23 +277,41 @@ def _notes(imu: str, adjusted: list[NormBatch]) -> list[str]:
     return [f"{imu}: {'; '.join(parts)}."]
 
 
-def _weakest(scenario: int, unknowns: int) -> str:
-    """Name what the attitudes of a scenario tell least, from the geometry alone."""
+def _against_sheet(imu: str, means: Means, scenario: int, unknowns: int) -> str:
+    """Say what the attitudes of the first unit tell worse than its data sheet does, with three minutes each."""
+    sigma = means.noise / np.sqrt(60.0 * MINUTES[1]) / means.reference
+    design = _design(means.means[1, 0, SCENARIOS[scenario]] / means.reference, unknowns)
+    sizes = means.sheet[:unknowns] / np.repeat([means.reference, 1.0, 1.0], 3)[:unknowns]
+    weak = find_weak_directions(design.T @ design / sigma**2, sizes, 1.0)
+    if not weak:
+        return (
+            f"{imu}: every combination of the parameters is told better than the data sheet says it already."
+        )
+    involved = " and ".join(NAMES[i] for i in weak[0].leading(0.5))
+    return (
+        f"{imu}: {len(weak)} of {unknowns} combinations of the parameters are told worse than the data sheet says them "
+        f"already, with white noise alone; the worst, of {involved}, with {weak[0].sigma:.2g} times the sheet's sigma."
+    )
+
+
+def _design(true: Vectors, unknowns: int) -> Table:
+    """Return the slopes of the norm by bias, scale factors and angles, at unit vectors."""
+    x, y, z = true.T
+    columns = [true, true**2, np.column_stack([x * y, y * z, x * z])]
+    return np.concatenate(columns[: unknowns // 3], axis=1)
+
+
+def _unseen(scenario: int, unknowns: int) -> str:
+    """Say what the attitudes of a scenario do not tell of accelerometers in their nominal poses."""
     from tumble.attitude.directions import twenty_six_directions
 
     up = twenty_six_directions()[SCENARIOS[scenario]]
-    columns = [up, up**2, np.stack([up[:, 0] * up[:, 1], up[:, 1] * up[:, 2], up[:, 0] * up[:, 2]], axis=1)]
-    design = np.concatenate(columns[: 1 + (unknowns > 3) + (unknowns > 6)], axis=1)
-    names = ["b x", "b y", "b z", "s x", "s y", "s z", "θ yz", "θ zx", "θ zy"][:unknowns]
-    values, vectors = np.linalg.svd(design)[1:]
-    share = vectors[-1] ** 2
-    told = values[-1] / values[0]
-    order: list[int] = np.argsort(share)[::-1].tolist()
-    involved = " and ".join(names[i] for i in order if share[i] > 0.15)
-    which = f"Geometry: the {len(up)} attitudes of scenario {scenario}"
-    if told < 1e-9:
-        return (
-            f"{which} do not tell {involved} at all in their nominal poses; what the solutions say of it comes from "
-            "poses that were off by a few degrees."
-        )
-    return f"{which} tell {involved} least ({1 / told:.1f} times less than the best)."
+    design = _design(up, unknowns)
+    weak = find_weak_directions(design.T @ design, np.ones(unknowns), 1e6)
+    if not weak:
+        return ""
+    involved = " and ".join(NAMES[i] for i in weak[0].leading())
+    return (
+        f"Geometry: the {len(up)} attitudes of scenario {scenario} do not tell {involved} at all in their nominal poses; "
+        "what the solutions say of it comes from poses that were off by a few degrees."
+    )

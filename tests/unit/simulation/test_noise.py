@@ -85,7 +85,8 @@ def test_the_noise_of_a_grade_is_its_data_sheet_s() -> None:
 
 def test_an_unknown_grade_is_refused_with_those_that_there_are() -> None:
     with pytest.raises(
-        UsageError, match="'best'; choose one of consumer-mems, industrial-mems, hg1900, hg1700, tactical, ring-laser"
+        UsageError,
+        match="'best'; choose one of consumer-mems, industrial-mems, hg1900, hg1700, tactical, ring-laser",
     ):
         find_grade("best")
 
