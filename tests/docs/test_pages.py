@@ -17,6 +17,7 @@ EXECUTED = {
     "docs/file-format.md": 10,
     "docs/procedures/multi-position.md": 2,
     "docs/real-recordings.md": 2,
+    "docs/reproduce.md": 1,
     "docs/simulation.md": 3,
 }
 
