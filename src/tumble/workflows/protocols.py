@@ -49,8 +49,16 @@ class GivenProtocol:
             for recording, span in zip(recordings, spans, strict=True)
             for source in recording.sources
         }
+        own = _distinct([step.file for step in self.protocol.steps if step.file is not None])
+        if len(own) == len(recordings) and [Path(name).name for name in own] == [*_names(recordings)]:
+            # In their order, because files of two folders may share a name.
+            place = dict(zip(own, zip(recordings, spans, strict=True), strict=True))
         steps = tuple(_placed(step, number, place) for number, step in enumerate(self.protocol.steps, 1))
         return replace(self.protocol, steps=steps)
+
+
+def _names(recordings: list[Recording]) -> list[str]:
+    return [recording.sources[0].name for recording in recordings]
 
 
 def _distinct(names: list[str]) -> list[str]:
@@ -60,7 +68,7 @@ def _distinct(names: list[str]) -> list[str]:
 def _placed(step: Step, number: int, place: dict[str, tuple[Recording, Span]]) -> Step:
     if step.file is None:
         return step
-    name = Path(step.file).name
+    name = step.file if step.file in place else Path(step.file).name
     if name not in place:
         raise UsageError(
             f"Step {number} of the protocol names the recording {step.file}, which is not among those given: "

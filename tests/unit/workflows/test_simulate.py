@@ -288,3 +288,20 @@ def test_lost_samples_and_scattered_stamps_stand_in_the_file(tmp_path: Path) -> 
     assert np.all(np.diff(time) > 0.0)
     off = (time * RATE - 0.5) % 1.0
     assert np.std(np.where(off > 0.5, off - 1.0, off)) / RATE == pytest.approx(0.004, rel=0.1)
+
+
+def test_files_of_two_folders_may_share_a_name(tmp_path: Path) -> None:
+    """Each step's own folder: the steps are told by their order, not by the last part of the path."""
+    one = simulate("six-position", output=tmp_path / "one", seed=3, rate=RATE, per_step=True)
+    text = (one.folder / "protocol.yaml").read_text(encoding="utf-8")
+    for file in one.files:
+        if file.suffix == ".csv":
+            folder = one.folder / file.stem
+            folder.mkdir()
+            file.rename(folder / "imu.csv")
+            text = text.replace(file.name, f"{file.stem}/imu.csv")
+    (one.folder / "protocol.yaml").write_text(text, encoding="utf-8")
+    again = calibrate(protocol=one.folder / "protocol.yaml")
+    assert again.matching is not None
+    assert not again.matching.missing
+    assert not again.matching.extra
