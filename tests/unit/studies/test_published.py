@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tumble.simulation import find_grade
 from tumble.studies.published import hayal
+from tumble.studies.thesis_simulation import FORCE_ERRORS, FORCE_NOISE, GYRO_ERRORS, RATE_NOISE
 
 SIMULATED = {"4.2": (3, 3), "4.3": (6, 3), "4.4": (9, 3), "4.5": (9, 2)}  # parameters, cases
 FIELD = {"5.2": 3, "5.3": 9, "5.4": 9, "A.1": 3, "A.2": 9, "A.3": 3, "A.4": 9, "A.5": 3, "A.6": 9} | {
@@ -113,3 +115,34 @@ def test_positions_are_as_printed() -> None:
         assert {gap: len(cells) for gap, cells in imu.items()} == {"2": 4, "10": 4, "30": 4, "60": 4}
     assert outages["HG1700"]["60"][2] == {"mean": 23.9707, "sigma": 147.8637}
     assert outages["HG1900"]["30"][3] == {"mean": 2.8572, "sigma": 24.6951}
+
+
+def test_what_is_simulated_is_what_the_thesis_prints() -> None:
+    """Table 4.1 in the simulation; table 2.1 in table 3.1, for samples of one second, and in the grades."""
+    tables = hayal()["sheet_tables"]
+    printed = {row["parameter"]: row for row in tables["4.1"]["rows"]}
+    for triad, errors, noise in (
+        ("gyro", GYRO_ERRORS, RATE_NOISE),
+        ("accelerometer", FORCE_ERRORS, FORCE_NOISE),
+    ):
+        bias, scale, angle = (printed[p][triad] for p in ("bias", "scale factor error", "non-orthogonality"))
+        np.testing.assert_allclose(errors, np.repeat([bias, 1e-6 * scale, 1e-6 * angle], 3), rtol=1e-12)
+        assert noise == printed["noise"][triad]
+    sheet = {row["parameter"]: row for row in tables["2.1"]["rows"]}
+    force, rate = tables["3.1"]["rows"]
+    for imu in ("HG1700", "HG1900"):
+        # random walk over one second; four printed digits
+        assert sheet["angular random walk"][imu] * np.pi / 180 / 60 == pytest.approx(rate[imu], rel=1e-4)
+        assert sheet["velocity random walk"][imu] / 60 == pytest.approx(force[imu], rel=1e-4)
+        grade = find_grade(imu.lower())
+        per_hour = np.pi / 180 / 3600
+        assert grade.gyroscope.bias == pytest.approx(sheet["gyro bias repeatability"][imu] * per_hour)
+        assert grade.gyroscope.bias_stability == pytest.approx(
+            sheet["gyro bias, in-run stability"][imu] * per_hour
+        )
+        # the sheet's angle is between two axes, the grade's of one axis about one direction
+        angle = 1e-6 * sheet["gyro non-orthogonality"][imu]
+        assert np.sqrt(2.0) * grade.gyroscope.misalignment == pytest.approx(angle)
+        assert grade.accelerometer.scale_factor == pytest.approx(
+            1e-6 * sheet["accelerometer scale factor error"][imu]
+        )
