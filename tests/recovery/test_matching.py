@@ -21,7 +21,7 @@ from tumble.protocol import (
     named_protocol,
 )
 from tumble.recording.recording import Recording
-from tumble.segmentation import Timeline, find_timeline, observe_holds
+from tumble.segmentation import Timeline, find_spins, find_timeline, observe_holds
 from tumble.segmentation.matching import Matching, match_protocol, observe_matched_spins
 from tumble.simulation import Truth, find_grade
 from tumble.simulation.protocols import simulate_protocol
@@ -389,6 +389,24 @@ def test_a_saturated_spin_is_left_out_and_named() -> None:
     matching, _ = matched(protocol, clipped)
     fast = [n for n, s in enumerate(protocol.steps) if isinstance(s, SpinStep) and abs(s.rate) > 3.0]
     assert matching.missing == tuple(fast)
-    assert any(
-        "was left out: the gyro's z axis is at its extreme value: saturated." in r for r in matching.remarks
+    first = f"Step {fast[0] + 1} ({protocol.steps[fast[0]].name})"
+    assert (
+        matching.remarks[0] == f"{first} was left out: the gyro's x axis is at its extreme value: saturated."
     )
+    assert len(matching.remarks) == 8
+    assert matching.remarks[-1] == "5 more steps were not found."
+
+
+def test_two_files_of_one_rate_are_two_spins() -> None:
+    """A file a step: two recordings of the same spin lie side by side, with only a gap between them."""
+    protocol = shortened("modified-multi-position")
+    recording, truth = simulated(protocol)
+    assert truth.step_edges is not None
+    spin = next(n for n, step in enumerate(protocol.steps) if isinstance(step, SpinStep))
+    start, stop = (int(50.0 * t) for t in truth.step_edges[spin])
+    middle = (start + stop) // 2
+    time = recording.time + np.where(np.arange(len(recording)) >= middle, 10.0, 0.0)
+    timeline = find_timeline(parted := replace(recording, time=time, gaps=(middle,)))
+    found = [s for s in find_spins(parted, timeline) if start <= s.start < stop]
+    assert len(found) == 2
+    assert found[0].stop <= middle <= found[1].start

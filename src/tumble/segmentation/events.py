@@ -216,7 +216,11 @@ def _spin_costs(
     total = np.zeros(len(found))
     if reading.rate_scale is not None:
         sigma = float(np.hypot(RATE_SIGMA, step.sigma))
-        total += _gated(np.abs(np.log(lengths / reading.rate_scale / abs(step.rate))) / sigma)
+        excess: Series = np.log(lengths / reading.rate_scale / abs(step.rate))
+        # a saturated rate is at least what is seen
+        whole = np.array([(spin := events[k].spin) is None or spin.usable for k in found])
+        off: Series = np.where(whole, np.abs(excess), np.maximum(excess, 0.0))
+        total += _gated(off / sigma)
     axes = [spin_axis(protocol, number, events[k], up_b) for k in found]
     if all(axis is not None for axis in axes):
         along = np.sum(rates * np.array(axes), axis=1) / lengths * np.sign(step.rate)

@@ -9,6 +9,7 @@ constant, by three things: it is *long* against the ramps beside it, it does not
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -22,6 +23,8 @@ from tumble.segmentation.timeline import Timeline
 from tumble.segmentation.turns import AXES, find_saturated_axis
 
 SHORTEST_SPIN_SECONDS = 0.8
+# A gap in which a table can stop and start again: no spin goes across it.
+LONGEST_HARMLESS_GAP = 0.25
 # A rest that creeps is constant too, but turns by some degrees only (3 to 6 in the hand).
 SMALLEST_ANGLE = np.radians(20.0)
 # Half the time over which a rate must stay to be called steady.
@@ -71,9 +74,20 @@ def find_spins(recording: Recording, timeline: Timeline) -> list[FoundSpin]:
     spins: list[FoundSpin] = []
     for number, (start, stop) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
         turn = number - 1 if 0 < number < len(timeline.holds) else None
-        for first, last in search.plateaus(start, stop):
-            spins.append(judge_spin(recording, timeline, FoundSpin(first, last, turn)))
+        for piece in _between_gaps(recording, start, stop):
+            for first, last in search.plateaus(*piece):
+                spins.append(judge_spin(recording, timeline, FoundSpin(first, last, turn)))
     return spins
+
+
+def _between_gaps(recording: Recording, start: int, stop: int) -> list[tuple[int, int]]:
+    """The pieces of a range between gaps in which the unit may have been stopped: recordings joined."""
+    long = [
+        gap
+        for gap in recording.gaps
+        if start < gap < stop and recording.time[gap] - recording.time[gap - 1] > LONGEST_HARMLESS_GAP
+    ]
+    return list(pairwise([start, *long, stop]))
 
 
 def judge_spin(recording: Recording, timeline: Timeline, spin: FoundSpin) -> FoundSpin:
