@@ -16,6 +16,7 @@ import pytest
 
 from tumble.studies.catalogue import ITEMS
 
+KINDS = ("csv", "html", "json", "txt")
 PROGRAM = "import sys, tumble.cli.main as m; sys.argv[0] = 'tumble'; {before}; print('ready', flush=True); m.program()"
 
 
@@ -88,7 +89,7 @@ def test_a_folder_gets_page_data_text_and_pictures(tumble: Any, tmp_path: Path) 
     assert answer.status == 0
     stem = "hayal-figure-4.3"
     pictures = {f"{stem}-{name}.svg" for name in ("bias", "scale", "non-orthogonality")}
-    assert set(contents(folder)) == pictures | {f"{stem}.html", f"{stem}.json", f"{stem}.txt"}
+    assert set(contents(folder)) == pictures | {f"{stem}.{kind}" for kind in KINDS}
     assert set(re.findall(r"^written: (.*)$", answer.out, re.M)) == {
         str((folder / name).resolve()) for name in contents(folder)
     }
@@ -108,7 +109,7 @@ def test_what_else_is_in_the_folder_stays_and_earlier_results_are_replaced(
     earlier = contents(tmp_path)
     assert tumble("reproduce", "hayal-4.2", "-o", tmp_path, "-q", "--seed", 5).status == 0
     later = contents(tmp_path)
-    assert set(earlier) == set(later) == {"notes.txt", "hayal-4.2.html", "hayal-4.2.json", "hayal-4.2.txt"}
+    assert set(earlier) == set(later) == {"notes.txt", *(f"hayal-4.2.{kind}" for kind in KINDS)}
     assert later["notes.txt"] == b"mine"
     assert json.loads(later["hayal-4.2.json"])["seed"] == 5
 
@@ -211,7 +212,7 @@ def test_ctrl_c_while_renaming_leaves_one_whole_set(tumble: Any, tmp_path: Path)
     assert tumble("reproduce", "hayal-4.2", "-o", tmp_path, "-q").status == 0
     ended = run(AT_RENAME, "reproduce", "hayal-4.2", "--seed", 9, "-o", tmp_path)
     assert "Traceback" not in ended.stderr
-    assert set(contents(tmp_path)) == {"hayal-4.2.html", "hayal-4.2.json", "hayal-4.2.txt"}
+    assert set(contents(tmp_path)) == {f"hayal-4.2.{kind}" for kind in KINDS}
     for suffix in ("html", "txt"):
         assert "seed 9" in (tmp_path / f"hayal-4.2.{suffix}").read_text("utf-8")
     assert json.loads((tmp_path / "hayal-4.2.json").read_text("utf-8"))["seed"] == 9

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.report.figure import BLUE, GREEN, GREY
+from tumble.report.figure import BLUE, GREEN, GREY, RED
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
@@ -28,7 +28,8 @@ def draw_plot(plot: Plot) -> str:
     """
     curves = [curve for curve in plot.curves if np.any(curve.y > 0)]
     x_low, x_high = _decades([curve.x for curve in curves])
-    y_low, y_high = _decades([values for c in curves for values in (c.y, c.high, above_zero(c))])
+    seen_y = [values for c in curves for values in (c.y, c.high, above_zero(c))]
+    y_low, y_high = _decades(seen_y if plot.marks is None else [*seen_y, plot.marks.y])
 
     def at(x: Series, y: Series) -> list[str]:
         across = LEFT + (WIDTH - LEFT - RIGHT) * (np.log10(x) - x_low) / (x_high - x_low)
@@ -48,7 +49,9 @@ def draw_plot(plot: Plot) -> str:
             f'<circle cx="{p.split(",")[0]}" cy="{p.split(",")[1]}" r="3" fill="{colour}" stroke="none"/>'
             for p in at(x, y)
         ]
-    return "\n".join([*parts, "</g>", *_legend(curves), "</svg>", ""])
+    if plot.marks is not None:
+        parts += [_cross(*map(float, point.split(","))) for point in at(plot.marks.x, plot.marks.y)]
+    return "\n".join([*parts, "</g>", *_legend(plot, curves), "</svg>", ""])
 
 
 def above_zero(curve: Curve) -> Series:
@@ -106,12 +109,21 @@ def _power(decade: int) -> str:
     return {0: "1", 1: "10", 2: "100"}.get(decade, f"10{str(decade).translate(_DIGITS)}")
 
 
-def _legend(curves: list[Curve]) -> list[str]:
+def _cross(x: float, y: float) -> str:
+    """Return a saltire: what the paper prints."""
+    return f'<path d="M{x - 5:.1f},{y - 5:.1f}l10,10m0,-10l-10,10" stroke="{RED}" stroke-width="1.8"/>'
+
+
+def _legend(plot: Plot, curves: list[Curve]) -> list[str]:
     parts: list[str] = []
     x = LEFT
     for curve, colour in zip(curves, _COLOURS, strict=False):
         parts.append(f'<rect x="{x}" y="30" width="18" height="4" fill="{colour}"/>')
         parts.append(f'<text x="{x + 24}" y="37">{html.escape(curve.name)}</text>')
         x += 40 + 8 * len(curve.name)
-    parts.append(f'<text x="{x}" y="37" fill="{GREY}">line: mean; band: 5 % to 95 %</text>')
+    if plot.marks is not None:
+        parts += [_cross(x + 9, 32), f'<text x="{x + 24}" y="37">{html.escape(plot.marks.name)}</text>']
+    parts.append(
+        f'<text x="{WIDTH - RIGHT}" y="20" text-anchor="end" fill="{GREY}">line: mean; band: 5 % to 95 %</text>'
+    )
     return parts

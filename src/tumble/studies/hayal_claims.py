@@ -85,7 +85,9 @@ def _best_scenario(document: dict[str, Any]) -> Row:
     said = document["claims"]["best_scenario_of_all"]
     best = [(u, imu, _most_accurate(document, u, imu)) for u in GYRO_TABLES for imu in IMUS]
     others = [
-        f"the {u} parameters' of the {imu} are best in scenario {s}" for u, imu, (s, _) in best if s != said
+        f"the {u}-parameter biases of the {imu} are best in scenario {s}"
+        for u, imu, (s, _) in best
+        if s != said
     ]
     found = f"{len(best) - len(others)} of {len(best)} times"
     return claim_row(

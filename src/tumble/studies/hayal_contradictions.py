@@ -49,6 +49,7 @@ def reproduce_contradictions(repetitions: int, seed: int) -> Outcome:
         ],
         repetitions=1,
         seed=seed,
+        simulated=False,
     )
 
 

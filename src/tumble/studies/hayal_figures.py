@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.studies.outcome import INSIDE, OUTSIDE, Curve, Outcome, Plot, Row
-from tumble.studies.thesis_simulation import RATE_NOISE, Setting, run_setting, table_setting
+from tumble.studies.outcome import INSIDE, OUTSIDE, Curve, Marks, Outcome, Plot, Row
+from tumble.studies.published import hayal
+from tumble.studies.thesis_simulation import FASTER, RATE_NOISE, Setting, run_setting, table_setting
 
 GROUPS = (
     ("bias", slice(0, 3), 1.0, "rad/s"),
@@ -68,7 +69,10 @@ def _study(
         error = _curve(
             "|difference|", factors, [unit_factor * np.abs(r.differences[r.usable, where]) for r in runs]
         )
-        plots.append(Plot(f"{name.split()[0]}", f"Gyro {name}", words, f"{name} / {unit}", (sigma, error)))
+        marks = _printed(figure, where)
+        plots.append(
+            Plot(f"{name.split()[0]}", f"Gyro {name}", words, f"{name} / {unit}", (sigma, error), marks)
+        )
         rows += _laws(figure, name, unit, sigma)
     lost = [
         f"{100 * np.mean(~r.usable):.1f} % at {f:g}"
@@ -100,6 +104,16 @@ def _curve(name: str, x: np.ndarray, values: list[np.ndarray]) -> Curve:
         each(lambda v: float(v.mean())),
         each(lambda v: float(np.quantile(v, BAND[0]))),
         each(lambda v: float(np.quantile(v, BAND[1]))),
+    )
+
+
+def _printed(figure: str, where: slice) -> Marks:
+    """Return the sigmas of table 4.4, which are the only numbers that the thesis prints of these figures."""
+    rows = hayal()["tables"]["4.4"]["rows"][where]
+    at = ((1.0, 1), (FASTER, 2)) if figure == "4.2" else ((1.0, 1),)
+    x = np.array([factor for factor, _ in at for _ in rows])
+    return Marks(
+        "thesis, table 4.4", x, np.array([row["cases"][case]["sigma"] for _, case in at for row in rows])
     )
 
 

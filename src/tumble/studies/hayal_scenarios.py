@@ -249,8 +249,8 @@ def _of_estimate(far: float, as_far: float, units: int, absurd: bool) -> tuple[b
     if far > FAR:
         beyond = f"its estimate is {far:.2g} times sheet and sigma together from zero"
         words.append(beyond if units == 1 else f"{beyond}; so far off are {100 * as_far:.2g} % of ours")
-    # Fewer units than this cannot tell that something is so rare.
-    return far <= FAR or units * RARE < 1.0 or as_far >= RARE, "; ".join(words)
+    # Fewer units than twice its reciprocal cannot tell that something is so rare.
+    return far <= FAR or units * RARE < 2.0 or as_far >= RARE, "; ".join(words)
 
 
 def _why(ratio: float) -> str:

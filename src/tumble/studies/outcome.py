@@ -43,6 +43,15 @@ class Curve:
 
 
 @dataclass(frozen=True, slots=True)
+class Marks:
+    """The paper's own numbers in a figure: points without a line."""
+
+    name: str
+    x: Series
+    y: Series
+
+
+@dataclass(frozen=True, slots=True)
 class Plot:
     """A figure with logarithmic axes.
 
@@ -51,6 +60,7 @@ class Plot:
     name : identifier.
     title, x_label, y_label : words with units.
     curves : what is drawn.
+    marks : the paper's own numbers, where it prints any.
     """
 
     name: str
@@ -58,6 +68,7 @@ class Plot:
     x_label: str
     y_label: str
     curves: tuple[Curve, ...]
+    marks: Marks | None = None
 
 
 @dataclass(slots=True)
@@ -74,6 +85,7 @@ class Outcome:
     plots : the figures.
     notes : sentences.
     repetitions, seed : how often, and from what, it was simulated.
+    simulated : whether anything was; if not, the two before mean nothing.
     seconds : how long it took.
     """
 
@@ -88,6 +100,13 @@ class Outcome:
     repetitions: int = 1
     seed: int = 0
     seconds: float = 0.0
+    simulated: bool = True
+
+    @property
+    def command(self) -> str:
+        """What to type to have it again."""
+        options = f" --repetitions {self.repetitions} --seed {self.seed}"
+        return f"tumble reproduce {self.item}{options if self.simulated else ''}"
 
     @property
     def counts(self) -> tuple[int, int]:

@@ -63,12 +63,14 @@ def reproduce(
 def _write(folder: Path, outcomes: list[Outcome]) -> list[Path]:
     """Write everything into a folder inside the folder, then rename it all into place."""
     from tumble.recording.writing import uninterrupted
-    from tumble.report.reproduction import outcome_json, outcome_lines, outcome_pictures, render_outcome
+    from tumble.report.reproduction import outcome_csv, outcome_json, outcome_lines, outcome_pictures
+    from tumble.report.reproduction_page import render_outcome
 
     files: dict[str, str] = {}
     for outcome in outcomes:
         files[f"{outcome.item}.html"] = render_outcome(outcome)
         files[f"{outcome.item}.json"] = outcome_json(outcome)
+        files[f"{outcome.item}.csv"] = outcome_csv(outcome)
         files[f"{outcome.item}.txt"] = "\n".join(outcome_lines(outcome)) + "\n"
         files |= outcome_pictures(outcome)
     made = not folder.exists()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import xml.etree.ElementTree as ET
@@ -11,13 +12,14 @@ import pytest
 
 from tumble.report.reproduction import (
     cell_text,
+    outcome_csv,
     outcome_json,
     outcome_lines,
     outcome_pictures,
-    render_outcome,
 )
+from tumble.report.reproduction_page import render_outcome
 from tumble.report.svg_plot import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, draw_plot
-from tumble.studies.outcome import INSIDE, OUTSIDE, Curve, Outcome, Plot, Row
+from tumble.studies.outcome import INSIDE, OUTSIDE, Curve, Marks, Outcome, Plot, Row
 
 X = np.array([1.0, 10.0, 100.0])
 Y = np.array([3e-6, 3e-7, 3e-8])
@@ -76,7 +78,7 @@ def test_lines_are_aligned_and_say_verdict_and_reason() -> None:
     assert first.endswith("inside")
     assert "500 runs, seed 7, 1.2 s." in lines
     assert "1 of 2 rows inside. Inside: as it says." in lines
-    assert lines[-1] == "- A note."
+    assert lines[-2:] == ["- A note.", "Again: tumble reproduce paper-1.1 --repetitions 500 --seed 7"]
 
 
 def test_json_has_all_digits_and_no_nan() -> None:
@@ -86,6 +88,15 @@ def test_json_has_all_digits_and_no_nan() -> None:
     assert document["rows"][1]["verdict"] == "outside"
     assert document["plots"][0]["curves"][0]["y"] == list(Y)
     assert (document["repetitions"], document["seed"]) == (500, 7)
+    assert document["command"] == "tumble reproduce paper-1.1 --repetitions 500 --seed 7"
+
+
+def test_csv_has_all_digits_and_a_column_for_every_cell() -> None:
+    rows = list(csv.reader(outcome_csv(OUTCOME).splitlines()))
+    assert rows[0] == ["parameter", "unit", "case", "thesis", "verdict", "reason"]
+    assert rows[1] == ["b x", "m/s²", "1: none", "1.23456789e-09", "inside", ""]
+    assert rows[2] == ["s y", "ppm", "2: noise", "20912.4", "outside", "1 < 2"]
+    assert rows[3] == ["θ zy", "µrad", "", "", "", ""]
 
 
 def test_a_picture_is_well_formed_and_its_points_are_where_their_logarithms_say() -> None:
@@ -130,13 +141,51 @@ def test_the_page_stands_alone_and_escapes_words() -> None:
     assert "Table &lt;1.1&gt;: it" in page
     assert "A. Paper &amp; Co" in page
     assert "Gyro &lt;scale&gt;" in page
-    assert "<td>s y</td><td>ppm</td><td>outside</td><td>2: noise</td><td>20912</td>" in page
-    assert ">1 &lt; 2</td>" in page
-    assert page.count("<tr>") == 1 + len(OUTCOME.rows)
+    row = re.search(r'<tr class="has-why">(.*?)</tr><tr class="why">(.*?)</tr>', page)
+    assert row is not None
+    words = [re.sub(r"<[^>]*>", "", cell) for cell in re.findall(r"<td[^>]*>(.*?)</td>", row[1])]
+    assert words == ["s y", "ppm", "outside", "2: noise", "20912"]
+    # the reason stands below, across all columns
+    assert row[2] == '<td colspan="5">1 &lt; 2</td>'
+    assert len(re.findall(r"<tr(?: class=\"has-why\")?>", page)) == 1 + len(OUTCOME.rows)
     # nothing is fetched when it is opened: addresses stand inside the drawing program alone
     outside = re.sub(r"<script[^>]*>.*?</script>", "", page, flags=re.S)
     assert not re.search(r"""(?:src|href)=|url\(""", outside)
     assert not re.search(r"<script[^>]+src=", page[: page.index("</head>")])
+
+
+def test_numbers_of_the_paper_are_crosses_of_their_own() -> None:
+    plot = Plot(
+        "p", "p", "x", "y", PLOT.curves, Marks("thesis", np.array([1.0, 100.0]), np.array([3e-6, 1e-3]))
+    )
+    svg = draw_plot(plot)
+    ET.fromstring(svg)
+    crosses = [tuple(map(float, pair)) for pair in re.findall(r'<path d="M([\d.]+),([\d.]+)l10', svg)]
+    # one in the legend; the first on the first point of the line, the second as far right and in the frame
+    assert len(crosses) == 3
+    assert crosses[0][0] + 5 == pytest.approx(LEFT, abs=0.1)
+    first = re.search(r'<polyline points="[\d.]+,([\d.]+)', svg)
+    assert first is not None
+    assert crosses[0][1] + 5 == pytest.approx(float(first[1]), abs=0.11)
+    assert crosses[1][0] + 5 == pytest.approx(WIDTH - RIGHT, abs=0.1)
+    assert TOP - 0.1 <= crosses[1][1] + 5 <= HEIGHT - BOTTOM
+    assert "thesis" in svg
+    page = render_outcome(Outcome("x-1", "X", "Y", (), [], plots=[plot]))
+    assert '"thesis"' in page
+    assert "crosses: thesis" in page
+
+
+def test_a_page_of_words_brings_no_drawing_program() -> None:
+    page = render_outcome(Outcome("x-1", "X", "Y", ("n",), [Row("a", "", (-1.5,))]))
+    assert "<script" not in page
+    assert len(page) < 20_000
+    assert ">−1.5</td>" in page
+
+
+def test_what_is_not_simulated_is_asked_for_without_a_seed() -> None:
+    outcome = Outcome("x-1", "X", "Y", ("n",), [Row("a", "", (1,))], simulated=False)
+    assert outcome.command == "tumble reproduce x-1"
+    assert "Nothing is simulated." in outcome_lines(outcome)
 
 
 def test_an_outcome_without_figures_has_none() -> None:
