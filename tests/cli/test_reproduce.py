@@ -38,6 +38,11 @@ def test_without_an_item_it_lists_what_there_is(tumble: Any) -> None:
     assert answer.status == 0
     names = re.findall(r"^(hayal-\S+)  ", answer.out, re.M)
     assert names == list(ITEMS)
+    efforts = re.findall(
+        r"^hayal-\S+ .*  (\d+ runs?; 500 take about \S+ s|no runs; at once)$", answer.out, re.M
+    )
+    assert len(efforts) == len(ITEMS)
+    assert efforts[-1] == "no runs; at once"
     assert "5.5 to 5.7 need navigation" in answer.out
 
 

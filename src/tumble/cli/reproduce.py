@@ -69,8 +69,9 @@ def _print_list() -> None:
     from tumble.studies.catalogue import ITEMS
 
     width = max(len(name) for name in ITEMS)
+    title = max(len(entry.title) for entry in ITEMS.values())
     for name, entry in ITEMS.items():
-        typer.echo(f"{name:<{width}}  {entry.title}")
+        typer.echo(f"{name:<{width}}  {entry.title:<{title}}  {entry.effort}")
     typer.echo(
         "\n`tumble reproduce hayal` makes all of them. Tables 5.5 to 5.7 need navigation, which is not there yet."
     )

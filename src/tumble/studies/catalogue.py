@@ -26,12 +26,22 @@ class Item:
     name, title : as it is asked for, and what it is.
     run : makes it from repetitions and a seed.
     repetitions : by default; None for an item that has none.
+    seconds : that 500 repetitions take, about, on one core; what they took is in the outcome.
     """
 
     name: str
     title: str
     run: Callable[[int, int], Outcome]
     repetitions: int | None = 1
+    seconds: float = 0.2
+
+    @property
+    def effort(self) -> str:
+        """How many runs it makes by itself, and how long 500 take, in words."""
+        if self.repetitions is None:
+            return "no runs; at once"
+        runs = "1 run" if self.repetitions == 1 else f"{self.repetitions} runs"
+        return f"{runs}; 500 take about {self.seconds:g} s"
 
 
 def _items() -> list[Item]:
@@ -46,13 +56,31 @@ def _items() -> list[Item]:
             "figure 4.2: gyros against the reference rate",
             partial(reproduce_figure, "4.2"),
             20,
+            0.6,
         ),
-        Item("hayal-figure-4.3", "figure 4.3: gyros against the noise", partial(reproduce_figure, "4.3"), 20),
-        Item("hayal-convergence", "how often the gyro solutions converge", reproduce_convergence, 500),
-        Item("hayal-norm-bias", "how far noise biases the estimators of the norm", reproduce_norm_bias, 500),
+        Item(
+            "hayal-figure-4.3",
+            "figure 4.3: gyros against the noise",
+            partial(reproduce_figure, "4.3"),
+            20,
+            0.6,
+        ),
+        Item("hayal-convergence", "how often the gyro solutions converge", reproduce_convergence, 500, 1.0),
+        Item(
+            "hayal-norm-bias",
+            "how far noise biases the estimators of the norm",
+            reproduce_norm_bias,
+            500,
+            2.0,
+        ),
     ]
     items += [
-        Item(f"hayal-{t}", f"table {t}: {tables[t]['title']}", partial(reproduce_scenario_table, t))
+        Item(
+            f"hayal-{t}",
+            f"table {t}: {tables[t]['title']}",
+            partial(reproduce_scenario_table, t),
+            seconds=1.5,
+        )
         for t in TABLES
     ]
     items.append(
