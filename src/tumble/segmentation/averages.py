@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Matrices, Series, Vectors
+from tumble.arrays import Matrices, Series, Vector, Vectors
 from tumble.errors import SegmentationError
 
 # Batches of a hold: at least this many, so that its own variance has seven degrees of freedom or more.
@@ -30,7 +30,11 @@ class MeanCovariance:
 
 
 def mean_covariance(
-    signal: Vectors, items: list[list[tuple[int, int]]], *, span: int | None = None
+    signal: Vectors,
+    items: list[list[tuple[int, int]]],
+    *,
+    span: int | None = None,
+    least_floor: Vector | None = None,
 ) -> MeanCovariance:
     """Average a signal over each item's stretches and find the covariance of each average.
 
@@ -56,6 +60,7 @@ def mean_covariance(
     items : the half-open index ranges of each item, in order and without overlap.
     span : samples from the first item to the end of the last on the recording's clock, where `signal`
         holds the items alone.
+    least_floor : (3,) floor of the Allan variance that is known from elsewhere, raw units squared.
 
     Raises
     ------
@@ -88,6 +93,8 @@ def mean_covariance(
         dof[here] = np.where(noisier.any(axis=1), own_dof, pooled_dof)[here]
     calm = [part for part, out in zip(parts, disturbed, strict=True) if not out]
     floor = _flicker_floor(calm, int(np.median(levels)))
+    if least_floor is not None:
+        floor = np.maximum(floor, least_floor)
     if span is None:
         span = max(item[-1][1] for item in items) - min(item[0][0] for item in items)
     wander = np.maximum(np.log(span / counts), 0.0)[:, None] * floor / (2.0 * np.log(2.0))
@@ -95,6 +102,23 @@ def mean_covariance(
     digits = (DIGITS * float(np.max(np.abs(means)))) ** 2
     covariance = np.maximum(variances / counts[:, None] + wander, digits)[:, :, None] * np.eye(3)
     return MeanCovariance(means, covariance, dof)
+
+
+def flicker_floor(signal: Vectors, items: list[list[tuple[int, int]]]) -> Vector:
+    """Return the floor of the Allan variance that items show, (3,) raw units squared; zero if none.
+
+    Parameters
+    ----------
+    signal, items : as for `mean_covariance`; items of fewer than two samples tell nothing.
+    """
+    items = [item for item in items if sum(b - a for a, b in item) >= 2]
+    if not items:
+        return np.zeros(3)
+    signal = np.asarray(signal, dtype=float)
+    counts = [sum(b - a for a, b in item) for item in items]
+    base = _shortest_batch(min(counts))
+    parts = [[_batches(signal, a, b, base) for a, b in item] for item in items]
+    return _flicker_floor(parts, int(np.median([_level(count, base) for count in counts])))
 
 
 def batch_length(count: int, least: int) -> int:
@@ -183,7 +207,7 @@ def _flicker_floor(parts: list[list[tuple[np.ndarray, np.ndarray]]], top: int) -
             variances.append(pooled)
     # in units of the variance of the shortest batch's white noise
     length = 2.0 ** (np.array(levels) - levels[0]) if levels else np.ones(0)
-    if len(levels) < 2 or np.any(variances[0] <= 0.0):
+    if len(levels) < 2 or min(float(v.min()) for v in variances) <= 0.0:
         return np.zeros(3)
     common = np.mean(np.array(variances) / variances[0], axis=1)
     # neighbouring differences share a mean: two thirds of the degrees of freedom that they seem to have
