@@ -22,7 +22,8 @@ from tumble.calibration.norm_batch import NormBatch, adjust_norms
 from tumble.estimation.weak_directions import find_weak_directions
 from tumble.simulation import TriadNoise, find_grade
 from tumble.simulation.noise import simulate_noise
-from tumble.studies.outcome import INSIDE, OUTSIDE, Outcome, Row
+from tumble.studies.hayal_verdicts import criterion, judge_estimate, judge_sigma
+from tumble.studies.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.studies.published import hayal
 from tumble.studies.thesis_simulation import (
     ATTITUDES,
@@ -75,14 +76,8 @@ COLUMNS = (
 )
 # Of the sheet's in-run stability, a unit's flicker in one afternoon: from a fiftieth to a half (assumed).
 WANDER = (0.02, 0.5)
-# With one run alone there is no range: stated sigmas vary by this factor from unit to unit.
-ONE_RUN = 4.0
 # Angles beyond this cannot be a unit's whose sheet says 100 µrad.
 ABSURD = 0.5
-# An estimate so many times farther from zero than sheet and sigma together allow wants a word.
-FAR = 3.0
-# It is implausible if fewer of our units than this share are as far off.
-RARE = 0.005
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +140,7 @@ def reproduce_scenario_table(table: str, repetitions: int, seed: int) -> Outcome
     """
     scenario, triad, unknowns = TABLES[table]
     printed = hayal()["tables"][table]
+    freedom = len(range(ATTITUDES)[SCENARIOS[scenario]]) - unknowns
     rows: list[Row] = []
     notes: list[str] = []
     for number, imu in enumerate(IMUS):
@@ -153,32 +149,25 @@ def reproduce_scenario_table(table: str, repetitions: int, seed: int) -> Outcome
         entries = [entry for entry in printed["rows"] if entry["imu"] == imu]
         for parameter, entry in enumerate(entries):
             rows += [
-                _row(imu, minutes, entry, parameter, adjusted[k], means) for k, minutes in enumerate(MINUTES)
+                _row(imu, minutes, entry, parameter, adjusted[k], means, freedom)
+                for k, minutes in enumerate(MINUTES)
             ]
         notes += _notes(imu, adjusted)
         notes.append(_against_sheet(imu, means, scenario, unknowns))
     unseen = _unseen(scenario, unknowns) if triad == "accelerometer" else ""
     notes += [unseen] if unseen else []
-    if len(range(ATTITUDES)[SCENARIOS[scenario]]) - unknowns == 1:
+    if freedom == 1:
         notes.append(
             "Only one attitude more than unknowns: sigma0, and with it every sigma, scatters over decades from unit to "
             "unit. That the thesis' lie among them says little."
         )
-    criterion = (
-        f"inside: the thesis' sigma lies between the lowest and the highest that {repetitions} simulated units state, "
-        f"and its estimate is either within {FAR:g} times sheet and sigma together of zero, or at least "
-        f"{100 * RARE:g} % of ours are as far off"
-        if repetitions > 1
-        else f"inside: the thesis' sigma is within a factor of {ONE_RUN:g} of what one simulated unit states "
-        "(--repetitions 200 gives the range itself)"
-    )
     return Outcome(
         f"hayal-{table}",
         f"Table {table}: {printed['title']}",
         "Hayal 2010, chapter 5 and appendices; the thesis' recordings are not public, ours are simulated",
         COLUMNS,
         rows,
-        criterion,
+        criterion(repetitions, freedom),
         notes=notes,
         repetitions=repetitions,
         seed=seed,
@@ -195,7 +184,13 @@ def _adjusted(means: Means, k: int, scenario: int, unknowns: int) -> NormBatch:
 
 
 def _row(
-    imu: str, minutes: int, entry: dict[str, Any], parameter: int, batch: NormBatch, means: Means
+    imu: str,
+    minutes: int,
+    entry: dict[str, Any],
+    parameter: int,
+    batch: NormBatch,
+    means: Means,
+    freedom: int,
 ) -> Row:
     thesis = entry["minutes"][str(minutes)]
     factor = float(FACTORS[parameter])
@@ -206,7 +201,7 @@ def _row(
     head = (imu, float(minutes), thesis["estimate"], thesis["sigma"], sheet)
     if not sigma.size:
         nothing = (None,) * (len(COLUMNS) - len(head))
-        return Row(entry["parameter"], unit, (*head, *nothing), OUTSIDE, "none of our runs converged")
+        return Row(entry["parameter"], unit, (*head, *nothing), UNJUDGED, "none of our runs converged")
     estimate = batch.parameters[usable, parameter] - (1.0 if 3 <= parameter < 6 else 0.0)
     error = factor * (estimate - means.errors[usable, parameter])
     far = abs(thesis["estimate"]) / float(np.hypot(sheet, thesis["sigma"]))
@@ -220,45 +215,14 @@ def _row(
         float(sigma.max()),
         100.0 * as_far if sigma.size > 1 else None,
     )
-    sigma_said = _of_sigma(thesis["sigma"], sigma, float(np.median(factor * batch.sigmas[usable, parameter])))
+    cofactor = float(np.median(factor * batch.sigmas[usable, parameter]))
+    sigma_fits, of_sigma = judge_sigma(thesis["sigma"], sigma, cofactor, freedom)
+    estimate_fits, of_estimate = judge_estimate(far, as_far, sigma.size)
     absurd = parameter >= 3 and abs(thesis["estimate"]) > ABSURD * factor
-    estimate_said = _of_estimate(far, as_far, sigma.size, absurd)
-    reasons = [words for _, words in (estimate_said, sigma_said) if words]
-    inside = estimate_said[0] and sigma_said[0]
-    return Row(entry["parameter"], unit, cells, INSIDE if inside else OUTSIDE, "; ".join(reasons))
-
-
-def _of_sigma(printed: float, sigma: Series, cofactor: float) -> tuple[bool, str]:
-    """Judge the printed sigma against ours; `cofactor` is the sigma at a sigma0 of one."""
-    typical = float(np.median(sigma))
-    ratio = printed / typical
-    alone = sigma.size == 1
-    if 1.0 / ONE_RUN <= ratio <= ONE_RUN if alone else sigma.min() <= printed <= sigma.max():
-        return True, ""
-    return False, (
-        f"its sigma is {ratio:.2g} times the median of ours, of a sigma0, not printed, of about "
-        f"{printed / cofactor:.2g}: {_why(ratio)}"
-    )
-
-
-def _of_estimate(far: float, as_far: float, units: int, absurd: bool) -> tuple[bool, str]:
-    """Judge the printed estimate, which is `far` times the sheet's and its own sigma together from zero."""
-    words: list[str] = []
-    if absurd:
-        words.append("no unit has such an error: the solution ran away, or into the mirror root")
-    if far > FAR:
-        beyond = f"its estimate is {far:.2g} times sheet and sigma together from zero"
-        words.append(beyond if units == 1 else f"{beyond}; so far off are {100 * as_far:.2g} % of ours")
-    # Fewer units than twice its reciprocal cannot tell that something is so rare.
-    return far <= FAR or units * RARE < 2.0 or as_far >= RARE, "; ".join(words)
-
-
-def _why(ratio: float) -> str:
-    if ratio > 1.0:
-        return "its sigma0, not printed, must have been as many times larger: biases wandered more between attitudes"
-    return (
-        "its unit was quieter than the sheet, its sigma0 small by luck, or its attitudes differed from ours"
-    )
+    reasons = ["no unit has such an error: the solution ran away, or into the mirror root"] if absurd else []
+    reasons += [words for words in (of_estimate, of_sigma) if words]
+    verdict = INSIDE if sigma_fits and estimate_fits else OUTSIDE
+    return Row(entry["parameter"], unit, cells, verdict, "; ".join(reasons))
 
 
 def _notes(imu: str, adjusted: list[NormBatch]) -> list[str]:
@@ -269,7 +233,9 @@ def _notes(imu: str, adjusted: list[NormBatch]) -> list[str]:
         if np.any(batch.usable):
             low, high = np.min(batch.sigma0[batch.usable]), np.max(batch.sigma0[batch.usable])
             words += f": sigma0 {low:.2g} to {high:.2g}" if batch.sigma0.size > 1 else f": sigma0 {low:.2g}"
-        if lost:
+        if lost and batch.converged.size == 1:
+            words += ": not converged"
+        elif lost:
             words += f", {100 * lost:.2g} % not converged"
         if mirror:
             words += f", {100 * mirror:.2g} % in the mirror root"
