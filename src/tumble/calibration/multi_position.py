@@ -16,7 +16,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import Matrices, Series, Square, Vectors, inverted
+from tumble.arrays import Matrices, Matrix, Series, Square, Vectors, inverted
+from tumble.attitude import skew
 from tumble.calibration.canonical import Complex, describe_unknowns
 from tumble.calibration.data_sheet import about_sheet, sheet_prior
 from tumble.calibration.estimate import (
@@ -43,6 +44,8 @@ from tumble.units import angular_rate_factor, specific_force_factor
 
 # Worse than this, a gyro's scale and angles from the Earth rate are worse than any data sheet's.
 WORST_GYRO_SCALE = 0.01
+# Prior of the rotation between the triads about each axis, where norms alone are there: 10 mrad.
+ROTATION_SIGMA = 0.01
 _NORM = slice(0, 1)
 # Chance of keeping a g-sensitivity that is not there.
 G_SENSITIVITY_FALSE_ALARM = 0.01
@@ -298,6 +301,7 @@ def _fit_gyro(
         values[GYRO_MATRIX] = triad_from_unknowns(fit.unknowns).matrix.ravel()
         values[GYRO_BIAS] = fit.unknowns[BIAS]
         full[12:24, 12:24] = _matrix_and_bias_covariance(fit)
+        full[GYRO_MATRIX, GYRO_MATRIX] += _rotation_covariance(values[GYRO_MATRIX].reshape(3, 3))
         seen = {9: "bias, scale factors and non-orthogonalities", 6: "bias and scale factors", 3: "bias"}[
             count
         ]
@@ -332,6 +336,12 @@ def _good_enough(fit: TriadFit) -> bool:
     relative = sigma[SCALE] / fit.unknowns[SCALE]
     angles = sigma[ANGLE]
     return bool(np.all(relative < WORST_GYRO_SCALE) and np.all(angles < WORST_GYRO_SCALE))
+
+
+def _rotation_covariance(matrix: Matrix) -> Square:
+    """Return (9, 9): what the rotation between the triads, which norms do not tell, adds to the matrix' entries."""
+    moves = np.stack([(matrix @ skew(axis)).ravel() for axis in np.eye(3)], axis=1)
+    return ROTATION_SIGMA**2 * (moves @ moves.T)
 
 
 def _matrix_and_bias_covariance(fit: TriadFit) -> Square:

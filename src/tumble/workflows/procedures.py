@@ -115,6 +115,10 @@ def run_procedure(task: Task, procedure: str | None) -> tuple[Estimate, str]:
 
 
 def _run(task: Task, procedure: str) -> Estimate:
+    if task.knowledge is not None and procedure in ("six-position", "improved-six-position", "rate-table"):
+        raise UsageError(
+            f"--prior is not used by the procedure {procedure}: leave it out, or take --procedure multi-position."
+        )
     try:
         estimate = _PROCEDURES[procedure](task)
     except ObservabilityError as error:
