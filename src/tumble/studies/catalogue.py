@@ -103,7 +103,7 @@ def find_items(name: str) -> list[Item]:
 
     Parameters
     ----------
-    name : one of `ITEMS`, or the beginning that a paper's items share, such as "hayal".
+    name : one of `ITEMS`, or the beginning that a paper's items share, such as "hayal" or "hayal-A".
 
     Raises
     ------
@@ -112,7 +112,7 @@ def find_items(name: str) -> list[Item]:
     """
     if name in ITEMS:
         return [ITEMS[name]]
-    found = [item for key, item in ITEMS.items() if key.startswith(f"{name}-")]
+    found = [item for key, item in ITEMS.items() if key.startswith((f"{name}-", f"{name}."))]
     if not found:
         import difflib
 

@@ -29,6 +29,8 @@ def test_a_paper_s_name_finds_all_of_it_and_an_item_s_itself() -> None:
     assert find_items("hayal") == list(ITEMS.values())
     assert [item.name for item in find_items("hayal-4.2")] == ["hayal-4.2"]
     assert [item.name for item in find_items("hayal-figure")] == ["hayal-figure-4.2", "hayal-figure-4.3"]
+    assert [item.name for item in find_items("hayal-B")] == ["hayal-B.1", "hayal-B.2", "hayal-B.3"]
+    assert [item.name for item in find_items("hayal-4")] == [f"hayal-4.{k}" for k in (2, 3, 4, 5)]
 
 
 @pytest.mark.parametrize(

@@ -137,3 +137,16 @@ def test_the_thesis_numbers_are_inside_where_they_are_said_to_be(outcomes: dict[
                 printed = value["thesis: sigma"]
                 assert isinstance(printed, float)
                 assert float(str(value["sigma: lowest"])) <= printed <= float(str(value["sigma: highest"]))
+
+
+def test_of_one_run_sigma_and_difference_are_judged_roughly() -> None:
+    from tumble.studies.hayal_tables import _judged
+
+    one = np.array([[1.0, 1.0, 1.0]])
+    assert _judged(2.9, 2.0, one, one, 100.0) == (INSIDE, "")
+    assert _judged(3.1, 2.0, one, one, 100.0)[0] == OUTSIDE
+    assert _judged(0.32, 0.1, one, one, 100.0)[0] == OUTSIDE
+    # a difference of five of its own sigmas is no chance, whatever ours are
+    verdict, reason = _judged(1.0, 5.0, one, one, 100.0)
+    assert verdict == OUTSIDE
+    assert "5 times its own sigma" in reason
