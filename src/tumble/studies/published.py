@@ -13,3 +13,10 @@ def hayal() -> dict[str, Any]:
     """Return the printed tables of Hayal (2010): ``tables``, ``position_tables`` and the abstract's claim."""
     text = (files("tumble") / "data" / "papers" / "hayal-2010.json").read_text(encoding="utf-8")
     return json.loads(text)
+
+
+@cache
+def zhang() -> dict[str, Any]:
+    """Return the printed numbers of Zhang et al. (2010): ``tables``, ``figures``, ``simulation`` and ``claims``."""
+    text = (files("tumble") / "data" / "papers" / "zhang-2010.json").read_text(encoding="utf-8")
+    return json.loads(text)
