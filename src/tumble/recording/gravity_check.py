@@ -218,23 +218,30 @@ def gyro_scale_from_gravity(recording: Recording) -> GyroScale | None:
         return None
     if agreement.determined:
         return GyroScale(agreement.scale, agreement.scale_uncertainty, True)
+    single = _single_factor(recording)
+    return GyroScale(abs(single.scale), single.standard_uncertainty, single.determined)
+
+
+def _single_factor(recording: Recording) -> GyroScale:
+    """One factor for all axes as they are, with its sign, of a recording that `axis_agreement` found windows in."""
     force, rate_raw, time = _pieces(recording)
     windows = _collect(force, rate_raw, time, recording.rate)
-    assert windows is not None  # axis_agreement found them
+    assert windows is not None
     single = _design(windows.products) @ np.eye(3).ravel()
     solution, covariance, explained = _solve_robustly(single[:, None], windows.change.ravel())
     sigma = float(np.sqrt(covariance[0, 0]))
     scale = float(solution[0])
     determined = explained > _LEAST_EXPLAINED and sigma < 0.1 * abs(scale)
-    return GyroScale(abs(scale), sigma, bool(determined))
+    return GyroScale(scale, sigma, bool(determined))
 
 
 def find_axis_contradiction(recording: Recording) -> str | None:
     """Return a sentence if gravity says that gyro axes are swapped or reversed, otherwise None.
 
-    The matrix of `axis_agreement` is compared with the 48 signed permutations. Whether the gyro's or
-    the accelerometers' columns are the wrong ones, gravity alone does not tell: the sentence names the
-    gyro's.
+    The matrix of `axis_agreement` is compared with the 48 signed permutations; where the unit did not
+    turn about all axes, one factor for all of them still tells rates that go the wrong way round. Whether
+    the gyro's or the accelerometers' columns are the wrong ones, gravity alone does not tell: the
+    sentence names the gyro's.
 
     Raises
     ------
@@ -242,9 +249,12 @@ def find_axis_contradiction(recording: Recording) -> str | None:
         If the recording lacks one of the triads.
     """
     agreement = axis_agreement(recording)
-    if agreement is None or not agreement.determined:
+    if agreement is None:
         return None
-    return describe_axis_contradiction(agreement.matrix)
+    if agreement.determined:
+        return describe_axis_contradiction(agreement.matrix)
+    single = _single_factor(recording)
+    return _axis_sentence(-np.eye(3)) if single.determined and single.scale < 0.0 else None
 
 
 def describe_axis_contradiction(matrix: Matrix) -> str | None:
@@ -254,7 +264,10 @@ def describe_axis_contradiction(matrix: Matrix) -> str | None:
     ----------
     matrix : rough, rad/s per raw unit; its columns may differ in size by a few tens of per cent.
     """
-    direction = matrix / np.linalg.norm(matrix, axis=0)
+    lengths = np.linalg.norm(matrix, axis=0)
+    if not np.all(lengths > 0.0):  # a dead channel, which is said elsewhere
+        return None
+    direction = matrix / lengths
     permutation = nearest_signed_permutation(direction)
     far = float(np.max(np.abs(direction - permutation)))
     if far > 0.4 or np.array_equal(permutation, np.eye(3)):
@@ -287,6 +300,8 @@ def _axis_sentence(permutation: Matrix) -> str:
             reversed_ = " with its sign reversed" if sign < 0 else ""
             parts.append(f"the rate about {'xyz'[axis]} seems to stand in {_COLUMN_NAMES[column]}{reversed_}")
     listed = ", ".join(words)
+    if np.array_equal(permutation, -np.eye(3)):
+        parts = ["the gyro turns the other way round, all its signs seem to be reversed"]
     return (
         f"The gyro's axes contradict the way gravity turns in the accelerometers: {'; '.join(parts)}. "
         f"Name the gyro's columns {listed} with --columns, if the accelerometer's are right: a reversed accelerometer "

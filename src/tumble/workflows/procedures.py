@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING
 
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
-from tumble.recording import Recording, find_dead_channels, find_saturated_channels
+from tumble.recording import (
+    Recording,
+    find_axis_contradiction,
+    find_dead_channels,
+    find_saturated_channels,
+)
 
 if TYPE_CHECKING:
     from tumble.calibration import Estimate
@@ -262,6 +267,10 @@ def add_objections(task: Task, estimate: Estimate, procedure: str | None, reason
     recording, timeline = task.recording, task.timeline
     estimate.objections += find_dead_channels(recording)
     estimate.remarks += find_saturated_channels(recording)
+    if recording.specific_force is not None and recording.angular_rate is not None:
+        # Holds do not tell which way the gyro counts; where there are turns between them, these do.
+        contradiction = find_axis_contradiction(recording)
+        estimate.objections += [] if contradiction is None else [contradiction]
     if procedure is None and task.protocol is not None:
         return
     lost = [turn for turn in timeline.turns if not turn.usable]

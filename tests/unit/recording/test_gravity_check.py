@@ -101,3 +101,18 @@ def test_nothing_is_claimed_of_a_unit_that_turns_about_the_vertical_only() -> No
     assert find_axis_contradiction(recording) is None
     agreement = axis_agreement(recording)
     assert agreement is None or not agreement.determined
+
+
+def test_turns_about_a_single_level_axis_still_tell_a_gyro_that_counts_the_other_way_round() -> None:
+    time = np.arange(0.0, 60.0, 0.01)
+    # Two seconds of turning, two of rest: about x alone, so that y and z of the gyro are never seen.
+    speed = np.where(time % 4.0 < 2.0, 0.8, 0.0)
+    angle = np.cumsum(speed) * 0.01
+    noise = np.random.default_rng(4).normal(0.0, 0.01, (time.size, 6))
+    force = 9.8 * np.column_stack([np.zeros_like(angle), np.sin(angle), np.cos(angle)]) + noise[:, :3]
+    # df/dt = -omega x f: gravity turns by +angle about -x in b.
+    rate = np.column_stack([speed, np.zeros_like(speed), np.zeros_like(speed)]) + 0.1 * noise[:, 3:]
+    assert find_axis_contradiction(Recording(time, force, rate, "m/s^2", "rad/s", 100.0)) is None
+    sentence = find_axis_contradiction(Recording(time, force, -rate, "m/s^2", "rad/s", 100.0))
+    assert sentence is not None
+    assert "-gx, -gy, -gz" in sentence

@@ -13,6 +13,7 @@ from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.demo import RECORDING
+from tumble.workflows.simulate import simulate
 from tumble.workflows.verify import verify
 
 DATA = Path(__file__).resolve().parents[3] / "src" / "tumble" / "data" / RECORDING
@@ -77,3 +78,18 @@ def test_a_single_pose_cannot_show_that_a_calibration_serves(
     (own,) = verify(calibration, DATA, rate=100.0, units="m/s^2,rad/s")
     assert own.fit
     assert "made from" in own.reasons[0]
+
+
+@pytest.mark.parametrize("protocol", ["six-position", "multi-position-10"])
+@pytest.mark.parametrize("procedure", [None, "multi-position"])
+def test_a_gyro_that_counts_the_other_way_round_is_not_fit_even_where_only_holds_are_used(
+    protocol: str, procedure: str | None, tmp_path: Path
+) -> None:
+    simulate(protocol, output=tmp_path, seed=3)
+    given = {"procedure": procedure, "protocol": tmp_path, "unknowns": 6 if procedure else None}
+    straight = calibrate(**given).calibration.verdict  # type: ignore[arg-type]
+    assert "contradict" not in " ".join(straight.reasons)
+    turned = calibrate(**given, columns="t,ax,ay,az,-gx,-gy,-gz").calibration.verdict  # type: ignore[arg-type]
+    assert not turned.fit
+    assert "turns the other way round" in turned.reasons[0]
+    assert "-gx, -gy, -gz" in turned.reasons[0]
