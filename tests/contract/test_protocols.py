@@ -21,7 +21,7 @@ from tumble.protocol import (
     read_protocol,
     write_protocol,
 )
-from tumble.workflows.procedures import PROCEDURES
+from tumble.workflows.procedures import LATER_PROCEDURES, PROCEDURES
 
 SITE = Site.from_latitude(np.radians(48.1), 520.0)
 
@@ -35,6 +35,9 @@ OBSERVABLE = {
     "multi-position-9": 9,
     "rate-table": 6,
     "modified-multi-position": 9,
+    "turntable-9": 9,
+    "turntable-18": 9,
+    "laboratory": 6,
     "hand-held": 9,
 }
 
@@ -83,7 +86,7 @@ def spun(protocol: Protocol) -> np.ndarray:
 
 
 def test_it_says_what_it_is_for_and_which_procedure_evaluates_it(protocol: Protocol) -> None:
-    assert protocol.procedure in PROCEDURES
+    assert protocol.procedure in (*PROCEDURES, *LATER_PROCEDURES)
     assert protocol.description == PROTOCOLS[protocol.name]
     assert protocol.description.endswith(".")
 
@@ -99,7 +102,7 @@ def test_its_steps_can_be_performed(protocol: Protocol) -> None:
     assert isinstance(steps[0], HoldStep)
     assert isinstance(steps[-1], HoldStep)
     assert all(0.0 < step.duration < 3600.0 for step in steps)
-    assert 60.0 < protocol.duration < 3600.0
+    assert 60.0 < protocol.duration < 5400.0
     for step, after in pairwise(steps):
         assert isinstance(step, HoldStep) or isinstance(after, HoldStep), "two motions without a rest"
         assert type(step) is not type(after), "two holds without a turn between"
@@ -116,13 +119,14 @@ def test_its_poses_are_directions_and_change_only_by_turns(protocol: Protocol) -
         assert step.pose.sigma > 0.0
         assert step.name
         if before is not None:
-            assert np.array_equal(step.pose.up_b, before) == (moved is SpinStep)
-        before = step.pose.up_b
+            assert ((*step.pose.up_b, step.pose.heading) == before) == (moved is SpinStep)
+        before = (*step.pose.up_b, step.pose.heading)
 
 
 def test_its_spins_go_both_ways_alike_in_whole_revolutions(protocol: Protocol) -> None:
     spins = [step for step in protocol.steps if isinstance(step, SpinStep)]
-    turned = np.array([spin.rate * spin.duration for spin in spins]) / (2.0 * np.pi)
+    turned = np.array([spin.rate * spin.duration if spin.angle is None else spin.angle for spin in spins])
+    turned /= 2.0 * np.pi
     # 1e-9: rounding of the product and the quotient.
     np.testing.assert_allclose(turned, np.round(turned), rtol=1e-9, atol=0.0)
     assert sum(spin.rate for spin in spins) == pytest.approx(0.0, abs=1e-12)
@@ -174,6 +178,42 @@ def test_the_rate_table_tells_bias_matrix_and_asymmetry_of_every_gyro() -> None:
     rates = spun(named_protocol("rate-table"))
     for axis in range(3):
         assert rank(np.column_stack((rates, np.ones(len(rates)), np.abs(rates[:, axis])))) == 5
+
+
+def test_an_angle_that_is_stated_is_that_of_the_rate_with_both_ramps(protocol: Protocol) -> None:
+    for spin in protocol.steps:
+        if isinstance(spin, SpinStep) and spin.angle is not None:
+            # A ramp turns half of what it does at the full rate. 1e-12: rounding.
+            assert spin.angle == pytest.approx(spin.rate * (spin.duration + spin.ramp), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["turntable-9", "turntable-18"])
+def test_the_turntables_axes_lie_level_and_tell_six_unknowns_of_the_gyros(name: str) -> None:
+    """Matrices only, without the bias, which the rotations both ways take out."""
+    axes, up = [], np.zeros(3)
+    for step in named_protocol(name).steps:
+        if isinstance(step, HoldStep) and step.pose:
+            up = step.pose.up_b
+        elif isinstance(step, SpinStep):
+            assert step.axis_b is not None
+            assert abs(step.axis_b @ up) < 1e-15
+            axes.append(step.axis_b)
+    assert rank(norm_design(np.array(axes))[:, 3:]) == 6
+
+
+def test_the_laboratory_has_each_axis_up_and_down_with_the_next_one_at_four_headings() -> None:
+    seen = set()
+    for step in named_protocol("laboratory").steps:
+        if isinstance(step, HoldStep) and step.duration == 100.0:
+            assert step.pose is not None
+            C_nb = np.round(step.pose.rotation_nb().as_matrix(), 9)
+            axis = int(np.flatnonzero(C_nb[2])[0])
+            north, east, _ = C_nb[:, (axis + 1) % 3]
+            heading = {(1, 0): "north", (0, -1): "west", (-1, 0): "south", (0, 1): "east"}[north, east]
+            way = "up" if C_nb[2, axis] < 0 else "down"
+            assert step.name == f"{'xyz'[axis]} {way}, {'xyz'[(axis + 1) % 3]} {heading}"
+            seen.add(step.name)
+    assert len(seen) == 24
 
 
 def test_every_named_protocol_is_in_the_table_above() -> None:

@@ -98,8 +98,8 @@ def test_the_named_protocols_of_the_page_are_those_of_the_library() -> None:
     assert [row[0] for row in rows] == list(PROTOCOLS)
     for name, poses, spins, minutes in rows:
         protocol = named_protocol(name)
-        ups = [s.pose.up_b for s in protocol.steps if isinstance(s, HoldStep) and s.pose is not None]
-        assert len(np.unique(ups, axis=0)) == int(poses)
+        held = [s.pose for s in protocol.steps if isinstance(s, HoldStep) and s.pose is not None]
+        assert len({(*pose.up_b, pose.heading) for pose in held}) == int(poses)
         assert sum(isinstance(s, SpinStep) for s in protocol.steps) == (0 if spins == "–" else int(spins))
         assert float(minutes) == pytest.approx(protocol.duration / 60.0, abs=0.051)  # one decimal
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from typing import Any
@@ -91,7 +92,11 @@ def steps(draw: Callable[..., Any]) -> tuple[Step, ...]:
             turns = draw(st.none() | st.integers(1, 500))
             duration = draw(TIME) if turns is None else turns * (2.0 * np.pi / abs(rate))
             spread, ramp = draw(st.floats(0.0, 1.0)), draw(st.floats(0.0, 60.0))
-            drawn.append(SpinStep(duration, rate, draw(st.none() | AXIS), spread, ramp, **place))
+            turned = draw(st.none() | st.floats(1e-6, 1e3) | st.integers(1, 9000).map(np.radians).map(float))
+            shown = (
+                {} if turned is None else {"angle": math.copysign(turned, rate), "angle_sigma": draw(SIGMA)}
+            )
+            drawn.append(SpinStep(duration, rate, draw(st.none() | AXIS), spread, ramp, **place, **shown))
     return tuple(drawn)
 
 

@@ -14,6 +14,7 @@ FRAME = "b: the unit's axes x, y, z, as the recording's columns name them; n: no
 ANGLES = "right-handed: positive is counter-clockwise for someone whom the axis points at"
 
 DEGREE = pi / 180.0  # SI Brochure, table 8
+ARC_SECOND = DEGREE / 3600.0
 REVOLUTION = 2.0 * pi
 PPM = 1e-6
 
@@ -147,6 +148,14 @@ SPIN = {
     "uncertainty_ppm": Key(
         "standard uncertainty of the rate", "ppm of it", "0 (exact)", {"type": "number", "minimum": 0}
     ),
+    "angle_deg": Key(
+        "what the table's display says it turned, from rest to rest with both ramps, of any size, "
+        "with the sign of the rate",
+        "°",
+        "not read",
+        _NUMBER,
+    ),
+    "angle_uncertainty_arcsec": Key("standard uncertainty of that angle", "″", "0 (exact)", _LEAST_0),
     **_COMMON,
 }
 KINDS = {"hold": HOLD, "turn": TURN, "spin": SPIN}

@@ -7,9 +7,10 @@ multi-position test only wants the poses to differ.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from tumble.arrays import Vector
 from tumble.attitude.directions import twenty_six_directions
@@ -24,6 +25,19 @@ TABLE_RATE = 1e4 * 7.292115e-5  # rad/s
 RATES = tuple(rate * _DEGREE for rate in (10.0, 50.0, 100.0, 200.0))
 # Whole revolutions at every rate: 36 s at 10°/s, and at least 18 s.
 LEAST_SPIN = 18.0
+# An arc-second-grade table, and the time that it rests and turns (Zhang et al. 2010, section 5).
+TABLE_SIGMA = 2.0 * _DEGREE / 3600.0
+TABLE_HOLD, TABLE_REST = 100.0, 20.0  # s
+TABLE_TURN, TABLE_SPEED, TABLE_RAMP = 10.0 * np.pi, 10.0 * _DEGREE, 2.0  # five turns; rad/s; s
+# The axes of the unit, and one edge in each plane, each with a direction across it to point up.
+TABLE_AXES = (
+    ((1, 0, 0), (0, 0, 1)),
+    ((0, 1, 0), (1, 0, 0)),
+    ((0, 0, 1), (0, 1, 0)),
+    ((1, 1, 0), (0, 0, 1)),
+    ((1, 0, 1), (0, 1, 0)),
+    ((0, 1, 1), (1, 0, 0)),
+)
 # Faces, and one edge in each coordinate plane: the nine directions make nine unknowns observable.
 NINE = (0, 1, 2, 3, 4, 5, 6, 7, 10)
 
@@ -91,6 +105,72 @@ def _modified_multi_position() -> tuple[Step, ...]:
     return _spun(twenty_six_directions()[chosen], (-TABLE_RATE, TABLE_RATE), BY_HAND, HOLD)
 
 
+def _unit(direction: tuple[int, int, int]) -> Vector:
+    vector = np.array(direction, dtype=float)
+    return vector / np.linalg.norm(vector)
+
+
+def _both_ways(axis_b: Vector, pose: Pose, name: str) -> tuple[Step, ...]:
+    """Five turns of the table counter-clockwise, five back, at rest before, between and after."""
+    # A ramp turns half of what the same time at the rate does, and there are two.
+    duration = TABLE_TURN / TABLE_SPEED - TABLE_RAMP
+    rest = HoldStep(TABLE_REST, pose, f"{name}, at rest")
+    spins = tuple(
+        SpinStep(
+            duration,
+            sign * TABLE_SPEED,
+            axis_b,
+            ramp=TABLE_RAMP,
+            name=f"{name}, {'counter-clockwise' if sign > 0 else 'clockwise'}",
+            angle=sign * TABLE_TURN,
+            angle_sigma=TABLE_SIGMA,
+        )
+        for sign in (1.0, -1.0)
+    )
+    return (TurnStep(TURN), rest, spins[0], rest, spins[1], rest)
+
+
+def _turntable(chosen: tuple[int, ...]) -> tuple[Step, ...]:
+    steps = [
+        replace(s, duration=TABLE_HOLD) if isinstance(s, HoldStep) else s
+        for s in _holds(twenty_six_directions()[list(chosen)], BY_HAND)
+    ]
+    for axis, up in TABLE_AXES:
+        axis_b = _unit(axis)
+        name = f"about {_direction_name(axis_b).removesuffix(' up')}"
+        steps.extend(_both_ways(axis_b, Pose(_unit(up), None, BY_HAND), name))
+    return tuple(steps)
+
+
+def _laboratory_pose(axis: int, sign: float, quarter: int) -> Pose:
+    """Return the pose with an axis up or down and the next one north, west, south or east."""
+    forward = (axis + 1) % 3
+    C_nb = np.zeros((3, 3))
+    C_nb[:, axis] = [0.0, 0.0, -sign]
+    C_nb[:, forward] = [[1, 0, 0], [0, -1, 0], [-1, 0, 0], [0, 1, 0]][quarter]
+    C_nb[:, (axis + 2) % 3] = np.cross(C_nb[:, axis], C_nb[:, forward])
+    pose = Pose.from_rotation(Rotation.from_matrix(C_nb), TABLE_SIGMA)
+    # Whole quarters of a turn, to the last digit.
+    heading = round((pose.heading or 0.0) / (np.pi / 2)) * (np.pi / 2)
+    return Pose(np.round(pose.up_b) + 0.0, heading, TABLE_SIGMA)
+
+
+def _laboratory() -> tuple[Step, ...]:
+    steps: list[Step] = []
+    for axis in range(3):
+        for sign, way in ((1.0, "up"), (-1.0, "down")):
+            for quarter, where in enumerate(("north", "west", "south", "east")):
+                name = f"{'xyz'[axis]} {way}, {'xyz'[(axis + 1) % 3]} {where}"
+                steps += [TurnStep(TURN)] if steps else []
+                steps.append(HoldStep(TABLE_HOLD, _laboratory_pose(axis, sign, quarter), name))
+    # About the vertical: the table bears the unit's weight along its axis and turns evenly, gravity does not
+    # alternate in the gyros, and nothing but the table is needed, because no accelerometer is asked.
+    for axis in range(3):
+        pose = _laboratory_pose(axis, 1.0, 0)
+        steps.extend(_both_ways(pose.up_b, pose, f"about {'xyz'[axis]}"))
+    return tuple(steps)
+
+
 @dataclass(frozen=True, slots=True)
 class _Named:
     procedure: str
@@ -134,6 +214,23 @@ _NAMED = {
         "modified-multi-position",
         _modified_multi_position,
         "Twelve poses on a single-axis table, each at rest and spun both ways at 41.8°/s: both triads.",
+    ),
+    "turntable-9": _Named(
+        "turntable",
+        lambda: _turntable(NINE),
+        "Faces and three edges at rest, then five turns of a table both ways about six axes that lie level, "
+        "the unit mounted anyhow: both triads, and the rotation between them (Zhang et al. 2010).",
+    ),
+    "turntable-18": _Named(
+        "turntable",
+        lambda: _turntable(tuple(range(18))),
+        "The same with all twelve edges at rest: accelerometers with a check, and better misalignments.",
+    ),
+    "laboratory": _Named(
+        "laboratory",
+        _laboratory,
+        "Each axis up and down with the next one north, west, south and east on an aligned table, then five "
+        "turns both ways about each axis: both triads against the table's axes, as good as the table.",
     ),
     "hand-held": _Named(
         "hand-held", _hand_held, "All 26 poses held and turned by hand: both triads in full."

@@ -80,7 +80,9 @@ def _kinds() -> dict[str, Any]:
     kinds["spin"] |= {
         "anyOf": [*timed, {"required": ["revolutions"]}],
         "not": {"required": ["seconds", "revolutions"]},
+        "dependentSchemas": {"angle_uncertainty_arcsec": {"required": ["angle_deg"]}},
     }
+    kinds["spin"]["properties"]["angle_deg"]["not"] = {"const": 0}
     kinds["spin"]["required"].append("rate_deg_per_s")
     kinds["spin"]["properties"]["rate_deg_per_s"]["not"] = {"const": 0}
     return kinds

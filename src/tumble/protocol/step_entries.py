@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tumble.arrays import Vector
-from tumble.protocol.keys import DEGREE, KINDS, PPM, RAMP, REVOLUTION
+from tumble.protocol.keys import ARC_SECOND, DEGREE, KINDS, PPM, RAMP, REVOLUTION
 from tumble.protocol.steps import HoldStep, Pose, SpinStep, Step, TurnStep
 from tumble.protocol.yaml_nodes import Entry, nearest
 
@@ -239,4 +239,24 @@ def _spin(keys: dict[str, Entry], place: _Place) -> SpinStep:
     axis = None if vertical else _direction(keys["axis"])
     ramp = keys["ramp_s"].number(least=0.0) if "ramp_s" in keys else RAMP
     sigma = keys["uncertainty_ppm"].number(PPM, least=0.0) if "uncertainty_ppm" in keys else 0.0
-    return SpinStep(duration, rate, axis, sigma, ramp, **place)
+    angle, angle_sigma = _display(keys, rate)
+    return SpinStep(duration, rate, axis, sigma, ramp, **place, angle=angle, angle_sigma=angle_sigma)
+
+
+def _display(keys: dict[str, Entry], rate: float) -> tuple[float | None, float]:
+    """Return the angle of the table's display with its uncertainty."""
+    sigma = "angle_uncertainty_arcsec"
+    if "angle_deg" not in keys:
+        if sigma in keys:
+            raise keys[sigma].error(f"`{sigma}` says nothing without `angle_deg`: add it.")
+        return None, 0.0
+    angle = keys["angle_deg"].number(DEGREE)
+    if angle == 0.0:
+        raise keys["angle_deg"].error("`angle_deg` is 0, which is no spin: leave the key or the step out.")
+    if angle * rate < 0.0:
+        raise keys["angle_deg"].error(
+            f"`angle_deg` is {keys['angle_deg'].text()} and `rate_deg_per_s` is "
+            f"{keys['rate_deg_per_s'].text()}: the table cannot turn one way and show the other. "
+            "Change the sign of the wrong one; negative is clockwise."
+        )
+    return angle, keys[sigma].number(ARC_SECOND, least=0.0) if sigma in keys else 0.0

@@ -112,6 +112,10 @@ class SpinStep:
     sigma : standard uncertainty of the rate as a share of it; zero for an exact table.
     ramp : s that the table takes to come to its rate, and to stop.
     name, file, interval : as for `HoldStep`.
+    angle : rad that the table's display says it turned, from the rest before to the rest after, ramps
+        included, with the sign of the rate; None if nobody read it. Smaller than what rate and duration
+        say where the table stopped early.
+    angle_sigma : rad, standard uncertainty of that angle; zero for an exact display.
     """
 
     duration: float
@@ -122,6 +126,8 @@ class SpinStep:
     name: str = ""
     file: str | None = None
     interval: tuple[float, float] | None = None
+    angle: float | None = None
+    angle_sigma: float = 0.0
 
 
 Step = HoldStep | TurnStep | SpinStep

@@ -10,7 +10,7 @@ import numpy as np
 from tumble.arrays import Vector
 from tumble.earth.site import Site
 from tumble.errors import ProtocolError
-from tumble.protocol.keys import ANGLES, DEGREE, FORMAT, FRAME, PPM, REVOLUTION, VERSION
+from tumble.protocol.keys import ANGLES, ARC_SECOND, DEGREE, FORMAT, FRAME, PPM, REVOLUTION, VERSION
 from tumble.protocol.numerals import numeral_of, value_of
 from tumble.protocol.steps import HoldStep, Protocol, SpinStep, Step, TurnStep
 
@@ -132,13 +132,18 @@ def _turn_lines(step: TurnStep) -> list[str]:
 
 
 def _spin_lines(step: SpinStep) -> list[str]:
-    return [
+    lines = [
         f"axis: {'up' if step.axis_b is None else _direction_text(step.axis_b)}",
         f"rate_deg_per_s: {numeral_of(step.rate, DEGREE)}",
         _spin_length(step),
         f"ramp_s: {numeral_of(step.ramp)}",
         f"uncertainty_ppm: {numeral_of(step.sigma, PPM)}",
     ]
+    if step.angle is not None:
+        lines.append(f"angle_deg: {numeral_of(step.angle, DEGREE)}")
+    if step.angle is not None or step.angle_sigma:
+        lines.append(f"angle_uncertainty_arcsec: {numeral_of(step.angle_sigma, ARC_SECOND)}")
+    return lines
 
 
 def _spin_length(step: SpinStep) -> str:

@@ -131,6 +131,19 @@ SPOILT = {
     "a spin of no length": ("    revolutions: 3\n", "", 20, "`seconds` or `revolutions` is missing"),
     "revolutions and seconds": ("ramp_s: 2", "seconds: 20", 22, "say the same: remove one."),
     "revolutions backwards": ("revolutions: 3", "revolutions: -3", 22, "The sign of the rate says the way."),
+    "an angle against the rate": (
+        "ramp_s: 2",
+        "angle_deg: 1080",
+        23,
+        "step 4 (clockwise): `angle_deg` is 1080 and `rate_deg_per_s` is -41.78: the table cannot turn one way",
+    ),
+    "an angle of no spin": ("ramp_s: 2", "angle_deg: 0", 23, "`angle_deg` is 0, which is no spin"),
+    "an uncertainty of no angle": (
+        "ramp_s: 2",
+        "angle_uncertainty_arcsec: 2",
+        23,
+        "`angle_uncertainty_arcsec` says nothing without `angle_deg`",
+    ),
     "a negative uncertainty": ("uncertainty_deg: 5", "uncertainty_deg: -5", 11, "from 0 to 180"),
     "an uncertainty of nothing": (
         "    angle_deg: 90",

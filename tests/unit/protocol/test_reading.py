@@ -207,3 +207,25 @@ def test_words_that_yaml_takes_for_something_else_are_words(tmp_path: Path) -> N
         tmp_path, f"{HEAD}{SITE}name: yes\nunits: 1.0\nsteps:\n  - hold: 010\n    up: y\n    seconds: 1_0\n"
     )
     assert (protocol.name, protocol.units, protocol.steps[0].name) == ("yes", "1.0", "010")
+
+
+def test_the_angle_of_a_tables_display_is_any_number_of_turns_with_the_sign_of_the_rate(
+    tmp_path: Path,
+) -> None:
+    """A table that stopped early shows less than rate times duration, and is believed."""
+    path = tmp_path / "p.yaml"
+    path.write_text(
+        "format: tumble protocol\nprocedure: turntable\ngravity: 9.81\nsteps:\n"
+        "  - hold:\n    seconds: 20\n"
+        "  - spin:\n    axis: x\n    rate_deg_per_s: -10\n    seconds: 178\n"
+        "    angle_deg: -1234.5\n    angle_uncertainty_arcsec: 3.6\n"
+        "  - hold:\n    seconds: 20\n"
+        "  - spin:\n    axis: x\n    rate_deg_per_s: 10\n    seconds: 178\n",
+        encoding="utf-8",
+    )
+    _, read, _, unread = read_protocol(path).steps
+    assert isinstance(read, SpinStep)
+    assert isinstance(unread, SpinStep)
+    assert read.angle == -1234.5 * (np.pi / 180.0)
+    assert read.angle_sigma == pytest.approx(0.001 * np.pi / 180.0, rel=1e-15)
+    assert (unread.angle, unread.angle_sigma) == (None, 0.0)

@@ -102,7 +102,7 @@ def test_a_file_with_every_key_fits() -> None:
             HoldStep(1e-5, Pose(oblique, 0.3, 0.1), "", "a.csv", (0.0, 4.0)),
             TurnStep(2.0, oblique, 9.0, 0.1),
             HoldStep(2.0),
-            SpinStep(2.0, -0.3, oblique, 1e-6, 0.0),
+            SpinStep(2.0, -0.3, oblique, 1e-6, 0.0, angle=-0.4, angle_sigma=1e-5),
         ),
         SITE,
         "for people",
@@ -177,6 +177,8 @@ MISTAKES = [
     spoilt("steps", 3, "revolutions", value=-1),
     spoilt("steps", 3, "seconds", value=9),
     spoilt("steps", 3, "ramp_s", value=-1),
+    spoilt("steps", 3, "angle_deg", value=0),
+    spoilt("steps", 3, "angle_uncertainty_arcsec", value=2),
     spoilt("steps", value=[{"hold": "h", "heading_deg": 3, "seconds": 9}]),
     spoilt("steps", value=[GOOD["steps"][0], {"turn": None, "uncertainty_deg": 1, "seconds": 9}]),
 ]
