@@ -33,28 +33,26 @@ def refuse_contradicting_turns(protocol: Protocol) -> None:
     nominal: Rotation | None = None
     headed, doubt = False, 0.0
     turns: list[int] = []
-    placed = True  # no move stands between the hold before and this one
+    before: Step | None = None
     for number, step in enumerate(protocol.steps):
         if isinstance(step, HoldStep):
-            if placed:
-                nominal = None
-            placed = True
-            if step.pose is None:
-                continue
-            sought = step.pose if headed else Pose(step.pose.up_b)
-            if nominal is not None:
-                wanted = sought.rotation_nb(nearest_heading(sought, nominal))
-                refuse_contradiction(protocol, number, turns, nominal, wanted, doubt, step.pose.sigma)
-            carried = 0.0 if nominal is None else nearest_heading(Pose(step.pose.up_b), nominal)
-            headed = step.pose.heading is not None or (headed and nominal is not None)
-            nominal, doubt, turns = step.pose.rotation_nb(carried), 0.0, []
+            if before is None or isinstance(before, HoldStep):
+                nominal = None  # brought there somehow
+            if step.pose is not None:
+                if nominal is not None:
+                    sought = step.pose if headed else Pose(step.pose.up_b)
+                    wanted = sought.rotation_nb(nearest_heading(sought, nominal))
+                    refuse_contradiction(protocol, number, turns, nominal, wanted, doubt, step.pose.sigma)
+                headed = step.pose.heading is not None or (headed and nominal is not None)
+                heading = 0.0 if nominal is None else nearest_heading(step.pose, nominal)
+                nominal, doubt, turns = step.pose.rotation_nb(heading), 0.0, []
         elif isinstance(step, SpinStep) or step.axis_b is None or step.angle is None:
-            nominal, placed = None, False
+            nominal = None
         elif nominal is not None:
-            placed = False
             nominal = nominal * Rotation.from_rotvec(step.angle * step.axis_b / np.linalg.norm(step.axis_b))
             doubt = float(np.hypot(doubt, step.sigma))
             turns.append(number)
+        before = step
 
 
 def refuse_contradiction(

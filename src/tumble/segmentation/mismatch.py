@@ -289,9 +289,10 @@ def refuse_reversed_turns(case: Case, chosen: list[tuple[int, int]]) -> None:
     """
     wrong, told, contradicted = find_reversed_turns(case, chosen)
     if contradicted and 2 * len(wrong) >= told:
+        steps, turns = ("step", "this turn") if len(wrong) == 1 else ("steps", "these turns")
         raise SegmentationError(
-            f"Wrong way round, steps {_listed([str(n + 1) for n in wrong])}: the holds before and after fit the "
-            "protocol, but the gyro saw these turns go the other way round. The gyro's signs are reversed: give "
+            f"Wrong way round, {steps} {_listed([str(n + 1) for n in wrong])}: the holds before and after fit the "
+            f"protocol, but the gyro saw {turns} go the other way round. The gyro's signs are reversed: give "
             "--columns with -gx,-gy,-gz."
         )
 

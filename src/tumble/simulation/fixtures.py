@@ -15,6 +15,12 @@ from scipy.spatial.transform import Rotation
 
 from tumble.arrays import AnyArray, Series, Vector
 from tumble.errors import ProtocolError
+from tumble.protocol.consistency import (
+    SAME_POSE,
+    nearest_heading,
+    refuse_contradicting_turns,
+    refuse_contradiction,
+)
 from tumble.protocol.steps import UP_N, HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.simulation.disturbances import Detours
 from tumble.simulation.motion import Motion
@@ -26,10 +32,6 @@ HAND_TURN, TABLE_REST = 3.0, 1.0  # s
 # A hand's turn: one sigma of its duration as a share, and of its largest excursion from the shortest way
 # as a share of the turn's angle about each axis.
 HAND_PACE, HAND_DETOUR = 0.1, 0.03
-# What poses and turns contradict one another by, beyond their uncertainties: digits of a file, rad.
-SAME_POSE = 1e-3
-# So many sigmas a turn may miss the pose that it is said to lead to.
-CONTRADICTION = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +109,8 @@ def play_protocol(
     """
     for number, step in enumerate(protocol.steps):
         _check(number, step)
-    fixture = _Fixture(protocol.steps, rng, placement, heading, table_tilt)
+    refuse_contradicting_turns(protocol)
+    fixture = _Fixture(protocol, rng, placement, heading, table_tilt)
     for number, step in enumerate(protocol.steps):
         if isinstance(step, HoldStep):
             fixture.hold(number, step)
@@ -134,13 +137,13 @@ class _Fixture:
 
     def __init__(
         self,
-        steps: tuple[Step, ...],
+        protocol: Protocol,
         rng: np.random.Generator,
         placement: bool,
         heading: float | Series | None,
         table_tilt: float,
     ) -> None:
-        self.steps, self.rng, self.placement = steps, rng, placement
+        self.protocol, self.steps, self.rng, self.placement = protocol, protocol.steps, rng, placement
         self.heading = 0.0 if heading is None and not placement else heading
         tilt = rng.normal(0.0, table_tilt, 2) if placement and table_tilt > 0.0 else np.zeros(2)
         self.lean = Rotation.from_rotvec([*tilt, 0.0])
@@ -244,17 +247,11 @@ class _Fixture:
     def _agree(self, number: int, pose: Pose) -> None:
         """Let a named turn end in the pose of the hold that follows, if that is known better."""
         assert self.actual is not None
-        wanted = pose.rotation_nb(_nearest_heading(pose, self.nominal))
-        away = float((self.nominal.inv() * wanted).magnitude())
-        if away > CONTRADICTION * np.hypot(self.doubt, pose.sigma) + SAME_POSE:
-            raise ProtocolError(
-                f"Step {number + 1}{_named(self.steps[number])} is a hold in a pose "
-                f"{np.degrees(away):.1f} degrees away from where the turns before it lead: "
-                "put right the pose, or the axis, angle or sign of the turn."
-            )
+        wanted = pose.rotation_nb(nearest_heading(pose, self.nominal))
+        refuse_contradiction(self.protocol, number, [], self.nominal, wanted, self.doubt, pose.sigma)
         if self.placement and self.doubt < pose.sigma:
             return
-        self.nominal = pose.rotation_nb(_nearest_heading(pose, self.actual))
+        self.nominal = pose.rotation_nb(nearest_heading(pose, self.actual))
         target = self._misplaced(pose)
         move = self.moves[-1]
         before = self.actual * Rotation.from_rotvec(-move.vector_b)
@@ -283,7 +280,7 @@ class _Fixture:
             return pose.rotation_nb()
         told = None if number is None else self._told_later(number, headed=True)
         if pose is not None:
-            return pose.rotation_nb(self._heading(number) if told is None else _nearest_heading(pose, told))
+            return pose.rotation_nb(self._heading(number) if told is None else nearest_heading(pose, told))
         if told is None and number is not None:
             told = self._told_later(number, headed=False)
         if told is not None:
@@ -384,14 +381,6 @@ def _unit(vector: Vector) -> Vector:
     return np.asarray(vector, dtype=np.float64) / np.linalg.norm(vector)
 
 
-def _nearest_heading(pose: Pose, rotation_nb: Rotation) -> float:
-    """The heading with which a pose comes nearest to an attitude."""
-    if pose.heading is not None:
-        return pose.heading
-    turn = (rotation_nb * pose.rotation_nb().inv()).as_matrix()
-    return float(np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1]))
-
-
 def _nearest_turn(vector: Vector, named: Vector) -> Vector:
     """The rotation by as many whole turns more as make it like the named one.
 
@@ -421,5 +410,5 @@ def _angle_to(nominal: Rotation, pose: Pose, axis: Vector) -> float | None:
         apart = (nominal.inv() * pose.rotation_nb()).as_rotvec()
         angle = float(axis @ apart)
     there = nominal * Rotation.from_rotvec(angle * axis)
-    left = (there.inv() * pose.rotation_nb(_nearest_heading(pose, there))).magnitude()
+    left = (there.inv() * pose.rotation_nb(nearest_heading(pose, there))).magnitude()
     return angle if left < 3.0 * SAME_POSE else None

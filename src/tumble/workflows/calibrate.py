@@ -113,6 +113,11 @@ def calibrate(
     clock = _Clock()
     say("reading")
     given = None if protocol is None else read_given_protocol(protocol)
+    if given is not None:
+        from tumble.protocol.consistency import refuse_contradicting_turns
+
+        # What the protocol says against itself would else look like a fault of the recording.
+        refuse_contradicting_turns(given.protocol)
     recording, told = _read(paths, given, columns, units, rate)
     knowledge = _knowledge(prior, imu[1])
     clock.lap("reading")
