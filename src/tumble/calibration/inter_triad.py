@@ -100,7 +100,7 @@ def _columns(axes: AnyArray) -> AnyArray:
 def _orthonormal(axes: AnyArray) -> AnyArray:
     first, across = axes[..., 0, :], np.cross(axes[..., 0, :], axes[..., 1, :])
     across = across / np.linalg.norm(across, axis=-1, keepdims=True)
-    return np.stack([first, across, np.cross(first, across)], axis=-1)
+    return np.asarray(np.stack([first, across, np.cross(first, across)], axis=-1), dtype=np.float64)
 
 
 def _refuse_parallel(axes: AnyArray) -> None:

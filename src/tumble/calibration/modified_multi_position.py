@@ -17,15 +17,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square, Vectors, inverted
+from tumble.calibration.accelerometers import fit_accelerometers
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.estimate import Estimate, LeftOut, TermTest, coverage_factor
 from tumble.calibration.multi_position import TriadFit, fit_norms
 from tumble.calibration.placement import find_added_sigma, is_excessive
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.requirements import require_poses
 from tumble.calibration.spin_conditions import combined_mean, padded, spin_covariance
 from tumble.calibration.spin_groups import REVERSED, SpinGroup, group_spins
-from tumble.calibration.start_values import rough_triad
 from tumble.calibration.table_conditions import VERTICAL, TableConditions, TableReadings
 from tumble.calibration.term_tests import wald_test
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, COUNT, SCALE, triad_from_unknowns
@@ -40,7 +39,6 @@ from tumble.segmentation import HoldMeans, SpinMeans
 from tumble.segmentation.matching import Matching
 from tumble.sensor.conventions.shin import shin_from_matrix
 from tumble.sensor.gauge import lower_factor
-from tumble.units import specific_force_factor
 
 # Of spins in either direction, so many at least: four poses that no plane holds tell a g-sensitivity.
 FEWEST_EACH_WAY = 4
@@ -120,40 +118,13 @@ def calibrate_modified_multi_position(
         raise ObservabilityError(
             "No spins with a gyro's readings were found: there is nothing to calibrate gyros by."
         )
-    force = _fit_accelerometers(recording, means, site, prior)
+    force = fit_accelerometers(recording, means, site, prior)
     groups = [g for g in group_spins(matching, protocol) if g.holds]
     readings = _gather(means, spins, groups, force)
     task = _Task(recording, means, site, groups, readings, force, prior)
     _require_both_ways(readings)
     joint, norms = _solve(task)
     return _estimate(task, spins, joint, norms)
-
-
-def _fit_accelerometers(
-    recording: Recording, means: HoldMeans, site: Site, prior: StableKnowledge | None
-) -> TriadFit:
-    """Adjust the accelerometers to the norm of gravity over all holds, gross errors left out."""
-    assert means.specific_force is not None
-    assert means.specific_force_covariance is not None
-    start = rough_triad(means.specific_force, site.gravity)
-    if prior is not None:
-        start[ANGLE] = prior.angles
-    factor = specific_force_factor(recording.specific_force_unit)
-    require_poses(means.specific_force, start, has_prior=prior is not None, factor=factor)
-    return fit_norms(
-        means.specific_force,
-        means.specific_force_covariance,
-        site.gravity,
-        start,
-        _NINE,
-        prior=None if prior is None else _angle_prior(prior),
-    )
-
-
-def _angle_prior(prior: StableKnowledge) -> Prior:
-    mean, precision = np.zeros(9), np.zeros((9, 9))
-    mean[ANGLE], precision[ANGLE, ANGLE] = prior.angles, inverted(prior.angle_covariance)
-    return Prior(mean, precision)
 
 
 def _gather(means: HoldMeans, spins: SpinMeans, groups: list[SpinGroup], force: TriadFit) -> TableReadings:

@@ -95,7 +95,7 @@ def matrix_from_rotations(rotation: AnyArray, angle: AnyArray, weights: AnyArray
     return _matrix_of(_symmetric(solution) / size**2)
 
 
-def bias_from_static_pairs(matrix: AnyArray, rate: AnyArray) -> AnyArray:
+def bias_from_static_pairs(matrix: AnyArray, rate: AnyArray, weights: AnyArray | None = None) -> AnyArray:
     """Return the gyros' biases from their readings at rest, whose norms are all the Earth rate.
 
     Neither the Earth rate nor the latitude is needed: the difference of two squared norms is zero.
@@ -104,6 +104,7 @@ def bias_from_static_pairs(matrix: AnyArray, rate: AnyArray) -> AnyArray:
     ----------
     matrix : (..., 3, 3) of the gyros, in any frame.
     rate : (..., n, 3) raw means of n attitudes at rest.
+    weights : (..., n), of the squared norms; None for alike.
 
     Returns
     -------
@@ -121,14 +122,15 @@ def bias_from_static_pairs(matrix: AnyArray, rate: AnyArray) -> AnyArray:
     """
     rate = np.asarray(rate, dtype=float)
     turned = np.linalg.solve(matrix[..., None, :, :], rate[..., None])[..., 0]
-    middle = np.mean(turned, axis=-2, keepdims=True)
+    w = np.ones(turned.shape[:-1]) if weights is None else np.asarray(weights, dtype=float)
+    share = w / np.sum(w, axis=-1, keepdims=True)
+    middle = np.sum(share[..., None] * turned, axis=-2, keepdims=True)
     x = turned - middle
     size = np.max(np.linalg.norm(x, axis=-1), axis=-1)[..., None, None]
     x = x / size
     square = np.sum(x * x, axis=-1)
-    design = 2.0 * (x - np.mean(x, axis=-2, keepdims=True))
-    told = square - np.mean(square, axis=-1, keepdims=True)
-    solution = _least_squares(design, told, None, "attitudes")
+    told = square - np.sum(share * square, axis=-1, keepdims=True)
+    solution = _least_squares(2.0 * x, told, w, "attitudes")
     centre = middle[..., 0, :] + size[..., 0] * solution
     return np.einsum("...ij,...j->...i", matrix, centre)
 
