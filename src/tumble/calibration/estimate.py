@@ -69,6 +69,7 @@ class Estimate:
     not_determined : sentences.
     remarks : sentences on how the estimate was made.
     objections : sentences that make it unfit for use, whatever its numbers say.
+    cautions : sentences that stand first in the verdict of what is fit: what its use depends on.
     spin_rates : (spins,) rad/s, the reference rate of each spin with its sign; empty without spins.
     spin_residuals, spin_sigmas : (spins, 3) rad/s, what each gyro shows beyond the model, and its sigma.
     spin_names : what each spin is, in words.
@@ -98,6 +99,7 @@ class Estimate:
     not_determined: list[str] = field(default_factory=list[str])
     remarks: list[str] = field(default_factory=list[str])
     objections: list[str] = field(default_factory=list[str])
+    cautions: list[str] = field(default_factory=list[str])
     spin_rates: Series = field(default_factory=lambda: np.zeros(0))
     spin_residuals: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
     spin_sigmas: Vectors = field(default_factory=lambda: np.zeros((0, 3)))

@@ -55,7 +55,7 @@ def judge(estimate: Estimate, recording: Recording) -> Judgement:
         *_too_uncertain(estimate),
         *_too_much_left_out(estimate),
     ]
-    return Judgement(not against, against + _in_plain_words(estimate, recording))
+    return Judgement(not against, against + estimate.cautions + _in_plain_words(estimate, recording))
 
 
 def _misfit(estimate: Estimate) -> list[str]:
@@ -199,7 +199,7 @@ def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
         words.append(
             f"{what} for as many unknowns fit whatever they say: nothing checks the result. Record more poses."
         )
-    if holds:
+    if holds and estimate.degrees_of_freedom > 0:
         words.append(
             f"Over {holds} holds the corrected specific force has the norm of gravity within "
             f"{two_digits(1e3 * rms)} mm/s² rms (expected with the noise found: {two_digits(1e3 * noise)} mm/s²)."

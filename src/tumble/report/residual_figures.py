@@ -29,6 +29,8 @@ def hold_section(estimate: Estimate, before: Uncalibrated | None, poses: list[st
         f"After calibration the norm of each hold differs from gravity by {rms:.2g} mm/s² rms; the points should "
         "scatter within the band (one and two expected standard deviations) without a trend"
     )
+    if estimate.degrees_of_freedom <= 0:
+        caption = "With as many unknowns as holds the norms are fitted whatever they are: the points show nothing"
     if before is not None:
         earlier = 1e3 * before.residuals
         data.append(_bars(number, earlier, poses))

@@ -40,7 +40,8 @@ def quality_sentences(calibration: Calibration) -> list[str]:
     counted += [f"{quality.turns} turns"] if quality.turns or not quality.spins else []
     counted += [f"{quality.spins} spins"] if quality.spins else []
     words = [f"{' and '.join(counted)}, {quality.degrees_of_freedom} degrees of freedom."]
-    if quality.rms_hold_norm is not None:
+    # Without a degree of freedom it is round-off, and not a quality.
+    if quality.rms_hold_norm is not None and quality.degrees_of_freedom > 0:
         text = f"Rms of the corrected holds' norm against gravity {1e3 * quality.rms_hold_norm:.2g} mm/s²"
         if quality.rms_turn_angle is not None:
             text += f", of gravity carried over the turns {math.degrees(quality.rms_turn_angle):.2g}°"

@@ -298,8 +298,9 @@ def check_prior(task: Task, estimate: Estimate) -> None:
     try:
         alone = calibrate_multi_position(task.recording, task.means, task.site)
     except (ObservabilityError, ConvergenceError):
-        estimate.remarks.append(
-            "The poses are too few to check the prior against them: it is taken on trust."
+        estimate.cautions.append(
+            "The prior is taken on trust: the poses are too few to check it against them, and with another unit's the "
+            "result would look the same and be wrong. Be sure that it is this unit's, or record nine poses or more."
         )
         return
     assert alone.model.accelerometer is not None

@@ -11,6 +11,7 @@ import pytest
 from tumble.calibration.prior import StableKnowledge, find_contradiction
 from tumble.earth import Site
 from tumble.errors import UsageError
+from tumble.report.words import quality_sentences
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.demo import RECORDING
 from tumble.workflows.simulate import simulate
@@ -93,3 +94,22 @@ def test_a_gyro_that_counts_the_other_way_round_is_not_fit_even_where_only_holds
     assert not turned.fit
     assert "turns the other way round" in turned.reasons[0]
     assert "-gx, -gy, -gz" in turned.reasons[0]
+
+
+def test_a_prior_that_nothing_checks_is_said_to_be_on_trust_in_the_verdict(tmp_path: Path) -> None:
+    simulate("multi-position-26", output=tmp_path / "another", seed=77)
+    calibrate(protocol=tmp_path / "another", output=tmp_path / "prior")
+    simulate("six-position", output=tmp_path / "six", seed=5)
+    run = calibrate(
+        protocol=tmp_path / "six",
+        procedure="multi-position",
+        prior=tmp_path / "prior" / "calibration.json",
+        output=tmp_path / "result",
+    )
+    assert run.calibration.quality.degrees_of_freedom == 0
+    assert "prior is taken on trust" in run.calibration.verdict.reasons[0]
+    # Six unknowns through six holds leave round-off, which is no quality.
+    said = " ".join([*run.calibration.verdict.reasons, *quality_sentences(run.calibration)])
+    assert "mm/s²" not in said
+    page = (tmp_path / "result" / "report.html").read_text(encoding="utf-8")
+    assert "the points show nothing" in page
