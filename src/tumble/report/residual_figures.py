@@ -30,7 +30,9 @@ def hold_section(estimate: Estimate, before: Uncalibrated | None, poses: list[st
         "scatter within the band (one and two expected standard deviations) without a trend"
     )
     if estimate.degrees_of_freedom <= 0:
-        caption = "With as many unknowns as holds the norms are fitted whatever they are: the points show nothing"
+        caption = (
+            "With as many unknowns as holds the norms are fitted whatever they are: the points show nothing"
+        )
     if before is not None:
         earlier = 1e3 * before.residuals
         data.append(_bars(number, earlier, poses))
