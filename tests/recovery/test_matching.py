@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -132,7 +133,9 @@ def test_a_missing_step_is_named(name: str, number: int) -> None:
     recording, truth = simulated(played)
     matching, timeline = matched(protocol, recording)
     assert matching.missing == (number,)
-    assert matching.remarks == [f"Step {number + 1} ({protocol.steps[number].name}) was not found."]
+    step = protocol.steps[number]
+    what = f", a spin at {np.degrees(step.rate):.4g}°/s," if isinstance(step, SpinStep) else ""
+    assert matching.remarks == [f"Step {number + 1} ({step.name}){what} was not found."]
     assert_in_place(places, matching, timeline, recording, truth)
 
 
@@ -410,3 +413,20 @@ def test_two_files_of_one_rate_are_two_spins() -> None:
     found = [s for s in find_spins(parted, timeline) if start <= s.start < stop]
     assert len(found) == 2
     assert found[0].stop <= middle <= found[1].start
+
+
+@pytest.mark.parametrize("units", ["SI", "counts"])
+def test_a_spin_at_another_rate_than_the_protocol_states_is_told_by_both_rates(units: str) -> None:
+    protocol = shortened("rate-table")
+    recording, _ = simulated(protocol, units=units)
+    steps = list(protocol.steps)
+    spin = steps[3]
+    assert isinstance(spin, SpinStep)
+    assert np.degrees(spin.rate) == pytest.approx(-10.0)
+    steps[3] = replace(spin, rate=np.radians(-33.0))
+    (said,) = matched(replace(protocol, steps=tuple(steps)), recording)[0].remarks
+    # A consumer gyro's scale is off by some per cent, and in counts it is known from the other spins alone.
+    assert re.fullmatch(
+        rf"Step 4 \({spin.name}\) was left out: it states -33°/s, and the gyro showed -(9\.[5-9]|10)\d*°/s at .* s\.",
+        said,
+    )

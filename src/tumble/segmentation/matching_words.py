@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.protocol.steps import HoldStep, SpinStep
-from tumble.segmentation.events import POSE_FLOOR, Event, angles_from, pose_of
+from tumble.segmentation.events import POSE_FLOOR, Event, angles_from, pose_of, spin_axis
 from tumble.segmentation.mismatch import find_reversed_turns
+from tumble.units import angular_rate_factor
 
 if TYPE_CHECKING:
     from tumble.segmentation.matching import Case, Fit
@@ -25,11 +26,14 @@ def remarks_of(case: Case, fit: Fit, chosen: list[tuple[int, int]]) -> list[str]
     case, fit : the protocol beside what was found, and how they were aligned.
     chosen : the pairs of step and event that are used.
     """
+    instead = _spins_instead(case, fit)
     return [
         *_about_triads(case),
-        *_shortened(_missing(case, fit), "more steps were not found."),
+        *_shortened(_missing(case, fit, instead), "more steps were not found."),
         *_shortened(_again(case, fit, chosen), "more steps were done more than once."),
-        *_shortened(_extra(case, fit), "more holds and spins are not in the protocol and were left out."),
+        *_shortened(
+            _extra(case, fit, instead), "more holds and spins are not in the protocol and were left out."
+        ),
         *_reversed_turns(case, chosen),
     ]
 
@@ -55,7 +59,46 @@ def _about_triads(case: Case) -> list[str]:
     return remarks
 
 
-def _missing(case: Case, fit: Fit) -> list[str]:
+def _spins_instead(case: Case, fit: Fit) -> dict[int, int]:
+    """The event that stands where a spin is missing, by its place in `case.steps`: at another rate, most likely."""
+    matched, used = fit.alignment.steps(), {k for _, k in fit.alignment.pairs}
+    gaps: dict[tuple[int, int], list[int]] = {}
+    for i, number in enumerate(case.steps):
+        if i not in matched and isinstance(case.protocol.steps[number], SpinStep):
+            before = max((k for other, k in fit.alignment.pairs if other < i), default=-1)
+            after = min((k for other, k in fit.alignment.pairs if other > i), default=len(case.events))
+            gaps.setdefault((before, after), []).append(i)
+    instead: dict[int, int] = {}
+    for (before, after), missing in gaps.items():
+        there = [
+            k
+            for k in range(before + 1, after)
+            if k not in used and (spin := case.events[k].spin) is not None and spin.usable
+        ]
+        if len(there) == len(missing):
+            instead |= dict(zip(missing, there, strict=True))
+    return instead
+
+
+def _spin_not_found(case: Case, fit: Fit, i: int, event: Event | None, where: str) -> str:
+    step = case.protocol.steps[case.steps[i]]
+    assert isinstance(step, SpinStep)
+    stated = f"{np.degrees(step.rate):.4g}°/s"
+    declared = angular_rate_factor(case.recording.angular_rate_unit)
+    scale = fit.reading.rate_scale if declared is None else 1.0 / declared
+    if event is None or event.rate is None or scale is None:
+        return f"Step {case.name(i)}, a spin at {stated}, was not found{where}."
+    axis_b = spin_axis(case.protocol, case.steps[i], event, fit.reading.up_b())
+    shown = float(np.linalg.norm(event.rate)) / scale
+    if axis_b is not None:
+        shown = float(np.copysign(shown, event.rate @ axis_b))
+    return (
+        f"Step {case.name(i)} was left out: it states {stated}, and the gyro showed {np.degrees(shown):.4g}°/s "
+        f"at {_span(case, event)}."
+    )
+
+
+def _missing(case: Case, fit: Fit, instead: dict[int, int]) -> list[str]:
     found = fit.alignment.steps()
     events = dict(fit.alignment.pairs)
     remarks: list[str] = []
@@ -66,7 +109,11 @@ def _missing(case: Case, fit: Fit) -> list[str]:
             remarks.append(f"Step {case.name(i)} was left out: {spin.reason}.")
         elif i not in found:
             where = "" if interval is None else f" between {interval[0]:.4g} and {interval[1]:.4g} s"
-            remarks.append(f"Step {case.name(i)} was not found{where}.")
+            if isinstance(case.protocol.steps[number], SpinStep):
+                event = case.events[instead[i]] if i in instead else None
+                remarks.append(_spin_not_found(case, fit, i, event, where))
+            else:
+                remarks.append(f"Step {case.name(i)} was not found{where}.")
     return remarks
 
 
@@ -88,11 +135,16 @@ def _again(case: Case, fit: Fit, chosen: list[tuple[int, int]]) -> list[str]:
     return remarks
 
 
-def _extra(case: Case, fit: Fit) -> list[str]:
+def _extra(case: Case, fit: Fit, instead: dict[int, int]) -> list[str]:
     used = {k: i for i, k in fit.alignment.pairs}
     remarks: list[str] = []
     for k, event in enumerate(case.events):
-        if k in used or _is_rest_beside_spin(case, k, used) or _is_turn(case, k, used):
+        if (
+            k in used
+            or k in instead.values()
+            or _is_rest_beside_spin(case, k, used)
+            or _is_turn(case, k, used)
+        ):
             continue
         kind = "hold" if event.hold is not None else "spin"
         if event.spin is not None and not event.spin.usable:
