@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Table, Vectors
+from tumble.arrays import Series, Square, Table, Vector, Vectors
 from tumble.sensor import ImuModel
 
 
@@ -42,6 +42,53 @@ class TermTest:
     largest: str
 
 
+@dataclass(frozen=True, slots=True)
+class TurnedAngle:
+    """One rotation of a table: its display's angle, and what the calibrated gyros made of it.
+
+    Attributes
+    ----------
+    spin : index into the estimate's spins.
+    angle : rad, the table's, with its sign.
+    residual, sigma : rad, gyros minus table about the common axis, and its standard deviation.
+    seconds : s that it took.
+    from_rest : whether it is from rest to rest; if not, at the constant rate.
+    """
+
+    spin: int
+    angle: float
+    residual: float
+    sigma: float
+    seconds: float
+    from_rest: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RotationFit:
+    """Rotations both ways about one axis, as both triads saw it.
+
+    Attributes
+    ----------
+    name : the axis in words.
+    axis_b : (3,) unit vector in b, as the calibrated gyros show it.
+    inclination : rad, of the axis against the vertical, 0 to pi / 2.
+    missed, missed_sigma : rad, angle between the axes of both triads after calibration, and the standard
+        deviation of each of its two components; NaN where the accelerometers do not tell it.
+    plane_residual : m/s², rms distance of the specific forces from their plane.
+    angles : of each rotation.
+    why : why it takes no part in the inter-triad angles; empty if it does.
+    """
+
+    name: str
+    axis_b: Vector
+    inclination: float
+    missed: float
+    missed_sigma: float
+    plane_residual: float
+    angles: tuple[TurnedAngle, ...]
+    why: str = ""
+
+
 @dataclass(slots=True)
 class Estimate:
     """The outcome of a procedure, before it becomes a document.
@@ -73,6 +120,8 @@ class Estimate:
     spin_rates : (spins,) rad/s, the reference rate of each spin with its sign; empty without spins.
     spin_residuals, spin_sigmas : (spins, 3) rad/s, what each gyro shows beyond the model, and its sigma.
     spin_names : what each spin is, in words.
+    rotations : what a table's rotations showed, an axis each.
+    budget : what each source adds to the standard uncertainties of `parameters`, in their order and units.
     frame : which body frame the model is in: ``accelerometer-x``, or ``fixture`` for a procedure that
         knows the poses, and has the axes of the fixture in them.
     """
@@ -104,6 +153,8 @@ class Estimate:
     spin_residuals: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
     spin_sigmas: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
     spin_names: list[str] = field(default_factory=list[str])
+    rotations: list[RotationFit] = field(default_factory=list[RotationFit])
+    budget: dict[str, Series] = field(default_factory=dict[str, Series])
     frame: str = "accelerometer-x"
 
 
@@ -116,6 +167,6 @@ def coverage_factor(degrees_of_freedom: int) -> float:
 
 def correlation_matrix(covariance: Square) -> Table:
     """Return the correlations of a covariance; rows of parameters without variance are zero."""
-    sigma = np.sqrt(np.diag(covariance))
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     inverse = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=sigma > 0)
     return covariance * np.outer(inverse, inverse)

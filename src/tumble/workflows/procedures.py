@@ -29,10 +29,11 @@ PROCEDURES = (
     "improved-six-position",
     "rate-table",
     "modified-multi-position",
+    "turntable",
 )
-LATER_PROCEDURES = ("turntable", "laboratory", "strapdown-rotation", "thermal", "joint")
+LATER_PROCEDURES = ("laboratory", "strapdown-rotation", "thermal", "joint")
 # These know the table's rates from the protocol and from nowhere else.
-NEED_PROTOCOL = ("rate-table", "modified-multi-position")
+NEED_PROTOCOL = ("rate-table", "modified-multi-position", "turntable")
 
 
 def _silent(_: str) -> None:
@@ -238,6 +239,24 @@ def _modified_multi_position(task: Task) -> Estimate:
     )
 
 
+def _turntable(task: Task) -> Estimate:
+    from tumble.calibration.turntable import calibrate_turntable
+    from tumble.segmentation.rotations import observe_rotations
+
+    protocol, matching, spins = _spins(task)
+    rotations = observe_rotations(protocol, task.recording, task.timeline, matching, task.means, spins)
+    return calibrate_turntable(
+        task.recording,
+        task.timeline,
+        task.means,
+        rotations,
+        matching,
+        protocol,
+        task.site,
+        prior=task.knowledge,
+    )
+
+
 def _spins(task: Task) -> tuple[Protocol, Matching, SpinMeans]:
     from tumble.segmentation.matching import observe_matched_spins
 
@@ -257,6 +276,7 @@ _PROCEDURES: dict[str, Callable[[Task], Estimate]] = {
     "improved-six-position": _improved_six_position,
     "rate-table": _rate_table,
     "modified-multi-position": _modified_multi_position,
+    "turntable": _turntable,
 }
 
 
