@@ -5,14 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Series, Vectors
-from tumble.calibration.poses import describe_direction, distinct_poses, most_telling_poses, norm_rows
+from tumble.calibration.poses import distinct_poses
+from tumble.calibration.singular_poses import describe_mending, describe_untold
 from tumble.calibration.triad_unknowns import BIAS, SCALE
 from tumble.errors import ObservabilityError
-from tumble.estimation import find_weak_directions
 
-# A combination of unknowns whose sigma is this many times that of a single hold's norm is not told.
-# The 26 attitudes give at most 1.2, nine well-chosen ones 2.6.
-LARGEST_AMPLIFICATION = 30.0
 # Of a rough solution in SI units: a sphere fitted to one pose, laid down again and again, is beyond these.
 LARGEST_SCALE_ERROR = 0.3
 LARGEST_BIAS = 3.0  # m/s²
@@ -21,17 +18,6 @@ WANTED = {
     6: "biases and scale factors",
     3: "biases",
 }
-NAMES = (
-    "bias x",
-    "bias y",
-    "bias z",
-    "scale factor x",
-    "scale factor y",
-    "scale factor z",
-    "non-orthogonality yz",
-    "non-orthogonality zx",
-    "non-orthogonality zy",
-)
 
 
 def require_poses(
@@ -62,13 +48,11 @@ def require_poses(
     held = up[distinct_poses(up)]
     if held.shape[0] < needed:
         raise ObservabilityError(_too_few(held, needed, has_prior))
-    weak = _weakest(held, needed)
-    if weak is not None:
-        order: list[int] = np.argsort(-np.abs(weak)).tolist()
-        names = [NAMES[i] for i in order if abs(weak[i]) > 0.4 * np.max(np.abs(weak))]
+    untold = describe_untold(held, needed)
+    if untold:
         raise ObservabilityError(
-            f"The {held.shape[0]} different poses do not tell {_listed(names)}{' apart' if len(names) > 1 else ''}. "
-            f"Record again and hold the unit also with {_suggestion(held, needed)}."
+            f"The {held.shape[0]} different poses {untold}. "
+            f"Record again and hold the unit also with {describe_mending(held, needed)}."
         )
 
 
@@ -86,13 +70,6 @@ def _directions(means: Vectors, force_unknowns: Series, factor: float | None) ->
     return up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-300)
 
 
-def _weakest(held: Vectors, unknowns: int) -> Series | None:
-    """Return the combination of unknowns that the poses do not tell, or None."""
-    rows = norm_rows(held)[:, :unknowns]
-    weak = find_weak_directions(rows.T @ rows, np.ones(unknowns), LARGEST_AMPLIFICATION)
-    return weak[0].direction if weak else None
-
-
 def _too_few(held: Vectors, needed: int, has_prior: bool) -> str:
     found = held.shape[0]
     poses = f"{found} different pose{'s' if found != 1 else ''}"
@@ -100,28 +77,8 @@ def _too_few(held: Vectors, needed: int, has_prior: bool) -> str:
     text = (
         f"{poses} {verb} found and {needed} are needed for "
         f"{WANTED[needed]}: "
-        f"hold the unit also with {_suggestion(held, needed)}"
+        f"hold the unit also with {describe_mending(held, needed)}"
     )
     if needed == 9 and found >= 6:
         text += "; or give an earlier calibration of this unit with --prior, and six poses suffice"
     return text + "."
-
-
-def _suggestion(held: Vectors, needed: int) -> str:
-    """Name the poses that, added to those held, suffice."""
-    rows = norm_rows(held)
-    information = rows.T @ rows
-    if needed < 9:
-        # What an earlier calibration knows needs no pose.
-        information[needed:] = information[:, needed:] = 0.0
-        information[needed:, needed:] = np.eye(9 - needed) * np.trace(information)
-    count = max(needed - held.shape[0], 1)
-    named = most_telling_poses(information, count, held)
-    while count < 2 * needed and _weakest(np.vstack([held, *named]), needed) is not None:
-        count += 1
-        named = most_telling_poses(information, count, held)
-    return "; ".join(describe_direction(up) for up in named)
-
-
-def _listed(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
