@@ -21,6 +21,7 @@ from tumble.protocol import (
     read_protocol,
     write_protocol,
 )
+from tumble.protocol.procedures import KNOWN_PROCEDURES
 from tumble.workflows.procedures import LATER_PROCEDURES, PROCEDURES
 
 SITE = Site.from_latitude(np.radians(48.1), 520.0)
@@ -218,3 +219,7 @@ def test_the_laboratory_has_each_axis_up_and_down_with_the_next_one_at_four_head
 
 def test_every_named_protocol_is_in_the_table_above() -> None:
     assert list(OBSERVABLE) == list(PROTOCOLS)
+
+
+def test_a_protocol_may_ask_for_every_procedure_that_there_is_or_will_be_and_for_no_other() -> None:
+    assert sorted(KNOWN_PROCEDURES) == sorted({*PROCEDURES, *LATER_PROCEDURES})

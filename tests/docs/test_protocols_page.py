@@ -36,6 +36,10 @@ MISTAKES = [
     ("rate_deg_per_s: -50", "rate_deg_per_s: 0"),
     ("latitude_deg: 48.14", "latitude_deg: 148.14"),
     ("site:", "place:"),
+    ("procedure: multi-position", "procedure: multiposition"),
+    ("name: plate and table", "name: plate: the second"),
+    ("  height_m: 520", "height_m: 520"),
+    ("    seconds: 30", "   seconds: 30"),
     ("version: 1", "version: 2"),
     ("format: tumble protocol\n", ""),
 ]
@@ -71,7 +75,7 @@ def mistakes() -> str:
                 read_protocol(path)
             said = str(raised.value).removeprefix(folder + "/")
             written = f"`` {instead} ``" if instead else "nothing"
-            rows.append(f"| `` {found.strip()} `` | {written} | `` {said} `` |")
+            rows.append(f"| `` {found.rstrip()} `` | {written} | `` {said} `` |")
     return "\n".join(rows)
 
 

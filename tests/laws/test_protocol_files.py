@@ -23,6 +23,7 @@ from tumble.protocol import (
     read_protocol,
     write_protocol,
 )
+from tumble.protocol.procedures import KNOWN_PROCEDURES
 
 
 def same(one: Any, other: Any) -> bool:
@@ -103,7 +104,7 @@ def steps(draw: Callable[..., Any]) -> tuple[Step, ...]:
 PROTOCOL = st.builds(
     Protocol,
     WORDS,
-    NAMED,
+    st.sampled_from(KNOWN_PROCEDURES),
     steps(),
     SITE,
     WORDS,
@@ -135,7 +136,7 @@ def test_every_line_below_the_head_is_a_key_an_item_or_a_step(protocol: Protocol
 
 
 def test_the_comparison_above_sees_the_last_bit() -> None:
-    one = Protocol("p", "q", (HoldStep(1.0, Pose(np.array([0.0, 0.0, 1.0]))),))
-    other = Protocol("p", "q", (HoldStep(1.0, Pose(np.array([0.0, 5e-324, 1.0]))),))
+    one = Protocol("p", "joint", (HoldStep(1.0, Pose(np.array([0.0, 0.0, 1.0]))),))
+    other = Protocol("p", "joint", (HoldStep(1.0, Pose(np.array([0.0, 5e-324, 1.0]))),))
     assert same(one, one)
     assert not same(one, other)

@@ -13,8 +13,9 @@ from pathlib import Path
 
 from tumble.earth.site import Site
 from tumble.errors import OutputError, ProtocolError
-from tumble.protocol.keys import ANGLES, DEGREE, FORMAT, FRAME, PROTOCOL, SITE, VERSION
+from tumble.protocol.keys import ANGLES, DEGREE, FORMAT, FRAME, KINDS, PROTOCOL, SITE, VERSION
 from tumble.protocol.library import PROTOCOLS, named_protocol
+from tumble.protocol.procedures import KNOWN_PROCEDURES
 from tumble.protocol.step_entries import steps_of
 from tumble.protocol.steps import Protocol, Step
 from tumble.protocol.yaml_nodes import Entry, compose, nearest
@@ -22,6 +23,16 @@ from tumble.protocol.yaml_text import protocol_to_text
 
 # Ten thousand steps are a megabyte; a recording that is given for a protocol is more.
 LARGEST = 16 * 1024 * 1024
+# A key that stands too far left or right is another mapping's.
+_OUTDENTED = {
+    **{key: f"it belongs to a step, indent it below its `{kind}:`." for kind in KINDS for key in KINDS[kind]},
+    **{kind: f"it is a step, write `- {kind}:` below `steps:`." for kind in KINDS},
+    **dict.fromkeys(SITE, "it belongs to the site, indent it below `site:`."),
+}
+_INDENTED = {
+    key: f"it belongs to the protocol, write `{key}:` without a space before it."
+    for key in PROTOCOL.keys() - SITE
+}
 
 
 def read_protocol(path: str | os.PathLike[str]) -> Protocol:
@@ -119,7 +130,7 @@ def _read(content: str, file: str, stem: str, *, lines: bool = True) -> Protocol
     _check_format(
         next(replace(root, node=v, key="format") for k, v in root.node.value if k.value == "format")
     )
-    keys = root.mapping(PROTOCOL, "a protocol")
+    keys = root.mapping(PROTOCOL, "a protocol", _OUTDENTED)
     _check_version(keys)
     _check_conventions(keys)
     return _protocol(root, keys, stem)
@@ -159,11 +170,16 @@ def _protocol(root: Entry, keys: dict[str, Entry], stem: str) -> Protocol:
     procedure = text.get("procedure", like.procedure if like else "")
     if not procedure:
         raise root.error("`procedure` is missing: write `procedure: multi-position` or another.")
+    if procedure not in KNOWN_PROCEDURES:
+        said = nearest(procedure, KNOWN_PROCEDURES)
+        known = f" There are {', '.join(KNOWN_PROCEDURES)}." if said.endswith("?") else ""
+        raise keys.get("procedure", root).error(f"there is no procedure `{procedure}`: {said}{known}")
+    site = _site(root, keys)
     return Protocol(
         name=text.get("name", like.name if like else stem),
         procedure=procedure,
         steps=_steps(root, keys, like),
-        site=_site(root, keys),
+        site=site,
         description=text.get("description", like.description if like else ""),
         recordings=_recordings(keys),
         units=text.get("units"),
@@ -211,7 +227,7 @@ def _site(root: Entry, keys: dict[str, Entry]) -> Site:
             "the site is missing: write `site:` and below it `latitude_deg: 48.1` and `height_m: 520`, "
             "or write `gravity: 9.81` in m/s² where only that is known."
         )
-    found = keys["site"].mapping(SITE, "a site")
+    found = keys["site"].mapping(SITE, "a site", _INDENTED)
     if "latitude_deg" not in found and "gravity" not in found:
         raise keys["site"].error("write `latitude_deg` below `site`, or `gravity` in m/s².")
     return site_of(found)

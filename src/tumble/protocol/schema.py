@@ -6,6 +6,7 @@ from typing import Any
 
 from tumble.protocol.keys import ANGLES, FORMAT, FRAME, KINDS, PROTOCOL, SITE, VERSION, Key
 from tumble.protocol.library import PROTOCOLS
+from tumble.protocol.procedures import KNOWN_PROCEDURES
 
 
 def protocol_schema() -> dict[str, Any]:
@@ -20,6 +21,7 @@ def protocol_schema() -> dict[str, Any]:
     properties["frame"]["const"] = FRAME
     properties["angles"]["const"] = ANGLES
     properties["like"]["enum"] = list(PROTOCOLS)
+    properties["procedure"]["enum"] = list(KNOWN_PROCEDURES)
     properties["recordings"] |= {"type": "array", "items": {"type": "string"}, "uniqueItems": True}
     properties["site"] |= {
         **_mapping(_properties(SITE)),

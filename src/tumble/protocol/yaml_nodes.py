@@ -48,8 +48,16 @@ class Entry:
         """Whether nothing stands after the key."""
         return self.is_scalar and self.node.style is None and str(self.node.value) in ("", "~", "null")
 
-    def mapping(self, known: Iterable[str], what: str) -> dict[str, Entry]:
+    def mapping(
+        self, known: Iterable[str], what: str, elsewhere: dict[str, str] | None = None
+    ) -> dict[str, Entry]:
         """Return the entries of a mapping by key.
+
+        Parameters
+        ----------
+        known : its keys.
+        what : it is called in messages.
+        elsewhere : of keys that belong to another mapping, what to say of them.
 
         Raises
         ------
@@ -63,6 +71,8 @@ class Entry:
         for key_node, value in self.node.value:
             here = replace(self, node=key_node)
             key = str(key_node.value) if key_node.id == "scalar" else "[...]"
+            if key not in known and elsewhere is not None and key in elsewhere:
+                raise here.error(f"{what} has no key `{key}`: {elsewhere[key]}")
             if key not in known:
                 raise here.error(f"{what} has no key `{key}`: {nearest(key, known)}")
             if key in found:
@@ -181,6 +191,31 @@ def _listed(words: Iterable[str]) -> str:
     return ", ".join(f"`{word}`" for word in words)
 
 
+_UNENDED = re.compile("expected ':'|expected ',' or|end of stream")
+_INDENTED = (
+    "The indentation of this line or of the one before is off: the keys of a step, or of the site, stand exactly below "
+    "one another."
+)
+# What people write wrong, by PyYAML's words for it.
+_HINTS = (
+    ("\\t", "Indent with spaces, not with tabs."),
+    ("could not find expected ':'", "Between a key and its value stand a colon and a space."),
+    ("expected ',' or", "A list or a quote that begins in this line does not end: is a bracket missing?"),
+    ("end of stream", "A quote that begins in this line does not end."),
+    ("cannot start any token", 'Put a text that begins with such a character in quotes, "…".'),
+    ("expected <block end>", _INDENTED),
+    ("mapping values are not allowed", _INDENTED),
+)
+
+
+def _hint(why: str, line: str) -> str:
+    """Say what to mend in a line that is no YAML; nothing where nobody knows."""
+    key = re.match(r"\s*(?:- )?(\w+): +(?=[^\s\"'])(.*:(?: .*|$))", line)
+    if "mapping values" in why and key is not None:
+        return f'A text with a colon in it stands in quotes: {key[1]}: "{key[2].rstrip()}"'
+    return next((hint for words, hint in _HINTS if words in why), "")
+
+
 def compose(file: str, content: str) -> Any:
     """Return the root node of a YAML text.
 
@@ -200,11 +235,14 @@ def compose(file: str, content: str) -> Any:
     try:
         root: Any = library.compose(content, Loader=library.SafeLoader)
     except library.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line = mark.line + 1 if mark is not None else 1
-        tab = " (indent with spaces, not with tabs)" if "\\t" in str(error.problem) else ""
-        why = error.problem or error.context
-        raise ProtocolError(f"{file}, line {line}: this is not YAML: {why}{tab}.") from None
+        why = str(error.problem or error.context)
+        # What was begun and not ended is mended where it begins.
+        begun = _UNENDED.search(why) is not None
+        marks = (error.problem_mark, error.context_mark)
+        mark = next((m for m in (marks[::-1] if begun else marks) if m is not None), None)
+        line = 0 if mark is None else min(mark.line, content.count("\n"))
+        hint = _hint(why, content.split("\n")[line])
+        raise ProtocolError(f"{file}, line {line + 1}: this is not YAML: {why}. {hint}".rstrip()) from None
     except library.reader.ReaderError as error:
         line = content.count("\n", 0, error.position) + 1
         raise ProtocolError(

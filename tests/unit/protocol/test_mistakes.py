@@ -254,8 +254,8 @@ SPOILT = {
         1,
         "a file of the format `tumble calibration`",
     ),
-    "a syntax error": ("[0, 1, -1]", "[0, 1, -1", 15, "this is not YAML: "),
-    "a tab": ("    angle_deg", "\tangle_deg", 15, "indent with spaces, not with tabs"),
+    "a syntax error": ("[0, 1, -1]", "[0, 1, -1", 14, "this is not YAML: "),
+    "a tab": ("    angle_deg", "\tangle_deg", 15, "Indent with spaces, not with tabs"),
     "a character of no text": ("x up", "x\x07up", 9, "has no place in a text file"),
     "two files in one": ("version: 1", "---", 2, "this is not YAML"),
 }
@@ -346,3 +346,42 @@ def test_a_file_too_long_to_be_a_protocol_is_not_read_to_its_end(tmp_path: Path)
     (tmp_path / "long").write_bytes(b"format\n" * (16 * 2**20 // 7 + 1))
     with pytest.raises(ProtocolError, match="longer than 16 MB"):
         read_protocol(tmp_path / "long")
+
+
+def test_a_procedure_that_there_is_not_is_named_with_those_that_there_are(tmp_path: Path) -> None:
+    said = message(tmp_path / "trial.yaml", GOOD.replace("multi-position", "mutli-position"))
+    assert re.search(
+        r"trial\.yaml, line 4: there is no procedure `mutli-position`: did you mean `multi-pos", said
+    )
+    for name in ("six-position", "turntable", "laboratory"):
+        assert name in said
+
+
+@pytest.mark.parametrize(
+    ("written", "instead", "line", "hint"),
+    [
+        ("name: trial", "name: trial: one", 3, 'stands in quotes: name: "trial: one"'),
+        ("hold: x up", "hold: face: x up", 9, 'stands in quotes: hold: "face: x up"'),
+        ("    up: x", "  up: x", 10, "indentation"),
+        ("    uncertainty_deg", "   uncertainty_deg", 11, "indentation"),
+        ("  - turn:", "- turn:", 13, "indentation"),
+        (
+            "  latitude_deg: 48.1\n  ",
+            "latitude_deg: 48.1\n",
+            6,
+            "belongs to the site, indent it below `site:`",
+        ),
+        ("steps:", "  steps:", 8, "belongs to the protocol, write `steps:` without a space"),
+        ("    up: x", "    up:x", 10, "a colon and a space"),
+        ("[0, 1, -1]", "[0, 1, -1", 14, "bracket"),
+        ("name: trial", "name: 'trial", 3, "quote"),
+        ("name: trial", "name: @trial", 3, "in quotes"),
+    ],
+)
+def test_what_is_no_yaml_is_hinted_at_in_the_line_that_is_to_be_mended(
+    written: str, instead: str, line: int, hint: str, tmp_path: Path
+) -> None:
+    assert written in GOOD
+    said = message(tmp_path / "trial.yaml", GOOD.replace(written, instead, 1))
+    assert f"trial.yaml, line {line}: " in said
+    assert hint in said
