@@ -14,6 +14,7 @@ from tumble.simulation.poses import poses_26, simulate_hand_poses
 from tumble.simulation.protocols import motion_from_protocol, simulate_protocol
 from tumble.simulation.recordings import Distort, Truth, simulate_recording
 from tumble.simulation.sampling import Imperfections
+from tumble.simulation.table import TableErrors
 
 __all__ = [
     "GRADES",
@@ -26,6 +27,7 @@ __all__ = [
     "Motion",
     "Oscillation",
     "PlayedProtocol",
+    "TableErrors",
     "TriadGrade",
     "TriadNoise",
     "TrueSpin",

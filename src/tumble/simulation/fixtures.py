@@ -8,13 +8,13 @@ gyros a rate that is not along the nominal axis, in every spin of that placement
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tumble.arrays import AnyArray, Series, Vector
-from tumble.errors import ProtocolError
+from tumble.errors import ProtocolError, UsageError
 from tumble.protocol.consistency import (
     SAME_POSE,
     nearest_heading,
@@ -25,6 +25,8 @@ from tumble.protocol.steps import UP_N, HoldStep, Pose, Protocol, SpinStep, Step
 from tumble.simulation.disturbances import Detours
 from tumble.simulation.motion import Motion
 from tumble.simulation.poses import simulate_hand_poses
+from tumble.simulation.spin_shapes import directions_of, wobble_rotation
+from tumble.simulation.table import Drive, Table, TableErrors
 
 # A turn that the protocol leaves out takes this long; before a turn or spin that no hold precedes the
 # unit rests so long.
@@ -45,6 +47,9 @@ class TrueSpin:
     rate : rad/s against the Earth about the axis, with the table's error.
     axis_b : (3,) unit vector, the table's axis in b, with the placement's error.
     axis_n : (3,) the same in north, east, down.
+    angle : rad, what was turned from rest to rest, ramps included, with the sign of the rate.
+    shown : rad, what the table's display says of it.
+    ramps : s, up to the rate and down from it.
     """
 
     step: int
@@ -53,6 +58,9 @@ class TrueSpin:
     rate: float
     axis_b: Vector
     axis_n: Vector
+    angle: float = np.nan
+    shown: float = np.nan
+    ramps: tuple[float, float] = (np.nan, np.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,13 +72,16 @@ class PlayedProtocol:
     motion : holds, turns and spins one after another.
     step_edges : (steps, 2) s, when each step began and ended; a spin without its ramps.
     hold_steps : for each hold of the motion the index of its step; None for a rest that no step asks for.
-    spins : each spin's true rate and axis, in order.
+    spins : each spin's true rate, axis and angle, in order.
+    steps : the protocol's, with what the table's display showed: the angle of each spin that states one,
+        or of all where the table's errors were given, and the pose where a table stopped early.
     """
 
     motion: Motion
     step_edges: AnyArray
     hold_steps: tuple[int | None, ...]
     spins: tuple[TrueSpin, ...]
+    steps: tuple[Step, ...] = ()
 
 
 def play_protocol(
@@ -79,16 +90,18 @@ def play_protocol(
     *,
     placement: bool = True,
     heading: float | Series | None = None,
-    lever_arm_b: Vector | None = None,
+    lever_arm_b: AnyArray | None = None,
     table_tilt: float = 0.0,
+    table: TableErrors | None = None,
 ) -> PlayedProtocol:
     """Return a motion that follows the protocol as well as its uncertainties say.
 
     A hold with a pose is put there with an error of its standard uncertainty about each axis; one
     without a pose is put anyhow. A turn that is named with axis and angle is made with an error of its
     uncertainty; it ends in the pose that the next hold names where that is the better known. Any other
-    turn is made by hand: the shortest way, a little off it, in a little more or less time. After a spin
-    the unit stays as it was mounted; the table goes back if the next hold says so.
+    turn is made by hand: the shortest way, a little off it, in a little more or less time. A spin that
+    states its angle turns by it, with an error of its uncertainty, as long as that takes at its rate. After
+    a spin the unit stays as it was mounted; the table goes back if the next hold says so.
 
     Parameters
     ----------
@@ -97,20 +110,30 @@ def play_protocol(
     placement : make errors of placement, angle, rate and hand; False plays the nominal motion, and a
         heading that is not known is then zero. A pose of which nothing is known is drawn all the same.
     heading : rad, of every pose whose heading is not known, or one for each step; None draws them.
-    lever_arm_b : (3,) m, from the centre of turns to the unit.
+    lever_arm_b : (3,) m, from the centre of turns to the unit, or (3, 3) with a row for each accelerometer.
     table_tilt : rad, one sigma of a lean of the whole fixture about north and about east, which all
         poses and axes have in common and the protocol does not know.
+    table : what is wrong with the table; None for nothing but the protocol's own uncertainties.
 
     Raises
     ------
     ProtocolError
-        If a step cannot be: a duration that is not positive, an axis of no direction, or a turn that
-        does not lead to the pose of the next hold.
+        If a step cannot be: a duration that is not positive, an axis of no direction, a turn that does not
+        lead to the pose of the next hold, or an angle of a spin that its ramps exceed or that contradicts
+        its rate.
+    UsageError
+        If the table is to stop a spin early that there is not.
     """
     for number, step in enumerate(protocol.steps):
         _check(number, step)
     refuse_contradicting_turns(protocol)
-    fixture = _Fixture(protocol, rng, placement, heading, table_tilt)
+    spins = sum(isinstance(step, SpinStep) for step in protocol.steps)
+    for stopped, _ in () if table is None else table.stops_early:
+        if not 0 <= stopped < spins:
+            raise UsageError(
+                f"The table is to stop spin {stopped + 1} early, and the protocol has {spins or 'no'} spins."
+            )
+    fixture = _Fixture(protocol, rng, placement, heading, table_tilt, table)
     for number, step in enumerate(protocol.steps):
         if isinstance(step, HoldStep):
             fixture.hold(number, step)
@@ -123,12 +146,13 @@ def play_protocol(
 
 @dataclass(slots=True)
 class _Move:
-    """A turn or spin: s, rotation vector in b, s of ramp (NaN: no spin), its step, a hand's swing in b."""
+    """A turn or spin: s, rotation vector in b, its step, how a table drives it, its axis, a hand's swing in b."""
 
     duration: float
     vector_b: Vector
-    ramp: float = np.nan
     step: int | None = None
+    drive: Drive | None = None
+    axis_b: Vector = field(default_factory=lambda: np.zeros(3))
     swing: Vector = field(default_factory=lambda: np.zeros(3))
 
 
@@ -142,8 +166,10 @@ class _Fixture:
         placement: bool,
         heading: float | Series | None,
         table_tilt: float,
+        table: TableErrors | None,
     ) -> None:
         self.protocol, self.steps, self.rng, self.placement = protocol, protocol.steps, rng, placement
+        self.table, self.halted, self.read = Table(table, rng, placement), False, list(protocol.steps)
         self.heading = 0.0 if heading is None and not placement else heading
         tilt = rng.normal(0.0, table_tilt, 2) if placement and table_tilt > 0.0 else np.zeros(2)
         self.lean = Rotation.from_rotvec([*tilt, 0.0])
@@ -163,8 +189,10 @@ class _Fixture:
         elif self.waiting is not None or len(self.moves) < len(self.holds):
             self._carry(number, step.pose)
         elif step.pose is not None:
-            if np.isnan(self.moves[-1].ramp):
+            if self.moves[-1].drive is None:
                 self._agree(number, step.pose)
+            elif self.halted:
+                self._stay(number, step, step.pose)
             else:
                 self._return(number, step.pose)
         self.holds.append((step.duration, number))
@@ -184,9 +212,14 @@ class _Fixture:
         self._settle(None if step.axis_b is None else Pose(_unit(step.axis_b)))
         rate = step.rate * (1.0 + self._error(step.sigma))
         axis, axis_b = self._spin_axes(step)
-        seconds = step.duration + step.ramp
-        move = _Move(step.duration + 2.0 * step.ramp, rate * seconds * axis_b, step.ramp, number)
-        self._move(move, step.rate * seconds * axis)
+        drive = self.table.drive(step, rate, f"Step {number + 1}{_named(step)}")
+        self.halted |= drive.halted
+        if step.angle is not None or self.table.is_given:
+            sigma = self.table.shown_sigma(step)
+            self.read[number] = replace(step, angle=drive.shown, angle_sigma=sigma)
+        meant = step.rate * (step.duration + step.ramp)
+        meant = meant if step.angle is None and not drive.halted else drive.shown
+        self._move(_Move(drive.duration, drive.angle * axis_b, number, drive, axis_b), meant * axis)
 
     def _settle(self, pose: Pose | None) -> None:
         """Bring the unit to rest: somewhere if it is nowhere yet, or where a turn in waiting goes."""
@@ -201,7 +234,8 @@ class _Fixture:
         """Place the unit anew."""
         self.nominal = self._nominal(number, pose)
         self.actual = self._misplaced(pose)
-        self.doubt = 0.0
+        self.doubt, self.halted = 0.0, False
+        self.table.zero()
         if not self.holds:
             self.first = self.lean * self.actual
 
@@ -231,8 +265,15 @@ class _Fixture:
     def _move(self, move: _Move, nominal_vector: Vector) -> None:
         assert self.actual is not None
         self.moves.append(move)
-        self.actual = self.actual * Rotation.from_rotvec(move.vector_b)
+        self.actual = self.actual * self._moved(move)
         self.nominal = self.nominal * Rotation.from_rotvec(nominal_vector)
+
+    def _moved(self, move: _Move) -> Rotation:
+        moved = Rotation.from_rotvec(move.vector_b)
+        if move.drive is None or not self.table.errors.wobble:
+            return moved
+        axis, angle = directions_of(move.vector_b[None])
+        return moved * wobble_rotation(axis, angle, self.table.wobble_b(move.drive, move.axis_b)[None])[0]
 
     def _in_b(self, axis: Vector) -> Vector:
         """The nominal axis as it lies in the misplaced unit."""
@@ -242,7 +283,18 @@ class _Fixture:
     def _spin_axes(self, step: SpinStep) -> tuple[Vector, Vector]:
         """A spin's axis where it is meant to be in b, and where it is."""
         axis = self.nominal.inv().apply(UP_N) if step.axis_b is None else _unit(step.axis_b)
-        return axis, self._in_b(axis)
+        assert self.actual is not None
+        axis_b = (self.actual.inv() * self.table.lean * self.nominal).apply(axis)
+        return axis, axis_b
+
+    def _stay(self, number: int, step: HoldStep, pose: Pose) -> None:
+        """Leave the unit where a table has stopped early, and read its pose off the display."""
+        there = Pose.from_rotation(self.nominal, pose.sigma)
+        if (
+            self.nominal.inv() * pose.rotation_nb(nearest_heading(pose, self.nominal))
+        ).magnitude() > SAME_POSE:
+            heading = None if pose.heading is None else there.heading
+            self.read[number] = replace(step, pose=replace(there, heading=heading))
 
     def _agree(self, number: int, pose: Pose) -> None:
         """Let a named turn end in the pose of the hold that follows, if that is known better."""
@@ -319,7 +371,10 @@ class _Fixture:
             turn_vector_b=np.array([move.vector_b for move in self.moves]).reshape(-1, 3),
             creep_vector_b=np.zeros((len(self.holds), 3)),
             lever_arm_b=lever_arm_b,
-            turn_ramp=np.array([move.ramp for move in self.moves]),
+            spin_shapes=self.table.shapes(
+                [move.drive for move in self.moves],
+                np.array([move.axis_b for move in self.moves]).reshape(-1, 3),
+            ),
         )
         holds = motion.hold_edges
         by_hand = [k for k, move in enumerate(self.moves) if np.any(move.swing)]
@@ -338,24 +393,33 @@ class _Fixture:
                 edges[number] = interval
         for k, move in enumerate(self.moves):
             if move.step is not None:
-                ramp = 0.0 if np.isnan(move.ramp) else move.ramp
-                edges[move.step] = holds[k, 1] + ramp, holds[k + 1, 0] - ramp
+                up, down = (0.0, 0.0) if move.drive is None else (move.drive.ramp_up, move.drive.ramp_down)
+                edges[move.step] = holds[k, 1] + up, holds[k + 1, 0] - down
         steps = tuple(number for _, number in self.holds)
-        return PlayedProtocol(motion, edges, steps, tuple(self._true_spins(motion, edges)))
+        spins = tuple(self._true_spins(motion, edges))
+        return PlayedProtocol(motion, edges, steps, spins, tuple(self.read))
 
     def _true_spins(self, motion: Motion, edges: AnyArray) -> list[TrueSpin]:
         spins: list[TrueSpin] = []
         rotations = motion.hold_rotations_nb
         for k, move in enumerate(self.moves):
-            if np.isnan(move.ramp) or move.step is None:
+            drive = move.drive
+            if drive is None or move.step is None:
                 continue
-            step = self.steps[move.step]
-            assert isinstance(step, SpinStep)
             start, stop = (float(edge) for edge in edges[move.step])
-            # The rate that a step asks for may be negative: the axis is the protocol's, the sign the rate's.
-            rate = float(np.copysign(np.linalg.norm(move.vector_b), step.rate)) / (move.duration - move.ramp)
-            axis_b = move.vector_b / (rate * (move.duration - move.ramp))
-            spins.append(TrueSpin(move.step, start, stop, rate, axis_b, rotations[k].apply(axis_b)))
+            spins.append(
+                TrueSpin(
+                    move.step,
+                    start,
+                    stop,
+                    drive.angle / (move.duration - 0.5 * (drive.ramp_up + drive.ramp_down)),
+                    move.axis_b,
+                    rotations[k].apply(move.axis_b),
+                    drive.angle,
+                    drive.shown,
+                    (drive.ramp_up, drive.ramp_down),
+                )
+            )
         return spins
 
 
@@ -371,6 +435,11 @@ def _check(number: int, step: Step) -> None:
             raise ProtocolError(f"{where} spins at {step.rate:g} rad/s: give it a rate that is not zero.")
         if not 0.0 <= step.ramp < np.inf:
             raise ProtocolError(f"{where} has a ramp of {step.ramp:g} s: give zero or more.")
+        if step.angle is not None and not 0.0 < step.angle * step.rate < np.inf:
+            raise ProtocolError(
+                f"{where} shows an angle of {np.degrees(step.angle):g} degrees against its rate: "
+                "give both the same sign."
+            )
 
 
 def _named(step: Step) -> str:

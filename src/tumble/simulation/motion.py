@@ -18,6 +18,7 @@ from tumble.arrays import AnyArray, Series, Vector, Vectors
 from tumble.earth.site import Site
 from tumble.errors import UsageError
 from tumble.simulation.disturbances import Disturbance
+from tumble.simulation.spin_shapes import SpinShapes, directions_of, wobble_rotation, wobbling_axis
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,10 +32,12 @@ class Motion:
     turn_duration : (holds - 1,) s.
     turn_vector_b : (holds - 1, 3) rad, rotation vector of each turn in b; may exceed half a turn.
     creep_vector_b : (holds, 3) rad, rotation vector in b by which each hold creeps at a constant rate.
-    lever_arm_b : (3,) m, from the centre of the turns to the unit; gives it acceleration while turned.
+    lever_arm_b : m, from the centre of the turns to the unit, which gives it acceleration while turned:
+        (3,), or (3, 3) with a row for each accelerometer, whose own row gives its component of the force.
     disturbances : tremor, vibration, knocks: on top of the path, at all times.
     turn_ramp : (holds - 1,) s that a spin takes to come to its constant rate and to stop from it; NaN
         for a turn without a constant part. None for no spins at all.
+    spin_shapes : how spins run that are not even, instead of `turn_ramp`.
     """
 
     first_rotation_nb: Rotation
@@ -42,9 +45,10 @@ class Motion:
     turn_duration: AnyArray
     turn_vector_b: AnyArray
     creep_vector_b: AnyArray
-    lever_arm_b: Vector
+    lever_arm_b: AnyArray
     disturbances: tuple[Disturbance, ...] = ()
     turn_ramp: AnyArray | None = None
+    spin_shapes: SpinShapes | None = None
 
     @staticmethod
     def between_poses(
@@ -53,7 +57,7 @@ class Motion:
         turn_duration: AnyArray,
         *,
         creep_vector_b: AnyArray | None = None,
-        lever_arm_b: Vector | None = None,
+        lever_arm_b: AnyArray | None = None,
         disturbances: tuple[Disturbance, ...] = (),
     ) -> Motion:
         """Return the motion that goes through the poses by the shortest turns.
@@ -63,7 +67,7 @@ class Motion:
         rotations_nb : one attitude per hold, at its beginning.
         hold_duration, turn_duration : (holds,) and (holds - 1,) s.
         creep_vector_b : (holds, 3) rad, or None for holds that stay.
-        lever_arm_b : (3,) m, or None for turns about the unit itself.
+        lever_arm_b : (3,) or (3, 3) m, or None for turns about the unit itself.
         disturbances : see `Motion`.
 
         Raises
@@ -116,13 +120,18 @@ class Motion:
         length, vector = np.empty(2 * holds - 1), np.empty((2 * holds - 1, 3))
         length[::2], length[1::2] = self.hold_duration, self.turn_duration
         vector[::2], vector[1::2] = self.creep_vector_b, self.turn_vector_b
+        ramp = np.full(holds - 1, np.nan) if self.turn_ramp is None else self.turn_ramp
+        shapes = SpinShapes.even(ramp) if self.spin_shapes is None else self.spin_shapes
+        shapes = shapes.between_holds()
+        moved = Rotation.from_rotvec(vector)
+        if shapes.wobbles:
+            axis, angle = directions_of(vector)
+            moved = moved * wobble_rotation(axis, angle, shapes.wobble_b)
         rotations = [self.first_rotation_nb]
-        for step in Rotation.from_rotvec(vector[:-1]) if holds > 1 else ():
+        for step in moved[:-1] if holds > 1 else ():
             rotations.append(rotations[-1] * step)
         edges = np.concatenate([[0.0], np.cumsum(length)])
-        ramp = np.full(2 * holds - 1, np.nan)
-        ramp[1::2] = np.nan if self.turn_ramp is None else self.turn_ramp
-        return _Steps(edges, length, vector, ramp, Rotation.concatenate(rotations))
+        return _Steps(edges, length, vector, shapes, Rotation.concatenate(rotations))
 
     def rotation_nb(self, time: Series) -> Rotation:
         """Return the attitude at each time, disturbances included.
@@ -137,6 +146,8 @@ class Motion:
     def _attitude(self, path: _Steps, step: np.ndarray, share: Series, shake: Vectors | None) -> Rotation:
         turned = Rotation.from_rotvec(path.vector[step] * share[:, None])
         rotation = _product(path.rotations_nb[step], turned)
+        if path.shapes.wobbles:
+            rotation = _product(rotation, path.wobble(step, share))
         return rotation if shake is None else _product(rotation, Rotation.from_rotvec(shake))
 
     def angular_rate_ib_b(self, time: Series, site: Site) -> Vectors:
@@ -148,7 +159,8 @@ class Motion:
         site : its latitude gives the Earth rate; without one the Earth stands still.
         """
         path, step, share, speed, _ = self._progress(time)
-        rate = path.vector[step] * speed[:, None]
+        vector, _ = path.rate_vectors(step, share)
+        rate = vector * speed[:, None]
         shake = None
         if self.disturbances:
             shake = self._shake(time)
@@ -176,7 +188,7 @@ class Motion:
         """
         path, step, share, *_ = self._progress(edges)
         _refuse_half_turns(path, edges, step, share)
-        before = self._attitude(path, step, share, None)
+        before = _product(path.rotations_nb[step], Rotation.from_rotvec(path.vector[step] * share[:, None]))
         across = step[1:] != step[:-1]
         turned = path.vector[step[:-1]] * np.diff(share)[:, None]
         if across.any():
@@ -184,13 +196,21 @@ class Motion:
             first, last = Rotation.from_quat(ends[:-1][across]), Rotation.from_quat(ends[1:][across])
             turned[across] = (first.inv() * last).as_rotvec()
         moved = Rotation.from_rotvec(turned)
-        if self.disturbances:
-            shake = Rotation.from_rotvec(self._shake(edges))
-            before = _product(before, shake)
-            moved = _product(_product(shake[:-1].inv(), moved), shake[1:])
+        added = self._added(path, step, share, edges)
+        if added is not None:
+            before = _product(before, added)
+            moved = _product(_product(added[:-1].inv(), moved), added[1:])
         interval = np.diff(edges)[:, None]
         earth_b = before[:-1].inv().apply(_earth_rate(site))
         return _product(Rotation.from_rotvec(interval * earth_b), moved).as_rotvec() / interval
+
+    def _added(self, path: _Steps, step: np.ndarray, share: Series, time: Series) -> Rotation | None:
+        """What a wobbling axis and disturbances add to the path's attitude; None for nothing."""
+        wobble = path.wobble(step, share) if path.shapes.wobbles else None
+        shake = Rotation.from_rotvec(self._shake(time)) if self.disturbances else None
+        if wobble is None or shake is None:
+            return shake if wobble is None else wobble
+        return _product(wobble, shake)
 
     def specific_force_b(self, time: Series, site: Site) -> Vectors:
         """Return the specific force at each instant, m/s², in b; at rest it is minus gravity.
@@ -201,10 +221,19 @@ class Motion:
         site : gives gravity.
         """
         path, step, share, speed, gain = self._progress(time)
-        vector = path.vector[step]
-        across = np.cross(vector, self.lever_arm_b)
-        # a = ω' x l + ω x (ω x l), with ω = vector * speed along a fixed axis
-        acceleration = across * gain[:, None] + np.cross(vector, across) * (speed**2)[:, None]
+        vector, bend = path.rate_vectors(step, share)
+
+        def acceleration_at(lever_arm_b: Vector) -> Vectors:
+            across = np.cross(vector, lever_arm_b)
+            # a = ω' x l + ω x (ω x l), with ω = vector * speed
+            result = across * gain[:, None] + np.cross(vector, across) * (speed**2)[:, None]
+            return result if bend is None else result + np.cross(bend, lever_arm_b) * (speed**2)[:, None]
+
+        if self.lever_arm_b.ndim == 1:
+            acceleration = acceleration_at(self.lever_arm_b)
+        else:
+            each = [acceleration_at(row)[:, axis] for axis, row in enumerate(self.lever_arm_b)]
+            acceleration = np.stack(each, axis=1)
         shake = None
         if self.disturbances:
             shake = self._shake(time)
@@ -227,44 +256,41 @@ class Motion:
         share = np.where(turning, x**3 * (10.0 - 15.0 * x + 6.0 * x**2), x)
         speed = np.where(turning, 30.0 * x**2 * (1.0 - x) ** 2, inside) / length
         gain = np.where(turning, 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x), 0.0) / length**2
-        spinning = ~np.isnan(path.ramp[step])
+        spinning = ~np.isnan(path.shapes.ramp_up[step])
         if np.any(spinning):
             rows = step[spinning]
-            share[spinning], speed[spinning], gain[spinning] = _spin_progress(
-                time[spinning] - path.edges[rows], path.length[rows], path.ramp[rows]
+            share[spinning], speed[spinning], gain[spinning] = path.shapes.progress(
+                rows, time[spinning] - path.edges[rows], path.length[rows], path.angle[rows]
             )
         return path, step, share, speed, gain
 
 
-def _spin_progress(elapsed: Series, length: Series, ramp: Series) -> tuple[Series, Series, Series]:
-    """Share of a spin's angle, and its first and second time derivative.
-
-    The speed rises as ``10 x³ − 15 x⁴ + 6 x⁵`` over the ramp, whose integral is ``5/2 x⁴ − 3 x⁵ + x⁶``
-    and a half at its end, stays, and falls the same way: the whole angle is the rate times length - ramp.
-    Without a ramp the speed jumps.
-    """
-    elapsed = np.clip(elapsed, 0.0, length)
-    late = elapsed > 0.5 * length
-    near = np.where(late, length - elapsed, elapsed)
-    ramping = near < ramp
-    x = np.where(ramping, near / np.where(ramping, ramp, 1.0), 1.0)
-    way = np.where(ramping, ramp * x**4 * (2.5 - 3.0 * x + x**2), near - 0.5 * ramp)
-    whole = length - ramp
-    speed = x**3 * (10.0 - 15.0 * x + 6.0 * x**2) / whole
-    fastest = 30.0 * x**2 * (1.0 - x) ** 2 / np.where(ramping, ramp * whole, 1.0)
-    gain = np.where(late, -fastest, fastest)
-    return np.where(late, 1.0 - way / whole, way / whole), speed, gain
-
-
 @dataclass(frozen=True, slots=True)
 class _Steps:
-    """Holds and turns in one row: edges, length and ramp (NaN: no spin) in s, rotation vector, first attitude."""
+    """Holds and turns in one row: edges and length in s, rotation vector, how spins run, first attitude."""
 
     edges: AnyArray
     length: AnyArray
     vector: AnyArray
-    ramp: AnyArray
+    shapes: SpinShapes
     rotations_nb: Rotation
+
+    @property
+    def angle(self) -> Series:
+        return np.linalg.norm(self.vector, axis=1)
+
+    def wobble(self, step: np.ndarray, share: Series) -> Rotation:
+        """What a wobbling axis adds at that share of the step."""
+        axis, angle = directions_of(self.vector)
+        return wobble_rotation(axis[step], angle[step] * share, self.shapes.wobble_b[step])
+
+    def rate_vectors(self, step: np.ndarray, share: Series) -> tuple[Vectors, Vectors | None]:
+        """Angular rate in b per rate of the share, and its derivative by the share where there is one."""
+        if not self.shapes.wobbles:
+            return self.vector[step], None
+        axis, angle = (rows[step] for rows in directions_of(self.vector))
+        along, bend = wobbling_axis(axis, angle * share, self.shapes.wobble_b[step])
+        return along * angle[:, None], bend * (angle**2)[:, None]
 
 
 def _refuse_half_turns(path: _Steps, edges: Series, step: np.ndarray, share: Series) -> None:

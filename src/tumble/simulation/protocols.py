@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import Series, Vector
+from tumble.arrays import AnyArray, Series
 from tumble.earth.site import Site
 from tumble.errors import UsageError
 from tumble.protocol.steps import Protocol
@@ -18,6 +18,7 @@ from tumble.simulation.grades import Grade
 from tumble.simulation.motion import Motion
 from tumble.simulation.recordings import Truth, simulate_recording
 from tumble.simulation.sampling import Imperfections
+from tumble.simulation.table import TableErrors
 
 # Raw counts per m/s² and per rad/s of a unit of no grade: 0.1 mm/s² and 0.2 "/s a count.
 COUNTS_PER_SI = (1e4, 1e6)
@@ -30,17 +31,24 @@ def motion_from_protocol(
     *,
     placement: bool = True,
     heading: float | Series | None = None,
-    lever_arm_b: Vector | None = None,
+    lever_arm_b: AnyArray | None = None,
     table_tilt: float = 0.0,
+    table: TableErrors | None = None,
 ) -> Motion:
     """Return the motion alone of `play_protocol`, which also tells which step is which part of it.
 
     Parameters
     ----------
-    protocol, rng, placement, heading, lever_arm_b, table_tilt : as for `play_protocol`.
+    protocol, rng, placement, heading, lever_arm_b, table_tilt, table : as for `play_protocol`.
     """
     played = play_protocol(
-        protocol, rng, placement=placement, heading=heading, lever_arm_b=lever_arm_b, table_tilt=table_tilt
+        protocol,
+        rng,
+        placement=placement,
+        heading=heading,
+        lever_arm_b=lever_arm_b,
+        table_tilt=table_tilt,
+        table=table,
     )
     return played.motion
 
@@ -57,8 +65,9 @@ def simulate_protocol(
     imperfections: Imperfections | None = None,
     placement: bool = True,
     heading: float | Series | None = None,
-    lever_arm_b: Vector | None = None,
+    lever_arm_b: AnyArray | None = None,
     table_tilt: float = 0.0,
+    table: TableErrors | None = None,
     disturbances: tuple[Disturbance, ...] = (),
     units: str = "SI",
 ) -> tuple[Recording, Truth]:
@@ -81,7 +90,7 @@ def simulate_protocol(
     model : the sensor's errors, raw units SI; None draws them from the grade (or is exact, without one).
     noise : False leaves noise and converter away, and keeps the grade's errors.
     imperfections : what the recording chain does.
-    placement, heading, lever_arm_b, table_tilt : as for `play_protocol`.
+    placement, heading, lever_arm_b, table_tilt, table : as for `play_protocol`.
     disturbances : on top of the motion, such as vibration of the place.
     units : "SI", or "counts": raw numbers times the grade's counts per m/s² and per rad/s (`Truth` says
         them), rounded to whole counts where there is noise.
@@ -99,7 +108,13 @@ def simulate_protocol(
     if model is not None and (model.accelerometer is None or model.gyroscope is None):
         raise UsageError("The model has one triad only, and a simulated unit has two: give it both.")
     played = play_protocol(
-        protocol, rng, placement=placement, heading=heading, lever_arm_b=lever_arm_b, table_tilt=table_tilt
+        protocol,
+        rng,
+        placement=placement,
+        heading=heading,
+        lever_arm_b=lever_arm_b,
+        table_tilt=table_tilt,
+        table=table,
     )
     if model is None:
         model = ImuModel.ideal() if grade is None else grade.simulate_model(rng)
@@ -127,6 +142,7 @@ def simulate_protocol(
         step_edges=played.step_edges,
         hold_steps=played.hold_steps,
         spins=played.spins,
+        steps=played.steps,
         counts_per_si=counts,
     )
     return recording, truth

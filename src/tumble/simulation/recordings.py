@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from tumble.arrays import AnyArray, Series, Vectors
 from tumble.earth.site import Site
 from tumble.errors import UsageError
+from tumble.protocol.steps import Step
 from tumble.recording.recording import Recording
 from tumble.sensor.imu import ImuModel
 from tumble.simulation.fixtures import TrueSpin
@@ -49,7 +50,8 @@ class Truth:
     step_edges : (steps, 2) s, when each step of the protocol began and ended, where one was played; a
         spin without its ramps.
     hold_steps : for each hold the index of the protocol's step; None for a rest that no step asked for.
-    spins : the true rate and axis of each spin of the protocol.
+    spins : the true rate, axis and angle of each spin of the protocol.
+    steps : the protocol's steps with what the table's display showed (see `PlayedProtocol`).
     counts_per_si : raw counts per m/s² and per rad/s, or None where raw units are SI.
     """
 
@@ -65,6 +67,7 @@ class Truth:
     step_edges: AnyArray = field(default_factory=lambda: np.zeros((0, 2)))
     hold_steps: tuple[int | None, ...] = ()
     spins: tuple[TrueSpin, ...] = ()
+    steps: tuple[Step, ...] = ()
     counts_per_si: tuple[float, float] | None = None
 
 
