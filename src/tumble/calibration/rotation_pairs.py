@@ -184,6 +184,7 @@ class EarthParts:
     means : of the holds; those beside a rotation show the Earth rate before it.
     matrix, bias : (3, 3), (3,) of the gyros, raw; None to begin with, when the mean of the rests beside a pair
         stands for both.
+    before : the parts as they were known so far; they show the axes better than the bare integrals.
     """
 
     def __init__(
@@ -192,10 +193,11 @@ class EarthParts:
         means: HoldMeans,
         matrix: Matrix | None = None,
         bias: Vector | None = None,
+        before: dict[int, Vector] | None = None,
     ) -> None:
         assert means.angular_rate is not None
         self.rate = means.angular_rate
-        self.pairs, self.matrix, self.bias = pairs, matrix, bias
+        self.pairs, self.matrix, self.bias, self.before = pairs, matrix, bias, before
 
     def parts(self) -> dict[int, Vector]:
         """Return them by `Rotation.row`."""
@@ -208,10 +210,10 @@ class EarthParts:
         return found
 
     def _part(self, pair: RotationPair, rotation: Rotation, rest: Vector) -> Vector:
-        if self.matrix is None or self.bias is None:
+        if self.matrix is None or self.bias is None or self.before is None:
             return rest * rotation.seconds
         inverse = inverted(self.matrix)
-        axis = inverse @ (rotation.integral - self.bias * rotation.seconds)
+        axis = inverse @ (rotation.integral - self.before[rotation.row])
         axis = axis * np.sign(rotation.angle) / np.linalg.norm(axis)
         # The part along the axis is the same for the whole pair, so that its noise goes out of the difference.
         along = axis * float(axis @ (inverse @ (rest - self.bias)))

@@ -158,7 +158,7 @@ def _solve(task: _Task) -> _Solution:
     system: TurntableSystem | None = None
     values = np.zeros(0)
     for _ in range(PASSES):
-        parts = EarthParts(task.pairs, task.means, matrix, bias).parts()
+        parts = EarthParts(task.pairs, task.means, matrix, bias, parts or None).parts()
         system = TurntableSystem.of(_inputs(task, parts, matrix))
         if matrix is None:
             _refuse_reversed(task, system)
