@@ -131,7 +131,9 @@ def play_protocol(
     for stopped, _ in () if table is None else table.stops_early:
         if not 0 <= stopped < spins:
             raise UsageError(
-                f"The table is to stop spin {stopped + 1} early, and the protocol has {spins or 'no'} spins."
+                f"The table is to stop spin {stopped + 1} early, and the protocol's last one is number {spins}."
+                if spins
+                else "The table is to stop a spin early, and the protocol has no spin."
             )
     fixture = _Fixture(protocol, rng, placement, heading, table_tilt, table)
     for number, step in enumerate(protocol.steps):
@@ -177,6 +179,8 @@ class _Fixture:
         self.actual: Rotation | None = None
         self.nominal = Rotation.identity()
         self.first = Rotation.identity()
+        # The table's axes, as they are meant and as they are in b, since the unit was last placed.
+        self.axes: list[tuple[Vector, Vector]] = []
         # One sigma of the named turns since the unit was last put into a pose that is known.
         self.doubt = 0.0
         self.holds: list[tuple[float, int | None]] = []
@@ -205,6 +209,7 @@ class _Fixture:
         vector = step.angle * _unit(step.axis_b)
         angle = step.angle + self._error(step.sigma)
         self.doubt = float(np.hypot(self.doubt, step.sigma))
+        self.axes.clear()
         self._move(_Move(step.duration, angle * self._in_b(_unit(step.axis_b)), step=number), vector)
 
     def spin(self, number: int, step: SpinStep) -> None:
@@ -236,6 +241,7 @@ class _Fixture:
         self.actual = self._misplaced(pose)
         self.doubt, self.halted = 0.0, False
         self.table.zero()
+        self.axes.clear()
         if not self.holds:
             self.first = self.lean * self.actual
 
@@ -284,7 +290,12 @@ class _Fixture:
         """A spin's axis where it is meant to be in b, and where it is."""
         axis = self.nominal.inv().apply(UP_N) if step.axis_b is None else _unit(step.axis_b)
         assert self.actual is not None
+        for known, axis_b in self.axes:
+            # While it wobbles the unit's attitude does not tell the axis, but it stays where it was.
+            if self.table.errors.wobble > 0.0 and np.linalg.norm(known - axis) < SAME_POSE:
+                return axis, axis_b
         axis_b = (self.actual.inv() * self.table.lean * self.nominal).apply(axis)
+        self.axes.append((axis, axis_b))
         return axis, axis_b
 
     def _stay(self, number: int, step: HoldStep, pose: Pose) -> None:
@@ -362,7 +373,7 @@ class _Fixture:
     def _error(self, sigma: float) -> float:
         return float(self.rng.normal(0.0, sigma)) if self.placement and sigma > 0.0 else 0.0
 
-    def finish(self, lever_arm_b: Vector) -> PlayedProtocol:
+    def finish(self, lever_arm_b: AnyArray) -> PlayedProtocol:
         self._settle(None)
         motion = Motion(
             first_rotation_nb=self.first,

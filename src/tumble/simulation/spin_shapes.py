@@ -127,9 +127,10 @@ def wobble_rotation(axis_b: Vectors, angle: Series, wobble_b: Vectors) -> Rotati
     angle : (rows,) rad turned so far.
     wobble_b : (rows, 3) rad, lean at the start, across the axis.
     """
-    # The lean stands in the room at minus the angle, and so in b at minus twice the angle.
-    leaning = _turned(wobble_b, axis_b, -2.0 * angle)
-    return Rotation.from_rotvec(leaning) * Rotation.from_rotvec(-wobble_b)
+    # The lean goes in the room by minus the angle, and so in b by minus twice it. The lean at the start, which
+    # stays in the room, is taken away: the mean axis is in b where it is meant to be.
+    at_start = Rotation.from_rotvec(-_turned(wobble_b, axis_b, -angle))
+    return at_start * Rotation.from_rotvec(_turned(wobble_b, axis_b, -2.0 * angle))
 
 
 def wobbling_axis(axis_b: Vectors, angle: Series, wobble_b: Vectors) -> tuple[Vectors, Vectors]:
@@ -142,9 +143,9 @@ def wobbling_axis(axis_b: Vectors, angle: Series, wobble_b: Vectors) -> tuple[Ve
     ----------
     axis_b, angle, wobble_b : as for `wobble_rotation`.
     """
-    leaning = Rotation.from_rotvec(wobble_b)
-    back = _turned(leaning.inv().apply(axis_b), axis_b, -2.0 * angle)
-    return leaning.apply(2.0 * axis_b - back), leaning.apply(2.0 * np.cross(axis_b, back))
+    leaning = Rotation.from_rotvec(-wobble_b).apply(axis_b)
+    back = _turned(leaning, axis_b, -2.0 * angle)
+    return 2.0 * axis_b - back, 2.0 * np.cross(axis_b, back)
 
 
 def _turned(vector: Vectors, axis: Vectors, angle: Series) -> Vectors:
