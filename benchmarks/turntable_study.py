@@ -65,7 +65,7 @@ def main() -> None:
     for threads in (1, 2):
         seconds = best(lambda threads=threads: study(setting, threads))
         print(
-            f"{RUNS} runs of table 3 from raw samples, {threads} threads: {seconds:.2f} s, ratio {seconds / drawing:.2f}"
+            f"{RUNS} runs of table 3 from samples, {threads} threads: {seconds:.2f} s, ratio {seconds / drawing:.2f}"
         )
     seconds = best(lambda: study(setting, sampled=False))
     print(f"the same by sufficient statistics: {seconds:.3f} s, ratio {seconds / drawing:.4f}")

@@ -97,7 +97,7 @@ def _cell(value: Value) -> str:
 def _place(plot: Plot, figure: Figure) -> str:
     marks = f"; crosses: {plot.marks.name}" if plot.marks is not None else ""
     return (
-        f"<figure><figcaption>{html.escape(plot.title)}: line: mean, band: 5 % to 95 % of the runs"
+        f"<figure><figcaption>{html.escape(plot.title)}: line: {plot.line}, band: 5 % to 95 % of the runs"
         f"{html.escape(marks)}</figcaption>"
         f'<div id="{figure.name}" role="img" aria-label="{html.escape(figure.label)}" '
         f'style="height:{figure.height}px"></div></figure>'
@@ -108,17 +108,14 @@ def _figure(plot: Plot) -> Figure:
     data: list[dict[str, Any]] = []
     for curve, colour in zip(plot.curves, _COLOURS, strict=False):
         x = plain(curve.x)
-        data.append(_edge(x, above_zero(curve), colour, None, curve.name))
+        data.append(_edge(x, curve.low if plot.linear else above_zero(curve), colour, None, curve.name))
         data.append(_edge(x, curve.high, colour, "tonexty", curve.name))
         data.append(_points(curve.name, x, curve.y, "lines+markers", line={"color": colour}))
     if plot.marks is not None:
         marker = {"symbol": "x-thin", "size": 9, "color": RED, "line": {"width": 2, "color": RED}}
         data.append(_points(plot.marks.name, plain(plot.marks.x), plot.marks.y, "markers", marker=marker))
-    layout = base_layout(
-        380,
-        xaxis=text_axis(plot.x_label, type="log", exponentformat="power", dtick=1),
-        yaxis=text_axis(plot.y_label, type="log", exponentformat="power", dtick=1),
-    )
+    kind: dict[str, Any] = {} if plot.linear else {"type": "log", "exponentformat": "power", "dtick": 1}
+    layout = base_layout(380, xaxis=text_axis(plot.x_label, **kind), yaxis=text_axis(plot.y_label, **kind))
     layout["legend"]["traceorder"] = "normal"
     return Figure(plot.name, plot.title, data, layout)
 

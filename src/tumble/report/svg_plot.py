@@ -1,4 +1,4 @@
-"""A figure with logarithmic axes as SVG, drawn by ourselves: a picture that every browser and printer shows."""
+"""A figure as SVG, drawn by ourselves: a picture that every browser and printer shows."""
 
 from __future__ import annotations
 
@@ -24,23 +24,27 @@ def draw_plot(plot: Plot) -> str:
 
     Parameters
     ----------
-    plot : what to draw; values that are not positive are left out.
+    plot : what to draw; on logarithmic axes values that are not positive are left out.
     """
-    curves = [curve for curve in plot.curves if np.any(curve.y > 0)]
-    x_low, x_high = _decades([curve.x for curve in curves])
-    seen_y = [values for c in curves for values in (c.y, c.high, above_zero(c))]
-    y_low, y_high = _decades(seen_y if plot.marks is None else [*seen_y, plot.marks.y])
+    curves = [curve for curve in plot.curves if plot.linear or np.any(curve.y > 0)]
+    lows = [curve.low if plot.linear else above_zero(curve) for curve in curves]
+    seen_y = [values for c, low in zip(curves, lows, strict=True) for values in (c.y, c.high, low)]
+    if plot.marks is not None:
+        seen_y.append(plot.marks.y)
+    limits = _steps if plot.linear else _decades
+    (x_low, x_high), (y_low, y_high) = limits([curve.x for curve in curves]), limits(seen_y)
 
     def at(x: Series, y: Series) -> list[str]:
-        across = LEFT + (WIDTH - LEFT - RIGHT) * (np.log10(x) - x_low) / (x_high - x_low)
-        up = HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (np.log10(y) - y_low) / (y_high - y_low)
+        x, y = (x, y) if plot.linear else (np.log10(x), np.log10(y))
+        across = LEFT + (WIDTH - LEFT - RIGHT) * (x - x_low) / (x_high - x_low)
+        up = HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (y - y_low) / (y_high - y_low)
         return [f"{a:.1f},{b:.1f}" for a, b in zip(across, up, strict=True)]
 
     parts = [*_frame(plot, (x_low, x_high), (y_low, y_high)), '<g fill="none" stroke-width="2">']
-    for curve, colour in zip(curves, _COLOURS, strict=False):
-        seen = curve.y > 0
+    for curve, low, colour in zip(curves, lows, _COLOURS, strict=False):
+        seen = np.isfinite(curve.y) if plot.linear else curve.y > 0
         x, y = curve.x[seen], curve.y[seen]
-        band = [*at(x, above_zero(curve)[seen]), *at(x[::-1], curve.high[seen][::-1])]
+        band = [*at(x, low[seen]), *at(x[::-1], curve.high[seen][::-1])]
         parts.append(
             f'<polygon points="{" ".join(band)}" fill="{colour}" fill-opacity="0.15" stroke="none"/>'
         )
@@ -71,6 +75,23 @@ def _decades(series: list[Series]) -> tuple[float, float]:
     return low, max(high, low + 1.0)
 
 
+def _steps(series: list[Series]) -> tuple[float, float]:
+    """Return limits at whole steps of 1, 2 or 5 times a power of ten."""
+    values = np.concatenate([np.zeros(0), *series])
+    values = values[np.isfinite(values)]
+    if not values.size:
+        return 0.0, 1.0
+    low, high = float(values.min()), float(values.max())
+    step = _step(max(high - low, 1e-12 * max(abs(high), 1e-288)))
+    return step * float(np.floor(low / step)), step * float(np.ceil(high / step + 1e-9))
+
+
+def _step(span: float) -> float:
+    """Return a step of 1, 2 or 5 times a power of ten, of which some five to ten cover the span."""
+    power = 10.0 ** np.floor(np.log10(span / 5.0))
+    return float(power * max(m for m in (1.0, 2.0, 5.0) if m * power <= span / 5.0 * (1.0 + 1e-9)))
+
+
 def _frame(plot: Plot, x_range: tuple[float, float], y_range: tuple[float, float]) -> list[str]:
     style = 'font-family="system-ui, sans-serif" font-size="13"'
     inner_width, inner_height = WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM
@@ -81,16 +102,14 @@ def _frame(plot: Plot, x_range: tuple[float, float], y_range: tuple[float, float
         f'<text x="{LEFT}" y="20" font-weight="600">{html.escape(plot.title)}</text>',
         f'<rect x="{LEFT}" y="{TOP}" width="{inner_width}" height="{inner_height}" fill="none" stroke="{GREY}"/>',
     ]
-    for decade in _ticks(x_range):
-        x = LEFT + inner_width * (decade - x_range[0]) / (x_range[1] - x_range[0])
+    for tick, words in _ticks(x_range, plot.linear):
+        x = LEFT + inner_width * (tick - x_range[0]) / (x_range[1] - x_range[0])
         parts.append(f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}" stroke="#e3e6ea"/>')
-        parts.append(
-            f'<text x="{x:.1f}" y="{HEIGHT - BOTTOM + 18}" text-anchor="middle">{_power(decade)}</text>'
-        )
-    for decade in _ticks(y_range):
-        y = HEIGHT - BOTTOM - inner_height * (decade - y_range[0]) / (y_range[1] - y_range[0])
+        parts.append(f'<text x="{x:.1f}" y="{HEIGHT - BOTTOM + 18}" text-anchor="middle">{words}</text>')
+    for tick, words in _ticks(y_range, plot.linear):
+        y = HEIGHT - BOTTOM - inner_height * (tick - y_range[0]) / (y_range[1] - y_range[0])
         parts.append(f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}" stroke="#e3e6ea"/>')
-        parts.append(f'<text x="{LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{_power(decade)}</text>')
+        parts.append(f'<text x="{LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{words}</text>')
     middle = LEFT + inner_width / 2
     parts.append(
         f'<text x="{middle:.0f}" y="{HEIGHT - 14}" text-anchor="middle">{html.escape(plot.x_label)}</text>'
@@ -100,9 +119,15 @@ def _frame(plot: Plot, x_range: tuple[float, float], y_range: tuple[float, float
     return parts
 
 
-def _ticks(limits: tuple[float, float]) -> list[int]:
-    step = 1 if limits[1] - limits[0] <= 8 else 2
-    return list(range(int(limits[0]), int(limits[1]) + 1, step))
+def _ticks(limits: tuple[float, float], linear: bool) -> list[tuple[float, str]]:
+    """Return where the ticks stand, and their words."""
+    low, high = limits
+    if linear:
+        step = _step(high - low)
+        at = [step * number for number in range(round(low / step), round(high / step) + 1)]
+        return [(tick, f"{float(f'{tick:.12g}'):g}".replace("-", "−")) for tick in at]
+    decades = range(int(low), int(high) + 1, 1 if high - low <= 8 else 2)
+    return [(float(decade), _power(decade)) for decade in decades]
 
 
 def _power(decade: int) -> str:
@@ -124,6 +149,6 @@ def _legend(plot: Plot, curves: list[Curve]) -> list[str]:
     if plot.marks is not None:
         parts += [_cross(x + 9, 32), f'<text x="{x + 24}" y="37">{html.escape(plot.marks.name)}</text>']
     parts.append(
-        f'<text x="{WIDTH - RIGHT}" y="20" text-anchor="end" fill="{GREY}">line: mean; band: 5 % to 95 %</text>'
+        f'<text x="{WIDTH - RIGHT}" y="20" text-anchor="end" fill="{GREY}">line: {plot.line}; band: 5 % to 95 %</text>'
     )
     return parts

@@ -14,7 +14,10 @@ from tumble.studies.hayal_figures import reproduce_figure
 from tumble.studies.hayal_scenarios import TABLES, reproduce_scenario_table
 from tumble.studies.hayal_tables import reproduce_table
 from tumble.studies.outcome import Outcome
-from tumble.studies.published import hayal
+from tumble.studies.published import hayal, zhang
+from tumble.studies.zhang_comparison import reproduce_figure as reproduce_norm_errors
+from tumble.studies.zhang_comparison import reproduce_table_6
+from tumble.studies.zhang_tables import reproduce_scatter_table, reproduce_table_2, reproduce_table_5
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +47,7 @@ class Item:
         return f"{runs}; 500 take about {self.seconds:g} s"
 
 
-def _items() -> list[Item]:
+def _hayal_items() -> list[Item]:
     tables = hayal()["tables"]
     items = [
         Item(f"hayal-{t}", f"table {t}: {tables[t]['title']}", partial(reproduce_table, t))
@@ -94,8 +97,35 @@ def _items() -> list[Item]:
     return items
 
 
-ITEMS: dict[str, Item] = {item.name: item for item in _items()}
-"""Every item by name, in the paper's order."""
+def _zhang_items() -> list[Item]:
+    printed = zhang()
+    tables, figures = printed["tables"], printed["figures"]
+    runs = {
+        "2": (reproduce_table_2, 2.0),
+        "3": (partial(reproduce_scatter_table, "3"), 2.0),
+        "4": (partial(reproduce_scatter_table, "4"), 2.0),
+        "5": (reproduce_table_5, 2.0),
+        "6": (reproduce_table_6, 0.1),
+    }
+    items = [
+        Item(f"zhang-{t}", f"table {t}: {tables[t]['title']}", run, 500, seconds)
+        for t, (run, seconds) in runs.items()
+    ]
+    items += [
+        Item(
+            f"zhang-figure-{f}",
+            f"figure {f}: {figures[f]['title']}",
+            partial(reproduce_norm_errors, f),
+            500,
+            0.1,
+        )
+        for f in figures
+    ]
+    return items
+
+
+ITEMS: dict[str, Item] = {item.name: item for item in (*_hayal_items(), *_zhang_items())}
+"""Every item by name, a paper after the other, each in its own order."""
 
 
 def find_items(name: str) -> list[Item]:
@@ -103,7 +133,7 @@ def find_items(name: str) -> list[Item]:
 
     Parameters
     ----------
-    name : one of `ITEMS`, or the beginning that a paper's items share, such as "hayal" or "hayal-A".
+    name : one of `ITEMS`, or the beginning that a paper's items share, such as "hayal", "hayal-A" or "zhang".
 
     Raises
     ------

@@ -53,7 +53,7 @@ class Marks:
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """A figure with logarithmic axes.
+    """A figure with logarithmic or linear axes.
 
     Attributes
     ----------
@@ -61,6 +61,8 @@ class Plot:
     title, x_label, y_label : words with units.
     curves : what is drawn.
     marks : the paper's own numbers, where it prints any.
+    linear : both axes; else both are logarithmic, and what is not positive is left out.
+    line : what the line is, in words.
     """
 
     name: str
@@ -69,6 +71,8 @@ class Plot:
     y_label: str
     curves: tuple[Curve, ...]
     marks: Marks | None = None
+    linear: bool = False
+    line: str = "mean"
 
 
 @dataclass(slots=True)

@@ -15,18 +15,29 @@ from tumble.studies.hayal_estimators import reproduce_convergence
 from tumble.studies.hayal_figures import NOISES, RATES, reproduce_figure
 from tumble.studies.hayal_scenarios import ABSURD, TABLES, reproduce_scenario_table, simulate_field_means
 from tumble.studies.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
-from tumble.studies.published import hayal
+from tumble.studies.published import hayal, zhang
 
 
 def test_the_catalogue_has_every_table_but_those_of_navigation() -> None:
     expected = {f"hayal-{table}" for table in hayal()["tables"]}
     extra = {"hayal-figure-4.2", "hayal-figure-4.3", "hayal-convergence", "hayal-norm-bias"}
-    assert set(ITEMS) == expected | extra | {"hayal-contradictions"}
+    found = {item.name for item in find_items("hayal")}
+    assert found == expected | extra | {"hayal-contradictions"}
     assert {"5.5", "5.6", "5.7"} == set(hayal()["position_tables"])
 
 
+def test_the_catalogue_has_every_table_and_figure_of_zhang_but_those_of_navigation() -> None:
+    """Table 1 is missing from the text; figures 5 to 10 are of navigation, 1 and 2 are drawings."""
+    expected = {f"zhang-{table}" for table in zhang()["tables"]}
+    expected |= {f"zhang-figure-{figure}" for figure in zhang()["figures"]}
+    assert expected <= {item.name for item in find_items("zhang")}
+    assert set(zhang()["tables"]) == {"2", "3", "4", "5", "6"}
+    assert set(zhang()["figures"]) == {"3", "4"}
+
+
 def test_a_paper_s_name_finds_all_of_it_and_an_item_s_itself() -> None:
-    assert find_items("hayal") == list(ITEMS.values())
+    assert [*find_items("hayal"), *find_items("zhang")] == list(ITEMS.values())
+    assert [item.name for item in find_items("zhang-figure")] == ["zhang-figure-3", "zhang-figure-4"]
     assert [item.name for item in find_items("hayal-4.2")] == ["hayal-4.2"]
     assert [item.name for item in find_items("hayal-figure")] == ["hayal-figure-4.2", "hayal-figure-4.3"]
     assert [item.name for item in find_items("hayal-B")] == ["hayal-B.1", "hayal-B.2", "hayal-B.3"]
