@@ -59,12 +59,14 @@ def test_it_prints_the_truth_with_units_and_every_file(tumble: Any, tmp_path: Pa
         "m/s^2",
         "gyro scale factor error x y z",
         "ppm",
-        "rotation between the triads x y z",
+        "frame fixture",
+        "its mean in this session",
+        "accelerometer misalignment xy xz yx",
         "mrad",
     ):
         assert words in answer.out
     truth = json.loads((tmp_path / "trial" / "truth.json").read_text("utf-8"))
-    named = {row["name"]: row["value"] for row in truth["parameters"]}
+    named = {row["name"]: row["value"] for row in truth["parameters_in_fixture"]}
     line = re.search(r"^ *gyro scale factor error x y z +(\S+) +(\S+) +(\S+) ppm$", answer.out, re.M)
     assert line is not None
     for text, axis in zip(line.groups(), "xyz", strict=True):
@@ -72,6 +74,16 @@ def test_it_prints_the_truth_with_units_and_every_file(tumble: Any, tmp_path: Pa
         assert float(text) == pytest.approx(1e6 * named[f"gyro scale factor error {axis}"], rel=1e-5)
     for name in FILES:
         assert f"written: {(tmp_path / 'trial' / name).resolve()}" in answer.out
+
+
+def test_parameters_are_printed_in_the_frame_in_which_the_protocol_s_procedure_answers(
+    tumble: Any, tmp_path: Path
+) -> None:
+    answer = tumble("simulate", "multi-position-9", "--rate", 5, "-o", tmp_path / "trial")
+    assert (
+        "procedure multi-position of `tumble calibrate` names them in the frame accelerometer-x" in answer.out
+    )
+    assert "rotation between the triads x y z" in answer.out
 
 
 def test_json_is_the_truth_and_the_files(tumble: Any, tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -151,7 +151,7 @@ def _print(done: Simulated, quiet: bool) -> None:
             f"Protocol {truth['protocol']}, {len(truth['steps'])} steps, {truth['samples']} samples at "
             f"{truth['rate_hz']:g} Hz, by a unit of the grade {truth['imu']['grade']} (seed {truth['unit_seed']})."
         )
-        for line in _true_lines(truth["parameters"]):
+        for line in _true_lines(truth):
             typer.echo(line)
         for file in done.files if len(done.files) <= LISTED else [done.files[0], *done.files[-2:]]:
             typer.echo(f"written: {file.resolve()}")
@@ -160,9 +160,16 @@ def _print(done: Simulated, quiet: bool) -> None:
     typer.echo(f"Next: {_next(done)}")
 
 
-def _true_lines(parameters: list[dict[str, object]]) -> list[str]:
-    """The true parameters, three to a line, in the convention of the table of `tumble calibrate`."""
-    lines = ["", "True parameters, as `tumble calibrate` names them in the frame accelerometer-x:"]
+def _true_lines(truth: dict[str, Any]) -> list[str]:
+    """The true parameters, three to a line, in the convention and frame of the table of `tumble calibrate`."""
+    from tumble.workflows.truth import FIXTURE_PROCEDURES
+
+    procedure = str(truth["procedure"])
+    in_fixture = procedure in FIXTURE_PROCEDURES
+    frame = "fixture" if in_fixture else "accelerometer-x"
+    parameters: list[dict[str, object]] = truth["parameters_in_fixture" if in_fixture else "parameters"]
+    named = f"True parameters, as the procedure {procedure} of `tumble calibrate` names them in the frame {frame}:"
+    lines = ["", named]
     for first in range(0, len(parameters), 3):
         three = parameters[first : first + 3]
         names = [str(parameter["name"]) for parameter in three]
@@ -171,4 +178,7 @@ def _true_lines(parameters: list[dict[str, object]]) -> list[str]:
         factor, unit = _PRACTICAL.get(str(three[0]["unit"]), (1.0, str(three[0]["unit"])))
         values = "".join(f"{factor * float(str(parameter['value'])):>14.6g}" for parameter in three)
         lines.append(f"  {stem + ' ' + tails:<44}{values} {unit}")
+        if "session_value" in three[0]:
+            session = "".join(f"{factor * float(str(p['session_value'])):>14.6g}" for p in three)
+            lines.append(f"  {'  its mean in this session':<44}{session} {unit}")
     return [*lines, ""]

@@ -13,13 +13,15 @@ from tumble.earth import EARTH_RATE, Site
 from tumble.errors import TumbleError
 
 if TYPE_CHECKING:
-    from tumble.arrays import AnyArray, Matrix
+    from tumble.arrays import AnyArray, Matrix, Vector
     from tumble.protocol import Protocol, Step
     from tumble.recording import Recording
     from tumble.sensor import ImuModel, Triad
     from tumble.simulation import Grade, Imperfections, TriadNoise, Truth
 
 FORMAT = "tumble truth"
+# These know the poses, and answer in the fixture's axes.
+FIXTURE_PROCEDURES = ("six-position", "improved-six-position", "rate-table", "laboratory")
 VERSION = 1
 FRAME = (
     "axes of the fixture: the body frame b in which the protocol states its poses; a calibration in another "
@@ -90,9 +92,10 @@ def truth_document(
         "samples": len(recording),
         "formula": FORWARD,
         "inverse_formula": BACKWARD,
-        **_blocks(truth.model),
-        "in_frame_accelerometer_x": None if in_gauge is None else _blocks(in_gauge),
-        "parameters": [] if in_gauge is None else true_parameters(in_gauge, recording),
+        **_blocks(truth.model, truth),
+        "in_frame_accelerometer_x": None if in_gauge is None else _blocks(in_gauge, truth),
+        "parameters": [] if in_gauge is None else true_parameters(in_gauge, recording, truth),
+        "parameters_in_fixture": true_fixture_parameters(truth.model, recording, truth),
         "noise": _noise(settings.grade) if settings.noise else None,
         "placement": settings.placement,
         "imperfections": asdict(settings.imperfections),
@@ -191,31 +194,50 @@ def _in_gauge(model: ImuModel) -> ImuModel | None:
         return None
 
 
-def _blocks(model: ImuModel) -> dict[str, Any]:
-    def block(triad: Triad | None, g_sensitivity: AnyArray | None) -> dict[str, Any] | None:
+def _mean_wander(truth: Truth) -> tuple[Vector, Vector]:
+    """How far the biases of the accelerometers and the gyros had wandered, (3,) raw, on average over the holds."""
+    seen = np.all(np.isfinite(truth.force_wander), axis=1)
+    weight = (truth.hold_edges[:, 1] - truth.hold_edges[:, 0]) * seen
+    if not weight.sum() > 0.0:
+        return np.zeros(3), np.zeros(3)
+    force, rate = (
+        np.average(wander[seen], axis=0, weights=weight[seen])
+        for wander in (truth.force_wander, truth.rate_wander)
+    )
+    return force, rate
+
+
+def _blocks(model: ImuModel, truth: Truth) -> dict[str, Any]:
+    force_wander, rate_wander = _mean_wander(truth)
+
+    def block(triad: Triad | None, wander: Vector, g_sensitivity: AnyArray | None) -> dict[str, Any] | None:
         if triad is None:
             return None
         return {
             "matrix": _numbers(triad.matrix),
             "bias": _numbers(triad.bias),
+            "session_bias": _numbers(triad.bias + wander),
             "asymmetry": _numbers(triad.asymmetry),
             "quadratic": _numbers(triad.quadratic),
             "g_sensitivity": _numbers(g_sensitivity),
         }
 
     return {
-        "accelerometer": block(model.accelerometer, None),
-        "gyroscope": block(model.gyroscope, model.g_sensitivity),
+        "accelerometer": block(model.accelerometer, force_wander, None),
+        "gyroscope": block(model.gyroscope, rate_wander, model.g_sensitivity),
     }
 
 
-def true_parameters(model: ImuModel, recording: Recording) -> list[dict[str, Any]]:
+def true_parameters(model: ImuModel, recording: Recording, truth: Truth) -> list[dict[str, Any]]:
     """Return name, value and unit of each parameter, named as ``calibration.json`` names them.
+
+    A bias has a ``session_value``, too: the one that this recording's holds had on average.
 
     Parameters
     ----------
     model : in the frame ``accelerometer-x``.
     recording : for its raw units.
+    truth : for how the biases wandered.
     """
     from tumble.sensor.conventions.shin import shin_from_matrix
     from tumble.sensor.gauge import inverse, lower_factor
@@ -229,9 +251,14 @@ def true_parameters(model: ImuModel, recording: Recording) -> list[dict[str, Any
             for name, value in zip(names, np.ravel(values), strict=True)
         )
 
-    def triad(prefix: str, own: AnyArray, bias: AnyArray, unit: str, factor: float | None, si: str) -> None:
+    def triad(
+        prefix: str, own: AnyArray, biases: tuple[Vector, Vector], unit: str, factor: float | None, si: str
+    ) -> None:
         scale, angles = shin_from_matrix(own)
+        bias, wander = biases
         add([f"{prefix} bias {axis}" for axis in "xyz"], bias, unit)
+        for row, session in zip(rows[-3:], bias + wander, strict=True):
+            row["session_value"] = float(session)
         if factor is None:
             add([f"{prefix} scale factor {axis}" for axis in "xyz"], scale, f"{unit}/({si})")
         else:
@@ -239,23 +266,72 @@ def true_parameters(model: ImuModel, recording: Recording) -> list[dict[str, Any
         add([f"{prefix} non-orthogonality {angle}" for angle in ("yz", "zx", "zy")], angles, "rad")
 
     force, gyro = model.accelerometer, model.gyroscope
+    force_wander, rate_wander = _mean_wander(truth)
     assert force is not None
     assert gyro is not None
     unit = recording.specific_force_unit
-    triad("accelerometer", force.matrix, force.bias, unit, specific_force_factor(unit), "m/s²")
+    triad(
+        "accelerometer", force.matrix, (force.bias, force_wander), unit, specific_force_factor(unit), "m/s²"
+    )
     if force.quadratic is not None:
         add([f"accelerometer quadratic {axis}" for axis in "xyz"], force.quadratic, f"1/({unit})")
     own = np.real(lower_factor(gyro.matrix))
     unit = recording.angular_rate_unit
-    triad("gyro", own, gyro.bias, unit, angular_rate_factor(unit), "rad/s")
+    triad("gyro", own, (gyro.bias, rate_wander), unit, angular_rate_factor(unit), "rad/s")
     from tumble.attitude.rotations import rotation_vector_from_matrix
 
     between = rotation_vector_from_matrix(np.real(inverse(own) @ gyro.matrix))
     add([f"rotation between the triads {axis}" for axis in "xyz"], between, "rad")
-    if model.g_sensitivity is not None:
-        names = [f"g-sensitivity of gyro {a} to force {b}" for a in "xyz" for b in "xyz"]
-        add(names, model.g_sensitivity, f"{unit}/(m/s²)")
-    return rows
+    return rows + _g_sensitivity_rows(model, unit)
+
+
+def _g_sensitivity_rows(model: ImuModel, unit: str) -> list[dict[str, Any]]:
+    if model.g_sensitivity is None:
+        return []
+    names = [f"g-sensitivity of gyro {a} to force {b}" for a in "xyz" for b in "xyz"]
+    return [
+        {"name": name, "value": float(value), "unit": f"{unit}/(m/s²)"}
+        for name, value in zip(names, np.ravel(model.g_sensitivity), strict=True)
+    ]
+
+
+def true_fixture_parameters(model: ImuModel, recording: Recording, truth: Truth) -> list[dict[str, Any]]:
+    """Return the same as procedures name it that answer in the frame ``fixture``.
+
+    Parameters
+    ----------
+    model : in the frame ``fixture``.
+    recording, truth : as for `true_parameters`.
+    """
+    from tumble.calibration.canonical import FIXTURE_UNKNOWNS, describe_fixture_triad
+    from tumble.units import angular_rate_factor, specific_force_factor
+
+    force_unit, rate_unit = recording.specific_force_unit, recording.angular_rate_unit
+    of_triads = (
+        ("accelerometer", model.accelerometer, force_unit, specific_force_factor(force_unit)),
+        ("gyroscope", model.gyroscope, rate_unit, angular_rate_factor(rate_unit)),
+    )
+    rows: list[dict[str, Any]] = []
+    for (kind, triad, unit, factor), wander in zip(of_triads, _mean_wander(truth), strict=True):
+        assert triad is not None
+        nothing = np.zeros(3)
+        terms = {"asymmetry": triad.asymmetry, "quadratic": triad.quadratic}
+        told = describe_fixture_triad(
+            kind,
+            np.concatenate(
+                [triad.matrix.ravel(), triad.bias, *(nothing if t is None else t for t in terms.values())]
+            ),
+            np.zeros((FIXTURE_UNKNOWNS, FIXTURE_UNKNOWNS)),
+            known=np.ones((3, 3), dtype=bool),
+            unit=unit,
+            factor=factor,
+            terms=frozenset(name for name, term in terms.items() if term is not None),
+        )
+        of_triad = [{"name": p.name, "value": p.value, "unit": p.unit} for p in told.parameters]
+        for row, session in zip(of_triad[:3], triad.bias + wander, strict=True):
+            row["session_value"] = float(session)
+        rows += of_triad
+    return rows + _g_sensitivity_rows(model, rate_unit)
 
 
 def _noise(grade: Grade) -> dict[str, Any]:

@@ -150,6 +150,9 @@ def test_the_same_seed_gives_the_same_files_and_another_seed_others(tmp_path: Pa
 def test_the_same_unit_in_another_session_has_the_same_errors_and_other_noise(tmp_path: Path) -> None:
     first = simulate("six-position", output=tmp_path / "a", seed=1, unit=9, rate=5.0).truth
     second = simulate("multi-position-9", output=tmp_path / "b", seed=2, unit=9, rate=5.0).truth
+    # The unit's own bias is one; where it wandered to is the session's.
+    sessions = [truth["gyroscope"].pop("session_bias") for truth in (first, second)]
+    assert sessions[0] != sessions[1]
     assert first["gyroscope"] == second["gyroscope"]
     assert first["steps"][0]["quaternion_nb"] != second["steps"][0]["quaternion_nb"]
     other = simulate("six-position", output=tmp_path / "c", seed=1, rate=5.0).truth
@@ -305,3 +308,36 @@ def test_files_of_two_folders_may_share_a_name(tmp_path: Path) -> None:
     assert again.matching is not None
     assert not again.matching.missing
     assert not again.matching.extra
+
+
+def test_the_session_s_bias_is_the_unit_s_and_its_wander_over_the_holds(tmp_path: Path) -> None:
+    truth = simulate("six-position", output=tmp_path, seed=5, rate=20.0).truth
+    block = truth["accelerometer"]
+    wander = np.array(block["session_bias"]) - np.array(block["bias"])
+    holds = [np.array(s["accelerometer_wander"]) for s in truth["steps"] if s["kind"] == "hold"]
+    # Six holds of 30 s each weigh alike; the bias is a thousand times the wander and takes its digits.
+    np.testing.assert_allclose(wander, np.mean(holds, axis=0), rtol=1e-6)
+    assert np.any(wander != 0.0)
+    named = {row["name"]: row for row in truth["parameters"]}
+    assert named["accelerometer bias y"]["session_value"] == block["session_bias"][1]
+    assert truth["in_frame_accelerometer_x"]["accelerometer"]["session_bias"] == block["session_bias"]
+
+
+@pytest.mark.parametrize(("protocol", "key"), [("six-position", "_in_fixture"), ("multi-position-10", "")])
+def test_true_parameters_are_named_and_framed_as_the_calibration_s(
+    protocol: str, key: str, tmp_path: Path
+) -> None:
+    truth = simulate(protocol, output=tmp_path, seed=4, units="counts").truth
+    procedure = "improved-six-position" if key else None
+    calibration = calibrate(protocol=tmp_path, procedure=procedure).calibration
+    true = {row["name"]: row for row in truth[f"parameters{key}"]}
+    compared = 0
+    for parameter in calibration.parameters:
+        if "gyro" in parameter.name or "rotation" in parameter.name:
+            continue
+        # Ten sigma: flicker, which a hold's noise does not show, moves a bias by more than its sigma.
+        assert true[parameter.name]["unit"] == parameter.unit
+        off = abs(true[parameter.name].get("session_value", true[parameter.name]["value"]) - parameter.value)
+        assert off < 10.0 * parameter.standard_uncertainty, parameter.name
+        compared += 1
+    assert compared >= 9
