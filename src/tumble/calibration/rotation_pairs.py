@@ -91,7 +91,7 @@ def _mean_angle(side: list[Rotation]) -> float:
 
 
 def pair_rotations(
-    rotations: Sequence[Rotation], matching: Matching, protocol: Protocol
+    rotations: Sequence[Rotation], matching: Matching, protocol: Protocol, *, needed: int = NEEDED
 ) -> tuple[list[RotationPair], list[str]]:
     """Return the pairs, and sentences on rotations that have no counterpart.
 
@@ -99,11 +99,12 @@ def pair_rotations(
     ----------
     rotations : in the order of `matching.spins`.
     matching, protocol : which of them belongs to which placement, and about which axis.
+    needed : how many axes: six where the angles alone are believed, three where the axes are too.
 
     Raises
     ------
     ObservabilityError
-        If fewer than six axes were turned about both ways; the message names those that lack one.
+        If fewer axes were turned about both ways; the message names those that lack one.
     """
     pairs: list[RotationPair] = []
     for group in group_spins(matching, protocol):
@@ -116,8 +117,8 @@ def pair_rotations(
     whole = [pair for pair in pairs if pair.forward and pair.backward]
     alone = [pair for pair in pairs if not (pair.forward and pair.backward)]
     words = [_lonely(pair) for pair in alone]
-    if len(whole) < NEEDED:
-        raise ObservabilityError(_too_few(protocol, whole, words))
+    if len(whole) < needed:
+        raise ObservabilityError(_too_few(protocol, whole, words, needed))
     return whole, words
 
 
@@ -158,7 +159,7 @@ def _lonely(pair: RotationPair) -> str:
     )
 
 
-def _too_few(protocol: Protocol, whole: list[RotationPair], words: list[str]) -> str:
+def _too_few(protocol: Protocol, whole: list[RotationPair], words: list[str], needed: int) -> str:
     names = ", ".join(pair.name for pair in whole) or "none"
     lonely = f" Of the others {'; '.join(words)}." if words else ""
     planned = {
@@ -167,11 +168,16 @@ def _too_few(protocol: Protocol, whole: list[RotationPair], words: list[str]) ->
         if isinstance(step, SpinStep) and step.axis_b is not None
     }
     few = (
-        f" The protocol {protocol.name} itself has {len(planned)} axes only." if len(planned) < NEEDED else ""
+        f" The protocol {protocol.name} itself has {len(planned)} axes only." if len(planned) < needed else ""
+    )
+    wanted = (
+        "for the gyros' six scale factors and misalignments: x, y, z and one axis between each two of them"
+        if needed == NEEDED
+        else "for the gyros' whole matrix: about x, y and z"
     )
     return (
-        f"Rotations both ways were found about {len(whole)} axes ({names}), and {NEEDED} are needed for the gyros' six "
-        f"scale factors and misalignments: x, y, z and one axis between each two of them.{lonely}{few}"
+        f"Rotations both ways were found about {len(whole)} axes ({names}), and {needed} are needed {wanted}."
+        f"{lonely}{few}"
     )
 
 

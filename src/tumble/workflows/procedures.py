@@ -30,10 +30,11 @@ PROCEDURES = (
     "rate-table",
     "modified-multi-position",
     "turntable",
+    "laboratory",
 )
-LATER_PROCEDURES = ("laboratory", "strapdown-rotation", "thermal", "joint")
+LATER_PROCEDURES = ("strapdown-rotation", "thermal", "joint")
 # These know the table's rates from the protocol and from nowhere else.
-NEED_PROTOCOL = ("rate-table", "modified-multi-position", "turntable")
+NEED_PROTOCOL = ("rate-table", "modified-multi-position", "turntable", "laboratory")
 
 
 def _silent(_: str) -> None:
@@ -121,7 +122,12 @@ def run_procedure(task: Task, procedure: str | None) -> tuple[Estimate, str]:
 
 
 def _run(task: Task, procedure: str) -> Estimate:
-    if task.knowledge is not None and procedure in ("six-position", "improved-six-position", "rate-table"):
+    if task.knowledge is not None and procedure in (
+        "six-position",
+        "improved-six-position",
+        "rate-table",
+        "laboratory",
+    ):
         raise UsageError(
             f"--prior is not used by the procedure {procedure}: leave it out, or take --procedure multi-position."
         )
@@ -257,6 +263,15 @@ def _turntable(task: Task) -> Estimate:
     )
 
 
+def _laboratory(task: Task) -> Estimate:
+    from tumble.calibration.laboratory import calibrate_laboratory
+    from tumble.segmentation.rotations import observe_rotations
+
+    protocol, matching, spins = _spins(task)
+    rotations = observe_rotations(protocol, task.recording, task.timeline, matching, task.means, spins)
+    return calibrate_laboratory(task.recording, task.means, rotations, matching, protocol, task.site)
+
+
 def _spins(task: Task) -> tuple[Protocol, Matching, SpinMeans]:
     from tumble.segmentation.matching import observe_matched_spins
 
@@ -277,6 +292,7 @@ _PROCEDURES: dict[str, Callable[[Task], Estimate]] = {
     "rate-table": _rate_table,
     "modified-multi-position": _modified_multi_position,
     "turntable": _turntable,
+    "laboratory": _laboratory,
 }
 
 
