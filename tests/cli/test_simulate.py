@@ -241,3 +241,49 @@ def test_ctrl_c_at_any_moment_leaves_all_or_nothing(tmp_path: Path, delay: float
         assert not folder.exists()
     else:
         assert set(contents(folder)) == FILES
+
+
+def test_what_is_wrong_with_the_table_is_simulated_and_stands_in_both_files(
+    tumble: Any, tmp_path: Path
+) -> None:
+    protocol = tmp_path / "table.yaml"
+    rest = "  - hold: rest\n    up: z\n    seconds: 5\n"
+    spin = "  - spin:\n    axis: x\n    rate_deg_per_s: -80\n    seconds: 16\n    angle_deg: -1440\n"
+    head = "format: tumble protocol\nprocedure: turntable\ngravity: 9.81\nsteps:\n"
+    protocol.write_text(head + rest + spin + rest, encoding="utf-8")
+    options = "--table-angle-arcsec 20 --table-once-arcsec 10 --table-twice-arcsec 5 --table-tilt-deg 0.1 "
+    options += "--table-wobble-arcsec 4 --table-ripple-ppm 300 --table-ripple-cycles 7 --table-ramps 15 "
+    options += "--table-stops 1:50 --lever-arm-cm 5,-2,1"
+    answer = tumble("simulate", protocol, "--rate", 20, *options.split(), "-o", tmp_path / "trial")
+    assert answer.status == 0, answer
+    truth = json.loads((tmp_path / "trial" / "truth.json").read_text("utf-8"))
+    arc_second = 4.84813681e-6
+    table = truth["table"]
+    assert table["angle_sigma"] == pytest.approx(20 * arc_second)
+    assert (table["once"], table["twice"]) == pytest.approx((10 * arc_second, 5 * arc_second))
+    assert table["wobble"] == pytest.approx(4 * arc_second)
+    assert table["axis_tilt"] == pytest.approx(0.1 * 3600 * arc_second)
+    assert (table["ripple"], table["ripple_cycles"], table["ramp_spread"]) == (pytest.approx(3e-4), 7, 0.15)
+    assert table["stops_early"] == [[0, 0.5]]
+    assert truth["lever_arm_b"] == pytest.approx([0.05, -0.02, 0.01])
+    written = (tmp_path / "trial" / "protocol.yaml").read_text("utf-8")
+    assert "angle_deg: -720\n    angle_uncertainty_arcsec: 20\n" in written
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("--table-wobble-arcsec", "-1", "arc-seconds from 0 to 36000"),
+        ("--table-ripple-ppm", "nan", "ppm from 0 to 500000"),
+        ("--table-stops", "2", "such as 2:60"),
+        ("--table-stops", "0:60", "such as 2:60"),
+        ("--table-stops", "99:60", "stop spin 99 early, and the protocol's last one is number 12"),
+        ("--lever-arm-cm", "1,2", "three numbers in cm"),
+        ("--lever-arm-cm", "1,2,nan", "three numbers in cm"),
+    ],
+)
+def test_a_table_that_cannot_be_is_refused_in_a_sentence(
+    tumble: Any, tmp_path: Path, option: str, value: str, words: str
+) -> None:
+    is_told(tumble("simulate", "turntable-9", f"{option}={value}", "-o", tmp_path / "t"), 2, words)
+    assert not (tmp_path / "t").exists()

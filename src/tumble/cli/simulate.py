@@ -10,10 +10,12 @@ import typer
 
 from tumble.cli.options import Gravity, Json, Quiet, SiteOption
 from tumble.cli.progress import progress, results_stand
+from tumble.cli.table import lever_arm, table_errors
 
 if TYPE_CHECKING:
     from tumble.workflows.simulate import Simulated
 
+_TABLE = "Turntable"
 # More files than this are counted instead of listed.
 LISTED = 5
 # What ratios and angles are shown in.
@@ -25,7 +27,7 @@ def simulate_command(
         str,
         typer.Argument(
             help="A protocol file, or the name of a protocol: six-position, multi-position-26 (18, 10, 9), rate-table, "
-            "modified-multi-position, hand-held."
+            "modified-multi-position, turntable-9 (18), laboratory, hand-held."
         ),
     ],
     output: Annotated[
@@ -80,6 +82,65 @@ def simulate_command(
     ] = 0.0,
     dropped: Annotated[float, typer.Option(help="Share of the samples that are lost, in per cent.")] = 0.0,
     burst: Annotated[float, typer.Option(help="How many samples are lost at a time, on average.")] = 1.0,
+    table_angle_arcsec: Annotated[
+        float | None,
+        typer.Option(
+            help="Standard deviation of each angle against the display, in arc-seconds (default: the protocol's).",
+            rich_help_panel=_TABLE,
+        ),
+    ] = None,
+    table_once_arcsec: Annotated[
+        float,
+        typer.Option(
+            help="Systematic error of the angle, once a revolution, in arc-seconds.", rich_help_panel=_TABLE
+        ),
+    ] = 0.0,
+    table_twice_arcsec: Annotated[
+        float, typer.Option(help="The same, twice a revolution.", rich_help_panel=_TABLE)
+    ] = 0.0,
+    table_tilt_deg: Annotated[
+        float,
+        typer.Option(
+            help="Standard deviation of the axes' lean from where the protocol has them, in degrees.",
+            rich_help_panel=_TABLE,
+        ),
+    ] = 0.0,
+    table_wobble_arcsec: Annotated[
+        float,
+        typer.Option(
+            help="Half angle of the cone that the axis describes, in arc-seconds.", rich_help_panel=_TABLE
+        ),
+    ] = 0.0,
+    table_ripple_ppm: Annotated[
+        float,
+        typer.Option(help="Amplitude of the rate's ripple, in ppm of the rate.", rich_help_panel=_TABLE),
+    ] = 0.0,
+    table_ripple_cycles: Annotated[
+        int, typer.Option(help="How often it comes in a revolution.", rich_help_panel=_TABLE)
+    ] = 12,
+    table_ramps: Annotated[
+        float,
+        typer.Option(
+            help="Standard deviation of the time of each ramp, in per cent of it.", rich_help_panel=_TABLE
+        ),
+    ] = 0.0,
+    table_stops: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SPIN:PERCENT",
+            help="A spin, counted from 1, that stops after so much of its angle; may be given again.",
+            rich_help_panel=_TABLE,
+            show_default=False,
+        ),
+    ] = None,
+    lever_arm_cm: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,Z",
+            help="From the table's centre to the accelerometers, in b; nine numbers for a place of each.",
+            rich_help_panel=_TABLE,
+        ),
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -101,6 +162,17 @@ def simulate_command(
     for name, value in (("jitter", jitter), ("sampling-jitter", sampling_jitter)):
         if not 0.0 <= value <= 1000.0:
             raise UsageError(f"--{name} {value:g}: milliseconds from 0 to 1000.")
+    table = table_errors(
+        angle=table_angle_arcsec,
+        once=table_once_arcsec,
+        twice=table_twice_arcsec,
+        tilt=table_tilt_deg,
+        wobble=table_wobble_arcsec,
+        ripple=table_ripple_ppm,
+        cycles=table_ripple_cycles,
+        ramps=table_ramps,
+        stops=table_stops or [],
+    )
     with progress(quiet or as_json) as say:
         done = simulate(
             protocol,
@@ -123,6 +195,8 @@ def simulate_command(
                 dropped=1e-2 * dropped,
                 burst=burst,
             ),
+            table=table,
+            lever_arm_b=lever_arm(lever_arm_cm),
             progress=say,
         )
     results_stand()

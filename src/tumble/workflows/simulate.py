@@ -22,9 +22,10 @@ from tumble.workflows.protocols import read_given_protocol
 from tumble.workflows.truth import FORMAT, Settings, case_columns, read_in_other_axes, truth_document
 
 if TYPE_CHECKING:
+    from tumble.arrays import AnyArray
     from tumble.protocol import Protocol, Step
     from tumble.recording import Recording
-    from tumble.simulation import Imperfections, Truth
+    from tumble.simulation import Imperfections, TableErrors, Truth
 
 # What most people hold in their hands, with errors large enough for every procedure to find.
 DEFAULT_GRADE = "consumer-mems"
@@ -64,6 +65,8 @@ def simulate(
     nonlinear: bool = False,
     wander: bool = False,
     imperfections: Imperfections | None = None,
+    table: TableErrors | None = None,
+    lever_arm_b: AnyArray | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Simulated:
     """Play a protocol on a simulated unit, and write recording, protocol and truth into one folder.
@@ -89,6 +92,8 @@ def simulate(
     nonlinear : draw quadratic terms of the sheet's linearity, where it states one.
     wander : let biases wander within the run as the sheet's in-run stability says, where it states one.
     imperfections : what the recording chain does.
+    table : what is wrong with the table; the protocol that is written then has its display's angles.
+    lever_arm_b : m, from the table's centre to the unit, (3,), or (3, 3) with a row for each accelerometer.
     progress : is told in words what is being done.
 
     Raises
@@ -98,6 +103,7 @@ def simulate(
     OutputError
         If the files cannot be written; earlier ones are intact.
     """
+    from tumble.protocol import SpinStep
     from tumble.simulation import Imperfections, find_grade, simulate_protocol
 
     say, began = progress or _silent, time.perf_counter()
@@ -108,6 +114,10 @@ def simulate(
     if place is None:
         place = Site.from_latitude(DEFAULT_LATITUDE)
         remarks.append("No site was given: it is played at latitude 45°, height 0 m; --site says another.")
+    if table is not None and not any(isinstance(step, SpinStep) for step in given.steps):
+        remarks.append(
+            f"The protocol {given.name} has no spins: what is wrong with the table changes nothing."
+        )
     hertz = rate if rate is not None else given.rate or chosen.rate
     _check(units, seed, unit, hertz, given, per_step)
     folder = Path(output) if output is not None else Path(f"{given.name}-simulated")
@@ -127,6 +137,8 @@ def simulate(
         noise=noise,
         imperfections=chain,
         placement=placement,
+        lever_arm_b=lever_arm_b,
+        table=table,
         units=units,
     )
     columns = None
@@ -134,12 +146,14 @@ def simulate(
         # Read by these columns, the recording is in the axes that the poses are of.
         columns = case_columns(chosen.C_instrument_case)
         truth = read_in_other_axes(truth, chosen.C_instrument_case.T)
-    settings = Settings(played_by, seed, unit, noise, placement, axes, chain)
+    settings = Settings(played_by, seed, unit, noise, placement, axes, chain, table, lever_arm_b)
     document = truth_document(given, recording, truth, settings)
     simulated = time.perf_counter()
     say("writing")
     said = "counts" if units == "counts" else "m/s^2,rad/s,s"
-    played = replace(given, site=place, recordings=(), rate=None, columns=columns, units=said)
+    played = replace(
+        given, steps=truth.steps, site=place, recordings=(), rate=None, columns=columns, units=said
+    )
     files = _write(folder, played, recording, truth, document, per_step)
     seconds = {"simulating": simulated - began, "writing": time.perf_counter() - simulated}
     return Simulated(folder, files, document, remarks, seconds)
@@ -297,26 +311,45 @@ def _write_texts(protocol: Protocol, document: dict[str, Any], beside: Path) -> 
 def _write_steps(
     protocol: Protocol, recording: Recording, truth: Truth, beside: Path
 ) -> tuple[Protocol, list[str]]:
-    """Write each hold and spin to a file of its own; return the protocol whose steps name them, and the names."""
-    from tumble.protocol import TurnStep
+    """Write each hold and spin to a file of its own; return the protocol whose steps name them, and the names.
+
+    A rotation whose angle is known is one with the rests beside it: so far as these reach it is one file.
+    """
     from tumble.recording.formats.output import write_recording
 
-    steps: list[Step] = []
     names: list[str] = []
-    width = len(str(len(protocol.steps)))
-    # Whole samples inside the step: half an interval from each of its ends.
+    steps = [replace(step, file=None, interval=None) for step in protocol.steps]
+    width = len(str(len(steps)))
+    # Whole samples inside the steps: half an interval from each of their ends.
     inside = 0.5 / recording.rate * (1.0 - 1e-6)
-    firsts = np.searchsorted(recording.time, truth.step_edges[:, 0] + inside).tolist()
-    lasts = np.searchsorted(recording.time, truth.step_edges[:, 1] - inside, side="right").tolist()
-    for number, (step, first, last) in enumerate(zip(protocol.steps, firsts, lasts, strict=True), 1):
-        if isinstance(step, TurnStep) or not last - first > 1:
-            steps.append(replace(step, file=None, interval=None))
+    firsts: list[int] = np.searchsorted(recording.time, truth.step_edges[:, 0] + inside).tolist()
+    lasts: list[int] = np.searchsorted(recording.time, truth.step_edges[:, 1] - inside, side="right").tolist()
+    for run in _runs(protocol.steps):
+        first, last = firsts[run[0]], lasts[run[-1]]
+        if not last - first > 1:
             continue
-        name = f"step-{number:0{width}d}.csv"
-        write_recording(recording.between(first, last), beside / name)
-        names.append(name)
-        steps.append(replace(step, file=name, interval=None))
+        names.append(f"step-{run[0] + 1:0{width}d}.csv")
+        write_recording(recording.between(first, last), beside / names[-1])
+        for number in run:
+            steps[number] = replace(steps[number], file=names[-1])
     return replace(protocol, steps=tuple(steps)), names
+
+
+def _runs(steps: tuple[Step, ...]) -> list[list[int]]:
+    """Return which steps, turns apart, share a file: each alone, but rotations of known angle with their rests."""
+    from tumble.protocol import SpinStep, TurnStep
+
+    runs: list[list[int]] = []
+    known = [isinstance(step, SpinStep) and step.angle is not None for step in steps]
+    for number, step in enumerate(steps):
+        if isinstance(step, TurnStep):
+            continue
+        joined = runs and runs[-1][-1] == number - 1 and (known[number] or known[number - 1])
+        if joined:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return runs
 
 
 def _silent(_: str) -> None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tumble.protocol import Protocol, Step
     from tumble.recording import Recording
     from tumble.sensor import ImuModel, Triad
-    from tumble.simulation import Grade, Imperfections, TriadNoise, Truth
+    from tumble.simulation import Grade, Imperfections, TableErrors, TriadNoise, Truth
 
 FORMAT = "tumble truth"
 # These know the poses, and answer in the fixture's axes.
@@ -47,6 +47,7 @@ class Settings:
     noise, placement : whether there were any.
     axes : "unit" or "case", what b is.
     imperfections : of the chain to the file.
+    table, lever_arm_b : of the table, and m to the unit on it; None for none.
     """
 
     grade: Grade
@@ -56,6 +57,8 @@ class Settings:
     placement: bool
     axes: str
     imperfections: Imperfections
+    table: TableErrors | None = None
+    lever_arm_b: AnyArray | None = None
 
 
 def truth_document(
@@ -99,6 +102,8 @@ def truth_document(
         "noise": _noise(settings.grade) if settings.noise else None,
         "placement": settings.placement,
         "imperfections": asdict(settings.imperfections),
+        "table": None if settings.table is None else asdict(settings.table),
+        "lever_arm_b": _numbers(settings.lever_arm_b),
         "steps": [_step(number, step, truth) for number, step in enumerate(protocol.steps)],
     }
 
@@ -377,6 +382,9 @@ def _step(number: int, step: Step, truth: Truth) -> dict[str, Any]:
                 "rate": spin.rate,
                 "axis_b": _numbers(spin.axis_b),
                 "axis_n": _numbers(spin.axis_n),
+                "angle": spin.angle,
+                "shown_angle": spin.shown,
+                "ramps_s": _numbers(spin.ramps),
             }
     return result
 

@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import OutputError, UsageError
-from tumble.protocol import PROTOCOLS, read_protocol
-from tumble.simulation import Imperfections
+from tumble.protocol import PROTOCOLS, HoldStep, SpinStep, read_protocol
+from tumble.simulation import Imperfections, TableErrors
 from tumble.workflows.calibrate import calibrate
-from tumble.workflows.simulate import simulate
+from tumble.workflows.simulate import Simulated, simulate
 from tumble.workflows.truth import case_columns
 
 RATE = 20.0
@@ -341,3 +341,54 @@ def test_true_parameters_are_named_and_framed_as_the_calibration_s(
         assert off < 10.0 * parameter.standard_uncertainty, parameter.name
         compared += 1
     assert compared >= 9
+
+
+def spun(folder: Path, **options: Any) -> Simulated:
+    """Two rotations by a table about x, 13.3 turns a minute, at 20 Hz."""
+    path = folder / "spun.yaml"
+    rest = "  - hold: rest\n    up: z\n    uncertainty_deg: 1\n    seconds: 5\n"
+    spin = "  - spin: {way}\n    axis: x\n    rate_deg_per_s: {sign}80\n    seconds: 16\n    angle_deg: {sign}1440\n"
+    steps = [rest, spin.format(way="ccw", sign=""), rest, spin.format(way="cw", sign="-"), rest]
+    turned = "  - turn:\n    seconds: 3\n  - hold: else\n    up: y\n    seconds: 5\n"
+    head = "format: tumble protocol\nprocedure: turntable\ngravity: 9.81\nsteps:\n"
+    path.write_text(head + "".join(steps) + turned, encoding="utf-8")
+    return simulate(path, rate=20.0, noise=False, output=folder / "out", **options)
+
+
+def test_the_protocol_has_the_display_s_angles_and_the_truth_what_was_turned(tmp_path: Path) -> None:
+    table = TableErrors(angle_sigma=1e-3, wobble=1e-4, stops_early=((1, 0.4375),))
+    done = spun(tmp_path, table=table, lever_arm_b=np.array([0.05, -0.02, 0.01]))
+    protocol = read_protocol(done.folder / "protocol.yaml")
+    _, ccw, _, cw, stays, _, other = protocol.steps
+    assert isinstance(ccw, SpinStep)
+    assert isinstance(cw, SpinStep)
+    assert ccw.angle == pytest.approx(8.0 * np.pi, rel=1e-15)
+    assert cw.angle == pytest.approx(-3.5 * np.pi, rel=1e-15)
+    assert ccw.angle_sigma == cw.angle_sigma == 1e-3
+    # 630° clockwise about x are 90° counter-clockwise, and bring y up.
+    assert isinstance(stays, HoldStep)
+    assert isinstance(other, HoldStep)
+    assert stays.pose is not None
+    np.testing.assert_allclose(stays.pose.up_b, [0.0, 1.0, 0.0], atol=1e-12)
+    truth = json.loads((done.folder / "truth.json").read_text("utf-8"))
+    assert truth["table"]["wobble"] == 1e-4
+    assert truth["lever_arm_b"] == [0.05, -0.02, 0.01]
+    for step, read in zip(truth["steps"], protocol.steps, strict=True):
+        if isinstance(read, SpinStep):
+            assert step["shown_angle"] == pytest.approx(read.angle, rel=1e-15)
+            assert 0.0 < abs(step["angle"] - step["shown_angle"]) < 6e-3
+            assert step["ramps_s"] == [2.0, 2.0]
+
+
+def test_rotations_of_known_angle_share_a_file_with_the_rests_beside_them(tmp_path: Path) -> None:
+    done = spun(tmp_path, per_step=True)
+    steps = read_protocol(done.folder / "protocol.yaml").steps
+    assert [step.file for step in steps] == [*["step-1.csv"] * 5, None, "step-7.csv"]
+    rows = (done.folder / "step-1.csv").read_text("utf-8").splitlines()
+    seconds = 3 * 5.0 + 2 * 20.0
+    assert sum(row[0].isdigit() or row[0] == "-" for row in rows) == pytest.approx(20.0 * seconds, abs=2)
+
+
+def test_a_table_of_a_protocol_without_spins_is_remarked_on(tmp_path: Path) -> None:
+    done = simulate("six-position", rate=5.0, table=TableErrors(wobble=1e-5), output=tmp_path / "six")
+    assert any("has no spins" in remark for remark in done.remarks)
