@@ -286,3 +286,9 @@ def test_a_claim_that_the_tables_bear_out_is_inside() -> None:
 def test_rows_are_plain_data() -> None:
     row = Row("b x", "rad/s", (1.0, None, "2: noise"))
     assert dataclasses.asdict(row)["cells"] == (1.0, None, "2: noise")
+
+
+@pytest.mark.parametrize("name", ["hayal-5.5", "hayal-5.6", "hayal-5.7", "zhang-figure-5", "zhang-figure-10"])
+def test_what_needs_navigation_is_said_to_need_it(name: str) -> None:
+    with pytest.raises(UsageError, match=r"needs navigation .* not built yet"):
+        find_items(name)
