@@ -430,3 +430,18 @@ def test_a_spin_at_another_rate_than_the_protocol_states_is_told_by_both_rates(u
         rf"Step 4 \({spin.name}\) was left out: it states -33°/s, and the gyro showed -(9\.[5-9]|10)\d*°/s at .* s\.",
         said,
     )
+
+
+def test_axes_that_are_reversed_and_not_swapped_are_called_reversed() -> None:
+    protocol = shortened("six-position")
+    recording, _ = simulated(protocol)
+    turned = turned_columns(recording, -np.eye(3), np.eye(3))
+    with pytest.raises(
+        SegmentationError, match=r"once the axes x, y and z are reversed: x is -x, y is -y, z is -z"
+    ):
+        matched(protocol, turned)
+    half = np.diag([-1.0, -1.0, 1.0])
+    with pytest.raises(SegmentationError, match=r"once the axes x and y are reversed: x is -x, y is -y\."):
+        matched(protocol, turned_columns(recording, half, half))
+    with pytest.raises(SegmentationError, match=r"once the z axis is reversed: z is -z\."):
+        matched(protocol, turned_columns(recording, np.diag([1.0, 1.0, -1.0]), np.eye(3)))

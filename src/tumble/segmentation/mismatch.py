@@ -166,7 +166,7 @@ def _refuse_swapped_accelerometer(case: Case, fit: Fit) -> None:
     both = np.linalg.det(axes) > 0.0 and case.recording.angular_rate is not None
     gyro = axes if both else np.eye(3)
     raise SegmentationError(
-        f"{fitting} of the {posed} poses fit once the axes are swapped: {_in_words(axes)}. If the columns are "
+        f"{fitting} of the {posed} poses fit once {_changed_axes('the', axes)}: {_in_words(axes)}. If the columns are "
         f"mistaken or the unit is mounted otherwise, give --columns {_columns(axes, gyro)} (the file's columns in "
         "their order); if the steps were done in another order, put the protocol's steps into that order."
     )
@@ -181,8 +181,9 @@ def _refuse_swapped_gyro(case: Case, fit: Fit) -> None:
     if np.array_equal(axes, -np.eye(3)):
         spins = [number for number in case.steps if isinstance(case.protocol.steps[number], SpinStep)]
         _raise_reversed(case, [str(number + 1) for number in spins], counter_clockwise=True)
+    changed = _changed_axes("the gyro's", axes)
     raise SegmentationError(
-        f"The spins fit once the gyro's axes are swapped: {_in_words(axes)}. Give --columns "
+        f"The spins fit once {changed}: {_in_words(axes)}. Give --columns "
         f"{_columns(np.eye(3), axes)} (the file's columns in their order), or mend the axes in the protocol."
     )
 
@@ -192,6 +193,17 @@ def _best_axes(fits: list[Fit]) -> tuple[Fit | None, Matrix]:
     costs = [fit.alignment.cost for fit in fits]
     best = int(np.argmin(costs))
     return (fits[best] if costs[best] < costs[0] - 1.5 * GAP else None), signed_permutations()[best]
+
+
+def _changed_axes(whose: str, axes: Matrix) -> str:
+    """What was done to axes: reversed where each is still its own, else swapped."""
+    signs = np.diag(axes)
+    if not np.array_equal(np.abs(axes), np.eye(3)):
+        return f"{whose} axes are swapped"
+    reversed_ = [axis for axis, sign in zip("xyz", signs, strict=True) if sign < 0.0]
+    if len(reversed_) == 1:
+        return f"{whose} {reversed_[0]} axis is reversed"
+    return f"{whose} axes {', '.join(reversed_[:-1])} and {reversed_[-1]} are reversed"
 
 
 def _in_words(axes: Matrix) -> str:
