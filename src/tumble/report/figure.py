@@ -12,6 +12,7 @@ import numpy as np
 Plot = dict[str, Any]
 
 BLUE, RED, GREEN, ORANGE, GREY, PURPLE = "#3b82d6", "#d6485b", "#2f9e6e", "#dd8a21", "#8b919c", "#8f63c9"
+TEAL = "#12a5ad"
 AXIS_COLOURS = {"x": RED, "y": GREEN, "z": BLUE}
 
 

@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     from tumble.segmentation import HoldMeans, Timeline
     from tumble.segmentation.matching import Matching
 
+# More recordings than this are counted, as one a step often are.
+MOST_FILES_NAMED = 4
 # The page may run what it holds and draw what it made, and fetch nothing.
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
@@ -93,7 +95,7 @@ def render_report(
     protocol, matching : what was to be done, and which hold and spin is which step, if it was told.
     """
     rows = parameter_rows(calibration)
-    sections = _sections(calibration, estimate, recording, timeline, means, rows)
+    sections = _sections(calibration, estimate, recording, timeline, means, rows, matching)
     body = [
         _header(calibration, recording),
         _verdict(calibration),
@@ -195,8 +197,15 @@ def _marked(sentence: str) -> str:
 
 def _title(calibration: Calibration) -> str:
     unit = " ".join(part for part in (calibration.imu.model, calibration.imu.serial_number) if part)
-    names = ", ".join(recording.name for recording in calibration.recordings)
-    return f"Calibration of {unit or names or 'an IMU'}"
+    return f"Calibration of {unit or _file_names(calibration) or 'an IMU'}"
+
+
+def _file_names(calibration: Calibration) -> str:
+    """Return the recordings by name; of many the first and the last, the document names them all."""
+    names = [recording.name for recording in calibration.recordings]
+    if len(names) <= MOST_FILES_NAMED:
+        return ", ".join(names)
+    return f"{len(names)} files, {names[0]} … {names[-1]}"
 
 
 def _header(calibration: Calibration, recording: Recording) -> str:
@@ -205,7 +214,7 @@ def _header(calibration: Calibration, recording: Recording) -> str:
     if site.latitude_deg is not None:
         where = f"latitude {site.latitude_deg:.4f}°, {where}"
     facts = [
-        ("Recording", ", ".join(source.name for source in calibration.recordings) or "not from a file"),
+        ("Recording", _file_names(calibration) or "not from a file"),
         (
             "Samples",
             f"{len(recording)} at {recording.rate:g} Hz, {recording.duration:.0f} s; "
@@ -269,8 +278,10 @@ def _sections(
     timeline: Timeline,
     means: HoldMeans,
     rows: list[ParameterRow],
+    matching: Matching | None,
 ) -> list[Section]:
-    sections = [timeline_section(recording, timeline, estimate)]
+    spun = [] if matching is None else [(spin.start, spin.stop) for spin in matching.spins]
+    sections = [timeline_section(recording, timeline, estimate, spun)]
     up_b = _up(estimate, means)
     poses = [] if up_b is None else [pose_words(up) for up in up_b]
     gone = {left.index for left in estimate.left_out if left.kind == "hold"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from tumble.report.figure import (
     ORANGE,
     PURPLE,
     RED,
+    TEAL,
     Figure,
     Plot,
     Section,
@@ -69,10 +71,18 @@ def envelope(time: Series, signal: Vectors, bins: int = BINS) -> Envelope:
     return Envelope(0.25 * width, 0.5 * width, values)
 
 
-def timeline_section(recording: Recording, timeline: Timeline, estimate: Estimate) -> Section:
-    """Return the figure of the whole recording."""
+def timeline_section(
+    recording: Recording, timeline: Timeline, estimate: Estimate, spins: Sequence[tuple[int, int]] = ()
+) -> Section:
+    """Return the figure of the whole recording.
+
+    Parameters
+    ----------
+    recording, timeline, estimate : what was recorded, found in it, and made of it.
+    spins : first sample and the one after the last of each spin that was used, as the estimate counts them.
+    """
     model = estimate.model
-    data: list[Plot] = _strip(recording, timeline, estimate)
+    data: list[Plot] = _strip(recording, timeline, estimate, spins)
     layout = base_layout(
         560,
         xaxis=text_axis(
@@ -93,8 +103,9 @@ def timeline_section(recording: Recording, timeline: Timeline, estimate: Estimat
     return Section(
         "Timeline",
         [Figure("timeline", "Specific force and angular rate over time with holds and turns", data, layout)],
-        "Each numbered blue stretch is a hold and should be flat; purple is a turn that was used, red was left "
-        "out as an outlier, orange was rejected: point at the strip on top for the reason.",
+        "Each numbered blue stretch is a hold and should be flat; purple is a turn that was used, "
+        + ("teal a spin, " if spins else "")
+        + "red was left out as an outlier, orange was rejected: point at the strip on top for the reason.",
         _rejection_notes(recording, timeline),
     )
 
@@ -149,7 +160,9 @@ def _channels(values: Envelope, axis: str, *, first: bool) -> list[Plot]:
     ]
 
 
-def _strip(recording: Recording, timeline: Timeline, estimate: Estimate) -> list[Plot]:
+def _strip(
+    recording: Recording, timeline: Timeline, estimate: Estimate, spins: Sequence[tuple[int, int]]
+) -> list[Plot]:
     """Return the bars on top: what each stretch of the recording was taken for."""
     why = {(left.kind, left.index): left.reason for left in estimate.left_out}
     holds: list[tuple[int, int, str, str]] = []
@@ -168,9 +181,37 @@ def _strip(recording: Recording, timeline: Timeline, estimate: Estimate) -> list
         colour = RED if reason else PURPLE if turn.usable else ORANGE
         turns.append((turn.start, turn.stop, words, colour))
     rejected = [(r.start, r.stop, f"rejected: {r.reason}", ORANGE) for r in timeline.rejections]
-    kinds = [("turns", turns), ("holds", holds), ("rejected", rejected)]
+    spun = [
+        (start, stop, _spin_words(estimate, index, reason), RED if reason else TEAL)
+        for index, (start, stop) in enumerate(spins)
+        for reason in [why.get(("spin", index))]
+    ]
+    # A spin lies within the turn between two holds, or within what was rejected: it is drawn over them.
+    kinds = [("turns", turns), ("holds", holds), ("rejected", rejected), ("spins", spun)]
     bars = [_bars(recording, name, items) for name, items in kinds if items]
-    return [*bars, _hold_numbers(recording, timeline)]
+    colours = {"holds": BLUE, "turns": PURPLE, "spins": TEAL, "rejected": ORANGE}
+    legend = [_legend(name, colours[name]) for name, items in kinds if items]
+    return [*bars, *legend, _hold_numbers(recording, timeline)]
+
+
+def _spin_words(estimate: Estimate, index: int, reason: str | None) -> str:
+    name = estimate.spin_names[index] if index < len(estimate.spin_names) else ""
+    words = f"spin {index + 1}" + (f": {name}" if name else "")
+    return words + (f", left out: {reason}" if reason else "")
+
+
+def _legend(name: str, colour: str) -> Plot:
+    """Return a trace without points: the bars' own entry would have the first bar's colour, which may be red."""
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "name": name,
+        "x": [None],
+        "y": [None],
+        "yaxis": "y3",
+        "marker": {"color": colour, "symbol": "square", "size": 10},
+        "hoverinfo": "skip",
+    }
 
 
 def _hold_numbers(recording: Recording, timeline: Timeline) -> Plot:

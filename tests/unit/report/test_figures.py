@@ -123,3 +123,20 @@ def test_turns_are_worse_before_than_after(hand_held: dict[str, Any]) -> None:
 
 def test_without_turns_there_is_no_figure_of_turns(multi_position: dict[str, Any]) -> None:
     assert turn_section(multi_position["estimate"], None, []) is None
+
+
+def test_spins_have_a_colour_and_a_legend_of_their_own(hand_held: dict[str, Any]) -> None:
+    timeline, turn = hand_held["timeline"], hand_held["timeline"].turns[0]
+    spins = [(turn.start, turn.stop), (timeline.turns[2].start, timeline.turns[2].stop)]
+    section = timeline_section(hand_held["recording"], timeline, hand_held["estimate"], spins)
+    traces = section.figures[0].data
+    bars = {trace["name"]: trace for trace in traces if trace["type"] == "bar"}
+    legend = {trace["name"]: trace for trace in traces if trace.get("mode") == "markers"}
+    assert len(bars["spins"]["hovertext"]) == 2
+    assert bars["spins"]["hovertext"][0].startswith("spin 1")
+    (colour,) = set(bars["spins"]["marker"]["color"])
+    assert legend["spins"]["marker"]["color"] == colour
+    assert colour not in {c for name in ("holds", "turns") for c in bars[name]["marker"]["color"]}
+    assert "teal a spin" in section.caption
+    without = timeline_section(hand_held["recording"], timeline, hand_held["estimate"])
+    assert "spin" not in without.caption

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tumble.calibration import Calibration
 from tumble.report.formula import formula_text, python_snippet
-from tumble.report.html import component_words, render_report, write_report
+from tumble.report.html import _title, component_words, render_report, write_report
 from tumble.report.parameters import parameter_rows
 
 WAYS = ("hand_held", "multi_position", "without_gyro", "in_counts")
@@ -223,3 +224,17 @@ def test_the_report_is_written_whole(hand_held: dict[str, Any], tmp_path: Path) 
     write_report(path, **hand_held)
     assert path.read_text(encoding="utf-8") == render_report(**hand_held)
     assert [file.name for file in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_of_many_recordings_the_title_names_the_first_and_the_last(calibration: Calibration) -> None:
+    one = calibration
+    many = one.model_copy(
+        update={
+            "recordings": [
+                one.recordings[0].model_copy(update={"name": f"step-{k:03d}.csv"}) for k in range(1, 105)
+            ]
+        }
+    )
+    assert _title(many) == "Calibration of 104 files, step-001.csv … step-104.csv"
+    few = one.model_copy(update={"recordings": many.recordings[:3]})
+    assert _title(few) == "Calibration of step-001.csv, step-002.csv, step-003.csv"
