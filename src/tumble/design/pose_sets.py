@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import Series, Square, Vectors, inverted
-from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.poses import norm_rows
 from tumble.calibration.singular_poses import describe_mending, describe_untold
 from tumble.errors import ObservabilityError
@@ -75,21 +74,18 @@ def chatfield_orientations(edge_signs: tuple[int, int, int] = (1, 1, 1)) -> Vect
     lost from the scan. Their text fixes this much: 2, 4, 6, 8, 10, 12 to 18 are those in which the
     sensitivity to misalignment is greatest, so edges; the odd numbers to 11 are the faces; and 1 to 7, 9
     and 11 are six faces with one edge in each plane, so 2, 4 and 6 are those. Which face is 1 and what
-    the signs are, it does not: x, y, z up before down here, and the remaining edges in the order of the
-    26 directions.
+    the signs are, it does not. Here 1, 3, ... 11 are x up, x down, y up, and so on to z down; 8, 10 and
+    12 the edges with the other sign, first axis up; 13 to 18 those with the first axis down.
     """
     if any(sign not in (1, -1) for sign in edge_signs):
         raise ValueError(f"signs are 1 or -1, not {edge_signs}")
-    directions = twenty_six_directions()
-    faces, edges = directions[:6], directions[6:18]
-    first = np.zeros((3, 3))
-    for row, (i, j), sign in zip(first, EDGE_PLANES, edge_signs, strict=True):
-        row[i], row[j] = np.sqrt(0.5), sign * np.sqrt(0.5)
-    others = edges[np.max(edges @ first.T, axis=1) < 0.9]
     orientations = np.zeros((18, 3))
-    orientations[0:11:2] = faces
-    orientations[1:6:2] = first
-    orientations[[number - 1 for number in OTHER_EDGE_NUMBERS]] = others
+    for axis in range(3):
+        orientations[4 * axis, axis], orientations[4 * axis + 2, axis] = 1.0, -1.0
+    for plane, (axes, sign) in enumerate(zip(EDGE_PLANES, edge_signs, strict=True)):
+        numbers = (2 + 2 * plane, 8 + 2 * plane, 13 + 2 * plane, 14 + 2 * plane)
+        for number, parts in zip(numbers, ((1, sign), (1, -sign), (-1, 1), (-1, -1)), strict=True):
+            orientations[number - 1, axes] = np.sqrt(0.5) * np.array(parts)
     return orientations
 
 
