@@ -36,14 +36,14 @@ def is_told(answer: Any, status: int, *words: str) -> None:
 def test_without_an_item_it_lists_what_there_is(tumble: Any) -> None:
     answer = tumble("reproduce")
     assert answer.status == 0
-    names = re.findall(r"^(hayal-\S+)  ", answer.out, re.M)
+    names = re.findall(r"^((?:hayal|zhang)-\S+)  ", answer.out, re.M)
     assert names == list(ITEMS)
     efforts = re.findall(
-        r"^hayal-\S+ .*  (\d+ runs?; 500 take about \S+ s|no runs; at once)$", answer.out, re.M
+        r"^(?:hayal|zhang)-\S+ .*  (\d+ runs?; 500 take about \S+ s|no runs; at once)$", answer.out, re.M
     )
     assert len(efforts) == len(ITEMS)
     assert efforts[-1] == "no runs; at once"
-    assert "5.5 to 5.7 need navigation" in answer.out
+    assert "Hayal's tables 5.5 to 5.7 and Zhang's figures 5 to 10 need navigation" in answer.out
 
 
 def test_an_item_is_printed_beside_the_thesis(tumble: Any) -> None:

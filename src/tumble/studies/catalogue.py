@@ -17,6 +17,7 @@ from tumble.studies.outcome import Outcome
 from tumble.studies.published import hayal, zhang
 from tumble.studies.zhang_comparison import reproduce_figure as reproduce_norm_errors
 from tumble.studies.zhang_comparison import reproduce_table_6
+from tumble.studies.zhang_contradictions import reproduce_contradictions as reproduce_zhang_contradictions
 from tumble.studies.zhang_sensitivity import reproduce_designs, reproduce_sensitivity
 from tumble.studies.zhang_tables import reproduce_scatter_table, reproduce_table_2, reproduce_table_5
 
@@ -130,6 +131,12 @@ def _zhang_items() -> list[Item]:
             reproduce_designs,
             500,
             2.0,
+        ),
+        Item(
+            "zhang-contradictions",
+            "the formulas tried, and what the paper says against its own tables",
+            reproduce_zhang_contradictions,
+            None,
         ),
     ]
     return items
