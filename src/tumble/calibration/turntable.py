@@ -26,18 +26,27 @@ from tumble.arrays import AnyArray, Matrix, Series, Square, Vector, inverted
 from tumble.attitude import skew
 from tumble.calibration.accelerometers import fit_accelerometers
 from tumble.calibration.canonical import describe_unknowns
-from tumble.calibration.estimate import Estimate, LeftOut, RotationFit, TurnedAngle, coverage_factor
+from tumble.calibration.estimate import (
+    Estimate,
+    LeftOut,
+    RotationFit,
+    TermTest,
+    TurnedAngle,
+    coverage_factor,
+)
 from tumble.calibration.handedness import refuse_contradicting_axes
 from tumble.calibration.inter_triad import wahba_rotation
 from tumble.calibration.multi_position import ROTATION_SIGMA, TriadFit
 from tumble.calibration.placement import is_excessive
 from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.rest_rates import SENSITIVITY as REST_SENSITIVITY
 from tumble.calibration.rotation_pairs import EarthParts, RotationPair, pair_rotations
 from tumble.calibration.rotation_planes import SMALLEST_SINE, RotationPlane, normal_in_raw, observe_plane
 from tumble.calibration.separate_norms import bias_from_static_pairs, ellipsoid_from_norms
 from tumble.calibration.spin_groups import REVERSED
+from tumble.calibration.term_tests import wald_test
 from tumble.calibration.triad_unknowns import triad_from_unknowns
-from tumble.calibration.turn_conditions import FORCE, GYRO_BIAS, GYRO_MATRIX, TOTAL
+from tumble.calibration.turn_conditions import FORCE, G_SENSITIVITY, GYRO_MATRIX, TOTAL
 from tumble.calibration.turntable_solution import (
     BIAS,
     GROUPS,
@@ -61,6 +70,8 @@ SEEN = 0.2
 # Axes of both triads that differ by more after the best rotation belong to no rotation.
 LARGEST_MISFIT = 0.2
 PASSES = 4
+# Chance of keeping a g-sensitivity that is not there, and the rests that twelve unknowns ask for.
+G_SENSITIVITY_FALSE_ALARM, FEWEST_RESTS = 0.01, 9
 _ARCSEC = np.pi / 648000.0
 
 
@@ -94,6 +105,12 @@ class _Solution:
     parts: dict[int, Vector]
     tests: _Tests
     scaled: dict[str, float]
+    term: TermTest | None
+
+    @property
+    def terms(self) -> frozenset[str]:
+        """Optional terms that were estimated."""
+        return frozenset({"g_sensitivity"}) if self.system.with_sensitivity else frozenset[str]()
 
 
 def calibrate_turntable(
@@ -165,12 +182,28 @@ def _solve(task: _Task) -> _Solution:
         values = system.solve(system.inputs.unchanged)
         matrix, bias = values[MATRIX].reshape(3, 3), values[BIAS]
     assert system is not None
+    term = _test_sensitivity(system, values)
+    if term is not None and term.kept:
+        system = TurntableSystem.of(system.inputs, with_sensitivity=True)
+        values = system.solve(system.inputs.unchanged)
     tests = _tests(task, system, values)
     inputs, scaled = _scaled(system.inputs, tests)
     if scaled:
-        system = TurntableSystem.of(inputs)
+        system = TurntableSystem.of(inputs, with_sensitivity=system.with_sensitivity)
         values = system.solve(inputs.unchanged)
-    return _Solution(system, values, parts, tests, scaled)
+    return _Solution(system, values, parts, tests, scaled, term)
+
+
+def _test_sensitivity(system: TurntableSystem, values: Series) -> TermTest | None:
+    """Test whether the gyros at rest show a g-sensitivity; without a latitude and with the Earth seen they cannot."""
+    if system.by_pairs or len(system.inputs.rest) < FEWEST_RESTS:
+        return None
+    told = system.rests(values[MATRIX].reshape(3, 3), values[:9], system.inputs.rest, with_sensitivity=True)
+    noise = max(1.0, told.square_sum / told.degrees)
+    spread = noise * told.covariance[REST_SENSITIVITY, REST_SENSITIVITY]
+    return wald_test(
+        "g_sensitivity", told.sensitivity.ravel(), spread, told.degrees, G_SENSITIVITY_FALSE_ALARM
+    )
 
 
 def _inputs(task: _Task, parts: dict[int, Vector], matrix: Matrix | None) -> TurntableInputs:
@@ -186,8 +219,10 @@ def _inputs(task: _Task, parts: dict[int, Vector], matrix: Matrix | None) -> Tur
     tangents = [[normal_in_raw(tangent, force_matrix) for tangent in task.planes[k].tangents] for k in told]
     covariance = means.angular_rate_covariance[task.rests]
     vertical: float | None = None
+    horizontal = 0.0
     if task.site.latitude is not None:
         vertical = EARTH_RATE * float(np.sin(task.site.latitude))
+        horizontal = EARTH_RATE * float(np.cos(task.site.latitude))
     elif matrix is not None and not _sees_earth(matrix, covariance):
         # Neither latitude nor gyros that see it: the Earth rate is noise.
         vertical = 0.0
@@ -207,6 +242,7 @@ def _inputs(task: _Task, parts: dict[int, Vector], matrix: Matrix | None) -> Tur
         rest_covariance=covariance,
         rest_force=means.specific_force[task.rests],
         vertical_rate=vertical,
+        horizontal_rate=horizontal,
     )
 
 
@@ -251,7 +287,7 @@ def _worst_axis(task: _Task, axes_o: AnyArray, axes_p: AnyArray) -> str:
 
 def _tests(task: _Task, system: TurntableSystem, values: Series) -> _Tests:
     inputs = system.inputs
-    matrix, bias = values[MATRIX].reshape(3, 3), values[BIAS]
+    matrix = values[MATRIX].reshape(3, 3)
     inverse = inverted(matrix)
     turned = inputs.rotation @ inverse.T
     length = np.linalg.norm(turned, axis=1)
@@ -261,14 +297,10 @@ def _tests(task: _Task, system: TurntableSystem, values: Series) -> _Tests:
     axes = (0.0, 0)
     if system.gain is not None:
         axes = system.axes_test(inputs.unchanged)
-    up = triad_from_unknowns(task.force.unknowns).correct(inputs.rest_force)
-    up /= np.linalg.norm(up, axis=1, keepdims=True)
     rests = (0.0, 0)
-    if inputs.vertical_rate is not None:
-        weight = up @ inverse
-        off = np.einsum("ki,ki->k", weight, inputs.rest - bias) - inputs.vertical_rate
-        sigma = np.einsum("ki,kij,kj->k", weight, inputs.rest_covariance, weight)
-        rests = float(np.sum(off**2 / sigma)), len(off) - 3
+    if not system.by_pairs:
+        told = system.rests(matrix, values[:9], inputs.rest, with_sensitivity=system.with_sensitivity)
+        rests = told.square_sum, told.degrees
     return _Tests(angles, axes, rests)
 
 
@@ -300,10 +332,10 @@ def _estimate(task: _Task, solution: _Solution) -> Estimate:
     values, _ = _in_full(solution.unknowns, shares[0])
     everything = sum((_in_full(solution.unknowns, share)[1] for share in shares), unknown_rotation)
     described = describe_unknowns(
-        values, np.asarray(everything), task.site, task.recording, terms=frozenset(), gyro="full"
+        values, np.asarray(everything), task.site, task.recording, terms=solution.terms, gyro="full"
     )
     budget = {
-        name: _sigmas(task, values, _in_full(solution.unknowns, share)[1])
+        name: _sigmas(task, solution, values, _in_full(solution.unknowns, share)[1])
         for name, share in zip(GROUPS, shares, strict=True)
     }
     means, adjustment = task.means, task.force.adjustment
@@ -348,6 +380,7 @@ def _estimate(task: _Task, solution: _Solution) -> Estimate:
             )
             for o in task.force.outliers
         ],
+        terms=[] if solution.term is None else [solution.term],
         not_determined=_not_determined(task, solution),
         remarks=_remarks(task, solution),
         objections=_objections(task, solution),
@@ -363,7 +396,7 @@ def _estimate(task: _Task, solution: _Solution) -> Estimate:
 def _in_full(unknowns: Series, covariance: Square) -> tuple[Series, Square]:
     """Return the 36 unknowns of `turn_conditions` and their covariance."""
     values, full = np.zeros(TOTAL), np.zeros((TOTAL, TOTAL))
-    at = [*range(FORCE.start, FORCE.start + 9), *range(GYRO_MATRIX.start, GYRO_BIAS.stop)]
+    at = [*range(FORCE.start, FORCE.start + 9), *range(GYRO_MATRIX.start, G_SENSITIVITY.stop)]
     values[at] = unknowns
     full[np.ix_(at, at)] = covariance
     return values, full
@@ -379,10 +412,10 @@ def _rotation_share(solution: _Solution) -> Square:
     return full
 
 
-def _sigmas(task: _Task, values: Series, covariance: Square) -> Series:
+def _sigmas(task: _Task, solution: _Solution, values: Series, covariance: Square) -> Series:
     """Return standard uncertainties of the named parameters for one share of the covariance; gravity exact."""
     site = replace(task.site, gravity_sigma=0.0)
-    described = describe_unknowns(values, covariance, site, task.recording, terms=frozenset(), gyro="full")
+    described = describe_unknowns(values, covariance, site, task.recording, terms=solution.terms, gyro="full")
     return np.array([value.standard_uncertainty for value in described.parameters])
 
 
@@ -454,8 +487,9 @@ def _rotation_fits(task: _Task, solution: _Solution) -> list[RotationFit]:
 
 def _not_determined(task: _Task, solution: _Solution) -> list[str]:
     terms = (
-        "Nonlinear terms and g-sensitivity of the gyros are not estimated: the difference of the two ways round takes "
-        "a constant g-sensitivity out, and one that goes round with the unit averages out over whole revolutions."
+        "Nonlinear terms of the sensors are not estimated. A g-sensitivity does not reach the gyros' matrix: its "
+        "constant part goes out of the difference of the two ways round, and what goes round with the unit averages "
+        "out over whole revolutions."
     )
     sentences = [terms]
     if solution.system.gain is None:

@@ -17,13 +17,14 @@ import numpy as np
 from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, Vectors, inverted
 from tumble.attitude import matrix_from_rotation_vector, skew
 from tumble.calibration.inter_triad import wahba_rotation
+from tumble.calibration.rest_rates import RestSolution, solve_rests
 from tumble.calibration.rotation_axes import axis_from_rotation
 from tumble.calibration.separate_norms import bias_from_static_pairs, matrix_from_rotations
 from tumble.sensor.conventions.shin import matrix_from_shin
 
-# Where each unknown stands in the solution: accelerometers as Shin has them, the gyros' whole matrix, biases.
-FORCE, MATRIX, BIAS = slice(0, 9), slice(9, 18), slice(18, 21)
-UNKNOWNS = 21
+# Where each unknown stands in the solution: accelerometers as Shin has them; of the gyros the
+# whole matrix, biases and g-sensitivity.
+FORCE, MATRIX, BIAS, SENSITIVITY = slice(0, 9), slice(9, 18), slice(18, 21), slice(21, 30)
 # Of a central difference, in standard deviations: the solution is smooth over far more than that.
 STEP = 0.1
 
@@ -55,7 +56,8 @@ class TurntableInputs:
     rest : (rests, 3) raw gyro means at rest.
     rest_covariance : (rests, 3, 3).
     rest_force : (rests, 3) raw accelerometer means of the same rests.
-    vertical_rate : rad/s, the Earth rate's part upwards; None without a latitude.
+    vertical_rate, horizontal_rate : rad/s, the Earth rate's parts upwards and across; None where the gyros see it
+        and no latitude is known.
     """
 
     force: Series
@@ -72,6 +74,7 @@ class TurntableInputs:
     rest_covariance: AnyArray
     rest_force: Vectors
     vertical_rate: float | None
+    horizontal_rate: float
 
     @property
     def moves(self) -> list[slice]:
@@ -114,6 +117,7 @@ class TurntableSystem:
     rotation_ob : (3, 3) R_p^o about which the inter-triad angles are linear.
     gain : (3, 2 planes) from what the axes miss to the change of R; None where axes do not tell it.
     by_pairs : biases by the norms of static pairs (24), (25), instead of by the vertical Earth rate.
+    with_sensitivity : estimate the g-sensitivity with the biases.
     """
 
     inputs: TurntableInputs
@@ -121,14 +125,16 @@ class TurntableSystem:
     rotation_ob: Matrix
     gain: Table | None
     by_pairs: bool
+    with_sensitivity: bool
 
     @staticmethod
-    def of(inputs: TurntableInputs) -> TurntableSystem:
+    def of(inputs: TurntableInputs, *, with_sensitivity: bool = False) -> TurntableSystem:
         """Weigh the pairs and the axes by how well they are known.
 
         Parameters
         ----------
         inputs : the observations.
+        with_sensitivity : estimate the g-sensitivity with the biases, where these are not by pairs.
 
         Raises
         ------
@@ -136,7 +142,10 @@ class TurntableSystem:
             If the rotation axes do not tell the gyros' six parameters.
         """
         weights = _pair_weights(inputs)
-        system = TurntableSystem(inputs, weights, np.eye(3), None, by_pairs=inputs.vertical_rate is None)
+        by_pairs = inputs.vertical_rate is None
+        system = TurntableSystem(
+            inputs, weights, np.eye(3), None, by_pairs, with_sensitivity and not by_pairs
+        )
         if len(inputs.plane):
             axes_o, axes_p = system.axes(inputs.unchanged)
             system.rotation_ob = wahba_rotation(axes_o, axes_p)
@@ -244,7 +253,7 @@ class TurntableSystem:
         return missed if self.gain is None else missed - self._slope() @ (self.gain @ missed)
 
     def solve(self, change: Series) -> Series:
-        """Return the (21,) unknowns for inputs changed by `change`.
+        """Return the (30,) unknowns for inputs changed by `change`.
 
         Parameters
         ----------
@@ -256,53 +265,46 @@ class TurntableSystem:
         if self.gain is not None:
             C_ob = matrix_from_rotation_vector(-(self.gain @ self.missed(change))) @ C_ob
         matrix = self.gyro_factor(change) @ C_ob
-        bias = self._bias(matrix, force, self.inputs.rest + change[rests].reshape(-1, 3))
-        return np.concatenate([force, matrix.ravel(), bias])
-
-    def _bias(self, matrix: Matrix, force: Series, rest: Vectors) -> Vector:
-        i = self.inputs
+        rest = self.inputs.rest + change[rests].reshape(-1, 3)
         if self.by_pairs:
-            return bias_from_static_pairs(matrix, rest, _rest_weights(matrix, i.rest_covariance))
+            bias = bias_from_static_pairs(matrix, rest, _rest_weights(matrix, self.inputs.rest_covariance))
+            return np.concatenate([force, matrix.ravel(), bias, np.zeros(9)])
+        told = self.rests(matrix, force, rest, with_sensitivity=self.with_sensitivity)
+        return np.concatenate([force, matrix.ravel(), told.bias, told.sensitivity.ravel()])
+
+    def rests(self, matrix: Matrix, force: Series, rest: Vectors, *, with_sensitivity: bool) -> RestSolution:
+        """Return what the gyros show at rest.
+
+        Parameters
+        ----------
+        matrix : (3, 3) of the gyros.
+        force : (9,) of the accelerometers.
+        rest : (rests, 3) raw gyro means.
+        with_sensitivity : estimate the g-sensitivity too.
+        """
+        i = self.inputs
         assert i.vertical_rate is not None
-        return bias_from_vertical(matrix, rest, i.rest_covariance, _up(force, i.rest_force), i.vertical_rate)
+        return solve_rests(
+            matrix,
+            rest,
+            i.rest_covariance,
+            _corrected(force, i.rest_force),
+            i.vertical_rate,
+            i.horizontal_rate,
+            with_sensitivity=with_sensitivity,
+        )
 
     def covariance(self) -> tuple[Square, list[Square]]:
-        """Return the covariance (21, 21) of the unknowns, and the share of each of `GROUPS` in it."""
+        """Return the covariance (30, 30) of the unknowns, and the share of each of `GROUPS` in it."""
         inputs = self.inputs.covariance()
         derivatives = _derivatives(self.solve, np.sqrt(np.diag(inputs)))
         shares = [derivatives[:, at] @ inputs[at, at] @ derivatives[:, at].T for at in self.inputs.moves]
         return np.asarray(sum(shares), dtype=np.float64), shares
 
 
-def bias_from_vertical(
-    matrix: Matrix, rest: Vectors, covariance: AnyArray, up_b: Vectors, vertical_rate: float
-) -> Vector:
-    """Return the gyros' biases from what they show along the vertical at rest.
-
-    The accelerometers show where up is, the latitude how much of the Earth rate is along it: a condition
-    a rest that is linear in the biases, whatever the heading. It asks nothing of the gyros' noise, where
-    the norms of static pairs need gyros that see the Earth rate well.
-
-    Parameters
-    ----------
-    matrix : (3, 3) of the gyros, from b to raw.
-    rest, covariance : (rests, 3), (rests, 3, 3) raw means.
-    up_b : (rests, 3) unit vectors up.
-    vertical_rate : rad/s, of the Earth rate along up: its size times the sine of the latitude.
-    """
-    inverse = inverted(matrix)
-    variance = np.einsum("ki,ij,kjl,ml,km->k", up_b, inverse, covariance, inverse, up_b)
-    weight = 1.0 / variance
-    told = np.einsum("ki,ki->k", up_b, rest @ inverse.T) - vertical_rate
-    normal = np.einsum("k,ki,kj->ij", weight, up_b, up_b)
-    right = np.einsum("k,ki,k->i", weight, up_b, told)
-    return matrix @ np.asarray(np.linalg.solve(normal, right), dtype=np.float64)
-
-
-def _up(force: Series, raw: Vectors) -> Vectors:
+def _corrected(force: Series, raw: Vectors) -> Vectors:
     matrix = np.asarray(matrix_from_shin(*_scale_and_angles(force)), dtype=np.float64)
-    up = np.linalg.solve(matrix, (raw - force[:3]).T).T
-    return np.asarray(up / np.linalg.norm(up, axis=1, keepdims=True), dtype=np.float64)
+    return (raw - force[:3]) @ inverted(matrix).T
 
 
 def _scale_and_angles(force: Series) -> tuple[Series, Series]:
