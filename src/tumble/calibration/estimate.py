@@ -108,7 +108,7 @@ class Estimate:
     coverage_factor : for 95 %.
     variance_components : name -> standard deviation, SI.
     hold_norms : (holds,) corrected norm minus gravity, m/s².
-    hold_sigmas : (holds,) its standard deviation as the adjustment had it, m/s².
+    hold_sigmas : (holds,) what it is expected to be (root mean square), m/s².
     turn_angles, turn_sigmas : (holds,) rad, of the turn after each hold; nan where there is none.
     turn_sizes : (holds,) how far the turn went, rad.
     left_out : holds and turns without part in the estimate.

@@ -447,6 +447,7 @@ def _estimate(
     adjustment = force.adjustment
     tests = [test for test in snoop_groups(adjustment, slice(0, 3)) if test.degrees]
     norms, norm_sigmas = _norms(means, told, site)
+    norm_sigmas[poses.hold] = _expected_norms(poses, force, norm_sigmas[poses.hold], site, improved=improved)
     nothing = np.full(len(means), np.nan)
     added = force.added > 0.0
     return Estimate(
@@ -493,6 +494,33 @@ def _norms(means: HoldMeans, told: DescribedTriad, site: Site) -> tuple[Series, 
     weight = (corrected / length[:, None]) @ np.linalg.inv(told.triad.matrix)
     variance = np.einsum("ka,kab,kb->k", weight, means.specific_force_covariance, weight)
     return length - site.gravity, np.sqrt(variance)
+
+
+def _expected_norms(
+    poses: KnownPoses, force: PlacedFit, noise: Series, site: Site, *, improved: bool
+) -> Series:
+    """Return the root mean square that each pose's norm minus gravity should have, m/s²: noise, tilts, misalignments.
+
+    The noise along gravity of a face's only hold is fitted away. The sensor that points up is fitted to show
+    gravity whatever the tilt, so that what the other two show of it, K a, makes the norm longer by K (a² + b²) / 2.
+    A misalignment a of the standard test stays whole; the improved one estimates it from the two holds of a face,
+    and the half of the tilts' variance that they share is left.
+    """
+    lean = force.matrix / np.linalg.norm(force.matrix, axis=1, keepdims=True)
+    variance = np.diag(force.covariance)[:9].reshape(3, 3) / np.sum(force.matrix**2, axis=1)[:, None]
+    off = ~np.eye(3, dtype=bool)
+    # One mean of all six: of a single one the placement hides whether it is there.
+    leans: Series = (lean**2 - variance)[off]
+    squared = 0.0 if improved else max(float(leans.mean()), 0.0)
+    tilt = (force.readings.sigma**2 + (noise / site.gravity) ** 2) * (0.5 if improved else 1.0)
+    expected = noise.copy()
+    for k, face in enumerate(poses.face):
+        if face < 0:
+            continue  # seen at a slant by all three, whose noise stands for it
+        mean, variance_of = 2.0 * (tilt[k] + squared), 4.0 * tilt[k] * (tilt[k] + 2.0 * squared)
+        along = noise[k] * np.sqrt(1.0 - 1.0 / np.count_nonzero(poses.face == face))
+        expected[k] = np.hypot(along, 0.5 * site.gravity * np.sqrt(mean**2 + variance_of))
+    return expected
 
 
 def _not_determined(gyro: _Gyro | None, *, improved: bool) -> list[str]:
