@@ -51,6 +51,7 @@ docs: $(DEV)  ## Check the docs: links, commands, worked examples (plain Markdow
 figures: $(DEV) bytecode  ## Simulate and draw the figures of the procedures' pages anew (some minutes)
 	$(BIN)/python docs/figures/expected_uncertainty.py
 	$(BIN)/python docs/figures/classical_uncertainty.py
+	$(BIN)/python docs/figures/norm_sensitivity.py
 
 .PHONY: schema
 schema: $(DEV)  ## Write the JSON schema of calibration.json anew

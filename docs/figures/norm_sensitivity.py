@@ -3,7 +3,8 @@
     python docs/figures/norm_sensitivity.py
 
 writes norm-sensitivity.svg and norm-after-calibration.svg: every direction that can point up, on two
-hemispheres in Lambert's azimuthal equal-area projection. A shade is a class of the scale beside it.
+hemispheres in Lambert's azimuthal equal-area projection. A shade is a class of the scale below it. And it
+puts the table of sets between its marks in docs/poses.md.
 """
 
 from __future__ import annotations
@@ -17,9 +18,10 @@ import numpy as np
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.poses import describe_direction
-from tumble.design.optimal_sets import find_best_on_sphere
-from tumble.design.pose_sets import chatfield_orientations, information, paper_nine
+from tumble.design.optimal_sets import find_best_on_sphere, find_best_subset
+from tumble.design.pose_sets import chatfield_orientations, information, paper_nine, predict_sigma
 from tumble.design.sensitivity import norm_sensitivity
+from tumble.units import STANDARD_GRAVITY
 
 FOLDER = Path(__file__).resolve().parent
 # Light to dark in even steps of lightness: a grey copy reads the same.
@@ -231,6 +233,56 @@ def draw_after_calibration() -> None:
     write("norm-after-calibration.svg", title, note, panels, 2 * step + 4, 655)
 
 
+def tabled_sets() -> dict[str, np.ndarray]:
+    """Return the sets of the page's table, by name."""
+    directions = twenty_six_directions()
+    faces, edges, corners = directions[:6], directions[6:18], directions[18:]
+    # A corner and its three neighbours.
+    four = corners[np.sum(corners > 0.0, axis=1) >= 2]
+
+    def found(search: Callable[..., np.ndarray], count: int, criterion: str) -> np.ndarray:
+        return search(count, np.random.default_rng(0), criterion=criterion)
+
+    return {
+        "the paper's nine: faces, an edge in each plane": paper_nine(),
+        "nine on the sphere, minimax": found(find_best_on_sphere, 9, "minimax"),
+        "nine of the 26, average": found(find_best_subset, 9, "average"),
+        "nine on the sphere, average": found(find_best_on_sphere, 9, "average"),
+        "ten: faces, a corner and its three neighbours": np.vstack([faces, four]),
+        "twelve edges": edges,
+        "fourteen: faces and corners": np.vstack([faces, corners]),
+        "eighteen: faces and edges": chatfield_orientations(),
+        "18 on the sphere, average": found(find_best_on_sphere, 18, "average"),
+        "all 26": directions,
+    }
+
+
+def table_lines() -> list[str]:
+    """Return the table: sigmas in that of a dwell, and at the paper's 50 µg."""
+    lines = [
+        "| set | poses | scale, σ | misalignment, σ | bias, σ | ppm | ″ | µg |",
+        "|---|---:|---:|---:|---:|---:|---:|---:|",
+    ]
+    for name, directions in tabled_sets().items():
+        relative = predict_sigma(directions, STANDARD_GRAVITY).mean_squares()
+        of_gravity = (relative[0], relative[1], relative[2] / STANDARD_GRAVITY)
+        shown = [f"{value:.2f}" for value in of_gravity]
+        in_units = (50.0, 50e-6 / SECOND, 50.0)
+        shown += [f"{value * unit:.1f}" for value, unit in zip(of_gravity, in_units, strict=True)]
+        lines.append(f"| {name} | {len(directions)} | " + " | ".join(shown) + " |")
+    return lines
+
+
+def write_table() -> None:
+    """Put the table between its marks on the page."""
+    page = FOLDER.parent / "poses.md"
+    start, end = "<!-- sets -->", "<!-- /sets -->"
+    before, _, rest = page.read_text(encoding="utf-8").partition(start)
+    table = "\n".join([start, "", *table_lines(), "", end])
+    page.write_text(before + table + rest.partition(end)[2], encoding="utf-8")
+
+
 if __name__ == "__main__":
     draw_sensitivity()
     draw_after_calibration()
+    write_table()
