@@ -25,6 +25,7 @@ from tumble.report.parameters import GROUPS, ParameterRow, parameter_rows, plain
 from tumble.report.pose_figure import pose_section, pose_words
 from tumble.report.protocol_section import protocol_table, spin_section
 from tumble.report.residual_figures import hold_section, turn_section
+from tumble.report.rotation_section import budget_table, rotation_section, rotation_table
 from tumble.report.timeline_figure import timeline_section
 from tumble.report.uncalibrated import nominal_hold_norms, nominal_turn_angles
 from tumble.report.words import (
@@ -103,7 +104,9 @@ def render_report(
         ""
         if protocol is None or matching is None
         else protocol_table(protocol, matching, recording, timeline),
+        rotation_table(estimate),
         *(_figures(section) for section in sections),
+        budget_table(estimate, rows),
         _terms(calibration),
         _components(calibration),
         _formulas(calibration),
@@ -293,6 +296,9 @@ def _sections(
     spins = spin_section(estimate)
     if spins is not None:
         sections.append(spins)
+    rotations = rotation_section(estimate)
+    if rotations is not None:
+        sections.append(rotations)
     if np.any(np.isfinite(estimate.turn_angles)):
         before = nominal_turn_angles(recording, timeline, means, estimate.model)
         turns = turn_section(estimate, before, poses)
