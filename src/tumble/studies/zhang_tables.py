@@ -188,7 +188,7 @@ def reproduce_scatter_table(table: str, repetitions: int, seed: int) -> Outcome:
         rows,
         f"inside: the printed standard deviation of {PRINTED_RUNS} runs, whose last digit is rounded, lies where "
         f"{100 * (1 - CHANCE):g} % of all such do if ours of {repetitions} is of the same scatter (F-distribution); of "
-        "the gyro biases, whose headings are not printed, for one of 400 choices of them",
+        "the gyro biases, whose headings are not printed, with 99 % of choices of them",
         notes=[
             _theory_note(setting, sigma),
             *_angle_error_note(printed, setting, truth, repetitions, _generator(seed, table, 3)),
