@@ -82,7 +82,10 @@ def _steps(series: list[Series]) -> tuple[float, float]:
     if not values.size:
         return 0.0, 1.0
     low, high = float(values.min()), float(values.max())
-    step = _step(max(high - low, 1e-12 * max(abs(high), 1e-288)))
+    if high - low <= 1e-9 * max(abs(low), abs(high)):  # a flat line stands in the middle
+        half = 0.5 * abs(high) or 0.5
+        low, high = low - half, high + half
+    step = _step(high - low)
     return step * float(np.floor(low / step)), step * float(np.ceil(high / step + 1e-9))
 
 

@@ -194,3 +194,31 @@ def test_an_outcome_without_figures_has_none() -> None:
     assert "<figure>" not in render_outcome(bare)
     assert "rows inside" not in "\n".join(outcome_lines(bare))
     assert "1 run, seed 0" in "\n".join(outcome_lines(bare))
+
+
+def test_on_linear_axes_points_are_where_their_values_say_and_what_is_negative_is_there() -> None:
+    x, y = np.array([1.0, 25.0, 48.0]), np.array([-12.0, 3.0, 38.0])
+    curve = Curve("one", x, y, y - 5.0, y + 7.0)
+    plot = Plot("norms", "Norms", "position", "µg", (curve,), linear=True, line="one run")
+    svg = draw_plot(plot)
+    ET.fromstring(svg)
+    # 50 over ten steps of five, -20 to 50 of sixty-two values' span over steps of ten
+    circles = re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)"', svg)
+    for (across, up), one, other in zip(circles, x, y, strict=True):
+        assert float(across) == pytest.approx(LEFT + (WIDTH - LEFT - RIGHT) * one / 50.0, abs=0.06)
+        height = (HEIGHT - TOP - BOTTOM) * (other + 20.0) / 70.0
+        assert float(up) == pytest.approx(HEIGHT - BOTTOM - height, abs=0.06)
+    ticks = re.findall(r'text-anchor="end">(−?\d+)</text>', svg)
+    assert ticks == ["−20", "−10", "0", "10", "20", "30", "40", "50"]
+    assert "line: one run; band: 5 % to 95 %" in svg
+    page = render_outcome(Outcome("p-1", "t", "s", ("a",), [Row("r", "", (1.0,))], plots=[plot]))
+    assert "line: one run, band" in page
+    assert '"type":"log"' not in page.replace(" ", "")
+
+
+def test_a_flat_line_and_nothing_at_all_have_linear_axes_too() -> None:
+    flat, nothing = np.full(3, 4.0), np.full(3, np.nan)
+    for y in (flat, nothing):
+        svg = draw_plot(Plot("p", "p", "x", "y", (Curve("a", X, y, y, y),), linear=True))
+        ET.fromstring(svg)
+        assert "nan" not in svg

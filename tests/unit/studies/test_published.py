@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tumble.simulation import find_grade
-from tumble.studies.published import hayal
+from tumble.studies.published import hayal, zhang
 from tumble.studies.thesis_simulation import FORCE_ERRORS, FORCE_NOISE, GYRO_ERRORS, RATE_NOISE
 
 SIMULATED = {"4.2": (3, 3), "4.3": (6, 3), "4.4": (9, 3), "4.5": (9, 2)}  # parameters, cases
@@ -146,3 +146,77 @@ def test_what_is_simulated_is_what_the_thesis_prints() -> None:
         assert grade.accelerometer.scale_factor == pytest.approx(
             1e-6 * sheet["accelerometer scale factor error"][imu]
         )
+
+
+GROUPS = [
+    "accelerometer scale",
+    "accelerometer misalignment",
+    "accelerometer bias",
+    "gyro scale",
+    "gyro misalignment",
+    "gyro bias",
+    "inter-triad",
+]
+
+
+@pytest.mark.parametrize(("table", "count"), [("2", 7), ("3", 7), ("4", 7), ("5", 3), ("6", 7)])
+def test_a_table_of_zhang_has_all_its_groups_of_three(table: str, count: int) -> None:
+    rows = zhang()["tables"][table]["rows"]
+    assert [row["group"] for row in rows] == GROUPS[:count]
+    for row in rows:
+        for key, numbers in row.items():
+            if key not in {"group", "unit"}:
+                threes = numbers.values() if isinstance(numbers, dict) else [numbers]
+                assert all(len(three) == 3 for three in threes)
+
+
+# Typed from the paper's pages, apart from the stored file.
+ZHANG_SPOTS = [
+    ("2", 0, "calibrated", 0, 100.001336),
+    ("2", 1, "error", 1, -28.09),
+    ("2", 2, "set", 1, -2040.82),
+    ("2", 5, "error", 1, -0.0170),
+    ("2", 6, "calibrated", 2, -415.01),
+    ("3", 0, "sigma", 2, 36.90),
+    ("3", 2, "sigma", 0, 32.84),
+    ("3", 5, "sigma", 1, 0.0103),
+    ("3", 6, "sigma", 2, 29.45),
+    ("4", 1, "sigma", 1, 5.54),
+    ("4", 5, "sigma", 1, 0.0033),
+    ("6", 0, "proposed", 2, 31.476642),
+    ("6", 2, "discrepancy", 1, -20.38),
+    ("6", 3, "traditional", 1, 442258.758),
+    ("6", 4, "discrepancy", 0, -15.18),
+    ("6", 5, "proposed", 2, -0.022647),
+    ("6", 6, "discrepancy", 2, 15.09),
+]
+
+
+@pytest.mark.parametrize(("table", "row", "key", "axis", "number"), ZHANG_SPOTS)
+def test_cells_of_zhang_are_as_printed(table: str, row: int, key: str, axis: int, number: float) -> None:
+    assert zhang()["tables"][table]["rows"][row][key][axis] == number
+
+
+def test_zhang_s_choices_of_orientations_are_as_printed() -> None:
+    scale, misalignment, bias = (row["sigma"] for row in zhang()["tables"]["5"]["rows"])
+    assert scale["1-7, 9, 11"] == [34.11, 34.67, 35.82]
+    assert misalignment["1-18"] == [9.91, 9.99, 10.24]
+    assert bias["8, 10, 12-18"] == [2.66e5, 3.09e5, 4.68e5]
+    figures = zhang()["figures"]
+    assert (figures["3"]["traditional"], figures["3"]["proposed"]) == (13.28, 4.94)
+    assert (figures["4"]["traditional"], figures["4"]["proposed"]) == (0.0434, 0.0434)
+
+
+@pytest.mark.parametrize(
+    ("table", "columns"),
+    [("2", ("set", "calibrated", "error")), ("6", ("traditional", "proposed", "discrepancy"))],
+)
+def test_zhang_s_last_column_is_the_difference_of_the_others(
+    table: str, columns: tuple[str, str, str]
+) -> None:
+    """A slip in typing would show: the digits of the columns are 0.03 ppm and 0.01″, µg, 1e-4 °/h at worst."""
+    for row in zhang()["tables"][table]["rows"]:
+        before, after, said = (np.array(row[key], dtype=float) for key in columns)
+        scale = 1e6 / before if "scale" in row["group"] else 1.0
+        digits = 1.1e-4 if row["group"] == "gyro bias" else 0.016
+        np.testing.assert_allclose((after - before) * scale, said, atol=digits)
