@@ -32,6 +32,8 @@ EARLY = replace(BAD, stops_early=((1, 0.35), (2, 0.6)))
 @pytest.mark.parametrize(
     ("grade", "units", "table"),
     [
+        # Its g-sensitivity moves the slow rate about a level axis by some per cent.
+        ("consumer-mems", "counts", None),
         ("industrial-mems", "SI", None),
         ("industrial-mems", "counts", EARLY),
         ("tactical", "SI", BAD),

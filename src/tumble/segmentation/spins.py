@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tumble.arrays import Series, Vector, Vectors
+from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors
 from tumble.recording.recording import Recording
 from tumble.segmentation.activity import find_activity
 from tumble.segmentation.blocks import Blocks, cut_blocks, find_runs
@@ -42,6 +42,10 @@ OTHER_RATE = 0.15
 # 2 sqrt(1/4 - sqrt(1 - e) / 4): 10 % of its time at 2 %. A plateau must be longer by this factor.
 SAFETY = 1.8
 EDGE_SECONDS = 0.2
+# The gyros' g-sensitivity is taken from so many holds or more, if it leaves less than this share of the
+# scatter of their rates.
+LEAST_HOLDS = 8
+CLEARLY = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +117,8 @@ class SpinSearch:
     Attributes
     ----------
     blocks : of the whole recording.
-    rate, speed : (blocks, 3) smoothed rate without bias and its length, raw units.
+    rate, speed : (blocks, 3) smoothed rate without bias and, where the holds show one, g-sensitivity, and its
+        length, raw units.
     sigma : scatter of the rate at rest (length of the three axes' vector), raw units.
     scale : rad/s per raw unit, roughly.
     """
@@ -135,17 +140,24 @@ class SpinSearch:
         blocks = cut_blocks(recording)
         assert blocks.angular_rate is not None
         smooth = blocks.angular_rate.smooth
+        force = None if blocks.specific_force is None else blocks.specific_force.smooth
         levels: list[Vector] = []
+        forces: list[Vector] = []
         scatters: list[Vector] = []
         for hold in timeline.holds:
             first = -(-hold.start // blocks.size)
-            values = smooth[first : max(hold.stop // blocks.size, first + 1)]
+            inside = slice(first, max(hold.stop // blocks.size, first + 1))
+            values = smooth[inside]
             if len(values):
                 levels.append(median(values))
                 scatters.append(1.4826 * median(np.abs(values - levels[-1])))
+                forces.append(np.zeros(3) if force is None else median(force[inside]))
         bias = median(np.array(levels)) if levels else np.zeros(3)
         sigma = float(np.linalg.norm(median(np.array(scatters)))) if scatters else 0.0
         rate = smooth - bias
+        sensitivity = None if force is None else _g_sensitivity(np.array(levels), np.array(forces))
+        if force is not None and sensitivity is not None:
+            rate = smooth - np.mean(levels, axis=0) - (force - np.mean(forces, axis=0)) @ sensitivity
         scale = find_activity(blocks).rate_scale or 1.0
         return SpinSearch(blocks, rate, np.linalg.norm(rate, axis=1), sigma, scale)
 
@@ -247,6 +259,21 @@ class SpinSearch:
             int(np.ceil((first + begin + margin) * size)) if begin > 0 else samples[0],
             int((first + end - margin) * size) if end < count else samples[1],
         )
+
+
+def _g_sensitivity(levels: AnyArray, forces: AnyArray) -> Matrix | None:
+    """What the holds' rates show of the force, raw units, for `rate = force @ ...`; None where nothing clear.
+
+    A cheap gyro's (0.1 deg/s per g) moves the rate of a slow spin about a level axis by several per cent.
+    """
+    if len(levels) < LEAST_HOLDS:
+        return None
+    away, centred = levels - levels.mean(axis=0), forces - forces.mean(axis=0)
+    # Directions that the poses do not tell have none.
+    inverse: Matrix = np.asarray(np.linalg.pinv(centred, rcond=0.1), dtype=np.float64)
+    found = inverse @ away
+    left = float(np.sum((away - centred @ found) ** 2)) / (len(levels) - 4)
+    return found if left < CLEARLY**2 * float(np.sum(away**2)) / (len(levels) - 1) else None
 
 
 def _is_long(
