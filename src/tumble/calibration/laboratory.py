@@ -25,7 +25,7 @@ from tumble.calibration.estimate import (
     coverage_factor,
 )
 from tumble.calibration.placement import PlacedFit, PlacedReadings, fit_placed, is_excessive
-from tumble.calibration.rotation_pairs import EarthParts, RotationPair, pair_rotations
+from tumble.calibration.rotation_pairs import EarthParts, RotationPair, pair_rotations, refuse_unlike_angles
 from tumble.calibration.six_position import KnownPoses, known_poses
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
@@ -124,6 +124,7 @@ def calibrate_laboratory(
             "reversed, which no placement does: check the order and the signs of the columns (--columns)."
         )
     pairs, lonely = pair_rotations(rotations, matching, protocol, needed=AXES_NEEDED)
+    refuse_unlike_angles(recording, pairs, means)
     gyros = _fit_gyros(means, poses, pairs, site)
     return _estimate(recording, means, site, poses, force, gyros, lonely, wander)
 

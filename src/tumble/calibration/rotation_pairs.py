@@ -17,13 +17,18 @@ from tumble.arrays import Matrix, Vector, inverted
 from tumble.calibration.spin_groups import group_spins
 from tumble.errors import ObservabilityError
 from tumble.protocol import Protocol, SpinStep
+from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans
 from tumble.segmentation.matching import Matching
 from tumble.segmentation.rotations import Rotation
+from tumble.units import angular_rate_factor
 
 # Axes nearer than this to one another are one: 3 degrees, as in `SMALLEST_SINE` of the inter-triad angles.
 SAME_AXIS = np.cos(np.radians(3.0))
 NEEDED = 6
+# The two ways about an axis show the same gyro: beyond 1 % one of the angles is wrong. Against the nominal unit
+# no gyro is off by a fifth.
+UNLIKE, LARGEST_SCALE = 0.01, 1.2
 
 
 @dataclass(slots=True)
@@ -120,6 +125,42 @@ def pair_rotations(
     if len(whole) < needed:
         raise ObservabilityError(_too_few(protocol, whole, words, needed))
     return whole, words
+
+
+def refuse_unlike_angles(recording: Recording, pairs: Sequence[RotationPair], means: HoldMeans) -> None:
+    """Refuse angles of the protocol that the gyros contradict: a table that stopped early, a display misread.
+
+    Parameters
+    ----------
+    recording : for its unit.
+    pairs : the rotations.
+    means : of the holds: their mean stands for bias and Earth rate.
+
+    Raises
+    ------
+    ObservabilityError
+        If the two ways round do not fit one another, or the nominal unit: the message names the steps.
+    """
+    parts = EarthParts(pairs, means).parts()
+    factor = angular_rate_factor(recording.angular_rate_unit)
+    for pair in pairs:
+        shown = [float(np.linalg.norm(r.integral - parts[r.row])) / abs(r.angle) for r in pair.rotations]
+        middle = 1.0 / factor if factor else float(np.median(shown))
+        if max(shown) / min(shown) < 1.0 + UNLIKE and all(
+            1.0 / LARGEST_SCALE < value / middle < LARGEST_SCALE for value in shown
+        ):
+            continue
+        # The one that is further from what a sensor of this unit shows, or from the other.
+        worst = pair.rotations[int(np.argmax(np.abs(np.log(np.array(shown) / middle))))]
+        ratio = shown[pair.rotations.index(worst)] / (
+            middle if factor else min(shown, key=lambda v: abs(np.log(v / middle)))
+        )
+        raise ObservabilityError(
+            f"Step {worst.step + 1}, about {pair.name}: the protocol says that the table turned "
+            f"{np.degrees(worst.angle):.6g}°, and the gyros turned about {np.degrees(worst.angle) * ratio:.4g}°. The "
+            "table stopped early, or the display was misread: put the angle that it did turn into the protocol "
+            "(`angle_deg`)."
+        )
 
 
 def _add(pairs: list[RotationPair], rotation: Rotation, step: SpinStep, axis: Vector) -> None:

@@ -127,6 +127,8 @@ def bias_from_static_pairs(matrix: AnyArray, rate: AnyArray, weights: AnyArray |
     middle = np.sum(share[..., None] * turned, axis=-2, keepdims=True)
     x = turned - middle
     size = np.max(np.linalg.norm(x, axis=-1), axis=-1)[..., None, None]
+    if not np.all(size > 0.0):
+        raise ObservabilityError("The gyros show the same in all attitudes: they do not see the Earth rate.")
     x = x / size
     square = np.sum(x * x, axis=-1)
     told = square - np.sum(share * square, axis=-1, keepdims=True)

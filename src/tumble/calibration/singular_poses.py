@@ -16,16 +16,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
-from tumble.calibration.poses import describe_direction, most_telling_poses, norm_rows
+from tumble.calibration.poses import describe_direction, distinct_poses, most_telling_poses, norm_rows
 from tumble.estimation import find_weak_directions
 
 # A combination of unknowns whose sigma is this many times that of a single hold's norm is not told.
 # The 26 attitudes give at most 1.2, nine well-chosen ones 2.6.
 LARGEST_AMPLIFICATION = 30.0
+# Dwells in one pose again and again are one pose in what is said of planes; rad.
+ALIKE = 1e-3
 # Up is in a plane if its part along the plane's normal is that of the others to 4°: hands are no better.
 IN_PLANE = 0.07
 # Planes are sought by all triples of poses, of so many at most: 10,000 triples, some milliseconds.
 MANY = 40
+# More poses than this are never needed: the 26 without the corners tell all.
+MOST_NAMED = 18
 # A part of a combination below this share of its largest is round-off and placement.
 PART = 0.25
 NAMES = (
@@ -114,7 +118,7 @@ def describe_untold(directions: Vectors, unknowns: int = 9) -> str:
 
     Parameters
     ----------
-    directions : (poses, 3) unit vectors up, of poses that differ.
+    directions : (poses, 3) unit vectors up.
     unknowns : the first so many of `norm_rows`.
 
     Examples
@@ -133,7 +137,8 @@ def describe_untold(directions: Vectors, unknowns: int = 9) -> str:
         [*([_words(np.sum(np.abs(alone), axis=0))] if alone else []), *together]
     )
     # Of a single unknown, or of a single plane, the names of the unknowns say enough.
-    planes = find_two_planes(directions) if unknowns == 9 and len(untold) == 1 and not alone else None
+    different = directions[distinct_poses(directions, ALIKE)]
+    planes = find_two_planes(different) if unknowns == 9 and len(untold) == 1 and not alone else None
     if planes is None or not planes[1]:
         return said
     first, second = (len(plane) for plane in planes)
@@ -154,11 +159,12 @@ def mending_poses(directions: Vectors, unknowns: int = 9) -> list[Vector]:
     if unknowns < 9:
         information[unknowns:] = information[:, unknowns:] = 0.0
         information[unknowns:, unknowns:] = np.eye(9 - unknowns) * max(float(np.trace(information)), 1.0)
-    count = len(find_untold(directions, unknowns))
+    missing = len(find_untold(directions, unknowns))
     named: list[Vector] = []
-    while count and (not named or (find_untold(np.vstack([directions, *named]), unknowns) and count < 18)):
-        count += 1 if named else 0
+    for count in range(missing, MOST_NAMED) if missing else ():
         named = most_telling_poses(information, count, directions)
+        if not find_untold(np.vstack([directions, *named]), unknowns):
+            break
     return named
 
 
