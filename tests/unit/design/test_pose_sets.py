@@ -180,5 +180,12 @@ def test_the_pose_that_is_named_mends_the_set() -> None:
     predict_sigma(np.vstack([nine, np.ones(3) / np.sqrt(3.0)]), DWELL)
 
 
+def test_dwells_repeated_in_their_poses_tell_the_same_and_more_surely() -> None:
+    nine = without(np.array([[1, 1, 0], [1, 0, 1], [0, 1, 1]]) / np.sqrt(2.0))
+    assert "in 6 of them up lies in one plane, in the other 3" in explain_pose_set(np.vstack([nine, nine]))
+    once, twice = (predict_sigma(np.vstack([paper_nine()] * n), DWELL) for n in (1, 2))
+    np.testing.assert_allclose(twice.misalignment, once.misalignment / np.sqrt(2.0), rtol=1e-12)
+
+
 def test_one_pose_is_spoken_of_as_one() -> None:
     assert explain_pose_set(np.array([[0.0, 0.0, 1.0]])).startswith("The 1 pose does not tell ")
