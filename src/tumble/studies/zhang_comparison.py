@@ -20,14 +20,21 @@ from tumble.studies.zhang_laboratory import (
     paper_unit,
     spread_directions,
 )
-from tumble.studies.zhang_tables import LABELS, UNITS
-from tumble.studies.zhang_verdicts import CHANCE, error_factor, standard_deviation
+from tumble.studies.zhang_tables import LABELS, UNITS, as_printed
+from tumble.studies.zhang_verdicts import (
+    CHANCE,
+    ENOUGH,
+    TOO_FEW,
+    error_factor,
+    judge_error,
+    standard_deviation,
+)
 
 SOURCE = "Zhang et al. 2010, section 5.2; the paper's recordings are not public, ours are simulated"
 # Printed behind the point in the column of discrepancies, a group each; the gyro bias as 0.43e-3.
 DIGITS = (2, 2, 2, 2, 2, 5, 2)
 # Fewer units than this are no range.
-ENOUGH = 100
+RANGE = 100
 METHODS = ("traditional", "proposed")
 
 
@@ -56,18 +63,16 @@ def reproduce_table_6(repetitions: int, seed: int) -> Outcome:
     for k, label in enumerate(LABELS):
         entry, axis = printed["rows"][k // 3], k % 3
         said, half = entry["discrepancy"][axis], 0.5 * 10.0 ** -DIGITS[k // 3]
-        fits = abs(said) <= factor * sigma[k] + half
         cells = (
-            entry["traditional"][axis],
-            entry["proposed"][axis],
+            as_printed("6", k, entry["traditional"][axis]),
+            as_printed("6", k, entry["proposed"][axis]),
             said,
             float(apart[0, k]),
             float(sigma[k]),
             float(own[0][k]),
             float(own[1][k]),
         )
-        reason = "" if fits else f"{abs(said) / sigma[k]:.1f} standard deviations"
-        rows.append(Row(label, UNITS[k], cells, INSIDE if fits else OUTSIDE, reason))
+        rows.append(Row(label, UNITS[k], cells, *judge_error(said, float(sigma[k]), repetitions, half)))
     return Outcome(
         "zhang-6",
         f"Table 6: {printed['title']}",
@@ -84,7 +89,10 @@ def reproduce_table_6(repetitions: int, seed: int) -> Outcome:
         rows,
         f"inside: the paper's discrepancy (proposed minus traditional) is within {factor:.3g} standard deviations of "
         f"ours, as {100 * (1 - CHANCE):g} % of all draws are",
-        notes=[_ASSUMED, _one_gyro_note(sigma), _which_is_better_note(own)],
+        notes=[
+            _ASSUMED,
+            *([_one_gyro_note(sigma), _which_is_better_note(own)] if repetitions >= ENOUGH else [TOO_FEW]),
+        ],
         repetitions=repetitions,
         seed=seed,
     )
@@ -202,9 +210,9 @@ def _figure_row(name: str, printed: dict[str, Any], picture: _Picture) -> Row:
     )
     said, mean = float(printed[name]), float(np.mean(sigma))
     cells = (said, float(sigma[0]), mean, float(np.min(sigma)), float(np.max(sigma)))
-    if len(sigma) < ENOUGH:
+    if len(sigma) < RANGE:
         return Row(
-            f"{name} method", printed["unit"], cells, UNJUDGED, f"fewer than {ENOUGH} units have no range"
+            f"{name} method", printed["unit"], cells, UNJUDGED, f"fewer than {RANGE} units have no range"
         )
     fits = np.min(sigma) <= said <= np.max(sigma)
     reason = "" if fits else f"{said / mean:.2g} times the mean of ours"

@@ -17,7 +17,7 @@ from tumble.studies.turntable_simulation import ARCSECOND, NINE, simulate, table
 from tumble.studies.zhang_comparison import gyros_apart, norm_shift
 from tumble.studies.zhang_formulas import formula_rows
 from tumble.studies.zhang_laboratory import POSITIONS, compare, paper_setting
-from tumble.studies.zhang_tables import leaked, theory_of_nine
+from tumble.studies.zhang_tables import COLUMN_DIGITS, leaked, theory_of_nine
 from tumble.studies.zhang_verdicts import CHANCE
 
 # Runs by sufficient statistics for a covariance: good to a few percent.
@@ -124,8 +124,7 @@ def _gravity(document: dict[str, Any]) -> Row:
     )
 
 
-# Printed behind the point, a group each: of the two columns, and of the last.
-_COLUMN_DIGITS = {"2": (6, 2, 2, 2, 2, 4, 2), "6": (6, 2, 2, 3, 2, 6, 2)}
+# Printed behind the point in the last column, a group each.
 _LAST_DIGITS = {"2": (2, 2, 2, 2, 2, 4, 2), "6": (2, 2, 2, 2, 2, 5, 2)}
 
 
@@ -141,7 +140,7 @@ def _columns_against_columns(document: dict[str, Any]) -> list[Row]:
             before, after, said = (np.array(entry[key], dtype=float) for key in (first, second, last))
             scale = 1e6 / before if "scale" in entry["group"] else np.ones(3)
             rounding = (
-                10.0 ** -_COLUMN_DIGITS[table][number] * scale + 0.5 * 10.0 ** -_LAST_DIGITS[table][number]
+                10.0 ** -COLUMN_DIGITS[table][number] * scale + 0.5 * 10.0 ** -_LAST_DIGITS[table][number]
             )
             off = np.abs((after - before) * scale - said)
             agree += int(np.count_nonzero(off <= 1.001 * rounding))

@@ -35,10 +35,13 @@ from tumble.studies.turntable_simulation import (
 )
 from tumble.studies.zhang_verdicts import (
     CHANCE,
+    ENOUGH,
     PRINTED_RUNS,
+    TOO_FEW,
     error_factor,
     half_digit,
     heading_factors,
+    judge_error,
     judge_scatter,
     scatter_factors,
     standard_deviation,
@@ -49,6 +52,8 @@ LABELS = tuple(symbol for _, _, symbols in GROUPS for symbol in symbols)
 UNITS = tuple(unit for _, unit, _ in GROUPS for _ in range(3))
 # Printed behind the point, a group each.
 DIGITS = {"3": (2, 2, 2, 2, 2, 4, 2), "4": (2, 2, 2, 2, 2, 4, 2), "5": (2, 2, 2)}
+# The same of the parameters themselves.
+COLUMN_DIGITS = {"2": (6, 2, 2, 2, 2, 4, 2), "6": (6, 2, 2, 3, 2, 6, 2)}
 GYRO_BIAS = slice(15, 18)
 SETS = {"1-7, 9, 11": NINE, "8, 10, 12-18": LEFT_OUT, "1-18": tuple(range(1, 19))}
 
@@ -83,22 +88,22 @@ def reproduce_table_2(repetitions: int, seed: int) -> Outcome:
     found = estimates.parameters()
     differences = in_paper_units(found, truth)
     sigma = standard_deviation(differences)
-    shown = _as_printed(found[0])
+    shown = _in_counts(found[0])
     rows: list[Row] = []
     for k, label in enumerate(LABELS):
         entry, axis = printed["rows"][k // 3], k % 3
-        error, limit = entry["error"][axis], error_factor(repetitions) * sigma[k]
-        fits = abs(error) <= limit
+        error = entry["error"][axis]
+        values = entry["set"][axis], entry["calibrated"][axis], float(shown[k])
+        true, calibrated, ours = (as_printed("2", k, value) for value in values)
         cells = (
-            float(entry["set"][axis]),
-            float(entry["calibrated"][axis]),
+            true,
+            calibrated,
             error,
-            float(shown[k]),
+            ours,
             float(differences[0, k]),
             float(sigma[k]),
         )
-        reason = "" if fits else f"{abs(error) / sigma[k]:.1f} standard deviations"
-        rows.append(Row(label, UNITS[k], cells, INSIDE if fits else OUTSIDE, reason))
+        rows.append(Row(label, UNITS[k], cells, *judge_error(error, float(sigma[k]), repetitions)))
     return Outcome(
         "zhang-2",
         f"Table 2: {printed['title']}",
@@ -114,13 +119,25 @@ def reproduce_table_2(repetitions: int, seed: int) -> Outcome:
         rows,
         f"inside: the paper's error is within {error_factor(repetitions):.3g} of our standard deviations, as "
         f"{100 * (1 - CHANCE):g} % of all draws are (Student's t, {max(repetitions - 1, 1)} degrees of freedom)",
-        notes=[_READINGS, _leak_note(printed, differences)],
+        notes=[_READINGS, _leak_note(printed, differences) if repetitions >= ENOUGH else TOO_FEW],
         repetitions=repetitions,
         seed=seed,
     )
 
 
-def _as_printed(parameters: Series) -> Series:
+def as_printed(table: str, number: int, value: float) -> str:
+    """Return a parameter with as many digits as the paper gives it.
+
+    Parameters
+    ----------
+    table : "2" or "6".
+    number : of the parameter, 0 to 20.
+    value : in the paper's unit, scale factors in counts.
+    """
+    return f"{value:.{COLUMN_DIGITS[table][number // 3]}f}"
+
+
+def _in_counts(parameters: Series) -> Series:
     """Return parameters in the paper's units, scale factors in counts."""
     scales = (UNITS_SI == 1e-6) & np.isin(np.arange(21) // 3, (0, 3))
     return np.where(scales, parameters, parameters / UNITS_SI)
@@ -176,7 +193,7 @@ def reproduce_scatter_table(table: str, repetitions: int, seed: int) -> Outcome:
     for k, label in enumerate(LABELS):
         value = printed["rows"][k // 3]["sigma"][k % 3]
         half = half_digit(value, DIGITS[table][k // 3])
-        verdict, reason = judge_scatter(value, low[k] - half, high[k] + half, float(sigma[k]))
+        verdict, reason = judge_scatter(value, low[k] - half, high[k] + half, float(sigma[k]), repetitions)
         cells = (value, float(sigma[k]), float(by_statistics[k]), float(low[k]), float(high[k]))
         rows.append(Row(label, UNITS[k], cells, verdict, reason))
     rows += _better_choices(runs, others, truth)
@@ -190,7 +207,7 @@ def reproduce_scatter_table(table: str, repetitions: int, seed: int) -> Outcome:
         f"{100 * (1 - CHANCE):g} % of all such do if ours of {repetitions} is of the same scatter (F-distribution); of "
         "the gyro biases, whose headings are not printed, with 99 % of choices of them",
         notes=[
-            _theory_note(setting, sigma),
+            _theory_note(setting, sigma) if repetitions >= ENOUGH else TOO_FEW,
             *_angle_error_note(printed, setting, truth, repetitions, _generator(seed, table, 3)),
         ],
         repetitions=repetitions,
@@ -292,7 +309,9 @@ def reproduce_table_5(repetitions: int, seed: int) -> Outcome:
         for k, label in enumerate(LABELS[:9]):
             value = printed["rows"][k // 3]["sigma"][name][k % 3]
             half = half_digit(value, 2)
-            verdict, reason = judge_scatter(value, low[k] - half, high[k] + half, float(sigma[k]))
+            verdict, reason = judge_scatter(
+                value, low[k] - half, high[k] + half, float(sigma[k]), repetitions
+            )
             cells = (name, value, float(sigma[k]), float(low[k]), float(high[k]))
             rows.append(Row(label, UNITS[k], cells, verdict, reason))
     few, all_of_them = scatters["1-7, 9, 11"], scatters["1-18"]
@@ -306,7 +325,7 @@ def reproduce_table_5(repetitions: int, seed: int) -> Outcome:
         f"inside: the printed standard deviation of {PRINTED_RUNS} runs lies where {100 * (1 - CHANCE):g} % of all "
         f"such do if ours of {repetitions} is of the same scatter (F-distribution); of the singular set, the closed "
         "form refuses it, and the paper's numbers are no scatter of a unit's parameters",
-        notes=[_GAINS.format(*gains)],
+        notes=[_GAINS.format(*gains) if repetitions >= ENOUGH else TOO_FEW],
         repetitions=repetitions,
         seed=seed,
     )
@@ -350,6 +369,8 @@ def _product() -> int:
 
 
 __all__ = [
+    "COLUMN_DIGITS",
+    "as_printed",
     "leaked",
     "refusal",
     "reproduce_scatter_table",

@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import AnyArray, Vectors
-from tumble.studies.outcome import INSIDE, OUTSIDE
+from tumble.studies.outcome import INSIDE, OUTSIDE, UNJUDGED
 from tumble.studies.turntable_simulation import norths
 
 PRINTED_RUNS = 500
 # One true row in a thousand is outside by chance; all of the paper's rows are some two hundred.
 CHANCE = 0.001
+# Fewer runs have no scatter to speak of: nothing is judged.
+ENOUGH = 20
+TOO_FEW = f"Fewer than {ENOUGH} runs have no scatter to judge by: say --repetitions 500."
 # Choices of headings that the range of the gyro biases is taken over.
 HEADINGS = 4000
 
@@ -59,16 +62,35 @@ def half_digit(printed: float, digits: int) -> float:
     return 0.5 * 10.0**-digits
 
 
-def judge_scatter(printed: float, low: float, high: float, ours: float) -> tuple[str, str]:
+def judge_scatter(printed: float, low: float, high: float, ours: float, runs: int) -> tuple[str, str]:
     """Return verdict and reason of a printed standard deviation.
 
     Parameters
     ----------
     printed, low, high, ours : the printed one, the range that it may lie in, and ours.
+    runs : how many ours comes from.
     """
+    if runs < ENOUGH:
+        return UNJUDGED, ""
     if low <= printed <= high:
         return INSIDE, ""
     return OUTSIDE, f"{printed / ours:.2f} times ours"
+
+
+def judge_error(printed: float, sigma: float, runs: int, rounding: float = 0.0) -> tuple[str, str]:
+    """Return verdict and reason of one printed error.
+
+    Parameters
+    ----------
+    printed, sigma : the error, and the standard deviation of ours.
+    runs : how many ours comes from.
+    rounding : that the printed digits leave open.
+    """
+    if runs < ENOUGH:
+        return UNJUDGED, ""
+    if abs(printed) <= error_factor(runs) * sigma + rounding:
+        return INSIDE, ""
+    return OUTSIDE, f"{abs(printed) / sigma:.1f} standard deviations"
 
 
 def heading_factors(up: Vectors, rng: np.random.Generator) -> AnyArray:
