@@ -64,6 +64,8 @@ def find_accelerometer(first: Vectors, second: Vectors, rate: float = _GUESS_RAT
         share = [s / r for s, r in zip(spread, ranges, strict=True)]
         big, small = max(share), min(share)
         if big > 0.2 and big > 4.0 * small:
+            if _is_on_a_table(np.split(quiet.means, 2, axis=1), ranges, int(np.argmax(share))):
+                return TriadOrder(share[1] < share[0], False, "the other triad's levels differ in their norm")
             return TriadOrder(
                 share[1] > share[0], True, "its levels at rest differ, those of the other triad do not"
             )
@@ -76,6 +78,17 @@ def find_accelerometer(first: Vectors, second: Vectors, rate: float = _GUESS_RAT
         sure = small < 3.0
         return TriadOrder(ratio[1] > ratio[0], sure, "its norm at rest is steady and far from zero")
     return TriadOrder(False, False, "nothing in the numbers tells the triads apart, so the first is taken")
+
+
+def _is_on_a_table(means: list[Vectors], ranges: list[float], spread: int) -> bool:
+    """Whether the triad whose levels differ is a gyro's: now at rest, now turning, while the other stays.
+
+    An accelerometer's levels have one norm; a gyro's on a table that turns about the vertical have not, and
+    the accelerometer beside it is steady and far from zero.
+    """
+    norms = np.linalg.norm(means[spread], axis=1)
+    other = float(np.linalg.norm(means[1 - spread].mean(axis=0))) / ranges[1 - spread]
+    return bool(norms.min() < 0.5 * norms.max()) and other > 3.0
 
 
 def plan_from_content(columns: list[Series], name: str) -> tuple[ColumnPlan, list[Remark]]:

@@ -12,8 +12,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.earth import EARTH_RATE, Site
-from tumble.errors import OutputError, UsageError
+from tumble.errors import OutputError, RecordingError, UsageError
 from tumble.protocol import PROTOCOLS, HoldStep, SpinStep, read_protocol
+from tumble.recording import read_recording
 from tumble.simulation import Imperfections, TableErrors
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.simulate import Simulated, simulate
@@ -387,6 +388,26 @@ def test_rotations_of_known_angle_share_a_file_with_the_rests_beside_them(tmp_pa
     rows = (done.folder / "step-1.csv").read_text("utf-8").splitlines()
     seconds = 3 * 5.0 + 2 * 20.0
     assert sum(row[0].isdigit() or row[0] == "-" for row in rows) == pytest.approx(20.0 * seconds, abs=2)
+
+
+def test_a_file_of_rotations_about_the_vertical_alone_is_read(tmp_path: Path) -> None:
+    """The gyro's levels differ in it and the accelerometer's do not: that is no exchange of the triads."""
+    path = tmp_path / "vertical.yaml"
+    rest = "  - hold: rest\n    up: z\n    seconds: 10\n"
+    spin = "  - spin:\n    axis: z\n    rate_deg_per_s: {sign}20\n    seconds: 34\n    angle_deg: {sign}720\n"
+    steps = [rest, spin.format(sign=""), rest, spin.format(sign="-"), rest]
+    head = "format: tumble protocol\nprocedure: laboratory\ngravity: 9.81\nsteps:\n"
+    path.write_text(head + "".join(steps), encoding="utf-8")
+    done = simulate(path, grade="tactical", rate=50.0, output=tmp_path / "out", per_step=True)
+    assert [file.name for file in done.files] == ["step-1.csv", "protocol.yaml", "truth.json"]
+    recording = read_recording(
+        done.folder / "step-1.csv", columns="t,ax,ay,az,gx,gy,gz", units="m/s^2,rad/s,s"
+    )
+    assert recording.specific_force is not None
+    assert np.median(recording.specific_force[:, 2]) == pytest.approx(9.81, rel=0.01)
+    turned = simulate("six-position", grade="tactical", rate=20.0, output=tmp_path / "six")
+    with pytest.raises(RecordingError, match="the triads seem exchanged"):
+        read_recording(turned.folder / "recording.csv", columns="t,gx,gy,gz,ax,ay,az", units="m/s^2,rad/s,s")
 
 
 def test_a_table_of_a_protocol_without_spins_is_remarked_on(tmp_path: Path) -> None:
