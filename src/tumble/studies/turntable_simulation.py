@@ -201,6 +201,11 @@ def simulate(
     sampled : draw every sample; otherwise draw what is evaluated, by its distribution.
     threads : that draw at once.
     skew : (runs, n, 3) small rotations of the attitudes at rest beside the random ones, rad.
+
+    Raises
+    ------
+    ValueError
+        If what is evaluated is to be drawn of rotations that are no whole turns.
     """
     set_up, *streams = rng.spawn(runs + 1) if sampled else rng.spawn(2)
     dwells, rotations = len(setting.up), len(setting.axes)
@@ -326,6 +331,8 @@ def _draw_statistics(
     the rest, of three samples less.
     """
     (rng,) = streams
+    if len(setting.axes) and abs(np.sin(0.5 * setting.angle)) > 1e-9:
+        raise ValueError("the statistics of a rotation are known for whole turns: draw the samples")
     runs, rotations = len(true), len(setting.axes)
     dwell, turn = (round(seconds * setting.sampling) for seconds in (setting.dwell, setting.duration))
     means = true + setting.sigma / np.sqrt(dwell) * rng.standard_normal(true.shape)

@@ -89,9 +89,10 @@ def played_slowly(setting: Setting, axis: np.ndarray, sign: float) -> tuple[np.n
     return raw[:, 3:].sum(axis=0) / setting.sampling, np.cov(raw[:, :3].T, bias=True)
 
 
-@pytest.mark.parametrize("sampled", [True, False])
-def test_a_rotation_is_that_of_rotation_matrices(sampled: bool) -> None:
-    setting = replace(exact(table_setting("2")), **FAST)
+@pytest.mark.parametrize(("sampled", "duration"), [(True, 36.0), (False, 36.0), (True, 11.0)])
+def test_a_rotation_is_that_of_rotation_matrices(sampled: bool, duration: float) -> None:
+    """Over whole turns, and over 110°, in which the Earth rate and the way round do not average out."""
+    setting = replace(exact(table_setting("2")), **{**FAST, "duration": duration})
     found = simulate(setting, 1, generator(0), sampled=sampled)
     for r, axis in enumerate(setting.axes):
         plus, minus = (played_slowly(setting, axis, sign) for sign in (1.0, -1.0))
@@ -100,6 +101,12 @@ def test_a_rotation_is_that_of_rotation_matrices(sampled: bool) -> None:
         # 1e6 counts²
         np.testing.assert_allclose(found.scatter[0, r], 0.5 * (plus[1] + minus[1]), rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(found.angle, 2.0 * setting.rate * setting.duration)
+
+
+def test_statistics_of_part_of_a_turn_are_refused() -> None:
+    setting = replace(table_setting("2"), duration=11.0)
+    with pytest.raises(ValueError, match="whole turns"):
+        simulate(setting, 1, generator(0), sampled=False)
 
 
 def test_the_lever_arm_changes_no_axis() -> None:
@@ -154,7 +161,7 @@ def test_runs_do_not_depend_on_their_number_nor_on_the_threads() -> None:
 
 
 def test_the_noise_of_samples_is_what_it_is_said_to_be() -> None:
-    setting = replace(table_setting("3"), **FAST, placement=0.0, angle_error=0.0)
+    setting = replace(table_setting("3"), **FAST, placement=0.0, angle_error=0.0, perturbation=0.05)
     found, true = simulate(setting, 400, generator(7)), simulate(exact(setting), 1, generator(7))
     for means, sigma in (("force", setting.sigma[:3]), ("rate", setting.sigma[3:])):
         noise = getattr(found, means) - getattr(true, means)
@@ -168,7 +175,8 @@ def test_the_noise_of_samples_is_what_it_is_said_to_be() -> None:
     inverse = np.linalg.inv(setting.unit.force_matrix)
     along = np.einsum("ri,nrij,rj->nr", setting.axes @ inverse, found.scatter, setting.axes @ inverse)
     count = setting.duration * setting.sampling
-    expected = (setting.sigma_turning[0] / 100.0) ** 2 * (1.0 - 1.0 / count)
+    # 500 µg/√Hz at 100 Hz, and the perturbed acceleration of 0.05 m/s²
+    expected = ((500e-6 * 9.8 * 10.0) ** 2 + 0.05**2) * (1.0 - 1.0 / count)
     # misalignments of 330″ make products of 2e-3; the samples are 17 millions
     np.testing.assert_allclose(along.mean(axis=0), expected, rtol=5e-3)
 

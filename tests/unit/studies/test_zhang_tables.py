@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tumble.studies.catalogue import ITEMS, run_item
 from tumble.studies.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
@@ -14,6 +15,7 @@ from tumble.studies.zhang_comparison import gyros_apart, norm_shift, reproduce_f
 from tumble.studies.zhang_contradictions import reproduce_contradictions
 from tumble.studies.zhang_laboratory import (
     POSITIONS,
+    Laboratory,
     calibrate_in_laboratory,
     compare,
     paper_setting,
@@ -175,6 +177,19 @@ def test_both_methods_are_right_without_errors(monkeypatch: pytest.MonkeyPatch) 
     exact = replace(paper_setting(), force_noise=0.0, rate_noise=0.0, angle_error=0.0, placement=0.0)
     found = calibrate_in_laboratory(exact, 1, generator(0)).parameters()
     assert np.max(np.abs(in_paper_units(found, unit_parameters(exact.unit)))) < 1e-6
+
+
+def test_the_laboratory_s_frame_does_not_matter() -> None:
+    """Matrices in a frame of the table that is turned by tens of degrees give the parameters of the paper's frames."""
+    unit = paper_setting().unit
+    C_pt = Rotation.from_rotvec([0.4, -0.7, 0.2]).as_matrix()
+    found = Laboratory(
+        (unit.force_matrix @ C_pt)[None],
+        unit.force_bias[None],
+        (unit.rate_matrix @ unit.rotation @ C_pt)[None],
+        unit.rate_bias[None],
+    ).parameters()
+    assert np.max(np.abs(in_paper_units(found, unit_parameters(unit)))) < 1e-6
 
 
 def test_axes_that_are_off_are_seen_by_the_laboratory_alone() -> None:
