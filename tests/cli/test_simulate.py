@@ -253,7 +253,7 @@ def test_what_is_wrong_with_the_table_is_simulated_and_stands_in_both_files(
     protocol.write_text(head + rest + spin + rest, encoding="utf-8")
     options = "--table-angle-arcsec 20 --table-once-arcsec 10 --table-twice-arcsec 5 --table-tilt-deg 0.1 "
     options += "--table-wobble-arcsec 4 --table-ripple-ppm 300 --table-ripple-cycles 7 --table-ramps 15 "
-    options += "--table-stops 1:50 --lever-arm-cm 5,-2,1"
+    options += "--table-shake-ug 50 --table-stops 1:50 --lever-arm-cm 5,-2,1"
     answer = tumble("simulate", protocol, "--rate", 20, *options.split(), "-o", tmp_path / "trial")
     assert answer.status == 0, answer
     truth = json.loads((tmp_path / "trial" / "truth.json").read_text("utf-8"))
@@ -264,6 +264,7 @@ def test_what_is_wrong_with_the_table_is_simulated_and_stands_in_both_files(
     assert table["wobble"] == pytest.approx(4 * arc_second)
     assert table["axis_tilt"] == pytest.approx(0.1 * 3600 * arc_second)
     assert (table["ripple"], table["ripple_cycles"], table["ramp_spread"]) == (pytest.approx(3e-4), 7, 0.15)
+    assert table["shake"] == pytest.approx(50e-6 * 9.80665)
     assert table["stops_early"] == [[0, 0.5]]
     assert truth["lever_arm_b"] == pytest.approx([0.05, -0.02, 0.01])
     written = (tmp_path / "trial" / "protocol.yaml").read_text("utf-8")

@@ -124,6 +124,13 @@ def simulate_command(
             help="Standard deviation of the time of each ramp, in per cent of it.", rich_help_panel=_TABLE
         ),
     ] = 0.0,
+    table_shake_ug: Annotated[
+        float,
+        typer.Option(
+            help="Standard deviation that turning adds to each accelerometer sample, in millionths of g.",
+            rich_help_panel=_TABLE,
+        ),
+    ] = 0.0,
     table_stops: Annotated[
         list[str] | None,
         typer.Option(
@@ -171,6 +178,7 @@ def simulate_command(
         ripple=table_ripple_ppm,
         cycles=table_ripple_cycles,
         ramps=table_ramps,
+        shake=table_shake_ug,
         stops=table_stops or [],
     )
     with progress(quiet or as_json) as say:

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from tumble.errors import UsageError
+from tumble.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from tumble.arrays import AnyArray
@@ -21,6 +22,7 @@ _OPTIONS = {
     "wobble": ("table-wobble-arcsec", 36_000.0, "arc-seconds", _DEGREE / 3600.0),
     "ripple": ("table-ripple-ppm", 500_000.0, "ppm", 1e-6),
     "ramps": ("table-ramps", 50.0, "per cent", 1e-2),
+    "shake": ("table-shake-ug", 100_000.0, "millionths of g", 1e-6 * STANDARD_GRAVITY),
 }
 
 
@@ -54,6 +56,7 @@ def table_errors(*, cycles: int, stops: list[str], **amounts: float | None) -> T
         ripple=si["ripple"],
         ripple_cycles=cycles,
         ramp_spread=si["ramps"],
+        shake=si["shake"],
         stops_early=tuple(_stop(word) for word in stops),
     )
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series
+from tumble.arrays import AnyArray, Series, Vectors
 from tumble.earth.site import Site
 from tumble.errors import UsageError
 from tumble.protocol.steps import Protocol
@@ -16,7 +16,7 @@ from tumble.simulation.disturbances import Disturbance
 from tumble.simulation.fixtures import PlayedProtocol, TrueSpin, play_protocol
 from tumble.simulation.grades import Grade
 from tumble.simulation.motion import Motion
-from tumble.simulation.recordings import Truth, simulate_recording
+from tumble.simulation.recordings import Distort, Truth, simulate_recording
 from tumble.simulation.sampling import Imperfections
 from tumble.simulation.table import TableErrors
 
@@ -131,7 +131,7 @@ def simulate_protocol(
         rng,
         site=site,
         grade=noisy,
-        distort=model.distort,
+        distort=_shaken(model.distort, played, 0.0 if table is None else table.shake, rate, rng),
         imperfections=imperfections,
     )
     if counts is not None:
@@ -146,6 +146,25 @@ def simulate_protocol(
         counts_per_si=counts,
     )
     return recording, truth
+
+
+def _shaken(
+    distort: Distort, played: PlayedProtocol, shake: float, rate: float, rng: np.random.Generator
+) -> Distort:
+    """Return the sensor on a table that shakes while it turns, ramps included."""
+    if shake == 0.0:
+        return distort
+
+    def shaken(force: Vectors, angular_rate: Vectors) -> tuple[Vectors, Vectors]:
+        time = (np.arange(len(force)) + 0.5) / rate
+        turning = np.zeros(len(force), dtype=bool)
+        for spin in played.spins:
+            turning |= (time > spin.start - spin.ramps[0]) & (time < spin.stop + spin.ramps[1])
+        extra = np.zeros_like(force)
+        extra[turning] = rng.normal(0.0, shake, (int(turning.sum()), 3))
+        return distort(force + extra, angular_rate)
+
+    return shaken
 
 
 def _in_counts(model: ImuModel, force: float, rate: float) -> ImuModel:

@@ -44,6 +44,8 @@ class TableErrors:
     ripple : amplitude of the rate's ripple as a share of the rate.
     ripple_cycles : of the ripple, per revolution.
     ramp_spread : one sigma of each ramp's time as a share of it: up and down differ, and so do the two ways.
+    shake : m/s², one sigma of what a turning table adds to each sample of each accelerometer, each for
+        itself; at rest nothing. Only a recording has samples: a motion alone is not shaken.
     stops_early : (spin, share) of spins, counted from 0, that stop after that share of their angle. The
         unit then stays where it is until it is placed anew.
     """
@@ -57,6 +59,7 @@ class TableErrors:
     ripple: float = 0.0
     ripple_cycles: int = 12
     ramp_spread: float = 0.0
+    shake: float = 0.0
     stops_early: tuple[tuple[int, float], ...] = ()
 
     def __post_init__(self) -> None:
@@ -70,6 +73,7 @@ class TableErrors:
             "wobble": self.wobble,
             "ripple": self.ripple,
             "ramp_spread": self.ramp_spread,
+            "shake": self.shake,
         }
         for name, amount in amounts.items():
             if not 0.0 <= amount < 1.0:

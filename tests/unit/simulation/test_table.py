@@ -115,3 +115,21 @@ def test_gyro_samples_of_an_uneven_table_add_up_to_the_true_angle() -> None:
     read = truth.steps[1]
     assert isinstance(read, SpinStep)
     assert read.angle == was.shown
+
+
+def test_a_shaking_table_adds_noise_to_the_accelerometers_while_it_turns_and_only_then() -> None:
+    still = Site.from_gravity(9.8)
+    spin = SpinStep(40.0, 1.0, Z, angle=42.0)
+    samples = []
+    for table in (TableErrors(), TableErrors(shake=0.01)):
+        recording, truth = simulate_protocol(
+            protocol(REST, spin, HoldStep(3.0)), 100.0, np.random.default_rng(1), site=still, table=table
+        )
+        assert recording.specific_force is not None
+        samples.append(recording.specific_force)
+    added = samples[1] - samples[0]
+    (was,) = truth.spins
+    turning = (recording.time > was.start - 2.0) & (recording.time < was.stop + 2.0)
+    assert np.array_equal(added[~turning], np.zeros((600, 3)))
+    # 4400 numbers an axis: 1.1 %, four of them
+    np.testing.assert_allclose(added[turning].std(axis=0), 0.01, rtol=0.045)
