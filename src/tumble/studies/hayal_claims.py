@@ -6,26 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from tumble.studies.outcome import INSIDE, OUTSIDE, Row, Value
+from tumble.studies.outcome import Row, claim_row
 
 # Unknowns -> the tables of gyros with so many, by scenario; and those of the accelerometers.
 GYRO_TABLES = {3: {1: "A.1", 2: "A.3", 3: "5.2", 4: "A.5"}, 9: {1: "A.2", 2: "A.4", 3: "5.3", 4: "A.6"}}
 FORCE_TABLES = {1: "B.1", 2: "B.2", 3: "5.4", 4: "B.3"}
 MINUTES = (1, 3, 5)
 IMUS = ("HG1700", "HG1900")
-
-
-def claim_row(label: str, unit: str, said: Value, found: Value, agrees: bool, reason: str = "") -> Row:
-    """Return a row that says whether the tables bear a sentence out.
-
-    Parameters
-    ----------
-    label, unit : what is said, and the unit of both values.
-    said, found : by the sentence, and by the tables.
-    agrees : whether they are the same.
-    reason : in words.
-    """
-    return Row(label, unit, (said, found), INSIDE if agrees else OUTSIDE, reason)
 
 
 def claims_of_calibrations(document: dict[str, Any]) -> list[Row]:

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from tumble.studies.hayal_claims import IMUS, claim_row, claims_of_calibrations
-from tumble.studies.outcome import Outcome, Row
+from tumble.studies.hayal_claims import IMUS, claims_of_calibrations
+from tumble.studies.outcome import Outcome, Row, claim_row
 from tumble.studies.published import hayal
 from tumble.units import STANDARD_GRAVITY
 

@@ -69,7 +69,7 @@ def evaluate(statistics: Statistics) -> Estimates:
 
     Parameters
     ----------
-    statistics : with three rotations or more, of which the second is about y and the third about z.
+    statistics : with six rotations or more, the first three about x, y and z.
 
     Raises
     ------

@@ -13,6 +13,7 @@ every sample of a rotation; a lever arm adds a constant to a steady rotation.
 
 from __future__ import annotations
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -187,7 +188,7 @@ def simulate(
     rng: np.random.Generator,
     *,
     sampled: bool = True,
-    threads: int = 2,
+    threads: int | None = None,
     skew: AnyArray | None = None,
 ) -> Statistics:
     """Simulate a setting many times.
@@ -199,7 +200,7 @@ def simulate(
     rng : source of all numbers. Every run has a stream of its own, so that the number of threads changes
         nothing.
     sampled : draw every sample; otherwise draw what is evaluated, by its distribution.
-    threads : that draw at once.
+    threads : that draw at once; None for as many as the machine has.
     skew : (runs, n, 3) small rotations of the attitudes at rest beside the random ones, rad.
 
     Raises
@@ -276,7 +277,11 @@ def _waves(setting: Setting, rates: Series) -> AnyArray:
 
 
 def _draw_samples(
-    setting: Setting, true: AnyArray, angles: AnyArray, streams: list[np.random.Generator], threads: int
+    setting: Setting,
+    true: AnyArray,
+    angles: AnyArray,
+    streams: list[np.random.Generator],
+    threads: int | None,
 ) -> tuple[AnyArray, AnyArray, AnyArray]:
     """Draw every sample; return (runs, n, 6) means, (runs, m, 2, 3) integrals and (runs, m, 2, 3, 3) scatter."""
     from tumble.studies.kernels import play_dwells, play_rotations
@@ -306,7 +311,7 @@ def _draw_samples(
             scatter[run],
         )
 
-    pool = ThreadPoolExecutor(threads)
+    pool = ThreadPoolExecutor(threads or os.cpu_count() or 1)
     try:
         list(pool.map(play, range(runs)))
     finally:  # who stops a long study does not wait for all of it
@@ -322,7 +327,11 @@ def _by_rate(setting: Setting) -> AnyArray:
 
 
 def _draw_statistics(
-    setting: Setting, true: AnyArray, angles: AnyArray, streams: list[np.random.Generator], threads: int
+    setting: Setting,
+    true: AnyArray,
+    angles: AnyArray,
+    streams: list[np.random.Generator],
+    threads: int | None,
 ) -> tuple[AnyArray, AnyArray, AnyArray]:
     """Draw what is evaluated by its distribution.
 

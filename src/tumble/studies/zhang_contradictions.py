@@ -9,8 +9,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series
 from tumble.attitude.directions import twenty_six_directions
-from tumble.studies.hayal_claims import claim_row
-from tumble.studies.outcome import Outcome, Row
+from tumble.studies.outcome import Outcome, Row, claim_row
 from tumble.studies.published import zhang
 from tumble.studies.turntable_evaluation import evaluate, in_paper_units, unit_parameters
 from tumble.studies.turntable_simulation import ARCSECOND, NINE, simulate, table_setting

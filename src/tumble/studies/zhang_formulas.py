@@ -19,8 +19,7 @@ from tumble.sensor.conventions.zhang import (
     inter_triad_rotation,
     zhang_from_matrix,
 )
-from tumble.studies.hayal_claims import claim_row
-from tumble.studies.outcome import Row
+from tumble.studies.outcome import Row, claim_row
 from tumble.studies.published import zhang
 from tumble.studies.turntable_simulation import (
     ARCSECOND,
