@@ -8,12 +8,14 @@ from tumble.protocol.file import protocol_to_yaml, read_protocol, write_protocol
 from tumble.protocol.library import PROTOCOLS, named_protocol
 from tumble.protocol.schema import protocol_schema
 from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
+from tumble.protocol.strapdown_rotation import SequenceSteps, sequence_steps, strapdown_rotation_steps
 
 __all__ = [
     "PROTOCOLS",
     "HoldStep",
     "Pose",
     "Protocol",
+    "SequenceSteps",
     "SpinStep",
     "Step",
     "TurnStep",
@@ -21,5 +23,7 @@ __all__ = [
     "protocol_schema",
     "protocol_to_yaml",
     "read_protocol",
+    "sequence_steps",
+    "strapdown_rotation_steps",
     "write_protocol",
 ]

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from tumble.arrays import Vector
 from tumble.attitude.directions import twenty_six_directions
 from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
+from tumble.protocol.strapdown_rotation import strapdown_rotation_steps
 
 _DEGREE = np.pi / 180.0
 # A cube's face on a levelled plate; and a box that a hand props up on an edge.
@@ -231,6 +232,12 @@ _NAMED = {
         _laboratory,
         "Each axis up and down with the next one north, west, south and east on an aligned table, then five "
         "turns both ways about each axis: both triads against the table's axes, as good as the table.",
+    ),
+    "strapdown-rotation": _Named(
+        "strapdown-rotation",
+        strapdown_rotation_steps,
+        "Seventeen sequences of rotations on a two-axis fixture, at rest before and after each: both triads "
+        "with asymmetry, hardly touched by how well the fixture is made or set up (Savage 2018).",
     ),
     "hand-held": _Named(
         "hand-held", _hand_held, "All 26 poses held and turned by hand: both triads in full."
