@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import Matrix, Vector, inverted
+from tumble.arrays import Matrix, Vector, Vectors, inverted
 from tumble.calibration.spin_groups import group_spins
 from tumble.errors import ObservabilityError
 from tumble.protocol import Protocol, SpinStep
@@ -29,6 +29,8 @@ NEEDED = 6
 # The two ways about an axis show the same gyro: beyond 1 % one of the angles is wrong. Against the nominal unit
 # no gyro is off by a fifth.
 UNLIKE, LARGEST_SCALE = 0.01, 1.2
+# rad/s that a gyro's g-sensitivity and a wandering bias may differ by from the mean of all rests.
+WANDERING = np.radians(0.6)
 
 
 @dataclass(slots=True)
@@ -146,7 +148,9 @@ def refuse_unlike_angles(recording: Recording, pairs: Sequence[RotationPair], me
     for pair in pairs:
         shown = [float(np.linalg.norm(r.integral - parts[r.row])) / abs(r.angle) for r in pair.rotations]
         middle = 1.0 / factor if factor else float(np.median(shown))
-        if max(shown) / min(shown) < 1.0 + UNLIKE and all(
+        slow = max(r.seconds / abs(r.angle) for r in pair.rotations)
+        slack = UNLIKE + WANDERING * slow
+        if max(shown) / min(shown) < 1.0 + slack and all(
             1.0 / LARGEST_SCALE < value / middle < LARGEST_SCALE for value in shown
         ):
             continue
@@ -232,6 +236,7 @@ class EarthParts:
     matrix, bias : (3, 3), (3,) of the gyros, raw; None to begin with, when the mean of the rests beside a pair
         stands for both.
     before : the parts as they were known so far; they show the axes better than the bare integrals.
+    felt : (holds, 3) raw, what the gyros show at rest by their g-sensitivity; None for nothing.
     """
 
     def __init__(
@@ -241,9 +246,10 @@ class EarthParts:
         matrix: Matrix | None = None,
         bias: Vector | None = None,
         before: dict[int, Vector] | None = None,
+        felt: Vectors | None = None,
     ) -> None:
         assert means.angular_rate is not None
-        self.rate = means.angular_rate
+        self.rate = means.angular_rate if felt is None else means.angular_rate - felt
         self.pairs, self.matrix, self.bias, self.before = pairs, matrix, bias, before
 
     def parts(self) -> dict[int, Vector]:

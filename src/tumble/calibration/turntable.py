@@ -42,6 +42,7 @@ from tumble.calibration.turntable_estimate import turntable_estimate
 from tumble.calibration.turntable_solution import (
     BIAS,
     MATRIX,
+    SENSITIVITY,
     TurntableInputs,
     TurntableSystem,
 )
@@ -138,15 +139,25 @@ def _solve(task: TurntableTask) -> TurntableOutcome:
         matrix, bias = values[MATRIX].reshape(3, 3), values[BIAS]
     assert system is not None
     term = _test_sensitivity(system, values)
-    if term is not None and term.kept:
-        system = TurntableSystem.of(system.inputs, with_sensitivity=True)
+    kept = term is not None and term.kept
+    for _ in range(2 if kept else 0):
+        parts = _parts(task, values, parts)
+        system = TurntableSystem.of(_inputs(task, parts, values[MATRIX].reshape(3, 3)), with_sensitivity=True)
         values = system.solve(system.inputs.unchanged)
     tests = _tests(task, system, values)
     inputs, scaled = _scaled(system.inputs, tests)
     if scaled:
         system = TurntableSystem.of(inputs, with_sensitivity=system.with_sensitivity)
         values = system.solve(inputs.unchanged)
-    return TurntableOutcome(system, values, parts, tests, scaled, term)
+    return TurntableOutcome(system, values, _parts(task, values, parts), tests, scaled, term)
+
+
+def _parts(task: TurntableTask, values: Series, parts: dict[int, Vector]) -> dict[int, Vector]:
+    """What bias and Earth rate add to each rotation, with the solution as it is."""
+    assert task.means.specific_force is not None
+    force_b = triad_from_unknowns(task.force.unknowns).correct(task.means.specific_force)
+    felt = force_b @ values[SENSITIVITY].reshape(3, 3).T
+    return EarthParts(task.pairs, task.means, values[MATRIX].reshape(3, 3), values[BIAS], parts, felt).parts()
 
 
 def _test_sensitivity(system: TurntableSystem, values: Series) -> TermTest | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tumble.arrays import Vectors, inverted
 from tumble.segmentation.activity import Activity
 from tumble.segmentation.blocks import Blocks
 from tumble.segmentation.stretches import Stretch, median
@@ -13,6 +14,10 @@ LARGEST_CREEP = np.radians(1.0)
 LARGEST_CREEP_OF_PART = np.radians(0.5)
 # Sigmas by which a hold's mean rate must leave that of the other holds to be called a turning.
 RATE_SIGMAS = 8.0
+# rad/s that a g-sensitivity may move a gyro by at rest: four times a consumer unit's 0.3 °/s per g.
+LARGEST_SENSITIVITY = float(np.radians(1.2))
+# Of the line through the rests' rates over their poses, in rests: some pull towards no g-sensitivity.
+RIDGE = 0.02
 
 
 def find_creep(blocks: Blocks, activity: Activity, start: float, stop: float) -> tuple[float, float]:
@@ -82,7 +87,7 @@ def find_turning(blocks: Blocks, activity: Activity, stretches: list[Stretch]) -
     if len(rates) < 8 or len(rates) != len(stretches) or activity.rate_scale is None:
         return angles
     table = np.array(rates)
-    away = np.abs(table - np.median(table, axis=0))
+    away = np.abs(table - _expected(table, stretches, activity.rate_scale))
     usual = 1.4826 * np.median(away, axis=0)
     own = np.array([s.rate_scatter for s in stretches if s.rate_scatter is not None])
     lengths = np.array([s.stop - s.start for s in stretches])
@@ -90,3 +95,30 @@ def find_turning(blocks: Blocks, activity: Activity, stretches: list[Stretch]) -
     stands_out = np.any(away > RATE_SIGMAS * np.hypot(usual, noise), axis=1)
     turned = np.linalg.norm(away, axis=1) * activity.rate_scale * lengths * blocks.seconds
     return np.where(stands_out, turned, 0.0)
+
+
+def _expected(table: Vectors, stretches: list[Stretch], rate_scale: float) -> Vectors:
+    """What the other rests let a rest's rate expect: the median, or what their poses make of a g-sensitivity.
+
+    A consumer gyro shows half a degree a second more with another face up, which is no creep. Each rest is held
+    against a line through all others, and against their median: the nearer counts.
+    """
+    middle = np.broadcast_to(np.median(table, axis=0), table.shape)
+    forces = [s.force for s in stretches if s.force is not None]
+    if len(forces) != len(stretches):
+        return middle
+    force = np.array(forces) / np.median(np.linalg.norm(forces, axis=1))
+    design = np.column_stack([np.ones(len(force)), force])
+    # A ridge that keeps a pose of its own kind from being explained by itself alone.
+    ridge = np.diag([0.0, *[RIDGE] * 3])
+    line = np.empty_like(table)
+    for k in range(len(table)):
+        others = np.arange(len(table)) != k
+        # those that stand out themselves would bend the line
+        near = np.linalg.norm(table - middle, axis=1) * rate_scale < LARGEST_SENSITIVITY
+        take = others & near if np.count_nonzero(others & near) >= 6 else others
+        normal = design[take].T @ design[take] + ridge
+        line[k] = design[k] @ inverted(normal) @ (design[take].T @ table[take])
+    plausible = np.linalg.norm(line - middle, axis=1) * rate_scale < LARGEST_SENSITIVITY
+    nearer = np.linalg.norm(table - line, axis=1) < np.linalg.norm(table - middle, axis=1)
+    return np.where(np.repeat(plausible & nearer, 3).reshape(-1, 3), line, middle)
