@@ -10,6 +10,14 @@ from hypothesis.extra.numpy import arrays
 from tumble.sensor import FRAMES, ImuModel, Triad, change_frame, frame_rotation
 from tumble.sensor.conventions.imu_tk import imu_tk_from_matrix, matrix_from_imu_tk
 from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
+from tumble.sensor.conventions.zhang import (
+    FORMS,
+    READINGS,
+    inter_triad_angles,
+    inter_triad_rotation,
+    matrix_from_zhang,
+    zhang_from_matrix,
+)
 
 
 def within(shape: int | tuple[int, ...], limit: float) -> st.SearchStrategy[np.ndarray]:
@@ -120,3 +128,30 @@ def test_imu_tk_to_shin_and_back_with_the_gyro_turned_along(
     assert again.gyroscope is not None
     np.testing.assert_allclose(imu_tk_from_matrix(again.accelerometer.matrix)[0], six, atol=1e-12)
     np.testing.assert_allclose(imu_tk_from_matrix(again.gyroscope.matrix)[0], gyro_misalignments, atol=1e-12)
+
+
+@given(scales, within(3, 0.3), st.sampled_from(READINGS))
+def test_zhang_s_parameters_come_back_in_either_reading(
+    scale: np.ndarray, angles: np.ndarray, reading: str
+) -> None:
+    matrix = matrix_from_zhang(scale, angles, reading)
+    again = zhang_from_matrix(matrix, reading)
+    np.testing.assert_allclose(again[0], scale, rtol=1e-13)
+    # an arc sine of 0.3 magnifies round-off by 1.05
+    np.testing.assert_allclose(again[1], angles, atol=1e-14)
+
+
+@given(scales, within(3, 0.3))
+def test_zhang_s_and_shin_s_parameters_are_of_one_matrix(scale: np.ndarray, angles: np.ndarray) -> None:
+    """The exact reading has Shin's scale factors, and yz with the other sign."""
+    matrix = matrix_from_zhang(scale, angles)
+    shin_scale, shin_angles = shin_from_matrix(matrix)
+    np.testing.assert_allclose(shin_scale, scale, rtol=1e-13)
+    np.testing.assert_allclose(shin_angles[0], -angles[0], atol=1e-14)
+    np.testing.assert_allclose(shin_angles[2], -angles[1], atol=1e-14)
+
+
+@given(within(3, 0.5), st.sampled_from(FORMS))
+def test_inter_triad_angles_come_back_in_every_form(angles: np.ndarray, form: str) -> None:
+    again = inter_triad_angles(inter_triad_rotation(angles, form), form)
+    np.testing.assert_allclose(again, angles, atol=1e-13)

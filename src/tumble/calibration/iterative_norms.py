@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tumble.arrays import Series, Vectors
+from tumble.arrays import Series, Table, Vectors
 from tumble.calibration.triad_unknowns import COUNT, correct_with_derivatives
 from tumble.errors import ConvergenceError
 
@@ -60,7 +60,7 @@ def minimise_norm_cost(raw: Vectors, reference: Series, start: Series) -> Iterat
     def residual(x: Series) -> Series:
         return _linearised(raw, reference, x * scale)[0]
 
-    def slope(x: Series) -> Vectors:
+    def slope(x: Series) -> Table:
         return _linearised(raw, reference, x * scale)[1] * scale
 
     found: Any = least_squares(
@@ -105,7 +105,7 @@ def _nine(start: Series) -> Series:
     return np.array(start[NINE], dtype=float)
 
 
-def _linearised(raw: Vectors, reference: Series, nine: Series) -> tuple[Series, Vectors]:
+def _linearised(raw: Vectors, reference: Series, nine: Series) -> tuple[Series, Table]:
     """What the squared norms miss, and its derivatives (n, 9)."""
     unknowns = np.zeros(COUNT)
     unknowns[NINE] = nine

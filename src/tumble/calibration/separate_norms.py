@@ -18,6 +18,7 @@ from tumble.errors import ObservabilityError
 # Below this ratio of singular values of the scaled design a direction is not observed: one that is has
 # some 0.1, one that placement errors alone show 1e-3.
 SINGULAR = 1e-5
+ROUNDING = 1e-13
 
 
 def ellipsoid_from_norms(
@@ -127,7 +128,8 @@ def bias_from_static_pairs(matrix: AnyArray, rate: AnyArray, weights: AnyArray |
     middle = np.sum(share[..., None] * turned, axis=-2, keepdims=True)
     x = turned - middle
     size = np.max(np.linalg.norm(x, axis=-1), axis=-1)[..., None, None]
-    if not np.all(size > 0.0):
+    # A mean of alike numbers differs from them by rounding.
+    if not np.all(size > ROUNDING * np.max(np.abs(turned))):
         raise ObservabilityError("The gyros show the same in all attitudes: they do not see the Earth rate.")
     x = x / size
     square = np.sum(x * x, axis=-1)

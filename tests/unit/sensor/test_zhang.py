@@ -1,0 +1,112 @@
+"""Zhang's convention in both readings, against Shin's, and what the forms of the inter-triad angles differ by."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tumble.sensor.conventions.shin import shin_from_matrix
+from tumble.sensor.conventions.zhang import (
+    FORMS,
+    READINGS,
+    inter_triad_angles,
+    inter_triad_rotation,
+    matrix_from_zhang,
+    zhang_from_matrix,
+)
+
+SECOND = np.pi / 648000.0
+# yz, zy, zx of a tenth of a radian: the printed form is off by a per cent.
+ANGLES = np.array([0.11, -0.07, 0.05])
+SCALE = np.array([415.0, 413.0, -2.5])
+# Zhang et al. 2010, table 2: accelerometer misalignments, gyro misalignments, inter-triad angles, arc seconds.
+ACCELEROMETER, GYRO = np.array([-180.0, 60.0, 330.0]) * SECOND, np.array([300.0, -360.0, 48.0]) * SECOND
+INTER_TRIAD = np.array([-600.0, 120.0, -420.0]) * SECOND
+
+
+@pytest.mark.parametrize("reading", READINGS)
+def test_the_parameters_come_back_from_the_matrix(reading: str) -> None:
+    scale, angles = zhang_from_matrix(matrix_from_zhang(SCALE, ANGLES, reading), reading)
+    np.testing.assert_allclose(scale, SCALE, rtol=1e-14)
+    np.testing.assert_allclose(angles, ANGLES, rtol=1e-13)
+
+
+def test_the_printed_form_is_3_and_the_exact_one_has_rows_of_unit_length() -> None:
+    yz, zy, zx = ANGLES
+    printed = matrix_from_zhang(np.ones(3), ANGLES, "small-angle")
+    np.testing.assert_array_equal(printed, [[1.0, 0.0, 0.0], [yz, 1.0, 0.0], [-zy, zx, 1.0]])
+    exact = matrix_from_zhang(np.ones(3), ANGLES)
+    np.testing.assert_allclose(np.linalg.norm(exact, axis=1), 1.0, rtol=1e-15)
+    # the sensing axes' direction cosines with x and y
+    np.testing.assert_allclose(
+        [exact[1, 0], exact[2, 0], exact[2, 1]], [np.sin(yz), -np.sin(zy), np.sin(zx)], rtol=1e-15
+    )
+
+
+def test_yz_has_the_other_sign_than_shin_s() -> None:
+    """y leans towards x by Zhang's yz and away from it by Shin's; so do the others to first order."""
+    small = np.array([1e-4, -2e-4, 3e-4])
+    shin = shin_from_matrix(matrix_from_zhang(np.ones(3), small))[1]  # yz, zx, zy
+    yz, zy, zx = small
+    # second order: 1e-7
+    np.testing.assert_allclose(shin, [-yz, -zx, -zy], rtol=0, atol=1e-7)
+    assert shin_from_matrix(matrix_from_zhang(np.ones(3), ANGLES))[1][0] == pytest.approx(
+        -ANGLES[0], rel=1e-14
+    )
+
+
+def test_the_diagonal_understates_the_scale_by_half_the_squares_of_the_angles() -> None:
+    """Exact angles of the paper's table 2, read as printed: the diagonal of K T falls short of a row's length."""
+    for angles, most in ((ACCELEROMETER, 1.3), (GYRO, 1.6)):
+        matrix = matrix_from_zhang(np.full(3, 100.0), angles)
+        short = 1e6 * (1.0 - zhang_from_matrix(matrix, "small-angle")[0] / 100.0)
+        yz, zy, zx = angles
+        # fourth order: 1e-6 ppm
+        np.testing.assert_allclose(short, 0.5e6 * np.array([0.0, yz**2, zy**2 + zx**2]), atol=2e-6)
+        assert np.max(short) == pytest.approx(most, abs=0.05)
+        np.testing.assert_allclose(zhang_from_matrix(matrix)[0], 100.0, rtol=1e-14)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_inter_triad_angles_come_back_from_the_rotation(form: str) -> None:
+    angles = np.array([0.011, -0.007, 0.005])
+    np.testing.assert_allclose(
+        inter_triad_angles(inter_triad_rotation(angles, form), form), angles, rtol=1e-12
+    )
+
+
+def test_the_small_angle_form_is_6_and_turns_p_into_o() -> None:
+    x, y, z = 0.011, -0.007, 0.005
+    np.testing.assert_array_equal(
+        inter_triad_rotation(np.array([x, y, z]), "small-angle"), [[1, -z, y], [z, 1, -x], [-y, x, 1]]
+    )
+    for form in FORMS:
+        turned = inter_triad_rotation(np.array([x, y, z]), form)
+        np.testing.assert_allclose(
+            turned - turned.T, 2 * np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]), atol=2e-4
+        )
+
+
+def test_the_forms_differ_by_up_to_0_6_arc_seconds_at_the_paper_s_angles() -> None:
+    R = inter_triad_rotation(INTER_TRIAD)
+    told = {form: inter_triad_angles(R, form) / SECOND for form in FORMS}
+    apart = max(float(np.max(np.abs(told[a] - told[b]))) for a in FORMS for b in FORMS)
+    assert apart == pytest.approx(0.6, abs=0.05)
+    # half of the product of the two angles across
+    x, _, z = INTER_TRIAD
+    assert apart == pytest.approx(0.5 * abs(x * z) / SECOND, rel=0.02)
+
+
+def test_a_reading_or_form_that_there_is_not_is_refused() -> None:
+    with pytest.raises(ValueError, match="'large-angle' is none of exact, small-angle"):
+        matrix_from_zhang(SCALE, ANGLES, "large-angle")
+    with pytest.raises(ValueError, match="'large-angle' is none of exact, small-angle"):
+        zhang_from_matrix(np.eye(3), "large-angle")
+    for call in (inter_triad_angles, inter_triad_rotation):
+        with pytest.raises(ValueError, match="'quaternion' is none of rotation-vector, small-angle, euler"):
+            call(ANGLES if call is inter_triad_rotation else np.eye(3), "quaternion")
+
+
+def test_a_matrix_of_another_frame_is_refused() -> None:
+    with pytest.raises(ValueError, match="not lower triangular"):
+        zhang_from_matrix(np.eye(3) + 0.001)
