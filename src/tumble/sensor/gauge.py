@@ -6,6 +6,7 @@ A unit's two matrices are known up to one common rotation of the body frame b. A
   sensing axis, its y axis lies in the plane of the x and y sensing axes (Shin, Zhang, Kalibr).
 - ``accelerometer-z``: it is upper triangular. b's z axis is the z sensing axis, its y axis lies in
   the plane of the y and z sensing axes (imu_tk).
+- ``mean-gyro``: the gyro's forward matrix is symmetric (Savage's mean angular rate sensor frame, MARS).
 
 Everything here is analytic in the matrices (Cholesky factors instead of QR), so that covariances
 are carried exactly to first order by the complex step.
@@ -32,6 +33,10 @@ FRAMES: dict[str, str] = {
     "accelerometer-z": (
         "z along the sensing axis of the z accelerometer, y in the plane of the y and z accelerometers "
         "(forward accelerometer matrix upper triangular)"
+    ),
+    "mean-gyro": (
+        "the orthogonal axes that fit best around the gyros' sensing axes (forward gyro matrix symmetric; Savage's "
+        "MARS)"
     ),
 }
 
@@ -72,7 +77,31 @@ def frame_rotation(matrix: Complex, frame: str) -> Complex:
         return inverse(lower_factor(matrix)) @ matrix
     if frame == "accelerometer-z":
         return inverse(upper_factor(matrix)) @ matrix
+    if frame == "mean-gyro":
+        raise UsageError("The frame 'mean-gyro' is fixed by the gyros: change a whole model to it.")
     raise UsageError(f"There is no frame {frame!r}: choose one of {', '.join(FRAMES)}.")
+
+
+def mean_gyro_rotation(gyro_matrix: Matrix) -> Matrix:
+    """Return ``C_new_b`` from the frame of a gyro matrix to the mean-gyro frame: ``matrix @ C_new_b.T`` is symmetric.
+
+    Parameters
+    ----------
+    gyro_matrix : (3, 3), any raw unit.
+
+    Raises
+    ------
+    UsageError
+        If the determinant is not positive: a gyro axis is reversed.
+    """
+    if np.linalg.det(gyro_matrix) <= 0.0:
+        raise UsageError(
+            "The gyro matrix is left-handed or singular (determinant not positive): an axis is reversed; "
+            "put its sign right first."
+        )
+    # left polar decomposition: matrix = P U with P symmetric
+    left, _, right = np.linalg.svd(gyro_matrix)
+    return np.asarray(left @ right, dtype=np.float64)
 
 
 def change_frame(model: ImuModel, frame: str) -> ImuModel:
@@ -84,6 +113,10 @@ def change_frame(model: ImuModel, frame: str) -> ImuModel:
         If the frame's name is unknown, the model has no accelerometer to fix it by, or its
         accelerometers form a left-handed triad, which no rotation brings into a frame.
     """
+    if frame == "mean-gyro":
+        if model.gyroscope is None:
+            raise UsageError("The frame 'mean-gyro' is fixed by the gyros, and there are none.")
+        return model.turned(mean_gyro_rotation(model.gyroscope.matrix))
     if model.accelerometer is None:
         raise UsageError(f"The frame {frame!r} is fixed by the accelerometers, and there are none.")
     if np.linalg.det(model.accelerometer.matrix) <= 0:

@@ -19,7 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Vector
+from tumble.arrays import Matrix, Series, Vector
+from tumble.sensor.gauge import mean_gyro_rotation
 from tumble.sensor.imu import ImuModel
 from tumble.sensor.triad import Triad
 
@@ -117,26 +118,6 @@ class SavageErrors:
         )
 
 
-def mean_gyro_rotation(gyro_matrix: AnyArray) -> Matrix:
-    """Return U, from the frame of a gyro matrix to the mean-gyro frame: ``matrix @ U.T`` is symmetric.
-
-    Parameters
-    ----------
-    gyro_matrix : (3, 3), any raw unit, with a positive determinant.
-
-    Raises
-    ------
-    ValueError
-        If the determinant is not positive: a gyro axis is reversed.
-    """
-    if np.linalg.det(gyro_matrix) <= 0.0:
-        raise ValueError("the gyro matrix is left-handed or singular: an axis is reversed")
-    # The raw unit's size does not matter for the rotation, each sensor's own gain does: the frame fits around
-    # the gyros' readings as they are, which for one unit for all is what Savage's κ are defined by.
-    left, _, right = np.linalg.svd(gyro_matrix)
-    return np.asarray(left @ right, dtype=np.float64)
-
-
 def savage_from_model(
     model: ImuModel, *, force_factor: float = 1.0, rate_factor: float = 1.0
 ) -> tuple[SavageErrors, Matrix]:
@@ -150,7 +131,9 @@ def savage_from_model(
     Raises
     ------
     ValueError
-        If a triad is missing or the gyros are left-handed.
+        If a triad is missing.
+    UsageError
+        If the gyros are left-handed.
     """
     if model.accelerometer is None or model.gyroscope is None:
         raise ValueError("the model has one triad only")
