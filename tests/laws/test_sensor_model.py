@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tumble.sensor import FRAMES, ImuModel, Triad, change_frame, frame_rotation
-from tumble.sensor.gauge import mean_gyro_rotation
 from tumble.sensor.conventions.imu_tk import imu_tk_from_matrix, matrix_from_imu_tk
 from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
 from tumble.sensor.conventions.zhang import (
@@ -19,6 +18,7 @@ from tumble.sensor.conventions.zhang import (
     matrix_from_zhang,
     zhang_from_matrix,
 )
+from tumble.sensor.gauge import mean_gyro_rotation
 
 
 def within(shape: int | tuple[int, ...], limit: float) -> st.SearchStrategy[np.ndarray]:

@@ -89,6 +89,25 @@ class RotationFit:
     why: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class SequenceFit:
+    """A rotation sequence and what the solution leaves of its measurements.
+
+    Attributes
+    ----------
+    name : as table 1 has it, or the protocol.
+    rotations : (axis, angle in rad) one after another.
+    residuals, sigmas : (4,) m/s²: two horizontal components, down at the start and at the end.
+    seconds : s that it took, measurements included.
+    """
+
+    name: str
+    rotations: tuple[tuple[int, float], ...]
+    residuals: tuple[float, ...]
+    sigmas: tuple[float, ...]
+    seconds: float
+
+
 @dataclass(slots=True)
 class Estimate:
     """The outcome of a procedure, before it becomes a document.
@@ -121,6 +140,8 @@ class Estimate:
     spin_residuals, spin_sigmas : (spins, 3) rad/s, what each gyro shows beyond the model, and its sigma.
     spin_names : what each spin is, in words.
     rotations : what a table's rotations showed, an axis each.
+    sequences : what rotation sequences showed.
+    passes : what each play-back of a recording changed, rms by group of errors, SI.
     budget : what each source adds to the standard uncertainties of `parameters`, in their order and units.
     frame : which body frame the model is in: ``accelerometer-x``, or ``fixture`` for a procedure that
         knows the poses, and has the axes of the fixture in them.
@@ -155,6 +176,8 @@ class Estimate:
     spin_names: list[str] = field(default_factory=list[str])
     rotations: list[RotationFit] = field(default_factory=list[RotationFit])
     budget: dict[str, Series] = field(default_factory=dict[str, Series])
+    sequences: list[SequenceFit] = field(default_factory=list[SequenceFit])
+    passes: list[dict[str, float]] = field(default_factory=list[dict[str, float]])
     frame: str = "accelerometer-x"
 
 

@@ -9,11 +9,12 @@ are found on the way, from the units, from the sphere of all holds, or from the 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
 from tumble.arrays import Vectors
-from tumble.protocol.steps import HoldStep, Protocol, SpinStep
+from tumble.protocol.steps import HoldStep, Protocol, SpinStep, TurnStep
 from tumble.recording.recording import Recording
 from tumble.segmentation.alignment import Alignment, align
 from tumble.segmentation.events import (
@@ -40,6 +41,8 @@ from tumble.units import angular_rate_factor, specific_force_factor
 
 # Two holds of one step are both used if their directions agree this well (or three of the pose's sigma).
 SAME_HOLD = np.radians(0.5)
+# Where turns follow one another without a hold, a rest shorter than this share of the shortest hold is a pause.
+PAUSE = 0.5
 # Start of the search for a centre from the poses alone: how many holds too many or too few come first.
 FIRST_SHIFTS = (0, 1, -1, 2, -2)
 
@@ -269,7 +272,24 @@ def open_case(protocol: Protocol, recording: Recording, timeline: Timeline, mean
         keys.append(key)
     ordered = [number for _, number in sorted(zip(keys, steps, strict=True), key=lambda pair: pair[0])]
     events = find_events(protocol, recording, timeline, means)
+    least = shortest_hold(protocol)
+    events = [e for e in events if e.hold is None or means.duration[e.hold] >= least]
     return Case(protocol, recording, timeline, means, ordered, events)
+
+
+def shortest_hold(protocol: Protocol) -> float:
+    """Return the seconds below which a rest is no step: a pause between two turns that follow one another.
+
+    Parameters
+    ----------
+    protocol : zero without such turns, when any rest may be a step.
+    """
+    chained = any(
+        isinstance(one, TurnStep) and isinstance(other, TurnStep) for one, other in pairwise(protocol.steps)
+    )
+    if not chained:
+        return 0.0
+    return PAUSE * min(step.duration for step in protocol.steps if isinstance(step, HoldStep))
 
 
 def _is_told_without_gyro(protocol: Protocol, number: int) -> bool:

@@ -31,10 +31,11 @@ PROCEDURES = (
     "modified-multi-position",
     "turntable",
     "laboratory",
+    "strapdown-rotation",
 )
-LATER_PROCEDURES = ("strapdown-rotation", "thermal", "joint")
+LATER_PROCEDURES = ("thermal", "joint")
 # These know the table's rates from the protocol and from nowhere else.
-NEED_PROTOCOL = ("rate-table", "modified-multi-position", "turntable", "laboratory")
+NEED_PROTOCOL = ("rate-table", "modified-multi-position", "turntable", "laboratory", "strapdown-rotation")
 
 
 def _silent(_: str) -> None:
@@ -272,6 +273,16 @@ def _laboratory(task: Task) -> Estimate:
     return calibrate_laboratory(task.recording, task.means, rotations, matching, protocol, task.site)
 
 
+def _strapdown_rotation(task: Task) -> Estimate:
+    from tumble.calibration.strapdown_rotation import calibrate_strapdown_rotation
+
+    if task.protocol is None or task.matching is None:
+        raise UsageError("This procedure needs a protocol: give --protocol FILE.")
+    return calibrate_strapdown_rotation(
+        task.recording, task.timeline, task.means, task.matching, task.protocol, task.site
+    )
+
+
 def _spins(task: Task) -> tuple[Protocol, Matching, SpinMeans]:
     from tumble.segmentation.matching import observe_matched_spins
 
@@ -293,6 +304,7 @@ _PROCEDURES: dict[str, Callable[[Task], Estimate]] = {
     "modified-multi-position": _modified_multi_position,
     "turntable": _turntable,
     "laboratory": _laboratory,
+    "strapdown-rotation": _strapdown_rotation,
 }
 
 

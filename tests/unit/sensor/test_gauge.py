@@ -7,8 +7,7 @@ import pytest
 
 from tumble.errors import UsageError
 from tumble.sensor import FRAMES, ImuModel, Triad, change_frame, frame_rotation
-from tumble.sensor.gauge import mean_gyro_rotation
-from tumble.sensor.gauge import inverse, lower_factor, upper_factor
+from tumble.sensor.gauge import inverse, lower_factor, mean_gyro_rotation, upper_factor
 
 MATRIX = np.array([[410.0, 3.0, -7.0], [9.0, 420.0, 5.0], [-4.0, 11.0, 430.0]])
 BIAS = np.array([33000.0, 32500.0, 32900.0])
@@ -98,8 +97,12 @@ def test_the_inverse_by_cofactors_is_the_inverse_and_takes_complex_steps() -> No
 
 def test_an_unknown_frame_and_a_unit_without_accelerometers_are_refused() -> None:
     with pytest.raises(
-        UsageError, match="no frame 'mean-gyro': choose one of accelerometer-x, accelerometer-z"
+        UsageError, match="no frame 'platform': choose one of accelerometer-x, accelerometer-z, mean-gyro"
     ):
-        change_frame(IMU, "mean-gyro")
+        change_frame(IMU, "platform")
+    with pytest.raises(UsageError, match="fixed by the gyros, and there are none"):
+        change_frame(ImuModel(IMU.accelerometer, None), "mean-gyro")
+    with pytest.raises(UsageError, match="fixed by the gyros: change a whole model"):
+        frame_rotation(MATRIX, "mean-gyro")
     with pytest.raises(UsageError, match="fixed by the accelerometers, and there are none"):
         change_frame(ImuModel(None, IMU.gyroscope), "accelerometer-x")
