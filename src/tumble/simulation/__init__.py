@@ -6,7 +6,7 @@ random number comes from the generator that is passed in.
 """
 
 from tumble.simulation.disturbances import Detours, Disturbance, Knock, Oscillation, simulate_tremor
-from tumble.simulation.fixtures import PlayedProtocol, TrueSpin, play_protocol
+from tumble.simulation.fixtures import PlayedProtocol, TrueRotation, TrueSpin, play_protocol
 from tumble.simulation.grades import GRADES, Grade, TriadGrade, find_grade
 from tumble.simulation.motion import Motion
 from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise
@@ -15,12 +15,15 @@ from tumble.simulation.protocols import motion_from_protocol, simulate_protocol
 from tumble.simulation.recordings import Distort, Truth, simulate_recording
 from tumble.simulation.sampling import Imperfections
 from tumble.simulation.table import TableErrors
+from tumble.simulation.two_axis import FixtureAngles, FixtureErrors, fixture_angles, play_sequences
 
 __all__ = [
     "GRADES",
     "Detours",
     "Distort",
     "Disturbance",
+    "FixtureAngles",
+    "FixtureErrors",
     "Grade",
     "Imperfections",
     "Knock",
@@ -30,12 +33,15 @@ __all__ = [
     "TableErrors",
     "TriadGrade",
     "TriadNoise",
+    "TrueRotation",
     "TrueSpin",
     "Truth",
     "convert_to_digital",
     "find_grade",
+    "fixture_angles",
     "motion_from_protocol",
     "play_protocol",
+    "play_sequences",
     "poses_26",
     "simulate_hand_poses",
     "simulate_noise",

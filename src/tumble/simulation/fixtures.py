@@ -64,6 +64,28 @@ class TrueSpin:
 
 
 @dataclass(frozen=True, slots=True)
+class TrueRotation:
+    """A rotation of one axis of a two-axis fixture as it was.
+
+    Attributes
+    ----------
+    step : index of the protocol's step, from 0; None for one that no step asked for. A turn without an
+        axis may be two rotations.
+    axis : "inner" or "outer".
+    start, stop : s, from rest to rest, ramps included.
+    angle : rad that the axis turned, right-handed, with errors of execution.
+    axis_b : (3,) unit vector in b about which the unit turned.
+    """
+
+    step: int | None
+    axis: str
+    start: float
+    stop: float
+    angle: float
+    axis_b: Vector
+
+
+@dataclass(frozen=True, slots=True)
 class PlayedProtocol:
     """The motion that a protocol became.
 
@@ -75,6 +97,7 @@ class PlayedProtocol:
     spins : each spin's true rate, axis and angle, in order.
     steps : the protocol's, with what the table's display showed: the angle of each spin that states one,
         or of all where the table's errors were given, and the pose where a table stopped early.
+    rotations : those of a two-axis fixture, in order; none where there was none.
     """
 
     motion: Motion
@@ -82,6 +105,7 @@ class PlayedProtocol:
     hold_steps: tuple[int | None, ...]
     spins: tuple[TrueSpin, ...]
     steps: tuple[Step, ...] = ()
+    rotations: tuple[TrueRotation, ...] = ()
 
 
 def play_protocol(

@@ -19,6 +19,7 @@ from tumble.simulation.motion import Motion
 from tumble.simulation.recordings import Distort, Truth, simulate_recording
 from tumble.simulation.sampling import Imperfections
 from tumble.simulation.table import TableErrors
+from tumble.simulation.two_axis import FixtureErrors, play_sequences
 
 # Raw counts per m/s² and per rad/s of a unit of no grade: 0.1 mm/s² and 0.2 "/s a count.
 COUNTS_PER_SI = (1e4, 1e6)
@@ -68,6 +69,7 @@ def simulate_protocol(
     lever_arm_b: AnyArray | None = None,
     table_tilt: float = 0.0,
     table: TableErrors | None = None,
+    fixture: FixtureErrors | None = None,
     disturbances: tuple[Disturbance, ...] = (),
     units: str = "SI",
 ) -> tuple[Recording, Truth]:
@@ -91,6 +93,8 @@ def simulate_protocol(
     noise : False leaves noise and converter away, and keeps the grade's errors.
     imperfections : what the recording chain does.
     placement, heading, lever_arm_b, table_tilt, table : as for `play_protocol`.
+    fixture : a two-axis fixture that makes the sequences of the protocol, see `play_sequences`. Its errors
+        are all that there are: `placement` and the uncertainties of the protocol then do not matter.
     disturbances : on top of the motion, such as vibration of the place.
     units : "SI", or "counts": raw numbers times the grade's counts per m/s² and per rad/s (`Truth` says
         them), rounded to whole counts where there is noise.
@@ -101,21 +105,27 @@ def simulate_protocol(
         If a step of the protocol cannot be played.
     UsageError
         If the units are unknown, the model has one triad only, or the rate is not positive or so low
-        that a sample sees half a turn.
+        that a sample sees half a turn; if a two-axis fixture cannot do what the protocol asks for, or there
+        is a table, too.
     """
     if units not in UNITS:
         raise UsageError(f"A simulated recording is in {' or '.join(UNITS)}, not in {units!r}.")
     if model is not None and (model.accelerometer is None or model.gyroscope is None):
         raise UsageError("The model has one triad only, and a simulated unit has two: give it both.")
-    played = play_protocol(
-        protocol,
-        rng,
-        placement=placement,
-        heading=heading,
-        lever_arm_b=lever_arm_b,
-        table_tilt=table_tilt,
-        table=table,
-    )
+    if fixture is None:
+        played = play_protocol(
+            protocol,
+            rng,
+            placement=placement,
+            heading=heading,
+            lever_arm_b=lever_arm_b,
+            table_tilt=table_tilt,
+            table=table,
+        )
+    elif table is not None or table_tilt != 0.0:
+        raise UsageError("A unit is on a turntable or on a two-axis fixture, not on both: leave one away.")
+    else:
+        played = play_sequences(protocol, rng, fixture, heading=heading, lever_arm_b=lever_arm_b)
     if model is None:
         model = ImuModel.ideal() if grade is None else grade.simulate_model(rng)
     noisy = grade if noise else None
@@ -144,6 +154,8 @@ def simulate_protocol(
         spins=played.spins,
         steps=played.steps,
         counts_per_si=counts,
+        rotations=played.rotations,
+        fixture=fixture,
     )
     return recording, truth
 

@@ -14,7 +14,7 @@ from tumble.errors import UsageError
 from tumble.protocol.steps import Step
 from tumble.recording.recording import Recording
 from tumble.sensor.imu import ImuModel
-from tumble.simulation.fixtures import TrueSpin
+from tumble.simulation.fixtures import TrueRotation, TrueSpin
 from tumble.simulation.grades import Grade
 from tumble.simulation.motion import Motion
 from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise, simulate_wander
@@ -25,6 +25,7 @@ from tumble.simulation.sampling import (
     scatter_instants,
     scatter_stamps,
 )
+from tumble.simulation.two_axis import FixtureErrors
 
 Distort = Callable[[Vectors, Vectors], tuple[Vectors, Vectors]]
 """True (specific force, angular rate) in b, m/s² and rad/s, to raw: `ImuModel.distort` is one."""
@@ -53,6 +54,8 @@ class Truth:
     spins : the true rate, axis and angle of each spin of the protocol.
     steps : the protocol's steps with what the table's display showed (see `PlayedProtocol`).
     counts_per_si : raw counts per m/s² and per rad/s, or None where raw units are SI.
+    rotations : of a two-axis fixture, where one was used.
+    fixture : what was wrong with it.
     """
 
     hold_edges: AnyArray
@@ -69,6 +72,8 @@ class Truth:
     spins: tuple[TrueSpin, ...] = ()
     steps: tuple[Step, ...] = ()
     counts_per_si: tuple[float, float] | None = None
+    rotations: tuple[TrueRotation, ...] = ()
+    fixture: FixtureErrors | None = None
 
 
 def simulate_recording(

@@ -1,0 +1,432 @@
+"""A two-axis fixture: its outer axis level, its inner axis on the outer one and carrying the unit.
+
+The attitude that it gives the unit is, from the room to the unit's b,
+
+    C_nb = L · R_z(azimuth + heading − 90°) · R_y(outer) · R_x(orthogonality) · R_z(inner) · exp(mounting ×)
+
+with the angles as they really are: what was asked for, the zero error, and an error of execution at every
+stop. L is the lean of the installation. A rotation of one axis is a rotation about a line that is fixed in b,
+so that motions stay closed formulas. Both axes meet in one point, from which the lever arm counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tumble.arrays import AnyArray, Series, Vector
+from tumble.errors import UsageError
+from tumble.protocol.consistency import SAME_POSE, refuse_contradicting_turns
+from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
+from tumble.protocol.strapdown_rotation import sequence_steps
+from tumble.simulation.fixtures import PlayedProtocol, TrueRotation
+from tumble.simulation.motion import Motion
+
+_HALF_TURN, _QUARTER = np.pi, 0.5 * np.pi
+# Between sequences, and where nothing else is said, the fixture turns so fast.
+MOVING_RATE = 1.0  # rad/s
+# No fixture is off by more, rad: beyond it a unit was mounted another way.
+LARGEST_ERROR = 0.5
+# Half a turn goes the positive way, whatever rounding says.
+_TIE = 1e-9
+# A turn takes some time even where it has no ramps and nowhere to go.
+_SHORTEST = 0.01  # s
+AXES = ("inner", "outer")
+"""Of the fixture, in the order in which they move between sequences."""
+
+_SPREADS = ("heading", "tilt", "orthogonality", "inner_zero", "outer_zero", "mounting")
+
+
+@dataclass(frozen=True, slots=True)
+class FixtureErrors:
+    """What is wrong with a two-axis fixture, and how it turns; without arguments nothing is wrong.
+
+    Attributes
+    ----------
+    heading : rad, the outer axis points by so much clockwise of where the protocol has it.
+    tilt : (2,) rad about north and east, by which the whole fixture leans.
+    orthogonality : rad, by which the angle between outer and inner axis exceeds a right angle.
+    inner_zero, outer_zero : rad, true angle less the displayed one.
+    mounting : (3,) rad, rotation vector by which the unit lies on the inner axis, in the unit's axes.
+    execution : rad, one sigma by which an axis stops beside where it is sent, each stop for itself.
+    rate : rad/s of its rotations; None takes as long for each as the protocol says.
+    ramp : s to come to the rate, and to stop.
+    pause : s that it rests between rotations of one sequence, and between its axes' moves.
+
+    Raises
+    ------
+    UsageError
+        If a number is not one that a fixture has.
+    """
+
+    heading: float = 0.0
+    tilt: tuple[float, float] = (0.0, 0.0)
+    orthogonality: float = 0.0
+    inner_zero: float = 0.0
+    outer_zero: float = 0.0
+    mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    execution: float = 0.0
+    rate: float | None = None
+    ramp: float = 0.5
+    pause: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse what no fixture does."""
+        for name in (*_SPREADS, "execution"):
+            for value in np.ravel(getattr(self, name)):
+                if not abs(value) <= LARGEST_ERROR:
+                    raise UsageError(
+                        f"A fixture's {name} is {value:g} rad: give at most {LARGEST_ERROR:g} either way."
+                    )
+        if self.execution < 0.0:
+            raise UsageError(
+                f"A fixture's execution is {self.execution:g} rad: give zero or a positive number."
+            )
+        if self.rate is not None and not 0.0 < self.rate < 100.0:
+            raise UsageError(
+                f"A fixture's rate is {self.rate:g} rad/s: give a number from above 0 to below 100."
+            )
+        for name in ("ramp", "pause"):
+            if not 0.0 <= getattr(self, name) < 3600.0:
+                raise UsageError(
+                    f"A fixture's {name} is {getattr(self, name):g} s: give a number from 0 to 3600."
+                )
+
+    def drawn(self, rng: np.random.Generator) -> FixtureErrors:
+        """Return one fixture of this quality: each error drawn with what stands here as its one sigma.
+
+        The error of execution is one sigma anyway; it and the profile of rotations stay.
+
+        Parameters
+        ----------
+        rng : source of all numbers.
+        """
+        draw = rng.standard_normal
+        return replace(
+            self,
+            heading=float(self.heading * draw()),
+            tilt=(float(self.tilt[0] * draw()), float(self.tilt[1] * draw())),
+            orthogonality=float(self.orthogonality * draw()),
+            inner_zero=float(self.inner_zero * draw()),
+            outer_zero=float(self.outer_zero * draw()),
+            mounting=(
+                float(self.mounting[0] * draw()),
+                float(self.mounting[1] * draw()),
+                float(self.mounting[2] * draw()),
+            ),
+        )
+
+    def rotation_nb(self, inner: float, outer: float, azimuth: float = _QUARTER) -> Rotation:
+        """Return the unit's attitude at angles of the fixture as displayed, without errors of execution.
+
+        Parameters
+        ----------
+        inner, outer : rad.
+        azimuth : rad, where the outer axis is meant to point, clockwise from north.
+        """
+        room = Rotation.from_rotvec([*self.tilt, 0.0])
+        room = room * Rotation.from_rotvec([0.0, 0.0, azimuth + self.heading - _QUARTER])
+        return room * Rotation.from_rotvec([0.0, outer + self.outer_zero, 0.0]) * self._from_outer(inner)
+
+    def _from_outer(self, inner: float) -> Rotation:
+        """From the outer axis' frame, y along it, to b."""
+        orthogonality = Rotation.from_rotvec([self.orthogonality, 0.0, 0.0])
+        turned = Rotation.from_rotvec([0.0, 0.0, inner + self.inner_zero])
+        return orthogonality * turned * Rotation.from_rotvec(self.mounting)
+
+    def axis_b(self, axis: str, inner: float) -> Vector:
+        """Return the unit vector in b about which the unit turns with an axis of the fixture.
+
+        Parameters
+        ----------
+        axis : "inner" or "outer".
+        inner : rad, where the inner axis stands, as displayed; of no matter to itself.
+        """
+        if axis == "inner":
+            return np.asarray(Rotation.from_rotvec(self.mounting).inv().apply([0.0, 0.0, 1.0]))
+        return np.asarray(self._from_outer(inner).inv().apply([0.0, 1.0, 0.0]))
+
+
+def play_sequences(
+    protocol: Protocol,
+    rng: np.random.Generator,
+    errors: FixtureErrors,
+    *,
+    heading: float | Series | None = None,
+    lever_arm_b: AnyArray | None = None,
+) -> PlayedProtocol:
+    """Return the motion of a unit on a two-axis fixture through the sequences of a protocol.
+
+    A named turn is made by the axis along which the unit's axis then lies, by the angle asked for with
+    errors of execution; a sequence's end is where its rotations lead. To a hold that a turn without an axis
+    leads to, the inner axis moves first, then the outer, each the shorter way round.
+
+    Parameters
+    ----------
+    protocol : holds and turns. The azimuth of the outer axis is that of its poses.
+    rng : source of the errors of execution, and of an azimuth that no pose tells.
+    errors : of the fixture.
+    heading : rad, the azimuth of the outer axis where no pose tells it; None draws it.
+    lever_arm_b : (3,) m, from where the axes meet to the unit, or (3, 3) with a row for each accelerometer.
+
+    Raises
+    ------
+    ProtocolError
+        If a turn does not lead to the pose of the next hold.
+    UsageError
+        If the protocol has no sequence, or asks for what a two-axis fixture cannot do.
+    """
+    if not sequence_steps(protocol):
+        raise UsageError(
+            f"The protocol {protocol.name} has no sequence of rotations (a hold, turns with axis and angle, a hold): "
+            "a two-axis fixture has nothing to do."
+        )
+    refuse_contradicting_turns(protocol)
+    angles = fixture_angles(protocol)
+    azimuth = angles.azimuth
+    if azimuth is None:
+        azimuth = float(rng.uniform(0.0, 2.0 * np.pi) if heading is None else np.ravel(heading)[0])
+    stops = angles.stops
+    player = _Player(protocol, errors, azimuth, rng, next(stop for stop in stops if np.isfinite(stop[0])))
+    for number, step in enumerate(protocol.steps):
+        if isinstance(step, HoldStep):
+            player.hold(number, step, stops[number])
+        elif isinstance(step, TurnStep) and step.axis_b is not None and step.angle is not None:
+            player.turn(number, step, np.subtract(stops[number], stops[number - 1]))
+    return player.finish(np.zeros(3) if lever_arm_b is None else lever_arm_b)
+
+
+@dataclass(frozen=True, slots=True)
+class FixtureAngles:
+    """Where a fixture has to stand for a protocol.
+
+    Attributes
+    ----------
+    azimuth : rad, of the outer axis, clockwise from north; None where no pose tells it.
+    stops : for each step (inner, outer), rad, at its end; of a turn without an axis that of the hold after it.
+    """
+
+    azimuth: float | None
+    stops: tuple[tuple[float, float], ...]
+
+
+def fixture_angles(protocol: Protocol) -> FixtureAngles:
+    """Return the angles of a two-axis fixture, its inner axis along the unit's z, at every step of a protocol.
+
+    Parameters
+    ----------
+    protocol : holds with poses, and turns.
+
+    Raises
+    ------
+    UsageError
+        If the fixture cannot be where a pose is, or cannot turn as a step does; the message names it.
+    """
+    azimuth = _azimuth(protocol)
+    stops: list[tuple[float, float]] = []
+    here: tuple[float, float] | None = None
+    for number, step in enumerate(protocol.steps):
+        if isinstance(step, SpinStep):
+            raise UsageError(f"{_where(number, step)} is a spin, which the two-axis fixture does not make.")
+        if isinstance(step, TurnStep):
+            if step.axis_b is None or step.angle is None:
+                here = None
+                stops.append((np.nan, np.nan))
+                continue
+            if here is None:
+                raise UsageError(
+                    f"{_where(number, step)} begins where nothing is known: put a hold with a pose before it."
+                )
+            here = _turned(number, step, here)
+        elif number == 0 or here is None or isinstance(protocol.steps[number - 1], HoldStep):
+            here = _placed(protocol, number, step, azimuth)
+        stops.append(here)
+    return FixtureAngles(azimuth, tuple(stops))
+
+
+def _azimuth(protocol: Protocol) -> float | None:
+    """Where the outer axis points: along a rotation that is not about z, or across z and the vertical."""
+    starts = [sequence.start for sequence in sequence_steps(protocol)]
+    others = [number for number in range(len(protocol.steps)) if number not in starts]
+    fallback: float | None = None
+    for number in (*starts, *others):
+        step = protocol.steps[number]
+        if not isinstance(step, HoldStep) or step.pose is None or step.pose.heading is None:
+            continue
+        axis_b, told = _outer_axis_b(protocol, number, step.pose)
+        north, east, _ = step.pose.rotation_nb().apply(axis_b)
+        if told:
+            return float(np.arctan2(east, north))
+        fallback = float(np.arctan2(east, north)) if fallback is None else fallback
+    return fallback
+
+
+def _outer_axis_b(protocol: Protocol, number: int, pose: Pose) -> tuple[Vector, bool]:
+    """The outer axis in b at a hold, and whether anything told it: else it is along y."""
+    turned = Rotation.identity()
+    for step in _named_turns(protocol, number):
+        assert step.axis_b is not None
+        assert step.angle is not None
+        axis_b = _unit(step.axis_b)
+        if abs(axis_b[2]) < 1.0 - SAME_POSE:
+            return np.asarray(turned.apply(axis_b)), True
+        turned = turned * Rotation.from_rotvec(step.angle * axis_b)
+    across = np.cross([0.0, 0.0, 1.0], -_unit(pose.up_b))
+    if np.linalg.norm(across) > SAME_POSE:
+        return _unit(across), True
+    return np.array([0.0, 1.0, 0.0]), False
+
+
+def _named_turns(protocol: Protocol, number: int) -> Iterator[TurnStep]:
+    for step in protocol.steps[number + 1 :]:
+        if not isinstance(step, TurnStep) or step.axis_b is None or step.angle is None:
+            return
+        yield step
+
+
+def _placed(protocol: Protocol, number: int, step: HoldStep, azimuth: float | None) -> tuple[float, float]:
+    """The angles that bring the unit into the pose of a hold."""
+    if step.pose is None:
+        raise UsageError(f"{_where(number, step)} has no pose: say where the fixture shall bring the unit.")
+    if step.pose.heading is None or azimuth is None:
+        # Whatever the heading is, the outer axis is level and across z.
+        outer_b = _outer_axis_b(protocol, number, step.pose)[0]
+        inner = float(np.arctan2(outer_b[0], outer_b[1]))
+        down_t = Rotation.from_rotvec([0.0, 0.0, inner]).apply(-_unit(step.pose.up_b))
+        outer, off = float(np.arctan2(-down_t[0], down_t[2])), abs(float(down_t[1]))
+    else:
+        room = Rotation.from_rotvec([0.0, 0.0, azimuth - _QUARTER])
+        C_tb = (room.inv() * step.pose.rotation_nb()).as_matrix()
+        outer = float(np.arctan2(C_tb[0, 2], C_tb[2, 2]))
+        inner, off = float(np.arctan2(C_tb[1, 0], C_tb[1, 1])), abs(float(C_tb[1, 2]))
+    if off > SAME_POSE:
+        raise UsageError(
+            f"{_where(number, step)}: a fixture with a level outer axis and the unit's z along its inner axis cannot "
+            f"bring the unit there; z would have to lie {np.degrees(np.arcsin(min(off, 1.0))):.1f} degrees off the "
+            "plane that the inner axis sweeps."
+        )
+    return inner, outer
+
+
+def _turned(number: int, step: TurnStep, here: tuple[float, float]) -> tuple[float, float]:
+    """The angles after a named turn."""
+    assert step.axis_b is not None
+    assert step.angle is not None
+    axis_b, (inner, outer) = _unit(step.axis_b), here
+    if abs(axis_b[2]) > 1.0 - SAME_POSE:
+        return inner + float(np.sign(axis_b[2])) * step.angle, outer
+    along = float(Rotation.from_rotvec([0.0, 0.0, inner]).apply(axis_b)[1])
+    if abs(along) < 1.0 - SAME_POSE:
+        raise UsageError(
+            f"{_where(number, step)} turns about an axis of the unit that then lies along neither axis of the "
+            "fixture: the inner one is along z, the outer one level and across it."
+        )
+    return inner, outer + float(np.sign(along)) * step.angle
+
+
+@dataclass(slots=True)
+class _Move:
+    """A rotation of one axis, 0 the inner and 1 the outer: its step, rotation vector in b, s, s."""
+
+    step: int | None
+    axis: int
+    angle: float
+    axis_b: Vector
+    duration: float
+    ramp: float
+
+
+class _Player:
+    """A fixture in use: where it is sent, where it stands, and what was done."""
+
+    def __init__(
+        self,
+        protocol: Protocol,
+        errors: FixtureErrors,
+        azimuth: float,
+        rng: np.random.Generator,
+        start: tuple[float, float],
+    ) -> None:
+        self.protocol, self.errors, self.rng = protocol, errors, rng
+        self.sent = np.array(start)
+        self.off = np.array([self._stop_error(), self._stop_error()])
+        inner, outer = self.sent + self.off
+        self.first = errors.rotation_nb(float(inner), float(outer), azimuth)
+        self.holds: list[tuple[float, int | None]] = []
+        self.moves: list[_Move] = []
+
+    def hold(self, number: int, step: HoldStep, stop: tuple[float, float]) -> None:
+        before = self.protocol.steps[number - 1] if number else step
+        if self.holds and (isinstance(before, HoldStep) or before.axis_b is None):
+            self._bring(None if isinstance(before, HoldStep) else number - 1, before.duration, stop)
+        self.holds.append((step.duration, number))
+
+    def turn(self, number: int, step: TurnStep, asked: Series) -> None:
+        assert step.axis_b is not None
+        axis = 0 if abs(_unit(step.axis_b)[2]) > 1.0 - SAME_POSE else 1
+        self._rotate(number, axis, float(asked[axis]), step.duration if self.errors.rate is None else None)
+
+    def _bring(self, number: int | None, duration: float, stop: tuple[float, float]) -> None:
+        """Move both axes, one after the other, the shorter way; where nothing moves time passes all the same."""
+        way = _HALF_TURN - np.mod(_HALF_TURN + self.sent - np.array(stop) + _TIE, 2.0 * np.pi) + _TIE
+        moved = False
+        for axis in (0, 1):
+            if abs(way[axis]) > 10.0 * _TIE:
+                self._rotate(number, axis, float(way[axis]), None)
+                moved = True
+        if not moved:
+            self.moves.append(_Move(number, 0, 0.0, np.array([0.0, 0.0, 1.0]), duration, 0.0))
+
+    def _rotate(self, number: int | None, axis: int, asked: float, duration: float | None) -> None:
+        if len(self.moves) == len(self.holds):
+            self.holds.append((self.errors.pause, None))
+        inner = float(self.sent[0] + self.off[0])
+        error = self._stop_error()
+        angle, self.off[axis] = asked + error - self.off[axis], error
+        self.sent[axis] += asked
+        ramp = self.errors.ramp
+        if duration is None:
+            # A ramp turns half of what the same time at the rate does; a small angle is ramps alone.
+            duration = max(abs(asked) / (self.errors.rate or MOVING_RATE), ramp, _SHORTEST) + ramp
+        axis_b = self.errors.axis_b(AXES[axis], inner)
+        self.moves.append(_Move(number, axis, float(angle), axis_b, duration, min(ramp, 0.5 * duration)))
+
+    def _stop_error(self) -> float:
+        return float(self.rng.normal(0.0, self.errors.execution)) if self.errors.execution > 0.0 else 0.0
+
+    def finish(self, lever_arm_b: AnyArray) -> PlayedProtocol:
+        if len(self.moves) == len(self.holds):
+            self.holds.append((self.errors.pause, None))
+        motion = Motion(
+            first_rotation_nb=self.first,
+            hold_duration=np.array([duration for duration, _ in self.holds]),
+            turn_duration=np.array([move.duration for move in self.moves]),
+            turn_vector_b=np.array([move.angle * move.axis_b for move in self.moves]).reshape(-1, 3),
+            creep_vector_b=np.zeros((len(self.holds), 3)),
+            lever_arm_b=lever_arm_b,
+            turn_ramp=np.array([move.ramp for move in self.moves]),
+        )
+        holds = motion.hold_edges
+        edges = np.full((len(self.protocol.steps), 2), np.nan)
+        for (_, number), interval in zip(self.holds, holds, strict=True):
+            if number is not None:
+                edges[number] = interval
+        rotations: list[TrueRotation] = []
+        for k, move in enumerate(self.moves):
+            start, stop = float(holds[k, 1]), float(holds[k + 1, 0])
+            if move.step is not None:
+                edges[move.step] = np.fmin(edges[move.step, 0], start), stop
+            rotations.append(TrueRotation(move.step, AXES[move.axis], start, stop, move.angle, move.axis_b))
+        steps = tuple(number for _, number in self.holds)
+        return PlayedProtocol(motion, edges, steps, (), self.protocol.steps, tuple(rotations))
+
+
+def _where(number: int, step: Step) -> str:
+    return f"Step {number + 1}" + (f" ({step.name})" if step.name else "")
+
+
+def _unit(vector: Vector) -> Vector:
+    return np.asarray(vector, dtype=np.float64) / np.linalg.norm(vector)

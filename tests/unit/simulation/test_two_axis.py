@@ -1,0 +1,421 @@
+"""A two-axis fixture: where it brings the unit, which way each of its errors goes, and what it refuses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tumble.earth import Site
+from tumble.errors import ProtocolError, UsageError
+from tumble.protocol import (
+    HoldStep,
+    Pose,
+    Protocol,
+    SpinStep,
+    TurnStep,
+    named_protocol,
+    sequence_steps,
+    strapdown_rotation_steps,
+)
+from tumble.protocol.strapdown_rotation import SEQUENCES
+from tumble.recording import Recording
+from tumble.segmentation import find_timeline, observe_holds
+from tumble.segmentation.matching import match_protocol
+from tumble.sensor import ImuModel, Triad
+from tumble.simulation import (
+    FixtureErrors,
+    PlayedProtocol,
+    TableErrors,
+    Truth,
+    find_grade,
+    fixture_angles,
+    play_sequences,
+    simulate_protocol,
+)
+
+TEST = named_protocol("strapdown-rotation")
+STILL = Site(9.81, 0.0)  # no latitude: an Earth that does not turn
+X, Y, Z = np.eye(3)
+NORTH, EAST, DOWN = X, Y, Z
+WRONG = FixtureErrors(
+    heading=3e-3,
+    tilt=(-2e-3, 5e-3),
+    orthogonality=4e-3,
+    inner_zero=-6e-3,
+    outer_zero=7e-3,
+    mounting=(1e-3, -8e-3, 9e-3),
+    execution=2e-3,
+)
+
+
+def play(
+    errors: FixtureErrors | None = None, protocol: Protocol = TEST, seed: int = 1, **more: Any
+) -> PlayedProtocol:
+    return play_sequences(protocol, np.random.default_rng(seed), errors or FixtureErrors(), **more)
+
+
+def attitude(played: PlayedProtocol, step: int) -> np.ndarray:
+    return played.motion.hold_rotations_nb[played.hold_steps.index(step)].as_matrix()
+
+
+def only(*names: str) -> Protocol:
+    """The named sequences alone, each with the turn before it."""
+    chosen = [s for s in sequence_steps(TEST) if s.name in names]
+    steps = [step for s in chosen for step in (TurnStep(8.0), *TEST.steps[s.start : s.end + 1])]
+    return replace(TEST, steps=tuple(steps[1:]))
+
+
+def test_every_sequence_starts_as_table_1_says_with_the_outer_axis_east() -> None:
+    played = play()
+    for row, sequence in zip(SEQUENCES, sequence_steps(TEST), strict=True):
+        C_nb = attitude(played, sequence.start)
+        # 1e-12: rounding, of some fifty rotations one after another
+        np.testing.assert_allclose(C_nb[:, "xyz".index(row.down)], DOWN, atol=1e-12)
+        np.testing.assert_allclose(C_nb[:, "xyz".index(row.along_outer)], EAST, atol=1e-12)
+
+
+def test_the_fixture_s_angles_are_those_of_table_1_also_where_its_outer_axis_points_elsewhere() -> None:
+    for azimuth in (0.5 * np.pi, -0.3):
+        found = fixture_angles(replace(TEST, steps=strapdown_rotation_steps(azimuth)))
+        assert found.azimuth == pytest.approx(azimuth, abs=1e-12)
+        for row, (_, start, turns, end) in zip(SEQUENCES, sequence_steps(TEST), strict=True):
+            stops = np.array([found.stops[k] for k in (start, *turns)])
+            np.testing.assert_allclose(stops, row.fixture_angles(), atol=1e-12)
+            assert found.stops[end] == found.stops[turns[-1]]
+
+
+def test_every_sequence_ends_where_its_rotations_about_the_unit_s_axes_lead() -> None:
+    played = play()
+    for row, sequence in zip(SEQUENCES, sequence_steps(TEST), strict=True):
+        turned = Rotation.identity()
+        for axis, angle in row.rotations:
+            turned = turned * Rotation.from_rotvec(angle * np.eye(3)[axis])
+        wanted = attitude(played, sequence.start) @ turned.as_matrix()
+        np.testing.assert_allclose(attitude(played, sequence.end), wanted, atol=1e-12)
+
+
+def test_a_whole_turn_comes_back_however_wrong_the_fixture_is_built() -> None:
+    played = play(replace(WRONG, execution=0.0))
+    for sequence in sequence_steps(TEST)[:6]:
+        np.testing.assert_allclose(
+            attitude(played, sequence.end), attitude(played, sequence.start), atol=1e-12
+        )
+
+
+def test_the_attitude_is_continuous_and_each_axis_turns_about_a_line_fixed_in_the_unit() -> None:
+    motion = play(WRONG).motion
+    edges = motion.hold_edges.ravel()
+    before, after = motion.rotation_nb(edges - 1e-7), motion.rotation_nb(edges + 1e-7)
+    # At rest on one side, on the other a ramp that has hardly begun: 1e-12 rad; rounding of 1e-8 in a magnitude.
+    assert np.max((before.inv() * after).magnitude()) < 1e-7
+    middle = motion.rotation_nb(0.5 * (motion.hold_edges[:-1, 1] + motion.hold_edges[1:, 0]))
+    half = (motion.hold_rotations_nb[:-1].inv() * middle).as_matrix()
+    for k, vector in enumerate(motion.turn_vector_b):
+        np.testing.assert_allclose(half[k], Rotation.from_rotvec(0.5 * vector).as_matrix(), atol=1e-12)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("errors", "axis_b", "leans_n"),
+    [
+        ({"heading": 1e-3}, Y, -NORTH),  # clockwise from above: east goes south
+        ({"tilt": (1e-3, 0.0)}, Z, -EAST),
+        ({"tilt": (0.0, 1e-3)}, Z, NORTH),
+        ({"orthogonality": 1e-3}, Z, -EAST),  # the inner axis away from the outer one
+        ({"inner_zero": 1e-3}, Y, -NORTH),
+        ({"outer_zero": 1e-3}, Z, NORTH),
+        ({"mounting": (1e-3, 0.0, 0.0)}, Y, DOWN),
+        ({"mounting": (0.0, 1e-3, 0.0)}, Z, NORTH),
+        ({"mounting": (0.0, 0.0, 1e-3)}, X, EAST),
+    ],
+)
+def test_each_error_moves_the_unit_s_axes_its_own_way(
+    sign: float, errors: dict[str, Any], axis_b: np.ndarray, leans_n: np.ndarray
+) -> None:
+    """At both angles zero, where x is north, y east and z down. 1e-6: the second order of 1e-3."""
+    wrong = FixtureErrors(
+        **{name: tuple(sign * np.array(v)) if np.ndim(v) else sign * v for name, v in errors.items()}
+    )
+    C_nb = wrong.rotation_nb(0.0, 0.0).as_matrix()
+    np.testing.assert_allclose(C_nb @ axis_b, axis_b + sign * 1e-3 * leans_n, atol=1e-6)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_axes_of_the_rotations_are_not_orthogonal_by_what_is_said(sign: float) -> None:
+    played = play(FixtureErrors(orthogonality=sign * 0.02, mounting=(0.01, -0.03, 0.02), tilt=(0.01, 0.0)))
+    rotations = played.motion.hold_rotations_nb
+    axes = [(r.axis, rotations[k].apply(r.axis_b)) for k, r in enumerate(played.rotations)]
+    outer = [axis_n for name, axis_n in axes if name == "outer"]
+    # The outer axis does not move, and is not level by the tilt alone; 1e-12: rounding.
+    np.testing.assert_allclose(
+        outer, [Rotation.from_rotvec([0.01, 0.0, 0.0]).apply(EAST)] * len(outer), atol=1e-12
+    )
+    for name, axis_n in axes:
+        if name == "inner":
+            assert np.arccos(axis_n @ outer[0]) == pytest.approx(0.5 * np.pi + sign * 0.02, abs=1e-12)
+
+
+def test_a_tilted_inner_axis_tilts_the_unit_the_other_way_after_half_a_turn_of_it() -> None:
+    """Sequence 13 turns half a turn about z first: z stays where it leans, x and y change their lean."""
+    errors = FixtureErrors(orthogonality=0.01)
+    first, half = (errors.rotation_nb(inner, 0.0).as_matrix() for inner in (0.0, np.pi))
+    np.testing.assert_allclose(first[:, 2], half[:, 2], atol=1e-15)
+    assert first[2, 1] == pytest.approx(np.sin(0.01))
+    assert half[2, 1] == pytest.approx(-np.sin(0.01))
+
+
+def test_errors_of_execution_belong_to_stops_and_do_not_add_up() -> None:
+    """Each stop of each axis has its own; angles are differences of two, and a whole test is off by as much."""
+    turned = []
+    for seed in range(40):
+        played = play(FixtureErrors(execution=1e-3), seed=seed)
+        inner = [r.angle for r in played.rotations if r.axis == "inner"]
+        outer = [r.angle for r in played.rotations if r.axis == "outer"]
+        for angles in (inner, outer):
+            off = np.array(angles) - np.round(np.array(angles) / (0.5 * np.pi)) * 0.5 * np.pi
+            turned.append((off.std(), off.sum()))
+    spread, total = np.array(turned).T
+    # √2 sigmas, from some twenty angles in each of 80: 2 %, five of them. The sum has two errors: 8 %, four of them.
+    assert np.sqrt(np.mean(spread**2)) == pytest.approx(np.sqrt(2.0) * 1e-3, rel=0.1)
+    assert np.std(total) == pytest.approx(np.sqrt(2.0) * 1e-3, rel=0.32)
+
+
+def test_the_gyro_samples_of_a_sequence_chain_to_its_rotation_exactly() -> None:
+    """Without Earth rate and noise; increments of a unit on a fixture with every error."""
+    recording, truth = simulate_protocol(
+        only("6"),
+        50.0,
+        np.random.default_rng(2),
+        site=STILL,
+        fixture=WRONG,
+        lever_arm_b=np.array([0.1, 0.0, 0.2]),
+    )
+    assert recording.angular_rate is not None
+    turned = Rotation.identity()
+    for vector in recording.angular_rate / 50.0:
+        turned = turned * Rotation.from_rotvec(vector)
+    wanted = truth.rotations_nb[0].inv() * truth.rotations_nb[-1]
+    # 1e-11: rounding of 2,000 products
+    np.testing.assert_allclose(turned.as_matrix(), wanted.as_matrix(), atol=1e-11)
+    assert len(truth.rotations) == 8
+    assert [r.step for r in truth.rotations] == list(range(1, 9))
+    assert truth.fixture == WRONG
+
+
+@pytest.mark.parametrize(("name", "sign"), [("1", 1.0), ("1a", -1.0)])
+def test_an_asymmetric_gyro_reads_a_whole_turn_differently_by_its_sign(name: str, sign: float) -> None:
+    model = ImuModel(
+        Triad(np.eye(3), np.zeros(3)), Triad(np.eye(3), np.zeros(3), asymmetry=np.array([3e-3, 1e-3, 2e-3]))
+    )
+    recording, _ = simulate_protocol(
+        only(name), 100.0, np.random.default_rng(2), site=STILL, model=model, fixture=FixtureErrors()
+    )
+    assert recording.angular_rate is not None
+    turned = recording.angular_rate.sum(axis=0) / 100.0
+    # 1e-9: the motion ends between two samples at rest; rounding
+    np.testing.assert_allclose(turned, [0.0, 2.0 * np.pi * (sign + 1e-3), 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "axis", "sign"), [("1", 2, -1.0), ("11", 2, -1.0), ("8", 2, -1.0)])
+def test_an_asymmetric_accelerometer_reads_up_and_down_differently(name: str, axis: int, sign: float) -> None:
+    """Minus gravity at the start; after half a turn plus."""
+    asymmetry = np.array([3e-3, 1e-3, 2e-3])
+    model = ImuModel(Triad(np.eye(3), np.zeros(3), asymmetry=asymmetry), Triad(np.eye(3), np.zeros(3)))
+    recording, _ = simulate_protocol(
+        only(name), 100.0, np.random.default_rng(2), site=STILL, model=model, fixture=FixtureErrors()
+    )
+    assert recording.specific_force is not None
+    start, end = recording.specific_force[0, axis], recording.specific_force[-1, axis]
+    assert start == pytest.approx(9.81 * (sign + 2e-3), abs=1e-12)
+    assert end == pytest.approx(9.81 * ((sign if name == "1" else -sign) + 2e-3), abs=1e-12)
+
+
+def test_rate_ramp_and_pause_are_those_that_are_asked_for() -> None:
+    fixture = FixtureErrors(rate=0.5, ramp=1.0, pause=2.0)
+    recording, truth = simulate_protocol(
+        only("6"),
+        100.0,
+        np.random.default_rng(2),
+        site=STILL,
+        fixture=fixture,
+        lever_arm_b=np.array([0.0, 0.3, 0.4]),
+    )
+    assert recording.angular_rate is not None
+    assert recording.specific_force is not None
+    quarter = truth.rotations[1]
+    assert quarter.angle == pytest.approx(0.5 * np.pi)
+    assert quarter.stop - quarter.start == pytest.approx(np.pi + 1.0)
+    assert quarter.start - truth.rotations[0].stop == pytest.approx(2.0)
+    steady = int(100.0 * 0.5 * (quarter.start + quarter.stop))
+    np.testing.assert_allclose(recording.angular_rate[steady], [0.0, 0.0, 0.5], atol=1e-12)
+    # About z at 0.5 rad/s: 0.3 m along y is pulled back by 0.3 · 0.25 m/s²; z is level then.
+    rest = recording.specific_force[int(100.0 * (quarter.start - 1.0))]
+    assert np.linalg.norm(rest) == pytest.approx(9.81)
+    centripetal = recording.specific_force[steady] - Rotation.from_rotvec([0.0, 0.0, -0.25 * np.pi]).apply(
+        rest
+    )
+    # 0.01 s x 0.5 rad/s x g: the sample is not at the very middle of the rotation.
+    np.testing.assert_allclose(centripetal, [0.0, -0.075, 0.0], atol=0.05)
+
+
+def test_without_a_rate_a_rotation_takes_as_long_as_the_protocol_says() -> None:
+    slow = replace(only("8"), steps=tuple(replace(s, duration=20.0) for s in only("8").steps))
+    played = play(protocol=slow)
+    np.testing.assert_allclose(played.step_edges, [[0.0, 20.0], [20.0, 40.0], [40.0, 60.0]])
+
+
+def test_a_fixture_without_ramps_and_pauses_is_played_too() -> None:
+    recording, truth = simulate_protocol(
+        only("4", "9"), 50.0, np.random.default_rng(1), site=STILL, fixture=FixtureErrors(ramp=0.0, pause=0.0)
+    )
+    assert recording.angular_rate is not None
+    assert np.all(np.isfinite(recording.angular_rate))
+    assert np.max(np.abs(recording.angular_rate)) < 1.2
+    assert truth.hold_steps.count(None) >= 3
+
+
+def test_poses_without_headings_are_reached_with_the_outer_axis_wherever_it_points() -> None:
+    steps = tuple(
+        replace(s, pose=Pose(s.pose.up_b)) if isinstance(s, HoldStep) and s.pose else s for s in TEST.steps
+    )
+    known = replace(TEST, steps=steps)
+    assert fixture_angles(known).azimuth is None
+    for number, step in enumerate(steps):
+        if isinstance(step, HoldStep) and step.pose is not None:
+            for played in (play(protocol=known), play(protocol=known, heading=1.0)):
+                np.testing.assert_allclose(attitude(played, number)[2], -step.pose.up_b, atol=1e-9)
+    outer = next(r for r in play(protocol=known, heading=1.0).rotations if r.axis == "outer")
+    axis_n = play(protocol=known, heading=1.0).motion.hold_rotations_nb[0].apply(outer.axis_b)
+    np.testing.assert_allclose(np.abs(axis_n), [np.cos(1.0), np.sin(1.0), 0.0], atol=1e-9)
+
+
+def test_holds_without_rotations_and_rests_in_one_place_are_played() -> None:
+    up = HoldStep(5.0, Pose(-Z, 0.0))
+    flip = TurnStep(4.0, Y, np.pi)
+    steps = (up, up, flip, HoldStep(5.0), TurnStep(3.0), HoldStep(5.0, Pose(Z, np.pi)), TurnStep(2.0, Z, 1.0))
+    played = play(protocol=Protocol("own", "strapdown-rotation", steps))
+    np.testing.assert_allclose(attitude(played, 3)[2], [0.0, 0.0, -1.0], atol=1e-12)
+    np.testing.assert_allclose(
+        played.motion.hold_rotations_nb[-1].as_matrix()[2], [0.0, 0.0, -1.0], atol=1e-12
+    )
+    assert np.all(np.isfinite(played.step_edges))
+    assert len(played.motion.hold_duration) == len(played.motion.turn_duration) + 1
+
+
+def test_a_quality_is_drawn_with_one_sigma_each_and_keeps_its_profile() -> None:
+    quality = FixtureErrors(
+        1e-3,
+        (2e-3, 3e-3),
+        4e-3,
+        5e-3,
+        6e-3,
+        (7e-3, 8e-3, 9e-3),
+        execution=1e-4,
+        rate=2.0,
+        ramp=0.2,
+        pause=3.0,
+    )
+    rng = np.random.default_rng(5)
+    drawn = [quality.drawn(rng) for _ in range(400)]
+    values = np.array(
+        [[d.heading, *d.tilt, d.orthogonality, d.inner_zero, d.outer_zero, *d.mounting] for d in drawn]
+    )
+    # 400 numbers: 3.5 %, four of them
+    np.testing.assert_allclose(values.std(axis=0), 1e-3 * np.arange(1.0, 10.0), rtol=0.14)
+    assert {(d.execution, d.rate, d.ramp, d.pause) for d in drawn} == {(1e-4, 2.0, 0.2, 3.0)}
+
+
+@pytest.mark.parametrize(
+    ("errors", "words"),
+    [
+        ({"heading": 1.0}, "heading is 1 rad"),
+        ({"mounting": (0.0, float("nan"), 0.0)}, "mounting is nan"),
+        ({"execution": -1e-3}, "execution is -0.001 rad: give zero or a positive number"),
+        ({"rate": 0.0}, "rate is 0 rad/s"),
+        ({"ramp": -1.0}, "ramp is -1 s"),
+        ({"pause": float("inf")}, "pause is inf s"),
+    ],
+)
+def test_what_no_fixture_has_is_refused(errors: dict[str, Any], words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        FixtureErrors(**errors)
+
+
+UP = HoldStep(5.0, Pose(-Z, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("steps", "words"),
+    [
+        ((UP, TurnStep(3.0), UP), "has no sequence of rotations"),
+        (
+            (UP, TurnStep(3.0, X, np.pi), HoldStep(5.0), TurnStep(3.0, X + Y, 1.0), HoldStep(5.0)),
+            "Step 4 turns about an axis",
+        ),
+        (
+            (UP, TurnStep(3.0, X + Z, 1.0), HoldStep(5.0)),
+            r"Step 2 turns about an axis of the unit that then lies",
+        ),
+        ((UP, TurnStep(3.0, X, np.pi), HoldStep(5.0), SpinStep(9.0, 1.0), UP), "Step 4 is a spin"),
+        ((HoldStep(5.0, None, "where"), TurnStep(3.0, X, 1.0), UP), r"Step 1 \(where\) has no pose"),
+        (
+            (TurnStep(3.0, X, 1.0), UP, TurnStep(3.0, X, 1.0), HoldStep(5.0)),
+            "Step 1 begins where nothing is known",
+        ),
+        (
+            (UP, TurnStep(3.0, X, np.pi), HoldStep(5.0), TurnStep(3.0), HoldStep(5.0, Pose(X, 0.3))),
+            r"Step 5: a fixture .* cannot bring the unit there; z would have to lie [\d.]+ degrees off",
+        ),
+    ],
+)
+def test_what_a_two_axis_fixture_cannot_do_is_refused_by_the_step(steps: tuple[Any, ...], words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        play(protocol=Protocol("own", "strapdown-rotation", steps))
+
+
+def test_a_turn_that_contradicts_the_next_pose_and_a_table_beside_the_fixture_are_refused() -> None:
+    with pytest.raises(ProtocolError, match="contradicts itself"):
+        play(protocol=Protocol("own", "strapdown-rotation", (UP, TurnStep(3.0, X, 1.0), UP)))
+    rng = np.random.default_rng(1)
+    with pytest.raises(UsageError, match="on a turntable or on a two-axis fixture"):
+        simulate_protocol(TEST, 50.0, rng, site=STILL, table=TableErrors(), fixture=FixtureErrors())
+
+
+def recorded(grade: str, pause: float) -> tuple[Recording, Truth]:
+    return simulate_protocol(
+        TEST,
+        100.0,
+        np.random.default_rng(3),
+        site=Site.from_latitude(0.8),
+        grade=find_grade(grade),
+        fixture=replace(WRONG, pause=pause),
+        lever_arm_b=np.array([0.05, -0.02, 0.01]),
+    )
+
+
+@pytest.mark.parametrize("pause", [1.0, 3.0])
+@pytest.mark.parametrize("grade", ["industrial-mems", "tactical"])
+def test_every_hold_and_every_pause_of_a_recording_is_found_as_a_rest(grade: str, pause: float) -> None:
+    recording, truth = recorded(grade, pause)
+    rests = [
+        (recording.time[rest.start], recording.time[rest.stop - 1]) for rest in find_timeline(recording).holds
+    ]
+    # A rest is cut a little inside, and a ramp begins gently.
+    np.testing.assert_allclose(rests, truth.hold_edges, atol=0.5)
+
+
+@pytest.mark.parametrize("grade", ["industrial-mems", "tactical"])
+def test_all_34_holds_are_found_again_at_their_time(grade: str) -> None:
+    recording, truth = recorded(grade, 0.0)
+    timeline = find_timeline(recording)
+    matching = match_protocol(TEST, recording, timeline, observe_holds(recording, timeline))
+    assert (matching.missing, matching.extra, matching.remarks) == ((), (), [])
+    assert len(matching.holds) == 34
+    for matched in matching.holds:
+        hold = timeline.holds[matched.hold]
+        start, stop = recording.time[hold.start], recording.time[hold.stop - 1]
+        np.testing.assert_allclose([start, stop], truth.step_edges[matched.step], atol=0.5)
