@@ -340,14 +340,14 @@ def _remarks(outcome: StrapdownOutcome, site: Site) -> list[str]:
         what = "latitude" if site.latitude is None else "headings of the starts"
         remarks.append(
             f"Without the {what} the Earth rate cannot be taken out: over {two_digits(seconds)} s it turns the "
-            f"computed frame by up to {two_digits(1e3 * unknown * seconds)} mrad, which stands in the uncertainties. Give "
-            f"{'--site LATITUDE' if site.latitude is None else '`heading_deg` in the protocol'}."
+            f"computed frame by up to {two_digits(1e3 * unknown * seconds)} mrad, which stands in the "
+            f"uncertainties. Give {'--site LATITUDE' if site.latitude is None else '`heading_deg` in the protocol'}."
         )
     elif outcome.heading is not None:
         angle, sigma = outcome.heading
         remarks.append(
-            f"The Earth rate that the gyros show at rest puts north {np.degrees(angle):+.2g}° ± {np.degrees(sigma):.2g}° "
-            "from where the protocol has it."
+            f"The Earth rate that the gyros show at rest puts north {np.degrees(angle):+.2g}° ± "
+            f"{np.degrees(sigma):.2g}° from where the protocol has it."
         )
     changes = " → ".join(
         two_digits(1e6 * float(np.sqrt(np.mean(change[:9] ** 2)))) for change in outcome.passes

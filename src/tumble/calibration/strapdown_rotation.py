@@ -27,7 +27,7 @@ from tumble.attitude import skew
 from tumble.calibration.estimate import Estimate, TermTest
 from tumble.calibration.placement import is_excessive
 from tumble.calibration.recorded_sequences import RecordedSequence, check_rotations, cut_sequences
-from tumble.calibration.rest_rates import SENSITIVITY, solve_rests
+from tumble.calibration.rest_rates import SENSITIVITY, RestSolution, solve_rests
 from tumble.calibration.rotation_sequences import SequenceModel, sequence_model
 from tumble.calibration.sequence_inversion import SequenceSolution, solve_measurements
 from tumble.calibration.sequence_measurements import SequenceMeasurement, measure_sequence
@@ -131,7 +131,8 @@ def _rough_model(sequences: list[RecordedSequence], site: Site) -> ImuModel:
         answer, _, rank, _ = np.linalg.lstsq(turned, shown, rcond=1e-3)
         if rank < 3:
             raise ObservabilityError(
-                "The sequences found do not turn the unit about all three of its axes: too few are left for a calibration."
+                "The sequences found do not turn the unit about all three of its axes: too few are left for a "
+                "calibration."
             )
         matrix = np.asarray(answer.T, dtype=np.float64)
         earth = np.array([s.earth_rate_start for s in sequences])
@@ -139,8 +140,8 @@ def _rough_model(sequences: list[RecordedSequence], site: Site) -> ImuModel:
     for what, found in (("accelerometers", force), ("gyros", matrix)):
         if np.linalg.det(found) <= 0.0:
             raise ObservabilityError(
-                f"The {what} come out left-handed: an axis is reversed or two are swapped (--columns), or the protocol has "
-                "the axes of the fixture wrong."
+                f"The {what} come out left-handed: an axis is reversed or two are swapped (--columns), or the protocol "
+                "has the axes of the fixture wrong."
             )
     offset = np.asarray(solution[3] * site.gravity, dtype=np.float64)
     return ImuModel(Triad(force, offset, np.zeros(3)), Triad(matrix, bias, np.zeros(3)))
@@ -185,8 +186,8 @@ def _play_back(
             break
     else:
         raise ConvergenceError(
-            f"Playing the recording back does not settle within {LARGEST_PASSES} passes: the sequences were not what the "
-            "protocol says, or the unit moved while it was to rest."
+            f"Playing the recording back does not settle within {LARGEST_PASSES} passes: the sequences were not what "
+            "the protocol says, or the unit moved while it was to rest."
         )
     assert solution is not None
     return StrapdownOutcome(
@@ -244,7 +245,7 @@ def _with_rests(
             spreads.append(spread * matrix @ matrix.T)
     rest, force_b = np.array(rates), np.array(forces)
 
-    def solve(*, with_sensitivity: bool):
+    def solve(*, with_sensitivity: bool) -> RestSolution:
         return solve_rests(
             matrix, rest, np.array(spreads), force_b, 0.0, 0.0, with_sensitivity=with_sensitivity
         )
@@ -299,7 +300,7 @@ def _covariance(sequence: RecordedSequence, model: SequenceModel, noise: _Noise,
 def _heading(
     sequences: list[RecordedSequence], measured: list[SequenceMeasurement], noise: _Noise
 ) -> tuple[float, float] | None:
-    """Return by how much the headings of all starts seem to be off, rad, and its standard uncertainty; None if unseen."""
+    """Return by how much the headings of all starts seem to be off, and its sigma, rad; None if unseen."""
     if any(s.unknown_rate > 0.0 for s in sequences) or len(sequences) < 4:
         return None
     bias = np.array([m.gyro_bias for m in measured])
