@@ -26,6 +26,7 @@ from tumble.report.pose_figure import pose_section, pose_words
 from tumble.report.protocol_section import protocol_table, spin_section
 from tumble.report.residual_figures import hold_section, turn_section
 from tumble.report.rotation_section import budget_table, rotation_section, rotation_table
+from tumble.report.sequence_section import sequence_tables
 from tumble.report.timeline_figure import timeline_section
 from tumble.report.uncalibrated import nominal_hold_norms, nominal_turn_angles
 from tumble.report.words import (
@@ -105,6 +106,7 @@ def render_report(
         if protocol is None or matching is None
         else protocol_table(protocol, matching, recording, timeline),
         rotation_table(estimate),
+        sequence_tables(estimate),
         *(_figures(section) for section in sections),
         budget_table(estimate, rows),
         _terms(calibration),
