@@ -138,7 +138,7 @@ def _solve(task: TurntableTask) -> TurntableOutcome:
         values = system.solve(system.inputs.unchanged)
         matrix, bias = values[MATRIX].reshape(3, 3), values[BIAS]
     assert system is not None
-    term = _test_sensitivity(system, values)
+    term = _test_sensitivity(task, system, values)
     kept = term is not None and term.kept
     for _ in range(2 if kept else 0):
         parts = _parts(task, values, parts)
@@ -160,13 +160,17 @@ def _parts(task: TurntableTask, values: Series, parts: dict[int, Vector]) -> dic
     return EarthParts(task.pairs, task.means, values[MATRIX].reshape(3, 3), values[BIAS], parts, felt).parts()
 
 
-def _test_sensitivity(system: TurntableSystem, values: Series) -> TermTest | None:
+def _test_sensitivity(task: TurntableTask, system: TurntableSystem, values: Series) -> TermTest | None:
     """Test whether the gyros at rest show a g-sensitivity; without a latitude and with the Earth seen they cannot."""
     if system.by_pairs or len(system.inputs.rest) < FEWEST_RESTS:
         return None
-    told = system.rests(values[MATRIX].reshape(3, 3), values[:9], system.inputs.rest, with_sensitivity=True)
+    matrix, inputs = values[MATRIX].reshape(3, 3), system.inputs
+    told = system.rests(matrix, values[:9], inputs.rest, with_sensitivity=True)
     noise = max(1.0, told.square_sum / told.degrees)
-    spread = noise * told.covariance[REST_SENSITIVITY, REST_SENSITIVITY]
+    # Headings that go with the poses make of the horizontal Earth rate what looks like a g-sensitivity.
+    unseen = (inputs.horizontal_rate or EARTH_RATE) / task.site.gravity
+    habit = unseen**2 * np.asarray(np.kron(matrix @ matrix.T, np.eye(3)), dtype=np.float64)
+    spread = noise * told.covariance[REST_SENSITIVITY, REST_SENSITIVITY] + habit
     return wald_test(
         "g_sensitivity", told.sensitivity.ravel(), spread, told.degrees, G_SENSITIVITY_FALSE_ALARM
     )
