@@ -379,7 +379,7 @@ def _wander_si(recording: Recording, wander: Vector) -> float:
     return float(np.sqrt(np.mean(wander**2))) * factor if factor else float("nan")
 
 
-def _blocks(one: Square, other: Square) -> Square:
+def _blocks(one: Table, other: Table) -> Table:
     whole = np.zeros((len(one) + len(other), len(one) + len(other)))
     whole[: len(one), : len(one)], whole[len(one) :, len(one) :] = one, other
     return whole

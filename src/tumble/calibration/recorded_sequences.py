@@ -169,11 +169,10 @@ def _missing(steps: SequenceSteps, found: dict[int, list[int]]) -> str:
     lacking = [
         words for words, step in (("its start", steps.start), ("its end", steps.end)) if not found.get(step)
     ]
-    return (
-        f"{' and '.join(lacking)} (step {steps.start + 1}) is missing"
-        if lacking
-        else "its end comes before its start"
-    )
+    if not lacking:
+        return "its end comes before its start"
+    verb = "is" if len(lacking) == 1 else "are"
+    return f"{' and '.join(lacking)} (steps {steps.start + 1} to {steps.end + 1}) {verb} missing"
 
 
 def _cut(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Matrix, Square, Table, Vector, Vectors, inverted
+from tumble.arrays import Matrix, Series, Square, Table, Vector, Vectors, inverted
 from tumble.calibration.rotation_axes import axis_from_scatter, scatter_in_p
 from tumble.calibration.rotation_pairs import RotationPair
 from tumble.recording.recording import Recording
@@ -89,7 +89,7 @@ def observe_plane(
 
 
 def _covariance(
-    pair: RotationPair, pieces: list[Vectors], normal: Vector, tangents: Table, size: Vector
+    pair: RotationPair, pieces: list[Vectors], normal: Vector, tangents: Table, size: Series
 ) -> Square:
     """Covariance of the normal's two components, from sums over batches of a quarter of a revolution."""
     rotations = [*pair.forward, *pair.backward]

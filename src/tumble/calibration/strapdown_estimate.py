@@ -20,6 +20,7 @@ from tumble.calibration.recorded_sequences import RecordedSequence
 from tumble.calibration.rotation_sequences import SequenceModel
 from tumble.calibration.sequence_inversion import SequenceSolution
 from tumble.calibration.sequence_measurements import SequenceMeasurement
+from tumble.calibration.start_earth import SeenEarth
 from tumble.calibration.strapdown_model import apply_errors
 from tumble.calibration.verdict import two_digits
 from tumble.earth import Site
@@ -32,8 +33,9 @@ from tumble.units import angular_rate_factor, specific_force_factor
 # What an error that no sequence tells is believed to be off from its rough value by.
 UNTOLD = {"lambda_bias": 0.1}
 UNTOLD_ELSE = 0.01
-# A heading that the gyros contradict by more than this many of its standard uncertainties, and rad.
-HEADING_SIGMAS, SMALLEST_HEADING = 5.0, 5e-3
+# A heading or a latitude that the gyros contradict by more standard uncertainties than this, and by more than this:
+# rad, and rad/s.
+CONTRADICTION, SMALLEST_HEADING, SMALLEST_VERTICAL = 5.0, 0.01, 5e-7
 STEP = 0.1
 
 
@@ -50,7 +52,7 @@ class StrapdownOutcome:
     passes : (24,) what each pass changed.
     term : the test of the g-sensitivity.
     noise_angle : rad²/s.
-    heading : by how much the headings seem to be off, and its standard uncertainty; None if unseen.
+    earth : what the gyros see of the Earth rate beyond what was told; None if nothing.
     words : sentences on sequences that took no part.
     """
 
@@ -63,7 +65,7 @@ class StrapdownOutcome:
     passes: list[Series]
     term: TermTest | None
     noise_angle: float
-    heading: tuple[float, float] | None
+    earth: SeenEarth | None
     words: list[str] = field(default_factory=list[str])
 
 
@@ -319,17 +321,24 @@ def _not_determined(outcome: StrapdownOutcome) -> list[str]:
 
 
 def _objections(outcome: StrapdownOutcome) -> list[str]:
-    if outcome.heading is None:
+    earth = outcome.earth
+    if earth is None:
         return []
-    angle, sigma = outcome.heading
-    if abs(angle) < HEADING_SIGMAS * sigma or abs(angle) < SMALLEST_HEADING:
-        return []
-    sentence = (
-        f"The Earth rate that the gyros show at rest says that north is {np.degrees(angle):.2f}° ± "
-        f"{np.degrees(sigma):.2g}° from where the protocol has it: put right the heading of the fixture (`heading_deg` "
-        "of the starts). Until then the Earth rate is taken out in the wrong direction."
-    )
-    return [sentence]
+    against: list[str] = []
+    if abs(earth.heading) > max(CONTRADICTION * earth.heading_sigma, SMALLEST_HEADING):
+        against.append(
+            f"The Earth rate that the gyros show at rest puts north {np.degrees(earth.heading):+.2f}° ± "
+            f"{np.degrees(earth.heading_sigma):.2g}° (clockwise) from where the protocol has it: put right the heading "
+            "of the fixture (`heading_deg` of the starts). Until then the Earth rate is taken out in the wrong "
+            "direction."
+        )
+    if abs(earth.vertical) > max(CONTRADICTION * earth.vertical_sigma, SMALLEST_VERTICAL):
+        against.append(
+            f"The gyros show at rest {earth.vertical:+.2g} ± {earth.vertical_sigma:.1g} rad/s more of the Earth rate "
+            "upwards than the latitude gives: the site is another one (--site), and with it gravity, or the starts' "
+            "poses are not what the protocol says."
+        )
+    return against
 
 
 def _remarks(outcome: StrapdownOutcome, site: Site) -> list[str]:
@@ -343,11 +352,10 @@ def _remarks(outcome: StrapdownOutcome, site: Site) -> list[str]:
             f"computed frame by up to {two_digits(1e3 * unknown * seconds)} mrad, which stands in the "
             f"uncertainties. Give {'--site LATITUDE' if site.latitude is None else '`heading_deg` in the protocol'}."
         )
-    elif outcome.heading is not None:
-        angle, sigma = outcome.heading
+    elif outcome.earth is not None and not _objections(outcome):
         remarks.append(
-            f"The Earth rate that the gyros show at rest puts north {np.degrees(angle):+.2g}° ± "
-            f"{np.degrees(sigma):.2g}° from where the protocol has it."
+            f"The Earth rate that the gyros show at rest puts north {np.degrees(outcome.earth.heading):+.2g}° ± "
+            f"{np.degrees(outcome.earth.heading_sigma):.2g}° from where the protocol has it."
         )
     changes = " → ".join(
         two_digits(1e6 * float(np.sqrt(np.mean(change[:9] ** 2)))) for change in outcome.passes

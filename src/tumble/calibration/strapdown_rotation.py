@@ -31,6 +31,7 @@ from tumble.calibration.rest_rates import SENSITIVITY, RestSolution, solve_rests
 from tumble.calibration.rotation_sequences import SequenceModel, sequence_model
 from tumble.calibration.sequence_inversion import SequenceSolution, solve_measurements
 from tumble.calibration.sequence_measurements import SequenceMeasurement, measure_sequence
+from tumble.calibration.start_earth import find_earth
 from tumble.calibration.strapdown_estimate import StrapdownOutcome, strapdown_estimate
 from tumble.calibration.strapdown_model import apply_errors
 from tumble.calibration.term_tests import wald_test
@@ -128,7 +129,7 @@ def _rough_model(sequences: list[RecordedSequence], site: Site) -> ImuModel:
     matrix = np.eye(3)
     for _ in range(2):
         shown = np.array([s.turned(bias) for s in sequences])
-        answer, _, rank, _ = np.linalg.lstsq(turned, shown, rcond=1e-3)
+        answer, rank = _least_absolute(turned, shown)
         if rank < 3:
             raise ObservabilityError(
                 "The sequences found do not turn the unit about all three of its axes: too few are left for a "
@@ -147,6 +148,17 @@ def _rough_model(sequences: list[RecordedSequence], site: Site) -> ImuModel:
     return ImuModel(Triad(force, offset, np.zeros(3)), Triad(matrix, bias, np.zeros(3)))
 
 
+def _least_absolute(design: Vectors, shown: Vectors) -> tuple[Matrix, int]:
+    """Least absolute lengths of the residuals by reweighting: a sequence turned another way does not bend it."""
+    weight = np.ones(len(design))
+    answer, rank = np.eye(3), 0
+    for _ in range(20):
+        answer, _, rank, _ = np.linalg.lstsq(design * weight[:, None], shown * weight[:, None], rcond=1e-3)
+        left = np.linalg.norm(shown - design @ answer, axis=1)
+        weight = 1.0 / np.sqrt(np.maximum(left, 1e-3 * float(np.max(np.abs(shown)))))
+    return np.asarray(answer, dtype=np.float64), int(rank)
+
+
 def _nominal(sequence: RecordedSequence, gravity: float) -> SequenceModel:
     seconds = sequence.time_step * (sequence.start[1] - sequence.start[0])
     angle = sum(abs(a) for _, a in sequence.rotations)
@@ -160,6 +172,7 @@ def _play_back(
 ) -> StrapdownOutcome:
     """Play the recording back through the model and mend the model, until nothing changes."""
     models = [_nominal(s, site.gravity) for s in sequences]
+    earth = find_earth(sequences, model, _noise(model, means).angle)
     passes: list[Series] = []
     term: TermTest | None = None
     asymmetry = True
@@ -200,7 +213,7 @@ def _play_back(
         passes=passes,
         term=term,
         noise_angle=_noise(model, means).angle,
-        heading=_heading(sequences, measured, _noise(model, means)),
+        earth=earth,
     )
 
 
@@ -295,39 +308,3 @@ def _covariance(sequence: RecordedSequence, model: SequenceModel, noise: _Noise,
     spread[3, 3] += mean
     spread[4, 4] += mean
     return spread
-
-
-def _heading(
-    sequences: list[RecordedSequence], measured: list[SequenceMeasurement], noise: _Noise
-) -> tuple[float, float] | None:
-    """Return by how much the headings of all starts seem to be off, and its sigma, rad; None if unseen."""
-    if any(s.unknown_rate > 0.0 for s in sequences) or len(sequences) < 4:
-        return None
-    bias = np.array([m.gyro_bias for m in measured])
-    earth = np.array([s.earth_rate_start for s in sequences])
-    down = np.array([s.down_start for s in sequences])
-    seconds = np.array([s.time_step * (s.start[1] - s.start[0]) for s in sequences])
-    sigma = np.sqrt(noise.angle / seconds)
-    across = earth - np.einsum("ki,ki->k", earth, down)[:, None] * down
-
-    def left(angle: float) -> tuple[float, Vectors]:
-        # the fixture's frame turned about down by the angle: the Earth rate in b turns back by it
-        turned = (np.cos(angle) - 1.0) * across - np.sin(angle) * np.cross(down, across)
-        off = (bias - turned) / sigma[:, None]
-        off = off - off.mean(axis=0)
-        return float(np.sum(off**2)), off
-
-    grid = np.radians(np.arange(-180.0, 180.0, 2.0))
-    best = float(grid[int(np.argmin([left(a)[0] for a in grid]))])
-    from scipy.optimize import minimize_scalar
-
-    found = minimize_scalar(
-        lambda a: left(float(a))[0],
-        bounds=(best - 0.05, best + 0.05),
-        method="bounded",
-        options={"xatol": 1e-7},
-    )
-    slope = np.cross(down, across) / sigma[:, None]
-    slope = slope - slope.mean(axis=0)
-    noise_factor = max(1.0, left(float(found.x))[0] / max(3 * len(sequences) - 4, 1))
-    return float(found.x), float(np.sqrt(noise_factor / max(float(np.sum(slope**2)), 1e-30)))

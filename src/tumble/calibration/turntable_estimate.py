@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Square, Vector, inverted
+from tumble.arrays import AnyArray, Series, Square, Table, Vector, inverted
 from tumble.attitude import skew
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.estimate import (
@@ -101,7 +101,7 @@ def turntable_estimate(task: TurntableTask, solution: TurntableOutcome) -> Estim
     )
 
 
-def _in_full(unknowns: Series, covariance: Square) -> tuple[Series, Square]:
+def _in_full(unknowns: Series, covariance: Table) -> tuple[Series, Square]:
     """Return the 36 unknowns of `turn_conditions` and their covariance."""
     values, full = np.zeros(TOTAL), np.zeros((TOTAL, TOTAL))
     at = [*range(FORCE.start, FORCE.start + 9), *range(GYRO_MATRIX.start, G_SENSITIVITY.stop)]

@@ -49,8 +49,8 @@ def sequence_tables(estimate: Estimate) -> str:
     )
     return (
         "<h2>Rotation sequences</h2>\n<p>What the last play-back left of each sequence's measurements: the change of "
-        "the horizontal acceleration from its start to its end, and what gravity was short of. ± is one standard deviation "
-        "by the noise.</p>"
+        "the horizontal acceleration from its start to its end, and what gravity was short of. ± is one standard "
+        "deviation by the noise.</p>"
         f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
         + _passes(estimate)
     )
