@@ -288,3 +288,61 @@ def test_a_table_that_cannot_be_is_refused_in_a_sentence(
 ) -> None:
     is_told(tumble("simulate", "turntable-9", f"{option}={value}", "-o", tmp_path / "t"), 2, words)
     assert not (tmp_path / "t").exists()
+
+
+def test_the_fixture_s_and_the_sensors_options_reach_the_files(tumble: Any, tmp_path: Path) -> None:
+    answer = tumble(
+        "simulate",
+        "strapdown-rotation",
+        "--rate",
+        50,
+        "--fixture-installation-mrad",
+        1,
+        "--fixture-rate-deg-per-s",
+        90,
+        "--fixture-pause-s",
+        0.5,
+        "--asymmetry-ppm",
+        400,
+        "--angle-pulse-arcsec",
+        0.5,
+        "--velocity-pulse-mm-per-s",
+        2,
+        "--no-noise",
+        "-o",
+        tmp_path / "trial",
+    )
+    assert answer.status == 0, answer
+    truth = json.loads((tmp_path / "trial" / "truth.json").read_text("utf-8"))
+    assert truth["fixture"]["rate"] == pytest.approx(0.5 * 3.141592653589793)
+    assert truth["fixture"]["pause"] == 0.5
+    assert truth["fixture"]["orthogonality"] == 0.0
+    assert abs(truth["gyroscope"]["asymmetry"][0]) < 2e-3
+    rows = (tmp_path / "trial" / "recording.csv").read_text("utf-8").splitlines()[1:]
+    for row in rows[100:2000:97]:
+        numbers = [float(word) for word in row.split(",")]
+        # Whole pulses within an interval of 20 ms: 2 mm/s are 0.1 m/s², 0.5 arc-seconds 1.21e-4 rad/s.
+        for value, pulse in zip(numbers[1:], 3 * [0.1] + 3 * [50.0 * 0.5 / 206264.80624709636], strict=True):
+            assert value / pulse == pytest.approx(round(value / pulse), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--fixture-zero-mrad", -1), "--fixture-zero-mrad -1: milliradians from 0 to 100."),
+        (("--fixture-rate-deg-per-s", 0), "--fixture-rate-deg-per-s 0: degrees per second from 0.1"),
+        (("--fixture-azimuth-deg", "nan"), "--fixture-azimuth-deg nan"),
+        (("--asymmetry-ppm", -3), "--asymmetry-ppm -3: a number from 0 to 100000."),
+        (("--angle-pulse-arcsec", "inf"), "--angle-pulse-arcsec inf"),
+    ],
+)
+def test_a_fixture_that_cannot_be_is_refused_in_a_sentence(
+    tumble: Any, tmp_path: Path, options: tuple[Any, ...], words: str
+) -> None:
+    is_told(tumble("simulate", "strapdown-rotation", *options, "-o", tmp_path / "trial"), 2, words)
+    assert not (tmp_path / "trial").exists()
+
+
+def test_a_fixture_has_nothing_to_do_where_there_are_no_sequences(tumble: Any, tmp_path: Path) -> None:
+    answer = tumble("simulate", "six-position", "--fixture-zero-mrad", 1, "-o", tmp_path / "trial")
+    is_told(answer, 2, "six-position has no sequence of rotations")

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tumble.cli.fixture import fixture_errors
 from tumble.cli.options import Gravity, Json, Quiet, SiteOption
 from tumble.cli.progress import progress, results_stand
 from tumble.cli.table import lever_arm, table_errors
@@ -15,7 +17,7 @@ from tumble.cli.table import lever_arm, table_errors
 if TYPE_CHECKING:
     from tumble.workflows.simulate import Simulated
 
-_TABLE = "Turntable"
+_TABLE, _FIXTURE = "Turntable", "Two-axis fixture (any of these puts the unit on one)"
 # More files than this are counted instead of listed.
 LISTED = 5
 # What ratios and angles are shown in.
@@ -27,7 +29,7 @@ def simulate_command(
         str,
         typer.Argument(
             help="A protocol file, or the name of a protocol: six-position, multi-position-26 (18, 10, 9), rate-table, "
-            "modified-multi-position, turntable-9 (18), laboratory, hand-held."
+            "modified-multi-position, turntable-9 (18), laboratory, strapdown-rotation, hand-held."
         ),
     ],
     output: Annotated[
@@ -73,6 +75,15 @@ def simulate_command(
     wander: Annotated[
         bool, typer.Option("--wander", help="Also let biases wander by the sheet's in-run stability.")
     ] = False,
+    asymmetry_ppm: Annotated[
+        float, typer.Option(help="Standard deviation of each sensor's scale-factor asymmetry, in ppm.")
+    ] = 0.0,
+    angle_pulse_arcsec: Annotated[
+        float, typer.Option(help="The gyros send whole pulses of so many arc-seconds.")
+    ] = 0.0,
+    velocity_pulse_mm_per_s: Annotated[
+        float, typer.Option(help="The accelerometers send whole pulses of so many mm/s.")
+    ] = 0.0,
     jitter: Annotated[
         float, typer.Option(help="Standard deviation of the stamps about the true instants, in ms.")
     ] = 0.0,
@@ -140,11 +151,83 @@ def simulate_command(
             show_default=False,
         ),
     ] = None,
+    fixture_azimuth_deg: Annotated[
+        float | None,
+        typer.Option(
+            help="Where the outer axis points, in degrees clockwise from north (default: the protocol's, east).",
+            show_default=False,
+            rich_help_panel=_FIXTURE,
+        ),
+    ] = None,
+    fixture_installation_mrad: Annotated[
+        float | None,
+        typer.Option(
+            help="Standard deviation of the outer axis' heading and of both tilts, in milliradians.",
+            show_default=False,
+            rich_help_panel=_FIXTURE,
+        ),
+    ] = None,
+    fixture_orthogonality_mrad: Annotated[
+        float | None,
+        typer.Option(
+            help="Standard deviation of the angle between the axes about a right one, in milliradians.",
+            show_default=False,
+            rich_help_panel=_FIXTURE,
+        ),
+    ] = None,
+    fixture_zero_mrad: Annotated[
+        float | None,
+        typer.Option(
+            help="Standard deviation of both angles' zero, in milliradians.",
+            show_default=False,
+            rich_help_panel=_FIXTURE,
+        ),
+    ] = None,
+    fixture_mounting_mrad: Annotated[
+        float | None,
+        typer.Option(
+            help="Standard deviation of how the unit lies on the inner axis, about each axis, in milliradians.",
+            show_default=False,
+            rich_help_panel=_FIXTURE,
+        ),
+    ] = None,
+    fixture_execution_mrad: Annotated[
+        float | None,
+        typer.Option(
+            help="Standard deviation of each stop of each axis, in milliradians.",
+            show_default=False,
+            rich_help_panel=_FIXTURE,
+        ),
+    ] = None,
+    fixture_rate_deg_per_s: Annotated[
+        float | None,
+        typer.Option(
+            help="Rate of its rotations, in degrees per second (default: as long as the protocol says).",
+            show_default=False,
+            rich_help_panel=_FIXTURE,
+        ),
+    ] = None,
+    fixture_ramp_s: Annotated[
+        float | None,
+        typer.Option(
+            help="Seconds to come to the rate, and to stop (default: 0.5).",
+            show_default=False,
+            rich_help_panel=_FIXTURE,
+        ),
+    ] = None,
+    fixture_pause_s: Annotated[
+        float | None,
+        typer.Option(
+            help="Seconds of rest between the rotations of a sequence (default: 1).",
+            show_default=False,
+            rich_help_panel=_FIXTURE,
+        ),
+    ] = None,
     lever_arm_cm: Annotated[
         str | None,
         typer.Option(
             metavar="X,Y,Z",
-            help="From the table's centre to the accelerometers, in b; nine numbers for a place of each.",
+            help="From the centre of table or fixture to the accelerometers, in b; nine numbers for a place of each.",
             rich_help_panel=_TABLE,
         ),
     ] = None,
@@ -169,6 +252,24 @@ def simulate_command(
     for name, value in (("jitter", jitter), ("sampling-jitter", sampling_jitter)):
         if not 0.0 <= value <= 1000.0:
             raise UsageError(f"--{name} {value:g}: milliseconds from 0 to 1000.")
+    for name, value, largest in (
+        ("asymmetry-ppm", asymmetry_ppm, 1e5),
+        ("angle-pulse-arcsec", angle_pulse_arcsec, 36_000.0),
+        ("velocity-pulse-mm-per-s", velocity_pulse_mm_per_s, 1000.0),
+    ):
+        if not 0.0 <= value <= largest:
+            raise UsageError(f"--{name} {value:g}: a number from 0 to {largest:g}.")
+    fixture, azimuth = fixture_errors(
+        azimuth=fixture_azimuth_deg,
+        installation=fixture_installation_mrad,
+        orthogonality=fixture_orthogonality_mrad,
+        zero=fixture_zero_mrad,
+        mounting=fixture_mounting_mrad,
+        execution=fixture_execution_mrad,
+        rate=fixture_rate_deg_per_s,
+        ramp=fixture_ramp_s,
+        pause=fixture_pause_s,
+    )
     table = table_errors(
         angle=table_angle_arcsec,
         once=table_once_arcsec,
@@ -197,13 +298,18 @@ def simulate_command(
             noise=noise,
             nonlinear=nonlinear,
             wander=wander,
+            asymmetry=1e-6 * asymmetry_ppm,
             imperfections=Imperfections(
                 jitter=1e-3 * jitter,
                 sampling_jitter=1e-3 * sampling_jitter,
                 dropped=1e-2 * dropped,
                 burst=burst,
+                angle_increment=math.radians(angle_pulse_arcsec / 3600.0),
+                velocity_increment=1e-3 * velocity_pulse_mm_per_s,
             ),
             table=table,
+            fixture=fixture,
+            fixture_azimuth=azimuth,
             lever_arm_b=lever_arm(lever_arm_cm),
             progress=say,
         )

@@ -130,7 +130,12 @@ class Grade:
         return replace(self, accelerometer=wandering(self.accelerometer), gyroscope=wandering(self.gyroscope))
 
     def simulate_model(
-        self, rng: np.random.Generator, *, nonlinear: bool = False, case_axes: bool = False
+        self,
+        rng: np.random.Generator,
+        *,
+        nonlinear: bool = False,
+        case_axes: bool = False,
+        asymmetry: float = 0.0,
     ) -> ImuModel:
         """Draw one unit of this grade: its matrices, biases and g-sensitivity.
 
@@ -140,6 +145,7 @@ class Grade:
         nonlinear : draw quadratic terms that have the sheet's linearity, too.
         case_axes : b is the case (forward, right, down), not the unit's own axes; raw columns stay
             those of the unit's own axes.
+        asymmetry : one sigma of each sensor's scale-factor asymmetry, which no sheet states; drawn last.
         """
         g_sensitivity = rng.normal(0.0, self.g_sensitivity, (3, 3)) if self.g_sensitivity else None
         model = ImuModel(_draw(self.accelerometer, rng), _draw(self.gyroscope, rng), g_sensitivity)
@@ -148,6 +154,12 @@ class Grade:
                 model,
                 accelerometer=_bent(model.accelerometer, self.accelerometer, rng),
                 gyroscope=_bent(model.gyroscope, self.gyroscope, rng),
+            )
+        if asymmetry > 0.0:
+            model = replace(
+                model,
+                accelerometer=_asymmetric(model.accelerometer, asymmetry, rng),
+                gyroscope=_asymmetric(model.gyroscope, asymmetry, rng),
             )
         if case_axes and self.C_instrument_case is not None:
             return model.turned(self.C_instrument_case.T)
@@ -170,6 +182,10 @@ def _bent(triad: Triad | None, grade: TriadGrade, rng: np.random.Generator) -> T
     if triad is None or grade.quadratic == 0.0:
         return triad
     return replace(triad, quadratic=rng.normal(0.0, grade.quadratic, 3))
+
+
+def _asymmetric(triad: Triad | None, sigma: float, rng: np.random.Generator) -> Triad | None:
+    return None if triad is None else replace(triad, asymmetry=rng.normal(0.0, sigma, 3))
 
 
 _CONSUMER = Grade(

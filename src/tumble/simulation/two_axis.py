@@ -104,19 +104,18 @@ class FixtureErrors:
         ----------
         rng : source of all numbers.
         """
-        draw = rng.standard_normal
+
+        def draw(sigma: float) -> float:
+            return float(sigma * rng.standard_normal()) + 0.0  # no minus zero in a file
+
         return replace(
             self,
-            heading=float(self.heading * draw()),
-            tilt=(float(self.tilt[0] * draw()), float(self.tilt[1] * draw())),
-            orthogonality=float(self.orthogonality * draw()),
-            inner_zero=float(self.inner_zero * draw()),
-            outer_zero=float(self.outer_zero * draw()),
-            mounting=(
-                float(self.mounting[0] * draw()),
-                float(self.mounting[1] * draw()),
-                float(self.mounting[2] * draw()),
-            ),
+            heading=draw(self.heading),
+            tilt=(draw(self.tilt[0]), draw(self.tilt[1])),
+            orthogonality=draw(self.orthogonality),
+            inner_zero=draw(self.inner_zero),
+            outer_zero=draw(self.outer_zero),
+            mounting=(draw(self.mounting[0]), draw(self.mounting[1]), draw(self.mounting[2])),
         )
 
     def rotation_nb(self, inner: float, outer: float, azimuth: float = _QUARTER) -> Rotation:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tumble.arrays import AnyArray
     from tumble.protocol import Protocol, Step
     from tumble.recording import Recording
-    from tumble.simulation import Imperfections, TableErrors, Truth
+    from tumble.simulation import FixtureErrors, Imperfections, TableErrors, Truth
 
 # What most people hold in their hands, with errors large enough for every procedure to find.
 DEFAULT_GRADE = "consumer-mems"
@@ -64,8 +64,11 @@ def simulate(
     noise: bool = True,
     nonlinear: bool = False,
     wander: bool = False,
+    asymmetry: float = 0.0,
     imperfections: Imperfections | None = None,
     table: TableErrors | None = None,
+    fixture: FixtureErrors | None = None,
+    fixture_azimuth: float | None = None,
     lever_arm_b: AnyArray | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Simulated:
@@ -91,8 +94,13 @@ def simulate(
     noise : add noise and converter.
     nonlinear : draw quadratic terms of the sheet's linearity, where it states one.
     wander : let biases wander within the run as the sheet's in-run stability says, where it states one.
+    asymmetry : one sigma of every sensor's scale-factor asymmetry.
     imperfections : what the recording chain does.
     table : what is wrong with the table; the protocol that is written then has its display's angles.
+    fixture : quality of a two-axis fixture that makes the protocol's sequences: one sigma of each error, from
+        which the session's seed draws those of one; None for no fixture.
+    fixture_azimuth : rad, where its outer axis points, clockwise from north; the protocol that is written
+        says so. None leaves it as the protocol has it.
     lever_arm_b : m, from the table's centre to the unit, (3,), or (3, 3) with a row for each accelerometer.
     progress : is told in words what is being done.
 
@@ -127,18 +135,26 @@ def simulate(
     unit = seed if unit is None else unit
     played_by = chosen.with_wandering_biases() if wander else chosen
     chain = imperfections or Imperfections()
+    if fixture is not None:
+        given = _aimed(given, fixture_azimuth)
+        fixture = fixture.drawn(_generator(seed, "fixture"))
+    model = chosen.simulate_model(
+        _generator(unit, "unit"), nonlinear=nonlinear, case_axes=axes == "case", asymmetry=asymmetry
+    )
     recording, truth = simulate_protocol(
         given,
         hertz,
         _generator(seed, "session"),
         site=place,
         grade=played_by,
-        model=chosen.simulate_model(_generator(unit, "unit"), nonlinear=nonlinear, case_axes=axes == "case"),
+        model=model,
         noise=noise,
         imperfections=chain,
         placement=placement,
+        heading=fixture_azimuth if fixture is not None else None,
         lever_arm_b=lever_arm_b,
         table=table,
+        fixture=fixture,
         units=units,
     )
     columns = None
@@ -160,9 +176,26 @@ def simulate(
 
 
 def _generator(seed: int, what: str) -> np.random.Generator:
-    """A stream of its own for the unit and for the session; SFC64 is the fastest that numpy has."""
-    number = {"unit": 0, "session": 1}[what]
+    """A stream of its own for unit, session and fixture; SFC64 is the fastest that numpy has."""
+    number = {"unit": 0, "session": 1, "fixture": 2}[what]
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(number,))))
+
+
+def _aimed(protocol: Protocol, azimuth: float | None) -> Protocol:
+    """Return the protocol with all its headings turned so that the fixture's outer axis points there."""
+    from tumble.protocol import HoldStep
+    from tumble.simulation import fixture_angles
+
+    now = fixture_angles(protocol).azimuth
+    if azimuth is None or now is None:
+        return protocol
+    steps: list[Step] = []
+    for step in protocol.steps:
+        if isinstance(step, HoldStep) and step.pose is not None and step.pose.heading is not None:
+            turned = math.remainder(step.pose.heading + azimuth - now, 2.0 * math.pi)
+            step = replace(step, pose=replace(step.pose, heading=turned))
+        steps.append(step)
+    return replace(protocol, steps=tuple(steps))
 
 
 def _read(protocol: str | os.PathLike[str]) -> Protocol:
@@ -313,7 +346,8 @@ def _write_steps(
 ) -> tuple[Protocol, list[str]]:
     """Write each hold and spin to a file of its own; return the protocol whose steps name them, and the names.
 
-    A rotation whose angle is known is one with the rests beside it: so far as these reach it is one file.
+    A rotation whose angle is known is one with the rests beside it: so far as these reach it is one file. So
+    is a sequence of the strapdown rotation test.
     """
     from tumble.recording.formats.output import write_recording
 
@@ -324,7 +358,7 @@ def _write_steps(
     inside = 0.5 / recording.rate * (1.0 - 1e-6)
     firsts: list[int] = np.searchsorted(recording.time, truth.step_edges[:, 0] + inside).tolist()
     lasts: list[int] = np.searchsorted(recording.time, truth.step_edges[:, 1] - inside, side="right").tolist()
-    for run in _runs(protocol.steps):
+    for run in _runs(protocol):
         first, last = firsts[run[0]], lasts[run[-1]]
         if not last - first > 1:
             continue
@@ -335,13 +369,19 @@ def _write_steps(
     return replace(protocol, steps=tuple(steps)), names
 
 
-def _runs(steps: tuple[Step, ...]) -> list[list[int]]:
+def _runs(protocol: Protocol) -> list[list[int]]:
     """Return which steps, turns apart, share a file: each alone, but rotations of known angle with their rests."""
-    from tumble.protocol import SpinStep, TurnStep
+    from tumble.protocol import SpinStep, TurnStep, sequence_steps
 
+    steps = protocol.steps
+    sequences = sequence_steps(protocol) if protocol.procedure == "strapdown-rotation" else []
+    inside = {number for s in sequences for number in range(s.start + 1, s.end + 1)}
     runs: list[list[int]] = []
     known = [isinstance(step, SpinStep) and step.angle is not None for step in steps]
     for number, step in enumerate(steps):
+        if number in inside:
+            runs[-1].append(number)
+            continue
         if isinstance(step, TurnStep):
             continue
         joined = runs and runs[-1][-1] == number - 1 and (known[number] or known[number - 1])

@@ -103,6 +103,7 @@ def truth_document(
         "placement": settings.placement,
         "imperfections": asdict(settings.imperfections),
         "table": None if settings.table is None else asdict(settings.table),
+        "fixture": None if truth.fixture is None else asdict(truth.fixture),
         "lever_arm_b": _numbers(settings.lever_arm_b),
         "steps": [_step(number, step, truth) for number, step in enumerate(protocol.steps)],
     }
@@ -278,6 +279,8 @@ def true_parameters(model: ImuModel, recording: Recording, truth: Truth) -> list
     triad(
         "accelerometer", force.matrix, (force.bias, force_wander), unit, specific_force_factor(unit), "m/s²"
     )
+    if force.asymmetry is not None:
+        add([f"accelerometer asymmetry {axis}" for axis in "xyz"], force.asymmetry, "1")
     if force.quadratic is not None:
         add([f"accelerometer quadratic {axis}" for axis in "xyz"], force.quadratic, f"1/({unit})")
     own = np.real(lower_factor(gyro.matrix))
@@ -286,6 +289,8 @@ def true_parameters(model: ImuModel, recording: Recording, truth: Truth) -> list
     from tumble.attitude.rotations import rotation_vector_from_matrix
 
     between = rotation_vector_from_matrix(np.real(inverse(own) @ gyro.matrix))
+    if gyro.asymmetry is not None:
+        add([f"gyro asymmetry {axis}" for axis in "xyz"], gyro.asymmetry, "1")
     add([f"rotation between the triads {axis}" for axis in "xyz"], between, "rad")
     return rows + _g_sensitivity_rows(model, unit)
 
@@ -356,7 +361,7 @@ def _noise(grade: Grade) -> dict[str, Any]:
 
 
 def _step(number: int, step: Step, truth: Truth) -> dict[str, Any]:
-    """Return when a step was, and what was true in it: the pose of a hold, the rate and axis of a spin."""
+    """Return when a step was, and what was true in it: the pose of a hold, rate and axis of what turned."""
     start, stop = truth.step_edges[number]
     result: dict[str, Any] = {
         "step": number + 1,
@@ -376,6 +381,18 @@ def _step(number: int, step: Step, truth: Truth) -> dict[str, Any]:
             "accelerometer_wander": _numbers(truth.force_wander[hold]),
             "gyroscope_wander": _numbers(truth.rate_wander[hold]),
         }
+    rotations = [rotation for rotation in truth.rotations if rotation.step == number]
+    if rotations:
+        result["rotations"] = [
+            {
+                "fixture_axis": rotation.axis,
+                "start_s": _finite(rotation.start),
+                "stop_s": _finite(rotation.stop),
+                "angle": rotation.angle,
+                "axis_b": _numbers(rotation.axis_b),
+            }
+            for rotation in rotations
+        ]
     for spin in truth.spins:
         if spin.step == number:
             result |= {

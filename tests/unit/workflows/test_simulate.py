@@ -13,14 +13,16 @@ from scipy.spatial.transform import Rotation
 
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import OutputError, RecordingError, UsageError
-from tumble.protocol import PROTOCOLS, HoldStep, SpinStep, read_protocol
+from tumble.protocol import PROTOCOLS, HoldStep, SpinStep, read_protocol, sequence_steps
+from tumble.protocol.strapdown_rotation import SEQUENCES
 from tumble.recording import read_recording
-from tumble.simulation import Imperfections, TableErrors
+from tumble.simulation import FixtureErrors, Imperfections, TableErrors
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.simulate import Simulated, simulate
 from tumble.workflows.truth import case_columns
 
 RATE = 20.0
+SITE = Site.from_latitude(0.8)
 AXES = ["ax", "ay", "az", "gx", "gy", "gz"]
 
 
@@ -413,3 +415,72 @@ def test_a_file_of_rotations_about_the_vertical_alone_is_read(tmp_path: Path) ->
 def test_a_table_of_a_protocol_without_spins_is_remarked_on(tmp_path: Path) -> None:
     done = simulate("six-position", rate=5.0, table=TableErrors(wobble=1e-5), output=tmp_path / "six")
     assert any("has no spins" in remark for remark in done.remarks)
+
+
+def test_a_fixture_is_drawn_from_its_quality_and_stands_in_the_truth_with_what_it_turned(
+    tmp_path: Path,
+) -> None:
+    quality = FixtureErrors(heading=1e-3, tilt=(1e-3, 1e-3), execution=1e-4, rate=1.5, pause=0.0)
+    told = [
+        simulate(
+            "strapdown-rotation",
+            output=tmp_path / str(seed),
+            rate=20.0,
+            grade="tactical",
+            seed=seed,
+            site=SITE,
+            fixture=quality,
+            fixture_azimuth=0.25,
+        ).truth
+        for seed in (1, 1, 2)
+    ]
+    assert told[0]["fixture"] == told[1]["fixture"]
+    assert told[0]["fixture"]["heading"] != told[2]["fixture"]["heading"]
+    assert 0.0 < abs(told[0]["fixture"]["heading"]) < 5e-3
+    assert told[0]["fixture"]["rate"] == 1.5
+    start, turn = told[0]["steps"][:2]
+    (rotation,) = turn["rotations"]
+    assert rotation["fixture_axis"] == "outer"
+    assert rotation["angle"] == pytest.approx(2.0 * np.pi, abs=1e-3)
+    assert rotation["axis_b"] == pytest.approx([0.0, 1.0, 0.0], abs=1e-3)
+    # y lies along the outer axis, which points 0.25 rad from north: five sigmas of the installation
+    along_n = Rotation.from_quat(start["quaternion_nb"]).apply([0.0, 1.0, 0.0])
+    assert along_n == pytest.approx([np.cos(0.25), np.sin(0.25), 0.0], abs=5e-3)
+    protocol = read_protocol(tmp_path / "1" / "protocol.yaml")
+    assert [s.name for s in sequence_steps(protocol)] == [s.name for s in SEQUENCES]
+    first = protocol.steps[0]
+    assert isinstance(first, HoldStep)
+    assert first.pose is not None
+    # With z down and y along the outer axis x is a quarter of a turn before it; 1e-12: degrees in the file.
+    assert first.pose.heading == pytest.approx(0.25 - 0.5 * np.pi, abs=1e-12)
+
+
+def test_a_sequence_is_one_file_with_its_turns(tmp_path: Path) -> None:
+    done = simulate(
+        "strapdown-rotation", output=tmp_path, rate=20.0, site=SITE, fixture=FixtureErrors(), per_step=True
+    )
+    assert len([file for file in done.files if file.suffix == ".csv"]) == 17
+    protocol = read_protocol(tmp_path / "protocol.yaml")
+    for sequence in sequence_steps(protocol):
+        files = {protocol.steps[k].file for k in range(sequence.start, sequence.end + 1)}
+        assert len(files) == 1
+        assert None not in files
+        if sequence.start:
+            assert protocol.steps[sequence.start - 1].file is None
+    # 10 s, 360 degrees at 1 rad/s with half a second of ramps, 10 s: at 20 Hz
+    lines = (tmp_path / "step-01.csv").read_text(encoding="utf-8").splitlines()
+    assert abs(len(lines) - 20.0 * (20.5 + 2.0 * np.pi)) < 3.0
+
+
+def test_asymmetry_is_drawn_last_and_named_in_the_truth(tmp_path: Path) -> None:
+    plain = simulate("six-position", output=tmp_path / "a", rate=5.0, seed=4, site=SITE).truth
+    bent = simulate("six-position", output=tmp_path / "b", rate=5.0, seed=4, site=SITE, asymmetry=1e-3).truth
+    for triad in ("accelerometer", "gyroscope"):
+        assert plain[triad]["asymmetry"] is None
+        assert np.all(np.abs(bent[triad]["asymmetry"]) < 5e-3)
+        assert plain[triad]["matrix"] == bent[triad]["matrix"]
+    named = {p["name"]: p["value"] for p in bent["parameters"]}
+    assert named["accelerometer asymmetry y"] == bent["accelerometer"]["asymmetry"][1]
+    assert named["gyro asymmetry z"] == bent["gyroscope"]["asymmetry"][2]
+    fixture = {p["name"]: p["value"] for p in bent["parameters_in_fixture"]}
+    assert fixture["gyro asymmetry z"] == pytest.approx(bent["gyroscope"]["asymmetry"][2])
