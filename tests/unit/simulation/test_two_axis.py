@@ -408,9 +408,11 @@ def test_every_hold_and_every_pause_of_a_recording_is_found_as_a_rest(grade: str
     np.testing.assert_allclose(rests, truth.hold_edges, atol=0.5)
 
 
+@pytest.mark.parametrize("pause", [0.0, 1.0, 3.0])
 @pytest.mark.parametrize("grade", ["industrial-mems", "tactical"])
-def test_all_34_holds_are_found_again_at_their_time(grade: str) -> None:
-    recording, truth = recorded(grade, 0.0)
+def test_all_34_holds_are_found_again_at_their_time(grade: str, pause: float) -> None:
+    """A pause is none of them, and no hold done again."""
+    recording, truth = recorded(grade, pause)
     timeline = find_timeline(recording)
     matching = match_protocol(TEST, recording, timeline, observe_holds(recording, timeline))
     assert (matching.missing, matching.extra, matching.remarks) == ((), (), [])
