@@ -87,7 +87,15 @@ def estimate(procedure: Procedure, scene: Scene) -> Estimate:
 
 def test_every_procedure_that_is_offered_is_tested_here() -> None:
     """Those that take a protocol are tested on every protocol in tests/recovery/test_protocols.py."""
-    by_protocol = {"six-position", "improved-six-position", "rate-table", "modified-multi-position"}
+    by_protocol = {
+        "six-position",
+        "improved-six-position",
+        "rate-table",
+        "modified-multi-position",
+        "turntable",
+        "laboratory",
+        "strapdown-rotation",
+    }
     assert set(PROCEDURES) == set(MEMBERS) | by_protocol
 
 

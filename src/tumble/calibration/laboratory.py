@@ -358,7 +358,7 @@ def _estimate(
         turn_sigmas=nothing.copy(),
         turn_sizes=nothing.copy(),
         variance_components={
-            "accelerometer bias from hold to hold, m/s²": _wander_si(recording, wander),
+            "accelerometer bias from hold to hold, m/s²": _wander_si(force.matrix, wander),
             "placement of the unit beyond what the protocol states, rad": force.added,
         },
         not_determined=[_SITS, "Nonlinear terms and g-sensitivity of the gyros are not estimated."],
@@ -373,10 +373,9 @@ def _estimate(
     )
 
 
-def _wander_si(recording: Recording, wander: Vector) -> float:
-    """The wander of a typical sensor; of counts what the unit's nominal scale is not known to make of it."""
-    factor = specific_force_factor(recording.specific_force_unit)
-    return float(np.sqrt(np.mean(wander**2))) * factor if factor else float("nan")
+def _wander_si(matrix: Matrix, wander: Vector) -> float:
+    """The wander of a typical sensor, m/s²."""
+    return float(np.sqrt(np.mean((wander / np.linalg.norm(matrix, axis=1)) ** 2)))
 
 
 def _blocks(one: Table, other: Table) -> Table:

@@ -51,7 +51,8 @@ class SpinGroup:
 def group_spins(matching: Matching, protocol: Protocol) -> list[SpinGroup]:
     """Return the placements of a protocol with the holds and spins that were found.
 
-    A new one begins with a turn, with a hold that follows a hold, and with a hold in another pose.
+    A new one begins with a turn, with a hold that follows a hold, and with a hold in a pose that the spin
+    before it does not lead to.
     Placements of which nothing was found are left out.
     """
     holds: dict[int, list[int]] = defaultdict(list)
@@ -83,9 +84,16 @@ def _begins(step: object, before: object, group: SpinGroup) -> bool:
         return True
     if not isinstance(step, HoldStep) or before is None:
         return False
-    return isinstance(before, HoldStep) or _another_pose(group.pose, step.pose)
+    if isinstance(before, HoldStep):
+        return True
+    return _another_pose(group.pose, step.pose, before.axis_b if isinstance(before, SpinStep) else None)
 
 
-def _another_pose(one: Pose | None, other: Pose | None) -> bool:
-    # A milliradian: the same pose written twice is the same to the digit.
-    return one is not None and other is not None and bool(np.max(np.abs(one.up_b - other.up_b)) > 1e-3)
+def _another_pose(one: Pose | None, other: Pose | None, axis_b: Vector | None) -> bool:
+    """Tell whether a hold is in another pose than the spins about an axis before it make of the first one."""
+    if one is None or other is None:
+        return False
+    apart = one.up_b - other.up_b
+    # A milliradian: the same pose written twice is the same to the digit. A table that stops within a
+    # revolution leaves up where it was along its axis.
+    return bool(np.max(np.abs(apart if axis_b is None else apart @ axis_b / np.linalg.norm(axis_b))) > 1e-3)

@@ -129,7 +129,7 @@ def _refuse_reversed_spins(case: Case, fit: Fit) -> None:
             wrong.append(str(case.steps[i] + 1))
             said = step.rate > 0.0
     if wrong:
-        _raise_reversed(case, wrong, said)
+        _raise_reversed(case, wrong, bool(said))
 
 
 def _raise_reversed(case: Case, wrong: list[str], counter_clockwise: bool) -> None:

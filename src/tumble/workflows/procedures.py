@@ -99,9 +99,10 @@ def check_procedure(
     if procedure is not None and procedure not in PROCEDURES:
         raise UsageError(f"There is no procedure {procedure!r}: choose one of {', '.join(PROCEDURES)}.")
     if procedure in NEED_PROTOCOL and not has_protocol:
+        example = "turntable-9" if procedure == "turntable" else procedure
         raise UsageError(
             f"The procedure {procedure} has to know the table's rates and directions: write them into a protocol "
-            f"file and give --protocol FILE. `tumble simulate {procedure} -o DIR` writes an example, DIR/protocol.yaml."
+            f"file and give --protocol FILE. `tumble simulate {example} -o DIR` writes an example, DIR/protocol.yaml."
         )
 
 
