@@ -24,6 +24,8 @@ PROCEDURES = {
     "multi-position": "multi-position-26",
     "rate-table": "rate-table",
     "modified-multi-position": "modified-multi-position",
+    "turntable": "turntable-9",
+    "laboratory": "laboratory",
 }
 GRADES = ("consumer-mems", "tactical")
 

@@ -375,7 +375,8 @@ def _estimate(
 
 def _wander_si(matrix: Matrix, wander: Vector) -> float:
     """The wander of a typical sensor, m/s²."""
-    return float(np.sqrt(np.mean((wander / np.linalg.norm(matrix, axis=1)) ** 2)))
+    row: Series = np.sqrt(np.sum(matrix**2, axis=1))
+    return float(np.sqrt(np.mean((wander / row) ** 2)))
 
 
 def _blocks(one: Table, other: Table) -> Table:
