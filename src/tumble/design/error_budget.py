@@ -49,6 +49,7 @@ class ParameterGroup:
     Attributes
     ----------
     name : short.
+    short : two or three words for a table's heading.
     words : what the parameters are.
     first, stop : range of the budget's parameters.
     unit : SI.
@@ -57,6 +58,7 @@ class ParameterGroup:
     """
 
     name: str
+    short: str
     words: str
     first: int
     stop: int

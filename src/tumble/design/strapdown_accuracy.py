@@ -34,16 +34,30 @@ from tumble.units import STANDARD_GRAVITY
 PROCEDURE = "strapdown-rotation"
 _PER_MICRO_G = 1e6 / STANDARD_GRAVITY
 _WORDS = {
-    "kappa_lin": ("κ linear", "gyro scale factors", "1", "ppm", 1e6),
-    "kappa_asym": ("κ asymmetry", "gyro scale factors, one way against the other", "1", "ppm", 1e6),
-    "upsilon": ("υ", "angles between the gyros", "rad", "µrad", 1e6),
-    "lambda_bias": ("λ bias", "accelerometer biases", "m/s²", "µg", _PER_MICRO_G),
-    "lambda_lin": ("λ linear", "accelerometer scale factors", "1", "ppm", 1e6),
-    "lambda_asym": ("λ asymmetry", "accelerometer scale factors, up against down", "1", "ppm", 1e6),
-    "mu": ("µ", "accelerometers against the gyros' frame", "rad", "µrad", 1e6),
+    "kappa_lin": ("κ linear", "gyro scale", "gyro scale factors", "1", "ppm", 1e6),
+    "kappa_asym": (
+        "κ asymmetry",
+        "gyro asymm.",
+        "gyro scale factors, one way against the other",
+        "1",
+        "ppm",
+        1e6,
+    ),
+    "upsilon": ("υ", "gyro angles", "angles between the gyros", "rad", "µrad", 1e6),
+    "lambda_bias": ("λ bias", "acc. bias", "accelerometer biases", "m/s²", "µg", _PER_MICRO_G),
+    "lambda_lin": ("λ linear", "acc. scale", "accelerometer scale factors", "1", "ppm", 1e6),
+    "lambda_asym": (
+        "λ asymmetry",
+        "acc. asymm.",
+        "accelerometer scale factors, up against down",
+        "1",
+        "ppm",
+        1e6,
+    ),
+    "mu": ("µ", "acc. angles", "accelerometers against the gyros' frame", "rad", "µrad", 1e6),
 }
 PARAMETER_GROUPS = tuple(
-    ParameterGroup(words[0], words[1], GROUPS[key].start, GROUPS[key].stop, *words[2:])
+    ParameterGroup(*words[:3], GROUPS[key].start, GROUPS[key].stop, *words[3:])
     for key, words in _WORDS.items()
 )
 """The seven sorts of parameters, as tables show them."""
@@ -162,4 +176,6 @@ def _remarks(setup: StrapdownSetup) -> Iterator[str]:
     if setup.start_bias:
         yield "The gyros' bias is taken from the rest before each sequence; how large it is does not count."
     if setup.sensors.g_sensitivity > 0.0:
-        yield ("g-sensitivity counts in full here; `tumble calibrate` takes out what the rests show of it.")
+        yield (
+            "By least squares g-sensitivity counts with what the rests leave unknown of it; with the formulas, in full."
+        )

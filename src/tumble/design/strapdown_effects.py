@@ -226,6 +226,7 @@ def constant_effects(setup: StrapdownSetup, sequences: list[TimedSequence]) -> l
     setup, sequences : the test.
     """
     sensors, site = setup.sensors, setup.site
+    left_words, left = _left_sensitivity(setup, len(sequences))
     bias = [
         np.zeros((5, 3))
         if setup.start_bias
@@ -246,12 +247,25 @@ def constant_effects(setup: StrapdownSetup, sequences: list[TimedSequence]) -> l
         for name, words, magnitude, unit, kind, columns in (
             ("gyro bias", "constant through a sequence", 0.0 if setup.start_bias else sensors.gyro_bias, "rad/s",
              "sensors", bias),
-            ("g-sensitivity", "the gyros' bias changes with the attitude", sensors.g_sensitivity,
-             "(rad/s)/(m/s²)", "sensors", sensitive),
+            ("g-sensitivity", left_words, left, "(rad/s)/(m/s²)", "sensors", sensitive),
             ("gravity", "gravity at the site is not what it is taken for", site.gravity_sigma, "m/s²", "site",
              gravity),
         )
     ]  # fmt: skip
+
+
+def _left_sensitivity(setup: StrapdownSetup, count: int) -> tuple[str, float]:
+    """In words and (rad/s)/(m/s²): g-sensitivity, or what the gyros at all rests leave unknown of it."""
+    sensors = setup.sensors
+    words = "the gyros' bias changes with the attitude"
+    if setup.method == "formulas":
+        return words, sensors.g_sensitivity
+    # Each axis is up or down at a third of the rests, of which each sequence has two.
+    rest = np.hypot(sensors.gyro_walk / np.sqrt(setup.timing.seconds), sensors.gyro_instability)
+    told = float(rest / (setup.site.gravity * np.sqrt(2.0 * count / 3.0)))
+    if told < sensors.g_sensitivity:
+        return f"{words}, by what the rests leave unknown of it", told
+    return words, sensors.g_sensitivity
 
 
 def earth_by_gyro(sequence: TimedSequence, setup: StrapdownSetup) -> Table:

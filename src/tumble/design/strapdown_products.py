@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table
@@ -10,6 +12,7 @@ from tumble.design.strapdown_effects import after_play_back
 from tumble.design.strapdown_play import SENSORS, SHARED, error_count, play_exactly
 from tumble.design.strapdown_sequences import TimedSequence
 from tumble.design.strapdown_setup import StrapdownSetup
+from tumble.protocol.strapdown_rotation import RotationSequence
 
 
 def product_effects(
@@ -27,18 +30,25 @@ def product_effects(
     left : (24,) one sigma of the sensor errors in the pass.
     """
     fixture = setup.fixture
-    shared = np.concatenate([left, np.full(3, fixture.mounting), np.full(2, fixture.installation)])
+    angles = np.array([fixture.mounting] * 3 + [fixture.installation] * 2)
+    spreads = setup.sensors.spreads()
+    before = np.concatenate([spreads, angles])
+    shrunk = np.concatenate([left / np.where(spreads > 0.0, spreads, 1.0), np.ones(len(angles))])
     variance = np.zeros((SENSORS, 3))
     common_pairs, common_squares = np.zeros((4, SENSORS, SHARED, SHARED)), np.zeros((SENSORS, SHARED))
     means = np.zeros((SENSORS, 3))
     for sequence, one_gain in zip(sequences, gain, strict=True):
-        sizes = np.concatenate([shared, np.full(error_count(sequence.row) - SHARED, fixture.execution)])
-        pairs, squares = _interactions(sequence, sizes, setup)
-        carried, own = np.einsum("pm,sjkm->spjk", one_gain, pairs), one_gain @ squares.T
+        stops = np.full(error_count(sequence.row) - SHARED, fixture.execution)
+        sizes = np.concatenate([before, stops])
+        pairs, squares = _interactions(sequence.row, tuple(sizes.tolist()), setup.site.gravity, setup.norm)
+        # Products scale with their factors: one playing serves all passes.
+        scale = np.concatenate([shrunk, np.ones(len(stops))])
+        carried = np.einsum("pm,sjkm,j,k->spjk", one_gain, pairs, scale, scale, optimize=True)
+        own = one_gain @ (squares * scale[:, None] ** 2).T
         common_pairs += carried[:, :, :SHARED, :SHARED]
         common_squares += own[:, :SHARED]
         # A sequence's own errors, which no other has: the fixture's stops.
-        for k in range(SHARED, len(sizes)):
+        for k in range(SHARED, len(scale)):
             _add_pairs(variance, carried[:, :, :k, k])
         variance[:, 2] += 2.0 * np.sum(own[:, SHARED:] ** 2, axis=1)
         means[:, 2] += np.sum(own[:, SHARED:], axis=1)
@@ -49,7 +59,7 @@ def product_effects(
         variance[:, kind] += 2.0 * np.sum(common_squares[:, at] ** 2, axis=1)
         means[:, kind] += np.sum(common_squares[:, at], axis=1)
     variance += means**2
-    angle = max(float(np.sqrt(np.mean(shared[SENSORS:] ** 2))), fixture.execution)
+    angle = max(float(np.sqrt(np.mean(angles**2))), fixture.execution)
     after = after_play_back(setup)
     left_rms = float(np.sqrt(np.mean(left[:9] ** 2)))
     vertical = "the vertical is projected on the nominal one: half the angle's square is lost"
@@ -73,19 +83,22 @@ def product_effects(
     return np.sqrt(variance), sources
 
 
-def _interactions(sequence: TimedSequence, sizes: Series, setup: StrapdownSetup) -> tuple[AnyArray, Table]:
+@lru_cache(maxsize=64)
+def _interactions(
+    row: RotationSequence, sizes: tuple[float, ...], gravity: float, norm: bool
+) -> tuple[AnyArray, Table]:
     """(4, n, n, 5) of pairs by combination of signs, upper triangle, and (n, 5) of each error with itself."""
-    count = len(sizes)
+    size, count = np.array(sizes), len(sizes)
     first, second = np.triu_indices(count, 1)
     signs = ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))
-    alone = np.concatenate([np.diag(sizes), -np.diag(sizes)])
+    alone = np.concatenate([np.diag(size), -np.diag(size)])
     both: list[Table] = []
     for one, other in signs:
         errors = np.zeros((len(first), count))
         at = np.arange(len(first))
-        errors[at, first], errors[at, second] = one * sizes[first], other * sizes[second]
+        errors[at, first], errors[at, second] = one * size[first], other * size[second]
         both.append(errors)
-    played = play_exactly(sequence.row, np.concatenate([alone, *both]), setup.site.gravity, norm=setup.norm)
+    played = play_exactly(row, np.concatenate([alone, *both]), gravity, norm=norm)
     by_sign = {1.0: played[:count], -1.0: played[count : 2 * count]}
     pairs = np.zeros((4, count, count, 5))
     for k, (one, other) in enumerate(signs):

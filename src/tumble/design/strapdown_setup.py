@@ -171,7 +171,9 @@ class Timing:
         if not 0.1 <= self.seconds <= 3600.0:
             raise UsageError(f"An average of {self.seconds:g} s: give 0.1 to 3600 seconds (--hold).")
         if not 0.01 <= self.rate <= 20.0:
-            raise UsageError(f"A rotation at {self.rate:g} rad/s: give 0.01 to 20 rad/s (--rate, in deg/s).")
+            raise UsageError(
+                f"A rotation at {self.rate:g} rad/s: give 0.01 to 20 rad/s, 0.6 to 1100 °/s (--turn-rate)."
+            )
         if not 0.0 <= self.pause <= 600.0:
             raise UsageError(f"A pause of {self.pause:g} s: give 0 to 600 seconds (--pause).")
         if self.averaging not in AVERAGING:
@@ -215,7 +217,7 @@ class StrapdownSetup:
     site: Site = field(default_factory=lambda: Site.from_latitude(math.radians(45.0)))
     azimuth: float = math.pi / 2.0
     method: str = "least-squares"
-    iterations: int = 1
+    iterations: int = 2
     start_bias: bool = True
     norm: bool = True
     asymmetry: bool = True

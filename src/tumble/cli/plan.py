@@ -1,0 +1,217 @@
+"""`tumble plan`: how accurate a test will be, before it is done."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tumble.cli.options import Gravity, Json, Quiet, SiteOption
+from tumble.cli.progress import progress, results_stand
+
+if TYPE_CHECKING:
+    from tumble.workflows.plan import Plan
+
+_UNIT, _FIXTURE, _TEST = "Unit", "Fixture", "Test"
+
+
+def plan_command(
+    procedure: Annotated[str, typer.Argument(help="What is planned: strapdown-rotation.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="A file for the whole budget, as JSON.")
+    ] = None,
+    imu: Annotated[
+        str,
+        typer.Option(
+            help="Grade of the unit: consumer-mems, industrial-mems, hg1900, hg1700, tactical, ring-laser.",
+            rich_help_panel=_UNIT,
+        ),
+    ] = "consumer-mems",
+    gyro_walk_deg_per_root_hour: Annotated[
+        float | None,
+        typer.Option(
+            help="The gyros' angle random walk in °/√h, of another data sheet.", rich_help_panel=_UNIT
+        ),
+    ] = None,
+    gyro_pulse_arcsec: Annotated[
+        float | None,
+        typer.Option(help="Size of the gyros' pulses in arc-seconds (default: none).", rich_help_panel=_UNIT),
+    ] = None,
+    accelerometer_noise_ug: Annotated[
+        float | None,
+        typer.Option(
+            help="The accelerometers' noise in µg/√Hz, of another data sheet.", rich_help_panel=_UNIT
+        ),
+    ] = None,
+    fixture_mrad: Annotated[
+        float,
+        typer.Option(
+            help="How well the fixture is levelled and the unit aligned on it, one sigma (0.1° are 1.75).",
+            rich_help_panel=_FIXTURE,
+        ),
+    ] = 1.0,
+    heading_mrad: Annotated[
+        float | None,
+        typer.Option(
+            help="How well the outer axis' direction against north is known (default: as the fixture).",
+            rich_help_panel=_FIXTURE,
+        ),
+    ] = None,
+    execution_mrad: Annotated[
+        float | None,
+        typer.Option(
+            help="How far beside its angle an axis stops (default: as the fixture).", rich_help_panel=_FIXTURE
+        ),
+    ] = None,
+    azimuth_deg: Annotated[
+        float, typer.Option(help="Where the outer axis points, from north by east.", rich_help_panel=_FIXTURE)
+    ] = 90.0,
+    site: SiteOption = None,
+    gravity: Gravity = None,
+    hold: Annotated[
+        float, typer.Option(help="Seconds of rest before and after each sequence.", rich_help_panel=_TEST)
+    ] = 10.0,
+    turn_rate: Annotated[
+        float, typer.Option(help="Rate of the rotations in °/s.", rich_help_panel=_TEST)
+    ] = 57.3,
+    pause: Annotated[
+        float,
+        typer.Option(help="Seconds between two rotations, and beside each rest.", rich_help_panel=_TEST),
+    ] = 1.0,
+    play_backs: Annotated[
+        int,
+        typer.Option(
+            help="How often the recording is played back with what it told (calibrate: until it settles).",
+            rich_help_panel=_TEST,
+        ),
+    ] = 2,
+    formulas: Annotated[
+        bool,
+        typer.Option(
+            "--formulas/--least-squares",
+            help="Savage's (13), or all components by least squares.",
+            rich_help_panel=_TEST,
+        ),
+    ] = False,
+    start_bias: Annotated[
+        bool,
+        typer.Option(
+            "--start-bias/--no-start-bias",
+            help="The gyros' bias from the rest before each sequence.",
+            rich_help_panel=_TEST,
+        ),
+    ] = True,
+    norm: Annotated[
+        bool,
+        typer.Option(
+            "--norm/--no-norm",
+            help="The vertical from the acceleration's length, or projected.",
+            rich_help_panel=_TEST,
+        ),
+    ] = True,
+    asymmetry: Annotated[
+        bool,
+        typer.Option(
+            "--asymmetry/--no-asymmetry",
+            help="With sequences 1a to 3a, for gyros with asymmetry.",
+            rich_help_panel=_TEST,
+        ),
+    ] = True,
+    monte_carlo: Annotated[int, typer.Option(help="Also draw so many tests, with all errors at once.")] = 0,
+    seed: Annotated[int, typer.Option(help="Another seed draws others.")] = 0,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Tell how accurate a test will be, which error contributes what, and whether the fixture suffices.
+
+    All numbers are one sigma. Squares of the sources add up to the square of the total: halving a small
+    one changes nothing. Try it before a fixture is bought:
+
+    tumble plan strapdown-rotation --imu ring-laser --fixture-mrad 1.75 --site 48.1
+    """
+    from tumble.workflows.plan import plan
+    from tumble.workflows.site import choose_site
+
+    place = choose_site(site, gravity)
+    with progress(quiet or as_json) as say:
+        done = plan(
+            procedure,
+            imu=imu,
+            gyro_walk_deg_per_root_hour=gyro_walk_deg_per_root_hour,
+            gyro_pulse_arcsec=gyro_pulse_arcsec,
+            accelerometer_noise_ug=accelerometer_noise_ug,
+            fixture=1e-3 * fixture_mrad,
+            heading=None if heading_mrad is None else 1e-3 * heading_mrad,
+            execution=None if execution_mrad is None else 1e-3 * execution_mrad,
+            site=place,
+            hold=hold,
+            turn_rate=math.radians(turn_rate),
+            pause=pause,
+            azimuth=math.radians(azimuth_deg),
+            play_backs=play_backs,
+            method="formulas" if formulas else "least-squares",
+            start_bias=start_bias,
+            norm=norm,
+            asymmetry=asymmetry,
+            monte_carlo=monte_carlo,
+            seed=seed,
+            output=output,
+            progress=say,
+        )
+    results_stand()
+    if as_json:
+        document = {
+            **done.budget.to_dict(),
+            "fixture_suffices": done.suffices,
+            "verdict": done.verdict,
+            "advice": done.advice,
+            "remarks": done.remarks,
+        }
+        typer.echo(json.dumps(document, ensure_ascii=False, allow_nan=False))
+        return
+    _print(done, quiet)
+
+
+def _print(done: Plan, quiet: bool) -> None:
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    budget = done.budget
+    if not quiet:
+        table = Table(box=SIMPLE, pad_edge=False, padding=(0, 1, 0, 0))
+        table.add_column("one sigma by source")
+        for group in budget.groups:
+            table.add_column("\n".join([*group.short.split(" "), group.practical]), justify="right")
+        factors = [group.factor for group in budget.groups]
+        parts = budget.group_contributions()
+        for number, source in enumerate(budget.sources):
+            column = parts[:, number]
+            table.add_row(source.name, *(_shown(v * f) for v, f in zip(column, factors, strict=True)))
+        table.add_section()
+        total = [_shown(v * f) for v, f in zip(budget.group_rms(), factors, strict=True)]
+        table.add_row("total", *total, style="bold")
+        drawn = budget.group_drawn()
+        if drawn is not None and budget.drawn is not None:
+            row = [_shown(v * f) for v, f in zip(drawn, factors, strict=True)]
+            table.add_row(f"{budget.drawn.runs} tests drawn", *row)
+        console.print(table)
+    for sentence in done.verdict:
+        console.print(sentence, style="bold green" if done.suffices else "bold yellow", markup=False)
+    if not quiet:
+        for sentence in (*done.advice, *done.remarks):
+            console.print(f"• {sentence}", markup=False)
+    if done.file is not None:
+        typer.echo(f"written: {done.file.resolve()}")
+
+
+def _shown(value: float) -> str:
+    """Two digits; a dash for nothing."""
+    if abs(value) < 5e-4:
+        return "–"
+    digits = max(0, 1 - math.floor(math.log10(abs(value))))
+    return f"{value:.{min(digits, 3)}f}"
