@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import AnyArray, Matrix, Series, Vectors
+from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors
 from tumble.calibration.rotation_sequences import SequenceModel, sequence_model
 from tumble.calibration.sequence_inversion import invert_measurements, solve_measurements
 from tumble.calibration.sequence_measurements import measure_sequence, window_weights
@@ -36,7 +36,7 @@ MICRO_G = 1e-6 * STANDARD
 ARCSECOND = np.pi / 648000.0
 DEGREE_PER_ROOT_HOUR = np.pi / 180.0 / 60.0
 DEGREE_PER_HOUR = np.pi / 648000.0
-LARGEST_LATITUDE = np.radians(75.0)
+LARGEST_LATITUDE = 75.0 * np.pi / 180.0
 """Beyond it a place has hardly a heading."""
 
 UNITS_SI = np.ones(24) * 1e-6
@@ -53,7 +53,7 @@ class Grade:
     name : what it is called.
     angle_random_walk, velocity_random_walk : rad/√s and m/s/√s.
     angle_pulse, velocity_pulse : rad and m/s of the integrated outputs, 0 for none.
-    scale, angle, bias : standard deviations of the errors before the test: of scale factors and their
+    scale, asymmetry, angle, bias : standard deviations of the errors before the test: of scale factors, of their
         asymmetry, of misalignments (rad), of accelerometer biases (m/s²).
     gyro_bias : rad/s, the same.
     """
@@ -64,6 +64,7 @@ class Grade:
     angle_pulse: float = 0.0
     velocity_pulse: float = 0.0
     scale: float = 1e-3
+    asymmetry: float = 3e-4
     angle: float = 1e-3
     bias: float = 1e3 * MICRO_G
     gyro_bias: float = 0.0
@@ -76,7 +77,7 @@ GRADES = {
         3.0 * MICRO_G,
         0.5 * ARCSECOND,
         1e-5,
-        gyro_bias=0.01 * DEGREE_PER_HOUR,
+        gyro_bias=0.02 * DEGREE_PER_HOUR,
     ),
     "tactical": Grade(
         "tactical",
@@ -89,6 +90,7 @@ GRADES = {
         0.3 * DEGREE_PER_ROOT_HOUR,
         100.0 * MICRO_G,
         scale=5e-3,
+        asymmetry=1.5e-3,
         angle=5e-3,
         bias=5e3 * MICRO_G,
         gyro_bias=30.0 * DEGREE_PER_HOUR,
@@ -243,8 +245,8 @@ def draw_truth(setting: Setting, rng: np.random.Generator, *, asymmetry: bool = 
     sigma = np.full(24, grade.scale)
     sigma[GROUPS["upsilon"]] = sigma[GROUPS["mu"]] = grade.angle
     sigma[GROUPS["lambda_bias"]] = grade.bias
-    if not asymmetry:
-        sigma[GROUPS["kappa_asym"]] = 0.0
+    sigma[GROUPS["kappa_asym"]] = grade.asymmetry if asymmetry else 0.0
+    sigma[GROUPS["lambda_asym"]] = grade.asymmetry
     values = sigma * rng.standard_normal(24)
     return SavageErrors.from_vector(values, gyro_bias=grade.gyro_bias * rng.standard_normal(3))
 
@@ -284,13 +286,14 @@ def simulate_run(
     model = truth.model()
     assert model.gyroscope is not None
     assert model.accelerometer is not None
-    triads = np.stack([_stacked(model.gyroscope), _stacked(model.accelerometer)])
+    triads = np.stack((_stacked(model.gyroscope), _stacked(model.accelerometer)))
     gravity = site.gravity
     play_sequences(
         rng, C_bn, axes, angles, samples, window, earth_n, gravity, step, triads, walk, pulse, rate, force
     )
-    nominal = [fixture.nominal_nb(s) for s in setting.sequences]
-    earth = np.array([C_nb.T @ earth_n for C_nb in nominal])
+    earth = np.empty((len(setting.sequences), 3))
+    for number, sequence in enumerate(setting.sequences):
+        earth[number] = fixture.nominal_nb(sequence).T @ earth_n
     return Recordings(truth, rate, force, starts, earth, gravity, setting)
 
 
@@ -411,9 +414,10 @@ def evaluate_run(
     errors = np.empty((iterations, 24))
     measurements: dict[str, Series] = {}
     for k in range(iterations):
-        measurements = measure_run(recordings, current, variant)
+        measurements, gyro_bias = _measure(recordings, current, variant)
         found = _invert(measurements, recordings, variant, models)
-        current = composed(current, SavageErrors.from_vector(found))
+        # A bias that is known is taken off before the asymmetry is, which needs the sign of the input alone.
+        current = composed(current, SavageErrors.from_vector(found, gyro_bias=gyro_bias))
         errors[k] = savage_from_model(current)[0].vector - truth
     return Evaluation(errors, measurements, current)
 
@@ -427,6 +431,11 @@ def measure_run(recordings: Recordings, current: ImuModel, variant: Variant) -> 
     current : what is known of the unit.
     variant : how to measure.
     """
+    return _measure(recordings, current, variant)[0]
+
+
+def _measure(recordings: Recordings, current: ImuModel, variant: Variant) -> tuple[dict[str, Series], Vector]:
+    """The measurements, and the gyros' mean bias where the variant looks at any."""
     from tumble.studies.strapdown_kernel import compensate
 
     setting = recordings.setting
@@ -440,11 +449,12 @@ def measure_run(recordings: Recordings, current: ImuModel, variant: Variant) -> 
         compensate(raw, stacked[3], stacked[4], np.linalg.inv(stacked[:3]), true)
     window, step = setting.window, 1.0 / setting.sampling
     starts = recordings.starts
+    gyro_bias = np.zeros(3)
+    if variant.common_bias or variant.start_bias:
+        for first, earth in zip(starts[:-1], recordings.earth, strict=True):
+            gyro_bias += (rate[first : first + window].mean(axis=0) - earth) / len(recordings.earth)
     if variant.common_bias:
-        means = [
-            rate[a : a + window].mean(axis=0) - e for a, e in zip(starts[:-1], recordings.earth, strict=True)
-        ]
-        rate -= np.mean(means, axis=0)
+        rate -= gyro_bias
     found: dict[str, Series] = {}
     for number, sequence in enumerate(setting.sequences):
         first, last = int(starts[number]), int(starts[number + 1])
@@ -468,7 +478,7 @@ def measure_run(recordings: Recordings, current: ImuModel, variant: Variant) -> 
                 rate[first:last] - off, force[first:last], recordings, number, variant.weights(setting)
             )
         found[sequence.name] = vector
-    return found
+    return found, gyro_bias
 
 
 def _matched_change(
@@ -671,7 +681,9 @@ def exact_unit(grade: Grade | None = None) -> Grade:
     grade : whose errors before the test it has; navigation grade by default.
     """
     like = grade or GRADES["nav"]
-    return Grade("exact", 0.0, 0.0, scale=like.scale, angle=like.angle, bias=like.bias)
+    return Grade(
+        "exact", 0.0, 0.0, scale=like.scale, asymmetry=like.asymmetry, angle=like.angle, bias=like.bias
+    )
 
 
 __all__ = [
