@@ -489,3 +489,20 @@ def test_the_laboratory_refuses_axes_in_one_plane_and_an_axis_that_is_missing() 
         match=r"about 2 axes \(x, y\), and 3 are needed for the gyros' whole matrix: about x, y and z",
     ):
         calibrated(recording, lacking)
+
+
+@pytest.mark.parametrize("name", ["turntable-9", "laboratory"])
+def test_readings_that_never_change_at_rest_are_no_trouble(name: str) -> None:
+    """Not a digit of noise: covariances of zero, which weigh without an inverse."""
+    protocol = short(name)
+    recording, truth = simulate_protocol(
+        protocol, 20.0, np.random.default_rng(6), site=SITE, model=MODEL, placement=name != "laboratory"
+    )
+    recording = replace(
+        recording,
+        specific_force=np.round(np.asarray(recording.specific_force), 9),
+        angular_rate=np.round(np.asarray(recording.angular_rate), 12),
+    )
+    estimate = calibrated(recording, protocol)
+    # 2″ of the table over a revolution both ways, and 1e-9 m/s²
+    assert_found(estimate, truth, 5e-6)

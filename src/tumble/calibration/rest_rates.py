@@ -12,9 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square, Vector, Vectors, inverted
+from tumble.earth import EARTH_RATE
 
 BIAS, SENSITIVITY = slice(0, 3), slice(3, 12)
 UNKNOWNS = 12
+# A recording without noise has weights all the same; the best gyros know a hold to some hundred times that.
+LEAST_NOISE = 1e-5 * EARTH_RATE
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +69,7 @@ def solve_rests(
     told = rest - vertical_rate * (up @ matrix.T)
     across = np.eye(3) - np.einsum("ki,kj->kij", up, up)
     spread = covariance + 0.5 * horizontal_rate**2 * (matrix @ across @ matrix.T)
+    spread = spread + LEAST_NOISE**2 * (matrix @ matrix.T)
     weight = np.asarray(np.linalg.inv(spread), dtype=np.float64)
     count = UNKNOWNS if with_sensitivity else 3
     design = np.zeros((len(rest), 3, count))
