@@ -350,12 +350,15 @@ def _print(done: Simulated, quiet: bool) -> None:
 
 def _true_lines(truth: dict[str, Any]) -> list[str]:
     """The true parameters, three to a line, in the convention and frame of the table of `tumble calibrate`."""
-    from tumble.workflows.truth import FIXTURE_PROCEDURES
+    from tumble.workflows.truth import FIXTURE_PROCEDURES, MEAN_GYRO_PROCEDURES
 
     procedure = str(truth["procedure"])
-    in_fixture = procedure in FIXTURE_PROCEDURES
-    frame = "fixture" if in_fixture else "accelerometer-x"
-    parameters: list[dict[str, object]] = truth["parameters_in_fixture" if in_fixture else "parameters"]
+    frame, key = "accelerometer-x", "parameters"
+    if procedure in FIXTURE_PROCEDURES:
+        frame, key = "fixture", "parameters_in_fixture"
+    elif procedure in MEAN_GYRO_PROCEDURES:
+        frame, key = "mean-gyro", "parameters_in_mean_gyro"
+    parameters: list[dict[str, object]] = truth[key]
     named = f"True parameters, as the procedure {procedure} of `tumble calibrate` names them in the frame {frame}:"
     lines = ["", named]
     for first in range(0, len(parameters), 3):

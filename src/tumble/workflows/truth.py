@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 FORMAT = "tumble truth"
 # These know the poses, and answer in the fixture's axes.
 FIXTURE_PROCEDURES = ("six-position", "improved-six-position", "rate-table", "laboratory")
+# And this in the mean-gyro frame, with Savage's names.
+MEAN_GYRO_PROCEDURES = ("strapdown-rotation",)
 VERSION = 1
 FRAME = (
     "axes of the fixture: the body frame b in which the protocol states its poses; a calibration in another "
@@ -74,7 +76,7 @@ def truth_document(
     from tumble.calibration.result import BACKWARD, FORWARD
 
     assert truth.model is not None
-    in_gauge = _in_gauge(truth.model)
+    in_gauge, mean_gyro = _in_gauge(truth.model, "accelerometer-x"), _in_gauge(truth.model, "mean-gyro")
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -98,6 +100,10 @@ def truth_document(
         **_blocks(truth.model, truth),
         "in_frame_accelerometer_x": None if in_gauge is None else _blocks(in_gauge, truth),
         "parameters": [] if in_gauge is None else true_parameters(in_gauge, recording, truth),
+        "in_frame_mean_gyro": None if mean_gyro is None else _blocks(mean_gyro, truth),
+        "parameters_in_mean_gyro": []
+        if mean_gyro is None
+        else true_mean_gyro_parameters(mean_gyro, recording, truth),
         "parameters_in_fixture": true_fixture_parameters(truth.model, recording, truth),
         "noise": _noise(settings.grade) if settings.noise else None,
         "placement": settings.placement,
@@ -191,11 +197,11 @@ def _site(site: Site) -> dict[str, Any]:
     }
 
 
-def _in_gauge(model: ImuModel) -> ImuModel | None:
+def _in_gauge(model: ImuModel, frame: str) -> ImuModel | None:
     from tumble.sensor import change_frame
 
     try:
-        return change_frame(model, "accelerometer-x")
+        return change_frame(model, frame)
     except TumbleError:  # a left-handed unit has no such frame
         return None
 
@@ -341,6 +347,59 @@ def true_fixture_parameters(model: ImuModel, recording: Recording, truth: Truth)
         for row, session in zip(of_triad[:3], triad.bias + wander, strict=True):
             row["session_value"] = float(session)
         rows += of_triad
+    return rows + _g_sensitivity_rows(model, rate_unit)
+
+
+def true_mean_gyro_parameters(model: ImuModel, recording: Recording, truth: Truth) -> list[dict[str, Any]]:
+    """Return the same as the strapdown rotation test names it, in the frame ``mean-gyro``.
+
+    Parameters
+    ----------
+    model : in the frame ``mean-gyro``.
+    recording, truth : as for `true_parameters`.
+    """
+    from tumble.sensor.conventions.savage import OFF_DIAGONAL, PAIRS
+    from tumble.units import angular_rate_factor, specific_force_factor
+
+    force_unit, rate_unit = recording.specific_force_unit, recording.angular_rate_unit
+    rows: list[dict[str, Any]] = []
+
+    def add(name: str, axes: list[str], values: list[float], unit: str) -> None:
+        rows.extend(
+            {"name": f"{name} {axis}", "value": float(value), "unit": unit}
+            for axis, value in zip(axes, values, strict=True)
+        )
+
+    for short, triad, unit, factor, si, wander in (
+        (
+            "accelerometer",
+            model.accelerometer,
+            force_unit,
+            specific_force_factor(force_unit),
+            "m/s²",
+            _mean_wander(truth)[0],
+        ),
+        ("gyro", model.gyroscope, rate_unit, angular_rate_factor(rate_unit), "rad/s", _mean_wander(truth)[1]),
+    ):
+        assert triad is not None
+        add(f"{short} bias", [*"xyz"], [*triad.bias], unit)
+        for row, session in zip(rows[-3:], triad.bias + wander, strict=True):
+            row["session_value"] = float(session)
+        scale = np.diag(triad.matrix)
+        if factor is None:
+            add(f"{short} scale factor", [*"xyz"], [*scale], f"{unit}/({si})")
+        else:
+            add(f"{short} scale factor error", [*"xyz"], [*(scale * factor - 1.0)], "1")
+        # Of counts each sensor's angle is against its own scale factor.
+        angles = (triad.matrix.T / (scale if factor is None else 1.0 / factor)).T
+        if short == "gyro":
+            values = [angles[i, j] + angles[j, i] for i, j in PAIRS]
+            add("gyro non-orthogonality", ["xyz"[i] + "xyz"[j] for i, j in PAIRS], values, "rad")
+        else:
+            values = [angles[i, j] for i, j in OFF_DIAGONAL]
+            add("accelerometer misalignment", ["xyz"[i] + "xyz"[j] for i, j in OFF_DIAGONAL], values, "rad")
+        asymmetry = np.zeros(3) if triad.asymmetry is None else triad.asymmetry
+        add(f"{short} asymmetry", [*"xyz"], [*asymmetry], "1")
     return rows + _g_sensitivity_rows(model, rate_unit)
 
 

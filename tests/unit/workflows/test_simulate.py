@@ -16,6 +16,8 @@ from tumble.errors import OutputError, RecordingError, UsageError
 from tumble.protocol import PROTOCOLS, HoldStep, SpinStep, read_protocol, sequence_steps
 from tumble.protocol.strapdown_rotation import SEQUENCES
 from tumble.recording import read_recording
+from tumble.sensor import ImuModel, Triad
+from tumble.sensor.conventions.savage import savage_from_model
 from tumble.simulation import FixtureErrors, Imperfections, TableErrors
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.simulate import Simulated, simulate
@@ -344,6 +346,51 @@ def test_true_parameters_are_named_and_framed_as_the_calibration_s(
         assert off < 10.0 * parameter.standard_uncertainty, parameter.name
         compared += 1
     assert compared >= 9
+
+
+@pytest.mark.parametrize("units", ["SI", "counts"])
+def test_true_parameters_of_the_rotation_test_are_savage_s_in_the_mean_gyro_frame(
+    units: str, tmp_path: Path
+) -> None:
+    truth = simulate(
+        "strapdown-rotation",
+        output=tmp_path,
+        grade="tactical",
+        seed=6,
+        site=SITE,
+        units=units,
+        rate=5.0,
+        asymmetry=5e-4,
+        fixture=FixtureErrors(rate=0.5),
+    ).truth
+    model = ImuModel(
+        *(
+            Triad(*(np.array(truth[triad][key]) for key in ("matrix", "bias", "asymmetry")))
+            for triad in ("accelerometer", "gyroscope")
+        )
+    )
+    per_si = truth["counts_per_si"] or (1.0, 1.0)
+    errors, _ = savage_from_model(model, force_factor=1.0 / per_si[0], rate_factor=1.0 / per_si[1])
+    true = {row["name"]: row["value"] for row in truth["parameters_in_mean_gyro"]}
+    # Of counts scale factors are no errors, and an angle is against its sensor's own scale factor: 1e-3 of it.
+    exact = 1e-12 if units == "SI" else 5e-6
+
+    def told(*names: str) -> Any:
+        return pytest.approx([true[name] for name in names], abs=exact)
+
+    xyz, six = [*"xyz"], ["xy", "xz", "yx", "yz", "zx", "zy"]
+    kind = "scale factor error" if units == "SI" else "scale factor"
+    for short, scale, per in (("gyro", errors.kappa, per_si[1]), ("accelerometer", errors.scale, per_si[0])):
+        found = np.array([true[f"{short} {kind} {axis}"] for axis in xyz]) / per
+        np.testing.assert_allclose(found - (units == "counts"), scale, atol=1e-12)
+    assert errors.kappa_asymmetry.tolist() == told(*(f"gyro asymmetry {axis}" for axis in xyz))
+    assert errors.scale_asymmetry.tolist() == told(*(f"accelerometer asymmetry {axis}" for axis in xyz))
+    assert errors.upsilon.tolist() == told(*(f"gyro non-orthogonality {pair}" for pair in ("yz", "zx", "xy")))
+    assert errors.mu.tolist() == told(*(f"accelerometer misalignment {pair}" for pair in six))
+    bias = np.array([true[f"accelerometer bias {axis}"] for axis in xyz])
+    np.testing.assert_allclose(bias / per_si[0], errors.bias, atol=1e-15)
+    gyro = np.array(truth["in_frame_mean_gyro"]["gyroscope"]["matrix"])
+    np.testing.assert_allclose(gyro, gyro.T, atol=1e-12 * np.max(gyro))
 
 
 def spun(folder: Path, **options: Any) -> Simulated:
