@@ -1,0 +1,6 @@
+"""Noise of a sensor at rest: how it averages down, its spectrum, and models of it.
+
+Signals are in any unit, usually SI; averaging times in s, frequencies in Hz. Coefficients carry the
+letters of IEEE Std 952, whose spectral densities are two-sided; what is drawn and printed as a spectrum is
+one-sided, and says so.
+"""

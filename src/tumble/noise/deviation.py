@@ -1,0 +1,425 @@
+"""Allan, modified Allan and Hadamard deviation and Haar wavelet variance of a signal at rest.
+
+All use every overlapping place. The signal is a rate (rad/s, m/s²): the deviation has its unit. A signal
+with gaps is a set of pieces: differences are taken within each, and their squares are pooled.
+
+References
+----------
+Riley, W. J., *Handbook of Frequency Stability Analysis*, NIST SP 1065, 2008, sections 5.2.4, 5.2.5 and
+5.2.8. IEEE Std 952-2020, annex C. Percival, D. B., *On estimation of the wavelet variance*, Biometrika 82
+(1995) 619-631.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.arrays import AnyArray, Series, Table
+from tumble.errors import UsageError
+from tumble.noise.freedom import EXPONENTS, chi_square_interval, degrees_of_freedom
+
+Kind: TypeAlias = Literal["overlapping", "modified", "hadamard"]
+Taus: TypeAlias = "Literal['octave', 'decade', 'log', 'all'] | Series | Sequence[float]"
+Pieces: TypeAlias = Sequence[tuple[int, int]]
+Integers: TypeAlias = npt.NDArray[np.int64]
+
+ONE_SIGMA = 0.682689492137086
+"""Probability within one standard deviation of a normal distribution."""
+
+_PER_DECADE = 10
+_SLOPE_REACH = 4.2  # a slope is taken over averaging times up to two octaves away
+_LEAST_CLUSTERS = 12  # with fewer, a slope is chance
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """A deviation over averaging times, of all channels of a signal.
+
+    Attributes
+    ----------
+    kind : "overlapping" (Allan), "modified" (Allan) or "hadamard".
+    tau : (taus,) averaging times, s.
+    averaging : (taus,) the same in samples.
+    deviation : (taus, channels) in the signal's unit.
+    count : (taus,) differences that were averaged.
+    edf : (taus, channels) equivalent degrees of freedom of the variance, for the noise in `exponent`.
+    low, high : (taus, channels) limits of the true deviation at the probability `confidence`.
+    exponent : (taus, channels) α of the noise assumed, S(f) ~ f^α.
+    confidence : probability of each interval, two-sided.
+    rate : samples a second.
+    samples : of the signal, gaps left out.
+    pieces : lengths of the pieces without gaps, in samples.
+    """
+
+    kind: Kind
+    tau: Series
+    averaging: Integers
+    deviation: Table
+    count: Integers
+    edf: Table
+    low: Table
+    high: Table
+    exponent: Integers
+    confidence: float
+    rate: float
+    samples: int
+    pieces: tuple[int, ...]
+
+    def __len__(self) -> int:
+        return int(self.tau.size)
+
+    def channel(self, index: int) -> Deviation:
+        """Return the same of one channel alone, arrays of two dimensions still.
+
+        Parameters
+        ----------
+        index : of the channel.
+        """
+        cut = slice(index, index + 1)
+        return replace(
+            self,
+            deviation=self.deviation[:, cut],
+            edf=self.edf[:, cut],
+            low=self.low[:, cut],
+            high=self.high[:, cut],
+            exponent=self.exponent[:, cut],
+        )
+
+
+def allan_deviation(
+    signal: AnyArray,
+    rate: float,
+    *,
+    kind: Kind = "overlapping",
+    taus: Taus = "octave",
+    gaps: Sequence[int] = (),
+    noise: int | None = None,
+    confidence: float = ONE_SIGMA,
+) -> Deviation:
+    """Return a deviation of all channels of a signal, with degrees of freedom and intervals.
+
+    Parameters
+    ----------
+    signal : (samples,) or (samples, channels), any unit. Rows that are not finite are left out, and part
+        the signal as a gap does.
+    rate : samples a second.
+    kind : "overlapping" Allan, "modified" Allan, or "hadamard" (overlapping), which does not see a ramp.
+    taus : "octave" (1, 2, 4, ... samples), "decade" (1, 2, 4, 10, 20, 40, ...), "log" (ten a decade),
+        "all" (the time taken grows with the square of the samples), or averaging times in s, taken to the
+        next whole sample; those that do not fit into the longest piece are left out.
+    gaps : indices i where samples are missing between i - 1 and i.
+    noise : exponent α assumed for the degrees of freedom, S(f) ~ f^α; None takes it from the slope of the
+        curve about each averaging time.
+    confidence : probability of the intervals.
+
+    Raises
+    ------
+    UsageError
+        If the signal is shorter than one difference, or an argument is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> float(allan_deviation(np.array([0.0, 2.0, 0.0, 2.0]), 1.0, taus=[1.0]).deviation[0, 0])
+    1.4142135623730951
+    """
+    columns = _columns(signal)
+    _check(rate, kind, noise, confidence)
+    pieces = find_pieces(columns, gaps)
+    order, _ = _form(kind)
+    longest = max((stop - start for start, stop in pieces), default=0)
+    averaging = choose_averaging(taus, rate, longest // order)
+    sums, counts = _pooled(columns, pieces, averaging, kind)
+    lengths = tuple(stop - start for start, stop in pieces)
+    return finish(sums, counts, averaging, kind, rate, lengths, noise, confidence)
+
+
+def finish(
+    sums: Table,
+    counts: Integers,
+    averaging: Integers,
+    kind: Kind,
+    rate: float,
+    lengths: tuple[int, ...],
+    noise: int | None,
+    confidence: float,
+    strides: Integers | None = None,
+) -> Deviation:
+    """Return a deviation from the sums of squared differences of the running sum.
+
+    Parameters
+    ----------
+    sums : (taus, channels) sums of squares.
+    counts, averaging : (taus,) differences, and samples in each averaging time.
+    kind, rate, noise, confidence : as for `allan_deviation`.
+    lengths : samples of each piece.
+    strides : (taus,) differences begun in each averaging time; None for one at every sample.
+    """
+    size = averaging.astype(np.float64)
+    # SP 1065 equations 10, 14 and 21 in units of samples
+    scale = {"overlapping": 2.0 * size**2, "modified": 2.0 * size**4, "hadamard": 6.0 * size**2}[kind]
+    variance = sums / (scale * counts)[:, None]
+    exponent = _assumed(variance, averaging, lengths, kind, noise)
+    edf = _freedom(exponent, averaging, lengths, kind, strides)
+    low, high = chi_square_interval(variance, edf, confidence)
+    return Deviation(
+        kind=kind,
+        tau=size / rate,
+        averaging=averaging,
+        deviation=np.sqrt(variance),
+        count=counts,
+        edf=edf,
+        low=np.sqrt(low),
+        high=np.sqrt(high),
+        exponent=exponent,
+        confidence=confidence,
+        rate=rate,
+        samples=sum(lengths),
+        pieces=lengths,
+    )
+
+
+def find_pieces(signal: AnyArray, gaps: Sequence[int] = ()) -> list[tuple[int, int]]:
+    """Return the half-open ranges of samples without a gap or a value that is not finite.
+
+    Parameters
+    ----------
+    signal : (samples,) or (samples, channels).
+    gaps : indices i where samples are missing between i - 1 and i.
+    """
+    length = signal.shape[0]
+    edges = np.unique(np.clip(np.asarray([0, *gaps, length], dtype=np.int64), 0, length))
+    # One number tells of all that they are finite, without a mask as long as the signal.
+    if np.isfinite(np.sum(signal)):
+        return [(int(a), int(b)) for a, b in pairwise(edges)]
+    good: npt.NDArray[np.bool_] = np.all(np.isfinite(signal).reshape(length, -1), axis=1)
+    turns = np.flatnonzero(np.diff(good)) + 1
+    edges = np.unique(np.concatenate([edges, turns]))
+    return [(int(a), int(b)) for a, b in pairwise(edges) if good[a]]
+
+
+def choose_averaging(taus: Taus, rate: float, longest: int) -> Integers:
+    """Return averaging times in whole samples, in order, none twice.
+
+    Parameters
+    ----------
+    taus : as for `allan_deviation`.
+    rate : samples a second.
+    longest : the most samples that an averaging time may have.
+
+    Raises
+    ------
+    UsageError
+        If none fits, or the name is not known.
+    """
+    if longest < 1:
+        raise UsageError("The signal has too few samples in a row for a deviation: two at least, or three.")
+    if isinstance(taus, str):
+        chosen = _named(taus, longest)
+    else:
+        wanted = np.asarray(taus, dtype=np.float64) * rate
+        if wanted.size == 0 or not np.all(np.isfinite(wanted)):
+            raise UsageError("Averaging times must be finite numbers in s.")
+        chosen = np.unique(np.rint(wanted).astype(np.int64))
+    chosen = chosen[(chosen >= 1) & (chosen <= longest)]
+    if not chosen.size:
+        raise UsageError(
+            f"No averaging time fits: from {1.0 / rate:.3g} s (one sample) to {longest / rate:.3g} s can be had."
+        )
+    return chosen
+
+
+def _named(name: str, longest: int) -> Integers:
+    decades = int(np.log10(longest)) + 1
+    if name == "octave":
+        return 2 ** np.arange(int(np.log2(longest)) + 1, dtype=np.int64)
+    if name == "decade":
+        return (10 ** np.arange(decades, dtype=np.int64)[:, None] * np.array([1, 2, 4])).ravel()
+    if name == "log":
+        steps = np.arange(_PER_DECADE * decades + 1) / _PER_DECADE
+        return np.unique(np.rint(10.0**steps).astype(np.int64))
+    if name == "all":
+        return np.arange(1, longest + 1, dtype=np.int64)
+    raise UsageError(f"{name!r} names no averaging times: octave, decade, log or all, or give them in s.")
+
+
+def _columns(signal: AnyArray) -> Table:
+    if signal.ndim not in (1, 2):
+        raise UsageError("A signal has one dimension, or two: samples and channels.")
+    return np.asarray(signal, dtype=np.float64).reshape(signal.shape[0], -1)
+
+
+def _check(rate: float, kind: str, noise: int | None, confidence: float) -> None:
+    if not (np.isfinite(rate) and rate > 0.0):
+        raise UsageError(f"A sampling rate of {rate} Hz cannot be.")
+    if kind not in ("overlapping", "modified", "hadamard"):
+        raise UsageError(f"{kind!r} is no kind of deviation: overlapping, modified or hadamard.")
+    if not 0.0 < confidence < 1.0:
+        raise UsageError(f"A confidence of {confidence} cannot be: give a probability between 0 and 1.")
+    if noise is not None and noise not in _exponents(kind):
+        known = ", ".join(str(exponent) for exponent in _exponents(kind))
+        raise UsageError(f"{noise} is no exponent of noise that this deviation can see: {known}.")
+
+
+def _form(kind: Kind) -> tuple[int, bool]:
+    """Order of the differences, and whether they are averaged again, by kind."""
+    # A modified difference takes as many samples as one of the third order.
+    return {"overlapping": (2, False), "modified": (3, True), "hadamard": (3, False)}[kind]
+
+
+def _exponents(kind: str) -> tuple[int, ...]:
+    return EXPONENTS if kind == "hadamard" else EXPONENTS[:4]
+
+
+def _pooled(signal: Table, pieces: Pieces, averaging: Integers, kind: Kind) -> tuple[Table, Integers]:
+    """Sums of squares and counts of differences over all pieces, channel by channel."""
+    from tumble.noise import kernels
+
+    add_squares = {
+        "overlapping": kernels.second_difference_squares,
+        "modified": kernels.window_squares,
+        "hadamard": kernels.third_difference_squares,
+    }[kind]
+    reach, modified = _form(kind)
+    sums = np.zeros((averaging.size, signal.shape[1]))
+    counts = np.zeros(averaging.size, dtype=np.int64)
+    longest = max(stop - start for start, stop in pieces)
+    buffer = np.empty(longest + 1)
+    for start, stop in pieces:
+        fits = averaging[averaging * reach <= stop - start]
+        counts[: fits.size] += stop - start + 1 - reach * fits + modified
+        phase = buffer[: stop - start + 1]
+        for channel in range(signal.shape[1] if fits.size else 0):
+            values = signal[start:stop, channel]
+            # No deviation sees the level, and without it the running sum keeps its digits.
+            kernels.running_sum(values, float(values.mean()), phase)
+            total = np.zeros(fits.size)
+            add_squares(phase, fits, total)
+            sums[: fits.size, channel] += total
+    return sums, counts
+
+
+def _assumed(
+    variance: Table, averaging: Integers, lengths: tuple[int, ...], kind: Kind, noise: int | None
+) -> Integers:
+    """Exponents of the noise, from the slope of the curve: var ~ tau^μ, α = -μ - 1 (or as `noise` says)."""
+    if noise is not None:
+        return np.full(variance.shape, noise, dtype=np.int64)
+    allowed = np.array(_exponents(kind))
+    # SP 1065 table 4; the modified variance of quantisation falls with the cube.
+    slopes = np.where(allowed == 2, -3.0 if kind == "modified" else -2.0, -allowed - 1.0)
+    result = np.zeros(variance.shape, dtype=np.int64)
+    clusters = sum(lengths) / averaging
+    last = max(int(np.count_nonzero(clusters >= _LEAST_CLUSTERS)) - 1, 0)
+    for k in range(len(averaging)):
+        centre = min(k, last)
+        near = np.abs(np.log(averaging / averaging[centre])) <= np.log(_SLOPE_REACH)
+        near &= np.arange(len(averaging)) <= max(last, centre)
+        slope = _slope(np.log(averaging[near]), variance[near], clusters[near])
+        result[k] = allowed[np.argmin(np.abs(slopes[:, None] - slope), axis=0)]
+    return result
+
+
+def _slope(x: Series, variance: Table, weight: Series) -> Series:
+    """Slopes of log variance over x, by channel; that of white noise where there is no slope."""
+    y = np.log(np.maximum(variance, np.finfo(float).tiny))
+    middle = weight @ x / weight.sum()
+    spread = weight @ (x - middle) ** 2
+    if spread <= 0.0:
+        return np.full(variance.shape[1], -1.0)
+    slope = (weight * (x - middle)) @ (y - weight @ y / weight.sum()) / spread
+    return np.asarray(slope, dtype=np.float64)
+
+
+def _freedom(
+    exponent: Integers, averaging: Integers, lengths: tuple[int, ...], kind: Kind, strides: Integers | None
+) -> Table:
+    """Degrees of freedom of each variance: those of the pieces, added."""
+    order, modified = (3 if kind == "hadamard" else 2), kind == "modified"
+    alike, repeats = np.unique(np.array(lengths, dtype=np.int64), return_counts=True)
+    result = np.zeros(exponent.shape)
+    for k, m in enumerate(averaging):
+        stride = None if strides is None else int(strides[k])
+        for alpha in np.unique(exponent[k]):
+            each = [degrees_of_freedom(int(alpha), int(m), int(n), order, modified, stride) for n in alike]
+            result[k, exponent[k] == alpha] = float(repeats @ np.array(each))
+    return result
+
+
+@dataclass(frozen=True, slots=True)
+class WaveletVariance:
+    """Variance of the Haar wavelet coefficients (maximal overlap) of each level.
+
+    Attributes
+    ----------
+    level : (levels,) j = 1, 2, ...; the wavelet compares two means of 2^(j-1) samples each.
+    scale : (levels,) s, the length of one of the two means.
+    variance : (levels, channels) in the square of the signal's unit; half the Allan variance at `scale`.
+    count : (levels,) coefficients that no edge touches.
+    edf, low, high : (levels, channels) as of a deviation, the limits of the variance.
+    confidence : probability of each interval.
+    """
+
+    level: Integers
+    scale: Series
+    variance: Table
+    count: Integers
+    edf: Table
+    low: Table
+    high: Table
+    confidence: float
+
+
+def haar_wavelet_variance(
+    signal: AnyArray,
+    rate: float,
+    *,
+    gaps: Sequence[int] = (),
+    noise: int | None = None,
+    confidence: float = ONE_SIGMA,
+) -> WaveletVariance:
+    """Return the unbiased Haar wavelet variance of all channels at all levels.
+
+    Parameters
+    ----------
+    signal, rate, gaps, noise, confidence : as for `allan_deviation`.
+
+    Raises
+    ------
+    UsageError
+        If the signal is shorter than one difference, or an argument is out of range.
+
+    Notes
+    -----
+    The coefficient of level j is half the difference of two neighbouring means of m = 2^(j-1) samples, so
+    that its variance is AVAR(m) / 2 exactly (Percival 1995, section 6).
+    """
+    allan = allan_deviation(signal, rate, taus="octave", gaps=gaps, noise=noise, confidence=confidence)
+    return WaveletVariance(
+        level=np.arange(1, len(allan) + 1, dtype=np.int64),
+        scale=allan.tau,
+        variance=0.5 * allan.deviation**2,
+        count=allan.count,
+        edf=allan.edf,
+        low=0.5 * allan.low**2,
+        high=0.5 * allan.high**2,
+        confidence=confidence,
+    )
+
+
+__all__ = [
+    "ONE_SIGMA",
+    "Deviation",
+    "WaveletVariance",
+    "allan_deviation",
+    "choose_averaging",
+    "find_pieces",
+    "finish",
+    "haar_wavelet_variance",
+]

@@ -1,0 +1,187 @@
+"""Deviations of a recording of any length, block by block, in memory that does not grow.
+
+The mean over m samples is also the mean of m/2 means over two: averaging pairs changes no cluster mean, so
+that Allan and Hadamard statistics of averaged data at whole multiples of the averaging are those of the
+data themselves. Nothing aliases, as it would if every other sample were dropped. What is given up is
+overlap: at long averaging times differences begin at every 128th part of the averaging time instead of at
+every sample, which costs less than a thousandth of the degrees of freedom. The modified deviation has no
+such property (its filter's width is one sample) and is not offered.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Table
+from tumble.errors import UsageError
+from tumble.noise.deviation import ONE_SIGMA, Deviation, Kind, finish
+
+PLACES = 128
+"""Differences begun in each averaging time, at least, once it is that long; a power of two."""
+
+
+@dataclass(slots=True)
+class _Floor:
+    """One level of averaging: the last rows before the next block, and the sums so far."""
+
+    steps: list[int]
+    held: Table
+    odd: Table
+    sums: Table
+    counts: list[int]
+
+
+@dataclass(slots=True)
+class StreamedDeviation:
+    """Collects blocks of a signal and gives the deviation at octaves of the sampling interval.
+
+    Parameters
+    ----------
+    rate : samples a second.
+    channels : how many.
+    kind : "overlapping" or "hadamard".
+
+    Raises
+    ------
+    UsageError
+        If the kind is another.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> collector = StreamedDeviation(1.0, 1)
+    >>> for block in (np.array([[0.0], [2.0]]), np.array([[0.0], [2.0]])):
+    ...     collector.add(block)
+    >>> float(collector.deviation().deviation[0, 0])
+    1.4142135623730951
+    """
+
+    rate: float
+    channels: int
+    kind: Kind = "overlapping"
+    _floors: list[_Floor] = field(default_factory=list[_Floor])
+    _lengths: list[int] = field(default_factory=list[int])
+    _level: AnyArray | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("overlapping", "hadamard"):
+            raise UsageError(f"The {self.kind} deviation of averaged data is another: not from a stream.")
+
+    def add(self, block: Table, *, after_gap: bool = False) -> None:
+        """Take the next block.
+
+        Parameters
+        ----------
+        block : (samples, channels), finite.
+        after_gap : whether samples are missing before it.
+        """
+        if not block.shape[0]:
+            return
+        if after_gap or not self._lengths:
+            self._lengths.append(0)
+            for floor in self._floors:
+                floor.held = floor.held[:0]
+                floor.odd = floor.odd[:0]
+        self._lengths[-1] += block.shape[0]
+        level = self._level
+        if level is None:
+            # The level that is taken off keeps digits; which it is makes no difference.
+            level = self._level = np.asarray(block.mean(axis=0))
+        rows = block - level
+        height = 0
+        while rows.shape[0]:
+            if height == len(self._floors):
+                self._floors.append(self._new_floor(height))
+            floor = self._floors[height]
+            self._count_differences(floor, rows)
+            rows = _pair_means(floor, rows)
+            height += 1
+
+    def _new_floor(self, height: int) -> _Floor:
+        steps = [2**k for k in range(int(np.log2(PLACES)) + 1)] if height == 0 else [PLACES]
+        none = np.zeros((0, self.channels))
+        return _Floor(steps, none, none, np.zeros((len(steps), self.channels)), [0] * len(steps))
+
+    def _count_differences(self, floor: _Floor, rows: Table) -> None:
+        """Add the differences that end in the new rows."""
+        from tumble.noise import kernels
+
+        order = 2 if self.kind == "overlapping" else 3
+        add_squares = kernels.second_difference_squares if order == 2 else kernels.third_difference_squares
+        joined = np.concatenate([floor.held, rows])
+        before, total = floor.held.shape[0], np.zeros(1)
+        phase = np.empty(joined.shape[0] + 1)
+        for channel in range(self.channels):
+            kernels.running_sum(joined[:, channel], 0.0, phase)
+            for k, m in enumerate(floor.steps):
+                begin = max(0, before - order * m + 1)
+                total[0] = 0.0
+                add_squares(phase[begin:], np.array([m]), total)
+                floor.sums[k, channel] += total[0]
+                if channel == 0:
+                    floor.counts[k] += max(0, phase.size - begin - order * m)
+        floor.held = joined[max(0, joined.shape[0] - order * floor.steps[-1]) :].copy()
+
+    def deviation(self, *, noise: int | None = None, confidence: float = ONE_SIGMA) -> Deviation:
+        """Return the deviation of all that was taken so far.
+
+        Parameters
+        ----------
+        noise, confidence : as for `tumble.noise.deviation.allan_deviation`.
+
+        Raises
+        ------
+        UsageError
+            If too few samples were taken for one difference.
+        """
+        found = [
+            # running sums of means over 2^h samples are 2^h times as small
+            (m << height, min(m, PLACES), 4.0**height * floor.sums[k], floor.counts[k])
+            for height, floor in enumerate(self._floors)
+            for k, m in enumerate(floor.steps)
+            if floor.counts[k] > 0
+        ]
+        if not found:
+            raise UsageError(
+                "The signal has too few samples in a row for a deviation: two at least, or three."
+            )
+        averaging, strides, sums, counts = zip(*found, strict=True)
+        return finish(
+            np.array(sums),
+            np.array(counts, dtype=np.int64),
+            np.array(averaging, dtype=np.int64),
+            self.kind,
+            self.rate,
+            tuple(self._lengths),
+            noise,
+            confidence,
+            np.array(strides, dtype=np.int64),
+        )
+
+
+def _pair_means(floor: _Floor, rows: Table) -> Table:
+    """Return the means of pairs, a row left over from before first; the last odd one waits."""
+    joined = np.concatenate([floor.odd, rows])
+    even = joined.shape[0] // 2 * 2
+    floor.odd = joined[even:].copy()
+    return 0.5 * (joined[0:even:2] + joined[1:even:2])
+
+
+def average_blocks(signal: Table, size: int) -> Table:
+    """Return the means of consecutive blocks of `size` rows; what is left over at the end is dropped.
+
+    Allan and Hadamard statistics of the means, at a rate that is `size` times lower, are those of the
+    signal at whole multiples of the block: exact, with fewer overlapping places.
+
+    Parameters
+    ----------
+    signal : (samples, channels) without gaps.
+    size : samples in a block.
+    """
+    count = signal.shape[0] // size
+    return signal[: count * size].reshape(count, size, signal.shape[1]).mean(axis=1)
+
+
+__all__ = ["PLACES", "StreamedDeviation", "average_blocks"]
