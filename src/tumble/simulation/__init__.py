@@ -5,6 +5,7 @@ is, and `simulate_recording` plays it; `simulate_protocol` plays a protocol with
 random number comes from the generator that is passed in.
 """
 
+from tumble.simulation.axis_angles import FixtureAngles, fixture_angles
 from tumble.simulation.disturbances import Detours, Disturbance, Knock, Oscillation, simulate_tremor
 from tumble.simulation.fixtures import PlayedProtocol, TrueRotation, TrueSpin, play_protocol
 from tumble.simulation.grades import GRADES, Grade, TriadGrade, find_grade
@@ -15,7 +16,7 @@ from tumble.simulation.protocols import motion_from_protocol, simulate_protocol
 from tumble.simulation.recordings import Distort, Truth, simulate_recording
 from tumble.simulation.sampling import Imperfections
 from tumble.simulation.table import TableErrors
-from tumble.simulation.two_axis import FixtureAngles, FixtureErrors, fixture_angles, play_sequences
+from tumble.simulation.two_axis import FixtureErrors, play_sequences
 
 __all__ = [
     "GRADES",
