@@ -15,6 +15,7 @@ from tumble.cli.apply import apply_command
 from tumble.cli.calibrate import calibrate_command
 from tumble.cli.demo import demo_command
 from tumble.cli.inspect import inspect_command
+from tumble.cli.mount import mount_command
 from tumble.cli.plan import plan_command
 from tumble.cli.progress import state
 from tumble.cli.reproduce import reproduce_command
@@ -45,6 +46,7 @@ app.command("inspect")(inspect_command)
 app.command("calibrate")(calibrate_command)
 app.command("apply")(apply_command)
 app.command("verify")(verify_command)
+app.command("mount")(mount_command)
 app.command("simulate")(simulate_command)
 app.command("plan")(plan_command)
 app.command("reproduce")(reproduce_command)

@@ -1,0 +1,262 @@
+"""How a unit lies on its mount: two recordings at rest and a calibration in, a rotation with its uncertainty out."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import tumble
+from tumble.arrays import Square, Vector
+from tumble.calibration import Calibration, read_calibration
+from tumble.calibration.mount import MountAlignment, align_to_mount, check_poses, mean_covariances
+from tumble.calibration.result import write_text
+from tumble.earth import Site
+from tumble.errors import CalibrationFileError, RecordingError, SegmentationError, UsageError
+from tumble.recording import read_recordings
+from tumble.segmentation import find_timeline, observe_holds
+from tumble.workflows.apply import in_calibration_units, raw_factors
+
+FORMAT = "tumble mount"
+# Rests of one recording whose gravity is farther apart are of different poses, rad.
+SAME_POSE = np.radians(0.5)
+# Corrected gravity that is off by more is of another unit, or the calibration of another recording's units.
+LARGEST_NORM_ERROR = 0.02
+_FORMULA = "v_M = C_MB * v_B: from the unit's axes B (the calibration's frame) to the mount's axes M"
+_TEST_VECTOR = np.array([1.0, -2.0, 3.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Mounted:
+    """A unit on its mount.
+
+    Attributes
+    ----------
+    alignment : the rotation, exact and to the first order, with its covariance.
+    seconds : (2,) at rest, level and pitched.
+    norms : (2,) m/s², corrected specific force less gravity.
+    remarks : sentences.
+    file : where it was written.
+    """
+
+    alignment: MountAlignment
+    seconds: tuple[float, float]
+    norms: tuple[float, float]
+    remarks: list[str]
+    file: Path
+
+
+@dataclass(frozen=True, slots=True)
+class _Rest:
+    """The rest found in a recording: raw mean and its covariance, and what the file was."""
+
+    mean: Vector
+    covariance: Square
+    seconds: float
+    sha256: str
+
+
+def mount(
+    level: str | os.PathLike[str],
+    pitched: str | os.PathLike[str],
+    calibration: str | os.PathLike[str] | Calibration,
+    *,
+    output: str | os.PathLike[str] | None = None,
+    mount_sigma: float = 0.0,
+    site: Site | None = None,
+    columns: str | None = None,
+    units: str | None = None,
+    rate: float | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Mounted:
+    """Find the rotation from a unit's axes to its mount's, and write it.
+
+    Parameters
+    ----------
+    level : a recording at rest with the mount level.
+    pitched : one with the mount pitched by 90° about y, x up.
+    calibration : a ``calibration.json``, its folder, or a `Calibration`.
+    output : the file; ``mount.json`` by default.
+    mount_sigma : rad, how well the mount was levelled, and turned about its y; one sigma of each angle.
+    site : for its gravity, which is a check alone; by default the calibration's own.
+    columns, units, rate : of both recordings, as for `tumble.read_recording`.
+    progress : is told what is being done.
+
+    Raises
+    ------
+    CalibrationFileError, RecordingError, SegmentationError, UsageError
+        If an input is wrong, or a recording has no rest, or several in different poses.
+    ObservabilityError
+        If the poses are not level and pitched with x up.
+    OutputError
+        If the file cannot be written; an earlier one is intact.
+    """
+    say = progress or _silent
+    if not 0.0 <= mount_sigma <= 0.1:
+        raise UsageError(f"A mount levelled to {1e3 * mount_sigma:g} mrad: give 0 to 100 (--mount-mrad).")
+    if Path(level).exists() and Path(pitched).exists() and Path(level).samefile(pitched):
+        raise UsageError(
+            f"{level} is given twice: the second recording has to be of the mount pitched by 90°."
+        )
+    document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
+    if document.accelerometer is None or document.accelerometer.matrix is None:
+        raise CalibrationFileError(
+            "The calibration is of the gyro alone: how a unit lies on its mount is told by gravity, which takes the "
+            "accelerometers' calibration."
+        )
+    target = Path("mount.json") if output is None else Path(output)
+    if target.is_dir():
+        target = target / "mount.json"
+    named = [Path(level), Path(pitched)]
+    named += [] if isinstance(calibration, Calibration) else [Path(calibration)]
+    if any(target.exists() and path.exists() and target.samefile(path) for path in named):
+        raise UsageError(f"{target} is one of the inputs: give another file with -o.")
+    rests: list[_Rest] = []
+    remarks: list[str] = []
+    for path in (level, pitched):
+        say(f"reading {Path(path).name}")
+        rests.append(_rest(path, document, remarks, columns=columns, units=units, rate=rate))
+    triad = document.model.accelerometer
+    assert triad is not None
+    forces = [np.asarray(triad.correct(rest.mean[None, :])[0], dtype=np.float64) for rest in rests]
+    gravity = document.site.gravity if site is None else site.gravity
+    norms = [float(np.linalg.norm(force) - gravity) for force in forces]
+    for path, norm in zip((level, pitched), norms, strict=True):
+        if abs(norm) > LARGEST_NORM_ERROR * gravity:
+            raise RecordingError(
+                f"{Path(path).name}: the corrected specific force at rest is {norm:+.2f} m/s² off gravity: "
+                "this is another unit than the calibration's, or its units are not those that were taken (--units)."
+            )
+    check_poses(forces[0], forces[1], (Path(level).name, Path(pitched).name))
+    covariance = mean_covariances(
+        triad,
+        forces,
+        [rest.covariance for rest in rests],
+        document.covariance_parameters,
+        document.covariance_matrix,
+        _wander(document),
+    )
+    found = align_to_mount(forces[0], forces[1], covariance)
+    found = replace(found, covariance=found.covariance + mount_sigma**2 * np.eye(3))
+    remarks += _remarks(found, mount_sigma)
+    text = _document(found, document, rests, (Path(level).name, Path(pitched).name), mount_sigma, remarks)
+    write_text(target, json.dumps(text, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    return Mounted(found, (rests[0].seconds, rests[1].seconds), (norms[0], norms[1]), remarks, target)
+
+
+def _rest(
+    path: str | os.PathLike[str],
+    document: Calibration,
+    remarks: list[str],
+    *,
+    columns: str | None,
+    units: str | None,
+    rate: float | None,
+) -> _Rest:
+    """Read a recording and average its rest, in the calibration's raw units."""
+    recording = read_recordings(path, columns=columns, units=units, rate=rate)[0]
+    if recording.specific_force is None:
+        raise RecordingError(f"{Path(path).name} has no accelerometer columns: gravity is what tells.")
+    scaled = in_calibration_units(recording, raw_factors(document, recording))
+    try:
+        timeline = find_timeline(scaled)
+    except SegmentationError as error:
+        raise SegmentationError(f"{Path(path).name} must be of the mount at rest. {error}") from error
+    means = observe_holds(scaled, timeline)
+    assert means.specific_force is not None
+    assert means.specific_force_covariance is not None
+    assert document.model.accelerometer is not None
+    up = document.model.accelerometer.correct(means.specific_force)
+    up = up / np.linalg.norm(up, axis=1, keepdims=True)
+    longest = int(np.argmax(means.duration))
+    apart = np.arccos(np.clip(up @ up[longest], -1.0, 1.0))
+    if np.max(apart) > SAME_POSE:
+        raise RecordingError(
+            f"In {Path(path).name} the unit rests in {len(means)} places, up to "
+            f"{np.degrees(np.max(apart)):.0f}° apart: give a recording of one attitude of the mount."
+        )
+    if len(means) > 1:
+        remarks.append(f"{Path(path).name} is disturbed: the longest of {len(means)} rests is taken.")
+    remarks += [f"{Path(path).name}: {r.text}" for r in recording.remarks if r.kind in ("assumed", "mended")]
+    return _Rest(
+        mean=np.asarray(means.specific_force[longest], dtype=np.float64),
+        covariance=np.asarray(means.specific_force_covariance[longest], dtype=np.float64),
+        seconds=float(means.duration[longest]),
+        sha256=hashlib.sha256(Path(path).read_bytes()).hexdigest(),
+    )
+
+
+def _wander(document: Calibration) -> float:
+    """How far the accelerometers' biases moved from hold to hold when they were calibrated, m/s²."""
+    components = document.quality.variance_components
+    return float(np.sqrt(sum(v**2 for name, v in components.items() if name.startswith("accelerometer"))))
+
+
+def _remarks(found: MountAlignment, mount_sigma: float) -> list[str]:
+    z = "down" if found.z_down else "up"
+    off = abs(float(np.degrees(found.off_right_angle)))
+    remarks = [
+        f"The mount's axes are named as the unit's: z {z} when level, x up when pitched.",
+        f"Gravity turned by {off:.3f}° more or less than 90°: so much the pitch was off, which does not matter.",
+    ]
+    if mount_sigma == 0.0:
+        remarks.append(
+            "The mount is taken as level, and as turned about its own y axis, without error: what it was off by is "
+            "wrong in the angles, and --mount-mrad counts it in."
+        )
+    return remarks
+
+
+def _document(
+    found: MountAlignment,
+    document: Calibration,
+    rests: list[_Rest],
+    names: tuple[str, str],
+    mount_sigma: float,
+    remarks: list[str],
+) -> dict[str, Any]:
+    """Everything as plain data; angles in rad."""
+    poses = ("level", "pitched by 90 degrees about y, x up")
+    return {
+        "format": FORMAT,
+        "version": 1,
+        "what": "the rotation from the axes of a calibrated unit (B) to those of its mount (M)",
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "software": f"tumble {tumble.__version__}",
+        "formula": _FORMULA,
+        "convention": (
+            "C_MB = exp(gamma x): gamma is the rotation vector, right-handed, in rad; "
+            f"z of both is {'down' if found.z_down else 'up'} with the mount level, x is up with it pitched; "
+            "an attitude C_nB of the unit is C_nM = C_nB * transpose(C_MB) of the mount"
+        ),
+        "C_MB": found.C_MB.tolist(),
+        "gamma": found.angles.tolist(),
+        "gamma_first_order": found.first_order.tolist(),
+        "standard_uncertainty": found.sigmas.tolist(),
+        "covariance": found.covariance.tolist(),
+        "mount_standard_uncertainty": mount_sigma,
+        "off_right_angle": found.off_right_angle,
+        "calibration": {
+            "created": document.created,
+            "procedure": document.procedure,
+            "imu": document.imu.model_dump(),
+            "frame": document.frame.model_dump(),
+        },
+        "recordings": [
+            {"pose": pose, "name": name, "sha256": rest.sha256, "seconds_at_rest": rest.seconds}
+            for pose, name, rest in zip(poses, names, rests, strict=True)
+        ],
+        "remarks": remarks,
+        "test_vector": {"v_B": _TEST_VECTOR.tolist(), "v_M": (found.C_MB @ _TEST_VECTOR).tolist()},
+    }
+
+
+def _silent(_: str) -> None:
+    """Tell nobody."""
