@@ -506,3 +506,30 @@ def test_readings_that_never_change_at_rest_are_no_trouble(name: str) -> None:
     estimate = calibrated(recording, protocol)
     # 2″ of the table over a revolution both ways, and 1e-9 m/s²
     assert_found(estimate, truth, 5e-6)
+
+
+@pytest.mark.parametrize(
+    ("table", "least", "most"),
+    [
+        (TableErrors(angle_sigma=0.0, axis_tilt=np.radians(1.0)), 0.0, 1e-9),
+        (TableErrors(angle_sigma=0.0, wobble=20.0 / 206265.0), 2e-5, 2e-4),
+    ],
+    ids=["leans", "wobbles"],
+)
+def test_an_axis_that_leans_moves_nothing_and_one_that_wobbles_the_rotation_between_the_triads(
+    table: TableErrors, least: float, most: float
+) -> None:
+    """Both triads see the axis lean; a wobble tilts the accelerometers' plane by as much as it wobbles, 1e-4 rad."""
+    protocol = short("turntable-9")
+    recording, truth = simulate_protocol(
+        protocol, 50.0, np.random.default_rng(3), site=SITE, model=MODEL, table=table
+    )
+    found, true = (
+        blocks(model)[2]
+        for model in (calibrated(recording, protocol).model, in_frame(truth.model, "accelerometer-x"))
+    )
+    off = np.linalg.solve(true, found) - np.eye(3)
+    turned = 0.5 * np.linalg.norm(off - off.T, 2)
+    assert least <= turned <= most
+    # scale factors and non-orthogonalities do not move
+    np.testing.assert_allclose(off + off.T, 0.0, atol=2e-7)

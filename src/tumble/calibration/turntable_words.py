@@ -141,6 +141,6 @@ def _about_table(task: TurntableTask) -> str:
     return (
         f"What the table does (the protocol states {said}): 1″ more in that difference is {share:.2g} ppm less gyro "
         "scale factor and as many µrad of a misalignment; a wrong angle that both ways share goes out only if it has "
-        "the same sign in both. An axis that wobbles or leans moves neither; what the two triads see of it is the "
-        "same axis. Attitudes of holds need not be known at all."
+        "the same sign in both. An axis that leans moves nothing, because both triads see it; one that "
+        "wobbles moves the rotation between the triads by up to as much. Attitudes of holds need not be known at all."
     )

@@ -35,6 +35,8 @@ _REMEDIES = {
     "improved-six-position": "place the unit more exactly, or repeat the poses and hold them longer",
     "rate-table": "spin faster or longer, both ways about each axis",
     "modified-multi-position": "spin faster or longer, both ways in more different poses",
+    "turntable": "hold longer and in more poses, above all edges; turn further, both ways about each axis",
+    "laboratory": "align the table better, or hold longer and turn further; the turntable procedure needs no alignment",
 }
 
 # What the norms are expected from, where it is not the noise alone: a face's tilt makes its norm longer.

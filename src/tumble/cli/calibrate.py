@@ -37,8 +37,9 @@ def calibrate_command(
     procedure: Annotated[
         str | None,
         typer.Option(
-            help="hand-held, multi-position, six-position, improved-six-position, rate-table or "
-            "modified-multi-position; without it the protocol or the recording decides, and it is said why."
+            help="hand-held, multi-position, six-position, improved-six-position, rate-table, "
+            "modified-multi-position, turntable or laboratory; without it the protocol or the recording decides, "
+            "and it is said why."
         ),
     ] = None,
     protocol: ProtocolOption = None,

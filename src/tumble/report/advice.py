@@ -28,6 +28,8 @@ _BY_PLACEMENT = {
     "unit placed anew, or use the multi-position procedure, whose non-orthogonalities need no level.",
     "rate-table": "The placement on the table limits the misalignments one to one. The modified multi-position "
     "procedure finds them from the same table without believing the placement, and calibrates the accelerometers too.",
+    "laboratory": "The table's alignment limits the misalignments one to one, and nothing in the residuals shows it. "
+    "The turntable procedure calibrates both triads on the same table without any alignment.",
 }
 # One axis turned less than this share of the best one is worth a sentence.
 _MUCH_LESS = 0.6
@@ -55,7 +57,7 @@ def next_steps(
         steps.append(_BY_PLACEMENT[calibration.procedure])
     elif up_b is not None:
         steps += _poses(_without_gravity(calibration, rows), up_b)
-        if calibration.procedure != "modified-multi-position":
+        if calibration.procedure not in ("modified-multi-position", "turntable"):
             steps += _turns(rows, calibration, recording, timeline, up_b)
     if calibration.accelerometer is not None:
         steps += _gravity(calibration)
