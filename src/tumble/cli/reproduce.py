@@ -16,7 +16,7 @@ def reproduce_command(
     item: Annotated[
         str | None,
         typer.Argument(
-            help="What to make anew: an item of the list, or `hayal` or `zhang` for all of a paper."
+            help="What to make anew: an item of the list, or `hayal`, `zhang` or `savage` for all of a paper."
         ),
     ] = None,
     repetitions: Annotated[
@@ -75,6 +75,6 @@ def _print_list() -> None:
     for name, entry in ITEMS.items():
         typer.echo(f"{name:<{width}}  {entry.title:<{title}}  {entry.effort}")
     typer.echo(
-        "\n`tumble reproduce hayal` and `tumble reproduce zhang` make all of a paper. Hayal's tables 5.5 to 5.7 and "
+        "\n`tumble reproduce hayal`, `zhang` or `savage` makes all of a paper. Hayal's tables 5.5 to 5.7 and "
         "Zhang's figures 5 to 10 need navigation, which is not there yet."
     )

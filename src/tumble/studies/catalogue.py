@@ -14,7 +14,18 @@ from tumble.studies.hayal_figures import reproduce_figure
 from tumble.studies.hayal_scenarios import TABLES, reproduce_scenario_table
 from tumble.studies.hayal_tables import reproduce_table
 from tumble.studies.outcome import Outcome
-from tumble.studies.published import hayal, zhang
+from tumble.studies.published import hayal, savage, zhang
+from tumble.studies.savage_accuracy import reproduce_accuracy
+from tumble.studies.savage_contradictions import reproduce_contradictions as reproduce_savage_contradictions
+from tumble.studies.savage_formulas import reproduce_equation_12
+from tumble.studies.savage_formulas import reproduce_table_1 as reproduce_savage_table_1
+from tumble.studies.savage_formulas import reproduce_table_2 as reproduce_savage_table_2
+from tumble.studies.savage_section_9 import (
+    reproduce_accelerometer_noise,
+    reproduce_earth_rate,
+    reproduce_gyro_bias,
+    reproduce_random_noise,
+)
 from tumble.studies.zhang_comparison import reproduce_figure as reproduce_norm_errors
 from tumble.studies.zhang_comparison import reproduce_table_6
 from tumble.studies.zhang_contradictions import reproduce_contradictions as reproduce_zhang_contradictions
@@ -142,7 +153,33 @@ def _zhang_items() -> list[Item]:
     return items
 
 
-ITEMS: dict[str, Item] = {item.name: item for item in (*_hayal_items(), *_zhang_items())}
+def _savage_items() -> list[Item]:
+    tables = savage()["tables"]
+    return [
+        Item("savage-1", f"table 1: {tables['1']['title']}", reproduce_savage_table_1, None),
+        Item("savage-2", f"table 2: {tables['2']['title']}", reproduce_savage_table_2, None),
+        Item("savage-12", "(12): what each error does to each measurement", reproduce_equation_12, None),
+        Item("savage-9.1", "section 9.1: gyro random noise", reproduce_random_noise, 200, 8.0),
+        Item("savage-9.2", "section 9.2: accelerometer noise", reproduce_accelerometer_noise, 200, 15.0),
+        Item("savage-9.3", "section 9.3: Earth rate", reproduce_earth_rate, 200, 8.0),
+        Item("savage-9.4", "section 9.4: gyro bias", reproduce_gyro_bias, 200, 5.0),
+        Item(
+            "savage-accuracy",
+            "accuracy of the test: three grades, ways to evaluate it, play-backs",
+            reproduce_accuracy,
+            200,
+            120.0,
+        ),
+        Item(
+            "savage-contradictions",
+            "the slips of the paper, each with its check",
+            reproduce_savage_contradictions,
+            None,
+        ),
+    ]
+
+
+ITEMS: dict[str, Item] = {item.name: item for item in (*_hayal_items(), *_zhang_items(), *_savage_items())}
 """Every item by name, a paper after the other, each in its own order."""
 
 
@@ -158,7 +195,8 @@ def find_items(name: str) -> list[Item]:
 
     Parameters
     ----------
-    name : one of `ITEMS`, or the beginning that a paper's items share, such as "hayal", "hayal-A" or "zhang".
+    name : one of `ITEMS`, or the beginning that a paper's items share, such as "hayal", "hayal-A" or
+        "savage".
 
     Raises
     ------

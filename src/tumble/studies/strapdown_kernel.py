@@ -89,22 +89,28 @@ def _play_rest(
     at: int,
 ) -> None:
     """Rest in an attitude: both triads."""
+    per_step = 1.0 / step
     for t in range(2):
         true = C @ (earth if t == 0 else upward)
         out = rate if t == 0 else force
         for i in range(3):
             own = triads[t, i, 0] * true[0] + triads[t, i, 1] * true[1] + triads[t, i, 2] * true[2]
             steady = step * (own + triads[t, 4, i] * abs(own) + triads[t, 3, i])
-            for k in range(at, at + count):
-                increment = steady
-                if sigma[t] > 0.0:
-                    increment += sigma[t] * rng.standard_normal()
-                if pulse[t] > 0.0:
-                    held[t, i] += increment
-                    whole = np.floor(held[t, i] / pulse[t])
-                    increment = (whole - sent[t, i]) * pulse[t]
-                    sent[t, i] = whole
-                out[k, i] = increment / step
+            noise, size = sigma[t], pulse[t]
+            if size > 0.0:
+                per_pulse, inside, last = 1.0 / size, held[t, i], sent[t, i]
+                for k in range(at, at + count):
+                    inside += steady + noise * rng.standard_normal()
+                    whole = np.floor(inside * per_pulse)
+                    out[k, i] = (whole - last) * size * per_step
+                    last = whole
+                held[t, i], sent[t, i] = inside, last
+            elif noise > 0.0:
+                for k in range(at, at + count):
+                    out[k, i] = (steady + noise * rng.standard_normal()) * per_step
+            else:
+                for k in range(at, at + count):
+                    out[k, i] = steady * per_step
 
 
 @njit(cache=True, nogil=True)
@@ -127,6 +133,7 @@ def _play_rotation(
 ) -> None:
     """Turn evenly about an axis of the unit, the Earth going round in its frame: gyros alone, increments exact."""
     e = C @ earth
+    per_step = 1.0 / step
     along = axis[0] * e[0] + axis[1] * e[1] + axis[2] * e[2]
     delta = angle / count
     # the mean of cosine and sine over a step is that at its middle times this
@@ -154,7 +161,7 @@ def _play_rotation(
                 whole = np.floor(held[0, i] / pulse[0])
                 increment = (whole - sent[0, i]) * pulse[0]
                 sent[0, i] = whole
-            rate[k, i] = increment / step
+            rate[k, i] = increment * per_step
             force[k, i] = 0.0
         cosine, sine = cosine * turn_cosine - sine * turn_sine, sine * turn_cosine + cosine * turn_sine
 
@@ -179,13 +186,15 @@ def compensate(
 
     The asymmetry takes the sign of the sensor's own input, which is that of its output without the bias.
     """
-    own = np.empty(3)
+    up, down = 1.0 / (1.0 + asymmetry), 1.0 / (1.0 - asymmetry)
     for k in range(raw.shape[0]):
-        for i in range(3):
-            output = raw[k, i] - bias[i]
-            own[i] = output / (1.0 + asymmetry[i] if output > 0.0 else 1.0 - asymmetry[i])
-        for i in range(3):
-            true[k, i] = inverse[i, 0] * own[0] + inverse[i, 1] * own[1] + inverse[i, 2] * own[2]
+        x, y, z = raw[k, 0] - bias[0], raw[k, 1] - bias[1], raw[k, 2] - bias[2]
+        x *= up[0] if x > 0.0 else down[0]
+        y *= up[1] if y > 0.0 else down[1]
+        z *= up[2] if z > 0.0 else down[2]
+        true[k, 0] = inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z
+        true[k, 1] = inverse[1, 0] * x + inverse[1, 1] * y + inverse[1, 2] * z
+        true[k, 2] = inverse[2, 0] * x + inverse[2, 1] * y + inverse[2, 2] * z
 
 
 __all__ = ["compensate", "play_sequences"]

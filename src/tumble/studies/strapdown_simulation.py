@@ -17,6 +17,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -345,7 +346,7 @@ class _Fixture:
         angles, samples = np.zeros((len(sequences), most)), np.zeros((len(sequences), most), dtype=np.int64)
         off = setting.fixture * rng.standard_normal((len(sequences), most + 1, 2))
         for number, sequence in enumerate(sequences):
-            planned = sequence.fixture_angles()
+            planned = _fixture_angles(sequence)
             inner, outer = np.array(planned[0]) + off[number, 0]
             C_bn[number] = (self.room @ _about(1, outer) @ self._from_outer(inner)).T
             for turn, (axis, angle) in enumerate(sequence.rotations):
@@ -364,8 +365,19 @@ class _Fixture:
         return self.orthogonality @ _about(2, inner) @ self.mounting
 
 
+@cache
 def _nominal_tb(inner: float, outer: float) -> Matrix:
     return np.asarray(fixture_rotation(inner, outer).as_matrix(), dtype=np.float64)
+
+
+@cache
+def _down(sequence: RotationSequence) -> Vector:
+    return start_down(sequence)
+
+
+@cache
+def _fixture_angles(sequence: RotationSequence) -> list[tuple[float, float]]:
+    return sequence.fixture_angles()
 
 
 @dataclass(slots=True)
@@ -466,7 +478,7 @@ def _measure(recordings: Recordings, current: ImuModel, variant: Variant) -> tup
             (0, window),
             (last - first - window, last - first),
             recordings.gravity,
-            start_down(sequence),
+            _down(sequence),
             start_bias=variant.start_bias,
             norm=variant.norm,
             averaging=variant.averaging,
@@ -500,7 +512,7 @@ def _matched_change(
         averages,
         C,
     )
-    change, down = averages[1] - averages[0], start_down(recordings.setting.sequences[number])
+    change, down = averages[1] - averages[0], _down(recordings.setting.sequences[number])
     return np.asarray(change - down * float(down @ change), dtype=np.float64)
 
 

@@ -30,7 +30,7 @@ def reproduce(
 
     Parameters
     ----------
-    name : of an item, or of a paper ("hayal", "zhang").
+    name : of an item, or of a paper ("hayal", "zhang", "savage").
     repetitions : how many runs; None for each item's own number.
     seed : of all random numbers; the same seed gives the same numbers.
     output : folder for a page, data and pictures of each item; None writes nothing.

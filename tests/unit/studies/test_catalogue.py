@@ -36,7 +36,8 @@ def test_the_catalogue_has_every_table_and_figure_of_zhang_but_those_of_navigati
 
 
 def test_a_paper_s_name_finds_all_of_it_and_an_item_s_itself() -> None:
-    assert [*find_items("hayal"), *find_items("zhang")] == list(ITEMS.values())
+    assert [*find_items("hayal"), *find_items("zhang"), *find_items("savage")] == list(ITEMS.values())
+    assert [item.name for item in find_items("savage-9")] == [f"savage-9.{k}" for k in (1, 2, 3, 4)]
     assert [item.name for item in find_items("zhang-figure")] == ["zhang-figure-3", "zhang-figure-4"]
     assert [item.name for item in find_items("hayal-4.2")] == ["hayal-4.2"]
     assert [item.name for item in find_items("hayal-figure")] == ["hayal-figure-4.2", "hayal-figure-4.3"]
