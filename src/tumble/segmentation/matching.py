@@ -43,6 +43,7 @@ from tumble.units import angular_rate_factor, specific_force_factor
 SAME_HOLD = np.radians(0.5)
 # Where turns follow one another without a hold, a rest shorter than this share of the shortest hold is a pause.
 PAUSE = 0.5
+FIXTURE_PROCEDURE = "strapdown-rotation"
 # Start of the search for a centre from the poses alone: how many holds too many or too few come first.
 FIRST_SHIFTS = (0, 1, -1, 2, -2)
 
@@ -282,9 +283,10 @@ def shortest_hold(protocol: Protocol) -> float:
 
     Parameters
     ----------
-    protocol : zero without such turns, when any rest may be a step.
+    protocol : zero without such turns, when any rest may be a step. On a two-axis fixture the moves between
+        sequences are such turns, too.
     """
-    chained = any(
+    chained = protocol.procedure == FIXTURE_PROCEDURE or any(
         isinstance(one, TurnStep) and isinstance(other, TurnStep) for one, other in pairwise(protocol.steps)
     )
     if not chained:
