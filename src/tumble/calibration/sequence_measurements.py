@@ -93,7 +93,7 @@ def measure_sequence(
     ValueError
         If a range is empty or leaves the samples.
     """
-    from tumble.attitude.sequence_kernel import transform_sequence
+    from tumble.attitude.kernels import transform_sequence
 
     for first, last in (start, end):
         if not 0 <= first < last <= len(rate):

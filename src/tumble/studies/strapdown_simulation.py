@@ -497,7 +497,7 @@ def _matched_change(
     rate: Vectors, force: Vectors, recordings: Recordings, number: int, weights: Series
 ) -> Series:
     """The horizontal change with other weights than a plain average's, those after the rotations reversed."""
-    from tumble.attitude.sequence_kernel import transform_sequence
+    from tumble.attitude.kernels import transform_sequence
 
     averages, C = np.zeros((2, 3)), np.zeros((3, 3))
     transform_sequence(
