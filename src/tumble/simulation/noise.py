@@ -7,15 +7,11 @@ one-sided: N is that density over √2.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Vectors
-
-# Corner frequencies of neighbouring Gauss-Markov processes differ by this factor; the sum of their
-# spectra then follows 1/f within 2 %.
-OCTAVES = 4.0
+from tumble.noise.flicker import flicker_recursions
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,53 +92,13 @@ def simulate_wander(noise: TriadNoise, samples: int, rate: float, rng: np.random
 
     total = np.zeros((samples, 3))
     if noise.bias_instability > 0.0 and samples > 0:
-        memories, gains, spread = _flicker(samples, rate)
+        memories, gains, spread = flicker_recursions(samples, rate)
         # the processes are stationary from the first sample on
         start = noise.bias_instability * rng.standard_normal((3, len(memories))) @ spread.T
         add_markov(rng, memories, noise.bias_instability * gains, start, total)
     if noise.rate_random_walk > 0.0:
         add_walk(rng, noise.rate_random_walk / np.sqrt(rate), total)
     return total
-
-
-@lru_cache(maxsize=32)
-def _flicker(samples: int, rate: float) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """For B = 1: memories and gains of the recursions with one drive, and a root of their states' covariance."""
-    variance = np.log(OCTAVES) / np.pi
-    lowest = 0.25 * rate / samples
-    count = max(int(np.ceil(np.log(0.5 * rate / lowest) / np.log(OCTAVES))), 1)
-    # 1 - memory, because a memory close to one keeps no digits of it
-    loss = -np.expm1(-2.0 * np.pi * lowest * OCTAVES ** np.arange(count) / rate)
-    gain = _single_drive(loss, variance * loss * (2.0 - loss))
-    # E[x_i x_j] = g_i g_j / (1 - a_i a_j)
-    covariance = np.outer(gain, gain) / (loss[:, None] + loss - np.outer(loss, loss))
-    values, vectors = np.linalg.eigh(covariance)
-    return 1.0 - loss, gain, vectors * np.sqrt(np.maximum(values, 0.0))
-
-
-def _single_drive(loss: AnyArray, power: AnyArray) -> AnyArray:
-    """Gains of recursions with one common drive whose sum has the spectrum of independent ones.
-
-    With y = z + 1/z - 2 the spectrum of process j is ``power_j / (loss_j² - memory_j y)``. The sum has
-    one zero between each two poles in y; taken inside the unit circle they give the minimum-phase factor,
-    and its partial fractions the gains.
-    """
-    memory = 1.0 - loss
-    below, above = np.log(loss[:-1] ** 2 / memory[:-1]), np.log(loss[1:] ** 2 / memory[1:])
-    # bisection in log y: from minus infinity behind one pole to plus infinity before the next
-    for _ in range(60):
-        middle = 0.5 * (below + above)
-        spectrum = np.sum(power / (loss**2 - memory * np.exp(middle)[:, None]), axis=1)
-        below, above = np.where(spectrum < 0.0, middle, below), np.where(spectrum < 0.0, above, middle)
-    y = np.exp(0.5 * (below + above))
-    # w² / (1 - w) = y for w = 1 - zero
-    zero_loss = 0.5 * (np.sqrt(y**2 + 4.0 * y) - y)
-    # the residue at a_j is Π (a_j - b_k) / Π (a_j - a_k), both differences of losses
-    distance = loss - loss[:, None]
-    np.fill_diagonal(distance, 1.0)
-    gain = np.prod(zero_loss - loss[:, None], axis=1) / np.prod(distance, axis=1)
-    # H(1) is Σ gain / loss, and the spectrum there is Σ power / loss²
-    return gain * np.sqrt(np.sum(power / loss**2)) / np.abs(np.sum(gain / loss))
 
 
 def convert_to_digital(signal: Vectors, noise: TriadNoise) -> Vectors:
