@@ -223,56 +223,86 @@ def transform_sequence(
     """Carry `rate` from sample to sample and average `force` in the frame of the start over two windows.
 
     `rate` (samples, 3) rad/s is the mean over each interval of `step` s; `earth` (3,) rad/s turns the frame of the
-    start. `averages` (2, 3) receives the weighted sums over the windows that begin at samples `first` and `last`;
-    `C_start_end` (3, 3) the attitude at the end.
+    start. `averages` (2, 3) receives the weighted sums over the windows that begin at samples `first` and, not
+    before that one's end, `last`; `C_start_end` (3, 3) the attitude at the end.
     """
     w, x, y, z = 1.0, 0.0, 0.0, 0.0
     averages[:, :] = 0.0
-    first_stop, last_stop = first + first_weights.shape[0], last + last_weights.shape[0]
     ex, ey, ez = earth[0], earth[1], earth[2]
     half = 0.5 * step
-    for k in range(rate.shape[0]):
-        hx, hy, hz = half * rate[k, 0], half * rate[k, 1], half * rate[k, 2]
-        s = hx * hx + hy * hy + hz * hz
-        if s < 0.04:
-            # sin(h)/h and cos(h) to 1e-17 below 0.2 rad of half an angle
-            sinc = 1.0 + s * (
-                -1.0 / 6 + s * (1.0 / 120 + s * (-1.0 / 5040 + s * (1.0 / 362880 - s / 39916800)))
-            )
-            cosine = 1.0 + s * (-0.5 + s * (1.0 / 24 + s * (-1.0 / 720 + s * (1.0 / 40320 - s / 3628800))))
-        else:
-            h = np.sqrt(s)
-            sinc, cosine = np.sin(h) / h, np.cos(h)
-        hx *= sinc
-        hy *= sinc
-        hz *= sinc
-        a = w * cosine - x * hx - y * hy - z * hz
-        b = w * hx + x * cosine + y * hz - z * hy
-        c = w * hy - x * hz + y * cosine + z * hx
-        d = w * hz + x * hy - y * hx + z * cosine
-        w, x, y, z = a, b, c, d
-        which = -1
-        weight = 0.0
-        if first <= k < first_stop:
-            which, weight = 0, first_weights[k - first]
-        elif last <= k < last_stop:
-            which, weight = 1, last_weights[k - last]
-        if which >= 0:
-            fx, fy, fz = force[k, 0], force[k, 1], force[k, 2]
-            # q f q*, of a unit quaternion
-            tx, ty, tz = 2.0 * (y * fz - z * fy), 2.0 * (z * fx - x * fz), 2.0 * (x * fy - y * fx)
-            vx = fx + w * tx + y * tz - z * ty
-            vy = fy + w * ty + z * tx - x * tz
-            vz = fz + w * tz + x * ty - y * tx
-            # back by what the Earth has turned since the start: exp(-[earth t])
-            t = (k + 0.5) * step
-            rx, ry, rz = ex * t, ey * t, ez * t
-            angle = rx * rx + ry * ry + rz * rz
-            one, two = 1.0 - angle / 6.0, 0.5 - angle / 24.0
-            cx, cy, cz = ry * vz - rz * vy, rz * vx - rx * vz, rx * vy - ry * vx
-            averages[which, 0] += weight * (vx - one * cx + two * (ry * cz - rz * cy))
-            averages[which, 1] += weight * (vy - one * cy + two * (rz * cx - rx * cz))
-            averages[which, 2] += weight * (vz - one * cz + two * (rx * cy - ry * cx))
+    begin = 0
+    for piece in range(5):
+        # before the first window, in it, between the two, in the last, after it
+        window, at, weights, stop = -1, 0, first_weights, rate.shape[0]
+        if piece == 0:
+            stop = first
+        elif piece == 1:
+            window, at, stop = 0, first, first + first_weights.shape[0]
+        elif piece == 2:
+            stop = last
+        elif piece == 3:
+            window, at, weights, stop = 1, last, last_weights, last + last_weights.shape[0]
+        middle = at + 0.5 * (weights.shape[0] - 1)
+        # sums of the force with the powers of the time from the window's middle
+        s00, s01, s02, s10, s11, s12 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        s20, s21, s22, s30, s31, s32 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in range(begin, min(stop, rate.shape[0])):
+            hx, hy, hz = half * rate[k, 0], half * rate[k, 1], half * rate[k, 2]
+            s = hx * hx + hy * hy + hz * hz
+            if s < 1e-3:
+                # sin(h)/h and cos(h) to 1e-17 below 0.03 rad of half an angle
+                sinc = 1.0 + s * (-1.0 / 6 + s * (1.0 / 120 - s * (1.0 / 5040)))
+                cosine = 1.0 + s * (-0.5 + s * (1.0 / 24 - s * (1.0 / 720 - s * (1.0 / 40320))))
+            else:
+                h = np.sqrt(s)
+                sinc, cosine = np.sin(h) / h, np.cos(h)
+            hx *= sinc
+            hy *= sinc
+            hz *= sinc
+            a = w * cosine - x * hx - y * hy - z * hz
+            b = w * hx + x * cosine + y * hz - z * hy
+            c = w * hy - x * hz + y * cosine + z * hx
+            d = w * hz + x * hy - y * hx + z * cosine
+            w, x, y, z = a, b, c, d
+            if window >= 0:
+                weight = weights[k - at]
+                fx, fy, fz = weight * force[k, 0], weight * force[k, 1], weight * force[k, 2]
+                # q f q*, of a unit quaternion
+                tx, ty, tz = 2.0 * (y * fz - z * fy), 2.0 * (z * fx - x * fz), 2.0 * (x * fy - y * fx)
+                vx = fx + w * tx + y * tz - z * ty
+                vy = fy + w * ty + z * tx - x * tz
+                vz = fz + w * tz + x * ty - y * tx
+                t = (k - middle) * step
+                s00, s01, s02 = s00 + vx, s01 + vy, s02 + vz
+                vx, vy, vz = vx * t, vy * t, vz * t
+                s10, s11, s12 = s10 + vx, s11 + vy, s12 + vz
+                vx, vy, vz = vx * t, vy * t, vz * t
+                s20, s21, s22 = s20 + vx, s21 + vy, s22 + vz
+                s30, s31, s32 = s30 + vx * t, s31 + vy * t, s32 + vz * t
+        begin = max(begin, stop)
+        if window < 0:
+            continue
+        # Back by what the Earth has turned since the start: by a series from the middle of the window, whose fourth
+        # power is nothing (1e-8 of gravity in ten minutes), and from there to the start by exp(-[earth t]).
+        ux, uy, uz = (
+            s20 - (ey * s32 - ez * s31) / 3.0,
+            s21 - (ez * s30 - ex * s32) / 3.0,
+            s22 - (ex * s31 - ey * s30) / 3.0,
+        )
+        ux, uy, uz = (
+            s10 - 0.5 * (ey * uz - ez * uy),
+            s11 - 0.5 * (ez * ux - ex * uz),
+            s12 - 0.5 * (ex * uy - ey * ux),
+        )
+        vx, vy, vz = s00 - (ey * uz - ez * uy), s01 - (ez * ux - ex * uz), s02 - (ex * uy - ey * ux)
+        t = (middle + 0.5) * step
+        rx, ry, rz = ex * t, ey * t, ez * t
+        angle = rx * rx + ry * ry + rz * rz
+        one, two = 1.0 - angle / 6.0 + angle * angle / 120.0, 0.5 - angle / 24.0 + angle * angle / 720.0
+        cx, cy, cz = ry * vz - rz * vy, rz * vx - rx * vz, rx * vy - ry * vx
+        averages[window, 0] = vx - one * cx + two * (ry * cz - rz * cy)
+        averages[window, 1] = vy - one * cy + two * (rz * cx - rx * cz)
+        averages[window, 2] = vz - one * cz + two * (rx * cy - ry * cx)
     norm = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
     w, x, y, z = w * norm, x * norm, y * norm, z * norm
     C_start_end[0, 0], C_start_end[0, 1], C_start_end[0, 2] = (
