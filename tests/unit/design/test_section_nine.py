@@ -1,0 +1,96 @@
+"""The numbers of Savage (2018), section 9, and the same effects with the averages' own windows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tumble.calibration.rotation_sequences import sequence_model
+from tumble.calibration.sequence_inversion import invert_measurements
+from tumble.design.section_nine import earth_angle, pulse_angle, single_sequence_sigma, walk_angle
+from tumble.design.strapdown_sequences import timed_sequences
+from tumble.design.strapdown_setup import SensorQuality, StrapdownSetup, Timing
+from tumble.protocol.strapdown_rotation import SEQUENCES, start_down
+from tumble.sensor.conventions.savage import NAMES
+from tumble.units import STANDARD_GRAVITY
+
+DEGREE = np.pi / 180.0
+MICRO = 1e-6
+WALK = 0.002 * DEGREE / 60.0
+TENTH_PER_HOUR = 0.1 * DEGREE / 3600.0
+
+
+def test_gyro_noise_of_9_1() -> None:
+    """3.7 µrad over 40 s: 0.59 ppm, 0.93 µrad, 1.8 µrad, 1.8 µg. Printed to two digits."""
+    angle = walk_angle(WALK, 40.0)
+    assert angle / MICRO == pytest.approx(3.7, abs=0.05)
+    sigma = single_sequence_sigma(angle)
+    assert sigma["scale factor"] / MICRO == pytest.approx(0.59, abs=0.005)
+    assert sigma["orthogonality"] / MICRO == pytest.approx(0.93, abs=0.012)  # 3.7 / 4 is 0.925
+    assert sigma["alignment"] / MICRO == pytest.approx(1.8, abs=0.05)
+    assert sigma["bias"] / STANDARD_GRAVITY / MICRO == pytest.approx(1.8, abs=0.05)
+
+
+def test_pulses_of_9_1() -> None:
+    """0.99 µrad of 0.5 arc-seconds: 0.16 ppm, 0.25 µrad, 0.50 µrad."""
+    angle = pulse_angle(0.5 * DEGREE / 3600.0)
+    assert angle / MICRO == pytest.approx(0.99, abs=0.005)
+    sigma = single_sequence_sigma(angle)
+    assert sigma["scale factor"] / MICRO == pytest.approx(0.16, abs=0.005)
+    assert sigma["orthogonality"] / MICRO == pytest.approx(0.25, abs=0.005)
+    assert sigma["alignment"] / MICRO == pytest.approx(0.50, abs=0.006)
+
+
+def test_the_earth_rate_of_9_3() -> None:
+    """2.9 µrad for 1 mrad over 40 s: 0.46 ppm, 0.73 µrad, 1.5 µrad."""
+    angle = earth_angle(1e-3, 40.0)
+    assert angle / MICRO == pytest.approx(2.9, abs=0.05)
+    sigma = single_sequence_sigma(angle)
+    assert sigma["scale factor"] / MICRO == pytest.approx(0.46, abs=0.006)
+    assert sigma["orthogonality"] / MICRO == pytest.approx(0.73, abs=0.006)
+    assert sigma["alignment"] / MICRO == pytest.approx(1.5, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("sequence", "component", "parameter", "size"),
+    [("1", 0, "kappa yy", 2 * np.pi), ("4", 1, "upsilon yz", 4.0), ("7", 0, "mu xy", 2.0)],
+)
+def test_table_2_is_in_the_coefficients_of_the_sequences(
+    sequence: str, component: int, parameter: str, size: float
+) -> None:
+    row = next(row for row in SEQUENCES if row.name == sequence)
+    model = sequence_model(row.rotations, start_down(row), STANDARD_GRAVITY)
+    coefficient = model.coefficients[component, NAMES.index(parameter)]
+    assert abs(coefficient) / STANDARD_GRAVITY == pytest.approx(size)
+
+
+def bias_errors(bias: list[float]) -> dict[str, float]:
+    """What a gyro bias makes of the 24 parameters by (13), with 10 s averages and 1 rad/s."""
+    measured: dict[str, np.ndarray] = {}
+    for row in SEQUENCES:
+        model = sequence_model(row.rotations, start_down(row), STANDARD_GRAVITY, rate=1.0, seconds=10.0)
+        measured[row.name] = model.bias_coefficients @ np.array(bias)
+    return dict(zip(NAMES, invert_measurements(measured, STANDARD_GRAVITY).tolist(), strict=True))
+
+
+def test_the_worked_examples_of_a_gyro_bias_in_9_4() -> None:
+    """1.7 µrad of υxy, 0.49 µrad of µxy + υxy/2, and -2.91 µg of λy + g υyz, for 0.1 °/h."""
+    half = 0.5 * TENTH_PER_HOUR
+    xy = bias_errors([half, half, -TENTH_PER_HOUR])["upsilon xy"]
+    assert xy / MICRO == pytest.approx(1.7, abs=0.05)
+    found = bias_errors([0.0, TENTH_PER_HOUR, 0.0])
+    assert (found["mu xy"] + 0.5 * found["upsilon xy"]) / MICRO == pytest.approx(0.49, abs=0.006)
+    found = bias_errors([TENTH_PER_HOUR, -half, -half])
+    y = found["lambda y"] + STANDARD_GRAVITY * found["upsilon yz"]
+    assert y / STANDARD_GRAVITY / MICRO == pytest.approx(-2.91, abs=0.006)
+
+
+def test_forty_seconds_are_thirty_for_a_constant_rate_and_less_for_a_walk() -> None:
+    """10 s averages with 20 s between: section 9.4's F = 1/2 makes 30 s, and a walk's variance counts 26.7 s."""
+    setup = StrapdownSetup(SensorQuality(), timing=Timing(10.0, rate=4 * np.pi / 20.0))
+    four = next(s for s in timed_sequences(setup) if s.row.name == "4")
+    assert four.seconds == pytest.approx(30.0)
+    assert four.square_seconds == pytest.approx(20.0 + 2 * 10.0 / 3.0)
+    # the page's 2.2 µrad where 2.9 is printed, and 3.0 where 40 s give 3.7
+    assert earth_angle(1e-3, four.seconds) / MICRO == pytest.approx(2.2, abs=0.05)
+    assert walk_angle(WALK, four.square_seconds) / MICRO == pytest.approx(3.0, abs=0.05)
