@@ -108,6 +108,8 @@ def plan(
         )
     if not 0 <= monte_carlo <= MOST_RUNS or monte_carlo == 1:
         raise UsageError(f"--monte-carlo {monte_carlo}: give 0 for none, or 2 to {MOST_RUNS} tests to draw.")
+    if not math.isfinite(azimuth):
+        raise UsageError("--azimuth-deg: give degrees from north by east.")
     target = None if output is None else _target(output)
     from tumble.design.strapdown_accuracy import analyse_strapdown_rotation, simulate_test_errors
     from tumble.design.strapdown_advice import advise, judge_fixture
