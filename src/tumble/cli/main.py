@@ -16,6 +16,7 @@ from tumble.cli.calibrate import calibrate_command
 from tumble.cli.demo import demo_command
 from tumble.cli.inspect import inspect_command
 from tumble.cli.mount import mount_command
+from tumble.cli.noise import noise_command
 from tumble.cli.plan import plan_command
 from tumble.cli.progress import state
 from tumble.cli.reproduce import reproduce_command
@@ -47,6 +48,7 @@ app.command("calibrate")(calibrate_command)
 app.command("apply")(apply_command)
 app.command("verify")(verify_command)
 app.command("mount")(mount_command)
+app.command("noise")(noise_command)
 app.command("simulate")(simulate_command)
 app.command("plan")(plan_command)
 app.command("reproduce")(reproduce_command)

@@ -328,13 +328,14 @@ def _assumed(
 
 def _slope(x: Series, variance: Table, weight: Series) -> Series:
     """Slopes of log variance over x, by channel; that of white noise where there is no slope."""
-    y = np.log(np.maximum(variance, np.finfo(float).tiny))
-    middle = weight @ x / weight.sum()
-    spread = weight @ (x - middle) ** 2
+    y: Table = np.log(np.maximum(variance, np.finfo(float).tiny))
+    middle = float(weight @ x / weight.sum())
+    spread = float(weight @ (x - middle) ** 2)
     if spread <= 0.0:
-        return np.full(variance.shape[1], -1.0)
-    slope = (weight * (x - middle)) @ (y - weight @ y / weight.sum()) / spread
-    return np.asarray(slope, dtype=np.float64)
+        return -np.ones(variance.shape[1], dtype=np.float64)
+    lever: Series = weight * (x - middle) / spread
+    # The lever's own sum is zero: no mean of y need be taken off.
+    return np.einsum("t,tc->c", lever, y)
 
 
 def _freedom(

@@ -1,0 +1,92 @@
+"""`tumble noise`: what a sensor at rest shows, by Allan deviation and spectrum."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tumble.cli.options import Columns, Json, Quiet, Rate, Recordings, Units
+from tumble.cli.progress import progress, results_stand
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from tumble.workflows.noise import NoiseAnalysis
+
+
+def noise_command(
+    recording: Recordings,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for noise.json and noise.html.")
+    ] = None,
+    skip: Annotated[float, typer.Option(help="Seconds at the start to leave out, such as warm-up.")] = 0.0,
+    remove_temperature: Annotated[
+        bool,
+        typer.Option("--remove-temperature", help="Take a straight line in the temperature off first."),
+    ] = False,
+    units: Units = None,
+    columns: Columns = None,
+    rate: Rate = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Noise of a unit at rest: white noise, bias instability and random walks of every channel.
+
+    Record the unit lying still, warm, for hours. What is not rest (motion, steps, gaps, dead channels) is
+    said and left out.
+    """
+    from tumble.workflows.noise import analyse_noise
+
+    with progress(quiet or as_json) as say:
+        analysis = analyse_noise(
+            recording,
+            output=output,
+            columns=columns,
+            units=units,
+            rate=rate,
+            skip=skip,
+            remove_temperature=remove_temperature,
+            progress=say,
+        )
+    if analysis.files:
+        results_stand()
+    if as_json:
+        typer.echo(json.dumps(analysis.document, indent=1, ensure_ascii=False))
+        return
+    from rich.console import Console
+
+    console = Console(highlight=False, soft_wrap=True)
+    _print(console, analysis, quiet)
+    for file in analysis.files:
+        console.print(f"written: {file.resolve()}", markup=False)
+
+
+def _print(console: Console, analysis: NoiseAnalysis, quiet: bool) -> None:
+    from rich import box
+    from rich.table import Table
+
+    from tumble.report.noise_words import noise_rows
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for heading in ("channel", "", "term", "± standard uncertainty", "SI"):
+        table.add_column(heading)
+    for channel in analysis.noise.channels:
+        rows = [row for row in noise_rows(channel) if row.seen or not quiet]
+        for k, row in enumerate(rows):
+            style = None if row.seen else "dim"
+            name = channel.name if k == 0 else ""
+            table.add_row(name, row.letter, row.name, row.practical, row.si, style=style)
+    if not quiet:
+        for sentence in analysis.noise.sentences:
+            console.print(f"• {sentence}", markup=False)
+    console.print(table)
+    if not quiet:
+        console.print(
+            "B: flicker of two-sided density B²/(2πf); the curve's floor is 0.664 B. N: two-sided; a one-sided noise "
+            "density is √2 N.",
+            style="dim",
+            markup=False,
+        )

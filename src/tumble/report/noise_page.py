@@ -1,0 +1,224 @@
+"""The noise of a recording as one HTML page that works offline: curves, spectra, levels, numbers."""
+
+from __future__ import annotations
+
+import html
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tumble.report.figure import AXIS_COLOURS, GREY, Figure, Plot, base_layout, plain, text_axis
+from tumble.report.noise_words import DEFINITIONS, FORMULA, noise_rows, practical_unit
+
+if TYPE_CHECKING:
+    from tumble.arrays import Series
+    from tumble.noise.characterisation import Channel, Characterisation
+    from tumble.recording.recording import Recording
+
+_STYLE = """
+main { max-width: 1100px; }
+table.noise td, table.noise th { padding-right: 1.2rem; text-align: left; }
+table.noise tr.first td { border-top: 1px solid var(--line, #ccc); }
+table.noise td.unseen { color: var(--soft); }
+"""
+_TRIADS = {"g": ("Gyros", "gyro"), "a": ("Accelerometers", "accelerometer")}
+
+
+def render_noise(noise: Characterisation, recording: Recording, command: str) -> str:
+    """Return the page.
+
+    Parameters
+    ----------
+    noise : what was found.
+    recording : as read.
+    command : how to make it again.
+    """
+    from tumble.report.html import standalone_page
+
+    figures = _figures(noise)
+    names = ", ".join(source.name for source in recording.sources) or "a recording"
+    title = f"Noise of {names}"
+    seconds = noise.suitability.samples / recording.rate
+    facts = (
+        f"{noise.suitability.samples} samples at {recording.rate:.6g} Hz at rest, {_duration(seconds)}, of "
+        f"{_duration(recording.duration)} recorded."
+    )
+    body = (
+        f"<style>{_STYLE}</style><h1>{html.escape(title)}</h1><p>{html.escape(facts)}</p>"
+        f"<ul>{''.join(f'<li>{html.escape(text)}</li>' for text in noise.sentences)}</ul>"
+        f'<div class="scroll">{_table(noise.channels)}</div>'
+        + "".join(_place(figure, caption) for figure, caption in figures)
+        + f"<h2>What the letters are</h2><p>{html.escape(FORMULA)}</p><ul>"
+        + "".join(f"<li><b>{letter}</b> {html.escape(text)}</li>" for letter, text in DEFINITIONS.items())
+        + f"</ul><p>Coefficients and letters as in IEEE Std 952. Again: <code>{html.escape(command)}</code></p>"
+    )
+    return standalone_page(title, body, [figure.as_dict() for figure, _ in figures])
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120.0:
+        return f"{seconds:.3g} s"
+    return f"{seconds / 60.0:.3g} min" if seconds < 7200.0 else f"{seconds / 3600.0:.3g} h"
+
+
+def _table(channels: tuple[Channel, ...]) -> str:
+    lines: list[str] = []
+    for channel in channels:
+        for k, row in enumerate(noise_rows(channel)):
+            kind = "" if row.seen else ' class="unseen"'
+            lines.append(
+                f"<tr{' class=first' if k == 0 else ''}><td>{channel.name if k == 0 else ''}</td>"
+                f"<td>{html.escape(row.name)} ({row.letter})</td><td{kind}>{_signs(row.practical)}</td>"
+                f"<td{kind}>{_signs(row.si)}</td></tr>"
+            )
+    heads = "<tr><th></th><th>term</th><th>± standard uncertainty</th><th>SI</th></tr>"
+    return f'<table class="noise"><thead>{heads}</thead><tbody>{"".join(lines)}</tbody></table>'
+
+
+def _signs(text: str) -> str:
+    return html.escape(text).replace("-", "−")
+
+
+def _place(figure: Figure, caption: str) -> str:
+    return (
+        f"<figure><figcaption>{html.escape(caption)}</figcaption>"
+        f'<div id="{figure.name}" role="img" aria-label="{html.escape(figure.label)}" '
+        f'style="height:{figure.height}px"></div></figure>'
+    )
+
+
+def _figures(noise: Characterisation) -> list[tuple[Figure, str]]:
+    figures: list[tuple[Figure, str]] = []
+    for letter, (title, word) in _TRIADS.items():
+        channels = [channel for channel in noise.channels if channel.name.startswith(letter)]
+        if not channels:
+            continue
+        factor, unit = practical_unit(channels[0], "B")
+        figures.append(
+            (
+                _curves(f"allan-{letter}", f"Allan deviation of the {word}s", channels, factor, unit),
+                (
+                    f"{title}: Allan deviation. Band: {100.0 * channels[0].curve.confidence:.0f} % interval; dashed: "
+                    "the fitted terms together. Slope −1/2: random walk; flat: bias instability; +1/2: rate random walk."
+                ),
+            )
+        )
+        figures.append(
+            (
+                _spectrum(noise, letter, channels, factor, unit),
+                f"{title}: spectral density, its root, one-sided. Narrow peaks are vibration; a flat part is √2 N.",
+            )
+        )
+        figures.append(
+            (
+                _levels(noise, letter, channels, factor, unit),
+                f"{title}: level over time, less its mean. A trend at the start is warm-up, a step a restart.",
+            )
+        )
+    return figures
+
+
+def _curves(name: str, label: str, channels: list[Channel], factor: float, unit: str) -> Figure:
+    data: list[Plot] = []
+    for channel in channels:
+        curve, colour = channel.curve, AXIS_COLOURS[channel.name[1]]
+        x, group = plain(curve.tau), {"legendgroup": channel.name}
+        # An upper limit at infinity has no place in a drawing.
+        known = np.isfinite(curve.high[:, 0]) & (curve.deviation[:, 0] > 0.0)
+        high = np.where(known, np.minimum(curve.high[:, 0], 5.0 * curve.deviation[:, 0]), np.nan)
+        low = np.where(known, np.maximum(curve.low[:, 0], 0.2 * curve.deviation[:, 0]), np.nan)
+        data.append(_line(x, factor * low, colour, channel.name, line={"width": 0}, **_HIDDEN, **group))
+        fill = {"fill": "tonexty", "fillcolor": _faint(colour)}
+        data.append(
+            _line(x, factor * high, colour, channel.name, line={"width": 0}, **fill, **_HIDDEN, **group)
+        )
+        look = {"mode": "lines+markers", "marker": {"size": 4, "color": colour}}
+        data.append(
+            _line(
+                x,
+                factor * curve.deviation[:, 0],
+                colour,
+                channel.name,
+                line={"color": colour},
+                **look,
+                **group,
+            )
+        )
+        if channel.terms:
+            fitted = factor * channel.fitted(curve.tau)
+            dashes = {"color": colour, "dash": "dash", "width": 1}
+            data.append(_line(x, fitted, colour, f"{channel.name} fitted", line=dashes, **_HIDDEN, **group))
+    layout = base_layout(
+        430,
+        xaxis=_log_axis("averaging time τ, s"),
+        yaxis=_log_axis(f"Allan deviation, {unit}"),
+    )
+    return Figure(name, label, data, layout)
+
+
+def _spectrum(
+    noise: Characterisation, letter: str, channels: list[Channel], factor: float, unit: str
+) -> Figure:
+    spectrum = noise.spectra[letter]
+    data = [
+        _line(
+            plain(spectrum.frequency),
+            factor * np.sqrt(spectrum.density[:, k]),
+            AXIS_COLOURS[channel.name[1]],
+            channel.name,
+            line={"color": AXIS_COLOURS[channel.name[1]], "width": 1.5},
+        )
+        for k, channel in enumerate(channels)
+    ]
+    layout = base_layout(
+        340, xaxis=_log_axis("frequency, Hz"), yaxis=_log_axis(f"root of the density, {unit}/√Hz")
+    )
+    return Figure(f"spectrum-{letter}", f"Spectral density, {_TRIADS[letter][1]}s", data, layout)
+
+
+def _levels(
+    noise: Characterisation, letter: str, channels: list[Channel], factor: float, unit: str
+) -> Figure:
+    index = {channel.name: k for k, channel in enumerate(noise.channels)}
+    scale, word = (3600.0, "h") if noise.level_time[-1] - noise.level_time[0] > 7200.0 else (1.0, "s")
+    data = [
+        _line(
+            plain(noise.level_time / scale, 7),
+            factor * _centred(noise.levels[:, index[channel.name]]),
+            AXIS_COLOURS[channel.name[1]],
+            channel.name,
+            line={"color": AXIS_COLOURS[channel.name[1]], "width": 1},
+        )
+        for channel in channels
+    ]
+    layout = base_layout(280, xaxis=text_axis(f"time, {word}"), yaxis=text_axis(f"level, {unit}"))
+    return Figure(f"level-{letter}", f"Level over time, {_TRIADS[letter][1]}s", data, layout)
+
+
+_HIDDEN: dict[str, Any] = {"showlegend": False, "hoverinfo": "skip"}
+
+
+def _centred(level: Series) -> Series:
+    return level - np.nanmean(level)
+
+
+def _log_axis(title: str) -> Plot:
+    return text_axis(title, type="log", exponentformat="power", dtick=1)
+
+
+def _faint(colour: str) -> str:
+    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    return f"rgba({red},{green},{blue},0.15)"
+
+
+def _line(x: Any, y: Series, colour: str, name: str, **look: Any) -> Plot:
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "name": name,
+        "x": x,
+        "y": plain(y),
+        "marker": {"color": colour or GREY},
+        "hovertemplate": "%{x:.3g}: %{y:.3g}",
+        **look,
+    }
