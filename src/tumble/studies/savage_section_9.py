@@ -279,7 +279,6 @@ def reproduce_accelerometer_noise(repetitions: int, seed: int) -> Outcome:
     repetitions : runs of each.
     seed : of all random numbers.
     """
-    rng = np.random.Generator(np.random.SFC64([seed, 92]))
     triangle = replace(AS_PRINTED, averaging="average-of-averages")
     grade = GRADES["nav"]
     noise = Setting(unit(velocity_random_walk=grade.velocity_random_walk), fixture=0.0, earth=False)
@@ -288,6 +287,8 @@ def reproduce_accelerometer_noise(repetitions: int, seed: int) -> Outcome:
     values: dict[str, AnyArray] = {}
     for name, setting in (("noise", noise), ("pulses", pulses)):
         for variant in (AS_PRINTED, triangle):
+            # The same units for both averages.
+            rng = np.random.Generator(np.random.SFC64([seed, 92]))
             changes = changes_by_kind(setting, variant, repetitions, rng)
             values[f"{name} {variant.averaging}"] = 1e6 * np.concatenate(list(changes.values()), axis=1)
     formula = np.sqrt(2.0 / noise.seconds) * grade.velocity_random_walk / STANDARD * 1e6
