@@ -196,7 +196,9 @@ def find_pieces(signal: AnyArray, gaps: Sequence[int] = ()) -> list[tuple[int, i
     length = signal.shape[0]
     edges = np.unique(np.clip(np.asarray([0, *gaps, length], dtype=np.int64), 0, length))
     # One number tells of all that they are finite, without a mask as long as the signal.
-    if np.isfinite(np.sum(signal)):
+    with np.errstate(invalid="ignore"):
+        total = np.sum(signal)
+    if np.isfinite(total):
         return [(int(a), int(b)) for a, b in pairwise(edges)]
     good: npt.NDArray[np.bool_] = np.all(np.isfinite(signal).reshape(length, -1), axis=1)
     turns = np.flatnonzero(np.diff(good)) + 1

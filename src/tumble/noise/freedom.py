@@ -8,10 +8,12 @@ References
 ----------
 Greenhall, C. A., and W. J. Riley, *Uncertainty of stability variances based on finite differences*, 35th
 PTTI Meeting, 2003: the combined algorithm, which is that of W. J. Riley, *Handbook of Frequency Stability
-Analysis*, NIST SP 1065, 2008, section 5.4.1. Departure: where the sum has more than some hundred terms,
+Analysis*, NIST SP 1065, 2008, section 5.4.1. Departures: where the sum has more than some hundred terms,
 they read it from tables of two coefficients; here it is taken at fewer, evenly spaced places instead, as
-they do themselves near the end of the data. α = 1 is left out, because no term of an inertial sensor's
-model has it.
+they do themselves near the end of the data. Their phase is averaged over a sample before differences are
+taken (F = m), which the integral of a rate is not: for α of 0 and below it is taken at instants here
+(F infinite). For white noise that is exact at all averaging times, and theirs is off by up to a sixth at a
+single sample. α = 1 is left out, because no term of an inertial sensor's model has it.
 """
 
 from __future__ import annotations
@@ -103,12 +105,12 @@ def degrees_of_freedom(
     if spare < 0:
         return 0.0
     count = 1 + (per_time * spare) // averaging
-    if exponent == 2 and not modified:
+    if exponent == 2 and (not modified or averaging == 1):
         return _of_quantisation(count, per_time, order)
     terms = min(count, (order + 1) * per_time)
     coarse = max(1.0, terms / _MOST_TERMS)
-    fine = averaging * (order + 1) <= _MOST_TERMS
-    factor = 1.0 if modified else (float(averaging) if fine else np.inf)
+    # With one sample, the modified variance averages nothing.
+    factor = 1.0 if modified and averaging > 1 else np.inf
     inverse = _inverse_freedom(
         round(terms / coarse), count / coarse, per_time / coarse, factor, exponent, order
     )
@@ -136,10 +138,10 @@ def chi_square_interval(variance: AnyArray, edf: AnyArray, confidence: float) ->
     """
     from scipy.special import gammaincinv  # of the chi-square distribution's 0.3 s of import, this is 0.05
 
-    half = 0.5 * np.maximum(edf, 1e-3)
+    known = edf > 0.0
+    half = 0.5 * np.where(known, edf, 1.0)
     low = half * variance / gammaincinv(half, 0.5 + 0.5 * confidence)
     high = half * variance / gammaincinv(half, 0.5 - 0.5 * confidence)
-    known = edf > 0.0
     return np.where(known, low, 0.0), np.where(known, high, np.inf)
 
 

@@ -113,7 +113,7 @@ def _averaged(signal: Table, pieces: Sequence[tuple[int, int]], size: int) -> tu
     power = np.zeros((size // 2 + 1, signal.shape[1]))
     count, edf = 0, 0.0
     for start, stop in pieces:
-        begins = range(start, stop - size + 1, size // 2)
+        begins = range(start, stop - size + 1, size - size // 2)
         for begin in begins:
             for channel in range(signal.shape[1]):
                 part = signal[begin : begin + size, channel]

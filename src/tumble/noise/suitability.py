@@ -276,7 +276,7 @@ def _say_trends(
         seconds = max(settled) * size / recording.rate
         remarks.append(
             f"{', '.join(warm)} drift at the start as a unit does that warms up; they are steady after some "
-            f"{_duration(seconds)}. The long end of the curve holds this drift: leave it out with --skip {seconds:.0f}."
+            f"{_duration(seconds)}. The curve's long end holds this drift: leave it out with `--skip {seconds:.0f}`."
         )
     celsius = recording.temperature
     if celsius is None:
@@ -291,8 +291,9 @@ def _say_trends(
         explained = 1.0 - float(np.sum((level - slope * warmth) ** 2) / np.sum(level**2))
         if explained > _EXPLAINED:
             remarks.append(
-                f"{name} follows the temperature ({slope:.3g} {_unit(recording, name)} per °C over {np.ptp(part):.2g} °C explain "
-                f"{100.0 * explained:.0f} % of its slow changes): --remove-temperature takes a straight line in it off."
+                f"{name} follows the temperature ({slope:.3g} {_unit(recording, name)} per °C over {np.ptp(part):.2g} "
+                f"°C explain {100.0 * explained:.0f} % of its slow changes): `--remove-temperature` takes a straight "
+                "line in it off."
             )
 
 

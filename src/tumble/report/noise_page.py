@@ -45,7 +45,7 @@ def render_noise(noise: Characterisation, recording: Recording, command: str) ->
     )
     body = (
         f"<style>{_STYLE}</style><h1>{html.escape(title)}</h1><p>{html.escape(facts)}</p>"
-        f"<ul>{''.join(f'<li>{html.escape(text)}</li>' for text in noise.sentences)}</ul>"
+        f"<ul>{''.join(f'<li>{_marked(text)}</li>' for text in noise.sentences)}</ul>"
         f'<div class="scroll">{_table(noise.channels)}</div>'
         + "".join(_place(figure, caption) for figure, caption in figures)
         + f"<h2>What the letters are</h2><p>{html.escape(FORMULA)}</p><ul>"
@@ -79,6 +79,12 @@ def _signs(text: str) -> str:
     return html.escape(text).replace("-", "−")
 
 
+def _marked(text: str) -> str:
+    """Escaped, and what stands between backticks as code."""
+    parts = html.escape(text).split("`")
+    return "".join(f"<code>{part}</code>" if k % 2 else part for k, part in enumerate(parts))
+
+
 def _place(figure: Figure, caption: str) -> str:
     return (
         f"<figure><figcaption>{html.escape(caption)}</figcaption>"
@@ -99,7 +105,7 @@ def _figures(noise: Characterisation) -> list[tuple[Figure, str]]:
                 _curves(f"allan-{letter}", f"Allan deviation of the {word}s", channels, factor, unit),
                 (
                     f"{title}: Allan deviation. Band: {100.0 * channels[0].curve.confidence:.0f} % interval; dashed: "
-                    "the fitted terms together. Slope −1/2: random walk; flat: bias instability; +1/2: rate random walk."
+                    "the fitted terms together. Slope −1/2: random walk (N); flat: B; +1/2: K."
                 ),
             )
         )

@@ -1,0 +1,41 @@
+"""The deviations that NIST SP 1065 prints for its 1000-point test set."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tumble.noise.deviation import allan_deviation
+from tumble.noise.streaming import StreamedDeviation
+
+with (Path(__file__).parent / "deviations.csv").open(encoding="utf-8") as _file:
+    ROWS = list(csv.DictReader(_file))
+
+
+def test_set() -> np.ndarray:
+    """The thousand values by their formula."""
+    numbers = [1234567890]
+    for _ in range(999):
+        numbers.append(16807 * numbers[-1] % 2147483647)
+    return np.array(numbers) / 2147483647.0
+
+
+test_set.__test__ = False  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row['kind']}-{row['averaging']}")
+def test_our_deviation_is_the_printed_one(row: Any) -> None:
+    found = allan_deviation(test_set(), 1.0, kind=row["kind"], taus=[float(row["averaging"])])
+    # Seven digits are printed: half a unit of the last is at most 5e-7 of the value.
+    assert found.deviation[0, 0] == pytest.approx(float(row["deviation"]), rel=5e-7)
+
+
+def test_a_stream_of_the_set_gives_the_printed_deviation_at_one_second() -> None:
+    collector = StreamedDeviation(1.0, 1)
+    for block in np.array_split(test_set()[:, None], 7):
+        collector.add(block)
+    assert collector.deviation().deviation[0, 0] == pytest.approx(2.922319e-01, rel=5e-7)
