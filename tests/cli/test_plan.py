@@ -24,7 +24,7 @@ def test_a_tenth_of_a_degree_suffices_for_a_navigation_unit_and_it_is_said_in_wo
     answer = tumble(*COMMAND, "--fixture-mrad", 1.75)
     assert answer.status == 0, answer
     said = " ".join(answer.out.split())
-    assert "A fixture good to 0.10° (1.8 mrad)" in said
+    assert "A fixture good to 0.10° (1.75 mrad)" in said
     assert "suffices" in said
     for words in ("gyro noise", "heading × Earth rate", "total", "ppm", "µrad", "µg", "What would help"):
         assert words in said

@@ -91,11 +91,10 @@ def _fixture_words(
             f"{called} does not suffice for this unit: with a perfect one the {group.words} would be known "
             f"{_times(growth)} better."
         )
-    finest = min(factor, 100.0)
-    if growth <= SUFFICIENT and finest > 1.2:
-        within = min(finest * angle, _FARTHEST)
+    if growth <= SUFFICIENT and factor > 1.2 and angle > 0.0:
+        within = min(factor * angle, _FARTHEST)
         more = " and more" if within == _FARTHEST else ""
-        yield f"It may be off by about {_angle(within)}{more} in everything before it is felt."
+        yield f"It may be off by about {_angle(float(f'{within:.2g}'))}{more} in everything before it is felt."
     elif growth > SUFFICIENT:
         sources = [(s, share) for s, share in budget.main_sources(worst) if s.kind == "fixture"]
         what = f" (what counts is {sources[0][0].name}: {sources[0][0].words})" if sources else ""
@@ -194,7 +193,7 @@ def _changes(setup: StrapdownSetup) -> Iterator[tuple[str, StrapdownSetup]]:
 
 
 def _angle(angle: float) -> str:
-    return f"{_two(math.degrees(angle))}° ({_two(1e3 * angle)} mrad)"
+    return f"{_two(math.degrees(angle))}° ({1e3 * angle:.3g} mrad)"
 
 
 def _two(value: float) -> str:
