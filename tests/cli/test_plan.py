@@ -30,6 +30,15 @@ def test_a_tenth_of_a_degree_suffices_for_a_navigation_unit_and_it_is_said_in_wo
         assert words in said
 
 
+def test_every_parameter_is_listed_on_request(tumble: Any) -> None:
+    """The x gyro's scale factor has the gyro's noise among its largest sources."""
+    answer = tumble(*COMMAND, "-v")
+    line = next(line for line in answer.out.splitlines() if "kappa xx " in line)
+    assert "ppm" in line
+    assert "accelerometer noise" in line
+    assert "mu zy" in answer.out
+
+
 def test_a_heading_that_is_lost_does_not_suffice(tumble: Any) -> None:
     answer = tumble(*COMMAND, "--heading-mrad", 90, "-q")
     assert "does not suffice" in " ".join(answer.out.split())

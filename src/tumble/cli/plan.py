@@ -13,6 +13,8 @@ from tumble.cli.options import Gravity, Json, Quiet, SiteOption
 from tumble.cli.progress import progress, results_stand
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from tumble.workflows.plan import Plan
 
 _UNIT, _FIXTURE, _TEST = "Unit", "Fixture", "Test"
@@ -124,6 +126,9 @@ def plan_command(
     seed: Annotated[int, typer.Option(help="Another seed draws others.")] = 0,
     as_json: Json = False,
     quiet: Quiet = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Also list all parameters with their largest sources.")
+    ] = False,
 ) -> None:
     """Tell how accurate a test will be, which error contributes what, and whether the fixture suffices.
 
@@ -172,10 +177,10 @@ def plan_command(
         }
         typer.echo(json.dumps(document, ensure_ascii=False, allow_nan=False))
         return
-    _print(done, quiet)
+    _print(done, quiet, verbose)
 
 
-def _print(done: Plan, quiet: bool) -> None:
+def _print(done: Plan, quiet: bool, verbose: bool) -> None:
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
@@ -200,6 +205,8 @@ def _print(done: Plan, quiet: bool) -> None:
             row = [_shown(v * f) for v, f in zip(drawn, factors, strict=True)]
             table.add_row(f"{budget.drawn.runs} tests drawn", *row)
         console.print(table)
+        if verbose:
+            console.print(_parameters(done))
     for sentence in done.verdict:
         console.print(sentence, style="bold green" if done.suffices else "bold yellow", markup=False)
     if not quiet:
@@ -207,6 +214,28 @@ def _print(done: Plan, quiet: bool) -> None:
             console.print(f"• {sentence}", markup=False)
     if done.file is not None:
         typer.echo(f"written: {done.file.resolve()}")
+
+
+def _parameters(done: Plan) -> Table:
+    """Every parameter with its total and the three sources that make most of it."""
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    budget = done.budget
+    table = Table(box=SIMPLE, pad_edge=False)
+    for name in ("parameter", "total", "", "largest sources"):
+        table.add_column(name, justify="right" if name == "total" else "left")
+    totals: list[float] = budget.totals.tolist()
+    rows: list[list[float]] = budget.contributions.tolist()
+    for group in budget.groups:
+        for number in range(group.first, group.stop):
+            parts = sorted(zip(rows[number], budget.sources, strict=True), key=lambda part: -part[0])
+            largest = ", ".join(
+                f"{source.name} {_shown(group.factor * value)}" for value, source in parts[:3] if value > 0.0
+            )
+            total = _shown(group.factor * totals[number])
+            table.add_row(budget.parameters[number], total, group.practical, largest)
+    return table
 
 
 def _shown(value: float) -> str:

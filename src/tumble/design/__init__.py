@@ -1,4 +1,4 @@
-"""Which poses tell what, before anything is recorded: sensitivities, expected uncertainties, better sets.
+"""What a test will tell, before anything is recorded: sensitivities of poses, better sets, error budgets.
 
 It stands above `calibration`, whose refusals in words it shares, and draws nothing.
 """
