@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Series, Table, Vectors, inverted
+from tumble.arrays import Series, Square, Table, Vectors, inverted
 from tumble.calibration.recorded_sequences import RecordedSequence
 from tumble.sensor import ImuModel
 
@@ -81,6 +81,21 @@ def find_earth(sequences: list[RecordedSequence], model: ImuModel, noise: float)
         float(values[3]),
         float(np.sqrt(factor * cofactor[3, 3])),
     )
+
+
+def earth_as_sensitivity(unknown_rate: float, gravity: float) -> Square:
+    """Return (9, 9), ((rad/s)/(m/s²))², of a g-sensitivity by rows that an Earth rate which was not told looks like.
+
+    Its vertical part goes with the specific force, the same for all gyros; its horizontal part with the attitudes,
+    which on a fixture of one heading may go with the specific force, too.
+
+    Parameters
+    ----------
+    unknown_rate : rad/s.
+    gravity : m/s².
+    """
+    alike = np.eye(3).ravel()
+    return (unknown_rate / gravity) ** 2 * (np.outer(alike, alike) + 0.5 * np.eye(9))
 
 
 def _turned(across: Vectors, down: Vectors, angle: float) -> Vectors:

@@ -20,7 +20,7 @@ from tumble.calibration.recorded_sequences import RecordedSequence
 from tumble.calibration.rotation_sequences import SequenceModel
 from tumble.calibration.sequence_inversion import SequenceSolution
 from tumble.calibration.sequence_measurements import SequenceMeasurement
-from tumble.calibration.start_earth import SeenEarth
+from tumble.calibration.start_earth import SeenEarth, earth_as_sensitivity
 from tumble.calibration.strapdown_model import apply_errors
 from tumble.calibration.verdict import two_digits
 from tumble.earth import Site
@@ -144,6 +144,8 @@ def _covariance(outcome: StrapdownOutcome, site: Site) -> Square:
     if outcome.term is not None and outcome.term.kept:
         # each element against two faces of gravity, over all rests
         full[27:, 27:] = np.eye(9) * np.mean(np.maximum(scatter, white)) / (site.gravity**2 / 3.0)
+        unknown = max(s.unknown_rate for s in outcome.sequences)
+        full[27:, 27:] += earth_as_sensitivity(unknown, site.gravity)
     return full
 
 
@@ -165,7 +167,7 @@ def _moved(outcome: StrapdownOutcome, change: Series) -> ImuModel:
 Function = Callable[[Series], Series]
 
 
-def _carried(function: Function, outcome: StrapdownOutcome, covariance: Square) -> Square:
+def _carried(function: Function, outcome: StrapdownOutcome, covariance: Square) -> Table:
     """Covariance of a function of the errors, by central differences."""
     sigma = np.sqrt(np.diag(covariance))
     columns: list[Series] = []

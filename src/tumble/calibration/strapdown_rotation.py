@@ -31,13 +31,14 @@ from tumble.calibration.rest_rates import SENSITIVITY, RestSolution, solve_rests
 from tumble.calibration.rotation_sequences import SequenceModel, sequence_model
 from tumble.calibration.sequence_inversion import SequenceSolution, solve_measurements
 from tumble.calibration.sequence_measurements import SequenceMeasurement, measure_sequence
-from tumble.calibration.start_earth import find_earth
+from tumble.calibration.start_earth import earth_as_sensitivity, find_earth
 from tumble.calibration.strapdown_estimate import StrapdownOutcome, strapdown_estimate
 from tumble.calibration.strapdown_model import apply_errors
 from tumble.calibration.term_tests import wald_test
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.protocol import Protocol
+from tumble.protocol.strapdown_rotation import AXES
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline
 from tumble.segmentation.matching import Matching
@@ -138,14 +139,26 @@ def _rough_model(sequences: list[RecordedSequence], site: Site) -> ImuModel:
         matrix = np.asarray(answer.T, dtype=np.float64)
         earth = np.array([s.earth_rate_start for s in sequences])
         bias = np.asarray(np.mean(rest - earth @ matrix.T, axis=0), dtype=np.float64)
-    for what, found in (("accelerometers", force), ("gyros", matrix)):
-        if np.linalg.det(found) <= 0.0:
+    for what, found in (("accelerometer", force), ("gyro", matrix)):
+        wrong = _mistaken_axes(found)
+        if wrong:
+            listed = ", ".join(f"{what} {axis} senses {sensed}" for axis, sensed in wrong)
             raise ObservabilityError(
-                f"The {what} come out left-handed: an axis is reversed or two are swapped (--columns), or the protocol "
-                "has the axes of the fixture wrong."
+                f"By the protocol {listed}: an axis is reversed or two are swapped (--columns), or the protocol has "
+                "the axes of the fixture wrong."
             )
     offset = np.asarray(solution[3] * site.gravity, dtype=np.float64)
     return ImuModel(Triad(force, offset, np.zeros(3)), Triad(matrix, bias, np.zeros(3)))
+
+
+def _mistaken_axes(matrix: Matrix) -> list[tuple[str, str]]:
+    """Sensors that sense another axis than their own most, and that axis with its sign."""
+    sensed = np.argmax(np.abs(matrix), axis=1).tolist()
+    return [
+        (AXES[k], f"{'-' if matrix[k, axis] < 0.0 else ''}{AXES[axis]}")
+        for k, axis in enumerate(sensed)
+        if axis != k or matrix[k, k] < 0.0
+    ]
 
 
 def _least_absolute(design: Vectors, shown: Vectors) -> tuple[Matrix, int]:
@@ -266,10 +279,13 @@ def _with_rests(
     if term is None and len(rest) >= 9:
         full = solve(with_sensitivity=True)
         factor = max(1.0, full.square_sum / full.degrees)
+        unknown = max(s.unknown_rate for s in sequences)
+        to_raw = np.kron(matrix, np.eye(3))
+        earth_like = earth_as_sensitivity(unknown, float(np.sqrt(np.mean(np.sum(force_b**2, axis=1)))))
         term = wald_test(
             "g_sensitivity",
             full.sensitivity.ravel(),
-            factor * full.covariance[SENSITIVITY, SENSITIVITY],
+            factor * full.covariance[SENSITIVITY, SENSITIVITY] + to_raw @ earth_like @ to_raw.T,
             full.degrees,
             G_SENSITIVITY_FALSE_ALARM,
         )
