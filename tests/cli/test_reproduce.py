@@ -36,10 +36,10 @@ def is_told(answer: Any, status: int, *words: str) -> None:
 def test_without_an_item_it_lists_what_there_is(tumble: Any) -> None:
     answer = tumble("reproduce")
     assert answer.status == 0
-    names = re.findall(r"^((?:hayal|zhang)-\S+)  ", answer.out, re.M)
+    names = re.findall(r"^((?:hayal|zhang|savage)-\S+)  ", answer.out, re.M)
     assert names == list(ITEMS)
     efforts = re.findall(
-        r"^(?:hayal|zhang)-\S+ .*  (\d+ runs?; 500 take about \S+ s|no runs; at once)$", answer.out, re.M
+        r"^(?:hayal|zhang|savage)-\S+ .*  (\d+ runs?; 500 take about \S+ s|no runs; at once)$", answer.out, re.M
     )
     assert len(efforts) == len(ITEMS)
     assert efforts[-1] == "no runs; at once"
