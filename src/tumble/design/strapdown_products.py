@@ -72,8 +72,8 @@ def product_effects(
             "fixture",
         ),
         ErrorSource(
-            "sensor errors × each other",
-            "products that the formulas leave out" + after,
+            "sensor errors, squared",
+            "products of sensor errors that the formulas leave out" + after,
             left_rms,
             "1",
             "method",

@@ -30,6 +30,8 @@ SAME_POSE = np.radians(0.5)
 # Corrected gravity that is off by more is of another unit, or the calibration of another recording's units.
 LARGEST_NORM_ERROR = 0.02
 _FORMULA = "v_M = C_MB * v_B: from the unit's axes B (the calibration's frame) to the mount's axes M"
+# Remarks of the reader that a user has to know of.
+_SAID = ("assumed", "mended")
 _TEST_VECTOR = np.array([1.0, -2.0, 3.0])
 
 
@@ -184,7 +186,8 @@ def _rest(
         )
     if len(means) > 1:
         remarks.append(f"{Path(path).name} is disturbed: the longest of {len(means)} rests is taken.")
-    remarks += [f"{Path(path).name}: {r.text}" for r in recording.remarks if r.kind in ("assumed", "mended")]
+    said = [r.text.removeprefix(f"{Path(path).name}: ") for r in recording.remarks if r.kind in _SAID]
+    remarks += [f"{Path(path).name}: {text}" for text in said]
     return _Rest(
         mean=np.asarray(means.specific_force[longest], dtype=np.float64),
         covariance=np.asarray(means.specific_force_covariance[longest], dtype=np.float64),
