@@ -39,7 +39,9 @@ def test_without_an_item_it_lists_what_there_is(tumble: Any) -> None:
     names = re.findall(r"^((?:hayal|zhang|savage)-\S+)  ", answer.out, re.M)
     assert names == list(ITEMS)
     efforts = re.findall(
-        r"^(?:hayal|zhang|savage)-\S+ .*  (\d+ runs?; 500 take about \S+ s|no runs; at once)$", answer.out, re.M
+        r"^(?:hayal|zhang|savage)-\S+ .*  (\d+ runs?; 500 take about \S+ s|no runs; at once)$",
+        answer.out,
+        re.M,
     )
     assert len(efforts) == len(ITEMS)
     assert efforts[-1] == "no runs; at once"
