@@ -281,7 +281,7 @@ def _with_rests(
         factor = max(1.0, full.square_sum / full.degrees)
         unknown = max(s.unknown_rate for s in sequences)
         to_raw = np.kron(matrix, np.eye(3))
-        earth_like = earth_as_sensitivity(unknown, float(np.sqrt(np.mean(np.sum(force_b**2, axis=1)))))
+        earth_like = earth_as_sensitivity(unknown, float(np.linalg.norm(force_b)) / len(force_b) ** 0.5)
         term = wald_test(
             "g_sensitivity",
             full.sensitivity.ravel(),
@@ -317,8 +317,13 @@ def _covariance(sequence: RecordedSequence, model: SequenceModel, noise: _Noise,
     towards = gravity * skew(model.down_start)
     spread = np.zeros((5, 5))
     earth = (sequence.sigma * EARTH_RATE + sequence.unknown_rate) * sequence.seconds
-    spread[:3, :3] = (noise.angle * (turning + window) + earth**2) * towards @ towards.T
-    spread += noise.angle / window * model.bias_coefficients @ model.bias_coefficients.T
+    # The walk of the angle: through the turns, and as the means of both windows see it, a third of each.
+    spread[:3, :3] = (noise.angle * (turning + 2.0 * window / 3.0) + earth**2) * towards @ towards.T
+    # The start's bias is made of the same noise as the walk in the start's window, and takes half of it back.
+    by_bias = model.bias_coefficients
+    both = np.zeros((5, 5))
+    both[:3] = towards @ by_bias.T
+    spread += noise.angle * (by_bias @ by_bias.T / window - 0.5 * (both + both.T))
     mean = noise.force / window
     spread[:3, :3] += 2.0 * mean * np.eye(3)
     spread[3, 3] += mean
