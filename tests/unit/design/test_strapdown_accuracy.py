@@ -239,6 +239,18 @@ def test_the_start_window_makes_the_bias_harmless_and_costs_noise() -> None:
     assert noise[0].group_contributions()[0, 0] > 1.2 * noise[1].group_contributions()[0, 0]
 
 
+def test_g_sensitivity_counts_with_what_the_rests_leave_of_it() -> None:
+    """34 rests, each axis vertical in a third of them; the formulas know nothing of the rests."""
+    sensitive = setup(sensors=replace(NAVIGATION, g_sensitivity=1e-5))
+    magnitudes = [
+        next(s.magnitude for s in analyse_strapdown_rotation(p).sources if s.name == "g-sensitivity")
+        for p in (sensitive, replace(sensitive, method="formulas"))
+    ]
+    rest = NAVIGATION.gyro_walk / np.sqrt(6.0) / SITE.gravity
+    assert magnitudes[0] == pytest.approx(rest / np.sqrt(34 / 3))
+    assert magnitudes[1] == 1e-5
+
+
 def test_gravity_is_wrong_in_the_accelerometer_scale_factors_alone() -> None:
     plan = setup(site=replace(SITE, gravity_sigma=3e-4), method="formulas")
     budget = analyse_strapdown_rotation(plan)
