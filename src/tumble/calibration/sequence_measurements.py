@@ -91,13 +91,15 @@ def measure_sequence(
     Raises
     ------
     ValueError
-        If a range is empty or leaves the samples.
+        If a range is empty or leaves the samples, or the two overlap.
     """
     from tumble.attitude.kernels import transform_sequence
 
     for first, last in (start, end):
         if not 0 <= first < last <= len(rate):
             raise ValueError(f"samples {first} to {last} are no range of {len(rate)} samples")
+    if end[0] < start[1]:
+        raise ValueError("the measurement at the end begins before that at the start is over")
     bias = np.asarray(np.mean(rate[start[0] : start[1]], axis=0) - earth_rate_start, dtype=np.float64)
     averages, C = np.zeros((2, 3)), np.zeros((3, 3))
     transform_sequence(
