@@ -18,6 +18,8 @@ from tumble.design.strapdown_setup import StrapdownSetup
 
 PULSE = float(np.sqrt(1.0 / 12.0))
 """Rms of what a pulse leaves over, in pulses."""
+# Flicker spreads with the logarithm of the time: over a test a hundred times as long as an average, twice as far.
+_WHOLE_TEST = 2.0
 
 
 @dataclass(slots=True)
@@ -261,7 +263,7 @@ def _left_sensitivity(setup: StrapdownSetup, count: int) -> tuple[str, float]:
     if setup.method == "formulas":
         return words, sensors.g_sensitivity
     # Each axis is up or down at a third of the rests, of which each sequence has two.
-    rest = np.hypot(sensors.gyro_walk / np.sqrt(setup.timing.seconds), sensors.gyro_instability)
+    rest = np.hypot(sensors.gyro_walk / np.sqrt(setup.timing.seconds), _WHOLE_TEST * sensors.gyro_instability)
     told = float(rest / (setup.site.gravity * np.sqrt(2.0 * count / 3.0)))
     if told < sensors.g_sensitivity:
         return f"{words}, by what the rests leave unknown of it", told
