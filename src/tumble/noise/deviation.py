@@ -74,6 +74,26 @@ class Deviation:
     def __len__(self) -> int:
         return int(self.tau.size)
 
+    def from_tau(self, shortest: float) -> Deviation:
+        """Return the same from an averaging time in s on.
+
+        Parameters
+        ----------
+        shortest : s.
+        """
+        keep = self.tau >= shortest * (1.0 - 1e-9)
+        return replace(
+            self,
+            tau=self.tau[keep],
+            averaging=self.averaging[keep],
+            deviation=self.deviation[keep],
+            count=self.count[keep],
+            edf=self.edf[keep],
+            low=self.low[keep],
+            high=self.high[keep],
+            exponent=self.exponent[keep],
+        )
+
     def channel(self, index: int) -> Deviation:
         """Return the same of one channel alone, arrays of two dimensions still.
 

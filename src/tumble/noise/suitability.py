@@ -16,11 +16,17 @@ from tumble.noise.deviation import find_pieces
 from tumble.recording import Recording
 from tumble.recording.doctor import channels_of
 from tumble.recording.rest import block_statistics, smallest_step
+from tumble.units import angular_rate_factor, specific_force_factor
 
 _BLOCK = 1.0  # s, blocks whose scatter tells motion
 _LEAST_BLOCK = 20  # samples
 _LEAST_PIECE = 2.0  # s of rest that are worth keeping between two motions
 _MOVING = 3.0  # times the scatter at rest; noise of 20 samples reaches 1.6 in a million blocks
+_SMOOTH = 15.0  # times its roughness: noise of a sensor filtered to a hundredth of the rate has 5
+# Beyond these, in SI, it is motion whatever the rest of the recording does: scatter in a second, and a gyro's level
+# against its median, which no drift reaches.
+_MOST_SCATTER = {"a": 0.5, "g": 0.1}  # m/s², rad/s
+_MOST_RATE = 0.05  # rad/s
 _LEVELS = 200  # means that a step or a trend is looked for in
 _STEP = 10.0  # robust standard deviations of the change from one mean to the next
 _TREND = 6.0
@@ -88,7 +94,7 @@ def judge_rest(recording: Recording) -> Suitability:
             f"longest has {_longest(pieces) / recording.rate:.4g} s, which bounds the averaging times."
         )
     shortest = _repeated_rows(signals, recording.rate, remarks)
-    pieces = _without_motion(signals, pieces, recording, remarks)
+    pieces = _without_motion(signals, alive, pieces, recording, remarks)
     pieces = _without_steps(signals, alive, pieces, recording, remarks)
     if pieces:
         _say_trends(signals, alive, pieces, recording, remarks)
@@ -161,24 +167,25 @@ def _repeated_rows(signals: Table, rate: float, remarks: list[str]) -> float:
 
 
 def _without_motion(
-    signals: Table, pieces: list[tuple[int, int]], recording: Recording, remarks: list[str]
+    signals: Table,
+    names: tuple[str, ...],
+    pieces: list[tuple[int, int]],
+    recording: Recording,
+    remarks: list[str],
 ) -> list[tuple[int, int]]:
-    """Cut out blocks that scatter more than at rest, with a block to either side."""
+    """Cut out blocks that scatter more than at rest, or turn, with a block to either side."""
     size = max(_LEAST_BLOCK, round(_BLOCK * recording.rate))
-    statistics = [block_statistics(signals[start:stop], size)[1] for start, stop in pieces]
-    scatter = np.concatenate(statistics) if statistics else np.zeros((0, signals.shape[1]))
-    if len(scatter) < 4:
+    statistics = [block_statistics(signals[start:stop], size) for start, stop in pieces]
+    if sum(len(means) for means, _ in statistics) < 4:
         return pieces
-    floor = np.quantile(scatter, 0.2, axis=0)
-    step = np.array([smallest_step(signals[:, i]) for i in range(signals.shape[1])])
-    limit = _MOVING * np.maximum(floor, step / np.sqrt(12.0))
-    if not np.any(scatter > limit):
+    judged = _moving_blocks(statistics, signals, names, recording)
+    if not any(np.any(moving) for moving in judged):
         return pieces
     kept: list[tuple[int, int]] = []
     least = max(2 * size, round(_LEAST_PIECE * recording.rate))
-    for (start, stop), blocks in zip(pieces, statistics, strict=True):
-        moving = np.any(blocks > limit, axis=1)
-        moving |= np.append(moving[1:], False) | np.insert(moving[:-1], 0, False)
+    for (start, stop), alone in zip(pieces, judged, strict=True):
+        moving = alone.copy()
+        moving |= np.append(alone[1:], False) | np.insert(alone[:-1], 0, False)
         edges = np.flatnonzero(np.diff(np.concatenate([[True], moving, [True]])))
         for first, last in zip(edges[::2], edges[1::2], strict=True):
             # What is left over after the last whole block belongs to it.
@@ -187,7 +194,11 @@ def _without_motion(
                 kept.append((start + int(first) * size, end))
     before, after = (sum(b - a for a, b in some) for some in (pieces, kept))
     lost = (before - after) / recording.rate
-    where = float(recording.time[int(np.argmax(np.any(scatter > limit, axis=1))) * size])
+    where = min(
+        float(recording.time[start + int(np.argmax(moving)) * size])
+        for (start, _), moving in zip(pieces, judged, strict=True)
+        if np.any(moving)
+    )
     remarks.append(
         f"The unit is not at rest all the time (first at t = {where:.4g} s): {lost:.4g} s of "
         f"{before / recording.rate:.4g} s are left out; the rests between, {len(kept)} of at least "
@@ -196,6 +207,28 @@ def _without_motion(
         else f"The unit never rests for {least / recording.rate:.2g} s or more: what it shows is motion, not noise."
     )
     return kept
+
+
+def _moving_blocks(
+    statistics: list[tuple[Table, Table]], signals: Table, names: tuple[str, ...], recording: Recording
+) -> list[npt.NDArray[np.bool_]]:
+    """Whether each block of each piece moves: against the quietest fifth of all, and in SI."""
+    scatter = np.concatenate([each for _, each in statistics])
+    level = np.median(np.concatenate([each for each, _ in statistics]), axis=0)
+    step = np.array([smallest_step(signals[:, i]) for i in range(len(names))])
+    # A hand that never rests is smooth: its scatter stands far above what second differences leave of it.
+    rough = np.nanmedian(np.abs(np.diff(signals, 2, axis=0)), axis=0) / (0.6745 * np.sqrt(6.0))
+    quiet = np.minimum(np.quantile(scatter, 0.2, axis=0), _SMOOTH * np.maximum(rough, step / np.sqrt(12.0)))
+    limit = _MOVING * np.maximum(quiet, step / np.sqrt(12.0))
+    reach = np.full(len(names), np.inf)
+    for k, name in enumerate(names):
+        gyro = name.startswith("g")
+        unit = _unit(recording, name)
+        factor = angular_rate_factor(unit) if gyro else specific_force_factor(unit)
+        if factor is not None:
+            limit[k] = min(float(limit[k]), _MOST_SCATTER[name[0]] / factor)
+            reach[k] = _MOST_RATE / factor if gyro else np.inf
+    return [np.any((each > limit) | (np.abs(means - level) > reach), axis=1) for means, each in statistics]
 
 
 def _level_blocks(signals: Table, pieces: list[tuple[int, int]], rate: float) -> list[tuple[int, Table]]:
@@ -227,7 +260,7 @@ def _without_steps(
             # What a filter makes of a jump is left out with it.
             cuts += [at - _LEAST_BLOCK, at + _LEAST_BLOCK]
             remarks.append(
-                f"{names[channel]} steps by {means[k + 2, channel] - means[k, channel]:.3g} "
+                f"{names[channel]} steps by {means[k + 2, channel] - means[k - 1, channel]:.3g} "
                 f"{_unit(recording, names[channel])} at t = "
                 f"{recording.time[at]:.5g} s, as at a restart or a blow: what is before and "
                 "after is taken apart and pooled."
@@ -244,9 +277,10 @@ def _jumps(means: Table, change: Table, spread: Series) -> list[tuple[int, int]]
     suspects = np.flatnonzero(np.any(over > _STEP, axis=1)).tolist()
     for k in suspects:
         channel = int(np.argmax(over[k]))
-        if k < 3 or k + 5 > len(means) or (found and k <= found[-1][0] + 2):
+        if k < 4 or k + 6 > len(means) or (found and k <= found[-1][0] + 2):
             continue
-        before, after = means[k - 3 : k + 1, channel], means[k + 2 : k + 5, channel]
+        # The jump may be inside either of the two blocks whose means differ.
+        before, after = means[k - 4 : k, channel], means[k + 2 : k + 6, channel]
         jump = abs(float(after.mean() - before.mean()))
         if jump > 5.0 * max(float(np.ptp(before)), float(np.ptp(after)), float(spread[channel])):
             found.append((k, channel))

@@ -1,0 +1,132 @@
+"""`tumble noise` as a user meets it."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+RATE = 100.0
+
+
+@pytest.fixture(scope="module")
+def still() -> np.ndarray:
+    """Five minutes at rest: N is 3e-4 m/s²/√Hz and 1e-4 rad/s/√Hz."""
+    rng = np.random.default_rng(8)
+    count = 30_000
+    force = 3e-4 * np.sqrt(RATE) * rng.standard_normal((count, 3)) + [0.05, -0.1, 9.81]
+    turn = 1e-4 * np.sqrt(RATE) * rng.standard_normal((count, 3)) + [0.001, 0.002, -0.003]
+    return np.column_stack([np.arange(count) / RATE, force, turn])
+
+
+def test_noise_prints_every_channel_and_writes_a_document_and_a_page(
+    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path
+) -> None:
+    path = written(tmp_path / "still.csv", still)
+    answer = tumble("noise", path, "-o", tmp_path / "out")
+    assert (answer.status, answer.err) == (0, "")
+    for word in ("ax ", "gz ", "velocity random walk", "angle random walk", "°/√h", "µg/√Hz", "IEEE Std 952"):
+        assert word in answer.out
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["noise.html", "noise.json"]
+    document = json.loads((tmp_path / "out" / "noise.json").read_text(encoding="utf-8"))
+    assert (document["format"], document["version"]) == ("tumble noise", 1)
+    for name, expected, unit in (("ay", 3e-4, "m/s²/√Hz"), ("gx", 1e-4, "rad/s/√Hz")):
+        white = document["channels"][name]["terms"]["N"]
+        # 30,000 samples know N to 0.4 %, five of these.
+        assert white["value"] == pytest.approx(expected, rel=0.02)
+        assert white["unit"] == unit
+    angle_walk = document["channels"]["gx"]["terms"]["N"]["practical"]
+    assert angle_walk["unit"] == "°/√h"
+    assert angle_walk["value"] == pytest.approx(np.degrees(1e-4) * 60.0, rel=0.02)
+    curve = document["channels"]["gx"]["allan_deviation"]
+    assert len(curve["tau_s"]) == len(curve["deviation"]) == len(curve["low"]) == len(curve["high"])
+    page = (tmp_path / "out" / "noise.html").read_text(encoding="utf-8")
+    assert page.lstrip().lower().startswith("<!doctype html>")
+    assert 'src="http' not in page
+    for name in ("allan-g", "allan-a", "spectrum-g", "level-a"):
+        assert f'id="{name}"' in page
+
+
+def test_json_is_the_document(tumble: Any, written: Any, still: np.ndarray, tmp_path: Path) -> None:
+    path = written(tmp_path / "still.csv", still)
+    answer = tumble("noise", path, "--json", "-o", tmp_path / "out")
+    written_one = json.loads((tmp_path / "out" / "noise.json").read_text(encoding="utf-8"))
+    assert json.loads(answer.out) == written_one
+
+
+def test_without_a_folder_nothing_is_written(
+    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = written(tmp_path / "still.csv", still)
+    monkeypatch.chdir(tmp_path)
+    assert tumble("noise", path, "-q").status == 0
+    assert [p.name for p in tmp_path.iterdir()] == ["still.csv"]
+
+
+def test_quiet_prints_what_is_seen_and_no_more(
+    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path
+) -> None:
+    out = tumble("noise", written(tmp_path / "still.csv", still), "-q").out
+    assert "not seen" not in out
+    assert "•" not in out
+    assert len(re.findall("random walk", out)) == 6
+
+
+def test_three_seconds_end_in_numbers_and_a_sentence(
+    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path
+) -> None:
+    answer = tumble("noise", written(tmp_path / "short.csv", still[:300]))
+    assert answer.status == 0
+    assert "very short" in answer.out
+
+
+def test_a_clock_that_is_reset_is_said_with_the_place(
+    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path
+) -> None:
+    reset = still.copy()
+    reset[20_000:, 0] -= 150.0
+    answer = tumble("noise", written(tmp_path / "reset.csv", reset))
+    assert answer.status == 2
+    assert "time steps back" in answer.err
+    assert "--rate" in answer.err
+    # What the sentence says to do works.
+    again = tumble("noise", tmp_path / "reset.csv", "--columns", "-,ax,ay,az,gx,gy,gz", "--rate", RATE)
+    assert again.status == 0
+    assert "angle random walk" in again.out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [(["--skip", "-3"], "--skip"), (["--skip", "1e9"], "leaves nothing"), (["-o", "still.csv"], "is a file")],
+)
+def test_wrong_options_end_in_a_sentence(
+    tumble: Any,
+    written: Any,
+    still: np.ndarray,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    options: list[str],
+    words: str,
+) -> None:
+    written(tmp_path / "still.csv", still[:500])
+    monkeypatch.chdir(tmp_path)
+    answer = tumble("noise", "still.csv", *options)
+    assert answer.status == 2
+    assert words in answer.err
+    assert len(answer.err.splitlines()) == 1
+
+
+def test_a_recording_in_motion_throughout_ends_in_a_sentence(
+    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path
+) -> None:
+    moving = still[:6000].copy()
+    moving[:, 4:] += 0.9 * np.sin(np.outer(moving[:, 0], [2.0, 3.0, 5.0]))
+    moving[:, 1:4] += 2.0 * np.sin(np.outer(moving[:, 0], [1.3, 2.9, 2.1]))
+    answer = tumble("noise", written(tmp_path / "moving.csv", moving))
+    assert answer.status == 2
+    assert "never rests" in answer.err
+    assert len(answer.err.splitlines()) == 1
