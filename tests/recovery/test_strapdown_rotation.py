@@ -123,6 +123,15 @@ def test_a_fixture_off_by_a_milliradian_everywhere_moves_no_error_by_a_millionth
     assert 1e-8 < np.max(np.abs(left)) < 1e-6
 
 
+def test_a_fixture_off_by_a_degree_moves_them_by_some_millionths() -> None:
+    """The Earth rate is taken out a degree beside, and what is off by a degree on both sides meets to second order."""
+    degree = np.radians(1.0)
+    fixture = FixtureErrors(tilt=(degree, -degree), mounting=(degree, degree, -degree))
+    recording, _ = recorded(SavageErrors.from_vector(ERRORS, GYRO_BIAS).model(), fixture=fixture)
+    left = (found_errors(calibrated(recording)) - ERRORS) / SCALE
+    assert np.max(np.abs(left)) < 1e-5
+
+
 @pytest.mark.parametrize("column", range(24), ids=NAMES)
 def test_one_error_at_a_time_comes_back_either_way_and_no_other(column: int) -> None:
     for sign, units in ((1.0, "SI"), (-1.0, "counts")):
@@ -241,14 +250,16 @@ def exchange(steps: list[Step], sequence: SequenceSteps) -> None:
     steps[first], steps[second] = steps[second], steps[first]
 
 
-def of_sequences(names: list[str], *, without: bool = False) -> Protocol:
-    """The protocol with some of its sequences only, and a turn anyhow between them."""
+ROWS = {sequence.name: sequence for sequence in sequence_steps(PROTOCOL)}
+
+
+def of_sequences(names: list[str]) -> Protocol:
+    """The protocol with these sequences only, in this order, and a turn anyhow between them."""
     steps: list[Step] = []
-    for sequence in sequence_steps(PROTOCOL):
-        if (sequence.name in names) != without:
-            if steps:
-                steps.append(TurnStep(8.0))
-            steps += PROTOCOL.steps[sequence.start : sequence.end + 1]
+    for name in names:
+        if steps:
+            steps.append(TurnStep(8.0))
+        steps += PROTOCOL.steps[ROWS[name].start : ROWS[name].end + 1]
     return replace(PROTOCOL, steps=tuple(steps))
 
 
@@ -360,7 +371,10 @@ def test_a_sequence_turned_another_way_or_in_another_order_is_left_out_with_what
 
 def test_missing_sequences_are_named_with_the_errors_that_no_other_tells() -> None:
     """Without 3a the gyros' asymmetry is taken as none, for all; without 9 nothing tells μzx."""
-    recording, _ = recorded(protocol=of_sequences(["3a", "9"], without=True), grade=find_grade("ring-laser"))
+    recording, _ = recorded(
+        protocol=of_sequences([name for name in ROWS if name not in ("3a", "9")]),
+        grade=find_grade("ring-laser"),
+    )
     estimate = calibrated(recording)
     said = " ".join(estimate.remarks)
     for name, steps in (("3a", "steps 21 to 23"), ("9", "steps 58 to 60")):
@@ -371,6 +385,40 @@ def test_missing_sequences_are_named_with_the_errors_that_no_other_tells() -> No
     assert not any(name.startswith("gyroscope.asymmetry") for name in estimate.names)
     k = estimate.names.index("accelerometer.matrix[2,0]")
     assert np.sqrt(estimate.covariance[k, k]) == pytest.approx(0.01, rel=0.01)
+
+
+def test_two_sequences_done_in_the_other_order_are_left_out_with_what_the_gyros_saw() -> None:
+    """1a in the place of 1 and 1 in that of 1a: from the same start to the same end, the other way round."""
+    names = ["1a", "2", "3", "1", *list(ROWS)[4:]]
+    recording, truth = recorded(protocol=of_sequences(names), grade=find_grade("ring-laser"))
+    estimate = calibrated(recording)
+    said = " ".join(estimate.remarks)
+    assert "Sequence 1 was left out: the protocol has +360° y, and the gyros saw -3" in said
+    assert "Sequence 1a was left out: the protocol has -360° y, and the gyros saw +3" in said
+    assert len(estimate.sequences) == 15
+    assert max(map(abs, normalised(estimate, truth).values())) < 4.5
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_a_sequence_done_twice_counts_twice_if_the_protocol_says_so_and_does_no_harm_else(told: bool) -> None:
+    twice = of_sequences([*ROWS, "7"])
+    recording, truth = recorded(protocol=twice, grade=find_grade("ring-laser"))
+    estimate = calibrated(recording, twice if told else PROTOCOL)
+    assert [fit.name for fit in estimate.sequences].count("7") == (2 if told else 1)
+    assert max(map(abs, normalised(estimate, truth).values())) < 4.5
+
+
+def test_a_clock_that_is_off_is_a_scale_factor_of_the_gyros_and_nothing_shows_it() -> None:
+    recording, _, right = noisy("ring-laser")
+    share = 1e-3
+    slow = replace(recording, time=recording.time * (1.0 + share), rate=recording.rate / (1.0 + share))
+    wrong = calibrated(slow)
+    change = savage_from_model(wrong.model)[0].vector - savage_from_model(right.model)[0].vector
+    # Turns are longer by the share for the same angle: rates seem to be too large by it.
+    expected = np.where(np.arange(24) < 3, share, 0.0)
+    np.testing.assert_allclose(change / SCALE, expected, rtol=0, atol=3e-6)
+    assert not wrong.objections
+    assert wrong.sigma0 == pytest.approx(right.sigma0, rel=0.02)
 
 
 def test_six_sequences_alone_give_what_they_tell_and_name_the_rest() -> None:
