@@ -26,6 +26,7 @@ PROCEDURES = {
     "modified-multi-position": "modified-multi-position",
     "turntable": "turntable-9",
     "laboratory": "laboratory",
+    "strapdown-rotation": "strapdown-rotation",
 }
 GRADES = ("consumer-mems", "tactical")
 
@@ -69,7 +70,7 @@ def one_run(job: tuple[str, str, int, bool, float]) -> tuple[list[tuple[str, flo
     except TumbleError as error:
         return f"seed {seed}: {error}"
     document = calibration_from_estimate(estimate, recording, site)
-    model = truth.model if estimate.frame == "fixture" else change_frame(truth.model, "accelerometer-x")
+    model = truth.model if estimate.frame == "fixture" else change_frame(truth.model, estimate.frame)
     rows: list[tuple[str, float, float]] = []
     for index, name in enumerate(estimate.names):
         sigma = float(np.sqrt(estimate.covariance[index, index]))

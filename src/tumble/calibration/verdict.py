@@ -37,6 +37,7 @@ _REMEDIES = {
     "modified-multi-position": "spin faster or longer, both ways in more different poses",
     "turntable": "hold longer and in more poses, above all edges; turn further, both ways about each axis",
     "laboratory": "align the table better, or hold longer and turn further; the turntable procedure needs no alignment",
+    "strapdown-rotation": "repeat the sequences, and turn faster: gyros with less noise are what would help most",
 }
 
 # What the norms are expected from, where it is not the noise alone: a face's tilt makes its norm longer.
