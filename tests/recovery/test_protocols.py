@@ -32,7 +32,10 @@ FULL: dict[str, tuple[str, tuple[str, ...]]] = {
     "modified-multi-position": ("modified-multi-position", ("accelerometer", "gyroscope")),
     "turntable": ("turntable-9", ("accelerometer", "gyroscope")),
     "laboratory": ("laboratory", ("accelerometer", "gyroscope")),
+    "strapdown-rotation": ("strapdown-rotation", ("accelerometer", "gyroscope")),
 }
+# The strapdown rotation test integrates samples' mean rates while the Earth turns: second order is left of it.
+ROUNDING = {"strapdown-rotation": 5e-8}
 
 
 @pytest.fixture(autouse=True)
@@ -73,7 +76,9 @@ def played(
 
 def blocks_of(truth: Any, calibration: Calibration) -> Any:
     """The truth in the calibration's frame."""
-    return truth if calibration.frame.name == "fixture" else truth["in_frame_accelerometer_x"]
+    if calibration.frame.name == "fixture":
+        return truth
+    return truth[f"in_frame_{calibration.frame.name.replace('-', '_')}"]
 
 
 @pytest.mark.parametrize("units", ["SI", "counts"])
@@ -85,13 +90,14 @@ def test_without_noise_and_placement_errors_the_truth_comes_back(
     name, triads = FULL[procedure]
     truth, calibration = played(tmp_path, name, procedure, noise=False, units=units, seed=11)
     blocks = blocks_of(truth, calibration)
+    limit = ROUNDING.get(procedure, 1e-9)
     for triad in triads:
         found = getattr(calibration, triad)
         matrix, bias = np.array(blocks[triad]["matrix"]), np.array(blocks[triad]["bias"])
         scale = float(np.mean(np.abs(np.diag(matrix))))
-        np.testing.assert_allclose(found.matrix, matrix, rtol=0, atol=1e-9 * scale)
+        np.testing.assert_allclose(found.matrix, matrix, rtol=0, atol=limit * scale)
         largest = 10.0 if triad == "accelerometer" else 1.0
-        np.testing.assert_allclose(found.bias, bias, rtol=0, atol=1e-9 * scale * largest)
+        np.testing.assert_allclose(found.bias, bias, rtol=0, atol=limit * scale * largest)
     if procedure == "six-position":
         # The standard test sees each sensor's own sensitivity and bias, and nothing of its neighbours'.
         found = calibration.accelerometer
@@ -155,8 +161,7 @@ def entry(blocks: Any, parameter: str) -> float:
 
 
 def test_every_procedure_with_a_protocol_is_tested_here() -> None:
-    # Sequences of rotations have tests of their own.
-    assert set(FULL) | {"hand-held", "strapdown-rotation"} == set(PROCEDURES)
+    assert set(FULL) | {"hand-held"} == set(PROCEDURES)
 
 
 def test_the_frames_of_truth_and_calibration_are_one_rotation_apart(tmp_path: Path) -> None:
