@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from tumble.cli.options import Columns, Json, Quiet, Rate, Recordings, Units
 from tumble.cli.progress import progress, results_stand
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from tumble.workflows.noise import NoiseAnalysis
+_LETTERS = (
+    "Letters as in IEEE Std 952. B: flicker of two-sided density B²/(2πf); the curve's floor is 0.664 B. "
+    "N: two-sided; a one-sided noise density is √2 N."
+)
 
 
 def noise_command(
@@ -56,37 +56,15 @@ def noise_command(
     if as_json:
         typer.echo(json.dumps(analysis.document, indent=1, ensure_ascii=False))
         return
-    from rich.console import Console
+    from tumble.report.noise_words import noise_lines
 
-    console = Console(highlight=False, soft_wrap=True)
-    _print(console, analysis, quiet)
-    for file in analysis.files:
-        console.print(f"written: {file.resolve()}", markup=False)
-
-
-def _print(console: Console, analysis: NoiseAnalysis, quiet: bool) -> None:
-    from rich import box
-    from rich.table import Table
-
-    from tumble.report.noise_words import noise_rows
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for heading in ("channel", "", "term", "± standard uncertainty", "SI"):
-        table.add_column(heading)
-    for channel in analysis.noise.channels:
-        rows = [row for row in noise_rows(channel) if row.seen or not quiet]
-        for k, row in enumerate(rows):
-            style = None if row.seen else "dim"
-            name = channel.name if k == 0 else ""
-            table.add_row(name, row.letter, row.name, row.practical, row.si, style=style)
     if not quiet:
         for sentence in analysis.noise.sentences:
-            console.print(f"• {sentence}", markup=False)
-    console.print(table)
+            typer.echo(f"• {sentence}")
+        typer.echo("")
+    for line in noise_lines(analysis.noise.channels, seen_only=quiet):
+        typer.echo(line)
     if not quiet:
-        console.print(
-            "B: flicker of two-sided density B²/(2πf); the curve's floor is 0.664 B. N: two-sided; a one-sided noise "
-            "density is √2 N.",
-            style="dim",
-            markup=False,
-        )
+        typer.echo(f"\n{_LETTERS}")
+    for file in analysis.files:
+        typer.echo(f"written: {file.resolve()}")

@@ -8,11 +8,13 @@ from math import log, pi, sqrt
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table
-from tumble.errors import RecordingError
+from tumble.errors import RecordingError, UsageError
 from tumble.noise.deviation import Deviation, allan_deviation
+from tumble.noise.fit import NoiseFit, fit_curve
+from tumble.noise.recording_length import seconds_for
 from tumble.noise.spectrum import PowerSpectrum, power_spectrum
 from tumble.noise.suitability import Suitability, judge_rest
-from tumble.noise.term_fit import FittedTerm, fit_terms, term_curve
+from tumble.noise.terms import NoiseModel
 from tumble.recording import Recording
 from tumble.recording.doctor import channels_of
 from tumble.units import angular_rate_factor, specific_force_factor
@@ -25,8 +27,27 @@ _BINS = 20  # of the spectrum, a decade
 _LEVEL_POINTS = 600  # of the drawing of levels over time
 # Ten degrees of freedom for each averaging time in the record: 1 over the square root of twice that is 22 %.
 _WELL_KNOWN = 10.0
+_MISFIT = 0.01
 _SHORT = 5000  # samples, of which N is known to 2 %
 _SHARP = 50.0  # degrees of freedom of a deviation known to 10 %
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """One coefficient that a curve shows, in SI or counts.
+
+    Attributes
+    ----------
+    letter : Q, N, B, K or R of IEEE Std 952; "sigma" and "correlation time" of a Gauss-Markov process.
+    value, sigma : coefficient and its standard uncertainty.
+    low, high : limits at the fit's confidence.
+    """
+
+    letter: str
+    value: float
+    sigma: float
+    low: float
+    high: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,17 +59,16 @@ class Channel:
     name : ax to gz.
     unit : "m/s²" or "rad/s"; "counts" where the recording is in counts.
     curve : overlapping Allan deviation, ten averaging times a decade, in that unit.
-    terms : what the curve shows, by letter.
-    unseen : upper limits of those of N, B and K that it does not show: the curve's own upper limits leave no
-        room for more.
+    fit : the model of its noise, or None where there is too little for one.
+    terms : what the curve shows.
     floor, floor_tau : lowest point of the curve where it is known to a fifth, and its averaging time in s.
     """
 
     name: str
     unit: str
     curve: Deviation
-    terms: tuple[FittedTerm, ...]
-    unseen: dict[str, float]
+    fit: NoiseFit | None
+    terms: tuple[Term, ...]
     floor: float
     floor_tau: float
 
@@ -57,13 +77,20 @@ class Channel:
         """Whether it senses angular rate."""
         return self.name.startswith("g")
 
-    def term(self, letter: str) -> FittedTerm | None:
+    @property
+    def unseen(self) -> dict[str, float]:
+        """Upper limits of the coefficients that the curve does not show, by letter."""
+        return {} if self.fit is None else self.fit.limits
+
+    def term(self, letter: str) -> Term | None:
         """Return a term by its letter, or None if the curve does not show it."""
         return next((term for term in self.terms if term.letter == letter), None)
 
     def fitted(self, tau: Series) -> Series:
-        """Return the Allan deviation of the terms together at averaging times in s."""
-        return np.sqrt(sum((term.value**2 * term_curve(term.letter, tau) for term in self.terms), 0.0 * tau))
+        """Return the Allan deviation of the fitted model at averaging times in s; nan without one."""
+        if self.fit is None:
+            return np.full(tau.shape, np.nan)
+        return np.sqrt(self.fit.model.allan_variance(tau, self.fit.rate))
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +154,7 @@ def characterise(
         _channel(name, unit, curves.channel(k), octaves.channel(k), suitability.shortest)
         for k, (name, unit) in enumerate(zip(suitability.channels, units, strict=True))
     )
-    said += _on_length(curves)
+    said += _on_fits(channels) + _on_length(curves) + _advice(channels, curves.samples / curves.rate)
     time, levels = _levels(recording.time, signals)
     return Characterisation(
         suitability,
@@ -196,7 +223,10 @@ def _signals(
 
 
 def _channel(name: str, unit: str, curve: Deviation, octaves: Deviation, shortest: float) -> Channel:
-    terms, unseen = fit_terms(octaves, shortest)
+    try:
+        fit = fit_curve(octaves.from_tau(shortest))
+    except UsageError:
+        fit = None
     known = (curve.edf[:, 0] >= _WELL_KNOWN) & (curve.tau >= shortest)
     known = known if np.any(known) else np.ones(len(curve), dtype=bool)
     lowest = int(np.argmin(np.where(known, curve.deviation[:, 0], np.inf)))
@@ -204,11 +234,34 @@ def _channel(name: str, unit: str, curve: Deviation, octaves: Deviation, shortes
         name,
         unit,
         curve,
-        terms,
-        unseen,
+        fit,
+        () if fit is None else _terms(fit),
         float(curve.deviation[lowest, 0]),
         float(curve.tau[lowest]),
     )
+
+
+def _terms(fit: NoiseFit) -> tuple[Term, ...]:
+    sigmas = np.sqrt(np.diag(fit.covariance))
+    return tuple(
+        Term(term.name, term.value, float(sigma), term.low, term.high)
+        for term, sigma in zip(fit.terms, sigmas, strict=True)
+    )
+
+
+def _on_fits(channels: tuple[Channel, ...]) -> list[str]:
+    """Say which curves have no model, or one that does not fit."""
+    none = [channel.name for channel in channels if channel.fit is None]
+    bad = [c.name for c in channels if c.fit is not None and c.fit.probability < _MISFIT]
+    said = (
+        [f"{', '.join(none)}: too few averaging times for a model; the curve stands alone."] if none else []
+    )
+    if bad:
+        words = f"{', '.join(bad)}: the curve has a shape that the model does not make (by chance in less than one of "
+        said.append(
+            f"{words}{1.0 / _MISFIT:.0f} cases): vibration lines, motion or drift; look at the spectrum."
+        )
+    return said
 
 
 def _on_length(curves: Deviation) -> list[str]:
@@ -222,6 +275,33 @@ def _on_length(curves: Deviation) -> list[str]:
         said = f"{total} at rest: the curve is known to 10 % up to averaging times of {_words(float(sharp[-1]))}, "
         said += "and up to longer ones in proportion to the length of a recording."
     return [said]
+
+
+def _advice(channels: tuple[Channel, ...], seconds: float) -> list[str]:
+    """Say how long to record for 10 % on B and K, by the channel of each triad that needs longest."""
+    said: list[str] = []
+    for letter, title in (("a", "Accelerometers"), ("g", "Gyros")):
+        fits = [c.fit for c in channels if c.name.startswith(letter) and c.fit is not None]
+        parts: list[str] = []
+        for term in "BK":
+            needs = [_need(fit, term) for fit in fits]
+            longest = max(needs, default=0.0)
+            if longest > 1.1 * seconds and np.isfinite(longest):
+                seen = all(term in fit.chosen for fit in fits)
+                where = "" if seen else " (where it is not seen: if it is at its limit)"
+                parts.append(f"{_words(longest)} for {term}{where}")
+        if parts:
+            said.append(f"{title}: ± 10 % takes a recording of {' and '.join(parts)}.")
+    return said
+
+
+def _need(fit: NoiseFit, letter: str) -> float:
+    """Length of recording that knows a coefficient, or its upper limit, to 10 %."""
+    if letter in fit.limits:
+        coefficients = {**fit.model.coefficients, letter: fit.limits[letter]}
+        model = NoiseModel.from_coefficients(coefficients, fit.model.gauss_markov)
+        return seconds_for(model, letter, fit.rate)
+    return seconds_for(fit.model, letter, fit.rate) if letter in fit.chosen else 0.0
 
 
 def _words(seconds: float) -> str:
@@ -252,4 +332,4 @@ def _spectra(
     }
 
 
-__all__ = ["FLOOR", "Channel", "Characterisation", "characterise"]
+__all__ = ["FLOOR", "Channel", "Characterisation", "Term", "characterise"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tumble.report.figure import AXIS_COLOURS, GREY, Figure, Plot, base_layout, plain, text_axis
-from tumble.report.noise_words import DEFINITIONS, FORMULA, noise_rows, practical_unit
+from tumble.report.noise_words import DEFINITIONS, FORMULA, NoiseRow, noise_rows, practical_unit
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
@@ -68,11 +68,15 @@ def _table(channels: tuple[Channel, ...]) -> str:
             kind = "" if row.seen else ' class="unseen"'
             lines.append(
                 f"<tr{' class=first' if k == 0 else ''}><td>{channel.name if k == 0 else ''}</td>"
-                f"<td>{html.escape(row.name)} ({row.letter})</td><td{kind}>{_signs(row.practical)}</td>"
+                f"<td>{html.escape(_term(row))}</td><td{kind}>{_signs(row.practical)}</td>"
                 f"<td{kind}>{_signs(row.si)}</td></tr>"
             )
     heads = "<tr><th></th><th>term</th><th>± standard uncertainty</th><th>SI</th></tr>"
     return f'<table class="noise"><thead>{heads}</thead><tbody>{"".join(lines)}</tbody></table>'
+
+
+def _term(row: NoiseRow) -> str:
+    return f"{row.name} ({row.letter})" if len(row.letter) == 1 else row.name
 
 
 def _signs(text: str) -> str:

@@ -137,15 +137,25 @@ def _channel(channel: Channel) -> dict[str, Any]:
         factor, unit = practical_unit(channel, term.letter)
         terms[term.letter] = {
             "value": term.value,
+            "standard_uncertainty": term.sigma,
             "low": term.low,
             "high": term.high,
             "unit": si_unit(channel, term.letter),
             "practical": {"value": factor * term.value, "unit": unit},
         }
-    curve = channel.curve
+    curve, fit = channel.curve, channel.fit
     return {
         "unit": channel.unit,
         "terms": terms,
+        "fit": None
+        if fit is None
+        else {
+            "what": "weighted fit of the logarithm of the whole Allan curve, averaging times an octave apart",
+            "confidence": fit.confidence,
+            "chi_square": fit.chi_square,
+            "degrees_of_freedom": fit.freedom,
+            "probability": fit.probability,
+        },
         "upper_limits_of_unseen": {
             letter: {"value": limit, "unit": si_unit(channel, letter)}
             for letter, limit in channel.unseen.items()
