@@ -14,7 +14,18 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 COMMANDS = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
-PROMISED = ("inspect", "calibrate", "apply", "verify", "noise", "mount", "plan", "simulate", "reproduce", "demo")
+PROMISED = (
+    "inspect",
+    "calibrate",
+    "apply",
+    "verify",
+    "noise",
+    "mount",
+    "plan",
+    "simulate",
+    "reproduce",
+    "demo",
+)
 
 RUN = "import sys; from tumble.cli.main import main; sys.argv[0] = 'tumble'; main()"
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*[a-z]")
