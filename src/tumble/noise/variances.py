@@ -86,7 +86,8 @@ def _sampled_markov(m: Series, step: float) -> Series:
     # of sums over i, j of a^|i - j|: within a block less between two neighbouring blocks
     exact = (m * loss * (2.0 - loss) - (1.0 - loss) * fallen * (2.0 + fallen)) / (m * loss) ** 2
     walk = 2.0 * loss * (2.0 * m**2 + 1.0) / (6.0 * m) * (1.0 - 0.75 * m * loss)
-    return np.asarray(np.where(m * step < 1e-3, walk, exact))
+    near = m * step < 1e-3
+    return near * walk + ~near * exact
 
 
 def line_allan_variance(tau: Series, frequency: float, rate: float | None = None) -> Series:
