@@ -17,6 +17,7 @@ EXECUTED = {
     "docs/file-format.md": 10,
     "docs/plan.md": 2,
     "docs/noise.md": 3,
+    "docs/noise-models.md": 7,
     "docs/poses.md": 6,
     "docs/procedures/multi-position.md": 2,
     "docs/real-recordings.md": 2,

@@ -21,6 +21,7 @@ from tumble.cli.plan import plan_command
 from tumble.cli.progress import state
 from tumble.cli.reproduce import reproduce_command
 from tumble.cli.simulate import simulate_command
+from tumble.cli.units import units_command
 from tumble.cli.verify import verify_command
 from tumble.errors import TumbleError
 
@@ -52,6 +53,7 @@ app.command("noise")(noise_command)
 app.command("simulate")(simulate_command)
 app.command("plan")(plan_command)
 app.command("reproduce")(reproduce_command)
+app.command("units")(units_command)
 app.command("demo")(demo_command)
 
 
