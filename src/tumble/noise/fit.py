@@ -354,7 +354,8 @@ class _Task:
         from scipy.optimize import minimize_scalar
 
         span = self.tau[-1] / 2.0
-        times: Series = np.geomspace(2.0 / self.rate, span, max(int(2 * np.log2(span * self.rate / 2.0)), 2))
+        count = max(int(2 * np.log2(span * self.rate / 2.0)), 2)
+        times: Series = np.exp(np.linspace(float(np.log(2.0 / self.rate)), float(np.log(span)), count))
         if span * self.rate < 8.0:
             return without
 
@@ -419,8 +420,8 @@ class _Task:
             slopes = np.column_stack([design, solution.squares[-1] * (far - near) / np.log(1.001 / 0.999)])
         if self.method == "curve":
             slopes = slopes / (design @ solution.squares)[:, None]
-        weighed = solution.root @ slopes
-        size = np.sqrt(np.sum(weighed**2, axis=0))
+        weighed: Table = solution.root @ np.asarray(slopes, dtype=np.float64)
+        size: Series = np.sqrt(np.sum(weighed**2, axis=0))
         inverse: Square = np.asarray(np.linalg.pinv((weighed / size).T @ (weighed / size), rcond=1e-13))
         return inverse / np.outer(size, size)
 
