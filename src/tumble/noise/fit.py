@@ -421,8 +421,10 @@ class _Task:
         if self.method == "curve":
             slopes = slopes / (design @ solution.squares)[:, None]
         weighed: Table = solution.root @ np.asarray(slopes, dtype=np.float64)
-        size: Series = np.sqrt(np.sum(weighed**2, axis=0))
-        inverse: Square = np.asarray(np.linalg.pinv((weighed / size).T @ (weighed / size), rcond=1e-13))
+        size: Series = np.asarray(np.sqrt(np.sum(weighed**2, axis=0)), dtype=np.float64)
+        inverse: Square = np.asarray(
+            np.linalg.pinv((weighed / size).T @ (weighed / size), rcond=1e-13), dtype=np.float64
+        )
         return inverse / np.outer(size, size)
 
 
