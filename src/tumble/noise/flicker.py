@@ -38,7 +38,7 @@ def flicker_corners(span: float, fastest: float, ratio: float = OCTAVES) -> Seri
     """
     lowest = 0.25 / span
     count = max(int(np.ceil(np.log(fastest / lowest) / np.log(ratio))), 1)
-    return lowest * ratio ** np.arange(count)
+    return np.asarray(lowest * ratio ** np.arange(count), dtype=np.float64)
 
 
 @lru_cache(maxsize=32)
