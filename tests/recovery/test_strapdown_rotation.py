@@ -370,7 +370,7 @@ def test_a_sequence_turned_another_way_or_in_another_order_is_left_out_with_what
 
 
 def test_missing_sequences_are_named_with_the_errors_that_no_other_tells() -> None:
-    """Without 3a the gyros' asymmetry is taken as none, for all; without 9 nothing tells μzx."""
+    """Without 3a nobody measured the z gyro's asymmetry, and its scale factor is as uncertain; without 9 not μzx."""
     recording, _ = recorded(
         protocol=of_sequences([name for name in ROWS if name not in ("3a", "9")]),
         grade=find_grade("ring-laser"),
@@ -381,8 +381,11 @@ def test_missing_sequences_are_named_with_the_errors_that_no_other_tells() -> No
         assert f"Sequence {name} was not found: its start and its end ({steps}) are missing." in said
     words = " ".join(estimate.not_determined)
     assert "do not tell mu zx (Savage's names)" in words
-    assert "asymmetry is taken as none: it needs the sequences 1a, 2a and 3a" in words
-    assert not any(name.startswith("gyroscope.asymmetry") for name in estimate.names)
+    assert "asymmetry of gyro z was not measured (it needs the sequences 3 and 3a)" in words
+    sigma = dict(zip(estimate.names, np.sqrt(np.diag(estimate.covariance)), strict=True))
+    # 1000 ppm are believed; those of x and y are told by 1 to 2a as ever
+    assert sigma["gyroscope.matrix[2,2]"] == pytest.approx(1e-3, rel=0.3)
+    assert max(sigma["gyroscope.matrix[0,0]"], sigma["gyroscope.matrix[1,1]"]) < 5e-6
     k = estimate.names.index("accelerometer.matrix[2,0]")
     assert np.sqrt(estimate.covariance[k, k]) == pytest.approx(0.01, rel=0.01)
 

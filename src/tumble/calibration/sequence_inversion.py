@@ -106,6 +106,7 @@ def solve_measurements(
     covariances: Sequence[Square],
     *,
     asymmetry: bool = True,
+    believed: tuple[Series, float] | None = None,
 ) -> SequenceSolution:
     """Solve for the errors that any set of sequences tells, each component weighed by its noise.
 
@@ -113,6 +114,8 @@ def solve_measurements(
     ----------
     models, measurements, covariances : of each sequence: its model, (5,) and (5, 5).
     asymmetry : estimate the gyros' asymmetry; without, it is none.
+    believed : (3,) the gyros' asymmetries as they are believed beforehand, and how well: what no sequence tells
+        of them then stands in the uncertainty of the scale factors. None for nothing.
 
     Raises
     ------
@@ -144,6 +147,11 @@ def solve_measurements(
     if not asymmetry:
         free[3:6] = False
     design, right = np.concatenate(rows), np.concatenate(told)
+    measured_rows = len(right)
+    if believed is not None:
+        extra = np.zeros((3, 24))
+        extra[:, 3:6] = np.eye(3) / believed[1]
+        design, right = np.concatenate([design, extra]), np.concatenate([right, believed[0] / believed[1]])
     size = np.linalg.norm(design, axis=0)
     # Half a turn's sine leaves round-off where nothing is told.
     seen = size > SINGULAR * np.max(size) / GRAVITY
@@ -163,7 +171,7 @@ def solve_measurements(
     left = right - design @ estimate
     rank = int(np.count_nonzero(values >= SINGULAR * values[0]))
     residuals = np.zeros((len(roots), 4))
-    for row, (root, piece) in enumerate(zip(roots, left.reshape(-1, 4), strict=True)):
+    for row, (root, piece) in enumerate(zip(roots, left[:measured_rows].reshape(-1, 4), strict=True)):
         residuals[row] = np.linalg.solve(root, piece)
     estimate[~known] = 0.0
     cofactor[~known] = cofactor[:, ~known] = 0.0

@@ -33,9 +33,13 @@ from tumble.units import angular_rate_factor, specific_force_factor
 # What an error that no sequence tells is believed to be off from its rough value by.
 UNTOLD = {"lambda_bias": 0.1}
 UNTOLD_ELSE = 0.01
+# How far gyros are believed to be from no asymmetry where the sequences do not tell it from the scale factor.
+BELIEVED_ASYMMETRY = 1e-3
 # A heading or a latitude that the gyros contradict by more standard uncertainties than this, and by more than this:
 # rad, and rad/s.
 CONTRADICTION, SMALLEST_HEADING, SMALLEST_VERTICAL = 5.0, 0.01, 5e-7
+# Gyros that know north worse than this, rad, are too noisy to see it.
+SEEN_NORTH = 0.5
 STEP = 0.1
 
 
@@ -48,7 +52,6 @@ class StrapdownOutcome:
     sequences, models, measurements : of each sequence.
     model : in the frame of play-back.
     solution : of the last pass.
-    asymmetry : whether the gyros' was estimated.
     passes : (24,) what each pass changed.
     term : the test of the g-sensitivity.
     noise_angle : rad²/s.
@@ -61,7 +64,6 @@ class StrapdownOutcome:
     measurements: list[SequenceMeasurement]
     model: ImuModel
     solution: SequenceSolution
-    asymmetry: bool
     passes: list[Series]
     term: TermTest | None
     noise_angle: float
@@ -131,7 +133,7 @@ def _covariance(outcome: StrapdownOutcome, site: Site) -> Square:
     full[:24, :24] = outcome.solution.covariance
     for name, at in GROUPS.items():
         for k in range(at.start, at.stop):
-            if not outcome.solution.determined[k] and (outcome.asymmetry or name != "kappa_asym"):
+            if not outcome.solution.determined[k]:
                 full[k, k] = UNTOLD.get(name, UNTOLD_ELSE) ** 2
     slope = np.zeros(36)
     slope[GROUPS["lambda_lin"]] = -1.0 / site.gravity
@@ -141,6 +143,8 @@ def _covariance(outcome: StrapdownOutcome, site: Site) -> Square:
     white = outcome.noise_angle / float(np.sum(seconds))
     scatter = np.var(bias, axis=0, ddof=1) / len(bias) if len(bias) > 3 else np.zeros(3)
     full[24:27, 24:27] = np.diag(np.maximum(scatter, white))
+    # An Earth rate that is not known stands in the bias as it is.
+    full[24:27, 24:27] += max(s.unknown_rate for s in outcome.sequences) ** 2 / 3.0 * np.eye(3)
     if outcome.term is not None and outcome.term.kept:
         # each element against two faces of gravity, over all rests
         full[27:, 27:] = np.eye(9) * np.mean(np.maximum(scatter, white)) / (site.gravity**2 / 3.0)
@@ -191,20 +195,17 @@ def _canonical(outcome: StrapdownOutcome) -> tuple[list[str], Function]:
     for triad in ("accelerometer", "gyroscope"):
         names += [f"{triad}.matrix[{i},{j}]" for i in range(3) for j in range(3)]
         names += [f"{triad}.bias[{i}]" for i in range(3)]
-        if triad == "accelerometer" or outcome.asymmetry:
-            names += [f"{triad}.asymmetry[{i}]" for i in range(3)]
+        names += [f"{triad}.asymmetry[{i}]" for i in range(3)]
     if _has_sensitivity(outcome):
         names += [f"gyroscope.g_sensitivity[{i},{j}]" for i in range(3) for j in range(3)]
 
     def evaluate(change: Series) -> Series:
         model = _moved(outcome, change)
         parts: list[Series] = []
-        for triad, has in ((model.accelerometer, True), (model.gyroscope, outcome.asymmetry)):
+        for triad in (model.accelerometer, model.gyroscope):
             assert triad is not None
-            parts += [triad.matrix.ravel(), triad.bias]
-            if has:
-                assert triad.asymmetry is not None
-                parts.append(triad.asymmetry)
+            assert triad.asymmetry is not None
+            parts += [triad.matrix.ravel(), triad.bias, triad.asymmetry]
         if model.g_sensitivity is not None:
             parts.append(model.g_sensitivity.ravel())
         return np.concatenate(parts)
@@ -237,8 +238,7 @@ def _named(recording: Recording, outcome: StrapdownOutcome) -> tuple[list[str], 
             add([f"gyro non-orthogonality {'xyz'[i]}{'xyz'[j]}" for i, j in PAIRS], "rad")
         else:
             add([f"accelerometer misalignment {'xyz'[i]}{'xyz'[j]}" for i, j in OFF_DIAGONAL], "rad")
-        if short == "accelerometer" or outcome.asymmetry:
-            add([f"{short} asymmetry {axis}" for axis in "xyz"], "1")
+        add([f"{short} asymmetry {axis}" for axis in "xyz"], "1")
     if _has_sensitivity(outcome):
         pairs = [(a, b) for a in "xyz" for b in "xyz"]
         add([f"g-sensitivity of gyro {a} to force {b}" for a, b in pairs], f"{units[1]}/(m/s²)")
@@ -258,9 +258,8 @@ def _named(recording: Recording, outcome: StrapdownOutcome) -> tuple[list[str], 
                 parts.append(np.array([angles[i, j] + angles[j, i] for i, j in PAIRS]))
             else:
                 parts.append(np.array([angles[i, j] for i, j in OFF_DIAGONAL]))
-            if triad is model.accelerometer or outcome.asymmetry:
-                assert triad.asymmetry is not None
-                parts.append(triad.asymmetry)
+            assert triad.asymmetry is not None
+            parts.append(triad.asymmetry)
         if model.g_sensitivity is not None:
             parts.append(model.g_sensitivity.ravel())
         return np.concatenate(parts)
@@ -302,19 +301,20 @@ def _groups(change: Series) -> dict[str, float]:
 
 def _not_determined(outcome: StrapdownOutcome) -> list[str]:
     sentences: list[str] = []
-    untold = [
-        name
-        for k, name in enumerate(NAMES)
-        if not outcome.solution.determined[k] and (outcome.asymmetry or k not in range(3, 6))
-    ]
+    untold = [name for k, name in enumerate(NAMES) if not outcome.solution.determined[k]]
     if untold:
         sentences.append(
             f"The sequences that were found do not tell {', '.join(untold)} (Savage's names): rough values from the "
             "nominal attitudes stand for them, believed to 10 mrad, 1 % or 0.1 m/s²."
         )
-    if not outcome.asymmetry:
+    sigma = np.sqrt(np.diag(outcome.solution.covariance)[GROUPS["kappa_asym"]])
+    believed = [axis for axis, spread in zip("xyz", sigma, strict=True) if spread > 0.5 * BELIEVED_ASYMMETRY]
+    if believed:
+        rows = {"x": "2 and 2a", "y": "1 and 1a", "z": "3 and 3a"}
         sentences.append(
-            "The gyros' scale factor asymmetry is taken as none: it needs the sequences 1a, 2a and 3a besides 1 to 3."
+            f"The scale factor asymmetry of gyro {', '.join(believed)} was not measured (it needs the sequences "
+            f"{', '.join(rows[axis] for axis in believed)}): it is believed to be none to "
+            f"{1e6 * BELIEVED_ASYMMETRY:.0f} ppm, and the scale factor is as uncertain."
         )
     sentences.append(
         "Gravity of another site shows as equal scale factor errors of all accelerometers: nothing tells the two apart."
@@ -354,7 +354,7 @@ def _remarks(outcome: StrapdownOutcome, site: Site) -> list[str]:
             f"computed frame by up to {two_digits(1e3 * unknown * seconds)} mrad, which stands in the "
             f"uncertainties. Give {'--site LATITUDE' if site.latitude is None else '`heading_deg` in the protocol'}."
         )
-    elif outcome.earth is not None and not _objections(outcome):
+    elif outcome.earth is not None and outcome.earth.heading_sigma < SEEN_NORTH and not _objections(outcome):
         remarks.append(
             f"The Earth rate that the gyros show at rest puts north {np.degrees(outcome.earth.heading):+.2g}° ± "
             f"{np.degrees(outcome.earth.heading_sigma):.2g}° from where the protocol has it."

@@ -32,7 +32,7 @@ from tumble.calibration.rotation_sequences import SequenceModel, sequence_model
 from tumble.calibration.sequence_inversion import SequenceSolution, solve_measurements
 from tumble.calibration.sequence_measurements import SequenceMeasurement, measure_sequence
 from tumble.calibration.start_earth import earth_as_sensitivity, find_earth
-from tumble.calibration.strapdown_estimate import StrapdownOutcome, strapdown_estimate
+from tumble.calibration.strapdown_estimate import BELIEVED_ASYMMETRY, StrapdownOutcome, strapdown_estimate
 from tumble.calibration.strapdown_model import apply_errors
 from tumble.calibration.term_tests import wald_test
 from tumble.earth import EARTH_RATE, Site
@@ -43,7 +43,6 @@ from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline
 from tumble.segmentation.matching import Matching
 from tumble.sensor import ImuModel, Triad
-from tumble.sensor.conventions.savage import GROUPS
 
 # Converged where no error moves by more than this share of its standard uncertainty.
 SETTLED = 0.01
@@ -188,7 +187,6 @@ def _play_back(
     earth = find_earth(sequences, model, _noise(model, means).angle)
     passes: list[Series] = []
     term: TermTest | None = None
-    asymmetry = True
     solution: SequenceSolution | None = None
     measured: list[SequenceMeasurement] = []
     for _ in range(LARGEST_PASSES):
@@ -197,10 +195,9 @@ def _play_back(
         measured = [_measure(s, model, site.gravity) for s in sequences]
         spreads = [_covariance(s, m, noise, site.gravity) for s, m in zip(sequences, models, strict=True)]
         vectors = [m.vector for m in measured]
-        solution = solve_measurements(models, vectors, spreads, asymmetry=asymmetry)
-        if asymmetry and not np.all(solution.determined[GROUPS["kappa_asym"]]):
-            asymmetry = False
-            solution = solve_measurements(models, vectors, spreads, asymmetry=False)
+        assert model.gyroscope is not None
+        now = np.zeros(3) if model.gyroscope.asymmetry is None else model.gyroscope.asymmetry
+        solution = solve_measurements(models, vectors, spreads, believed=(-now, BELIEVED_ASYMMETRY))
         if is_excessive(solution.square_sum, solution.degrees):
             factor = solution.square_sum / solution.degrees
             solution = replace(solution, covariance=factor * solution.covariance)
@@ -222,7 +219,6 @@ def _play_back(
         measurements=measured,
         model=model,
         solution=solution,
-        asymmetry=asymmetry,
         passes=passes,
         term=term,
         noise_angle=_noise(model, means).angle,
