@@ -24,7 +24,7 @@ from tumble.calibration.turntable_solution import (
     MATRIX,
 )
 from tumble.calibration.turntable_task import TurntableOutcome, TurntableTask
-from tumble.calibration.turntable_words import not_determined, objections, remarks
+from tumble.calibration.turntable_words import misread_words, not_determined, objections, remarks
 from tumble.estimation import snoop_groups
 
 
@@ -56,6 +56,7 @@ def turntable_estimate(task: TurntableTask, solution: TurntableOutcome) -> Estim
     degrees = adjustment.redundancy + tests.angles[1] + tests.axes[1] + tests.rests[1]
     norms = np.linalg.norm(corrected, axis=1) - task.site.gravity
     rates, residuals, sigmas, names = _spins(task, solution)
+    fits = _rotation_fits(task, solution)
     return Estimate(
         procedure="turntable",
         model=described.model,
@@ -91,12 +92,12 @@ def turntable_estimate(task: TurntableTask, solution: TurntableOutcome) -> Estim
         terms=[] if solution.term is None else [solution.term],
         not_determined=not_determined(solution),
         remarks=remarks(task, solution),
-        objections=objections(task, solution),
+        objections=[*objections(task, solution), *misread_words(fits)],
         spin_rates=rates,
         spin_residuals=residuals,
         spin_sigmas=sigmas,
         spin_names=names,
-        rotations=_rotation_fits(task, solution),
+        rotations=fits,
         budget=budget,
     )
 

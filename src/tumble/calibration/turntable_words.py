@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import inverted
+from tumble.calibration.estimate import RotationFit
 from tumble.calibration.multi_position import ROTATION_SIGMA
 from tumble.calibration.separate_norms import bias_from_static_pairs, ellipsoid_from_norms
 from tumble.calibration.triad_unknowns import triad_from_unknowns
@@ -19,6 +20,8 @@ from tumble.sensor.conventions.shin import shin_from_matrix
 
 # Residuals so many times their noise are no noise.
 LARGEST_FACTOR = 20.0
+# Residuals of a table's angle beyond this many times those of the other axes, or of the noise, are no bias.
+MISREAD = 5.5
 _ARCSEC = np.pi / 648000.0
 
 
@@ -55,6 +58,29 @@ def objections(task: TurntableTask, solution: TurntableOutcome) -> list[str]:
             "horizontal; on a table whose axis has to stay vertical use the modified-multi-position procedure."
         )
     return against
+
+
+def misread_words(fits: list[RotationFit]) -> list[str]:
+    """Return sentences on axes whose two ways round disagree as no noise of the others does.
+
+    A bias of that hour does the same, and does it to all axes; one angle that was misread does it to one.
+
+    Parameters
+    ----------
+    fits : of all axes.
+    """
+    odd = [
+        max((abs(turned.residual) / turned.sigma for turned in fit.angles if turned.sigma > 0.0), default=0.0)
+        for fit in fits
+    ]
+    usual = max(float(np.median(odd)), 1.0) if odd else 1.0
+    return [
+        f"About {fit.name} the gyros turned {max(abs(t.residual) for t in fit.angles) / _ARCSEC:.0f}″ more one way and "
+        f"less the other than the table's display says, {value:.1f} times their noise, and no other axis shows the "
+        "like: an angle was misread or mistyped (`angle_deg`), or the unit slipped on the table."
+        for fit, value in zip(fits, odd, strict=True)
+        if value > MISREAD * usual
+    ]
 
 
 def remarks(task: TurntableTask, solution: TurntableOutcome) -> list[str]:

@@ -128,8 +128,9 @@ def rotation_section(estimate: Estimate) -> Section | None:
     )
     caption = (
         "What the calibrated gyros turned through, minus what the table's display said. Points of the two ways on "
-        "either side of zero alike show a bias of that hour; both above or both below, an angle that does not fit "
-        "the others. Six axes and no more are fitted exactly in their sum. Bars are one standard deviation."
+        "either side of zero alike show a bias of that hour if all axes do it, and a misread angle if one does; "
+        "both above or both below, an angle that does not fit the others. Six axes and no more are fitted exactly "
+        "in their sum. Bars are one standard deviation."
     )
     label = "Residual of the table's angle in each rotation"
     return Section(
