@@ -45,6 +45,10 @@ class ConvergenceError(TumbleError):
     """The adjustment diverged or ended in a mirror root."""
 
 
+class ThermalSpanError(TumbleError):
+    """A temperature is outside the span that a thermal calibration covers."""
+
+
 class OutputError(TumbleError):
     """A result could not be written (full disk, no permission); earlier results are intact."""
 

@@ -1,0 +1,392 @@
+"""`ThermalModel`: an IMU whose errors change with its temperature, with how fast, and with the way there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors
+from tumble.errors import ThermalSpanError
+from tumble.sensor.imu import ImuModel
+from tumble.sensor.thermal_basis import TemperatureBasis
+from tumble.sensor.thermal_path import TemperaturePath, ThermalState, follow_temperature
+from tumble.sensor.triad import Triad
+
+Outside: TypeAlias = Literal["refuse", "hold", "extrapolate"]
+# A model is used this far beyond the temperatures that it was calibrated at, without asking.
+SPAN_MARGIN = 2.0  # K
+BLOCK = 65536
+SHAPES: dict[str, tuple[int, ...]] = {
+    "accelerometer.bias": (3,),
+    "accelerometer.matrix": (3, 3),
+    "gyroscope.bias": (3,),
+    "gyroscope.matrix": (3, 3),
+    "g_sensitivity": (3, 3),
+}
+BIASES = ("accelerometer.bias", "gyroscope.bias")
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalModel:
+    """Both triads as functions of the sensor's temperature T, its rate dT/dt and a hysteresis state s.
+
+    ``matrix(T) = reference + sum_k coefficient_k f_k(T)``, the same for the g-sensitivity, and
+    ``bias(T, dT/dt, s) = reference + sum_k coefficient_k f_k(T) + rate_coefficient dT/dt + hysteresis s``
+    with the functions f_k of `basis`. Asymmetry and quadratic terms do not change with temperature.
+
+    Attributes
+    ----------
+    reference : the unit at the basis' reference temperature, settled, half way through the hysteresis.
+    basis : the functions of temperature.
+    coefficients : any of ``accelerometer.bias`` (functions, 3), ``accelerometer.matrix``
+        (functions, 3, 3), ``gyroscope.bias``, ``gyroscope.matrix`` and ``g_sensitivity``, in raw units.
+    rate_coefficients : of the two biases, (3,) raw units per K/s.
+    hysteresis : of the two biases, (3,) raw units: half of what heating and cooling differ by.
+    hysteresis_width : K over which s goes over (to 1/e) after the temperature has turned round.
+    lag : s, of first order, by which the sensor is behind the recorded temperature.
+    span_celsius : °C, lowest and highest of the calibration.
+    largest_rate : K/s, fastest change seen in the calibration.
+    smoothing : s, over which noise and steps of the thermometer are averaged; not late on a ramp.
+    dead_band : K that the temperature must move before the hysteresis follows: the thermometer's noise.
+    start_hysteresis : s before the first sample of a recording, where nothing is known of what was before.
+
+    Raises
+    ------
+    ValueError
+        If a coefficient is of an unknown quantity, of another shape, or of a triad that is not there.
+    """
+
+    reference: ImuModel
+    basis: TemperatureBasis
+    coefficients: dict[str, AnyArray] = field(default_factory=dict[str, AnyArray])
+    rate_coefficients: dict[str, Vector] = field(default_factory=dict[str, Vector])
+    hysteresis: dict[str, Vector] = field(default_factory=dict[str, Vector])
+    hysteresis_width: float = 5.0
+    lag: float = 0.0
+    span_celsius: tuple[float, float] = (-np.inf, np.inf)
+    largest_rate: float = np.inf
+    smoothing: float = 10.0
+    dead_band: float = 0.05
+    start_hysteresis: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check that each coefficient is of something that the unit has, in the right shape."""
+        for name, values in self.coefficients.items():
+            if name not in SHAPES or values.shape != (self.basis.size, *SHAPES[name]):
+                raise ValueError(
+                    f"no coefficients {name!r} of shape {values.shape} for {self.basis.size} functions"
+                )
+        for name, values in (*self.rate_coefficients.items(), *self.hysteresis.items()):
+            if name not in BIASES or values.shape != (3,):
+                raise ValueError(
+                    f"rate and hysteresis act on the biases (3,), not on {name!r} {values.shape}"
+                )
+        for name in (*self.coefficients, *self.rate_coefficients, *self.hysteresis):
+            known = self.reference.accelerometer if name.startswith("acc") else self.reference.gyroscope
+            if known is None or (name == "g_sensitivity" and self.reference.g_sensitivity is None):
+                raise ValueError(f"{name} changes with temperature, but the reference has none")
+        if self.hysteresis_width <= 0.0 or min(self.lag, self.smoothing, self.dead_band) < 0.0:
+            raise ValueError("hysteresis_width is above zero; lag, smoothing and dead_band are not below it")
+
+    def at(self, temperature_celsius: float, rate: float = 0.0, state: float = 0.0) -> ImuModel:
+        """Return the unit at a temperature of the sensor (°C), its rate (K/s) and hysteresis state."""
+        functions = self.basis.values(np.array([float(temperature_celsius)]))[0]
+
+        def triad(known: Triad | None, name: str) -> Triad | None:
+            if known is None:
+                return None
+            bias = known.bias + rate * self._rate(f"{name}.bias") + state * self._loop(f"{name}.bias")
+            return replace(
+                known,
+                matrix=known.matrix + self._sum(functions, f"{name}.matrix"),
+                bias=bias + self._sum(functions, f"{name}.bias"),
+            )
+
+        sensitivity = self.reference.g_sensitivity
+        if sensitivity is not None:
+            sensitivity = np.asarray(sensitivity + self._sum(functions, "g_sensitivity"))
+        return ImuModel(
+            triad(self.reference.accelerometer, "accelerometer"),
+            triad(self.reference.gyroscope, "gyroscope"),
+            sensitivity,
+        )
+
+    def path(
+        self, time: Series, temperature_celsius: Series, start: ThermalState | None = None
+    ) -> TemperaturePath:
+        """Return the sensor's own temperature over a recording, and the state for its next block.
+
+        Parameters
+        ----------
+        time, temperature_celsius : (samples,) s and °C, as recorded.
+        start : the state that the block before ended with.
+
+        Raises
+        ------
+        ValueError
+            If there is no sample, or no temperature among them that is a number.
+        """
+        return follow_temperature(
+            time,
+            temperature_celsius,
+            smoothing=self.smoothing,
+            lag=self.lag,
+            hysteresis_width=self.hysteresis_width,
+            dead_band=self.dead_band,
+            start=start,
+            start_hysteresis=self.start_hysteresis,
+        )
+
+    def sensor_temperature(self, time: Series, temperature_celsius: Series) -> tuple[Series, Series, Series]:
+        """Return (samples,) of the sensor's temperature (°C), its rate (K/s) and the hysteresis state.
+
+        Raises
+        ------
+        ValueError
+            If there is no sample, or no temperature among them that is a number.
+        """
+        path = self.path(time, temperature_celsius)
+        return path.temperature, path.rate, path.hysteresis
+
+    def correct(
+        self,
+        time: Series,
+        raw_force: Vectors,
+        raw_rate: Vectors,
+        temperature_celsius: Series,
+        *,
+        outside: Outside = "refuse",
+    ) -> tuple[Vectors, Vectors]:
+        """Return the true (specific force, angular rate) in b for raw ones and the recorded temperature.
+
+        Parameters
+        ----------
+        outside : what to do beyond the calibrated span and its margin of 2 K: refuse, hold the
+            parameters of the span's end, or extrapolate the functions of temperature.
+
+        Raises
+        ------
+        ThermalSpanError
+            If the temperature leaves the span and `outside` is ``refuse``.
+        ValueError
+            If a triad is missing, or its matrix is singular at some temperature.
+        """
+        if self.reference.accelerometer is None or self.reference.gyroscope is None:
+            raise ValueError("the model lacks a triad: use correct_along")
+        path = self.path(time, temperature_celsius)
+        force, rate = self.correct_along(path, time, raw_force, raw_rate, outside=outside)
+        assert force is not None
+        assert rate is not None
+        return force, rate
+
+    def correct_along(
+        self,
+        path: TemperaturePath,
+        time: Series,
+        raw_force: Vectors | None,
+        raw_rate: Vectors | None,
+        *,
+        outside: Outside = "refuse",
+    ) -> tuple[Vectors | None, Vectors | None]:
+        """Return what `correct` does along a known path; a triad without model or numbers gives None.
+
+        Raises
+        ------
+        ThermalSpanError
+            If the path leaves the span and `outside` is ``refuse``.
+        ValueError
+            If a matrix is singular at some temperature, or a g-sensitivity has no force to act on.
+        """
+        temperature = self.within(path.temperature, time, outside)
+        force = rate = None
+        if self.reference.accelerometer is not None and raw_force is not None:
+            force = np.empty_like(raw_force)
+        if self.reference.gyroscope is not None and raw_rate is not None:
+            if self.reference.g_sensitivity is not None and force is None:
+                raise ValueError("the g-sensitivity acts on the specific force, which is missing")
+            rate = np.empty_like(raw_rate)
+        for begin in range(0, temperature.size, BLOCK):
+            part = slice(begin, begin + BLOCK)
+            values = self._values(temperature[part], path.rate[part], path.hysteresis[part])
+            none = np.zeros((0, 3))
+            if force is not None and raw_force is not None:
+                self._correct_block("accelerometer", raw_force[part], none, values, force[part])
+            if rate is not None and raw_rate is not None:
+                coupled = none if force is None or self.reference.g_sensitivity is None else force[part]
+                self._correct_block("gyroscope", raw_rate[part], coupled, values, rate[part])
+        return force, rate
+
+    def distort(
+        self, time: Series, force: Vectors, rate: Vectors, temperature_celsius: Series
+    ) -> tuple[Vectors, Vectors]:
+        """Return the raw (specific force, angular rate) for true ones in b: the inverse of `correct`.
+
+        The functions of temperature are used as they are, beyond the span too.
+
+        Raises
+        ------
+        ValueError
+            If a triad is missing, or no temperature is a number.
+        """
+        accelerometer, gyroscope = self.reference.accelerometer, self.reference.gyroscope
+        if accelerometer is None or gyroscope is None:
+            raise ValueError("the model lacks a triad")
+        path = self.path(time, temperature_celsius)
+        raw_force, raw_rate = np.empty_like(force), np.empty_like(rate)
+        for begin in range(0, time.size, BLOCK):
+            part = slice(begin, begin + BLOCK)
+            values = self._values(path.temperature[part], path.rate[part], path.hysteresis[part])
+            raw_force[part] = self._distort_block("accelerometer", accelerometer, force[part], values)
+            raw_rate[part] = self._distort_block("gyroscope", gyroscope, rate[part], values)
+            if self.reference.g_sensitivity is not None:
+                raw_rate[part] += force[part] @ self.reference.g_sensitivity.T
+                if "g_sensitivity" in self.coefficients:
+                    terms = self.coefficients["g_sensitivity"]
+                    raw_rate[part] += np.einsum(
+                        "nk,kij,nj->ni", values[:, : self.basis.size], terms, force[part], optimize=True
+                    )
+        return raw_force, raw_rate
+
+    def within(self, temperature: Series, time: Series, outside: Outside) -> Series:
+        """Return the sensor's temperatures to take the functions at: as they are, or held at the span's ends.
+
+        Raises
+        ------
+        ThermalSpanError
+            If one is more than the margin outside the span and `outside` is ``refuse``.
+        """
+        low, high = self.span_celsius
+        if outside == "extrapolate":
+            return temperature
+        if outside == "hold":
+            return np.clip(temperature, low, high)
+        far = np.flatnonzero((temperature < low - SPAN_MARGIN) | (temperature > high + SPAN_MARGIN))
+        if far.size:
+            raise ThermalSpanError(
+                f"The sensor is at {temperature[far[0]]:.1f} °C at {time[far[0]]:.1f} s "
+                f"({temperature.min():.1f} to {temperature.max():.1f} °C here), outside the {low:.1f} to "
+                f"{high:.1f} °C that the calibration covers: calibrate there too, or choose to hold the "
+                "parameters of the span's end or to extrapolate (--outside hold, --outside extrapolate)."
+            )
+        return temperature
+
+    def turned(self, C_new_b: Matrix) -> ThermalModel:
+        """Return the same unit described in another body frame: ``true_new = C_new_b @ true_b``."""
+        turned = {
+            name: values if name in BIASES else np.ascontiguousarray(values @ C_new_b.T)
+            for name, values in self.coefficients.items()
+        }
+        return replace(self, reference=self.reference.turned(C_new_b), coefficients=turned)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the thermal parameters, in the order of `vector`: what a covariance is over.
+
+        ``accelerometer.bias.temperature[k,i]`` (function k, axis i), ``accelerometer.matrix.temperature[k,i,j]``,
+        ``accelerometer.bias.rate[i]``, ``accelerometer.bias.hysteresis[i]`` and the like.
+        """
+        names: list[str] = []
+        for name in SHAPES:
+            if name in self.coefficients:
+                places = np.ndindex(*self.coefficients[name].shape)
+                names += [f"{name}.temperature[{','.join(map(str, place))}]" for place in places]
+        for kind, group in (("rate", self.rate_coefficients), ("hysteresis", self.hysteresis)):
+            names += [f"{name}.{kind}[{i}]" for name in BIASES if name in group for i in range(3)]
+        return names
+
+    def vector(self) -> Series:
+        """Return the thermal parameters as numbers, in the order of `names`."""
+        parts = [self.coefficients[name].ravel() for name in SHAPES if name in self.coefficients]
+        for group in (self.rate_coefficients, self.hysteresis):
+            parts += [group[name] for name in BIASES if name in group]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def with_vector(self, values: Series) -> ThermalModel:
+        """Return the model with other numbers for its thermal parameters, in the order of `names`."""
+        used = 0
+
+        def taken(old: AnyArray) -> AnyArray:
+            nonlocal used
+            used += old.size
+            return values[used - old.size : used].reshape(old.shape).copy()
+
+        coefficients = {n: taken(self.coefficients[n]) for n in SHAPES if n in self.coefficients}
+        rates = {n: taken(self.rate_coefficients[n]) for n in BIASES if n in self.rate_coefficients}
+        loops = {n: taken(self.hysteresis[n]) for n in BIASES if n in self.hysteresis}
+        return replace(self, coefficients=coefficients, rate_coefficients=rates, hysteresis=loops)
+
+    def _sum(self, functions: Series, name: str) -> AnyArray:
+        terms = self.coefficients.get(name)
+        if terms is None:
+            return np.zeros(SHAPES[name])
+        return np.asarray(np.tensordot(functions, terms, axes=1), dtype=np.float64)
+
+    def _rate(self, name: str) -> Vector:
+        return self.rate_coefficients.get(name, np.zeros(3))
+
+    def _loop(self, name: str) -> Vector:
+        return self.hysteresis.get(name, np.zeros(3))
+
+    def _values(self, temperature: Series, rate: Series, state: Series) -> Table:
+        """Return (samples, functions + 2): the basis, the rate, and the hysteresis state."""
+        return np.column_stack([self.basis.values(temperature), rate, state])
+
+    def _terms(self, name: str, *, with_path: bool) -> AnyArray:
+        """Return the coefficients of a quantity, of a bias with those of rate and hysteresis below."""
+        terms = self.coefficients.get(name, np.zeros((0, *SHAPES[name])))
+        if not with_path or not (name in self.rate_coefficients or name in self.hysteresis):
+            return np.ascontiguousarray(terms)
+        if not terms.shape[0]:
+            terms = np.zeros((self.basis.size, 3))
+        return np.vstack([terms, self._rate(name), self._loop(name)])
+
+    def _correct_block(self, name: str, raw: Vectors, coupled: Vectors, values: Table, true: Vectors) -> None:
+        from tumble.sensor import kernels
+
+        triad = self.reference.accelerometer if name == "accelerometer" else self.reference.gyroscope
+        assert triad is not None
+        zero, sensitivity = np.zeros(3), self.reference.g_sensitivity
+        singular = kernels.correct_triad(
+            np.ascontiguousarray(raw),
+            np.ascontiguousarray(coupled),
+            values,
+            np.ascontiguousarray(triad.bias),
+            self._terms(f"{name}.bias", with_path=True),
+            np.ascontiguousarray(triad.matrix),
+            self._terms(f"{name}.matrix", with_path=False),
+            np.zeros((3, 3)) if sensitivity is None else np.ascontiguousarray(sensitivity),
+            self._terms("g_sensitivity", with_path=False),
+            zero if triad.asymmetry is None else np.ascontiguousarray(triad.asymmetry),
+            zero if triad.quadratic is None else np.ascontiguousarray(triad.quadratic),
+            true,
+        )
+        if singular >= 0:
+            raise ValueError(f"the {name}'s matrix is singular at a temperature of the recording")
+
+    def _distort_block(self, name: str, triad: Triad, true: Vectors, values: Table) -> Vectors:
+        """Return raw samples: the triad at each sample's own parameters."""
+        own = true @ triad.matrix.T
+        terms = self.coefficients.get(f"{name}.matrix")
+        if terms is not None:
+            own = own + np.einsum("nk,kij,nj->ni", values[:, : self.basis.size], terms, true, optimize=True)
+        raw = own + triad.bias
+        biases = self._terms(f"{name}.bias", with_path=True)
+        raw = raw + values[:, : biases.shape[0]] @ biases
+        if triad.asymmetry is not None:
+            raw = raw + triad.asymmetry * np.abs(own)
+        if triad.quadratic is not None:
+            raw = raw + triad.quadratic * own**2
+        return raw
+
+
+__all__ = [
+    "SPAN_MARGIN",
+    "Outside",
+    "TemperatureBasis",
+    "TemperaturePath",
+    "ThermalModel",
+    "ThermalState",
+    "follow_temperature",
+]
