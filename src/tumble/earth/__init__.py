@@ -1,6 +1,26 @@
-"""The Earth as an IMU at rest sees it: gravity and the Earth's rotation at a site."""
+"""The Earth as an IMU sees it: its figure, gravity, and its rotation at a site."""
 
-from tumble.earth.gravity import normal_gravity
+from tumble.earth.ellipsoid import (
+    curvature_radii,
+    geodetic_position,
+    north_east_down,
+    position_in_earth_frame,
+    rotation_to_earth_frame,
+    rotations_to_earth_frame,
+)
+from tumble.earth.gravity import gravity_vectors_n, normal_gravity
 from tumble.earth.site import EARTH_RATE, STANDARD_GRAVITY, Site
 
-__all__ = ["EARTH_RATE", "STANDARD_GRAVITY", "Site", "normal_gravity"]
+__all__ = [
+    "EARTH_RATE",
+    "STANDARD_GRAVITY",
+    "Site",
+    "curvature_radii",
+    "geodetic_position",
+    "gravity_vectors_n",
+    "normal_gravity",
+    "north_east_down",
+    "position_in_earth_frame",
+    "rotation_to_earth_frame",
+    "rotations_to_earth_frame",
+]

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from tumble.arrays import AnyArray
+
 # WGS 84 defining and derived constants: NGA.STND.0036_1.0.0 (2014), tables 3.1, 3.2, 3.5, 3.6.
 SEMI_MAJOR_AXIS = 6378137.0  # m, defining
 FLATTENING = 1.0 / 298.257223563  # 1, defining
@@ -12,6 +16,8 @@ GRAVITY_AT_EQUATOR = 9.7803253359  # m/s², gamma_e
 GRAVITY_AT_POLE = 9.8321849379  # m/s², gamma_p
 SOMIGLIANA_CONSTANT = 1.931852652458e-3  # k = b gamma_p / (a gamma_e) - 1
 GRAVITY_RATIO = 3.449786506841e-3  # m = omega² a² b / GM
+# The plumb line's curvature: normal gravity above the ellipsoid leans to the equator, 1/s².
+PLUMB_LINE_CURVATURE = 8.08e-9
 
 
 def normal_gravity(latitude: float, height: float = 0.0) -> float:
@@ -43,3 +49,28 @@ def normal_gravity(latitude: float, height: float = 0.0) -> float:
     )
     first = 2.0 / SEMI_MAJOR_AXIS * (1.0 + FLATTENING + GRAVITY_RATIO - 2.0 * FLATTENING * square)
     return surface * (1.0 - first * height + 3.0 / SEMI_MAJOR_AXIS**2 * height**2)
+
+
+def gravity_vectors_n(latitude: AnyArray, height: AnyArray) -> AnyArray:
+    """Return (..., 3) normal gravity in m/s² in north, east, down.
+
+    The down component is `normal_gravity`; the north component, zero on the ellipsoid, is the plumb line's
+    curvature, 13 µm/s² at 1600 m and 45° (Groves, Principles of GNSS, Inertial, and Multisensor Integrated
+    Navigation Systems, 2nd edition, eq. 2.140).
+
+    Parameters
+    ----------
+    latitude : geodetic, rad, of any shape.
+    height : m above the ellipsoid, of the same shape.
+    """
+    latitude, height = np.asarray(latitude, dtype=float), np.asarray(height, dtype=float)
+    square = np.sin(latitude) ** 2
+    surface = (
+        GRAVITY_AT_EQUATOR
+        * (1.0 + SOMIGLIANA_CONSTANT * square)
+        / np.sqrt(1.0 - ECCENTRICITY_SQUARED * square)
+    )
+    first = 2.0 / SEMI_MAJOR_AXIS * (1.0 + FLATTENING + GRAVITY_RATIO - 2.0 * FLATTENING * square)
+    down = surface * (1.0 - first * height + 3.0 / SEMI_MAJOR_AXIS**2 * height**2)
+    north = -PLUMB_LINE_CURVATURE * height * np.sin(2.0 * latitude)
+    return np.stack([north, np.zeros_like(north), down], axis=-1)

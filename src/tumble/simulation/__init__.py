@@ -16,6 +16,7 @@ from tumble.simulation.protocols import motion_from_protocol, simulate_protocol
 from tumble.simulation.recordings import Distort, Truth, simulate_recording
 from tumble.simulation.sampling import Imperfections
 from tumble.simulation.table import TableErrors
+from tumble.simulation.trajectories import SplineTrajectory, TravelledStates, drive_along, simulate_drive
 from tumble.simulation.two_axis import FixtureErrors, play_sequences
 
 __all__ = [
@@ -31,19 +32,23 @@ __all__ = [
     "Motion",
     "Oscillation",
     "PlayedProtocol",
+    "SplineTrajectory",
     "TableErrors",
+    "TravelledStates",
     "TriadGrade",
     "TriadNoise",
     "TrueRotation",
     "TrueSpin",
     "Truth",
     "convert_to_digital",
+    "drive_along",
     "find_grade",
     "fixture_angles",
     "motion_from_protocol",
     "play_protocol",
     "play_sequences",
     "poses_26",
+    "simulate_drive",
     "simulate_hand_poses",
     "simulate_noise",
     "simulate_protocol",

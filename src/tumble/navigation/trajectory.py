@@ -1,0 +1,207 @@
+"""Where a body is, how fast and how it lies: at one instant, and over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tumble.arrays import Matrices, Matrix, Quaternions, Series, Table, Vector, Vectors
+from tumble.earth import (
+    curvature_radii,
+    position_in_earth_frame,
+    rotation_to_earth_frame,
+)
+from tumble.errors import UsageError
+
+# Beyond it the local level's longitude turns too fast for any step.
+HIGHEST_LATITUDE = float(np.radians(89.9))
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationState:
+    """Position, velocity and attitude at one instant.
+
+    Attributes
+    ----------
+    time : s.
+    latitude, longitude : geodetic, rad.
+    height : m above the ellipsoid.
+    velocity_n : (3,) m/s against the Earth, north, east, down.
+    C_nb : (3, 3) attitude, from b to n.
+    """
+
+    time: float
+    latitude: float
+    longitude: float
+    height: float
+    velocity_n: Vector
+    C_nb: Matrix
+
+    @staticmethod
+    def from_angles(
+        time: float,
+        position: tuple[float, float, float],
+        velocity_n: Vector,
+        roll_pitch_yaw: Vector,
+    ) -> NavigationState:
+        """Return the state with its attitude by roll, pitch and yaw in rad (yaw from north to east).
+
+        Parameters
+        ----------
+        time : s.
+        position : latitude and longitude in rad, height in m.
+        velocity_n : (3,) m/s.
+        roll_pitch_yaw : (3,) rad; the body is turned by yaw about down, then pitch, then roll.
+        """
+        C_nb = Rotation.from_euler("ZYX", roll_pitch_yaw[::-1]).as_matrix()
+        return NavigationState(time, *position, velocity_n, np.asarray(C_nb, dtype=np.float64))
+
+    @property
+    def packed(self) -> Series:
+        """(10,): latitude, longitude, height, velocity, quaternion of C_nb; as the compiled loops have it."""
+        quaternion = Rotation.from_matrix(self.C_nb).as_quat()
+        return np.concatenate(
+            [[self.latitude, self.longitude, self.height], self.velocity_n, quaternion], dtype=np.float64
+        )
+
+    @property
+    def packed_in_earth_frame(self) -> Series:
+        """(10,): position, velocity and quaternion of C_eb in the Earth frame."""
+        C_en = rotation_to_earth_frame(self.latitude, self.longitude)
+        at = position_in_earth_frame(*(np.array([x]) for x in (self.latitude, self.longitude, self.height)))
+        quaternion = Rotation.from_matrix(C_en @ self.C_nb).as_quat()
+        return np.concatenate([at[0], C_en @ self.velocity_n, quaternion], dtype=np.float64)
+
+    @property
+    def roll_pitch_yaw(self) -> Vector:
+        """(3,) rad."""
+        return np.ascontiguousarray(Rotation.from_matrix(self.C_nb).as_euler("ZYX")[::-1])
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """Position, velocity and attitude over time.
+
+    Attributes
+    ----------
+    time : (instants,) s.
+    latitude, longitude, height : (instants,) rad, rad, m.
+    velocity_n : (instants, 3) m/s.
+    quaternion_nb : (instants, 4) of C_nb, scalar last.
+    """
+
+    time: Series
+    latitude: Series
+    longitude: Series
+    height: Series
+    velocity_n: Vectors
+    quaternion_nb: Quaternions
+
+    def __len__(self) -> int:
+        return int(self.time.shape[0])
+
+    @property
+    def C_nb(self) -> Matrices:
+        """(instants, 3, 3) attitude."""
+        return np.asarray(Rotation.from_quat(self.quaternion_nb).as_matrix(), dtype=np.float64)
+
+    @property
+    def roll_pitch_yaw(self) -> Vectors:
+        """(instants, 3) rad."""
+        return np.ascontiguousarray(Rotation.from_quat(self.quaternion_nb).as_euler("ZYX")[:, ::-1])
+
+    @property
+    def packed(self) -> Table:
+        """(instants, 10), as `NavigationState.packed`."""
+        position = [self.latitude, self.longitude, self.height]
+        return np.ascontiguousarray(
+            np.hstack([np.column_stack(position), self.velocity_n, self.quaternion_nb])
+        )
+
+    def state(self, index: int) -> NavigationState:
+        """Return the state at an index, negative ones from the end."""
+        return NavigationState(
+            float(self.time[index]),
+            float(self.latitude[index]),
+            float(self.longitude[index]),
+            float(self.height[index]),
+            self.velocity_n[index].copy(),
+            np.asarray(Rotation.from_quat(self.quaternion_nb[index]).as_matrix(), dtype=np.float64),
+        )
+
+    def rows(self, index: np.ndarray) -> Trajectory:
+        """Return the instants of an index array."""
+        return Trajectory(
+            self.time[index],
+            self.latitude[index],
+            self.longitude[index],
+            self.height[index],
+            self.velocity_n[index],
+            self.quaternion_nb[index],
+        )
+
+    def points(self, lever_arm_b: Vector) -> tuple[Series, Series, Series]:
+        """Return latitude, longitude and height of a point fixed in the body.
+
+        Parameters
+        ----------
+        lever_arm_b : (3,) m, from the IMU to the point.
+        """
+        arm_n = Rotation.from_quat(self.quaternion_nb).apply(lever_arm_b)
+        meridian, across = curvature_radii(self.latitude)
+        return (
+            self.latitude + arm_n[:, 0] / (meridian + self.height),
+            self.longitude + arm_n[:, 1] / ((across + self.height) * np.cos(self.latitude)),
+            self.height - arm_n[:, 2],
+        )
+
+    def errors_against(self, truth: Trajectory) -> tuple[Vectors, Vectors, Vectors]:
+        """Return errors of position (m), velocity (m/s) and attitude (rad), (instants, 3) each, in n.
+
+        This trajectory less the truth; of the attitude the rotation vector phi of ``C_nb = exp(-skew(phi))
+        C_nb_true``, as in the filter's error states.
+
+        Parameters
+        ----------
+        truth : at the same instants.
+
+        Raises
+        ------
+        UsageError
+            If its times are others.
+        """
+        if len(truth) != len(self) or not np.allclose(truth.time, self.time, rtol=0.0, atol=1e-6):
+            raise UsageError(
+                "Two trajectories are compared at the same instants: cut or interpolate them first."
+            )
+        position = position_differences(
+            (self.latitude, self.longitude, self.height), (truth.latitude, truth.longitude, truth.height)
+        )
+        turn = Rotation.from_quat(truth.quaternion_nb) * Rotation.from_quat(self.quaternion_nb).inv()
+        return position, self.velocity_n - truth.velocity_n, turn.as_rotvec()
+
+
+def position_differences(
+    position: tuple[Series, Series, Series], reference: tuple[Series, Series, Series]
+) -> Vectors:
+    """Return (instants, 3) m in north, east, down: a position less another near it (below 10 km apart).
+
+    Parameters
+    ----------
+    position, reference : latitude and longitude (rad), height (m).
+    """
+    meridian, across = curvature_radii(0.5 * (position[0] + reference[0]))
+    height = 0.5 * (position[2] + reference[2])
+    east = np.remainder(position[1] - reference[1] + np.pi, 2.0 * np.pi) - np.pi
+    return np.column_stack(
+        [
+            (position[0] - reference[0]) * (meridian + height),
+            east * (across + height) * np.cos(0.5 * (position[0] + reference[0])),
+            reference[2] - position[2],
+        ]
+    )
+
+
+__all__ = ["HIGHEST_LATITUDE", "NavigationState", "Trajectory", "position_differences"]
