@@ -156,14 +156,19 @@ def _badness_with_slope(directions: Vectors, criterion: str) -> tuple[float, Tab
         total = float(np.sum((ratios / largest) ** half))
         value = float(np.sqrt(largest) * total ** (1.0 / SHARPNESS))
         by_variance = 0.5 * value / total * (ratios / largest) ** half / variances
-    rows, by_direction = _rows_with_slope(directions)
+    rows, by_direction = rows_with_slope(directions)
     projected = rows @ cofactor
     by_row = -2.0 * (projected * by_variance) @ cofactor
     return value, np.einsum("pr,prc->pc", by_row, by_direction)
 
 
-def _rows_with_slope(directions: Vectors) -> tuple[Table, Any]:
-    """The rows of `information` in units of gravity, and their derivatives (n, 9, 3)."""
+def rows_with_slope(directions: Vectors) -> tuple[Table, Any]:
+    """Return the rows of `information` in units of gravity, and their derivatives (n, 9, 3).
+
+    Parameters
+    ----------
+    directions : (n, 3) unit vectors up.
+    """
     x, y, z = directions.T
     nought, one = np.zeros_like(x), np.ones_like(x)
     rows = np.column_stack([x * x, y * y, z * z, x * y, -x * z, y * z, x, y, z])

@@ -1,0 +1,520 @@
+"""A planned test of poses at rest: which, for how long, in which order, and what it will be worth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tumble.arrays import Series, Square, Vector, Vectors, inverted
+from tumble.attitude.directions import twenty_six_directions
+from tumble.calibration.poses import SAME_POSE
+from tumble.calibration.singular_poses import describe_mending, describe_untold
+from tumble.design.candidates import PARAMETERS, pose_candidates, pose_rows, prediction_weights
+from tumble.design.criteria import Criterion
+from tumble.design.hold_noise import (
+    hold_covariance,
+    hold_times,
+    predict_covariance,
+    wander_sigma,
+    white_density,
+)
+from tumble.design.pose_sets import paper_nine
+from tumble.design.selection import (
+    ApproximateDesign,
+    find_approximate,
+    find_exact,
+    find_on_sphere,
+    refine_on_sphere,
+)
+from tumble.errors import ObservabilityError, UsageError
+from tumble.simulation.noise import TriadNoise
+from tumble.units import STANDARD_GRAVITY
+
+# A hold of less is not found as rest, s.
+LEAST_DWELL = 4.0
+# Of plans of the same time the one with the fewest poses that is so close to the best is taken.
+FEWER_POSES = 0.1
+# Numbers of poses that are tried where the time is fixed.
+LADDER = (6, 7, 8, 9, 10, 12, 14, 16, 18, 22, 26, 32, 40, 52)
+STARTS = 10
+# Sweeps of swaps for the order.
+MOST_SWEEPS = 3
+# Of the paper's nine, with independent norms: what minimax measures against.
+NINE_SIGMAS = np.sqrt([0.5, 0.5, 0.5, 7.0, 7.0, 7.0, 0.5, 0.5, 0.5])
+
+
+def criterion_of(name: str, wanted: np.ndarray | None = None) -> Criterion:
+    """Return a criterion over `PARAMETERS`, in sizes that compare them.
+
+    A, D, E take relative scale factors, radians and biases over gravity as alike; minimax takes each against what
+    the nine poses of Zhang et al. (2010) give in the same dwells.
+
+    Parameters
+    ----------
+    name : one of `tumble.design.criteria.CRITERIA`.
+    wanted : indices of `PARAMETERS`; None for all.
+    """
+    which = np.arange(len(PARAMETERS)) if wanted is None else wanted
+    sizes = NINE_SIGMAS[which] if name == "minimax" else np.ones(which.size)
+    return Criterion(name, which, sizes, prediction_weights())
+
+
+@dataclass(frozen=True, slots=True)
+class PoseTask:
+    """What a plan is made for.
+
+    Attributes
+    ----------
+    noise, rate : of the accelerometers, and Hz.
+    criterion : what is made small.
+    turn : s from one pose to the next.
+    gravity : m/s².
+    known : (9, 9) information about `PARAMETERS` that is there already, or None.
+    """
+
+    noise: TriadNoise
+    criterion: Criterion
+    rate: float = 100.0
+    turn: float = 3.0
+    gravity: float = STANDARD_GRAVITY
+    known: Square | None = None
+
+    def dwell_sigma(self, dwell: float, span: float) -> float:
+        """Return the standard uncertainty of a hold's norm over gravity, wander within the test included.
+
+        Parameters
+        ----------
+        dwell, span : s, of the hold and of the whole test.
+        """
+        white = white_density(self.noise, self.rate) ** 2 / dwell
+        return float(np.sqrt(white + wander_sigma(self.noise, dwell, span) ** 2)) / self.gravity
+
+    def span(self, dwells: Series) -> float:
+        """Return the seconds of a test with these dwells, turns included."""
+        return float(np.sum(dwells)) + self.turn * (len(dwells) - 1)
+
+    def covariance(self, directions: Vectors, dwells: Series) -> Square:
+        """Return the covariance (9, 9) that a calibration of these holds will have, one after the other.
+
+        Parameters
+        ----------
+        directions : (n, 3) unit vectors up, in the order of the test.
+        dwells : (n,) s.
+
+        Raises
+        ------
+        ObservabilityError
+            If they do not tell what is wanted.
+        """
+        require_seen(directions, self.criterion, self.known)
+        noise = hold_covariance(hold_times(dwells, self.turn), self.noise, self.rate) / self.gravity**2
+        # What is not wanted and not told stands in the way of no inverse.
+        rows = pose_rows(directions)
+        ridge = 1e-10 / float(np.median(np.diag(noise))) * np.eye(len(PARAMETERS))
+        known = ridge if self.known is None else self.known + ridge
+        return predict_covariance(rows, directions, noise, known=known)
+
+
+@dataclass(frozen=True, slots=True)
+class PosePlan:
+    """Poses in order, with what they will be worth.
+
+    Attributes
+    ----------
+    name : of the scheme.
+    directions : (n, 3) unit vectors up.
+    dwells : (n,) s.
+    turn : s between two.
+    covariance : (9, 9) over `PARAMETERS`: relative, rad, over gravity.
+    value : the criterion.
+    efficiency : share of the test's time in which the best design there is of these poses would be as good, were
+        the noise white; proved, not estimated. Zero if it was not sought.
+    names : of the poses, where the fixture has some.
+    """
+
+    name: str
+    directions: Vectors
+    dwells: Series
+    turn: float
+    covariance: Square
+    value: float
+    efficiency: float = 0.0
+    names: tuple[str, ...] = field(default=())
+
+    @property
+    def duration(self) -> float:
+        """Seconds, turns included."""
+        return float(np.sum(self.dwells)) + self.turn * (len(self.dwells) - 1)
+
+    @property
+    def sigmas(self) -> Series:
+        """(9,) standard uncertainties of `PARAMETERS`."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """The poses that there are to choose from.
+
+    Attributes
+    ----------
+    words : for a user, as "the 26 directions of a cube".
+    directions : (n, 3) unit vectors up; for a whole sphere a grid of it.
+    names : of each, or None.
+    sphere : everything between them is reached too.
+    """
+
+    words: str
+    directions: Vectors
+    names: tuple[str, ...] | None = None
+    sphere: bool = False
+
+
+def require_seen(
+    directions: Vectors, criterion: Criterion, known: Square | None = None, what: str = ""
+) -> None:
+    """Refuse poses that do not tell what is wanted, in words.
+
+    Parameters
+    ----------
+    directions : (n, 3) unit vectors up.
+    criterion : for what is wanted.
+    known : (9, 9) information that is there already.
+    what : the poses in words, as "The 6 poses of the jig".
+
+    Raises
+    ------
+    ObservabilityError
+        With the combination that no pose tells, and the poses that would.
+    """
+    rows = pose_rows(directions)
+    total = rows.T @ rows
+    size = 1.0 if known is None else max(float(np.max(np.diag(known))), 1e-300)
+    if known is not None:
+        total = total + known / size
+    # A wanted parameter is told if no direction that the poses leave open moves it.
+    values, vectors = np.linalg.eigh(total)
+    open_ones = vectors[:, values < 1.0 / 30.0**2 * (1.0 if known is None else 1e-6)]
+    wanted = np.arange(len(PARAMETERS)) if criterion.name == "I" else criterion.wanted
+    if open_ones.size == 0 or not np.any(np.abs(open_ones[wanted]) > 0.02):
+        return
+    head = what or f"The {len(directions)} poses"
+    said = describe_untold(directions) or "do not tell what is asked for"
+    if len(directions) == 1:
+        head, said = head.replace("poses", "pose"), said.replace("do not", "does not", 1)
+    add = describe_mending(directions)
+    raise ObservabilityError(f"{head} {said}. " + (f"Add {add}." if add else "Allow more poses."))
+
+
+def plan_of(name: str, task: PoseTask, directions: Vectors, dwells: Series) -> PosePlan:
+    """Return what poses in this order will be worth.
+
+    Parameters
+    ----------
+    name, task, directions, dwells : as of `PosePlan` and `PoseTask`.
+
+    Raises
+    ------
+    ObservabilityError
+        If they do not tell what is wanted.
+    """
+    covariance = task.covariance(directions, dwells)
+    value = float(task.criterion.value(covariance))
+    return PosePlan(name, directions, dwells, task.turn, covariance, value)
+
+
+def plan_poses(task: PoseTask, reach: Reach, count: int, dwell: float, rng: np.random.Generator) -> PosePlan:
+    """Return the best plan of so many poses alike in time.
+
+    Parameters
+    ----------
+    task, reach : what for, and of which poses.
+    count : poses; one may be visited again where that is better than another.
+    dwell : s of each.
+    rng : draws the starts of the search.
+
+    Raises
+    ------
+    ObservabilityError
+        If the poses that are reached, or so many of them, do not tell what is wanted.
+    """
+    require_seen(
+        reach.directions, task.criterion, task.known, f"The {len(reach.directions)} poses of {reach.words}"
+    )
+    if task.known is None and count < task.criterion.wanted.size:
+        raise ObservabilityError(
+            f"{count} poses tell {count} numbers, and {task.criterion.wanted.size} parameters are asked for: allow "
+            f"{_least(task)} poses or more, or ask for fewer parameters with --for."
+        )
+    sigma = task.dwell_sigma(dwell, task.span(np.full(count, dwell)))
+    candidates = pose_candidates(reach.directions, sigma, task.turn, reach.names)
+    known = _with_floor(task, sigma)
+    design = find_exact(candidates, count, task.criterion, rng, known=known, starts=STARTS)
+    directions = reach.directions[design.chosen]
+    names = () if reach.names is None else tuple(reach.names[index] for index in design.chosen)
+    if reach.sphere:
+        directions = _refined(task, directions, count, sigma, rng, known)
+    order = best_order(task, directions, dwell)
+    plan = plan_of(_title(task, reach), task, directions[order], np.full(count, dwell))
+    return replace(
+        plan,
+        efficiency=min(design.bound / _independent_value(task, directions, np.full(count, sigma**2)), 1.0),
+        names=tuple(names[index] for index in order) if names else (),
+    )
+
+
+def plan_time(
+    task: PoseTask,
+    reach: Reach,
+    seconds: float,
+    rng: np.random.Generator,
+    say: Callable[[str], None] | None = None,
+) -> PosePlan:
+    """Return the best plan that lasts so long, turns included, with as many poses as is best and free dwells.
+
+    Parameters
+    ----------
+    task, reach, rng : as of `plan_poses`.
+    seconds : of the whole test.
+    say : is told what is tried.
+
+    Raises
+    ------
+    UsageError
+        If the time is not enough for as many poses as are needed.
+    ObservabilityError
+        As `plan_poses`.
+    """
+    least = _least(task)
+    fitting = [n for n in LADDER if n >= least and (seconds + task.turn) / n - task.turn >= LEAST_DWELL]
+    if not fitting:
+        needed = least * (LEAST_DWELL + task.turn) - task.turn
+        raise UsageError(
+            f"{seconds:.0f} s are too short for the {least} poses that are needed, {LEAST_DWELL:g} s each and "
+            f"{task.turn:g} s between them: give {needed:.0f} s ({needed / 60.0:.2g} min) or more."
+        )
+    plans: list[PosePlan] = []
+    for count in fitting:
+        if say is not None:
+            say(f"trying {count} poses")
+        try:
+            plans.append(plan_poses(task, reach, count, (seconds + task.turn) / count - task.turn, rng))
+        except ObservabilityError:
+            if count == fitting[-1] and not plans:
+                raise
+    limit = min(plan.value for plan in plans) * (1.0 + FEWER_POSES)
+    fewest = next(plan for plan in plans if plan.value <= limit)
+    freed = _free_dwells(task, fewest)
+    best = freed if freed.value < fewest.value else fewest
+    white = white_density(task.noise, task.rate) ** 2 / task.gravity**2 / best.dwells
+    bound = continuous_design(task, reach, seconds).bound
+    return replace(best, efficiency=min(bound / _independent_value(task, best.directions, white), 1.0))
+
+
+def continuous_design(task: PoseTask, reach: Reach, seconds: float) -> ApproximateDesign:
+    """Return the best shares of so many seconds among the poses, without turns or wander: nothing is better.
+
+    Parameters
+    ----------
+    task, reach, seconds : as of `plan_time`.
+    """
+    sigma = white_density(task.noise, task.rate) / np.sqrt(seconds) / task.gravity
+    return find_approximate(
+        pose_candidates(reach.directions, float(sigma)), task.criterion, known=_with_floor(task, float(sigma))
+    )
+
+
+def scheme_directions() -> dict[str, Vectors]:
+    """Return the papers' sets of poses by name."""
+    directions = twenty_six_directions()
+    corner = np.array([[1.0, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]]) / np.sqrt(3.0)
+    return {
+        "six faces": directions[:6],
+        "nine of Zhang et al. (2010)": paper_nine(),
+        "ten: faces, a corner and its neighbours": np.vstack([directions[:6], corner]),
+        "twelve edges": directions[6:18],
+        "fourteen: faces and corners": np.vstack([directions[:6], directions[18:]]),
+        "eighteen: faces and edges": directions[:18],
+        "all 26 (Shin and El-Sheimy)": directions,
+    }
+
+
+def plan_schemes(task: PoseTask, seconds: float) -> dict[str, PosePlan | str]:
+    """Return the papers' schemes in the same time, each in its best order; in words what keeps one from it.
+
+    Parameters
+    ----------
+    task : what for.
+    seconds : of the whole test, turns included.
+    """
+    plans: dict[str, PosePlan | str] = {}
+    for name, directions in scheme_directions().items():
+        dwell = (seconds + task.turn) / len(directions) - task.turn
+        if dwell < LEAST_DWELL:
+            plans[name] = f"the time leaves less than {LEAST_DWELL:g} s for a pose"
+            continue
+        ordered = directions[best_order(task, directions, dwell)]
+        try:
+            plans[name] = plan_of(name, task, ordered, np.full(len(ordered), dwell))
+        except ObservabilityError:
+            said = describe_untold(directions) or "do not tell what is asked for"
+            plans[name] = said.partition(" (")[0].replace("do not tell", "does not tell", 1)
+    return plans
+
+
+def shortest_order(directions: Vectors) -> list[int]:
+    """Return an order in which each pose is near the one before, but never the same again at once.
+
+    Parameters
+    ----------
+    directions : (n, 3) unit vectors up.
+    """
+    left = list(range(len(directions)))
+    order = [max(left, key=lambda index: (round(float(directions[index, 2]), 6), -index))]
+    left.remove(order[0])
+    while left:
+        cosines = directions[left] @ directions[order[-1]]
+        alike = cosines > np.cos(SAME_POSE)
+        # A pose that is to be visited often comes first, so that others are left to stand between.
+        visits = np.array(
+            [np.sum(directions[left] @ directions[index] > np.cos(SAME_POSE)) for index in left]
+        )
+        often = visits >= max(2.0, 0.5 * len(left))
+        score = cosines + 10.0 * often - 100.0 * alike
+        place = int(np.argmax(np.asarray(np.round(score, 9), dtype=np.float64)))
+        order.append(left.pop(place))
+    return order
+
+
+def best_order(task: PoseTask, directions: Vectors, dwell: float) -> list[int]:
+    """Return the order in which a wandering bias does least harm; the shortest where none wanders.
+
+    Neighbours in time share a wander, and poses that look alike pass it on to the parameters: opposite poses one
+    after the other do not. Found by swapping two poses for as long as that helps.
+
+    Parameters
+    ----------
+    task, directions : as of `plan_poses`.
+    dwell : s of each pose.
+    """
+    order = shortest_order(directions)
+    if not task.noise.wanders or len(order) < 3:
+        return order
+    noise = hold_covariance(hold_times(np.full(len(order), dwell), task.turn), task.noise, task.rate)
+    rows, alike = pose_rows(directions), directions @ directions.T
+    base = (
+        1e-10 * np.eye(len(PARAMETERS)) if task.known is None else task.known * float(np.mean(np.diag(noise)))
+    )
+    if task.known is not None:
+        base = base / task.gravity**2
+    gain = inverted(rows.T @ rows + base) @ rows.T
+    mean = float(np.mean(np.diag(noise)))
+    still = float(np.cos(SAME_POSE))
+
+    def value(tried: list[int]) -> float:
+        at = np.array(tried)
+        if np.any(alike[at[1:], at[:-1]] > still):
+            return float("inf")
+        place = gain[:, at]
+        covariance = place @ (alike[np.ix_(at, at)] * noise) @ place.T / mean
+        return float(task.criterion.value(covariance))
+
+    now = value(order)
+    for _ in range(MOST_SWEEPS):
+        before = now
+        for first in range(len(order) - 1):
+            for second in range(first + 1, len(order)):
+                order[first], order[second] = order[second], order[first]
+                tried = value(order)
+                if tried < now * (1.0 - 1e-6):
+                    now = tried
+                else:
+                    order[first], order[second] = order[second], order[first]
+        if now > 0.995 * before:
+            break
+    return order
+
+
+def _title(task: PoseTask, reach: Reach) -> str:
+    return f"{task.criterion.name}-optimal of {reach.words}"
+
+
+def _least(task: PoseTask) -> int:
+    return len(PARAMETERS) if task.known is None and task.criterion.wanted.size > 6 else 6
+
+
+def _with_floor(task: PoseTask, sigma: float) -> Square | None:
+    """What is known; where not all is wanted, nearly nothing of the rest so that a matrix has an inverse."""
+    if task.known is not None:
+        return task.known
+    if task.criterion.wanted.size == len(PARAMETERS):
+        return None
+    return 1e-6 / sigma**2 * np.eye(len(PARAMETERS))
+
+
+def _refined(
+    task: PoseTask,
+    directions: Vectors,
+    count: int,
+    sigma: float,
+    rng: np.random.Generator,
+    known: Square | None,
+) -> Vectors:
+    """Move the grid's best poses freely, and try starts of their own: the better of the two."""
+    scaled = None if known is None else known * sigma**2
+    weights = np.ones(count)
+    tried = [refine_on_sphere(directions, weights, task.criterion, known=scaled)]
+    with suppress(ObservabilityError):
+        starts = max(3, STARTS * 9 // count)
+        tried.append(find_on_sphere(count, task.criterion, rng, known=scaled, starts=starts))
+
+    def value(poses: Vectors) -> float:
+        rows = pose_rows(poses)
+        total = rows.T @ rows + 1e-10 * np.eye(len(PARAMETERS)) + (0.0 if scaled is None else scaled)
+        return float(task.criterion.value(inverted(total)))
+
+    return min([directions, *tried], key=value)
+
+
+def _free_dwells(task: PoseTask, plan: PosePlan) -> PosePlan:
+    """Share the time anew among the poses; the plan as it is where one of them is hardly wanted."""
+    from scipy.optimize import minimize
+
+    count, rows = len(plan.directions), pose_rows(plan.directions)
+    rest = plan.duration - task.turn * (count - 1)
+    white = white_density(task.noise, task.rate) ** 2 / task.gravity**2
+    wander = wander_sigma(task.noise, rest / count, plan.duration) ** 2 / task.gravity**2
+    base = task.known if task.known is not None else 1e-10 / (white / rest) * np.eye(len(PARAMETERS))
+
+    def lost(roots: Series) -> float:
+        dwells = rest * roots**2 / float(roots @ roots)
+        weights = 1.0 / (white / np.maximum(dwells, 1e-6) + wander)
+        return float(np.log(task.criterion.smooth_value(inverted(rows.T @ (weights[:, None] * rows) + base))))
+
+    end = minimize(lost, np.ones(count), method="L-BFGS-B", options={"maxiter": 200})
+    roots = np.asarray(end.x, dtype=np.float64)
+    dwells = np.round(rest * roots**2 / float(roots @ roots), 1)
+    if float(dwells.min()) < LEAST_DWELL:
+        return plan
+    freed = plan_of(plan.name, task, plan.directions, dwells)
+    return replace(freed, names=plan.names, efficiency=plan.efficiency)
+
+
+def _independent_value(task: PoseTask, directions: Vectors, variances: Series) -> float:
+    rows = pose_rows(directions) / np.sqrt(variances)[:, None]
+    floor = _with_floor(task, float(np.sqrt(np.median(variances))))
+    total = rows.T @ rows + (0.0 if floor is None else floor)
+    return float(task.criterion.value(inverted(total)))
+
+
+def axis_elevations(up_b: Vector) -> Series:
+    """Return how far each axis of the unit points above the horizon, rad, (3,).
+
+    Parameters
+    ----------
+    up_b : (3,) unit vector up.
+    """
+    return np.asarray(np.arcsin(np.clip(up_b, -1.0, 1.0)), dtype=np.float64)
