@@ -19,13 +19,16 @@ from functools import lru_cache
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square
-from tumble.noise.terms import GaussMarkov, NoiseModel
+from tumble.noise.terms import NoiseModel
 from tumble.noise.variances import markov_phase_covariance, phase_covariance_of
 
 _WANDERING = ("Q", "N", "B", "K")
 _DIFFERENCE = (1.0, -2.0, 1.0)
 # Lags at which covariances are taken lie this factor apart, from a place where they have a corner.
 _GRADING = 1.4
+# Correlation times for which a process' covariances are kept: so many in each natural logarithm, and in all.
+_TIMES = 20.0
+_KEPT = 64
 
 
 class AllanCovariance:
@@ -44,7 +47,7 @@ class AllanCovariance:
         self.counts = np.array([_count(m, lengths) for m in averaging], dtype=float)
         alike, repeats = np.unique(np.array(lengths), return_counts=True)
         size = len(averaging)
-        self._places: list[tuple[int, int, AnyArray, Series, AnyArray]] = []
+        places: list[tuple[AnyArray, Series, AnyArray]] = []
         self._squares = np.zeros((len(_WANDERING), len(_WANDERING), size, size))
         self._sums = np.zeros((len(_WANDERING), size, size))
         for i in range(size):
@@ -56,7 +59,13 @@ class AllanCovariance:
                 squares = 2.0 * (gamma * weight) @ gamma.T
                 self._squares[:, :, i, j] = self._squares[:, :, j, i] = squares
                 self._sums[:, i, j] = self._sums[:, j, i] = gamma @ weight
-                self._places.append((i, j, lag, weight, gamma))
+                places.append((lag, weight, gamma))
+        # all pairs of averaging times in one row, for processes whose covariances are not known beforehand
+        self._lags = [lag for lag, _, _ in places]
+        self._weight = np.concatenate([weight for _, weight, _ in places])
+        self._gamma = np.concatenate([gamma for _, _, gamma in places], axis=1)
+        self._begins = np.cumsum([0, *(len(lag) for lag in self._lags)])[:-1]
+        self._markov: dict[int, Series] = {}
 
     def of(self, model: NoiseModel) -> Square:
         """Return the covariance (taus, taus), the signal's unit to the fourth; lines are taken as removed.
@@ -68,14 +77,12 @@ class AllanCovariance:
         power = np.array([model.coefficients[letter] ** 2 for letter in _WANDERING])
         total = np.einsum("a,b,abij->ij", power, power, self._squares)
         sums = np.einsum("a,aij->ij", power, self._sums)
-        for i, j, lag, weight, gamma in self._places if model.gauss_markov else ():
-            extra = np.sum([self._of_markov(g, i, j, lag) for g in model.gauss_markov], axis=0)
-            both = 2.0 * weight @ (extra**2 + 2.0 * extra * (power @ gamma))
-            total[i, j] += both
-            sums[i, j] += weight @ extra
-            if i != j:
-                total[j, i] += both
-                sums[j, i] += weight @ extra
+        if model.gauss_markov:
+            processes = [g.sigma**2 * self._of_markov(g.correlation_time) for g in model.gauss_markov]
+            extra = np.sum(processes, axis=0)
+            both = 2.0 * self._weight * extra * (extra + 2.0 * (power @ self._gamma))
+            self._fill(total, np.add.reduceat(both, self._begins))
+            self._fill(sums, np.add.reduceat(self._weight * extra, self._begins))
         # of a difference with a mean: cov(z², w²) = 2 γ² + 4 μ_z μ_w γ
         mean = model.ramp * np.array(self.averaging) / self.rate / np.sqrt(2.0)
         return np.asarray(total + 4.0 * np.outer(mean, mean) * sums)
@@ -90,11 +97,33 @@ class AllanCovariance:
         # the phase's covariance is a cubic on one side of zero, of which nothing is left but rounding
         return found if letter == "B" else np.where((lag > 2 * m) | (lag < -2 * n), 0.0, found)
 
-    def _of_markov(self, g: GaussMarkov, i: int, j: int, lag: AnyArray) -> AnyArray:
-        def of_phase(t: AnyArray) -> AnyArray:
-            return g.sigma**2 * markov_phase_covariance(t, g.correlation_time)
+    def _of_markov(self, correlation_time: float) -> Series:
+        """Covariances of differences of a process of variance 1 over all places; kept, to 2.5 % of the time."""
+        key = round(_TIMES * float(np.log(correlation_time)))
+        if key not in self._markov:
+            if len(self._markov) >= _KEPT:
+                self._markov.clear()
+            time = float(np.exp(key / _TIMES))
 
-        return self._contrast(of_phase, self.averaging[i], self.averaging[j], lag)
+            def of_phase(t: AnyArray) -> AnyArray:
+                return markov_phase_covariance(t, time)
+
+            size = len(self.averaging)
+            pairs = ((i, j) for i in range(size) for j in range(i, size))
+            self._markov[key] = np.concatenate(
+                [
+                    self._contrast(of_phase, self.averaging[i], self.averaging[j], lag)
+                    for (i, j), lag in zip(pairs, self._lags, strict=True)
+                ]
+            )
+        return self._markov[key]
+
+    def _fill(self, matrix: Square, pairs: Series) -> None:
+        """Add to both halves of a matrix what pairs of averaging times have."""
+        first, second = np.triu_indices(len(self.averaging))
+        matrix[first, second] += pairs
+        off = first != second
+        matrix[second[off], first[off]] += pairs[off]
 
     def _contrast(self, of_phase: Callable[[AnyArray], AnyArray], m: int, n: int, lag: AnyArray) -> AnyArray:
         """Covariance of the second differences over m and n samples that begin `lag` samples apart."""

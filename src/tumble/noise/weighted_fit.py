@@ -1,0 +1,202 @@
+"""Coefficients that fit Allan variances best, for terms and correlation times that are given.
+
+All numbers are in units in which the first variance is one. Coefficients enter by their squares, of which
+the Allan variance is a linear function, and none is negative. Lines, whose amplitudes the spectrum knows
+better than the curve, enter as a known part with the covariance that their amplitudes' gives it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from tumble.arrays import Series, Square, Table, inverted
+from tumble.noise.allan_covariance import AllanCovariance
+from tumble.noise.terms import GaussMarkov, NoiseModel
+from tumble.noise.variances import allan_variance_of, markov_allan_variance
+
+Method: TypeAlias = Literal["curve", "moments"]
+
+_ROUNDS = 5
+_SETTLED = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Coefficients, and the weights that they were found with.
+
+    Attributes
+    ----------
+    letters, times : of the terms; correlation times in s of the Gauss-Markov processes.
+    squares : of the coefficients, R² last of the letters, then σ² of each process.
+    misfit : |root (observed - expected)|².
+    root : of the weights.
+    """
+
+    letters: tuple[str, ...]
+    times: tuple[float, ...]
+    squares: Series
+    misfit: float
+    root: Square
+
+    @property
+    def model(self) -> NoiseModel:
+        """The noise that it is, without lines."""
+        values = [float(value) for value in np.sqrt(self.squares)]
+        count = len(self.letters)
+        return NoiseModel.from_coefficients(
+            dict(zip(self.letters, values[:count], strict=True)),
+            tuple(GaussMarkov(s, t) for s, t in zip(values[count:], self.times, strict=True)),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class AllanTask:
+    """Allan variances in units of the first, and how to fit them.
+
+    Attributes
+    ----------
+    method : in the logarithm ("curve") or as they are ("moments").
+    tau, variance, rate : s, of the first one's size, Hz.
+    spread : covariance between averaging times, for any model.
+    lines : (taus,) expected from lines, and lines_covariance (taus, taus) of that.
+    """
+
+    method: Method
+    tau: Series
+    variance: Series
+    rate: float
+    spread: AllanCovariance
+    lines: Series
+    lines_covariance: Square
+
+    def settle(self, letters: tuple[str, ...], times: tuple[float, ...]) -> Solution:
+        """Fit, take the weights from the fit, and fit again until nothing changes."""
+        design = self.design(letters, times)
+        rough = np.diag(np.sqrt(0.5 * self.spread.counts[0] / (self.rate * self.tau)))
+        solution = self.solve(letters, times, design, rough, "curve")
+        for turn in range(_ROUNDS):
+            before = self.expected(design, solution)
+            # variances far above the curve would draw it to them: it first comes near in the logarithm
+            method: Method = "curve" if turn < 2 else self.method
+            solution = self.solve(letters, times, design, self.root(solution.model, before, method), method)
+            after = self.expected(design, solution)
+            if method == self.method and np.max(np.abs(np.log(after / before))) < _SETTLED:
+                break
+        return solution
+
+    def design(self, letters: tuple[str, ...], times: tuple[float, ...]) -> Table:
+        """Return the Allan variance of each term whose coefficient is 1, (taus, terms)."""
+        columns = [allan_variance_of(letter, self.tau, self.rate) for letter in letters]
+        columns += [markov_allan_variance(self.tau, time, self.rate) for time in times]
+        return np.column_stack(columns)
+
+    def expected(self, design: Table, solution: Solution) -> Series:
+        """Return what a solution makes of the curve, lines among it."""
+        return np.asarray(design @ solution.squares + self.lines)
+
+    def covariance(self, model: NoiseModel) -> Square:
+        """Return the covariance of the variances that follows from a model."""
+        return self.spread.of(model) + self.lines_covariance
+
+    def root(self, model: NoiseModel, expected: Series, method: Method) -> Square:
+        """Return the root of the weights that follow from a model."""
+        covariance = self.covariance(model)
+        if method == "curve":
+            covariance = covariance_of_logarithms(covariance, expected)
+        return inverted(np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
+
+    def solve(
+        self,
+        letters: tuple[str, ...],
+        times: tuple[float, ...],
+        design: Table,
+        root: Square,
+        method: Method | None = None,
+    ) -> Solution:
+        """Return the least squares with coefficients that are not negative, weights given."""
+        from scipy.optimize import nnls
+
+        method = self.method if method is None else method
+        # columns of one size: nnls decides by absolute numbers what is zero
+        size = np.max(design / self.variance[:, None], axis=0)
+        if method == "moments":
+            squares, left = nnls(root @ (design / size), root @ (self.variance - self.lines))
+            return Solution(letters, times, squares / size, float(left) ** 2, root)
+        observed = self._logarithms(root)
+        expected = self.variance
+        squares, misfit = np.zeros(design.shape[1]), np.inf
+        for _ in range(60):
+            # about the last curve: log v = log v0 + (v - v0) / v0
+            target = observed - np.log(expected) + 1.0 - self.lines / expected
+            step = nnls(root @ (design / size / expected[:, None]), root @ target)[0] / size
+            share = 1.0
+            while True:
+                trial = squares + share * (step - squares) if np.isfinite(misfit) else step
+                curve = np.maximum(design @ trial + self.lines, 1e-12 * self.variance)
+                now = float(np.sum((root @ (observed - np.log(curve))) ** 2))
+                if now < misfit or share < 1e-3:
+                    break
+                share *= 0.5
+            if not now < misfit * (1.0 - 1e-9):
+                break
+            squares, misfit, expected = trial, now, curve
+        return Solution(letters, times, squares, misfit, root)
+
+    def _logarithms(self, root: Square) -> Series:
+        """Logarithms of the variances less what the logarithm of an average is too small."""
+        from scipy.special import digamma
+
+        # trigamma of half the degrees of freedom is the logarithm's variance
+        half = _half_freedom(np.diag(inverted(root.T @ root)))
+        return np.log(self.variance) - (digamma(half) - np.log(half))
+
+    def fisher(self, solution: Solution) -> Square:
+        """Return the covariance of the squares, and of the logarithms of the correlation times after them."""
+        design = self.design(solution.letters, solution.times)
+        slopes = np.column_stack([design, *self.slopes_of_times(solution)])
+        if self.method == "curve":
+            slopes = slopes / self.expected(design, solution)[:, None]
+        weighed: Table = solution.root @ np.asarray(slopes, dtype=np.float64)
+        size: Series = np.asarray(np.sqrt(np.sum(weighed**2, axis=0)), dtype=np.float64)
+        inverse: Square = np.asarray(
+            np.linalg.pinv((weighed / size).T @ (weighed / size), rcond=1e-13), dtype=np.float64
+        )
+        return inverse / np.outer(size, size)
+
+    def slopes_of_times(self, solution: Solution) -> list[Series]:
+        """Return how the curve grows with the logarithm of each correlation time."""
+        found: list[Series] = []
+        for square, time in zip(solution.squares[len(solution.letters) :], solution.times, strict=True):
+            near, far = (markov_allan_variance(self.tau, time * f, self.rate) for f in (0.999, 1.001))
+            found.append(np.asarray(square * (far - near) / np.log(1.001 / 0.999)))
+        return found
+
+
+def covariance_of_logarithms(covariance: Square, expected: Series) -> Square:
+    """Return the covariance of the logarithms of averages that are spread as chi square.
+
+    Parameters
+    ----------
+    covariance, expected : of the averages, (taus, taus) and (taus,).
+    """
+    from scipy.special import polygamma
+
+    half = expected**2 / np.diag(covariance)
+    sigma = np.sqrt(polygamma(1, half) / np.diag(covariance))
+    return covariance * np.outer(sigma, sigma)
+
+
+def _half_freedom(log_variance: Series) -> Series:
+    """Half the degrees of freedom whose trigamma is a variance of a logarithm, by Newton's method."""
+    from scipy.special import polygamma
+
+    half = 1.0 / log_variance + 0.5
+    for _ in range(8):
+        half = np.maximum(half - (polygamma(1, half) - log_variance) / polygamma(2, half), 0.25)
+    return np.asarray(half)
+
+
+__all__ = ["AllanTask", "Method", "Solution", "covariance_of_logarithms"]
