@@ -7,7 +7,7 @@ calibration interprets it, and none of them knows the others.
 from tumble.protocol.file import protocol_to_yaml, read_protocol, write_protocol
 from tumble.protocol.library import PROTOCOLS, named_protocol
 from tumble.protocol.schema import protocol_schema
-from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
+from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.protocol.strapdown_rotation import SequenceSteps, sequence_steps, strapdown_rotation_steps
 
 __all__ = [
@@ -15,7 +15,9 @@ __all__ = [
     "HoldStep",
     "Pose",
     "Protocol",
+    "RampStep",
     "SequenceSteps",
+    "SoakStep",
     "SpinStep",
     "Step",
     "TurnStep",

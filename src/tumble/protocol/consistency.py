@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tumble.errors import ProtocolError
-from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step
+from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step
 
 # What poses and turns contradict one another by, beyond their uncertainties: digits of a file, rad.
 SAME_POSE = 1e-3
@@ -46,7 +46,9 @@ def refuse_contradicting_turns(protocol: Protocol) -> None:
                 headed = step.pose.heading is not None or (headed and nominal is not None)
                 heading = 0.0 if nominal is None else nearest_heading(step.pose, nominal)
                 nominal, doubt, turns = step.pose.rotation_nb(heading), 0.0, []
-        elif isinstance(step, SpinStep) or step.axis_b is None or step.angle is None:
+        elif isinstance(step, SoakStep) or (isinstance(step, RampStep) and not step.tumbled):
+            continue
+        elif isinstance(step, SpinStep | RampStep) or step.axis_b is None or step.angle is None:
             nominal = None
         elif nominal is not None:
             nominal = nominal * Rotation.from_rotvec(step.angle * step.axis_b / np.linalg.norm(step.axis_b))

@@ -17,6 +17,7 @@ DEGREE = pi / 180.0  # SI Brochure, table 8
 ARC_SECOND = DEGREE / 3600.0
 REVOLUTION = 2.0 * pi
 PPM = 1e-6
+MINUTE = 60.0
 
 RAMP = 2.0
 """Seconds that a table takes to come to its rate, where the file does not say."""
@@ -158,7 +159,38 @@ SPIN = {
     "angle_uncertainty_arcsec": Key("standard uncertainty of that angle", "″", "0 (exact)", _LEAST_0),
     **_COMMON,
 }
-KINDS = {"hold": HOLD, "turn": TURN, "spin": SPIN}
+_CELSIUS: dict[str, Any] = {"type": "number", "minimum": -200, "maximum": 300}
+SOAK = {
+    "soak": Key("the step's name", default="empty", schema=_NAME),
+    "temperature_celsius": Key("what the surroundings are brought to", "°C", "", _CELSIUS),
+    "tolerance_k": Key("how near the unit has to come to it for the soak to be done", "K", "1", _POSITIVE),
+    "seconds": Key(
+        "from when the former temperature is left until the next step",
+        "s",
+        "the length of `interval_s`; one of the two is needed",
+        _POSITIVE,
+    ),
+    **_COMMON,
+}
+RAMP_STEP = {
+    "ramp": Key("the step's name", default="empty", schema=_NAME),
+    "from_celsius": Key("temperature of the surroundings at its beginning", "°C", "", _CELSIUS),
+    "to_celsius": Key("at its end", "°C", "", _CELSIUS),
+    "rate_k_per_min": Key(
+        "how fast it goes, without a sign, instead of `seconds`", "K/min", "see `seconds`", _POSITIVE
+    ),
+    "seconds": Key(
+        "how long it takes", "s", "from `rate_k_per_min`; else the length of `interval_s`", _POSITIVE
+    ),
+    "tumble_every_s": Key(
+        "so often the unit is turned to another pose meanwhile",
+        "s",
+        "it rests in the pose of the hold before",
+        _POSITIVE,
+    ),
+    **_COMMON,
+}
+KINDS = {"hold": HOLD, "turn": TURN, "spin": SPIN, "soak": SOAK, "ramp": RAMP_STEP}
 PROTOCOL = {
     "format": Key(f"`{FORMAT}`"),
     "version": Key("of the format", default=f"{VERSION}"),
@@ -181,5 +213,5 @@ PROTOCOL = {
     "columns": Key("of those files, as `--columns` takes them", default="as the files say"),
     "rate_hz": Key("sampling rate of files without stamps", "Hz", "as the stamps say", _POSITIVE),
     "like": Key("a named protocol whose steps are meant, instead of `steps`", default="see `steps`"),
-    "steps": Key("list of holds, turns and spins, in order", default="those of `like`"),
+    "steps": Key("list of holds, turns, spins, soaks and ramps, in order", default="those of `like`"),
 }

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from tumble.arrays import Vector
 from tumble.attitude.directions import twenty_six_directions
-from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
+from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.protocol.strapdown_rotation import strapdown_rotation_steps
 
 _DEGREE = np.pi / 180.0
@@ -104,6 +104,45 @@ def _rate_table() -> tuple[Step, ...]:
 def _modified_multi_position() -> tuple[Step, ...]:
     chosen = [*range(6), 6, 8, 10, 12, 14, 17]
     return _spun(twenty_six_directions()[chosen], (-TABLE_RATE, TABLE_RATE), BY_HAND, HOLD)
+
+
+# Five temperatures, three of them come to from below and from above; and a slow sweep between the outer two.
+SOAKS = (20.0, 0.0, -20.0, 0.0, 20.0, 40.0, 60.0, 40.0, 20.0)  # °C
+SOAK, SWEEP = 1800.0, 0.5 / 60.0  # s, K/s
+FRIDGE, ROOM = 4.0, 22.0  # °C
+
+
+def _thermal_soak() -> tuple[Step, ...]:
+    poses = _holds(twenty_six_directions()[list(NINE)], BY_HAND)
+    steps: list[Step] = []
+    for celsius in SOAKS:
+        steps.append(SoakStep(SOAK, celsius, name=f"{celsius:g} °C"))
+        steps += [TurnStep(TURN), *poses]
+    return tuple(steps[:1] + steps[2:])
+
+
+def _thermal_ramp(tumbled: float) -> tuple[Step, ...]:
+    low, high = min(SOAKS), max(SOAKS)
+    seconds = (high - low) / SWEEP
+    return (
+        HoldStep(HOLD, Pose(np.array([0.0, 0.0, 1.0]), None, LEVELLED), "z up"),
+        SoakStep(SOAK, low, name="cold"),
+        RampStep(seconds, low, high, tumbled, "up"),
+        SoakStep(SOAK, high, name="hot"),
+        RampStep(seconds, high, low, tumbled, "down"),
+    )
+
+
+def _thermal_fridge() -> tuple[Step, ...]:
+    # Carried from one pose to another: that it was moved is then seen, and no small tilt taken for a bias.
+    x_up, z_up = (Pose(twenty_six_directions()[k], None, BY_HAND) for k in (0, 2))
+    return (
+        HoldStep(HOLD, x_up, "x up"),
+        SoakStep(300.0, FRIDGE, name="in the fridge, cold all through"),
+        TurnStep(10.0),
+        HoldStep(HOLD, z_up, "z up"),
+        SoakStep(5400.0, ROOM, name="on the table"),
+    )
 
 
 def _unit(direction: tuple[int, int, int]) -> Vector:
@@ -238,6 +277,28 @@ _NAMED = {
         strapdown_rotation_steps,
         "Seventeen sequences of rotations on a two-axis fixture, at rest before and after each: both triads "
         "with asymmetry, hardly touched by how well the fixture is made or set up (Savage 2018).",
+    ),
+    "thermal-soak": _Named(
+        "thermal",
+        _thermal_soak,
+        "Nine poses by hand at each of five temperatures, three of them come to from below and from above: "
+        "accelerometers in full and gyro biases as functions of temperature.",
+    ),
+    "thermal-ramp": _Named(
+        "thermal",
+        lambda: _thermal_ramp(0.0),
+        "A slow sweep from cold to hot and back, the unit at rest: all biases against temperature, its rate "
+        "and its history.",
+    ),
+    "thermal-ramp-tumbled": _Named(
+        "thermal",
+        lambda: _thermal_ramp(60.0),
+        "The same sweep with the unit turned to another pose every minute: accelerometers in full, too.",
+    ),
+    "thermal-fridge": _Named(
+        "thermal",
+        _thermal_fridge,
+        "From the fridge to the room in one recording, without a chamber: biases against temperature, one way.",
     ),
     "hand-held": _Named(
         "hand-held", _hand_held, "All 26 poses held and turned by hand: both triads in full."

@@ -79,6 +79,13 @@ def _kinds() -> dict[str, Any]:
             "uncertainty_deg": {"anyOf": [{"required": ["angle_deg"]}, {"required": ["revolutions"]}]}
         },
     }
+    kinds["soak"] |= {"anyOf": timed}
+    kinds["soak"]["required"].append("temperature_celsius")
+    kinds["ramp"] |= {
+        "anyOf": [*timed, {"required": ["rate_k_per_min"]}],
+        "not": {"required": ["seconds", "rate_k_per_min"]},
+    }
+    kinds["ramp"]["required"] += ["from_celsius", "to_celsius"]
     kinds["spin"] |= {
         "anyOf": [*timed, {"required": ["revolutions"]}],
         "not": {"required": ["seconds", "revolutions"]},

@@ -1,4 +1,4 @@
-"""The steps of a protocol file: each entry becomes a hold, a turn or a spin, or an error with its line."""
+"""The steps of a protocol file: each becomes a hold, a turn, a spin, a soak or a ramp, or an error with its line."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tumble.arrays import Vector
-from tumble.protocol.keys import ARC_SECOND, DEGREE, KINDS, PPM, RAMP, REVOLUTION
-from tumble.protocol.steps import HoldStep, Pose, SpinStep, Step, TurnStep
+from tumble.protocol.keys import ARC_SECOND, DEGREE, KINDS, MINUTE, PPM, RAMP, REVOLUTION
+from tumble.protocol.steps import HoldStep, Pose, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.protocol.yaml_nodes import Entry, nearest
 
 # A vector this near to unit length was written as one, and stays as it is to the last digit.
@@ -59,7 +59,7 @@ def _called(number: int, name: str) -> str:
 
 def _check_hold_before(item: Entry, steps: list[Step]) -> None:
     """Refuse a spin of which nobody knows how the unit lies on the table."""
-    before = next((step for step in reversed(steps) if not isinstance(step, SpinStep)), None)
+    before = next((s for s in reversed(steps) if not isinstance(s, SpinStep | SoakStep | RampStep)), None)
     if not isinstance(before, HoldStep):
         where = "after the turn " if before is not None else ""
         raise item.error(f"a spin without a hold before it: write the hold on the table {where}first.")
@@ -87,7 +87,9 @@ def _check_order(item: Entry, interval: tuple[float, float], stopped: float | No
 def _step(item: Entry, number: int) -> Step:
     if item.node.id != "mapping":
         word = f", and is `{item.node.value}`" if item.is_scalar else ""
-        raise item.error(f"a step is to be `hold:`, `turn:` or `spin:` with its keys below it{word}.")
+        raise item.error(
+            f"a step is to be `hold:`, `turn:`, `spin:`, `soak:` or `ramp:` with its keys below it{word}."
+        )
     written = [str(key.value) for key, _ in item.node.value if key.id == "scalar"]
     kinds = [kind for kind in KINDS if kind in written]
     if len(kinds) > 1:
@@ -109,7 +111,41 @@ def _step(item: Entry, number: int) -> Step:
         return HoldStep(_seconds(keys, keys[kind]), _pose(keys), **place)
     if kind == "turn":
         return _turn(keys, place)
+    if kind == "soak":
+        return _soak(keys, place)
+    if kind == "ramp":
+        return _ramp(keys, place)
     return _spin(keys, place)
+
+
+def _soak(keys: dict[str, Entry], place: _Place) -> SoakStep:
+    celsius = _celsius(keys, "temperature_celsius", keys["soak"])
+    tolerance = keys["tolerance_k"].number(positive=True) if "tolerance_k" in keys else 1.0
+    return SoakStep(_seconds(keys, keys["soak"]), celsius, tolerance, **place)
+
+
+def _ramp(keys: dict[str, Entry], place: _Place) -> RampStep:
+    start, stop = (_celsius(keys, key, keys["ramp"]) for key in ("from_celsius", "to_celsius"))
+    if start == stop:
+        raise keys["to_celsius"].error(
+            f"the ramp goes from {start:g} °C to {stop:g} °C, which is none: write a `soak:` instead."
+        )
+    if "rate_k_per_min" in keys:
+        if "seconds" in keys:
+            raise keys["rate_k_per_min"].error("`seconds` and `rate_k_per_min` say the same: remove one.")
+        duration = abs(stop - start) / keys["rate_k_per_min"].number(positive=True) * MINUTE
+    else:
+        duration = _seconds(keys, keys["ramp"])
+    if not 0.0 < duration < np.inf:
+        raise keys["ramp"].error(f"a ramp at this rate lasts {duration:g} s, which is no time.")
+    tumbled = keys["tumble_every_s"].number(positive=True) if "tumble_every_s" in keys else 0.0
+    return RampStep(duration, start, stop, tumbled, **place)
+
+
+def _celsius(keys: dict[str, Entry], key: str, step: Entry) -> float:
+    if key not in keys:
+        raise step.error(f"`{key}` is missing: write the temperature in °C.")
+    return keys[key].number(least=-200.0, most=300.0, instead="It is in °C, not in K.")
 
 
 def _unknown_kind(written: list[str]) -> str:

@@ -1,4 +1,4 @@
-"""What is done to a unit: holds, turns and spins, one after another, as plain data.
+"""What is done to a unit: holds, turns and spins, soaks and ramps, one after another, as plain data.
 
 A protocol says what is *known* of the motion and how well. Simulation plays it, segmentation matches a
 recording with it, calibration takes from it what it may believe. Frames: n north-east-down, b the
@@ -130,7 +130,56 @@ class SpinStep:
     angle_sigma: float = 0.0
 
 
-Step = HoldStep | TurnStep | SpinStep
+@dataclass(frozen=True, slots=True)
+class SoakStep:
+    """The unit lies as it lies while its surroundings come to a temperature and stay there.
+
+    What follows, up to the next soak or ramp, is done at that temperature.
+
+    Attributes
+    ----------
+    duration : s, from when the former temperature is left until the next step begins.
+    temperature_celsius : of a chamber, a fridge or a room.
+    tolerance : K, within which of it the unit has to be for the soak to count as done.
+    name, file, interval : as for `HoldStep`.
+    """
+
+    duration: float
+    temperature_celsius: float
+    tolerance: float = 1.0
+    name: str = ""
+    file: str | None = None
+    interval: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RampStep:
+    """The temperature of the surroundings goes slowly from one to another.
+
+    Attributes
+    ----------
+    duration : s, from the one temperature to the other.
+    start_celsius, stop_celsius : of a chamber.
+    tumbled : s, so often the unit is turned to another pose meanwhile; zero for a unit at rest in the pose
+        of the hold before.
+    name, file, interval : as for `HoldStep`.
+    """
+
+    duration: float
+    start_celsius: float
+    stop_celsius: float
+    tumbled: float = 0.0
+    name: str = ""
+    file: str | None = None
+    interval: tuple[float, float] | None = None
+
+    @property
+    def rate(self) -> float:
+        """How fast it goes, K/s, with sign."""
+        return (self.stop_celsius - self.start_celsius) / self.duration
+
+
+Step = HoldStep | TurnStep | SpinStep | SoakStep | RampStep
 
 
 @dataclass(frozen=True, slots=True)

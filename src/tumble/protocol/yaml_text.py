@@ -12,13 +12,14 @@ from tumble.earth.site import Site
 from tumble.errors import ProtocolError
 from tumble.protocol.keys import ANGLES, ARC_SECOND, DEGREE, FORMAT, FRAME, PPM, REVOLUTION, VERSION
 from tumble.protocol.numerals import numeral_of, value_of
-from tumble.protocol.steps import HoldStep, Protocol, SpinStep, Step, TurnStep
+from tumble.protocol.steps import HoldStep, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
 
 _HEAD = """\
 # A protocol: what is done to the unit, step by step, and how well it is known.
 #   tumble calibrate --protocol THIS-FILE -o FOLDER   evaluates what was recorded
 #   tumble simulate THIS-FILE -o FOLDER               plays it on a simulated unit
 # A hold rests, a turn brings the unit from one pose to the next, a spin is a table at a constant rate.
+# A soak waits until the unit has a temperature, a ramp goes slowly from one to another.
 # `up` is what points up in b, against gravity: x, -y, or a direction such as [1, 1, 0]. `uncertainty_...` is
 # one standard deviation of how well the step was done; without it the step counts as exact.
 # Every key is explained in docs/protocols.md of tumble."""
@@ -97,6 +98,10 @@ def _step_lines(step: Step) -> list[str]:
         lines = [_named("hold", step.name), *_pose_lines(step), f"seconds: {numeral_of(step.duration)}"]
     elif isinstance(step, TurnStep):
         lines = [_named("turn", step.name), *_turn_lines(step), f"seconds: {numeral_of(step.duration)}"]
+    elif isinstance(step, SoakStep):
+        lines = [_named("soak", step.name), *_soak_lines(step), f"seconds: {numeral_of(step.duration)}"]
+    elif isinstance(step, RampStep):
+        lines = [_named("ramp", step.name), *_ramp_lines(step), f"seconds: {numeral_of(step.duration)}"]
     else:
         lines = [_named("spin", step.name), *_spin_lines(step)]
     if step.file is not None:
@@ -144,6 +149,21 @@ def _spin_lines(step: SpinStep) -> list[str]:
     if step.angle is not None or step.angle_sigma:
         lines.append(f"angle_uncertainty_arcsec: {numeral_of(step.angle_sigma, ARC_SECOND)}")
     return lines
+
+
+def _soak_lines(step: SoakStep) -> list[str]:
+    return [
+        f"temperature_celsius: {numeral_of(step.temperature_celsius)}",
+        f"tolerance_k: {numeral_of(step.tolerance)}",
+    ]
+
+
+def _ramp_lines(step: RampStep) -> list[str]:
+    lines = [
+        f"from_celsius: {numeral_of(step.start_celsius)}",
+        f"to_celsius: {numeral_of(step.stop_celsius)}",
+    ]
+    return [*lines, f"tumble_every_s: {numeral_of(step.tumbled)}"] if step.tumbled else lines
 
 
 def _spin_length(step: SpinStep) -> str:

@@ -79,13 +79,13 @@ def step_words(step: Step) -> str:
     >>> step_words(HoldStep(5.0, None, "on its back")), step_words(SpinStep(8.0, -0.7854))
     ('hold: on its back', 'spin: -45°/s about up')
     """
-    from tumble.protocol import HoldStep, SpinStep
+    from tumble.protocol import SpinStep
 
     if isinstance(step, SpinStep):
         axis = "up" if step.axis_b is None else "(" + ", ".join(f"{v:.3g}" for v in step.axis_b) + ")"
         words = f"{np.degrees(step.rate):.6g}°/s about {axis}"
         return f"spin: {step.name}, {words}" if step.name else f"spin: {words}"
-    kind = "hold" if isinstance(step, HoldStep) else "turn"
+    kind = type(step).__name__.removesuffix("Step").lower()
     return f"{kind}: {step.name}" if step.name else kind
 
 

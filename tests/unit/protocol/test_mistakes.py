@@ -72,9 +72,9 @@ SPOILT = {
     ),
     "no kind of step": (
         "- turn:",
-        "- soak:",
+        "- wait:",
         13,
-        "there is no step `soak`: a step is `hold:`, `turn:`, `spin:`.",
+        "there is no step `wait`: a step is `hold:`, `turn:`, `spin:`, `soak:`, `ramp:`.",
     ),
     "two kinds at once": (
         "    angle_deg: 90",
@@ -214,7 +214,7 @@ SPOILT = {
         STEPS,
         "steps:\n  - x up\n",
         9,
-        "step 1: a step is to be `hold:`, `turn:` or `spin:`",
+        "step 1: a step is to be `hold:`, `turn:`, `spin:`, `soak:` or `ramp:`",
     ),
     "steps left out": (STEPS, "", 1, "there are no steps: write `steps:` with at least one"),
     "no hold": (STEPS, "steps:\n  - turn:\n    seconds: 3\n", 9, "there is no hold among the steps"),
