@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from tumble.arrays import Vector
 from tumble.errors import UsageError
 from tumble.protocol.consistency import SAME_POSE
-from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
+from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
 from tumble.protocol.strapdown_rotation import sequence_steps
 
 _QUARTER = 0.5 * np.pi
@@ -49,6 +49,10 @@ def fixture_angles(protocol: Protocol) -> FixtureAngles:
     for number, step in enumerate(protocol.steps):
         if isinstance(step, SpinStep):
             raise UsageError(f"{_where(number, step)} is a spin, which the two-axis fixture does not make.")
+        if isinstance(step, SoakStep | RampStep):
+            raise UsageError(
+                f"{_where(number, step)} needs a chamber, in which there is no two-axis fixture."
+            )
         if isinstance(step, TurnStep):
             if step.axis_b is None or step.angle is None:
                 here = None

@@ -27,6 +27,7 @@ from tumble.simulation.motion import Motion
 from tumble.simulation.poses import simulate_hand_poses
 from tumble.simulation.spin_shapes import directions_of, wobble_rotation
 from tumble.simulation.table import Drive, Table, TableErrors
+from tumble.simulation.thermal_steps import PlainSteps, has_chamber, without_chamber
 
 # A turn that the protocol leaves out takes this long; before a turn or spin that no hold precedes the
 # unit rests so long.
@@ -151,6 +152,18 @@ def play_protocol(
     for number, step in enumerate(protocol.steps):
         _check(number, step)
     refuse_contradicting_turns(protocol)
+    if has_chamber(protocol):
+        plain = without_chamber(protocol)
+        played = play_protocol(
+            plain.protocol,
+            rng,
+            placement=placement,
+            heading=heading,
+            lever_arm_b=lever_arm_b,
+            table_tilt=table_tilt,
+            table=table,
+        )
+        return _with_chamber(protocol, plain, played)
     spins = sum(isinstance(step, SpinStep) for step in protocol.steps)
     for stopped, _ in () if table is None else table.stops_early:
         if not 0 <= stopped < spins:
@@ -165,9 +178,24 @@ def play_protocol(
             fixture.hold(number, step)
         elif isinstance(step, TurnStep):
             fixture.turn(number, step)
-        else:
+        elif isinstance(step, SpinStep):
             fixture.spin(number, step)
     return fixture.finish(np.zeros(3) if lever_arm_b is None else lever_arm_b)
+
+
+def _with_chamber(protocol: Protocol, plain: PlainSteps, played: PlayedProtocol) -> PlayedProtocol:
+    """Return what was played with the steps of the protocol that has soaks and ramps."""
+    steps = list(protocol.steps)
+    for step, owner in zip(played.steps, plain.owners, strict=True):
+        if isinstance(step, SpinStep) and owner is not None:
+            steps[owner] = step
+    return replace(
+        played,
+        step_edges=plain.edges(played.step_edges),
+        hold_steps=tuple(None if k is None else plain.owners[k] for k in played.hold_steps),
+        spins=tuple(replace(spin, step=plain.owners[spin.step] or 0) for spin in played.spins),
+        steps=tuple(steps),
+    )
 
 
 @dataclass(slots=True)
@@ -462,7 +490,7 @@ def _check(number: int, step: Step) -> None:
     where = f"Step {number + 1}{_named(step)}"
     if not 0.0 < step.duration < np.inf:
         raise ProtocolError(f"{where} lasts {step.duration:g} s: give it a duration above zero.")
-    axis = None if isinstance(step, HoldStep) else step.axis_b
+    axis = step.axis_b if isinstance(step, TurnStep | SpinStep) else None
     if axis is not None and not 0.0 < float(np.linalg.norm(axis)) < np.inf:
         raise ProtocolError(f"{where} has an axis of no direction: give three numbers, not all zero.")
     if isinstance(step, SpinStep):

@@ -231,7 +231,7 @@ class _Player:
 
     def hold(self, number: int, step: HoldStep, stop: tuple[float, float]) -> None:
         before = self.protocol.steps[number - 1] if number else step
-        if self.holds and (isinstance(before, HoldStep) or before.axis_b is None):
+        if self.holds and (not isinstance(before, TurnStep) or before.axis_b is None):
             self._bring(None if isinstance(before, HoldStep) else number - 1, before.duration, stop)
         self.holds.append((step.duration, number))
 

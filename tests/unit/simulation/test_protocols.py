@@ -11,7 +11,17 @@ from scipy.spatial.transform import Rotation
 
 from tumble.earth import Site
 from tumble.errors import ProtocolError, UsageError
-from tumble.protocol import PROTOCOLS, HoldStep, Pose, Protocol, SpinStep, Step, TurnStep, named_protocol
+from tumble.protocol import (
+    PROTOCOLS,
+    HoldStep,
+    Pose,
+    Protocol,
+    RampStep,
+    SpinStep,
+    Step,
+    TurnStep,
+    named_protocol,
+)
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import (
     Imperfections,
@@ -87,7 +97,8 @@ def test_every_named_protocol_is_played_in_its_nominal_poses(name: str) -> None:
         np.testing.assert_allclose(up_in(attitudes[number]), step.pose.up_b, atol=1e-12)
     assert np.all(np.isfinite(played.step_edges))
     between = sum(isinstance(a, TurnStep) and isinstance(b, TurnStep) for a, b in pairwise(given.steps))
-    assert played.hold_steps.count(None) == between
+    if not any(isinstance(step, RampStep) and step.tumbled for step in given.steps):
+        assert played.hold_steps.count(None) == between
     lengths = np.diff(played.step_edges, axis=1)[:, 0]
     np.testing.assert_allclose(lengths, [step.duration for step in given.steps], rtol=1e-9)
     assert played.motion.duration == pytest.approx(given.duration + 1.0 * between, rel=1e-12)
