@@ -84,19 +84,31 @@ def test_three_seconds_end_in_numbers_and_a_sentence(
     assert "very short" in answer.out
 
 
-def test_a_clock_that_is_reset_is_said_with_the_place(
-    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path
+@pytest.mark.parametrize("how", ["--whole", "--stream"])
+def test_a_clock_that_begins_anew_parts_the_recording_and_is_said_with_the_place(
+    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path, how: str
 ) -> None:
     reset = still.copy()
     reset[20_000:, 0] -= 150.0
-    answer = tumble("noise", written(tmp_path / "reset.csv", reset))
+    answer = tumble("noise", written(tmp_path / "reset.csv", reset), how, "-o", tmp_path / "out")
+    assert (answer.status, answer.err) == (0, "")
+    assert "the clock steps back at line 20002" in answer.out
+    document = json.loads((tmp_path / "out" / "noise.json").read_text(encoding="utf-8"))
+    assert document["pieces"] == [[0, 20_000], [20_000, 30_000]]
+    # 30,000 samples know N to 0.4 %, five of these.
+    assert document["channels"]["gx"]["terms"]["N"]["value"] == pytest.approx(1e-4, rel=0.02)
+
+
+@pytest.mark.parametrize("how", ["--whole", "--stream"])
+def test_a_clock_whose_two_sides_do_not_agree_is_refused_with_the_place(
+    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path, how: str
+) -> None:
+    reset = still[:6000].copy()
+    reset[4000:, 0] = 3.0 * (reset[4000:, 0] - 40.0)
+    answer = tumble("noise", written(tmp_path / "reset.csv", reset), how)
     assert answer.status == 2
     assert "time steps back" in answer.err
-    assert "--rate" in answer.err
-    # What the sentence says to do works.
-    again = tumble("noise", tmp_path / "reset.csv", "--columns", "-,ax,ay,az,gx,gy,gz", "--rate", RATE)
-    assert again.status == 0
-    assert "angle random walk" in again.out
+    assert len(answer.err.splitlines()) == 1
 
 
 @pytest.mark.parametrize(

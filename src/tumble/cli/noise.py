@@ -22,11 +22,32 @@ def noise_command(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder for noise.json and noise.html.")
     ] = None,
+    kind: Annotated[
+        str,
+        typer.Option(
+            metavar="overlapping|modified|hadamard|haar",
+            help="Which deviation is printed and drawn. The terms are of the overlapping Allan deviation always.",
+        ),
+    ] = "overlapping",
+    taus: Annotated[
+        str,
+        typer.Option(
+            metavar="octave|decade|log|all|LIST",
+            help="Its averaging times: doubling, 1 2 4 a decade, ten a decade, every one, or a list in s as 0.1,1,10.",
+        ),
+    ] = "log",
     skip: Annotated[float, typer.Option(help="Seconds at the start to leave out, such as warm-up.")] = 0.0,
     remove_temperature: Annotated[
         bool,
         typer.Option("--remove-temperature", help="Take a straight line in the temperature off first."),
     ] = False,
+    stream: Annotated[
+        bool | None,
+        typer.Option(
+            "--stream/--whole",
+            help="Read block by block, twice, in little memory; by default above half a gigabyte of numbers.",
+        ),
+    ] = None,
     units: Units = None,
     columns: Columns = None,
     rate: Rate = None,
@@ -49,6 +70,9 @@ def noise_command(
             rate=rate,
             skip=skip,
             remove_temperature=remove_temperature,
+            kind=kind,
+            taus=taus,
+            stream=stream,
             progress=say,
         )
     if analysis.files:
@@ -56,15 +80,21 @@ def noise_command(
     if as_json:
         typer.echo(json.dumps(analysis.document, indent=1, ensure_ascii=False))
         return
-    from tumble.report.noise_words import noise_lines
+    from tumble.report.noise_words import KINDS, curve_lines, noise_lines, triad_lines
 
+    noise = analysis.noise
     if not quiet:
-        for sentence in analysis.noise.sentences:
+        for sentence in noise.sentences:
             typer.echo(f"• {sentence}")
         typer.echo("")
-    for line in noise_lines(analysis.noise.channels, seen_only=quiet):
+    for line in noise_lines(noise.channels, seen_only=quiet):
         typer.echo(line)
     if not quiet:
+        for line in triad_lines(noise.channels):
+            typer.echo(line)
+        typer.echo(f"\n{KINDS[noise.kind]}:")
+        for line in curve_lines(noise.channels, every="," in taus or taus in ("octave", "decade")):
+            typer.echo(line)
         typer.echo(f"\n{_LETTERS}")
     for file in analysis.files:
         typer.echo(f"written: {file.resolve()}")

@@ -1,7 +1,12 @@
-"""A recording at rest characterised: deviations and spectrum of every channel, and the terms in them."""
+"""A recording at rest characterised: deviations and spectrum of every channel, and the terms in them.
+
+A recording in memory is taken as it is; one that is larger is read twice, block by block: once to see where
+it is at rest, once to average, in memory that hardly grows with its length.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from math import log, pi, sqrt
 
@@ -9,13 +14,15 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table
 from tumble.errors import RecordingError, UsageError
-from tumble.noise.deviation import Deviation, allan_deviation
+from tumble.noise.advice import advise
+from tumble.noise.bridging import BridgedBlocks, bridge, say_bridged
+from tumble.noise.deviation import Deviation, Kind, Taus, allan_deviation
+from tumble.noise.evidence import Survey, WholeEvidence
 from tumble.noise.fit import NoiseFit, fit_curve
-from tumble.noise.recording_length import seconds_for
-from tumble.noise.spectrum import PowerSpectrum, power_spectrum
+from tumble.noise.spectrum import PowerSpectrum, StreamedSpectrum, power_spectrum, segment_of
+from tumble.noise.streaming import StreamedDeviation
 from tumble.noise.suitability import Suitability, judge_rest
-from tumble.noise.terms import NoiseModel
-from tumble.recording import Recording
+from tumble.recording import Recording, Source
 from tumble.recording.doctor import channels_of
 from tumble.units import angular_rate_factor, specific_force_factor
 
@@ -27,9 +34,7 @@ _BINS = 20  # of the spectrum, a decade
 _LEVEL_POINTS = 600  # of the drawing of levels over time
 # Ten degrees of freedom for each averaging time in the record: 1 over the square root of twice that is 22 %.
 _WELL_KNOWN = 10.0
-_MISFIT = 0.01
-_SHORT = 5000  # samples, of which N is known to 2 %
-_SHARP = 50.0  # degrees of freedom of a deviation known to 10 %
+_TOLD = ("assumed", "mended")  # remarks of the reader that noise depends on
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,15 +63,17 @@ class Channel:
     ----------
     name : ax to gz.
     unit : "m/s²" or "rad/s"; "counts" where the recording is in counts.
-    curve : overlapping Allan deviation, ten averaging times a decade, in that unit.
+    curve : deviation of the kind and at the averaging times that were asked for, in that unit.
+    allan : overlapping Allan deviation, averaging times an octave apart, which the model is fitted to.
     fit : the model of its noise, or None where there is too little for one.
     terms : what the curve shows.
-    floor, floor_tau : lowest point of the curve where it is known to a fifth, and its averaging time in s.
+    floor, floor_tau : lowest point of the Allan deviation where it is known to a fifth, and its averaging time in s.
     """
 
     name: str
     unit: str
     curve: Deviation
+    allan: Deviation
     fit: NoiseFit | None
     terms: tuple[Term, ...]
     floor: float
@@ -87,10 +94,14 @@ class Channel:
         return next((term for term in self.terms if term.letter == letter), None)
 
     def fitted(self, tau: Series) -> Series:
-        """Return the Allan deviation of the fitted model at averaging times in s; nan without one."""
-        if self.fit is None:
+        """Return the deviation of the fitted model at averaging times in s; nan without one.
+
+        Of the kind of `curve`; of modified Allan and Hadamard deviations the model has none, and it is nan.
+        """
+        if self.fit is None or self.curve.kind not in ("overlapping", "haar"):
             return np.full(tau.shape, np.nan)
-        return np.sqrt(self.fit.model.allan_variance(tau, self.fit.rate))
+        part = 0.5 if self.curve.kind == "haar" else 1.0
+        return np.sqrt(part * self.fit.model.allan_variance(tau, self.fit.rate))
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +115,9 @@ class Characterisation:
     spectra : by triad letter ("a", "g"): one-sided densities of its channels in their unit, in bins.
     level_time, levels : (points,) s and (points, channels): means over time, what is drawn to look for drift.
     remarks : sentences beyond those of the suitability.
+    sources : files that the recording was read from.
+    rate, duration : Hz, and s from the first to the last sample.
+    streamed : whether it was read block by block.
     """
 
     suitability: Suitability
@@ -112,15 +126,40 @@ class Characterisation:
     level_time: Series
     levels: Table
     remarks: tuple[str, ...]
+    sources: tuple[Source, ...]
+    rate: float
+    duration: float
+    streamed: bool = False
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """Everything that was found, in words."""
         return (*self.suitability.remarks, *self.remarks)
 
+    @property
+    def kind(self) -> Kind:
+        """Which deviation the channels' curves are."""
+        return self.channels[0].curve.kind
+
+
+@dataclass(frozen=True, slots=True)
+class _Averages:
+    """What is averaged of a recording, in memory or from its blocks."""
+
+    curve: Deviation
+    octaves: Deviation
+    spectra: dict[str, PowerSpectrum]
+    level_time: Series
+    levels: Table
+
 
 def characterise(
-    recording: Recording, *, skip: float = 0.0, remove_temperature: bool = False
+    recording: Recording,
+    *,
+    skip: float = 0.0,
+    remove_temperature: bool = False,
+    kind: Kind = "overlapping",
+    taus: Taus = "log",
 ) -> Characterisation:
     """Return deviations, spectra and terms of all channels of a recording at rest.
 
@@ -129,40 +168,123 @@ def characterise(
     recording : as read, in any unit.
     skip : s at the start to leave out, such as warm-up.
     remove_temperature : take a straight line in the temperature off each channel first.
+    kind, taus : of the curves, as for `tumble.noise.deviation.allan_deviation`. The model is fitted to the
+        overlapping Allan deviation whatever they are.
 
     Raises
     ------
     RecordingError
         If nothing of it is at rest, or it is too short.
+    UsageError
+        If no averaging time fits, or the kind is not known.
     """
-    said: list[str] = []
+    said = _told(recording)
     recording = _after(recording, skip)
+    recording, filled, places = bridge(recording)
+    said += [say_bridged(filled, places, len(recording))] if filled else []
     if remove_temperature:
         recording = _without_temperature(recording, said)
-    suitability = judge_rest(recording)
-    recording = suitability.recording
+    suitability = _usable(judge_rest(WholeEvidence(recording)))
+    factors, units = _factors(recording, suitability.channels)
+    signals = _signals(recording, suitability, factors)
+    gaps = tuple(start for start, _ in suitability.pieces)
+    averages = _Averages(
+        allan_deviation(signals, recording.rate, kind=kind, taus=taus, gaps=gaps),
+        allan_deviation(signals, recording.rate, taus="octave", gaps=gaps),
+        _spectra(signals, recording.rate, gaps, suitability.channels),
+        *_levels(recording.time, signals),
+    )
+    return _gathered(
+        suitability, units, averages, said, recording.sources, recording.rate, recording.duration
+    )
+
+
+def characterise_blocks(
+    read: Callable[[], Iterable[Recording]],
+    *,
+    skip: float = 0.0,
+    remove_temperature: bool = False,
+    kind: Kind = "overlapping",
+    taus: Taus = "log",
+    progress: Callable[[str], None] | None = None,
+) -> Characterisation:
+    """Return the same of a recording of any length that is read twice, block by block.
+
+    Memory grows by some hundred bytes for each second of the recording. Above 128 samples differences begin
+    at every 65th to 128th part of an averaging time.
+
+    Parameters
+    ----------
+    read : begins a reading; gives consecutive blocks.
+    skip, remove_temperature, kind, taus : as for `characterise`, without the modified deviation and without
+        all averaging times.
+    progress : is told in words how far it is.
+
+    Raises
+    ------
+    RecordingError
+        If nothing of it is at rest, or it is too short.
+    UsageError
+        If the deviation cannot be had from blocks, or no averaging time fits.
+    """
+    say = progress or _silent
+    # What cannot be had is told before anything is read.
+    StreamedDeviation(1.0, 1, kind, taus if isinstance(taus, str) else "octave")
+    blocks = BridgedBlocks(read, skip)
+    survey, said, first = _surveyed(blocks, say)
+    said += [say_bridged(blocks.filled, blocks.places, survey.samples)] if blocks.filled else []
+    slopes = _slopes(survey, said) if remove_temperature else None
+    suitability = _usable(judge_rest(survey))
+    factors, units = _factors(first, suitability.channels)
+    averages = _averaged(blocks, survey, suitability, factors, slopes, kind, taus, say)
+    duration = survey.stop_time - survey.start_time
+    return _gathered(suitability, units, averages, said, first.sources, survey.rate, duration, streamed=True)
+
+
+def _silent(stage: str) -> None:
+    """Tell nobody."""
+
+
+def _told(recording: Recording) -> list[str]:
+    return [remark.text for remark in recording.remarks if remark.kind in _TOLD]
+
+
+def _usable(suitability: Suitability) -> Suitability:
     if suitability.longest < _LEAST_SAMPLES:
         why = " ".join(suitability.remarks) or "There is nothing in it."
         raise RecordingError(
             f"No stretch at rest of {_LEAST_SAMPLES} samples or more, so there is no noise to analyse. {why}"
         )
-    named = channels_of(recording)
-    signals, gaps, units = _signals(recording, named, suitability)
-    curves = allan_deviation(signals, recording.rate, taus="log", gaps=gaps)
-    octaves = allan_deviation(signals, recording.rate, taus="octave", gaps=gaps)
+    return suitability
+
+
+def _gathered(
+    suitability: Suitability,
+    units: tuple[str, ...],
+    averages: _Averages,
+    said: list[str],
+    sources: tuple[Source, ...],
+    rate: float,
+    duration: float,
+    *,
+    streamed: bool = False,
+) -> Characterisation:
+    """Fit the channels' models, and put everything together."""
     channels = tuple(
-        _channel(name, unit, curves.channel(k), octaves.channel(k), suitability.shortest)
+        _channel(name, unit, averages.curve.channel(k), averages.octaves.channel(k), suitability.shortest)
         for k, (name, unit) in enumerate(zip(suitability.channels, units, strict=True))
     )
-    said += _on_fits(channels) + _on_length(curves) + _advice(channels, curves.samples / curves.rate)
-    time, levels = _levels(recording.time, signals)
     return Characterisation(
         suitability,
         channels,
-        _spectra(signals, recording.rate, gaps, suitability.channels),
-        time,
-        levels,
-        tuple(said),
+        averages.spectra,
+        averages.level_time,
+        averages.levels,
+        (*said, *advise(channels, averages.octaves)),
+        sources,
+        rate,
+        duration,
+        streamed,
     )
 
 
@@ -175,11 +297,14 @@ def _after(recording: Recording, skip: float) -> Recording:
     return recording.between(first, len(recording))
 
 
+# -- in memory -------------------------------------------------------------------------------------
+
+
 def _without_temperature(recording: Recording, said: list[str]) -> Recording:
     """Take a straight line in temperature off, and say by how much."""
     celsius = recording.temperature
     if celsius is None or not np.all(np.isfinite(celsius)) or float(np.ptp(celsius)) == 0.0:
-        said.append("There is no temperature that changes in the recording: nothing was taken off.")
+        said.append(_NO_TEMPERATURE)
         return recording
     warmth = celsius - celsius.mean()
 
@@ -189,10 +314,7 @@ def _without_temperature(recording: Recording, said: list[str]) -> Recording:
         slope = warmth @ (triad - triad.mean(axis=0)) / (warmth @ warmth)
         return triad - np.outer(warmth, slope)
 
-    said.append(
-        f"A straight line in the temperature ({np.ptp(celsius):.2g} °C) is taken off each channel: what the bias does "
-        "with temperature is not in the numbers below."
-    )
+    said.append(_taken_off(float(np.ptp(celsius))))
     return replace(
         recording,
         specific_force=flat(recording.specific_force),
@@ -200,13 +322,21 @@ def _without_temperature(recording: Recording, said: list[str]) -> Recording:
     )
 
 
-def _signals(
-    recording: Recording, named: dict[str, Series], suitability: Suitability
-) -> tuple[Table, tuple[int, ...], list[str]]:
-    """Signals in SI where there is a factor, nan outside the pieces, and the edges between pieces as gaps."""
-    signals = np.column_stack([named[name] for name in suitability.channels])
+_NO_TEMPERATURE = "There is no temperature that changes in the recording: nothing was taken off."
+
+
+def _taken_off(span: float) -> str:
+    return (
+        f"A straight line in the temperature ({span:.2g} °C) is taken off each channel: what the bias does "
+        "with temperature is not in the numbers below."
+    )
+
+
+def _factors(recording: Recording, names: tuple[str, ...]) -> tuple[Series, tuple[str, ...]]:
+    """Factors of the channels to SI, 1 where there is none, and the units that they then have."""
+    factors: list[float] = []
     units: list[str] = []
-    for k, name in enumerate(suitability.channels):
+    for name in names:
         gyro = name.startswith("g")
         factor = (
             angular_rate_factor(recording.angular_rate_unit)
@@ -214,100 +344,20 @@ def _signals(
             else specific_force_factor(recording.specific_force_unit)
         )
         units.append("counts" if factor is None else "rad/s" if gyro else "m/s²")
-        signals[:, k] *= 1.0 if factor is None else factor
+        factors.append(1.0 if factor is None else factor)
+    return np.array(factors), tuple(units)
+
+
+def _signals(recording: Recording, suitability: Suitability, factors: Series) -> Table:
+    """Signals in SI where there is a factor, nan outside the pieces."""
+    named = channels_of(recording)
+    signals = np.column_stack([named[name] for name in suitability.channels])
+    signals *= factors
     used = np.zeros(len(signals), dtype=bool)
     for start, stop in suitability.pieces:
         used[start:stop] = True
     signals[~used] = np.nan
-    return signals, tuple(start for start, _ in suitability.pieces), units
-
-
-def _channel(name: str, unit: str, curve: Deviation, octaves: Deviation, shortest: float) -> Channel:
-    try:
-        fit = fit_curve(octaves.from_tau(shortest))
-    except UsageError:
-        fit = None
-    known = (curve.edf[:, 0] >= _WELL_KNOWN) & (curve.tau >= shortest)
-    known = known if np.any(known) else np.ones(len(curve), dtype=bool)
-    lowest = int(np.argmin(np.where(known, curve.deviation[:, 0], np.inf)))
-    return Channel(
-        name,
-        unit,
-        curve,
-        fit,
-        () if fit is None else _terms(fit),
-        float(curve.deviation[lowest, 0]),
-        float(curve.tau[lowest]),
-    )
-
-
-def _terms(fit: NoiseFit) -> tuple[Term, ...]:
-    sigmas = np.sqrt(np.diag(fit.covariance))
-    return tuple(
-        Term(term.name, term.value, float(sigma), term.low, term.high)
-        for term, sigma in zip(fit.terms, sigmas, strict=True)
-    )
-
-
-def _on_fits(channels: tuple[Channel, ...]) -> list[str]:
-    """Say which curves have no model, or one that does not fit."""
-    none = [channel.name for channel in channels if channel.fit is None]
-    bad = [c.name for c in channels if c.fit is not None and c.fit.probability < _MISFIT]
-    said = (
-        [f"{', '.join(none)}: too few averaging times for a model; the curve stands alone."] if none else []
-    )
-    if bad:
-        words = f"{', '.join(bad)}: the curve has a shape that the model does not make (by chance in less than one of "
-        said.append(
-            f"{words}{1.0 / _MISFIT:.0f} cases): vibration lines, motion or drift; look at the spectrum."
-        )
-    return said
-
-
-def _on_length(curves: Deviation) -> list[str]:
-    """Say how long an averaging time is known, and what a longer one takes."""
-    sharp = curves.tau[np.min(curves.edf, axis=1) >= _SHARP]
-    total = _words(curves.samples / curves.rate)
-    if not sharp.size or curves.samples < _SHORT:
-        said = f"The recording is very short ({total} at rest): "
-        said += f"for N to 2 % record {_words(_SHORT / curves.rate)}; bias instability takes hours."
-    else:
-        said = f"{total} at rest: the curve is known to 10 % up to averaging times of {_words(float(sharp[-1]))}, "
-        said += "and up to longer ones in proportion to the length of a recording."
-    return [said]
-
-
-def _advice(channels: tuple[Channel, ...], seconds: float) -> list[str]:
-    """Say how long to record for 10 % on B and K, by the channel of each triad that needs longest."""
-    said: list[str] = []
-    for letter, title in (("a", "Accelerometers"), ("g", "Gyros")):
-        fits = [c.fit for c in channels if c.name.startswith(letter) and c.fit is not None]
-        parts: list[str] = []
-        for term in "BK":
-            needs = [_need(fit, term) for fit in fits]
-            longest = max(needs, default=0.0)
-            if longest > 1.1 * seconds and np.isfinite(longest):
-                seen = all(term in fit.chosen for fit in fits)
-                where = "" if seen else " (where it is not seen: if it is at its limit)"
-                parts.append(f"{_words(longest)} for {term}{where}")
-        if parts:
-            said.append(f"{title}: ± 10 % takes a recording of {' and '.join(parts)}.")
-    return said
-
-
-def _need(fit: NoiseFit, letter: str) -> float:
-    """Length of recording that knows a coefficient, or its upper limit, to 10 %."""
-    if letter in fit.limits:
-        coefficients = {**fit.model.coefficients, letter: fit.limits[letter]}
-        model = NoiseModel.from_coefficients(coefficients, fit.model.gauss_markov)
-        return seconds_for(model, letter, fit.rate)
-    return seconds_for(fit.model, letter, fit.rate) if letter in fit.chosen else 0.0
-
-
-def _words(seconds: float) -> str:
-    if seconds < 120.0:
-        return f"{seconds:.3g} s"
-    return f"{seconds / 60.0:.3g} min" if seconds < 7200.0 else f"{seconds / 3600.0:.3g} h"
+    return signals
 
 
 def _levels(time: Series, signals: Table) -> tuple[Series, Table]:
@@ -332,4 +382,125 @@ def _spectra(
     }
 
 
-__all__ = ["FLOOR", "Channel", "Characterisation", "Term", "characterise"]
+# -- from blocks -----------------------------------------------------------------------------------
+
+
+def _surveyed(blocks: BridgedBlocks, say: Callable[[str], None]) -> tuple[Survey, list[str], Recording]:
+    """The first reading: what rest is judged by, what the reader told, and the first sample."""
+    survey, told, first = Survey(), dict[str, None](), None
+    for block, after_gap in blocks:
+        first = block.between(0, 1) if first is None else first
+        told |= dict.fromkeys(_told(block))
+        survey.add(block, after_gap=after_gap)
+        say(f"reading, 1 of 2: {survey.samples / 1e6:.1f} million samples")
+    if first is None:
+        raise RecordingError("--skip leaves nothing of the recording.")
+    survey.close()
+    return survey, list(told), first
+
+
+def _slopes(survey: Survey, said: list[str]) -> tuple[Series, float] | None:
+    """Slopes of all channels over temperature and the mean temperature, or None where it does not change."""
+    means, others = survey.seconds()
+    celsius = others[:, 0]
+    if not len(celsius) or not np.all(np.isfinite(celsius)) or float(np.ptp(celsius)) == 0.0:
+        said.append(_NO_TEMPERATURE)
+        return None
+    warmth = celsius - celsius.mean()
+    said.append(_taken_off(float(np.ptp(celsius))))
+    slopes = warmth @ (means - means.mean(axis=0)) / (warmth @ warmth)
+    survey.straighten(slopes, float(celsius.mean()))
+    return slopes, float(celsius.mean())
+
+
+def _averaged(
+    blocks: BridgedBlocks,
+    survey: Survey,
+    suitability: Suitability,
+    factors: Series,
+    slopes: tuple[Series, float] | None,
+    kind: Kind,
+    taus: Taus,
+    say: Callable[[str], None],
+) -> _Averages:
+    """The second reading: deviations and spectra of what is at rest."""
+    names = suitability.channels
+    columns = [survey.names.index(name) for name in names]
+    octaves = StreamedDeviation(survey.rate, len(names))
+    wanted = StreamedDeviation(survey.rate, len(names), kind, taus)
+    letters = [letter for letter in "ag" if any(name.startswith(letter) for name in names)]
+    of_triad = {letter: [k for k, name in enumerate(names) if name.startswith(letter)] for letter in letters}
+    segment = segment_of(suitability.longest)
+    spectra = {letter: StreamedSpectrum(survey.rate, len(of_triad[letter]), segment) for letter in letters}
+    at = 0
+    for block, _ in blocks:
+        signals = np.column_stack(list(channels_of(block).values()))
+        if slopes is not None and block.temperature is not None:
+            signals -= np.outer(block.temperature - slopes[1], slopes[0])
+        signals = signals[:, columns] * factors
+        for start, stop in suitability.pieces:
+            a, b = max(start - at, 0), min(stop - at, len(block))
+            if a >= b:
+                continue
+            part, begins = signals[a:b], a + at == start
+            octaves.add(part, after_gap=begins)
+            wanted.add(part, after_gap=begins)
+            for letter, spectrum in spectra.items():
+                spectrum.add(part[:, of_triad[letter]], after_gap=begins)
+        at += len(block)
+        say(f"reading, 2 of 2: {100.0 * at / survey.samples:.0f} %")
+    return _Averages(
+        wanted.deviation(),
+        octaves.deviation(),
+        {letter: each.spectrum(bins_per_decade=_BINS) for letter, each in spectra.items()},
+        *_levels_of(survey, suitability, columns, factors),
+    )
+
+
+def _levels_of(
+    survey: Survey, suitability: Suitability, columns: list[int], factors: Series
+) -> tuple[Series, Table]:
+    means, others = survey.seconds()
+    starts = survey.starts()
+    at_rest = np.zeros(len(starts), dtype=bool)
+    for start, stop in suitability.pieces:
+        at_rest |= (starts >= start) & (starts + survey.block <= stop)
+    levels = means[:, columns] * factors
+    levels[~at_rest] = np.nan
+    return _levels(others[:, 1], levels)
+
+
+# -- of one channel --------------------------------------------------------------------------------
+
+
+def _channel(name: str, unit: str, curve: Deviation, octaves: Deviation, shortest: float) -> Channel:
+    try:
+        fit = fit_curve(octaves.from_tau(shortest))
+    except UsageError:
+        fit = None
+    # The finer curve, where it is an Allan deviation too.
+    allan = curve if curve.kind == "overlapping" and len(curve) > len(octaves) else octaves
+    known = (allan.edf[:, 0] >= _WELL_KNOWN) & (allan.tau >= shortest)
+    known = known if np.any(known) else np.ones(len(allan), dtype=bool)
+    lowest = int(np.argmin(np.where(known, allan.deviation[:, 0], np.inf)))
+    return Channel(
+        name,
+        unit,
+        curve,
+        octaves,
+        fit,
+        () if fit is None else _terms(fit),
+        float(allan.deviation[lowest, 0]),
+        float(allan.tau[lowest]),
+    )
+
+
+def _terms(fit: NoiseFit) -> tuple[Term, ...]:
+    sigmas = np.sqrt(np.diag(fit.covariance))
+    return tuple(
+        Term(term.name, term.value, float(sigma), term.low, term.high)
+        for term, sigma in zip(fit.terms, sigmas, strict=True)
+    )
+
+
+__all__ = ["FLOOR", "Channel", "Characterisation", "Term", "characterise", "characterise_blocks"]

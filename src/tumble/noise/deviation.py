@@ -24,8 +24,11 @@ from tumble.arrays import AnyArray, Series, Table
 from tumble.errors import UsageError
 from tumble.noise.freedom import EXPONENTS, chi_square_interval, degrees_of_freedom
 
-Kind: TypeAlias = Literal["overlapping", "modified", "hadamard"]
-Taus: TypeAlias = "Literal['octave', 'decade', 'log', 'all'] | Series | Sequence[float]"
+Kind: TypeAlias = Literal["overlapping", "modified", "hadamard", "haar"]
+NamedTaus: TypeAlias = Literal["octave", "decade", "log", "all"]
+Taus: TypeAlias = "NamedTaus | Series | Sequence[float]"
+KINDS: tuple[Kind, ...] = ("overlapping", "modified", "hadamard", "haar")
+NAMED_TAUS: tuple[NamedTaus, ...] = ("octave", "decade", "log", "all")
 Pieces: TypeAlias = Sequence[tuple[int, int]]
 Integers: TypeAlias = npt.NDArray[np.int64]
 
@@ -33,6 +36,7 @@ ONE_SIGMA = 0.682689492137086
 """Probability within one standard deviation of a normal distribution."""
 
 _PER_DECADE = 10
+_MOST_WORK = 2e12  # samples times channels times averaging times: ten minutes and more
 _SLOPE_REACH = 4.2  # a slope is taken over averaging times up to two octaves away
 _LEAST_CLUSTERS = 12  # with fewer, a slope is chance
 
@@ -43,7 +47,8 @@ class Deviation:
 
     Attributes
     ----------
-    kind : "overlapping" (Allan), "modified" (Allan) or "hadamard".
+    kind : "overlapping" (Allan), "modified" (Allan), "hadamard", or "haar", the root of the Haar wavelet variance,
+        which is half the Allan variance.
     tau : (taus,) averaging times, s.
     averaging : (taus,) the same in samples.
     deviation : (taus, channels) in the signal's unit.
@@ -129,7 +134,8 @@ def allan_deviation(
     signal : (samples,) or (samples, channels), any unit. Rows that are not finite are left out, and part
         the signal as a gap does.
     rate : samples a second.
-    kind : "overlapping" Allan, "modified" Allan, or "hadamard" (overlapping), which does not see a ramp.
+    kind : "overlapping" Allan, "modified" Allan, "hadamard" (overlapping), which does not see a ramp, or "haar",
+        the root of the Haar wavelet variance (maximal overlap).
     taus : "octave" (1, 2, 4, ... samples), "decade" (1, 2, 4, 10, 20, 40, ...), "log" (ten a decade),
         "all" (the time taken grows with the square of the samples), or averaging times in s, taken to the
         next whole sample; those that do not fit into the longest piece are left out.
@@ -155,6 +161,7 @@ def allan_deviation(
     order, _ = _form(kind)
     longest = max((stop - start for start, stop in pieces), default=0)
     averaging = choose_averaging(taus, rate, longest // order)
+    _refuse_endless(columns, averaging)
     sums, counts = _pooled(columns, pieces, averaging, kind)
     lengths = tuple(stop - start for start, stop in pieces)
     return finish(sums, counts, averaging, kind, rate, lengths, noise, confidence)
@@ -183,8 +190,10 @@ def finish(
     """
     size = averaging.astype(np.float64)
     # SP 1065 equations 10, 14 and 21 in units of samples
-    scale = {"overlapping": 2.0 * size**2, "modified": 2.0 * size**4, "hadamard": 6.0 * size**2}[kind]
+    scale = 6.0 * size**2 if kind == "hadamard" else 2.0 * size ** (4 if kind == "modified" else 2)
     variance = sums / (scale * counts)[:, None]
+    # the same spread, and half the size
+    part = 0.5 if kind == "haar" else 1.0
     exponent = _assumed(variance, averaging, lengths, kind, noise)
     edf = _freedom(exponent, averaging, lengths, kind, strides)
     low, high = chi_square_interval(variance, edf, confidence)
@@ -192,11 +201,11 @@ def finish(
         kind=kind,
         tau=size / rate,
         averaging=averaging,
-        deviation=np.sqrt(variance),
+        deviation=np.sqrt(part * variance),
         count=counts,
         edf=edf,
-        low=np.sqrt(low),
-        high=np.sqrt(high),
+        low=np.sqrt(part * low),
+        high=np.sqrt(part * high),
         exponent=exponent,
         confidence=confidence,
         rate=rate,
@@ -271,6 +280,14 @@ def _named(name: str, longest: int) -> Integers:
     raise UsageError(f"{name!r} names no averaging times: octave, decade, log or all, or give them in s.")
 
 
+def _refuse_endless(signal: Table, averaging: Integers) -> None:
+    if float(averaging.size) * signal.size > _MOST_WORK:
+        raise UsageError(
+            f"{averaging.size} averaging times of {signal.shape[0]} samples would take long (ten minutes and more): "
+            "take octave or log, or give a list."
+        )
+
+
 def _columns(signal: AnyArray) -> Table:
     if signal.ndim not in (1, 2):
         raise UsageError("A signal has one dimension, or two: samples and channels.")
@@ -280,8 +297,8 @@ def _columns(signal: AnyArray) -> Table:
 def _check(rate: float, kind: str, noise: int | None, confidence: float) -> None:
     if not (np.isfinite(rate) and rate > 0.0):
         raise UsageError(f"A sampling rate of {rate} Hz cannot be.")
-    if kind not in ("overlapping", "modified", "hadamard"):
-        raise UsageError(f"{kind!r} is no kind of deviation: overlapping, modified or hadamard.")
+    if kind not in KINDS:
+        raise UsageError(f"{kind!r} is no kind of deviation: overlapping, modified, hadamard or haar.")
     if not 0.0 < confidence < 1.0:
         raise UsageError(f"A confidence of {confidence} cannot be: give a probability between 0 and 1.")
     if noise is not None and noise not in _exponents(kind):
@@ -292,7 +309,7 @@ def _check(rate: float, kind: str, noise: int | None, confidence: float) -> None
 def _form(kind: Kind) -> tuple[int, bool]:
     """Order of the differences, and whether they are averaged again, by kind."""
     # A modified difference takes as many samples as one of the third order.
-    return {"overlapping": (2, False), "modified": (3, True), "hadamard": (3, False)}[kind]
+    return (2, False) if kind in ("overlapping", "haar") else (3, kind == "modified")
 
 
 def _exponents(kind: str) -> tuple[int, ...]:
@@ -304,10 +321,9 @@ def _pooled(signal: Table, pieces: Pieces, averaging: Integers, kind: Kind) -> t
     from tumble.noise import kernels
 
     add_squares = {
-        "overlapping": kernels.second_difference_squares,
         "modified": kernels.window_squares,
         "hadamard": kernels.third_difference_squares,
-    }[kind]
+    }.get(kind, kernels.second_difference_squares)
     reach, modified = _form(kind)
     sums = np.zeros((averaging.size, signal.shape[1]))
     counts = np.zeros(averaging.size, dtype=np.int64)
@@ -437,6 +453,8 @@ def haar_wavelet_variance(
 
 
 __all__ = [
+    "KINDS",
+    "NAMED_TAUS",
     "ONE_SIGMA",
     "Deviation",
     "WaveletVariance",

@@ -83,46 +83,100 @@ def power_spectrum(
         raise UsageError(f"A sampling rate of {rate} Hz cannot be.")
     pieces = find_pieces(columns, gaps)
     longest = max((stop - start for start, stop in pieces), default=0)
-    size = _segment(longest) if segment is None else segment
-    if size < _LEAST_SEGMENT or longest < size:
+    size = segment_of(longest) if segment is None else segment
+    if longest < size:
         raise UsageError(f"A spectrum needs a segment of {max(size, _LEAST_SEGMENT)} samples without a gap.")
-    power, count, edf = _averaged(columns, pieces, size)
-    # The window's power and the rate make a density; all frequencies but zero and Nyquist's stand for two.
-    density = 2.0 * power / (rate * (_hann(size) ** 2).sum())
-    if size % 2 == 0:
-        density[-1] *= 0.5
-    frequency = np.arange(size // 2 + 1) * rate / size
-    return _binned(
-        frequency[1:], density[1:], edf, size, count, 1.44 * rate / size, confidence, bins_per_decade
-    )
+    collector = StreamedSpectrum(rate, columns.shape[1], size)
+    for start, stop in pieces:
+        collector.add(columns[start:stop], after_gap=True)
+    return collector.spectrum(bins_per_decade=bins_per_decade, confidence=confidence)
 
 
-def _segment(longest: int) -> int:
-    """Power of two that fits eight times, not below what a spectrum needs where it fits at all."""
+def segment_of(longest: int) -> int:
+    """Return the samples of a segment where none are wanted: a power of two that fits eight times, or nearly.
+
+    Parameters
+    ----------
+    longest : samples of the longest piece.
+    """
+    # not below what a spectrum needs where it fits at all
     wanted = max(longest // _SEGMENTS, _LEAST_SEGMENT)
     return min(1 << int(np.log2(wanted)), _LONGEST_SEGMENT)
 
 
+class StreamedSpectrum:
+    """Collects blocks of a signal and gives Welch's spectrum of them, in memory of a segment.
+
+    Parameters
+    ----------
+    rate : samples a second.
+    channels : how many.
+    segment : samples of a segment.
+
+    Raises
+    ------
+    UsageError
+        If a segment is shorter than eight samples.
+    """
+
+    def __init__(self, rate: float, channels: int, segment: int) -> None:
+        if segment < _LEAST_SEGMENT:
+            raise UsageError(f"A spectrum needs a segment of {_LEAST_SEGMENT} samples without a gap.")
+        self._rate, self._size = rate, segment
+        self._window = _hann(segment)
+        self._power = np.zeros((segment // 2 + 1, channels))
+        self._held: Table = np.zeros((0, channels))
+        self._several: list[int] = []
+
+    def add(self, block: Table, *, after_gap: bool = False) -> None:
+        """Take the next block.
+
+        Parameters
+        ----------
+        block : (samples, channels), finite.
+        after_gap : whether samples are missing before it.
+        """
+        if after_gap or not self._several:
+            self._held = self._held[:0]
+            self._several.append(0)
+        rows = np.concatenate([self._held, block]) if len(self._held) else block
+        size, stride = self._size, self._size - self._size // 2
+        begins = range(0, rows.shape[0] - size + 1, stride)
+        for begin in begins:
+            for channel in range(rows.shape[1]):
+                part = rows[begin : begin + size, channel]
+                self._power[:, channel] += np.abs(np.fft.rfft(self._window * (part - part.mean()))) ** 2
+        self._several[-1] += len(begins)
+        self._held = rows[len(begins) * stride :].copy()
+
+    def spectrum(self, *, bins_per_decade: int | None = None, confidence: float = ONE_SIGMA) -> PowerSpectrum:
+        """Return the spectrum of all that was taken so far.
+
+        Parameters
+        ----------
+        bins_per_decade, confidence : as for `power_spectrum`.
+
+        Raises
+        ------
+        UsageError
+            If no piece had a whole segment.
+        """
+        size, rate, count = self._size, self._rate, sum(self._several)
+        if not count:
+            raise UsageError(f"A spectrum needs a segment of {size} samples without a gap.")
+        edf = sum(2.0 * n / (1.0 + 2.0 * (n - 1) / n * _NEIGHBOURS) for n in self._several if n)
+        # The window's power and the rate make a density; all frequencies but zero and Nyquist's stand for two.
+        density = 2.0 * self._power / (count * rate * (self._window**2).sum())
+        if size % 2 == 0:
+            density[-1] *= 0.5
+        frequency = np.arange(size // 2 + 1) * rate / size
+        return _binned(
+            frequency[1:], density[1:], edf, size, count, 1.44 * rate / size, confidence, bins_per_decade
+        )
+
+
 def _hann(size: int) -> Series:
     return 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(size) / size)
-
-
-def _averaged(signal: Table, pieces: Sequence[tuple[int, int]], size: int) -> tuple[Table, int, float]:
-    """Mean of the segments' squared transforms, how many there are, and the degrees of freedom."""
-    window = _hann(size)
-    power = np.zeros((size // 2 + 1, signal.shape[1]))
-    count, edf = 0, 0.0
-    for start, stop in pieces:
-        begins = range(start, stop - size + 1, size - size // 2)
-        for begin in begins:
-            for channel in range(signal.shape[1]):
-                part = signal[begin : begin + size, channel]
-                power[:, channel] += np.abs(np.fft.rfft(window * (part - part.mean()))) ** 2
-        several = len(begins)
-        count += several
-        if several:
-            edf += 2.0 * several / (1.0 + 2.0 * (several - 1) / several * _NEIGHBOURS)
-    return power / count, count, edf
 
 
 def _binned(
@@ -153,4 +207,4 @@ def _binned(
     return PowerSpectrum(frequency, density, freedom, low, high, size, count, resolution, confidence)
 
 
-__all__ = ["PowerSpectrum", "power_spectrum"]
+__all__ = ["PowerSpectrum", "StreamedSpectrum", "power_spectrum", "segment_of"]

@@ -16,10 +16,12 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Table
 from tumble.errors import UsageError
-from tumble.noise.deviation import ONE_SIGMA, Deviation, Kind, finish
+from tumble.noise.deviation import ONE_SIGMA, Deviation, Integers, Kind, Taus, choose_averaging, finish
 
 PLACES = 128
 """Differences begun in each averaging time, at least, once it is that long; a power of two."""
+
+_LONGEST = 1 << 48  # samples: longer than any recording
 
 
 @dataclass(slots=True)
@@ -35,18 +37,20 @@ class _Floor:
 
 @dataclass(slots=True)
 class StreamedDeviation:
-    """Collects blocks of a signal and gives the deviation at octaves of the sampling interval.
+    """Collects blocks of a signal and gives the deviation at octaves of the sampling interval, or as wanted.
 
     Parameters
     ----------
     rate : samples a second.
     channels : how many.
-    kind : "overlapping" or "hadamard".
+    kind : "overlapping", "hadamard" or "haar".
+    taus : as for `tumble.noise.deviation.allan_deviation`, but not "all". Above 128 samples they are taken to
+        the next multiple of the samples that are averaged there, which is within 0.8 %.
 
     Raises
     ------
     UsageError
-        If the kind is another.
+        If the kind is another, or the averaging times are all.
 
     Examples
     --------
@@ -61,13 +65,24 @@ class StreamedDeviation:
     rate: float
     channels: int
     kind: Kind = "overlapping"
+    taus: Taus = "octave"
+    _wanted: list[list[int]] = field(default_factory=list[list[int]])
     _floors: list[_Floor] = field(default_factory=list[_Floor])
     _lengths: list[int] = field(default_factory=list[int])
     _level: AnyArray | None = None
 
     def __post_init__(self) -> None:
-        if self.kind not in ("overlapping", "hadamard"):
-            raise UsageError(f"The {self.kind} deviation of averaged data is another: not from a stream.")
+        if self.kind not in ("overlapping", "hadamard", "haar"):
+            raise UsageError(
+                f"The {self.kind} deviation of averaged data is another one: it cannot be had of a recording that is "
+                "read block by block. Take overlapping, hadamard or haar."
+            )
+        if isinstance(self.taus, str) and self.taus == "all":
+            raise UsageError(
+                "All averaging times of a stream cannot be had: take octave, decade, log or a list."
+            )
+        averaging = choose_averaging(self.taus, self.rate, _LONGEST)
+        self._wanted = _by_floor(averaging)
 
     def add(self, block: Table, *, after_gap: bool = False) -> None:
         """Take the next block.
@@ -91,7 +106,7 @@ class StreamedDeviation:
             level = self._level = np.asarray(block.mean(axis=0))
         rows = block - level
         height = 0
-        while rows.shape[0]:
+        while rows.shape[0] and height < len(self._wanted):
             if height == len(self._floors):
                 self._floors.append(self._new_floor(height))
             floor = self._floors[height]
@@ -100,7 +115,7 @@ class StreamedDeviation:
             height += 1
 
     def _new_floor(self, height: int) -> _Floor:
-        steps = [2**k for k in range(int(np.log2(PLACES)) + 1)] if height == 0 else [PLACES]
+        steps = self._wanted[height]
         none = np.zeros((0, self.channels))
         return _Floor(steps, none, none, np.zeros((len(steps), self.channels)), [0] * len(steps))
 
@@ -108,7 +123,7 @@ class StreamedDeviation:
         """Add the differences that end in the new rows."""
         from tumble.noise import kernels
 
-        order = 2 if self.kind == "overlapping" else 3
+        order = 3 if self.kind == "hadamard" else 2
         add_squares = kernels.second_difference_squares if order == 2 else kernels.third_difference_squares
         joined = np.concatenate([floor.held, rows])
         before, total = floor.held.shape[0], np.zeros(1)
@@ -122,7 +137,8 @@ class StreamedDeviation:
                 floor.sums[k, channel] += total[0]
                 if channel == 0:
                     floor.counts[k] += max(0, phase.size - begin - order * m)
-        floor.held = joined[max(0, joined.shape[0] - order * floor.steps[-1]) :].copy()
+        reach = order * floor.steps[-1] if floor.steps else 0
+        floor.held = joined[max(0, joined.shape[0] - reach) :].copy()
 
     def deviation(self, *, noise: int | None = None, confidence: float = ONE_SIGMA) -> Deviation:
         """Return the deviation of all that was taken so far.
@@ -138,7 +154,7 @@ class StreamedDeviation:
         """
         found = [
             # running sums of means over 2^h samples are 2^h times as small
-            (m << height, min(m, PLACES), 4.0**height * floor.sums[k], floor.counts[k])
+            (m << height, m, 4.0**height * floor.sums[k], floor.counts[k])
             for height, floor in enumerate(self._floors)
             for k, m in enumerate(floor.steps)
             if floor.counts[k] > 0
@@ -159,6 +175,19 @@ class StreamedDeviation:
             confidence,
             np.array(strides, dtype=np.int64),
         )
+
+
+def _by_floor(averaging: Integers) -> list[list[int]]:
+    """Averaging times in the samples of each floor: up to 128 on the first, 65 to 128 on the others."""
+    found: list[list[int]] = [[]]
+    for m in averaging:
+        height = max(0, int(np.ceil(np.log2(m / PLACES) - 1e-12)))
+        while len(found) <= height:
+            found.append([])
+        each = int(np.rint(m / 2.0**height))
+        if each not in found[height]:
+            found[height].append(each)
+    return found
 
 
 def _pair_means(floor: _Floor, rows: Table) -> Table:

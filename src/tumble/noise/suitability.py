@@ -6,16 +6,13 @@ be done, left out: motion, steps of the level, channels that never change, rows 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Table
-from tumble.noise.deviation import find_pieces
-from tumble.recording import Recording
-from tumble.recording.doctor import channels_of
-from tumble.recording.rest import block_statistics, smallest_step
+from tumble.noise.evidence import Blocks, Piece, RestEvidence
 from tumble.units import angular_rate_factor, specific_force_factor
 
 _BLOCK = 1.0  # s, blocks whose scatter tells motion
@@ -33,9 +30,9 @@ _TREND = 6.0
 _REPEATS = 0.02  # share of rows like the one before that makes a resolution or a slow sensor
 _TEMPERATURE_SPAN = 0.5  # degrees Celsius
 _EXPLAINED = 0.5  # share of the slow variation that makes a temperature trend
-_BRIDGED = 1e-3  # share of samples that may be filled in: less than any interval is wide
+_MOST_SAID = 3  # steps that are told one by one
 
-Ranges = tuple[tuple[int, int], ...]
+Ranges = tuple[Piece, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,14 +41,12 @@ class Suitability:
 
     Attributes
     ----------
-    recording : the recording; with a few lost samples filled in, where that was possible.
     pieces : half-open ranges of samples at rest, without gap or step.
     channels : names that are worth looking at, of ax to gz.
     remarks : sentences on what was found and what was done about it.
     shortest : s, averaging times below which the numbers are the converter's or the file's, not the sensor's.
     """
 
-    recording: Recording
     pieces: Ranges
     channels: tuple[str, ...]
     remarks: tuple[str, ...]
@@ -68,97 +63,74 @@ class Suitability:
         return max((stop - start for start, stop in self.pieces), default=0)
 
 
-def judge_rest(recording: Recording) -> Suitability:
+def judge_rest(evidence: RestEvidence) -> Suitability:
     """Find what of a recording is a sensor at rest.
 
     Parameters
     ----------
-    recording : as read, in any unit.
+    evidence : of the recording, whole or gathered from its blocks.
     """
-    remarks: list[str] = []
-    recording = _bridged(recording, remarks)
-    channels = channels_of(recording)
-    alive = tuple(name for name, values in channels.items() if _changes(values))
-    remarks += [
-        f"{name} never changes ({float(channels[name][0]):g} throughout): a dead sensor or a wrong column; left out."
-        for name in channels
-        if name not in alive
+    remarks = [
+        f"{name} never changes ({level:g} throughout): a dead sensor or a wrong column; left out."
+        for name, level, alive in zip(evidence.names, evidence.level, evidence.alive, strict=True)
+        if not alive
     ]
-    if not alive:
-        return Suitability(recording, (), (), tuple(remarks), 0.0)
-    signals = np.column_stack([channels[name] for name in alive])
-    pieces = find_pieces(signals, recording.gaps)
+    lively = np.flatnonzero(evidence.alive)
+    if not lively.size:
+        return Suitability((), (), tuple(remarks), 0.0)
+    task = _Judgement(evidence, lively, remarks)
+    pieces = list(evidence.pieces)
     if len(pieces) > 1:
         remarks.append(
             f"Samples are missing in {len(pieces) - 1} place(s): the pieces between are taken apart and pooled; the "
-            f"longest has {_longest(pieces) / recording.rate:.4g} s, which bounds the averaging times."
+            f"longest has {_longest(pieces) / evidence.rate:.4g} s, which bounds the averaging times."
         )
-    shortest = _repeated_rows(signals, recording.rate, remarks)
-    pieces = _without_motion(signals, alive, pieces, recording, remarks)
-    pieces = _without_steps(signals, alive, pieces, recording, remarks)
+    shortest = _repeated_rows(task)
+    pieces = _without_motion(task, pieces)
+    pieces = _without_steps(task, pieces)
     if pieces:
-        _say_trends(signals, alive, pieces, recording, remarks)
-        _say_resolution(channels, alive, pieces, remarks)
-    return Suitability(recording, tuple(pieces), alive, tuple(remarks), shortest)
+        _say_trends(task, pieces)
+        _say_resolution(task)
+    return Suitability(tuple(pieces), task.names, tuple(remarks), shortest)
 
 
-def _unit(recording: Recording, name: str) -> str:
-    return recording.angular_rate_unit if name.startswith("g") else recording.specific_force_unit
+@dataclass(frozen=True, slots=True)
+class _Judgement:
+    """The evidence on the channels that live, and what was said of it so far."""
+
+    evidence: RestEvidence
+    lively: npt.NDArray[np.intp]
+    remarks: list[str]
+
+    @property
+    def rate(self) -> float:
+        return self.evidence.rate
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self.evidence.names[int(k)] for k in self.lively)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        return tuple(self.evidence.units[int(k)] for k in self.lively)
+
+    def blocks(self, piece: Piece, size: int) -> Blocks:
+        found = self.evidence.blocks(piece, size)
+        return Blocks(found.first, found.size, found.means[:, self.lively], found.scatter[:, self.lively])
 
 
-def _changes(values: Series) -> bool:
-    good = values if np.isfinite(values.sum()) else values[np.isfinite(values)]
-    return bool(good.size) and float(np.ptp(good)) > 0.0
-
-
-def _longest(pieces: list[tuple[int, int]]) -> int:
+def _longest(pieces: list[Piece]) -> int:
     return max((stop - start for start, stop in pieces), default=0)
 
 
-def _bridged(recording: Recording, remarks: list[str]) -> Recording:
-    """Fill a few lost samples in, so that they do not bound the averaging times."""
-    if not recording.gaps:
-        return recording
-    index = np.array(recording.gaps)
-    lost = np.rint(np.diff(recording.time)[index - 1] * recording.rate).astype(int) - 1
-    total, longest = int(lost.sum()), int(lost.max())
-    if total > _BRIDGED * len(recording) or longest > recording.rate or lost.min() < 1:
-        return recording
-    remarks.append(
-        f"{total} lost sample(s) in {len(index)} place(s) are filled in on a straight line, which takes that share "
-        f"({100.0 * total / len(recording):.2g} %) off the variance at short averaging times."
-    )
-    grid = np.arange(len(recording), dtype=np.float64)
-    grid += np.bincount(index, lost, minlength=len(recording))[: len(recording)].cumsum()
-    full: Series = np.arange(float(grid[-1]) + 1.0)
-
-    def filled(values: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
-        if values is None:
-            return None
-        result = np.empty((len(full), *values.shape[1:]))
-        for place in np.ndindex(values.shape[1:]):
-            result[:, *place] = np.interp(full, grid, values[:, *place])
-        return result
-
-    return replace(
-        recording,
-        time=np.interp(full, grid, recording.time),
-        specific_force=filled(recording.specific_force),
-        angular_rate=filled(recording.angular_rate),
-        temperature=filled(recording.temperature),
-        gaps=(),
-    )
-
-
-def _repeated_rows(signals: Table, rate: float, remarks: list[str]) -> float:
+def _repeated_rows(task: _Judgement) -> float:
     """Say where rows only repeat the row before; return the averaging time from which that averages out."""
-    same = np.all(signals[1:] == signals[:-1], axis=1)
-    share = float(same.mean()) if same.size else 0.0
-    if share < _REPEATS or signals.shape[1] < 2:
+    share = task.evidence.repeats
+    if share < _REPEATS or len(task.names) < 2:
         return 0.0
-    update = rate * (1.0 - share)
+    update = task.rate * (1.0 - share)
     shortest = 5.0 / update
-    remarks.append(
+    task.remarks.append(
         f"{100.0 * share:.0f} % of the rows repeat the row before in every channel: the sensor gave new values at "
         f"{update:.4g} Hz only, and averaging times below {shortest:.2g} s are not fitted. Record at the sensor's "
         "own rate."
@@ -166,107 +138,100 @@ def _repeated_rows(signals: Table, rate: float, remarks: list[str]) -> float:
     return shortest
 
 
-def _without_motion(
-    signals: Table,
-    names: tuple[str, ...],
-    pieces: list[tuple[int, int]],
-    recording: Recording,
-    remarks: list[str],
-) -> list[tuple[int, int]]:
+def _without_motion(task: _Judgement, pieces: list[Piece]) -> list[Piece]:
     """Cut out blocks that scatter more than at rest, or turn, with a block to either side."""
-    size = max(_LEAST_BLOCK, round(_BLOCK * recording.rate))
-    statistics = [block_statistics(signals[start:stop], size) for start, stop in pieces]
-    if sum(len(means) for means, _ in statistics) < 4:
+    rate, evidence = task.rate, task.evidence
+    wanted = max(_LEAST_BLOCK, round(_BLOCK * rate))
+    statistics = [task.blocks(piece, wanted) for piece in pieces]
+    if sum(len(each.means) for each in statistics) < 4:
         return pieces
-    judged = _moving_blocks(statistics, signals, names, recording)
+    judged = _moving_blocks(task, statistics)
     if not any(np.any(moving) for moving in judged):
         return pieces
-    kept: list[tuple[int, int]] = []
-    least = max(2 * size, round(_LEAST_PIECE * recording.rate))
-    for (start, stop), alone in zip(pieces, judged, strict=True):
+    kept: list[Piece] = []
+    least = max(2 * wanted, round(_LEAST_PIECE * rate))
+    for (_, stop), each, alone in zip(pieces, statistics, judged, strict=True):
         moving = alone.copy()
         moving |= np.append(alone[1:], False) | np.insert(alone[:-1], 0, False)
         edges = np.flatnonzero(np.diff(np.concatenate([[True], moving, [True]])))
         for first, last in zip(edges[::2], edges[1::2], strict=True):
             # What is left over after the last whole block belongs to it.
-            end = stop if last == len(moving) else start + int(last) * size
-            if end - start - int(first) * size >= least:
-                kept.append((start + int(first) * size, end))
+            begin = each.first + int(first) * each.size
+            end = stop if last == len(moving) else each.first + int(last) * each.size
+            if end - begin >= least:
+                kept.append((begin, end))
     before, after = (sum(b - a for a, b in some) for some in (pieces, kept))
-    lost = (before - after) / recording.rate
     where = min(
-        float(recording.time[start + int(np.argmax(moving)) * size])
-        for (start, _), moving in zip(pieces, judged, strict=True)
+        evidence.time_at(each.first + int(np.argmax(moving)) * each.size)
+        for each, moving in zip(statistics, judged, strict=True)
         if np.any(moving)
     )
-    remarks.append(
-        f"The unit is not at rest all the time (first at t = {where:.4g} s): {lost:.4g} s of "
-        f"{before / recording.rate:.4g} s are left out; the rests between, {len(kept)} of at least "
-        f"{least / recording.rate:.2g} s, are taken apart and pooled."
+    task.remarks.append(
+        f"The unit is not at rest all the time (first at t = {where:.4g} s): {(before - after) / rate:.4g} s of "
+        f"{before / rate:.4g} s are left out; the rests between, {len(kept)} of at least "
+        f"{least / rate:.2g} s, are taken apart and pooled."
         if kept
-        else f"The unit never rests for {least / recording.rate:.2g} s or more: what it shows is motion, not noise."
+        else f"The unit never rests for {least / rate:.2g} s or more: what it shows is motion, not noise."
     )
     return kept
 
 
-def _moving_blocks(
-    statistics: list[tuple[Table, Table]], signals: Table, names: tuple[str, ...], recording: Recording
-) -> list[npt.NDArray[np.bool_]]:
+def _moving_blocks(task: _Judgement, statistics: list[Blocks]) -> list[npt.NDArray[np.bool_]]:
     """Whether each block of each piece moves: against the quietest fifth of all, and in SI."""
-    scatter = np.concatenate([each for _, each in statistics])
-    level = np.median(np.concatenate([each for each, _ in statistics]), axis=0)
-    step = np.array([smallest_step(signals[:, i]) for i in range(len(names))])
+    scatter = np.concatenate([each.scatter for each in statistics])
+    level = np.median(np.concatenate([each.means for each in statistics]), axis=0)
+    step, rough = task.evidence.step[task.lively], task.evidence.rough[task.lively]
     # A hand that never rests is smooth: its scatter stands far above what second differences leave of it.
-    rough = np.nanmedian(np.abs(np.diff(signals, 2, axis=0)), axis=0) / (0.6745 * np.sqrt(6.0))
     quiet = np.minimum(np.quantile(scatter, 0.2, axis=0), _SMOOTH * np.maximum(rough, step / np.sqrt(12.0)))
     limit = _MOVING * np.maximum(quiet, step / np.sqrt(12.0))
-    reach = np.full(len(names), np.inf)
-    for k, name in enumerate(names):
+    reach = np.full(len(task.names), np.inf)
+    for k, (name, unit) in enumerate(zip(task.names, task.units, strict=True)):
         gyro = name.startswith("g")
-        unit = _unit(recording, name)
         factor = angular_rate_factor(unit) if gyro else specific_force_factor(unit)
         if factor is not None:
             limit[k] = min(float(limit[k]), _MOST_SCATTER[name[0]] / factor)
             reach[k] = _MOST_RATE / factor if gyro else np.inf
-    return [np.any((each > limit) | (np.abs(means - level) > reach), axis=1) for means, each in statistics]
+    return [
+        np.any((each.scatter > limit) | (np.abs(each.means - level) > reach), axis=1) for each in statistics
+    ]
 
 
-def _level_blocks(signals: Table, pieces: list[tuple[int, int]], rate: float) -> list[tuple[int, Table]]:
-    """First sample and block means of each piece; about two hundred blocks in all, a quarter second at least."""
+def _level_blocks(task: _Judgement, pieces: list[Piece]) -> list[Blocks]:
+    """Block means of each piece; about two hundred blocks in all, a quarter second at least."""
     total = sum(stop - start for start, stop in pieces)
-    size = max(_LEAST_BLOCK, round(0.25 * rate), total // _LEVELS)
-    return [(size, block_statistics(signals[start:stop], size)[0]) for start, stop in pieces]
+    size = max(_LEAST_BLOCK, round(0.25 * task.rate), total // _LEVELS)
+    return [task.blocks(piece, size) for piece in pieces]
 
 
-def _without_steps(
-    signals: Table,
-    names: tuple[str, ...],
-    pieces: list[tuple[int, int]],
-    recording: Recording,
-    remarks: list[str],
-) -> list[tuple[int, int]]:
+def _without_steps(task: _Judgement, pieces: list[Piece]) -> list[Piece]:
     """Part the pieces where the level of a channel jumps, as at a restart or a blow."""
-    blocks = _level_blocks(signals, pieces, recording.rate)
-    changes = [np.diff(means, axis=0) for _, means in blocks]
-    every = np.concatenate(changes) if changes else np.zeros((0, len(names)))
+    blocks = _level_blocks(task, pieces)
+    changes = [np.diff(each.means, axis=0) for each in blocks]
+    every = np.concatenate(changes) if changes else np.zeros((0, len(task.names)))
     if len(every) < 10:
         return pieces
     spread = 1.4826 * np.median(np.abs(every - np.median(every, axis=0)), axis=0)
-    result: list[tuple[int, int]] = []
-    for (start, stop), (size, means), change in zip(pieces, blocks, changes, strict=True):
+    result: list[Piece] = []
+    said: list[str] = []
+    for (start, stop), each, change in zip(pieces, blocks, changes, strict=True):
         cuts = [start]
-        for k, channel in _jumps(means, change, spread):
-            at = start + k * size + _jump_place(signals[start + k * size : start + (k + 2) * size, channel])
+        for k, channel in _jumps(each.means, change, spread):
+            begin = each.first + k * each.size
+            place = int(task.lively[channel])
+            at = task.evidence.jump_place(begin, begin + 2 * each.size, place)
             # What a filter makes of a jump is left out with it.
             cuts += [at - _LEAST_BLOCK, at + _LEAST_BLOCK]
-            remarks.append(
-                f"{names[channel]} steps by {means[k + 2, channel] - means[k - 1, channel]:.3g} "
-                f"{_unit(recording, names[channel])} at t = "
-                f"{recording.time[at]:.5g} s, as at a restart or a blow: what is before and "
+            size = each.means[k + 2, channel] - each.means[k - 1, channel]
+            said.append(
+                f"{task.names[channel]} steps by {size:.3g} {task.units[channel]} at t = "
+                f"{task.evidence.time_at(at):.5g} s, as at a restart or a blow: what is before and "
                 "after is taken apart and pooled."
             )
         cuts.append(stop)
-        result += [(a, b) for a, b in zip(cuts[::2], cuts[1::2], strict=True) if b - a >= 2 * size]
+        result += [(a, b) for a, b in zip(cuts[::2], cuts[1::2], strict=True) if b - a >= 2 * each.size]
+    if len(said) > _MOST_SAID:
+        said = [*said[:_MOST_SAID], f"So it is in {len(said) - _MOST_SAID} more place(s)."]
+    task.remarks.extend(said)
     return result
 
 
@@ -287,45 +252,32 @@ def _jumps(means: Table, change: Table, spread: Series) -> list[tuple[int, int]]
     return found
 
 
-def _jump_place(values: Series) -> int:
-    """Index at which two means fit best: the sum of what is left over is then farthest from zero."""
-    return int(np.argmax(np.abs(np.cumsum(values - values.mean())))) + 1
-
-
-def _say_trends(
-    signals: Table,
-    names: tuple[str, ...],
-    pieces: list[tuple[int, int]],
-    recording: Recording,
-    remarks: list[str],
-) -> None:
+def _say_trends(task: _Judgement, pieces: list[Piece]) -> None:
     """Say which channels warm up, and which follow the temperature."""
-    start, stop = max(pieces, key=lambda piece: piece[1] - piece[0])
-    [(size, means)] = _level_blocks(signals, [(start, stop)], recording.rate)
+    longest = max(pieces, key=lambda piece: piece[1] - piece[0])
+    [each] = _level_blocks(task, [longest])
+    means = each.means
     if len(means) < 40:
         return
     settled = _settling(means)
-    warm = [name for name, blocks in zip(names, settled, strict=True) if blocks > 0]
+    warm = [name for name, blocks in zip(task.names, settled, strict=True) if blocks > 0]
     if warm:
-        seconds = max(settled) * size / recording.rate
-        remarks.append(
+        seconds = max(settled) * each.size / task.rate
+        task.remarks.append(
             f"{', '.join(warm)} drift at the start as a unit does that warms up; they are steady after some "
             f"{_duration(seconds)}. The curve's long end holds this drift: leave it out with `--skip {seconds:.0f}`."
         )
-    celsius = recording.temperature
-    if celsius is None:
-        return
-    part = celsius[start : start + size * len(means)].reshape(len(means), size).mean(axis=1)
-    if not np.all(np.isfinite(part)) or float(np.ptp(part)) < _TEMPERATURE_SPAN:
+    part = task.evidence.temperature(longest, each.size)
+    if part is None or not np.all(np.isfinite(part)) or float(np.ptp(part)) < _TEMPERATURE_SPAN:
         return
     warmth = part - part.mean()
-    for k, name in enumerate(names):
+    for k, (name, unit) in enumerate(zip(task.names, task.units, strict=True)):
         level = means[:, k] - means[:, k].mean()
         slope = float(warmth @ level / (warmth @ warmth))
         explained = 1.0 - float(np.sum((level - slope * warmth) ** 2) / np.sum(level**2))
         if explained > _EXPLAINED:
-            remarks.append(
-                f"{name} follows the temperature ({slope:.3g} {_unit(recording, name)} per °C over {np.ptp(part):.2g} "
+            task.remarks.append(
+                f"{name} follows the temperature ({slope:.3g} {unit} per °C over {np.ptp(part):.2g} "
                 f"°C explain {100.0 * explained:.0f} % of its slow changes): `--remove-temperature` takes a straight "
                 "line in it off."
             )
@@ -355,24 +307,17 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def _say_resolution(
-    channels: dict[str, Series], names: tuple[str, ...], pieces: list[tuple[int, int]], remarks: list[str]
-) -> None:
+def _say_resolution(task: _Judgement) -> None:
     """Say which channels scatter over less than a converter's step, where rounding is no noise."""
-    start, stop = max(pieces, key=lambda piece: piece[1] - piece[0])
-    stop = min(stop, start + 100_000)
+    jitter, step = task.evidence.jitter[task.lively], task.evidence.step[task.lively]
     coarse = [
-        name
-        for name in names
-        if 0.0
-        < float(np.std(np.diff(channels[name][start:stop]))) / np.sqrt(2.0)
-        < 0.5 * smallest_step(channels[name][start:stop])
+        name for name, each, size in zip(task.names, jitter, step, strict=True) if 0.0 < each < 0.5 * size
     ]
     if coarse:
-        remarks.append(
+        task.remarks.append(
             f"{', '.join(coarse)} scatter over less than one step of the converter: rounding is then no white noise, "
             "and short averaging times tell of the step, not of the sensor."
         )
 
 
-__all__ = ["Suitability", "judge_rest"]
+__all__ = ["Ranges", "Suitability", "judge_rest"]

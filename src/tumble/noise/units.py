@@ -37,6 +37,14 @@ class NoiseUnit:
     letters: str
     factor: float
 
+    @property
+    def sign(self) -> str:
+        """The unit as it is printed: ``deg/rth`` is °/√h."""
+        text = {"arcsec": "″"}.get(self.name, self.name)
+        for old, new in (("rt", "√"), ("deg", "°"), ("^2", "²"), ("^3", "³"), ("*", "·")):
+            text = text.replace(old, new)
+        return "µ" + text[1:] if text.startswith("u") else text
+
 
 def _units() -> dict[str, NoiseUnit]:
     rates = {"rad/s": 1.0, "deg/s": _DEGREE, "mdeg/s": 1e-3 * _DEGREE, "deg/h": _DEGREE / 3600.0}
@@ -102,6 +110,39 @@ def find_noise_unit(name: str) -> NoiseUnit | None:
     name : of the unit.
     """
     return _INDEX.get(_plain(name))
+
+
+_SI = {
+    GYRO: {"Q": "rad", "N": "rad/s/rtHz", "B": "rad/s", "K": "rad/s/rts", "R": "rad/s/s"},
+    ACCELEROMETER: {"Q": "m/s", "N": "m/s^2/rtHz", "B": "m/s^2", "K": "m/s^2/rts", "R": "m/s^2/s"},
+}
+# Per hour and per second both are known units of rate; a walk's root of time goes with them.
+_PRACTICAL = {
+    GYRO: {"Q": "arcsec", "N": "deg/rth", "B": "deg/h", "K": "deg/h/rth", "R": "deg/h/h"},
+    ACCELEROMETER: {"Q": "mm/s", "N": "ug/rtHz", "B": "ug", "K": "ug/rth", "R": "ug/h"},
+}
+
+
+def si_noise_unit(quantity: str, letter: str) -> NoiseUnit:
+    """Return the SI unit of a coefficient.
+
+    Parameters
+    ----------
+    quantity : "angular rate" or "specific force".
+    letter : of IEEE Std 952.
+    """
+    return _found(_SI[quantity][letter])
+
+
+def practical_noise_unit(quantity: str, letter: str) -> NoiseUnit:
+    """Return the unit in which people state a coefficient.
+
+    Parameters
+    ----------
+    quantity : "angular rate" or "specific force".
+    letter : of IEEE Std 952.
+    """
+    return _found(_PRACTICAL[quantity][letter])
 
 
 def known_noise_units(quantity: str, letter: str) -> tuple[NoiseUnit, ...]:
@@ -177,6 +218,8 @@ __all__ = [
     "coefficient_in",
     "find_noise_unit",
     "known_noise_units",
+    "practical_noise_unit",
     "random_walk_of",
     "sample_sigma",
+    "si_noise_unit",
 ]

@@ -92,7 +92,7 @@ def _header_words(table: RawTable, plan: ColumnPlan) -> str:
 
 
 def _ordered(
-    table: RawTable, signals: Signals, unit: str | None, rate: float | None
+    table: RawTable, signals: Signals, unit: str | None, rate: float | None, parted: bool
 ) -> tuple[Signals, stamps.Stamps]:
     """Put the rows in time: by their stamps, or by the declared rate where there are none."""
     count = next(len(p) for p in (signals.stamps, signals.force, signals.rates) if p is not None)
@@ -118,7 +118,9 @@ def _ordered(
     def place(row: int) -> str:
         return table.place(row if rows is None else int(rows[row]))
 
-    ordered = stamps.order_stamps(signals.stamps, unit=unit, rate=rate, name=table.path.name, place=place)
+    ordered = stamps.order_stamps(
+        signals.stamps, unit=unit, rate=rate, name=table.path.name, place=place, parted=parted
+    )
     if not ordered.keep.all():
         keep = ordered.keep
         signals.force = None if signals.force is None else signals.force[keep]
@@ -134,8 +136,17 @@ def interpret(
     rate: float | None,
     sources: tuple[Source, ...],
     remarks: list[Remark],
+    *,
+    parted: bool = False,
 ) -> tuple[Interpretation, Recording]:
     """Decide units and rate from a whole table (or a first block) and return the recording it makes.
+
+    Parameters
+    ----------
+    table, plan : as read, and which column is what.
+    units, rate : as declared.
+    sources, remarks : files, and what was found in them so far.
+    parted : whether a clock that begins anew, and rows without numbers, part the recording.
 
     Raises
     ------
@@ -148,7 +159,13 @@ def interpret(
         raise UsageError(f"--rate {rate:g}: give a positive number of samples a second.")
     remarks = [*table.remarks, *remarks]
     declared_rate = rate if rate is not None or plan.time is not None else table.rate
-    signals, ordered = _ordered(table, pick_signals(table, plan), units.time or plan.time_unit, declared_rate)
+    signals, ordered = _ordered(
+        table,
+        pick_signals(table, plan, parted=parted),
+        units.time or plan.time_unit,
+        declared_rate,
+        parted,
+    )
     remarks += [*signals.remarks, *ordered.remarks]
     recording = Recording(
         time=ordered.time,
@@ -301,16 +318,27 @@ class BlockState:
 
 
 def interpret_block(
-    table: RawTable, decided: Interpretation, state: BlockState, sources: tuple[Source, ...]
+    table: RawTable,
+    decided: Interpretation,
+    state: BlockState,
+    sources: tuple[Source, ...],
+    *,
+    parted: bool = False,
 ) -> Recording | None:
     """Return a block as a recording, read as `decided` says; None if nothing is left of it.
+
+    Parameters
+    ----------
+    table : the block.
+    decided, state, sources : as decided on the first block; what is carried from block to block; the files.
+    parted : whether a clock that begins anew, and rows without numbers, part the recording.
 
     Raises
     ------
     RecordingError
         If the block's rows or stamps are unusable.
     """
-    signals = pick_signals(table, decided.plan)
+    signals = pick_signals(table, decided.plan, parted=parted)
     remarks = list(signals.remarks)
     count = len(table) if signals.rows is None else signals.rows.size
     rows = np.arange(count) if signals.rows is None else signals.rows
@@ -322,7 +350,7 @@ def interpret_block(
     if signals.stamps is None or decided.time_unit is None:
         time, keep = (state.rows + rows) / decided.rate, np.ones(count, bool)
     else:
-        time, keep, missing = _continued(signals.stamps, table, rows, state, decided, remarks)
+        time, keep, missing = _continued(signals.stamps, table, rows, state, decided, remarks, parted)
     state.rows += len(table)
     if not time.size:
         return None
@@ -352,6 +380,7 @@ def _continued(
     state: BlockState,
     decided: Interpretation,
     remarks: list[Remark],
+    parted: bool,
 ) -> tuple[AnyArray, npt.NDArray[np.bool_], float]:
     """Carry the stamps on from the block before: duplicates out, wraps added, steps back refused."""
     factor = time_factor(decided.time_unit or "s")
@@ -360,6 +389,11 @@ def _continued(
     straight, wraps = stamps.carry_on(chain)
     if wraps:
         remarks.append(Remark("mended", f"The time counter wraps {wraps} time(s) and is carried on."))
+    if parted:
+        straight, resets = stamps.join_resets(straight, decided.time_unit, decided.rate)
+        if resets:
+            told = stamps.say_resets(resets, table.path.name, lambda row: table.place(int(rows[row - 1])))
+            remarks.append(told)
     time = (straight[1:] + state.added) * factor
     steps = np.diff(straight)
     back = np.flatnonzero(steps < 0.0)

@@ -41,6 +41,7 @@ def read_recording(
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
     rate: float | None = None,
+    parted: bool = False,
 ) -> Recording:
     """Read a recording from one file, or from two files with one triad each.
 
@@ -55,6 +56,8 @@ def read_recording(
         for a pair the two lists with ``;`` between.
     units : units as ``g,deg/s,ms`` in any order, ``counts``, or ``m/s,rad`` for increments.
     rate : sampling rate in Hz, for files without stamps.
+    parted : whether a clock that begins anew, and long runs of rows without numbers, part the recording instead
+        of being refused: for what takes pieces, such as noise.
 
     Raises
     ------
@@ -65,7 +68,8 @@ def read_recording(
     """
     listed = _path_list(paths)
     _refuse_many(listed)
-    return _recording_of([read_table(p) for p in listed], columns, read_units_option(units), rate)
+    declared = read_units_option(units)
+    return _recording_of([read_table(p) for p in listed], columns, declared, rate, parted=parted)
 
 
 def read_recordings(
@@ -92,7 +96,12 @@ def read_recordings(
 
 
 def _recording_of(
-    tables: list[RawTable], columns: str | None, declared: DeclaredUnits, rate: float | None
+    tables: list[RawTable],
+    columns: str | None,
+    declared: DeclaredUnits,
+    rate: float | None,
+    *,
+    parted: bool = False,
 ) -> Recording:
     """Choose the columns of one table, or of a pair, and interpret them."""
     sources = tuple(t.source for t in tables)
@@ -101,11 +110,11 @@ def _recording_of(
             raise RecordingError(f"{table.path.name} has no rows.")
     if len(tables) == 1:
         plan, remarks = choose_columns(tables[0], columns)
-        return interpret(tables[0], plan, declared, rate, sources, remarks)[1]
+        return interpret(tables[0], plan, declared, rate, sources, remarks, parted=parted)[1]
     _refuse_no_pair(tables, columns)
     pairing = find_pairing(tables[0], tables[1], columns)
     merged = merge_pair(tables[0], tables[1], pairing)
-    return interpret(merged, pairing.plan, declared, rate, sources, list(pairing.remarks))[1]
+    return interpret(merged, pairing.plan, declared, rate, sources, list(pairing.remarks), parted=parted)[1]
 
 
 def _refuse_many(paths: list[Path]) -> None:
@@ -132,6 +141,7 @@ def read_blocks(
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
     rate: float | None = None,
+    parted: bool = False,
 ) -> Iterator[Recording]:
     """Read a recording of any length as consecutive blocks of bounded size.
 
@@ -142,7 +152,7 @@ def read_blocks(
 
     Parameters
     ----------
-    paths, columns, units, rate : as for `read_recording`.
+    paths, columns, units, rate, parted : as for `read_recording`.
 
     Yields
     ------
@@ -165,11 +175,11 @@ def read_blocks(
     for table, plan, remarks in _planned_blocks(listed, columns):
         if decided is None:
             sources = tuple(hash_file(p) for p in listed)
-            decided, _ = interpret(table, plan, declared, rate, sources, remarks)
-            block = interpret_block(table, decided, state, sources)
+            decided, _ = interpret(table, plan, declared, rate, sources, remarks, parted=parted)
+            block = interpret_block(table, decided, state, sources, parted=parted)
             block = None if block is None else replace(block, remarks=decided.remarks)
         else:
-            block = interpret_block(table, decided, state, sources)
+            block = interpret_block(table, decided, state, sources, parted=parted)
         if block is not None:
             yield block
     if decided is None:

@@ -14,6 +14,7 @@ from tumble.recording.formats.table import RawTable
 from tumble.recording.recording import Remark
 
 _MOST_BAD_ROWS = 0.01
+_MOST_PARTED_ROWS = 0.5
 
 
 def _shared(columns: list[Series]) -> Vectors | None:
@@ -60,8 +61,13 @@ class Signals:
     remarks: list[Remark] = field(default_factory=list[Remark])
 
 
-def pick_signals(table: RawTable, plan: ColumnPlan) -> Signals:
+def pick_signals(table: RawTable, plan: ColumnPlan, *, parted: bool = False) -> Signals:
     """Pick the columns of a table by a plan; rows that hold no finite number are left out.
+
+    Parameters
+    ----------
+    table, plan : as read, and which column is what.
+    parted : whether runs of such rows may part the recording: then half of all may be left out.
 
     Raises
     ------
@@ -82,7 +88,7 @@ def pick_signals(table: RawTable, plan: ColumnPlan) -> Signals:
         return Signals(time, force, rates, temperature, None)
     row = int(np.argmin(good))
     where = _bad_column(table, plan, row)
-    if bad > max(1.0, _MOST_BAD_ROWS * good.size):
+    if bad > max(1.0, (_MOST_PARTED_ROWS if parted else _MOST_BAD_ROWS) * good.size):
         raise RecordingError(
             f"{table.path.name}: {bad} of {good.size} rows hold no finite number somewhere, the first at "
             f"{table.place(row)}, {where}; mend the file or skip that column with --columns."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -28,6 +29,11 @@ _WRAPS = (
     604_800_000.0,
 )
 _MOST_DUPLICATES = 0.05
+_BREAK = 2.0  # s that a clock which begins anew is taken to have been away
+_SAME_STEP = 0.05
+_LEAST_PART = (
+    3  # samples between two resets of a clock; before the first and after the last there may be fewer
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +105,13 @@ def _median(values: Series) -> float:
 
 
 def order_stamps(
-    raw: Series, *, unit: str | None, rate: float | None, name: str, place: Callable[[int], str]
+    raw: Series,
+    *,
+    unit: str | None,
+    rate: float | None,
+    name: str,
+    place: Callable[[int], str],
+    parted: bool = False,
 ) -> Stamps:
     """Turn raw stamps into strictly increasing seconds.
 
@@ -114,6 +126,7 @@ def order_stamps(
     rate : declared sampling rate in Hz; must agree with the stamps within 5 %.
     name : the file's name, for messages.
     place : turns a row number into words.
+    parted : whether a clock that begins anew parts the recording instead, where the steps on both sides agree.
 
     Raises
     ------
@@ -124,6 +137,9 @@ def order_stamps(
     raw, wraps = carry_on(raw)
     if wraps:
         remarks.append(Remark("mended", f"{name}: the time counter wraps {wraps} time(s) and is carried on."))
+    if parted:
+        raw, resets = join_resets(raw, unit, rate)
+        remarks += [say_resets(resets, name, place)] if resets else []
     steps = np.diff(raw)
     if raw.size < 2 or not np.any(steps):
         raise RecordingError(
@@ -190,6 +206,52 @@ def carry_on(raw: Series) -> tuple[Series, int]:
             added[back + 1] = size
             return raw + np.cumsum(added), int(back.size)
     return raw, 0
+
+
+def join_resets(raw: Series, unit: str | None, rate: float | None) -> tuple[Series, list[int]]:
+    """Let a clock that begins anew go on after a break of two seconds; returns the stamps and the rows.
+
+    Where the steps on the two sides of a step back do not agree, the stamps are left as they are.
+
+    Parameters
+    ----------
+    raw : (rows,) stamps as in the file.
+    unit : of the stamps, or None.
+    rate : declared sampling rate in Hz, or None.
+    """
+    steps = np.diff(raw)
+    back = np.flatnonzero(steps < 0.0) if steps.size and steps.min() < 0.0 else np.zeros(0, np.intp)
+    if not back.size:
+        return raw, []
+    step = _median(steps[steps > 0.0]) if np.any(steps > 0.0) else 0.0
+    edges = [0, *(int(i) + 1 for i in back), raw.size]
+    for start, stop in itertools.pairwise(edges):
+        if stop - start < _LEAST_PART:
+            if start > 0 and stop < raw.size:
+                return raw, []
+        elif abs(_median(np.diff(raw[start:stop])) - step) > _SAME_STEP * step:
+            return raw, []
+    away = _BREAK * rate * step if rate is not None else _BREAK / time_factor(unit or guess_time_unit(step))
+    added = np.zeros(raw.size)
+    added[back + 1] = away - steps[back]
+    return raw + np.cumsum(added), [int(i) + 1 for i in back]
+
+
+def say_resets(rows: list[int], name: str, place: Callable[[int], str]) -> Remark:
+    """Return the remark about a clock that begins anew.
+
+    Parameters
+    ----------
+    rows : that it begins anew at.
+    name : of the file.
+    place : turns a row number into words.
+    """
+    several = f" and in {len(rows) - 1} more place(s)" if len(rows) > 1 else ""
+    return Remark(
+        "mended",
+        f"{name}: the clock steps back at {place(rows[0])}{several}, with the same steps before and after: it is "
+        f"taken as begun anew after a break of {_BREAK:g} s, and the recording as parted there.",
+    )
 
 
 def _unit_of(step: float, unit: str | None, rate: float | None, name: str, remarks: list[Remark]) -> str:

@@ -13,7 +13,6 @@ from tumble.report.noise_words import DEFINITIONS, FORMULA, NoiseRow, noise_rows
 if TYPE_CHECKING:
     from tumble.arrays import Series
     from tumble.noise.characterisation import Channel, Characterisation
-    from tumble.recording.recording import Recording
 
 _STYLE = """
 main { max-width: 1100px; }
@@ -24,24 +23,23 @@ table.noise td.unseen { color: var(--soft); }
 _TRIADS = {"g": ("Gyros", "gyro"), "a": ("Accelerometers", "accelerometer")}
 
 
-def render_noise(noise: Characterisation, recording: Recording, command: str) -> str:
+def render_noise(noise: Characterisation, command: str) -> str:
     """Return the page.
 
     Parameters
     ----------
     noise : what was found.
-    recording : as read.
     command : how to make it again.
     """
     from tumble.report.html import standalone_page
 
     figures = _figures(noise)
-    names = ", ".join(source.name for source in recording.sources) or "a recording"
+    names = ", ".join(source.name for source in noise.sources) or "a recording"
     title = f"Noise of {names}"
-    seconds = noise.suitability.samples / recording.rate
+    seconds = noise.suitability.samples / noise.rate
     facts = (
-        f"{noise.suitability.samples} samples at {recording.rate:.6g} Hz at rest, {_duration(seconds)}, of "
-        f"{_duration(recording.duration)} recorded."
+        f"{noise.suitability.samples} samples at {noise.rate:.6g} Hz at rest, {_duration(seconds)}, of "
+        f"{_duration(noise.duration)} recorded."
     )
     body = (
         f"<style>{_STYLE}</style><h1>{html.escape(title)}</h1><p>{html.escape(facts)}</p>"

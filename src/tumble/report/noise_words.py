@@ -6,16 +6,12 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from tumble.noise.triads import triad_terms
+from tumble.noise.units import ACCELEROMETER, GYRO, practical_noise_unit, si_noise_unit
 from tumble.report.rounding import decimals_of, fixed
-from tumble.units import (
-    angle_increment_factor,
-    angular_rate_factor,
-    specific_force_factor,
-    time_factor,
-    velocity_increment_factor,
-)
 
 if TYPE_CHECKING:
+    from tumble.arrays import Series
     from tumble.noise.characterisation import Channel
 
 NAMES = {
@@ -43,36 +39,23 @@ DEFINITIONS = {
     "correlation time": "T of the same process.",
 }
 FORMULA = "σ²(τ) = 3 Q²/τ² + N²/τ + (2 ln 2/π) B² + K² τ/3 + R² τ²/2"
-_SI = {
-    "g": {
-        "Q": "rad",
-        "N": "rad/s/√Hz",
-        "B": "rad/s",
-        "K": "rad/s/√s",
-        "R": "rad/s²",
-        "sigma": "rad/s",
-        "correlation time": "s",
-    },
-    "a": {
-        "Q": "m/s",
-        "N": "m/s²/√Hz",
-        "B": "m/s²",
-        "K": "m/s²/√s",
-        "R": "m/s³",
-        "sigma": "m/s²",
-        "correlation time": "s",
-    },
+_COUNTS = {"Q": "counts·s", "N": "counts/√Hz", "B": "counts", "K": "counts/√s", "R": "counts/s"}
+KINDS = {
+    "overlapping": "Allan deviation",
+    "modified": "modified Allan deviation",
+    "hadamard": "Hadamard deviation",
+    "haar": "Haar wavelet deviation",
 }
-_COUNTS = {
-    "Q": "counts·s",
-    "N": "counts/√Hz",
-    "B": "counts",
-    "K": "counts/√s",
-    "R": "counts/s",
-    "sigma": "counts",
-    "correlation time": "s",
-}
+"""What each kind of curve is called."""
 
+CURVES = {
+    "overlapping": "overlapping Allan deviation: root of half the mean square of the difference of neighbouring means",
+    "modified": "modified Allan deviation: of differences averaged over another averaging time; for N it is "
+    "half of the Allan variance",
+    "hadamard": "overlapping Hadamard deviation: of third differences, divided by 6; a ramp is not in it",
+    "haar": "root of the Haar wavelet variance (maximal overlap) at the scale τ, which is half the Allan variance",
+}
+"""What each kind of curve is."""
 
 # Where they are not seen, it is said how large they may be.
 _ASKED_FOR = "NBK"
@@ -98,44 +81,121 @@ class NoiseRow:
     seen: bool
 
 
-def si_unit(channel: Channel, letter: str) -> str:
-    """Return the name of the unit that a coefficient's value has."""
-    return _COUNTS[letter] if channel.unit == "counts" else _SI[channel.name[0]][letter]
+def letter_of(name: str) -> str:
+    """Return the letter whose unit a term's value has; nothing for a time or a frequency.
+
+    Parameters
+    ----------
+    name : of a term: a letter, or such as "sigma", "correlation time", with a number if there are several.
+    """
+    if name in _COUNTS:
+        return name
+    return "" if name.startswith(("correlation time", "frequency")) else "B"
 
 
-def practical_unit(channel: Channel, letter: str) -> tuple[float, str]:
+def definition_of(name: str) -> str:
+    """Return what a term is, in words.
+
+    Parameters
+    ----------
+    name : of a term.
+    """
+    return next(
+        (text for key, text in DEFINITIONS.items() if name == key or name.startswith(f"{key} ")), name
+    )
+
+
+def si_unit(channel: Channel, name: str) -> str:
+    """Return the name of the unit that a coefficient's value has.
+
+    Parameters
+    ----------
+    channel : tells the kind of sensor, and whether it is in counts.
+    name : of the term.
+    """
+    letter = letter_of(name)
+    if not letter:
+        return "Hz" if name.startswith("frequency") else "s"
+    if channel.unit == "counts":
+        return _COUNTS[letter]
+    return si_noise_unit(GYRO if channel.is_gyro else ACCELEROMETER, letter).sign
+
+
+def practical_unit(channel: Channel, name: str) -> tuple[float, str]:
     """Return the factor to the unit that people use for a coefficient, and its name.
 
     Parameters
     ----------
     channel : tells the kind of sensor, and whether it is in counts.
-    letter : of IEEE Std 952.
+    name : of the term.
     """
-    if letter == "correlation time":
-        return 1.0, "s"
-    if channel.unit == "counts":
-        return 1.0, _COUNTS[letter]
-    root_hour = math.sqrt(time_factor("h"))
-    if channel.is_gyro:
-        # Per hour and per second both are known units of rate; a walk's root of time goes with them.
-        degree, slow = angular_rate_factor("deg/s") or 1.0, angular_rate_factor("deg/h") or 1.0
-        return {
-            "Q": (1.0 / angle_increment_factor("arcsec"), "″"),
-            "N": (root_hour / degree, "°/√h"),
-            "B": (1.0 / slow, "°/h"),
-            "sigma": (1.0 / slow, "°/h"),
-            "K": (root_hour / slow, "°/h/√h"),
-            "R": (root_hour**2 / slow, "°/h/h"),
-        }[letter]
-    small = specific_force_factor("ug") or 1.0
-    return {
-        "Q": (1.0 / velocity_increment_factor("mm/s"), "mm/s"),
-        "N": (1.0 / small, "µg/√Hz"),
-        "B": (1.0 / small, "µg"),
-        "sigma": (1.0 / small, "µg"),
-        "K": (root_hour / small, "µg/√h"),
-        "R": (root_hour**2 / small, "µg/h"),
-    }[letter]
+    letter = letter_of(name)
+    if channel.unit == "counts" or not letter:
+        return 1.0, si_unit(channel, name)
+    unit = practical_noise_unit(GYRO if channel.is_gyro else ACCELEROMETER, letter)
+    return 1.0 / unit.factor, unit.sign
+
+
+def triad_lines(channels: tuple[Channel, ...]) -> list[str]:
+    """Return one line for each triad of three axes: each coefficient as the mean of variances, and the worst axis.
+
+    Parameters
+    ----------
+    channels : in order.
+    """
+    lines: list[str] = []
+    for start, title in (("a", "accelerometers"), ("g", "gyros")):
+        axes = [channel for channel in channels if channel.name.startswith(start)]
+        parts: list[str] = []
+        for term in triad_terms(axes) if len(axes) > 1 else ():
+            factor, unit = practical_unit(axes[0], term.letter)
+            mean = _rounded(factor * term.mean, factor * term.mean_sigma)
+            worst = _rounded(factor * term.worst, factor * term.worst_sigma)
+            parts.append(f"{term.letter} {mean} {unit} (worst axis {term.worst_axis}: {worst})")
+        if parts:
+            lines.append(f"{title}, mean of variances: {'; '.join(parts)}")
+    return lines
+
+
+def curve_lines(channels: tuple[Channel, ...], *, every: bool = False) -> list[str]:
+    """Return the curves as lines of plain text: averaging times down, channels across, and how well they are known.
+
+    Parameters
+    ----------
+    channels : with their curves, of one kind and at the same averaging times.
+    every : whether all averaging times are wanted; else two a decade.
+    """
+    curve = channels[0].curve
+    chosen = range(len(curve)) if every else _thinned(curve.tau)
+    units = [practical_unit(c, "B") for c in channels]
+    heads = ["τ, s", *(f"{c.name}, {unit}" for c, (_, unit) in zip(channels, units, strict=True))]
+    rows = [[*heads, f"{100.0 * curve.confidence:.0f} % interval"]]
+    for k in chosen:
+        cells = [
+            f"{factor * float(c.curve.deviation[k, 0]):.4g}"
+            for c, (factor, _) in zip(channels, units, strict=True)
+        ]
+        low, high = (
+            max(abs(float(side[k, 0] / c.curve.deviation[k, 0]) - 1.0) for c, side in sides)
+            for sides in ([(c, c.curve.low) for c in channels], [(c, c.curve.high) for c in channels])
+        )
+        known = (
+            f"−{100.0 * low:.2g} % +{100.0 * high:.2g} %"
+            if high < 1.0
+            else f"−{100.0 * low:.2g} % × {1.0 + high:.2g}"
+        )
+        rows.append([f"{curve.tau[k]:.4g}", *cells, known])
+    width = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return ["  ".join(part.ljust(w) for part, w in zip(row, width, strict=True)).rstrip() for row in rows]
+
+
+def _thinned(tau: Series) -> list[int]:
+    """Indices of averaging times at least a factor of three apart."""
+    found: list[int] = []
+    for k, each in enumerate(tau):
+        if not found or each >= 3.0 * tau[found[-1]]:
+            found.append(k)
+    return found
 
 
 def noise_rows(channel: Channel) -> list[NoiseRow]:
@@ -146,7 +206,8 @@ def noise_rows(channel: Channel) -> list[NoiseRow]:
     channel : with its terms.
     """
     rows: list[NoiseRow] = []
-    for letter, name in NAMES.items():
+    others = {term.letter: term.letter for term in channel.terms if term.letter not in NAMES}
+    for letter, name in {**NAMES, **others}.items():
         factor, unit = practical_unit(channel, letter)
         term, label = channel.term(letter), _label(channel, letter, name)
         if term is not None:
@@ -208,12 +269,18 @@ def _rounded(value: float, spread: float) -> str:
 
 
 __all__ = [
+    "CURVES",
     "DEFINITIONS",
     "FORMULA",
+    "KINDS",
     "NAMES",
     "NoiseRow",
+    "curve_lines",
+    "definition_of",
+    "letter_of",
     "noise_lines",
     "noise_rows",
     "practical_unit",
     "si_unit",
+    "triad_lines",
 ]

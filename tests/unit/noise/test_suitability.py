@@ -9,6 +9,7 @@ import pytest
 
 from tumble.errors import RecordingError
 from tumble.noise.characterisation import characterise
+from tumble.noise.evidence import WholeEvidence
 from tumble.noise.suitability import judge_rest
 from tumble.recording import Recording
 
@@ -34,7 +35,7 @@ def spoiled(recording: Recording, **changes: np.ndarray) -> Recording:
 
 
 def test_a_good_rest_is_taken_whole_and_without_a_word() -> None:
-    found = judge_rest(at_rest())
+    found = judge_rest(WholeEvidence(at_rest()))
     assert found.pieces == ((0, 30_000),)
     assert found.remarks == ()
 

@@ -76,6 +76,6 @@ def test_a_files_name_cannot_write_into_the_page(recording: Recording) -> None:
     from tumble.recording import Source
 
     named = replace(recording, sources=(Source("<script>alert(1)</script>.csv", "0" * 64),))
-    page = render_noise(characterise(named), named, "tumble noise <b>")
+    page = render_noise(characterise(named), "tumble noise <b>")
     assert "<script>alert" not in page
     assert "tumble noise &lt;b&gt;" in page

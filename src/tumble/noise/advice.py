@@ -1,0 +1,95 @@
+"""What the fitted models of a recording say in words: what does not fit, how long is known, how long to record."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.noise.deviation import Deviation
+from tumble.noise.fit import NoiseFit
+from tumble.noise.recording_length import seconds_for
+from tumble.noise.terms import NoiseModel
+
+if TYPE_CHECKING:
+    from tumble.noise.characterisation import Channel
+
+_MISFIT = 0.01
+_SHORT = 5000  # samples, of which N is known to 2 %
+_SHARP = 50.0  # degrees of freedom of a deviation known to 10 %
+
+
+def advise(channels: tuple[Channel, ...], curve: Deviation) -> tuple[str, ...]:
+    """Return sentences on the fits, on what is known, and on how long to record.
+
+    Parameters
+    ----------
+    channels : with their fits.
+    curve : overlapping Allan deviation of all of them.
+    """
+    seconds = curve.samples / curve.rate
+    return (*_on_fits(channels), *_on_length(curve), *_advice(channels, seconds))
+
+
+def _on_fits(channels: tuple[Channel, ...]) -> list[str]:
+    """Say which curves have no model, or one that does not fit."""
+    none = [channel.name for channel in channels if channel.fit is None]
+    bad = [c.name for c in channels if c.fit is not None and c.fit.probability < _MISFIT]
+    said = (
+        [f"{', '.join(none)}: too few averaging times for a model; the curve stands alone."] if none else []
+    )
+    if bad:
+        words = f"{', '.join(bad)}: the curve has a shape that the model does not make (by chance in less than one of "
+        said.append(
+            f"{words}{1.0 / _MISFIT:.0f} cases): vibration lines, motion or drift; look at the spectrum."
+        )
+    return said
+
+
+def _on_length(curves: Deviation) -> list[str]:
+    """Say how long an averaging time is known, and what a longer one takes."""
+    sharp = curves.tau[np.min(curves.edf, axis=1) >= _SHARP]
+    total = _words(curves.samples / curves.rate)
+    if not sharp.size or curves.samples < _SHORT:
+        said = f"The recording is very short ({total} at rest): "
+        said += f"for N to 2 % record {_words(_SHORT / curves.rate)}; bias instability takes hours."
+    else:
+        said = f"{total} at rest: the curve is known to 10 % up to averaging times of {_words(float(sharp[-1]))}, "
+        said += "and up to longer ones in proportion to the length of a recording."
+    return [said]
+
+
+def _advice(channels: tuple[Channel, ...], seconds: float) -> list[str]:
+    """Say how long to record for 10 % on B and K, by the channel of each triad that needs longest."""
+    said: list[str] = []
+    for letter, title in (("a", "Accelerometers"), ("g", "Gyros")):
+        fits = [c.fit for c in channels if c.name.startswith(letter) and c.fit is not None]
+        parts: list[str] = []
+        for term in "BK":
+            needs = [_need(fit, term) for fit in fits]
+            longest = max(needs, default=0.0)
+            if longest > 1.1 * seconds and np.isfinite(longest):
+                seen = all(term in fit.chosen for fit in fits)
+                where = "" if seen else " (where it is not seen: if it is at its limit)"
+                parts.append(f"{_words(longest)} for {term}{where}")
+        if parts:
+            said.append(f"{title}: ± 10 % takes a recording of {' and '.join(parts)}.")
+    return said
+
+
+def _need(fit: NoiseFit, letter: str) -> float:
+    """Length of recording that knows a coefficient, or its upper limit, to 10 %."""
+    if letter in fit.limits:
+        coefficients = {**fit.model.coefficients, letter: fit.limits[letter]}
+        model = NoiseModel.from_coefficients(coefficients, fit.model.gauss_markov)
+        return seconds_for(model, letter, fit.rate)
+    return seconds_for(fit.model, letter, fit.rate) if letter in fit.chosen else 0.0
+
+
+def _words(seconds: float) -> str:
+    if seconds < 120.0:
+        return f"{seconds:.3g} s"
+    return f"{seconds / 60.0:.3g} min" if seconds < 7200.0 else f"{seconds / 3600.0:.3g} h"
+
+
+__all__ = ["advise"]

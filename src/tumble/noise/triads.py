@@ -1,0 +1,80 @@
+"""One number for a triad's three axes: what a filter takes that has one coefficient for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from tumble.noise.characterisation import Channel
+
+COLLAPSE = (
+    "mean of variances: the root of the mean of the axes' squared coefficients, an axis that does not show the term "
+    "counted as zero; worst axis: the largest coefficient, and whose it is"
+)
+"""How three axes become one, in words."""
+
+_LETTERS = "QNBKR"
+
+
+@dataclass(frozen=True, slots=True)
+class TriadTerm:
+    """A coefficient of a triad, in the unit of its axes.
+
+    Attributes
+    ----------
+    letter : of IEEE Std 952.
+    mean, mean_sigma : root of the mean of the squares over the axes, and its standard uncertainty.
+    worst, worst_sigma, worst_axis : the largest of the axes, its standard uncertainty, and its name.
+    seen : names of the axes that show it.
+    axes : how many there are.
+    """
+
+    letter: str
+    mean: float
+    mean_sigma: float
+    worst: float
+    worst_sigma: float
+    worst_axis: str
+    seen: tuple[str, ...]
+    axes: int
+
+
+def triad_terms(channels: Sequence[Channel]) -> tuple[TriadTerm, ...]:
+    """Return the coefficients of a triad that at least one of its axes shows.
+
+    The axes' errors are taken as independent.
+
+    Parameters
+    ----------
+    channels : of one triad, those that live.
+    """
+    found: list[TriadTerm] = []
+    for letter in _LETTERS:
+        shown = {channel.name: term for channel in channels if (term := channel.term(letter)) is not None}
+        if not shown:
+            continue
+        values = np.array([term.value for term in shown.values()])
+        sigmas = np.array([term.sigma for term in shown.values()])
+        mean = float(np.sqrt(np.sum(values**2) / len(channels)))
+        spread = float(np.sqrt(np.sum((values * sigmas) ** 2)) / (len(channels) * mean))
+        worst = max(shown, key=lambda name: shown[name].value)
+        found.append(
+            TriadTerm(
+                letter,
+                mean,
+                spread,
+                shown[worst].value,
+                shown[worst].sigma,
+                worst,
+                tuple(shown),
+                len(channels),
+            )
+        )
+    return tuple(found)
+
+
+__all__ = ["COLLAPSE", "TriadTerm", "triad_terms"]

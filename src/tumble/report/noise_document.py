@@ -1,0 +1,333 @@
+"""noise.json: everything that `tumble noise` finds, each number with its letter, unit and definition."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+import tumble
+from tumble.report.noise_words import (
+    CURVES,
+    DEFINITIONS,
+    FORMULA,
+    NAMES,
+    definition_of,
+    practical_unit,
+    si_unit,
+)
+
+if TYPE_CHECKING:
+    from tumble.noise.characterisation import Channel, Characterisation
+    from tumble.noise.deviation import Deviation
+    from tumble.noise.fit import NoiseFit
+    from tumble.noise.triads import TriadTerm
+
+FORMAT: Literal["tumble noise"] = "tumble noise"
+VERSION: Literal[1] = 1
+STANDARD = "IEEE Std 952-2020, two-sided spectral densities"
+
+Numbers = list[float | None]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class RecordingName(_Strict):
+    """A file that was read."""
+
+    name: str
+    sha256: str
+
+
+class Practical(_Strict):
+    """A value in the unit that people use."""
+
+    value: float
+    standard_uncertainty: float | None
+    unit: str
+
+
+class TermBlock(_Strict):
+    """A coefficient that the curve shows."""
+
+    letter: str = Field(description="of IEEE Std 952; sigma and correlation time of a Gauss-Markov process")
+    name: str
+    definition: str
+    value: float
+    standard_uncertainty: float | None
+    low: float
+    high: float
+    unit: str = Field(description="of value, standard_uncertainty, low and high: SI, or counts")
+    practical: Practical
+
+
+class LimitBlock(_Strict):
+    """How large a coefficient that is not seen may be, at the fit's confidence."""
+
+    value: float
+    unit: str
+    definition: str
+
+
+class CovarianceBlock(_Strict):
+    """Covariance of a channel's coefficients, which the fit correlates."""
+
+    what: str
+    terms: list[str] = Field(description="order of rows and columns")
+    units: list[str] = Field(description="of each; an entry has the product of two")
+    matrix: list[list[float]]
+
+
+class FitBlock(_Strict):
+    """How the model was fitted, and whether it fits."""
+
+    what: str
+    confidence: float = Field(description="of low, high and of the upper limits")
+    chi_square: float
+    degrees_of_freedom: int
+    probability: float = Field(description="of as much misfit or more if the model is right")
+    covariance: CovarianceBlock
+
+
+class FloorBlock(_Strict):
+    """Lowest point of the Allan deviation where it is known to a fifth; some call it bias instability."""
+
+    value: float
+    unit: str
+    tau_s: float
+
+
+class CurveBlock(_Strict):
+    """A deviation over averaging times, in the channel's unit."""
+
+    kind: Literal["overlapping", "modified", "hadamard", "haar"]
+    what: str
+    unit: str
+    confidence: float = Field(description="probability of each interval from low to high")
+    tau_s: Numbers
+    deviation: Numbers
+    low: Numbers
+    high: Numbers = Field(description="null where nothing bounds it")
+    equivalent_degrees_of_freedom: Numbers
+
+
+class ChannelBlock(_Strict):
+    """One sensor."""
+
+    unit: str
+    terms: dict[str, TermBlock]
+    fit: FitBlock | None
+    upper_limits_of_unseen: dict[str, LimitBlock]
+    lowest_allan_deviation: FloorBlock
+    allan_deviation: CurveBlock = Field(description="overlapping, octaves: what the model is fitted to")
+    curve: CurveBlock = Field(description="of the kind and at the averaging times that were asked for")
+
+
+class TriadTermBlock(_Strict):
+    """A coefficient of a triad."""
+
+    definition: str
+    unit: str
+    mean_of_variances: float
+    mean_standard_uncertainty: float
+    worst_axis: float
+    worst_standard_uncertainty: float
+    worst_axis_name: str
+    axes_that_show_it: list[str]
+    axes: int
+
+
+class TriadBlock(_Strict):
+    """Three axes as one."""
+
+    what: str
+    terms: dict[str, TriadTermBlock]
+
+
+class SpectrumBlock(_Strict):
+    """Spectral density of a triad's channels, in the square of their unit per Hz."""
+
+    what: str
+    unit: str
+    channels: list[str]
+    frequency_hz: Numbers
+    density: list[Numbers] = Field(description="one list a channel")
+
+
+class NoiseDocument(_Strict):
+    """The noise of a sensor at rest."""
+
+    format: Literal["tumble noise"]
+    version: Literal[1]
+    software: str
+    created: str
+    recordings: list[RecordingName]
+    rate_hz: float
+    samples_at_rest: int
+    pieces: list[list[int]] = Field(description="first sample and the one after the last of each rest")
+    read: Literal["whole", "block by block"]
+    remarks: list[str]
+    formula: str = Field(description="of the Allan variance that is fitted")
+    definitions: dict[str, str]
+    channels: dict[str, ChannelBlock]
+    triads: dict[str, TriadBlock] = Field(description="accelerometer, gyroscope")
+    spectra: dict[str, SpectrumBlock] = Field(description="a: accelerometer, g: gyroscope")
+
+
+def noise_schema() -> dict[str, Any]:
+    """Return the JSON schema of the document."""
+    return NoiseDocument.model_json_schema()
+
+
+def document_text(document: dict[str, Any]) -> str:
+    """Return a document as it is written.
+
+    Parameters
+    ----------
+    document : of `noise_document`.
+    """
+    return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def noise_document(noise: Characterisation) -> dict[str, Any]:
+    """Return everything that was found as plain values, ready for JSON.
+
+    Parameters
+    ----------
+    noise : of a recording.
+    """
+    document = NoiseDocument(
+        format=FORMAT,
+        version=VERSION,
+        software=f"tumble {tumble.__version__}",
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+        recordings=[RecordingName(name=s.name, sha256=s.sha256) for s in noise.sources],
+        rate_hz=noise.rate,
+        samples_at_rest=noise.suitability.samples,
+        pieces=[list(piece) for piece in noise.suitability.pieces],
+        read="block by block" if noise.streamed else "whole",
+        remarks=list(noise.sentences),
+        formula=FORMULA,
+        definitions={"standard": STANDARD, **DEFINITIONS},
+        channels={channel.name: _channel(channel) for channel in noise.channels},
+        triads=_triads(noise.channels),
+        spectra={letter: _spectrum(noise, letter) for letter in noise.spectra},
+    )
+    return document.model_dump(mode="json")
+
+
+def _channel(channel: Channel) -> ChannelBlock:
+    terms: dict[str, TermBlock] = {}
+    for term in channel.terms:
+        factor, unit = practical_unit(channel, term.letter)
+        terms[term.letter] = TermBlock(
+            letter=term.letter,
+            name=NAMES.get(term.letter, term.letter),
+            definition=definition_of(term.letter),
+            value=term.value,
+            standard_uncertainty=_number(term.sigma),
+            low=term.low,
+            high=term.high,
+            unit=si_unit(channel, term.letter),
+            practical=Practical(
+                value=factor * term.value, standard_uncertainty=_number(factor * term.sigma), unit=unit
+            ),
+        )
+    return ChannelBlock(
+        unit=channel.unit,
+        terms=terms,
+        fit=None if channel.fit is None else _fit(channel, channel.fit),
+        upper_limits_of_unseen={
+            letter: LimitBlock(value=limit, unit=si_unit(channel, letter), definition=definition_of(letter))
+            for letter, limit in channel.unseen.items()
+            if np.isfinite(limit)
+        },
+        lowest_allan_deviation=FloorBlock(value=channel.floor, unit=channel.unit, tau_s=channel.floor_tau),
+        allan_deviation=_curve(channel.allan, channel.unit),
+        curve=_curve(channel.curve, channel.unit),
+    )
+
+
+def _fit(channel: Channel, fit: NoiseFit) -> FitBlock:
+    names = [term.name for term in fit.terms]
+    return FitBlock(
+        what="weighted fit of the logarithm of the whole Allan curve, averaging times an octave apart",
+        confidence=fit.confidence,
+        chi_square=fit.chi_square,
+        degrees_of_freedom=fit.freedom,
+        probability=fit.probability,
+        covariance=CovarianceBlock(
+            what="covariance of the values of the terms",
+            terms=names,
+            units=[si_unit(channel, name) for name in names],
+            matrix=[[float(v) for v in row] for row in np.nan_to_num(fit.covariance)],
+        ),
+    )
+
+
+def _curve(curve: Deviation, unit: str) -> CurveBlock:
+    return CurveBlock(
+        kind=curve.kind,
+        what=CURVES[curve.kind],
+        unit=unit,
+        confidence=curve.confidence,
+        tau_s=_numbers(curve.tau),
+        deviation=_numbers(curve.deviation[:, 0]),
+        low=_numbers(curve.low[:, 0]),
+        high=_numbers(curve.high[:, 0]),
+        equivalent_degrees_of_freedom=_numbers(curve.edf[:, 0]),
+    )
+
+
+def _triads(channels: tuple[Channel, ...]) -> dict[str, TriadBlock]:
+    from tumble.noise.triads import COLLAPSE, triad_terms
+
+    found: dict[str, TriadBlock] = {}
+    for letter, name in (("a", "accelerometer"), ("g", "gyroscope")):
+        axes = [channel for channel in channels if channel.name.startswith(letter)]
+        if axes:
+            terms = {term.letter: _triad_term(term, axes[0]) for term in triad_terms(axes)}
+            found[name] = TriadBlock(what=COLLAPSE, terms=terms)
+    return found
+
+
+def _triad_term(term: TriadTerm, axis: Channel) -> TriadTermBlock:
+    return TriadTermBlock(
+        definition=definition_of(term.letter),
+        unit=si_unit(axis, term.letter),
+        mean_of_variances=term.mean,
+        mean_standard_uncertainty=term.mean_sigma,
+        worst_axis=term.worst,
+        worst_standard_uncertainty=term.worst_sigma,
+        worst_axis_name=term.worst_axis,
+        axes_that_show_it=list(term.seen),
+        axes=term.axes,
+    )
+
+
+def _spectrum(noise: Characterisation, letter: str) -> SpectrumBlock:
+    spectrum = noise.spectra[letter]
+    channels = [channel for channel in noise.channels if channel.name.startswith(letter)]
+    return SpectrumBlock(
+        what="one-sided power spectral density, Welch, Hann window, half overlap, in logarithmic bins",
+        unit=f"({channels[0].unit})²/Hz",
+        channels=[channel.name for channel in channels],
+        frequency_hz=_numbers(spectrum.frequency),
+        density=[_numbers(row) for row in spectrum.density.T],
+    )
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _numbers(values: Any) -> Numbers:
+    return [_number(v) for v in np.asarray(values, dtype=float)]
+
+
+__all__ = ["FORMAT", "VERSION", "NoiseDocument", "document_text", "noise_document", "noise_schema"]
