@@ -190,9 +190,10 @@ def _levels(power: Series, edf: float) -> tuple[Series, Series]:
         at = np.log(np.arange(left, right) + 0.5)
         slope = _slope(at, logs[left:right])
         tilted = logs[left:right] - slope * at
-        medians = median_filter(tilted, size=2 * half + 1, mode="nearest")
+        medians = median_filter(tilted, size=2 * half + 1, mode="reflect")
         level[begin:end] = medians[begin - left : end - left] + slope * at[begin - left : end - left]
-        known[begin:end] = 0.48 * (2 * half + 1) * edf
+        # a median is 0.48 as sure as a mean, and windowed bins are half as many as there seem
+        known[begin:end] = 0.48 * (half + 1) * edf
         begin = end
     # the median of chi square over its mean
     return np.exp(level) / (gammaincinv(0.5 * edf, 0.5) / (0.5 * edf)), known
