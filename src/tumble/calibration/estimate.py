@@ -8,6 +8,7 @@ import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vector, Vectors
 from tumble.sensor import ImuModel
+from tumble.sensor.thermal import ThermalModel
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +146,8 @@ class Estimate:
     budget : what each source adds to the standard uncertainties of `parameters`, in their order and units.
     frame : which body frame the model is in: ``accelerometer-x``, or ``fixture`` for a procedure that
         knows the poses, and has the axes of the fixture in them.
+    thermal : how the triads change with temperature, about `model`; None if that was not asked for.
+    thermal_names, thermal_covariance : of its parameters (`ThermalModel.names`) and (n, n).
     """
 
     procedure: str
@@ -179,6 +182,9 @@ class Estimate:
     sequences: list[SequenceFit] = field(default_factory=list[SequenceFit])
     passes: list[dict[str, float]] = field(default_factory=list[dict[str, float]])
     frame: str = "accelerometer-x"
+    thermal: ThermalModel | None = None
+    thermal_names: list[str] = field(default_factory=list[str])
+    thermal_covariance: Square = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def coverage_factor(degrees_of_freedom: int) -> float:
