@@ -14,6 +14,7 @@ import tumble
 from tumble.cli.apply import apply_command
 from tumble.cli.calibrate import calibrate_command
 from tumble.cli.demo import demo_command
+from tumble.cli.denoise import denoise_command
 from tumble.cli.inspect import inspect_command
 from tumble.cli.mount import mount_command
 from tumble.cli.noise import noise_command
@@ -50,6 +51,7 @@ app.command("apply")(apply_command)
 app.command("verify")(verify_command)
 app.command("mount")(mount_command)
 app.command("noise")(noise_command)
+app.command("denoise")(denoise_command)
 app.command("simulate")(simulate_command)
 app.command("plan")(plan_command)
 app.command("reproduce")(reproduce_command)
