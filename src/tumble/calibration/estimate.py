@@ -144,6 +144,7 @@ class Estimate:
     sequences : what rotation sequences showed.
     passes : what each play-back of a recording changed, rms by group of errors, SI.
     budget : what each source adds to the standard uncertainties of `parameters`, in their order and units.
+    beside : what another procedure made of the same recording, for comparison.
     frame : which body frame the model is in: ``accelerometer-x``, or ``fixture`` for a procedure that
         knows the poses, and has the axes of the fixture in them.
     thermal : how the triads change with temperature, about `model`; None if that was not asked for.
@@ -181,6 +182,7 @@ class Estimate:
     budget: dict[str, Series] = field(default_factory=dict[str, Series])
     sequences: list[SequenceFit] = field(default_factory=list[SequenceFit])
     passes: list[dict[str, float]] = field(default_factory=list[dict[str, float]])
+    beside: Estimate | None = None
     frame: str = "accelerometer-x"
     thermal: ThermalModel | None = None
     thermal_names: list[str] = field(default_factory=list[str])

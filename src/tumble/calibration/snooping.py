@@ -17,7 +17,7 @@ import numpy as np
 from tumble.estimation import Adjustment, GroupTest, Reliability
 
 # Median of chi-square over its degrees of freedom, for 1 to 6 degrees.
-_MEDIAN_CHI_SQUARE = (0.4549, 1.3863, 2.3660, 3.3567, 4.3515, 5.3481)
+MEDIAN_CHI_SQUARE = (0.4549, 1.3863, 2.3660, 3.3567, 4.3515, 5.3481)
 # At most this share of a kind may be left out; beyond it, the rest is no majority to judge by.
 LARGEST_SHARE_LEFT_OUT = 0.25
 # At most this share of a kind is left out at a time, so that a large error does not take its
@@ -175,7 +175,7 @@ def _mean_ratio(tests: list[GroupTest]) -> float:
 
 
 def _robust_ratio(tests: list[GroupTest]) -> float:
-    ratios = [test.statistic / _MEDIAN_CHI_SQUARE[min(test.degrees, 6) - 1] for test in tests]
+    ratios = [test.statistic / MEDIAN_CHI_SQUARE[min(test.degrees, 6) - 1] for test in tests]
     return float(np.median(ratios))
 
 
@@ -192,7 +192,9 @@ def _gross_errors(
         allowed = min(allowed, max(1, int(SHARE_AT_A_TIME * len(tests))))
         degrees = sum(test.degrees for test in tests)
         # The noise level itself is estimated from the same residuals: F instead of chi-square.
-        limits = {d: _limit(d, len(tests), degrees, false_alarm) for d in {t.degrees for t in tests}}
+        limits = {
+            d: limit_of_largest(d, len(tests), degrees, false_alarm) for d in {t.degrees for t in tests}
+        }
         beyond = [test for test in tests if test.statistic > limits[test.degrees]]
         beyond.sort(key=lambda test: -test.statistic / limits[test.degrees])
         for test in beyond[: max(allowed, 0)]:
@@ -201,8 +203,16 @@ def _gross_errors(
     return found
 
 
-def _limit(degrees: int, groups: int, all_degrees: int, false_alarm: float) -> float:
-    """Return the limit of the largest of `groups` statistics when their scale is estimated too."""
+def limit_of_largest(degrees: int, groups: int, all_degrees: int, false_alarm: float) -> float:
+    """Return the limit of the largest of `groups` statistics when their scale is estimated too.
+
+    Parameters
+    ----------
+    degrees : of one statistic.
+    groups : how many there are.
+    all_degrees : of all of them together.
+    false_alarm : chance that the largest is beyond the limit although nothing is wrong.
+    """
     from scipy.special import fdtri
 
     single: float = (1.0 - false_alarm) ** (1.0 / groups)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tumble.protocol import Protocol
     from tumble.segmentation import HoldMeans, SpinMeans, Timeline
     from tumble.segmentation.matching import Matching
+    from tumble.segmentation.rotations import Rotation
 
 PROCEDURES = (
     "hand-held",
@@ -32,8 +33,9 @@ PROCEDURES = (
     "turntable",
     "laboratory",
     "strapdown-rotation",
+    "joint",
 )
-LATER_PROCEDURES = ("thermal", "joint")
+LATER_PROCEDURES = ("thermal",)
 # These know the table's rates from the protocol and from nowhere else.
 NEED_PROTOCOL = ("rate-table", "modified-multi-position", "turntable", "laboratory", "strapdown-rotation")
 
@@ -284,6 +286,39 @@ def _strapdown_rotation(task: Task) -> Estimate:
     )
 
 
+def _joint(task: Task) -> Estimate:
+    """Everything in one adjustment, from the start that the recording's own procedure gives."""
+    from tumble.calibration.joint import calibrate_joint
+
+    start = _start_of_joint(task)
+    return calibrate_joint(
+        task.recording,
+        task.timeline,
+        task.means,
+        task.site,
+        start,
+        rotations=_rotations(task) if start.procedure in ("turntable", "laboratory") else (),
+        prior=task.knowledge,
+        optional_terms=task.optional_terms,
+        progress=task.say,
+    )
+
+
+def _start_of_joint(task: Task) -> Estimate:
+    """The protocol's own procedure where it has one that tells both triads, else the hand-held one."""
+    own = None if task.protocol is None else task.protocol.procedure
+    if own in ("turntable", "laboratory", "strapdown-rotation"):
+        return _PROCEDURES[own](task)
+    return _hand_held(task)
+
+
+def _rotations(task: Task) -> list[Rotation]:
+    from tumble.segmentation.rotations import observe_rotations
+
+    protocol, matching, spins = _spins(task)
+    return observe_rotations(protocol, task.recording, task.timeline, matching, task.means, spins)
+
+
 def _spins(task: Task) -> tuple[Protocol, Matching, SpinMeans]:
     from tumble.segmentation.matching import observe_matched_spins
 
@@ -306,6 +341,7 @@ _PROCEDURES: dict[str, Callable[[Task], Estimate]] = {
     "turntable": _turntable,
     "laboratory": _laboratory,
     "strapdown-rotation": _strapdown_rotation,
+    "joint": _joint,
 }
 
 

@@ -1,0 +1,231 @@
+"""The joint estimator: one maximum-likelihood adjustment for every procedure.
+
+A procedure is what is known about the motion: that the unit rests in the holds, that gyros carry attitudes over
+the turns, that a table turns about a fixed axis by an angle that it shows. All of it enters one adjustment with
+the noise that each observation really has, so that gyros and accelerometers inform each other: a table's slow
+rotation shows gravity to the accelerometers at every angle, which ties their misalignments to the gyros'.
+
+Unknown are both triads, the attitude at the head and the tail of every hold, the Earth rate in each section's
+level frame (known as far as the latitude is), and for each rotation the attitude of every window, the lever
+arm, and how both biases wander. Optional terms are kept if the data want them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tumble.arrays import Series, inverted
+from tumble.calibration.estimate import Estimate, TermTest
+from tumble.calibration.gathering import gather
+from tumble.calibration.joint_data import JointSpin, joint_data, window_spin
+from tumble.calibration.joint_estimate import JointOutcome, joint_estimate
+from tumble.calibration.joint_noise import BalancedJoint, balance_joint
+from tumble.calibration.joint_system import JointProblem, JointState, Masks, start_state
+from tumble.calibration.joint_terms import Extra
+from tumble.calibration.joint_unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED
+from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.term_tests import wald_test
+from tumble.calibration.triad_unknowns import ANGLE, QUADRATIC, unknowns_from_triad
+from tumble.calibration.turn_conditions import HoldsAndTurns
+from tumble.earth import Site
+from tumble.errors import ObservabilityError
+from tumble.estimation import Prior
+from tumble.recording.recording import Recording
+from tumble.segmentation import HoldMeans, Timeline
+from tumble.segmentation.rotations import Rotation
+from tumble.sensor import ImuModel
+from tumble.sensor.gauge import change_frame
+
+OPTIONAL_TERMS = {
+    "g_sensitivity": np.arange(G_SENSITIVITY.start, G_SENSITIVITY.stop),
+    "quadratic": np.arange(QUADRATIC.start, QUADRATIC.stop),
+}
+# A term that is not there is kept in fewer than this share of recordings, all terms together.
+TERM_FALSE_ALARM = 0.02
+# Both triads without optional terms.
+PLAIN = np.concatenate([np.arange(0, 9), np.arange(GYRO_MATRIX.start, GYRO_BIAS.stop)])
+
+
+def calibrate_joint(
+    recording: Recording,
+    timeline: Timeline,
+    means: HoldMeans,
+    site: Site,
+    start: Estimate,
+    *,
+    rotations: Sequence[Rotation] = (),
+    prior: StableKnowledge | None = None,
+    optional_terms: bool = True,
+    unused_holds: Sequence[int] = (),
+    progress: Callable[[str], None] | None = None,
+) -> Estimate:
+    """Calibrate both triads from everything that was recorded.
+
+    Parameters
+    ----------
+    recording, timeline, means : raw samples, what was found in them, and the holds' means.
+    site : gravity; with a latitude, the Earth rate too.
+    start : what another procedure made of the same recording: start values, and the company in the report.
+    rotations : of a table, from rest to rest, with the angles that were read.
+    prior : what an earlier calibration knows of the accelerometers' angles.
+    optional_terms : try g-sensitivity and quadratic terms, keep what the data want.
+    unused_holds : holds whose force and rate are kept out of the estimate, for cross-validation.
+    progress : is told in words what is being done.
+
+    Raises
+    ------
+    ObservabilityError
+        If what was recorded does not determine both triads.
+    ConvergenceError
+        If the adjustment does not settle.
+    """
+    say = progress or _silent
+    if start.model.accelerometer is None or start.model.gyroscope is None:
+        raise ObservabilityError(
+            "The joint estimator needs both triads, calibrated by another procedure for its start."
+        )
+    say("joint adjustment")
+    values = unknowns_of(start.model)
+    base = gather(recording, timeline, means)
+    data = joint_data(base, _spins(base, values, rotations))
+    masks = Masks.everything(data.holds)
+    masks.force[list(unused_holds)] = False
+    masks.rate[list(unused_holds)] = False
+    problem = JointProblem(data, site, PLAIN, Extra(), masks, _prior(values, prior))
+    known = {name: unknowns for name, unknowns in OPTIONAL_TERMS.items() if np.any(values[unknowns])}
+    if not optional_terms:
+        values[np.concatenate(list(OPTIONAL_TERMS.values()))] = 0.0
+        known = {}
+    problem.free = np.sort(np.concatenate([PLAIN, *known.values()]))
+    state = start_state(data, values, site)
+    balanced = balance_joint(problem, state)
+    tests: list[TermTest] = []
+    if optional_terms:
+        say("optional terms")
+        problem, state, balanced, tests = _with_terms(problem, state, balanced)
+    return joint_estimate(JointOutcome(recording, data, site, problem, state, balanced, tests, start))
+
+
+def unknowns_of(model: ImuModel) -> Series:
+    """Return the 33 shared unknowns of a model with both triads, in whatever frame it is.
+
+    Raises
+    ------
+    ValueError
+        If a triad is missing.
+    """
+    if model.accelerometer is None or model.gyroscope is None:
+        raise ValueError("the joint estimator's unknowns are those of both triads")
+    own = change_frame(model, "accelerometer-x")
+    assert own.accelerometer is not None
+    assert own.gyroscope is not None
+    values = np.zeros(SHARED)
+    values[: QUADRATIC.stop] = unknowns_from_triad(own.accelerometer)
+    values[GYRO_MATRIX] = own.gyroscope.matrix.ravel()
+    values[GYRO_BIAS] = own.gyroscope.bias
+    if own.g_sensitivity is not None:
+        values[G_SENSITIVITY] = own.g_sensitivity.ravel()
+    return values
+
+
+def _spins(base: HoldsAndTurns, values: Series, rotations: Sequence[Rotation]) -> list[JointSpin]:
+    inverse = inverted(values[GYRO_MATRIX].reshape(3, 3))
+    made: list[JointSpin] = []
+    for rotation in rotations:
+        before, after = rotation.before, rotation.after
+        if before is None or after != before + 1:
+            continue
+        # The search does not take a table's slow rotation for a turn where it cannot be told from a hold.
+        if base.turn_start[before] < 0:
+            base.turn_start[before] = base.tail[before, 1] - 1
+            base.turn_stop[before] = base.head[after, 0] + 1
+        rate = inverse @ (rotation.integral / rotation.seconds - values[GYRO_BIAS])
+        made.append(
+            window_spin(
+                base,
+                before,
+                rotation.start,
+                rotation.stop,
+                rate,
+                angle=rotation.angle,
+                angle_sigma=rotation.angle_sigma,
+                row=rotation.row,
+                name=f"rotation {rotation.row + 1}",
+            )
+        )
+    return made
+
+
+def _prior(values: Series, prior: StableKnowledge | None) -> Prior | None:
+    if prior is None:
+        return None
+    mean, precision = values.copy(), np.zeros((SHARED, SHARED))
+    mean[ANGLE] = prior.angles
+    precision[ANGLE, ANGLE] = inverted(prior.angle_covariance)
+    return Prior(mean, precision)
+
+
+def _with_terms(
+    problem: JointProblem, state: JointState, base: BalancedJoint
+) -> tuple[JointProblem, JointState, BalancedJoint, list[TermTest]]:
+    """Try all optional terms at once, drop the least significant until every one left is wanted."""
+    names = list(OPTIONAL_TERMS)
+    limit = TERM_FALSE_ALARM / len(names)
+    tests: dict[str, TermTest] = {}
+    while names:
+        free = np.sort(np.concatenate([PLAIN, *(OPTIONAL_TERMS[name] for name in names)]))
+        trial = _fresh(problem, free)
+        moved = _copy(state, free)
+        try:
+            balanced = balance_joint(trial, moved)
+        except ObservabilityError:
+            names.pop()
+            continue
+        for name in names:
+            tests[name] = _test_term(balanced, name, limit)
+        weakest = max(names, key=lambda name: tests[name].probability)
+        if tests[weakest].kept:
+            return trial, moved, balanced, list(tests.values())
+        names.remove(weakest)
+    if base.solution.free.size > PLAIN.size:
+        problem = _fresh(problem, PLAIN)
+        state = _copy(state, PLAIN)
+        base = balance_joint(problem, state)
+    return problem, state, base, list(tests.values())
+
+
+def _fresh(problem: JointProblem, free: np.ndarray) -> JointProblem:
+    masks = Masks(problem.masks.force.copy(), problem.masks.rate.copy(), problem.masks.turn.copy())
+    return replace(
+        problem, free=free, extra=replace(problem.extra), masks=masks, spin_noise=dict(problem.spin_noise)
+    )
+
+
+def _copy(state: JointState, free: np.ndarray) -> JointState:
+    """Return a copy in which unknowns that are not free are zero."""
+    unknowns = np.zeros(SHARED)
+    unknowns[free] = state.unknowns[free]
+    return JointState(
+        unknowns,
+        [replace(s, C_wb=s.C_wb.copy(), earth_w=s.earth_w.copy()) for s in state.sections],
+        {k: replace(s, C_wb=s.C_wb.copy(), own=s.own.copy()) for k, s in state.spins.items()},
+    )
+
+
+def _test_term(balanced: BalancedJoint, name: str, limit: float) -> TermTest:
+    solution = balanced.solution
+    at = np.searchsorted(solution.free, OPTIONAL_TERMS[name])
+    covariance = solution.cofactor[np.ix_(at, at)]
+    return wald_test(
+        name, solution.state.unknowns[OPTIONAL_TERMS[name]], covariance, solution.redundancy, limit
+    )
+
+
+def _silent(_: str) -> None:
+    """Tell nobody."""
+
+
+__all__ = ["OPTIONAL_TERMS", "calibrate_joint", "unknowns_of"]

@@ -1,0 +1,238 @@
+"""The joint estimator's outcome as an estimate: parameters, covariance, residuals, what was left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tumble.arrays import Series, Vectors
+from tumble.calibration.canonical import Described, describe_unknowns
+from tumble.calibration.estimate import Estimate, LeftOut, TermTest, coverage_factor
+from tumble.calibration.joint_data import JointData
+from tumble.calibration.joint_noise import BalancedJoint
+from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
+from tumble.calibration.joint_terms import Extra, Link, carry, link_covariance
+from tumble.calibration.joint_unknowns import SHARED
+from tumble.calibration.scores import hold_norm_errors, score_turns
+from tumble.calibration.snooping import Outlier
+from tumble.calibration.turn_conditions import TOTAL
+from tumble.earth import Site
+from tumble.recording.recording import Recording
+from tumble.sensor import ImuModel
+
+
+@dataclass(slots=True)
+class JointOutcome:
+    """A settled joint estimate with everything behind it.
+
+    Attributes
+    ----------
+    recording, data, site : what was recorded, what was observed of it, and where.
+    problem, state, balanced : noise, unknowns, solution and tests.
+    terms : tests of optional terms.
+    start : the other procedure's estimate that it started from.
+    """
+
+    recording: Recording
+    data: JointData
+    site: Site
+    problem: JointProblem
+    state: JointState
+    balanced: BalancedJoint
+    terms: list[TermTest]
+    start: Estimate
+
+
+def joint_estimate(outcome: JointOutcome) -> Estimate:
+    """Return the outcome as an estimate.
+
+    Parameters
+    ----------
+    outcome : see there.
+    """
+    solution = outcome.balanced.solution
+    described = describe_joint(outcome)
+    alone = _alone(outcome)
+    norms, sigmas = _norms(outcome, described.model)
+    scores = score_turns(described.model, outcome.data.base)
+    rates, residuals, spin_sigmas, names = _spins(outcome)
+    extra = outcome.problem.extra
+    return Estimate(
+        procedure="joint",
+        model=described.model,
+        names=described.names,
+        covariance=described.covariance,
+        parameters=described.parameters,
+        correlations=described.correlations,
+        sigma0=_sigma0(alone),
+        sigma0_final=_sigma0(solution),
+        degrees_of_freedom=solution.redundancy,
+        coverage_factor=coverage_factor(solution.redundancy),
+        largest_normalised=_largest(outcome.balanced),
+        hold_norms=norms,
+        hold_sigmas=sigmas,
+        turn_angles=scores.angle,
+        turn_sigmas=_turn_sigmas(outcome),
+        turn_sizes=scores.size,
+        variance_components={
+            "accelerometer bias from hold to hold, m/s²": float(np.sqrt(extra.force)),
+            "gyro bias from hold to hold, rad/s": float(np.sqrt(extra.rate)),
+            "direction after a turn, rad": float(np.sqrt(extra.turn)),
+            "sway of the pose within a hold, rad": float(np.sqrt(extra.sway)),
+        },
+        left_out=[_left_out(outlier, norms, scores.angle) for outlier in outcome.balanced.outliers],
+        terms=outcome.terms,
+        not_determined=[],
+        remarks=_remarks(outcome),
+        spin_rates=rates,
+        spin_residuals=residuals,
+        spin_sigmas=spin_sigmas,
+        spin_names=names,
+        beside=outcome.start,
+    )
+
+
+def describe_joint(outcome: JointOutcome) -> Described:
+    """Return the model and its parameters, with the covariance that the residuals ask for.
+
+    Parameters
+    ----------
+    outcome : see there.
+    """
+    solution = outcome.balanced.solution
+    values, covariance = np.zeros(TOTAL), np.zeros((TOTAL, TOTAL))
+    values[:SHARED] = outcome.state.unknowns
+    scale = max(1.0, _sigma0(solution)) ** 2
+    covariance[np.ix_(solution.free, solution.free)] = scale * solution.cofactor
+    terms = frozenset(test.name for test in outcome.terms if test.kept)
+    return describe_unknowns(values, covariance, outcome.site, outcome.recording, terms=terms, gyro="full")
+
+
+def _sigma0(solution: JointSolution) -> float:
+    if solution.redundancy <= 0:
+        return float("nan")
+    return float(np.sqrt(max(solution.square_sum, 0.0) / solution.redundancy))
+
+
+def _alone(outcome: JointOutcome) -> JointSolution:
+    """Solve once more with the noise seen at rest alone, and everything that was recorded."""
+    problem = replace(
+        outcome.problem, extra=Extra(), masks=Masks.everything(outcome.data.holds), spin_noise={}
+    )
+    state = JointState(
+        outcome.state.unknowns.copy(),
+        [replace(s, C_wb=s.C_wb.copy(), earth_w=s.earth_w.copy()) for s in outcome.state.sections],
+        {k: replace(s, C_wb=s.C_wb.copy(), own=s.own.copy()) for k, s in outcome.state.spins.items()},
+    )
+    return solve_joint(problem, state, once=True)
+
+
+def _norms(outcome: JointOutcome, model: ImuModel) -> tuple[Series, Series]:
+    base = outcome.data.base
+    norms = hold_norm_errors(model, base.force_mean, outcome.site.gravity)
+    assert model.accelerometer is not None
+    corrected = model.accelerometer.correct(base.force_mean)
+    along = (corrected / np.linalg.norm(corrected, axis=1, keepdims=True)) @ np.asarray(
+        np.linalg.inv(model.accelerometer.matrix), dtype=np.float64
+    )
+    variance = np.einsum("ka,kab,kb->k", along, base.force_covariance, along) + outcome.problem.extra.force
+    return norms, np.sqrt(variance)
+
+
+def _turn_sigmas(outcome: JointOutcome) -> Series:
+    """Return (holds,) rad, what carried and seen directions are expected to differ by; NaN without a turn."""
+    data, extra = outcome.data, outcome.problem.extra
+    sigmas = np.full(data.holds, np.nan)
+    k = data.turns
+    if not k.size:
+        return sigmas
+    carried = carry(data, outcome.state.unknowns)
+    link = Link(carried.C_se[k], carried.sums[k], carried.duration[k])
+    C = np.broadcast_to(np.eye(3), (k.size, 3, 3))
+    spread = link_covariance(data, C, link, outcome.state.unknowns, np.zeros(k.size), own_bias=True)
+    across = 2.0 / 3.0 * np.trace(spread, axis1=1, axis2=2)
+    gravity = outcome.site.gravity
+    scale = np.sum(outcome.state.unknowns[3:6] ** 2) / 3.0
+    ends = np.zeros(k.size)
+    for hold, part in ((k, slice(6, 9)), (k + 1, slice(0, 3))):
+        seen = np.trace(data.parts_covariance[hold][:, part, part], axis1=1, axis2=2) / 3.0
+        ends = ends + 2.0 * (seen / scale + extra.force) / gravity**2
+    more = 2.0 * (extra.turn + extra.rate * carried.duration[k] ** 2 + extra.sway)
+    sigmas[k] = np.sqrt(across + ends + more)
+    return sigmas
+
+
+def _spins(outcome: JointOutcome) -> tuple[Series, Vectors, Vectors, list[str]]:
+    """Return rates, residuals along each axis, their sigmas and names of all rotations."""
+    solution = outcome.balanced.solution
+    found = [(e, k, s) for e in solution.equations for k, s in e.spins.items()]
+    rates = np.zeros(len(found))
+    residuals, sigmas = np.full((len(found), 3), np.nan), np.full((len(found), 3), np.nan)
+    names: list[str] = []
+    for at, (equations, k, spin) in enumerate(found):
+        told = outcome.data.spins[k]
+        tail = equations.section.C_wb[2 * (k - equations.section.first) + 1]
+        axis_b = tail.T @ spin.axis
+        names.append(told.name)
+        if told.angle is not None:
+            rates[at] = told.angle / spin.duration
+            residuals[at] = axis_b * spin.angle_residual / spin.duration
+            sigmas[at] = max(told.angle_sigma, 1e-9) / spin.duration
+    return rates, residuals, sigmas, names
+
+
+def _largest(balanced: BalancedJoint) -> float:
+    largest = 0.0
+    for kind, tests in balanced.tests.items():
+        checked = tests.degrees > 0
+        if kind != "rest" and np.any(checked):
+            ratio = np.sqrt(tests.statistic[checked] / tests.degrees[checked])
+            largest = max(largest, float(ratio.max()))
+    return largest
+
+
+def _left_out(outlier: Outlier, norms: Series, angles: Series) -> LeftOut:
+    k, times = outlier.group, f"{outlier.normalised:.1f} times what the others show"
+    if outlier.kind == "force":
+        return LeftOut(
+            "hold",
+            k,
+            f"its specific force ({1e3 * norms[k]:+.1f} mm/s² off gravity) contradicts the others, {times}",
+        )
+    if outlier.kind == "rate":
+        return LeftOut("hold", k, f"the gyro's output at rest is off by {times}: did it really rest?")
+    if outlier.kind == "angle":
+        return LeftOut(
+            "spin", k, f"the table's angle after hold {k + 1} contradicts everything else, {times}: misread?"
+        )
+    return LeftOut("turn", k, f"gravity carried by the gyro ends {np.degrees(angles[k]):.2f}° off, {times}")
+
+
+def _remarks(outcome: JointOutcome) -> list[str]:
+    told: list[str] = []
+    data, state = outcome.data, outcome.state
+    if data.spins:
+        windows = sum(len(s.windows) for s in data.spins.values())
+        told.append(
+            f"{len(data.spins)} rotations of the table show gravity in {windows} windows while it turns, and "
+            f"{sum(s.angle is not None for s in data.spins.values())} angles that were read."
+        )
+    shaken = [k for k, factor in outcome.problem.spin_noise.items() if factor > 1.1]
+    if shaken:
+        worst = max(outcome.problem.spin_noise[k] for k in shaken)
+        told.append(
+            f"In {len(shaken)} of {len(data.spins)} rotations the accelerometers scatter more than at rest, up to "
+            f"{np.sqrt(worst):.1f} times: the table shakes, and its windows count for less."
+        )
+    sway = float(np.sqrt(outcome.problem.extra.sway))
+    if sway > 1e-6:
+        told.append(
+            f"Within a hold the pose sways by {1e3 * sway:.2g} mrad (one sigma, from its start to its end)."
+        )
+    if len(state.sections) > 1:
+        told.append(
+            f"The recording falls into {len(state.sections)} parts between which the gyros could not be followed; "
+            "each has a heading of its own."
+        )
+    return told

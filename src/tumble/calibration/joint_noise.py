@@ -1,0 +1,321 @@
+"""What the joint estimator's residuals say of the noise, and what is no noise.
+
+For each kind of observation (holds' specific force, their rate, their rest, turns) a variance is added until
+the residuals are as large as they should be; observations beyond it are left out, a few at a time. A kind's
+redundancy follows from the covariances of attitudes and shared unknowns: what the unknowns take up of each
+residual is known, correlations included.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Series
+from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
+from tumble.calibration.joint_terms import Terms
+from tumble.calibration.joint_unknowns import force_matrix, gyro_matrix
+from tumble.calibration.snooping import (
+    CHANCE,
+    LARGEST_SHARE_LEFT_OUT,
+    MEDIAN_CHI_SQUARE,
+    SETTLED,
+    SHARE_AT_A_TIME,
+    Outlier,
+    limit_of_largest,
+)
+
+KINDS = ("force", "rate", "rest", "turn")
+# Eigenvalues of a redundancy below this are directions that nothing checks.
+CHECKED = 0.05
+LEAST_SWAY = 1e-16  # rad²: 10 nrad, far below what any unit sees
+# Of each component: its name in `Extra`, the kind of residual that shows it, and its least value.
+_COMPONENTS = (
+    ("sway", "rest", LEAST_SWAY),
+    ("force", "force", 0.0),
+    ("rate", "rate", 0.0),
+    ("turn", "turn", 0.0),
+)
+PASSES, ROUNDS = 10, 8
+# A table that shakes: its windows' noise is raised where chance does so more rarely than this.
+SHAKING_FALSE_ALARM = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class KindTests:
+    """Tests of every observation of one kind.
+
+    Attributes
+    ----------
+    place : (terms,) holds.
+    statistic : (terms,) chi-square with `degrees` if the noise given is the true one.
+    degrees : (terms,) how many of its directions something else checks.
+    square : (terms,) sum of squared whitened residuals.
+    redundancy : (terms,) what is left of its observations to check it.
+    variance : (terms,) SI², typical of one component.
+    residual : (terms, m) raw or rad.
+    tiny : whether it is the rest, whose residuals its own prior all but takes away.
+    """
+
+    place: np.ndarray
+    statistic: Series
+    degrees: np.ndarray
+    square: Series
+    redundancy: Series
+    variance: Series
+    residual: AnyArray
+    tiny: bool
+
+
+@dataclass(slots=True)
+class BalancedJoint:
+    """A settled joint estimate, what was left out of it, and the tests of its residuals."""
+
+    solution: JointSolution
+    outliers: list[Outlier]
+    spin_noise: dict[int, float]
+    tests: dict[str, KindTests]
+
+
+def balance_joint(problem: JointProblem, state: JointState, *, false_alarm: float = 0.01) -> BalancedJoint:
+    """Adjust, add variance where residuals ask for it, and leave out what is no noise.
+
+    Parameters
+    ----------
+    problem : its `extra`, `masks` and `spin_noise` are changed in place.
+    state : start values, moved.
+    false_alarm : chance that any good observation of a kind is left out.
+
+    Raises
+    ------
+    ConvergenceError, ObservabilityError
+        From the adjustment.
+    """
+    solution = solve_joint(problem, state)
+    outliers: list[Outlier] = []
+    for _ in range(PASSES):
+        solution = _settle(problem, state, solution, robust=True)
+        found = _gross_errors(joint_tests(problem, solution), outliers, false_alarm)
+        found += _misread_angles(problem, solution, false_alarm)
+        if not found:
+            break
+        for outlier in found:
+            _leave_out(problem, outlier)
+        outliers += found
+        solution = solve_joint(problem, state)
+    solution = _settle(problem, state, solution, robust=False)
+    for name, kind, nothing in _COMPONENTS:
+        # A component that chance explains is no component.
+        kept = float(getattr(problem.extra, name))
+        if kept > nothing:
+            setattr(problem.extra, name, nothing)
+            solution = solve_joint(problem, state)
+            if not _explained_by_chance(joint_tests(problem, solution).get(kind)):
+                setattr(problem.extra, name, kept)
+                solution = solve_joint(problem, state)
+    return BalancedJoint(solution, outliers, dict(problem.spin_noise), joint_tests(problem, solution))
+
+
+def joint_tests(problem: JointProblem, solution: JointSolution) -> dict[str, KindTests]:
+    """Return the tests of all kinds that have observations.
+
+    Parameters
+    ----------
+    problem, solution : the observations and the settled estimate.
+    """
+    gathered: dict[str, list[KindTests]] = {kind: [] for kind in KINDS}
+    for index, equations in enumerate(solution.equations):
+        nodes, border = solution.covariance(index)
+        for terms in equations.terms:
+            if not terms.place.size:
+                continue
+            width = 6 + border.shape[0]
+            joint = np.zeros((terms.place.size, width, width))
+            first, second = terms.node, terms.node + 1
+            joint[:, 0:3, 0:3], joint[:, 3:6, 3:6] = nodes.own[first], nodes.own[second]
+            joint[:, 0:3, 3:6] = nodes.following[first]
+            joint[:, 3:6, 0:3] = np.swapaxes(nodes.following[first], 1, 2)
+            joint[:, 0:3, 6:], joint[:, 3:6, 6:] = nodes.with_border[first], nodes.with_border[second]
+            joint[:, 6:, 0:6] = np.swapaxes(joint[:, 0:6, 6:], 1, 2)
+            joint[:, 6:, 6:] = border
+            gathered[terms.kind].append(_tests(terms, joint, solution.state.unknowns))
+    return {kind: _together(tests) for kind, tests in gathered.items() if tests}
+
+
+def _tests(terms: Terms, joint: AnyArray, unknowns: Series) -> KindTests:
+    design = np.concatenate([terms.by_node, terms.by_next, terms.by_border], axis=2)
+    residual, covariance = terms.residual, terms.covariance
+    taken = design @ joint @ np.swapaxes(design, 1, 2)
+    if terms.kind == "force":
+        # Of the three parts, their weighted mean: what the hold as a whole shows.
+        weights = _inverses(covariance).reshape(-1, 3, 3, 9).sum(axis=1)
+        mean = _inverses(weights @ np.tile(np.eye(3), (3, 1))) @ weights
+        residual = np.einsum("tij,tj->ti", mean, residual)
+        covariance = mean @ covariance @ np.swapaxes(mean, 1, 2)
+        taken = mean @ taken @ np.swapaxes(mean, 1, 2)
+    root = _inverses(np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
+    white = np.einsum("tij,tj->ti", root, residual)
+    left = np.eye(residual.shape[1]) - root @ taken @ np.swapaxes(root, 1, 2)
+    values, vectors = np.linalg.eigh(0.5 * (left + np.swapaxes(left, 1, 2)))
+    least = CHECKED if terms.kind != "rest" else 0.0
+    checked = values > np.maximum(least, 1e-12)
+    along = np.einsum("tji,tj->ti", vectors, white)
+    parts = np.where(checked, along**2 / np.where(checked, values, 1.0), 0.0)
+    scale = {
+        "force": np.sum(force_matrix(unknowns) ** 2, axis=1),
+        "rate": np.sum(gyro_matrix(unknowns) ** 2, axis=1),
+    }.get(terms.kind, np.ones(3))
+    variance = 1.0 / np.mean(scale / np.diagonal(covariance, axis1=1, axis2=2), axis=1)
+    if terms.kind == "rest":
+        # A sway that is believed to be small is pulled to nothing: what would be seen of a larger one.
+        variance = variance * 3.0 / np.maximum(np.trace(left, axis1=1, axis2=2), 1e-12)
+    return KindTests(
+        terms.place,
+        parts.sum(axis=1),
+        checked.sum(axis=1),
+        np.sum(white**2, axis=1),
+        np.trace(left, axis1=1, axis2=2),
+        variance,
+        residual,
+        terms.kind == "rest",
+    )
+
+
+def _inverses(matrices: AnyArray) -> AnyArray:
+    return np.asarray(np.linalg.inv(matrices), dtype=np.float64)
+
+
+def _together(tests: list[KindTests]) -> KindTests:
+    return KindTests(
+        np.concatenate([t.place for t in tests]),
+        np.concatenate([t.statistic for t in tests]),
+        np.concatenate([t.degrees for t in tests]),
+        np.concatenate([t.square for t in tests]),
+        np.concatenate([t.redundancy for t in tests]),
+        np.concatenate([t.variance for t in tests]),
+        np.concatenate([t.residual for t in tests]),
+        tests[0].tiny,
+    )
+
+
+def _settle(
+    problem: JointProblem, state: JointState, solution: JointSolution, *, robust: bool
+) -> JointSolution:
+    """Move the variances until each kind's residuals are as large as they say."""
+    for _ in range(ROUNDS):
+        moved = _raise_shaking(problem, solution)
+        extra = replace(problem.extra)
+        for kind, tests in joint_tests(problem, solution).items():
+            name, least = next((name, least) for name, of, least in _COMPONENTS if of == kind)
+            checked = tests.degrees > 0
+            if not np.any(checked):
+                continue
+            total = float(checked.sum() / np.sum(1.0 / tests.variance[checked]))
+            before = float(getattr(extra, name))
+            wanted = max(least, before + (_ratio(tests, robust=robust) - 1.0) * total)
+            if abs(wanted - before) > SETTLED * total:
+                setattr(extra, name, wanted)
+                moved = True
+        if not moved:
+            break
+        problem.extra = extra
+        solution = solve_joint(problem, state, once=True)
+    return solve_joint(problem, state)
+
+
+def _ratio(tests: KindTests, *, robust: bool) -> float:
+    checked = tests.degrees > 0
+    statistic, degrees = tests.statistic[checked], tests.degrees[checked]
+    if robust:
+        medians = np.array(MEDIAN_CHI_SQUARE)[np.minimum(degrees, len(MEDIAN_CHI_SQUARE)) - 1]
+        return float(np.median(statistic / medians))
+    return float(statistic.sum() / degrees.sum())
+
+
+def _explained_by_chance(tests: KindTests | None) -> bool:
+    from scipy.special import chdtrc
+
+    if tests is None:
+        return True
+    # Of a small sway nearly nothing is left by its own prior: the directions that were looked at count.
+    redundancy = max(float(tests.redundancy.sum()), float(tests.degrees.sum()) if tests.tiny else 0.0)
+    statistic = _ratio(tests, robust=False) * redundancy if np.any(tests.degrees > 0) else 0.0
+    return redundancy < 1.0 or float(chdtrc(redundancy, statistic)) > CHANCE
+
+
+def _raise_shaking(problem: JointProblem, solution: JointSolution) -> bool:
+    """Raise the noise of rotations whose windows scatter more than at rest."""
+    from scipy.special import chdtrc
+
+    moved = False
+    for equations in solution.equations:
+        for k, spin in equations.spins.items():
+            degrees = max(spin.observations - 6, 1)
+            if float(chdtrc(degrees, spin.left)) < SHAKING_FALSE_ALARM:
+                # of all residuals of the rotation, half are the windows'
+                factor = 1.0 + 2.0 * (spin.left / degrees - 1.0)
+                problem.spin_noise[k] = problem.spin_noise.get(k, 1.0) * factor
+                moved = moved or factor > 1.0 + SETTLED
+    return moved
+
+
+def _gross_errors(tests: dict[str, KindTests], before: list[Outlier], false_alarm: float) -> list[Outlier]:
+    """Return what exceeds its kind's limit, the worst and what is half as bad."""
+    found: list[Outlier] = []
+    for kind in ("force", "rate", "turn"):
+        if kind not in tests:
+            continue
+        told = tests[kind]
+        at = np.flatnonzero(told.degrees > 0)
+        if not at.size:
+            continue
+        gone = sum(outlier.kind == kind for outlier in before)
+        allowed = int(LARGEST_SHARE_LEFT_OUT * (at.size + gone)) - gone
+        allowed = min(allowed, max(1, int(SHARE_AT_A_TIME * at.size)))
+        whole = int(told.degrees[at].sum())
+        limits = np.array(
+            [limit_of_largest(int(d), at.size, whole, false_alarm) for d in told.degrees[at].tolist()]
+        )
+        beyond = told.statistic[at] / limits
+        normalised = np.sqrt(told.statistic[at] / told.degrees[at])
+        worst = [i for i in np.argsort(-beyond).tolist() if beyond[i] > 1.0]
+        found += [
+            Outlier(kind, int(told.place[at[i]]), float(normalised[i]))
+            for i in worst[: max(allowed, 0)]
+            if 2.0 * normalised[i] >= normalised[worst[0]]
+        ]
+    return found
+
+
+def _misread_angles(problem: JointProblem, solution: JointSolution, false_alarm: float) -> list[Outlier]:
+    """Return the table's angle that the others contradict most, if one does."""
+    from scipy.special import ndtri
+
+    worst: Outlier | None = None
+    count = sum(spin.angle is not None for spin in problem.data.spins.values())
+    limit = -float(ndtri(0.5 * false_alarm / max(count, 1)))
+    for index, equations in enumerate(solution.equations):
+        nodes, _ = solution.covariance(index)
+        for k, spin in equations.spins.items():
+            if np.isnan(spin.angle_residual):
+                continue
+            tail = 2 * (k - equations.section.first) + 1
+            cross = nodes.following[tail]
+            spread = nodes.own[tail] + nodes.own[tail + 1] - cross - cross.T
+            sigma2 = max(problem.data.spins[k].angle_sigma, 1e-9) ** 2
+            left = max(1.0 - float(spin.axis @ spread @ spin.axis) / sigma2, 1e-9)
+            normalised = abs(spin.angle_residual) / np.sqrt(sigma2 * left)
+            if left > CHECKED and normalised > limit and (worst is None or normalised > worst.normalised):
+                worst = Outlier("angle", k, float(normalised))
+    return [] if worst is None else [worst]
+
+
+def _leave_out(problem: JointProblem, outlier: Outlier) -> None:
+    if outlier.kind == "angle":
+        problem.data.spins[outlier.group].angle = None
+        return
+    getattr(problem.masks, outlier.kind)[outlier.group] = False
+
+
+__all__ = ["KINDS", "BalancedJoint", "KindTests", "Masks", "balance_joint", "joint_tests"]

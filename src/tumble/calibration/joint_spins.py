@@ -1,0 +1,354 @@
+"""What a table's rotation adds: the specific force as it turns, and the angle that its display tells.
+
+While a table turns slowly, gravity goes round in the unit: window by window the accelerometers show it, turned
+on by the gyros from each window to the next. Each window has an attitude of its own, so that the gyros' random
+walk is followed and not assumed away. What else acts belongs to the rotation: where the accelerometers are
+off its axis (centripetal), and how both biases wander: a constant and cosines over the rotation, each with
+the variance that 1/f noise gives it. Windows and these are eliminated; what is left joins the holds before
+and after it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Matrices, Series, Square, Table, Vector, inverted
+from tumble.attitude.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix, skew
+from tumble.calibration.joint_data import JointData, JointSpin, cross_matrices, mean_backward_rotation
+from tumble.calibration.joint_terms import (
+    BORDER,
+    Extra,
+    Link,
+    integrate_ranges,
+    link_covariance,
+    link_residuals,
+)
+from tumble.calibration.joint_unknowns import GYRO_BIAS, force_matrix, gyro_matrix, raw_force
+from tumble.estimation.bordered import BorderedChain, EliminatedChain, whiten
+
+START, END = slice(0, 3), slice(3, 6)
+# How far the accelerometers may be off the axis, one sigma.
+LEVER_SIGMA = 1.0  # m
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where a rotation's own unknowns stand in its border, after start and end.
+
+    First the lever arm (3), then what the accelerometers' biases wander (constant and modes, 3 each), then
+    the gyros', then the shared border.
+    """
+
+    modes: int
+
+    @property
+    def wander(self) -> int:
+        """How many unknowns a triad's wander has."""
+        return 3 * (1 + self.modes)
+
+    @property
+    def own(self) -> int:
+        """How many unknowns are the rotation's own."""
+        return 3 + 2 * self.wander
+
+    @property
+    def size(self) -> int:
+        """Of the whole border."""
+        return 6 + self.own + BORDER
+
+    @property
+    def shared(self) -> int:
+        """Where the shared border begins."""
+        return 6 + self.own
+
+    def lever(self) -> slice:
+        """Of the lever arm, in the border."""
+        return slice(6, 9)
+
+    def force(self) -> slice:
+        """Of the accelerometers' wander, in the border."""
+        return slice(9, 9 + self.wander)
+
+    def rate(self) -> slice:
+        """Of the gyros' wander, in the border."""
+        return slice(9 + self.wander, 9 + 2 * self.wander)
+
+    def inner(self, border: slice) -> slice:
+        """The same place among the rotation's own unknowns."""
+        return slice(border.start - 6, border.stop - 6)
+
+    @staticmethod
+    def of(spin: JointSpin) -> Layout:
+        """Return the layout of a rotation."""
+        return Layout(spin.modes.shape[1])
+
+    def bases(self, values: AnyArray) -> AnyArray:
+        """Return (rows, 3, wander) what the constant and the modes (rows, modes) add to each axis."""
+        shapes = np.concatenate([np.ones((len(values), 1)), values], axis=1)
+        return np.einsum("tm,ab->tamb", shapes, np.eye(3)).reshape(len(values), 3, self.wander)
+
+
+@dataclass(slots=True)
+class SpinState:
+    """Where a rotation's own unknowns are.
+
+    Attributes
+    ----------
+    C_wb : (windows, 3, 3) attitudes at the windows' centres.
+    own : lever arm, wander of the accelerometers and of the gyros, see `Layout`.
+    """
+
+    C_wb: Matrices
+    own: Series
+
+
+@dataclass(slots=True)
+class SpinEquations:
+    """A rotation's equations with windows and own unknowns eliminated.
+
+    Attributes
+    ----------
+    corner, gradient : (6 + 36 square), (6 + 36,) of start, end, Earth rate and shared unknowns.
+    square_sum : of all its residuals where they are.
+    observations : how many residuals, less the rotation's own unknowns.
+    chain : the eliminated windows.
+    own_root, own_gain, own_step : to find the own unknowns again.
+    force_residual : (windows, 3) raw, predicted minus observed.
+    angle_residual : rad, of the table's angle; NaN without.
+    axis : (3,) unit vector in w about which it turned.
+    duration : s from rest to rest.
+    left : `square_sum` less what the windows and its own unknowns take, with start, end and border as they are.
+    """
+
+    corner: Square
+    gradient: Series
+    square_sum: float
+    observations: int
+    chain: EliminatedChain
+    own_inverse: Square
+    own_gain: Table
+    own_gradient: Series
+    force_residual: Table
+    angle_residual: float
+    axis: Vector
+    duration: float
+    left: float
+
+    def steps(self, outer: Series) -> tuple[Table, Series]:
+        """Return the steps of the windows' attitudes and of the nine, from those of start, end and border."""
+        own = -self.own_inverse @ (self.own_gradient + self.own_gain @ outer)
+        return self.chain.steps(np.concatenate([outer[:6], own, outer[6:]])), own
+
+
+def start_spin(
+    data: JointData, spin: JointSpin, C_tail: AnyArray, unknowns: Series, earth_w: Vector
+) -> SpinState:
+    """Return attitudes of the windows as the gyros carry them from the hold before."""
+    ranges = _ranges(data, spin)
+    C_se, _, duration = integrate_ranges(data, unknowns, ranges[:-1, 0], ranges[:-1, 1])
+    made = [C_tail]
+    for rotation, t in zip(C_se, duration, strict=True):
+        made.append(matrix_from_rotation_vector(-t * earth_w) @ made[-1] @ rotation)
+    return SpinState(np.array(made[1:]), np.zeros(Layout.of(spin).own))
+
+
+def spin_equations(
+    data: JointData,
+    spin: JointSpin,
+    state: SpinState,
+    edges: tuple[AnyArray, AnyArray],
+    earth_w: Vector,
+    unknowns: Series,
+    gravity: float,
+    extra: Extra,
+    noise: float = 1.0,
+) -> SpinEquations:
+    """Linearise a rotation and eliminate what is its own.
+
+    Parameters
+    ----------
+    data, spin, state : observations and where its own unknowns are.
+    edges : attitudes at the tail of the hold before and at the head of the hold after.
+    earth_w, unknowns, gravity, extra : the state of the rest.
+    noise : factor on the variance of the windows' specific force: a turning table may shake.
+
+    Raises
+    ------
+    ObservabilityError
+        If a window's attitude is not determined.
+    """
+    windows, layout = len(spin.windows), Layout.of(spin)
+    chain = BorderedChain.zero(windows, 3, layout.size)
+    force = _add_force(chain, data, spin, state, unknowns, gravity, noise)
+    link_sum, duration = _add_links(chain, data, spin, state, edges, earth_w, unknowns)
+    axis = _axis(state)
+    angle_sum, angle = _add_angle(chain, spin, axis, edges)
+    own_sum = _add_own_prior(chain, data, spin, state, unknowns, extra)
+    square_sum = force[1] + link_sum + angle_sum + own_sum
+    made = chain.eliminated()
+    own = np.arange(6, layout.shared)
+    outer = np.concatenate([np.arange(6), np.arange(layout.shared, layout.size)])
+    inverse = inverted(made.corner[np.ix_(own, own)])
+    gain, right = made.corner[np.ix_(own, outer)], made.corner_gradient[own]
+    return SpinEquations(
+        corner=made.corner[np.ix_(outer, outer)] - gain.T @ inverse @ gain,
+        gradient=made.corner_gradient[outer] - gain.T @ inverse @ right,
+        square_sum=square_sum,
+        observations=3 * (windows + 1) + (0 if np.isnan(angle) else 1),
+        chain=made,
+        own_inverse=inverse,
+        own_gain=gain,
+        own_gradient=right,
+        force_residual=force[0],
+        angle_residual=angle,
+        axis=axis,
+        duration=duration,
+        left=square_sum - made.decrease(np.zeros(layout.size)) - float(right @ inverse @ right),
+    )
+
+
+def _ranges(data: JointData, spin: JointSpin) -> np.ndarray:
+    """Half-open sample ranges of the links: tail of the hold before, each centre, head of the hold after."""
+    base, k = data.base, spin.before
+    points = np.concatenate([[base.tail[k, 1] - 1], spin.centres, [base.head[k + 1, 0]]])
+    return np.column_stack([points[:-1], points[1:] + 1])
+
+
+def _add_force(
+    chain: BorderedChain,
+    data: JointData,
+    spin: JointSpin,
+    state: SpinState,
+    unknowns: Series,
+    gravity: float,
+    noise: float,
+) -> tuple[Table, float]:
+    """Add the windows' specific force; return residuals (raw) and their weighted square sum."""
+    layout = Layout.of(spin)
+    rates = (spin.rate - unknowns[GYRO_BIAS]) @ inverted(gyro_matrix(unknowns)).T
+    backward = mean_backward_rotation(spin, rates) @ np.swapaxes(state.C_wb, 1, 2)
+    up = np.array([0.0, 0.0, -gravity])
+    centripetal = cross_matrices(rates) @ cross_matrices(rates)
+    bases = layout.bases(spin.modes)
+    shown = raw_force(unknowns, backward @ up + centripetal @ state.own[layout.inner(layout.lever())])
+    residual = shown.value + bases @ state.own[layout.inner(layout.force())] - spin.force
+    by_border = np.zeros((len(residual), 3, layout.size))
+    by_border[:, :, layout.lever()] = shown.by_true @ centripetal
+    by_border[:, :, layout.force()] = bases
+    by_border[:, :, layout.shared + 3 :] = shown.by_unknowns
+    by_node = shown.by_true @ backward @ skew(up)
+    windows, modes = spin.modes.shape
+    # What wanders faster than the modes, down to a window.
+    faster = np.diag(data.force_density) * max(float(np.log(windows / (modes + 0.5))), 0.0)
+    covariance = noise * spin.force_covariance + faster
+    white, by_node, by_border = whiten(covariance, residual[..., None], by_node, by_border)
+    chain.add_unary(np.arange(len(residual)), white[..., 0], by_node, by_border)
+    return residual, float(np.sum(white**2))
+
+
+def _add_links(
+    chain: BorderedChain,
+    data: JointData,
+    spin: JointSpin,
+    state: SpinState,
+    edges: tuple[AnyArray, AnyArray],
+    earth_w: Vector,
+    unknowns: Series,
+) -> tuple[float, float]:
+    """Add the gyros from the hold before through all windows to the hold after."""
+    ranges = _ranges(data, spin)
+    link = Link(*integrate_ranges(data, unknowns, ranges[:, 0], ranges[:, 1]))
+    # A gyro whose bias has wandered turns on by it: as the bias itself would.
+    C = np.concatenate([edges[0][None], state.C_wb, edges[1][None]])
+    residual, by_node, by_next, of_border = link_residuals(C[:-1], C[1:], earth_w, link, unknowns)
+    wander = of_border[:, :, 3 + GYRO_BIAS.start : 3 + GYRO_BIAS.stop]
+    layout = Layout.of(spin)
+    bases = wander @ layout.bases(_modes_of_links(spin))
+    residual = residual + bases @ state.own[layout.inner(layout.rate())]
+    by_border = np.zeros((len(residual), 3, layout.size))
+    by_border[:, :, layout.rate()] = bases
+    by_border[:, :, layout.shared :] = of_border
+    by_border[0, :, START] = by_node[0]
+    by_border[-1, :, END] = by_next[-1]
+    nothing = np.zeros(len(residual))
+    nothing[[0, -1]] = _edge_seconds(data, spin)
+    covariance = link_covariance(data, C[:-1], link, unknowns, nothing, own_bias=False)
+    white, by_node, by_next, by_border = whiten(
+        covariance, residual[..., None], by_node, np.ascontiguousarray(by_next), by_border
+    )
+    white = white[..., 0]
+    first, last = slice(0, 1), slice(len(white) - 1, len(white))
+    chain.add_unary(np.array([0]), white[first], by_next[first], by_border[first])
+    middle = slice(1, len(white) - 1)
+    chain.add_links(
+        np.arange(len(white) - 2), white[middle], by_node[middle], by_next[middle], by_border[middle]
+    )
+    chain.add_unary(np.array([len(spin.windows) - 1]), white[last], by_node[last], by_border[last])
+    return float(np.sum(white**2)), float(np.sum(link.duration))
+
+
+def _modes_of_links(spin: JointSpin) -> AnyArray:
+    """(links, modes) the modes halfway between the windows' centres; at the edges those of the first and the last."""
+    halfway = 0.5 * (spin.modes[:-1] + spin.modes[1:])
+    return np.concatenate([spin.modes[:1], halfway, spin.modes[-1:]])
+
+
+def _edge_seconds(data: JointData, spin: JointSpin) -> tuple[float, float]:
+    base, k = data.base, spin.before
+    step = (base.time[-1] - base.time[0]) / max(base.time.shape[0] - 1, 1)
+    tail, head = base.tail[k, 1] - base.tail[k, 0], base.head[k + 1, 1] - base.head[k + 1, 0]
+    return tail * step / 3.0, head * step / 3.0
+
+
+def _axis(state: SpinState) -> Vector:
+    """The axis in w: over the windows the attitude goes round it, the same way all the time."""
+    steps = [
+        rotation_vector_from_matrix(b @ a.T) for a, b in zip(state.C_wb[:-1], state.C_wb[1:], strict=True)
+    ]
+    axis = np.sum(steps, axis=0) if steps else np.array([0.0, 0.0, 1.0])
+    return np.asarray(axis / max(float(np.linalg.norm(axis)), 1e-30), dtype=np.float64)
+
+
+def _add_angle(
+    chain: BorderedChain, spin: JointSpin, axis: Vector, edges: tuple[AnyArray, AnyArray]
+) -> tuple[float, float]:
+    """Add the table's angle from rest to rest; return its weighted square and its residual."""
+    if spin.angle is None or len(spin.windows) < 2:
+        return 0.0, float("nan")
+    turned = matrix_from_rotation_vector(axis * abs(spin.angle)) @ edges[0]
+    missed = float(axis @ rotation_vector_from_matrix(edges[1] @ turned.T))
+    sigma = max(spin.angle_sigma, 1e-9)
+    by_border = np.zeros((1, 1, Layout.of(spin).size))
+    by_border[0, 0, START], by_border[0, 0, END] = -axis / sigma, axis / sigma
+    chain.add_border(np.array([[missed / sigma]]), by_border)
+    return (missed / sigma) ** 2, missed
+
+
+def _add_own_prior(
+    chain: BorderedChain, data: JointData, spin: JointSpin, state: SpinState, unknowns: Series, extra: Extra
+) -> float:
+    layout = Layout.of(spin)
+    force = _wander_variance(
+        data, spin, data.force_density, extra.force * np.sum(force_matrix(unknowns) ** 2, axis=1)
+    )
+    rate = _wander_variance(
+        data, spin, data.rate_density, extra.rate * np.sum(gyro_matrix(unknowns) ** 2, axis=1)
+    )
+    step = spin.seconds / max(spin.offsets.size, 1)
+    # Never quite nothing, so that the wander is always determined.
+    force = force + 1e-6 * data.base.force_sample_variance
+    rate = rate + 1e-10 * data.base.rate_random_walk / step
+    sigma = np.concatenate([np.full(3, LEVER_SIGMA), np.sqrt(force).ravel(), np.sqrt(rate).ravel()])
+    by_border = np.zeros((1, layout.own, layout.size))
+    by_border[0, :, 6 : layout.shared] = np.diag(1.0 / sigma)
+    residual = state.own / sigma
+    chain.add_border(residual[None], by_border)
+    return float(residual @ residual)
+
+
+def _wander_variance(data: JointData, spin: JointSpin, density: Vector, extra: Vector) -> AnyArray:
+    """Return (1 + modes, 3) raw², of the constant and of each mode."""
+    constant = density * max(float(np.log(data.span / spin.seconds)), 0.0) + extra
+    return np.concatenate([constant[None], spin.mode_share[:, None] * density])

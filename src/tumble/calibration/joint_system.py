@@ -1,0 +1,421 @@
+"""The joint estimator's equations: holds, turns and rotations of all sections, solved for everything at once.
+
+Gauss-Newton on attitudes and shared unknowns. Each section is a chain of attitudes with a border (its Earth
+rate and what all share); chains are eliminated, the Earth rate of each section too, and what is left are the
+normal equations of the shared unknowns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tumble.arrays import Series, Square, inverted
+from tumble.attitude.rotations import matrix_from_rotation_vector
+from tumble.calibration.joint_data import JointData
+from tumble.calibration.joint_spins import SpinEquations, SpinState, spin_equations, start_spin
+from tumble.calibration.joint_terms import (
+    BORDER,
+    Carried,
+    Extra,
+    Section,
+    Terms,
+    attitudes_from_force,
+    carry,
+    hold_terms,
+    selected,
+    turn_terms,
+)
+from tumble.calibration.joint_unknowns import FORCE, SHARED
+from tumble.calibration.triad_unknowns import triad_from_unknowns
+from tumble.earth import EARTH_RATE, Site
+from tumble.errors import ConvergenceError
+from tumble.estimation import Prior
+from tumble.estimation.bordered import BorderedChain, EliminatedChain, NodeCovariance, whiten
+from tumble.estimation.gauss_helmert import invert_normal_matrix
+
+# The heading of a section is nobody's business; this fixes it.
+HEADING_SIGMA = 1e-4  # rad
+ITERATIONS = 30
+# Factor on the variance of an observation that is left out.
+LEFT_OUT = 1e10
+# A thousandth of a sigma: the step itself is still taken, and the next would be a millionth.
+TOLERANCE = 1e-3
+# Below this share of its size the horizontal Earth rate's own sigma lets its known size help.
+SEES_NORTH = 0.1
+
+
+@dataclass(slots=True)
+class JointState:
+    """Where all unknowns are.
+
+    Attributes
+    ----------
+    unknowns : (33,) shared.
+    sections : attitudes and Earth rate of each run of holds.
+    spins : of each rotation, by the hold before it.
+    """
+
+    unknowns: Series
+    sections: list[Section]
+    spins: dict[int, SpinState]
+
+
+@dataclass(slots=True)
+class Masks:
+    """Which observations take part.
+
+    Attributes
+    ----------
+    force, rate, turn : (holds,) of bool.
+    spin : by the hold before; absent means that it takes part.
+    """
+
+    force: np.ndarray
+    rate: np.ndarray
+    turn: np.ndarray
+
+    @staticmethod
+    def everything(holds: int) -> Masks:
+        """Return masks that leave nothing out."""
+        return Masks(np.ones(holds, bool), np.ones(holds, bool), np.ones(holds, bool))
+
+    def of(self, terms: Terms) -> np.ndarray:
+        """Return which of the terms take part."""
+        if terms.kind == "rest":
+            return np.ones(terms.place.size, dtype=bool)
+        mask = {"force": self.force, "rate": self.rate, "turn": self.turn}[terms.kind]
+        return mask[terms.place]
+
+
+@dataclass(slots=True)
+class SectionEquations:
+    """A section's equations at one state, eliminated."""
+
+    section: Section
+    terms: list[Terms]
+    spins: dict[int, SpinEquations]
+    chain: EliminatedChain
+    earth_inverse: Square
+    square_sum: float
+    observations: int
+
+
+@dataclass(slots=True)
+class JointSolution:
+    """A settled estimate.
+
+    Attributes
+    ----------
+    state : all unknowns.
+    free : indices of the shared unknowns that were adjusted.
+    cofactor : (free, free), their covariance if the noise given is the true one.
+    square_sum, redundancy : of all residuals, and of what is left to check them.
+    equations : of each section at the solution.
+    extra : the variances that it was made with.
+    iterations : how many it took.
+    """
+
+    state: JointState
+    free: np.ndarray
+    cofactor: Square
+    square_sum: float
+    redundancy: int
+    equations: list[SectionEquations]
+    extra: Extra
+    iterations: int
+
+    def covariance(self, index: int) -> tuple[NodeCovariance, Square]:
+        """Return the covariances of a section's attitudes, and of its border (Earth rate, shared unknowns)."""
+        equations = self.equations[index]
+        corner = equations.chain.corner
+        full = np.zeros((SHARED, SHARED))
+        full[np.ix_(self.free, self.free)] = self.cofactor
+        border = np.zeros((BORDER, BORDER))
+        gain = -equations.earth_inverse @ corner[:3, 3:]
+        border[3:, 3:] = full
+        border[:3, 3:] = gain @ full
+        border[3:, :3] = border[:3, 3:].T
+        border[:3, :3] = equations.earth_inverse + gain @ full @ gain.T
+        return equations.chain.covariance(border), border
+
+
+@dataclass(slots=True)
+class JointProblem:
+    """What does not change from one iteration to the next.
+
+    Attributes
+    ----------
+    data, site : observations, gravity and latitude.
+    free : indices of the shared unknowns to adjust.
+    extra : variances.
+    masks : which observations take part.
+    prior : of the shared unknowns (all 33), or None.
+    spin_noise : factor on the variance of each rotation's windows, by the hold before it.
+    """
+
+    data: JointData
+    site: Site
+    free: np.ndarray
+    extra: Extra
+    masks: Masks
+    prior: Prior | None = None
+    spin_noise: dict[int, float] = field(default_factory=dict[int, float])
+
+
+def start_state(data: JointData, unknowns: Series, site: Site) -> JointState:
+    """Return attitudes from gravity in each hold, with headings that the gyros carry.
+
+    Parameters
+    ----------
+    data : observations.
+    unknowns : (33,) start values.
+    site : for the Earth rate.
+    """
+    carried = carry(data, unknowns)
+    triad = triad_from_unknowns(unknowns[FORCE])
+    force = np.stack([triad.correct(data.parts[:, part]) for part in (0, 2)], axis=1).reshape(-1, 3)
+    level = attitudes_from_force(force)
+    earth = np.zeros(3)
+    if site.latitude is not None:
+        earth[2] = -EARTH_RATE * np.sin(site.latitude)
+    state = JointState(unknowns.astype(float).copy(), [], {})
+    for first, last in data.sections:
+        C = level[2 * first : 2 * last].copy()
+        section = Section(int(first), int(last), C, earth.copy())
+        for k in range(first, last):
+            at = 2 * (k - first)
+            if k in data.spins and k + 1 < last:
+                C[at + 1] = _same_heading(C[at + 1], C[at])
+                spin = start_spin(data, data.spins[k], C[at + 1], unknowns, earth)
+                state.spins[k] = spin
+                C[at + 2] = _same_heading(C[at + 2], _carried_end(data, k, spin, unknowns))
+                continue
+            C[at + 1] = _same_heading(C[at + 1], C[at])
+            if k + 1 < last:
+                C[at + 2] = _same_heading(C[at + 2], C[at + 1] @ carried.C_se[k])
+        state.sections.append(section)
+    return state
+
+
+def _carried_end(data: JointData, k: int, spin: SpinState, unknowns: Series) -> Square:
+    from tumble.calibration.joint_terms import integrate_ranges
+
+    last = np.array([data.spins[k].centres[-1]])
+    C_se, _, _ = integrate_ranges(data, unknowns, last, np.array([data.base.head[k + 1, 0] + 1]))
+    return np.asarray(spin.C_wb[-1] @ C_se[0], dtype=np.float64)
+
+
+def _same_heading(level: Square, carried: Square) -> Square:
+    """Turn `level` about the vertical until it is as near to `carried` as it can be."""
+    across = carried @ level.T
+    heading = np.arctan2(across[1, 0] - across[0, 1], across[0, 0] + across[1, 1])
+    return np.asarray(matrix_from_rotation_vector(np.array([0.0, 0.0, heading])) @ level, dtype=np.float64)
+
+
+def solve_joint(problem: JointProblem, state: JointState, *, once: bool = False) -> JointSolution:
+    """Adjust everything from `state` (which is moved) until nothing moves.
+
+    Parameters
+    ----------
+    problem : observations and what is believed.
+    state : start values; holds the solution afterwards.
+    once : take one step and no more.
+
+    Raises
+    ------
+    ObservabilityError
+        If shared unknowns are not determined.
+    ConvergenceError
+        If it diverges or does not settle.
+    """
+    free, before = problem.free, np.inf
+    for iteration in range(1, ITERATIONS + 1):
+        equations, normal, gradient = linearise_joint(problem, state)
+        cofactor = invert_normal_matrix(normal)
+        step = -cofactor @ gradient
+        if not np.all(np.isfinite(step)):
+            raise ConvergenceError("The joint adjustment diverged: its unknowns left all bounds.")
+        _move(problem, state, equations, step)
+        size = float(np.max(np.abs(step) / np.sqrt(np.diag(cofactor))))
+        settled = bool(np.all(np.abs(step) <= 1e-13 * np.maximum(np.abs(state.unknowns[free]), 1.0)))
+        if once or size <= TOLERANCE or settled or (size < 1e-2 and size >= before):
+            return _solution(problem, state, equations, cofactor, step, iteration)
+        before = size
+    raise ConvergenceError(f"The joint adjustment did not settle within {ITERATIONS} iterations.")
+
+
+def linearise_joint(
+    problem: JointProblem, state: JointState
+) -> tuple[list[SectionEquations], Square, Series]:
+    """Return the sections' equations, and the normal matrix and gradient of the free shared unknowns.
+
+    Parameters
+    ----------
+    problem, state : observations, and where all unknowns are.
+    """
+    carried = carry(problem.data, state.unknowns)
+    normal, gradient = np.zeros((SHARED, SHARED)), np.zeros(SHARED)
+    equations: list[SectionEquations] = []
+    for section in state.sections:
+        made = _section_equations(problem, state, section, carried)
+        corner, right = made.chain.corner, made.chain.corner_gradient
+        gain = made.earth_inverse @ corner[:3, 3:]
+        normal += corner[3:, 3:] - corner[3:, :3] @ gain
+        gradient += right[3:] - gain.T @ right[:3]
+        equations.append(made)
+    if problem.prior is not None:
+        normal += problem.prior.precision
+        gradient += problem.prior.precision @ (state.unknowns - problem.prior.mean)
+    free = problem.free
+    return equations, normal[np.ix_(free, free)], gradient[free]
+
+
+def _section_equations(
+    problem: JointProblem, state: JointState, section: Section, carried: Carried
+) -> SectionEquations:
+    data, gravity = problem.data, problem.site.gravity
+    terms = hold_terms(data, section, state.unknowns, gravity, problem.extra)
+    turns = turn_terms(data, section, carried, state.unknowns, problem.extra)
+    if turns is not None:
+        terms.append(turns)
+    chain = BorderedChain.zero(2 * (section.last - section.first), 3, BORDER)
+    square_sum, observations = 0.0, 0
+    used: list[Terms] = []
+    for kind in terms:
+        active = problem.masks.of(kind)
+        # Left out is made all but worthless, not taken away: a chain without a link would have no heading.
+        covariance = np.where(active, 1.0, LEFT_OUT)[:, None, None] * kind.covariance
+        residual, by_node, by_next, by_border = whiten(
+            covariance, kind.residual[..., None], kind.by_node, kind.by_next, kind.by_border
+        )
+        chain.add_links(kind.node, residual[..., 0], by_node, by_next, by_border)
+        taken = selected(kind, active)
+        square_sum += float(np.sum(residual[active] ** 2))
+        headings = np.count_nonzero(~active) if kind.kind == "turn" else 0
+        observations += taken.residual.size + int(headings)
+        used.append(taken)
+    spins: dict[int, SpinEquations] = {}
+    for k in section.holds[:-1]:
+        if int(k) in data.spins:
+            made = _add_spin(problem, state, section, chain, int(k))
+            spins[int(k)] = made
+            square_sum += made.square_sum
+            observations += made.observations
+    square_sum += _add_heading(chain) + _add_earth(problem, section, chain)
+    eliminated = chain.eliminated()
+    return SectionEquations(
+        section, used, spins, eliminated, inverted(eliminated.corner[:3, :3]), square_sum, observations
+    )
+
+
+def _add_spin(
+    problem: JointProblem, state: JointState, section: Section, chain: BorderedChain, k: int
+) -> SpinEquations:
+    tail = 2 * (k - section.first) + 1
+    made = spin_equations(
+        problem.data,
+        problem.data.spins[k],
+        state.spins[k],
+        (section.C_wb[tail], section.C_wb[tail + 1]),
+        section.earth_w,
+        state.unknowns,
+        problem.site.gravity,
+        problem.extra,
+        problem.spin_noise.get(k, 1.0),
+    )
+    start, end, rest = slice(0, 3), slice(3, 6), slice(6, None)
+    chain.diagonal[tail] += made.corner[start, start]
+    chain.diagonal[tail + 1] += made.corner[end, end]
+    chain.lower[tail] += made.corner[end, start]
+    chain.border[tail] += made.corner[start, rest]
+    chain.border[tail + 1] += made.corner[end, rest]
+    chain.gradient[tail] += made.gradient[start]
+    chain.gradient[tail + 1] += made.gradient[end]
+    chain.corner += made.corner[rest, rest]
+    chain.corner_gradient += made.gradient[rest]
+    return made
+
+
+def _add_heading(chain: BorderedChain) -> float:
+    chain.diagonal[0, 2, 2] += 1.0 / HEADING_SIGMA**2
+    return 0.0
+
+
+def _add_earth(problem: JointProblem, section: Section, chain: BorderedChain) -> float:
+    """Add what the site tells of the Earth rate in the level frame; return its square sum."""
+    latitude = problem.site.latitude
+    if latitude is None:
+        mean, sigma = np.zeros(3), np.full(3, EARTH_RATE / np.sqrt(3.0))
+    else:
+        across = EARTH_RATE * max(float(np.cos(latitude)), 1e-3) / np.sqrt(2.0)
+        mean = np.array([0.0, 0.0, -EARTH_RATE * np.sin(latitude)])
+        # Of a latitude given to a hundredth of a degree.
+        sigma = np.array([across, across, 1e-4 * EARTH_RATE])
+    off = (section.earth_w - mean) / sigma
+    chain.corner[range(3), range(3)] += 1.0 / sigma**2
+    chain.corner_gradient[:3] += off / sigma
+    return float(off @ off)
+
+
+def _move(problem: JointProblem, state: JointState, equations: list[SectionEquations], step: Series) -> None:
+    """Move all unknowns by a step of the shared ones, and the residuals with them."""
+    full = np.zeros(SHARED)
+    full[problem.free] = step
+    for made in equations:
+        corner, right = made.chain.corner, made.chain.corner_gradient
+        earth = -made.earth_inverse @ (right[:3] + corner[:3, 3:] @ full)
+        border = np.concatenate([earth, full])
+        nodes = made.chain.steps(border)
+        section = made.section
+        for k, spin in made.spins.items():
+            tail = 2 * (k - section.first) + 1
+            windows, own = spin.steps(np.concatenate([nodes[tail], nodes[tail + 1], border]))
+            at = state.spins[k]
+            at.C_wb = _turned(at.C_wb, windows)
+            at.own = at.own + own
+        for terms in made.terms:
+            terms.residual[...] += np.einsum("tmd,td->tm", terms.by_node, nodes[terms.node])
+            terms.residual[...] += np.einsum("tmd,td->tm", terms.by_next, nodes[terms.node + 1])
+            terms.residual[...] += terms.by_border @ border
+        section.C_wb = _turned(section.C_wb, nodes)
+        section.earth_w = section.earth_w + earth
+    state.unknowns = state.unknowns + full
+
+
+def _turned(C: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    return np.array([matrix_from_rotation_vector(s) @ c for s, c in zip(steps, C, strict=True)])
+
+
+def _solution(
+    problem: JointProblem,
+    state: JointState,
+    equations: list[SectionEquations],
+    cofactor: Square,
+    step: Series,
+    iterations: int,
+) -> JointSolution:
+    full = np.zeros(SHARED)
+    full[problem.free] = step
+    decrease = 0.0
+    for made in equations:
+        corner, right = made.chain.corner, made.chain.corner_gradient
+        earth = -made.earth_inverse @ (right[:3] + corner[:3, 3:] @ full)
+        decrease += made.chain.decrease(np.concatenate([earth, full]))
+    nodes = sum(3 * 2 * (s.last - s.first) for s in state.sections)
+    # A section's heading and Earth rate are each known as many times as they are unknown.
+    observations = sum(e.observations for e in equations) + len(state.sections)
+    redundancy = observations - nodes - problem.free.size
+    if problem.prior is not None:
+        redundancy += problem.prior.rank
+    return JointSolution(
+        state,
+        problem.free,
+        cofactor,
+        sum(e.square_sum for e in equations) - decrease,
+        redundancy,
+        equations,
+        problem.extra,
+        iterations,
+    )

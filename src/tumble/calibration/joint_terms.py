@@ -1,0 +1,396 @@
+"""The residuals of holds and of the turns between them, as the joint estimator adds them up.
+
+Attitudes are those of b against a level frame w of each section: down is its third axis, and its heading is
+the first hold's own. The Earth rate in w is three unknowns of the section with a prior from the latitude. An
+attitude error is a rotation vector in w: ``C_true = (1 + [phi]) C``.
+
+Each hold has two nodes, its head and its tail, and gives
+
+- the specific force in three parts, raw, at the head, in the middle (half of each) and at the tail;
+- the mean rate, raw: the Earth rate, and what the pose sways from head to tail;
+- that it rests: head and tail differ by a sway of stated size.
+
+Each turn gives one rotation: the gyro's integral carries the tail of one hold to the head of the next, while
+the level frame turns with the Earth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors, inverted
+from tumble.attitude import integrate_turns
+from tumble.attitude.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
+from tumble.calibration.joint_data import JointData
+from tumble.calibration.joint_unknowns import (
+    FORCE,
+    G_SENSITIVITY,
+    GYRO_BIAS,
+    GYRO_MATRIX,
+    SHARED,
+    force_matrix,
+    gyro_matrix,
+    raw_force,
+    raw_rate,
+)
+from tumble.calibration.triad_unknowns import BIAS
+
+EARTH = slice(0, 3)
+"""Where the Earth rate stands in the border; the shared unknowns follow."""
+BORDER = 3 + SHARED
+
+
+@dataclass(slots=True)
+class Extra:
+    """Variances beyond what is seen at rest.
+
+    Attributes
+    ----------
+    force : (m/s²)², by which an accelerometer's bias wanders from hold to hold.
+    rate : (rad/s)², the same of the gyros.
+    turn : rad² about each axis, what else a turn shows.
+    sway : rad² about each axis, by which a pose changes within a hold.
+    """
+
+    force: float = 0.0
+    rate: float = 0.0
+    turn: float = 0.0
+    sway: float = 1e-16
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """Residuals of one kind, each between two neighbouring nodes of a chain.
+
+    Attributes
+    ----------
+    kind : "force", "rate", "rest" or "turn".
+    place : (terms,) the hold that it belongs to, or that the turn follows.
+    node : (terms,) the first of its two nodes.
+    residual : (terms, m) predicted minus observed.
+    covariance : (terms, m, m).
+    by_node, by_next : (terms, m, 3) by the attitudes in w.
+    by_border : (terms, m, 36) by the Earth rate and the shared unknowns.
+    """
+
+    kind: str
+    place: np.ndarray
+    node: np.ndarray
+    residual: AnyArray
+    covariance: AnyArray
+    by_node: AnyArray
+    by_next: AnyArray
+    by_border: AnyArray
+
+
+@dataclass(slots=True)
+class Section:
+    """The state of one unbroken run of holds.
+
+    Attributes
+    ----------
+    first, last : half-open range of holds.
+    C_wb : (2 holds, 3, 3) attitudes, head and tail of each hold in turn.
+    earth_w : (3,) rad/s.
+    """
+
+    first: int
+    last: int
+    C_wb: Matrices
+    earth_w: Vector
+
+    @property
+    def holds(self) -> np.ndarray:
+        """Indices of its holds."""
+        return np.arange(self.first, self.last)
+
+
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """The gyro's integrals over the turns of a recording, once an iteration.
+
+    Attributes
+    ----------
+    C_se : (holds, 3, 3) from the head of the next hold to the tail of this one; zeros where no turn follows.
+    sums : (holds, 3, 3, 7) see `integrate_turns`.
+    duration : (holds,) s.
+    """
+
+    C_se: Matrices
+    sums: AnyArray
+    duration: Series
+
+
+def carry(data: JointData, unknowns: Series) -> Carried:
+    """Integrate the gyros over every usable turn with the unknowns as they are.
+
+    Parameters
+    ----------
+    data : holds and turns.
+    unknowns : (33,).
+    """
+    turns = data.turns
+    carried = Carried(np.zeros((data.holds, 3, 3)), np.zeros((data.holds, 3, 3, 7)), np.zeros(data.holds))
+    if not turns.size:
+        return carried
+    made = integrate_ranges(data, unknowns, data.base.turn_start[turns], data.base.turn_stop[turns])
+    carried.C_se[turns], carried.sums[turns], carried.duration[turns] = made
+    return carried
+
+
+def integrate_ranges(
+    data: JointData, unknowns: Series, starts: np.ndarray, stops: np.ndarray
+) -> tuple[Matrices, AnyArray, Series]:
+    """Return rotation, sums and duration of sample ranges, see `integrate_turns`."""
+    base = data.base
+    made = integrate_turns(
+        base.time,
+        base.raw_rate,
+        base.raw_force,
+        starts,
+        stops,
+        gyro_inverse=inverted(gyro_matrix(unknowns)),
+        gyro_bias=unknowns[GYRO_BIAS],
+        force_inverse=inverted(force_matrix(unknowns)),
+        force_bias=unknowns[FORCE][BIAS],
+        g_sensitivity=unknowns[G_SENSITIVITY].reshape(3, 3),
+    )
+    return made.C_start_end, made.sums, made.duration
+
+
+def hold_terms(
+    data: JointData, section: Section, unknowns: Series, gravity: float, extra: Extra
+) -> list[Terms]:
+    """Return the residuals of a section's holds: force, rate and rest.
+
+    Parameters
+    ----------
+    data, section, unknowns : observations and state.
+    gravity : m/s².
+    extra : variances.
+    """
+    k = section.holds
+    node = 2 * (k - section.first)
+    head, tail = section.C_wb[0::2], section.C_wb[1::2]
+    swayed = np.array([rotation_vector_from_matrix(h.T @ t) for h, t in zip(head, tail, strict=True)])
+    force = _force_terms(data, section, unknowns, gravity, extra, node, (head, tail))
+    rest = Terms(
+        "rest",
+        k,
+        node,
+        swayed,
+        np.broadcast_to(extra.sway * np.eye(3), (k.size, 3, 3)),
+        -np.swapaxes(head, 1, 2),
+        np.swapaxes(head, 1, 2).copy(),
+        np.zeros((k.size, 3, BORDER)),
+    )
+    return [force, _rate_terms(data, section, unknowns, gravity, extra, node, swayed), rest]
+
+
+def _force_terms(
+    data: JointData,
+    section: Section,
+    unknowns: Series,
+    gravity: float,
+    extra: Extra,
+    node: np.ndarray,
+    edges: tuple[Matrices, Matrices],
+) -> Terms:
+    k = section.holds
+    up = np.array([0.0, 0.0, -gravity])
+    turn = np.array([[0.0, gravity, 0.0], [-gravity, 0.0, 0.0], [0.0, 0.0, 0.0]])  # skew(up)
+    backward = [np.swapaxes(edge, 1, 2) for edge in edges]
+    true = [b @ up for b in backward]
+    moved = [b @ turn for b in backward]
+    n = k.size
+    residual, by_border = np.zeros((n, 3, 3)), np.zeros((n, 3, 3, BORDER))
+    by_node, by_next = np.zeros((n, 3, 3, 3)), np.zeros((n, 3, 3, 3))
+    for part, (of_head, of_tail) in enumerate(((1.0, 0.0), (0.5, 0.5), (0.0, 1.0))):
+        shown = raw_force(unknowns, of_head * true[0] + of_tail * true[1])
+        residual[:, part] = shown.value - data.parts[k, part]
+        by_node[:, part] = of_head * shown.by_true @ moved[0]
+        by_next[:, part] = of_tail * shown.by_true @ moved[1]
+        by_border[:, part, :, 3:] = shown.by_unknowns
+    matrix = force_matrix(unknowns)
+    wander = np.tile(extra.force * (matrix @ matrix.T), (3, 3))
+    return Terms(
+        "force",
+        k,
+        node,
+        residual.reshape(n, 9),
+        data.parts_covariance[k] + wander,
+        by_node.reshape(n, 9, 3),
+        by_next.reshape(n, 9, 3),
+        by_border.reshape(n, 9, BORDER),
+    )
+
+
+def _rate_terms(
+    data: JointData,
+    section: Section,
+    unknowns: Series,
+    gravity: float,
+    extra: Extra,
+    node: np.ndarray,
+    swayed: Vectors,
+) -> Terms:
+    k = section.holds
+    head = section.C_wb[0::2]
+    backward = np.swapaxes(head, 1, 2)
+    earth_b = backward @ section.earth_w
+    force = backward @ np.array([0.0, 0.0, -gravity])
+    length = np.maximum(data.length[k], 1e-9)[:, None]
+    shown = raw_rate(unknowns, earth_b + swayed / length, force)
+    matrix, sensitivity = gyro_matrix(unknowns), unknowns[G_SENSITIVITY].reshape(3, 3)
+    by_sway = (matrix @ backward) / length[:, :, None]
+    by_border = np.zeros((k.size, 3, BORDER))
+    by_border[:, :, EARTH] = matrix @ backward
+    by_border[:, :, 3:] = shown.by_unknowns
+    turned = matrix @ backward @ _cross_matrix(section.earth_w)
+    turned += sensitivity @ backward @ _cross_matrix(np.array([0.0, 0.0, -gravity]))
+    wander = extra.rate * (matrix @ matrix.T)
+    return Terms(
+        "rate",
+        k,
+        node,
+        shown.value - data.base.rate_mean[k],
+        data.base.rate_covariance[k] + wander,
+        turned - by_sway,
+        by_sway,
+        by_border,
+    )
+
+
+def turn_terms(
+    data: JointData, section: Section, carried: Carried, unknowns: Series, extra: Extra
+) -> Terms | None:
+    """Return the residuals of a section's hand turns: what the gyros carry, against the attitudes; None without.
+
+    A table's rotations are left to `joint_spins`.
+
+    Parameters
+    ----------
+    data, section, carried, unknowns, extra : observations, state and variances.
+    """
+    k = np.array([h for h in section.holds[:-1] if h not in data.spins], dtype=int)
+    if not k.size:
+        return None
+    tail, head = 2 * (k - section.first) + 1, 2 * (k - section.first) + 2
+    link = Link(carried.C_se[k], carried.sums[k], carried.duration[k])
+    residual, by_node, by_next, by_border = link_residuals(
+        section.C_wb[tail], section.C_wb[head], section.earth_w, link, unknowns
+    )
+    edge = _edge_seconds(data, k)
+    covariance = link_covariance(data, section.C_wb[tail], link, unknowns, edge, own_bias=True)
+    wander = extra.turn + extra.rate * carried.duration[k] ** 2
+    covariance = covariance + wander[:, None, None] * np.eye(3)
+    return Terms("turn", k, tail, residual, covariance, by_node, by_next, by_border)
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """Integrals of the gyros from one node to the next, see `Carried`."""
+
+    C_se: Matrices
+    sums: AnyArray
+    duration: Series
+
+
+def link_residuals(
+    C_start: Matrices, C_end: Matrices, earth_w: Vector, link: Link, unknowns: Series
+) -> tuple[Vectors, AnyArray, AnyArray, AnyArray]:
+    """Return residuals (rad, in w) and their derivatives by start, end and border.
+
+    Parameters
+    ----------
+    C_start, C_end : (links, 3, 3) attitudes of the nodes.
+    earth_w : (3,) rad/s.
+    link : what the gyros carry.
+    unknowns : (33,).
+
+    Notes
+    -----
+    ``r = log(exp(-[earth T]) C_start C_se C_end')``; a rate error ``E x(t)`` turns C_se by
+    ``sums[..., j] E[:, j]`` in the start frame.
+    """
+    count = len(C_start)
+    earth = np.array([matrix_from_rotation_vector(-t * earth_w) for t in link.duration]).reshape(-1, 3, 3)
+    carried = earth @ C_start @ link.C_se
+    residual = np.array(
+        [rotation_vector_from_matrix(c @ e.T) for c, e in zip(carried, C_end, strict=True)]
+    ).reshape(-1, 3)
+    inverse = inverted(gyro_matrix(unknowns))
+    outer = earth @ C_start
+    moves = np.einsum("tab,tbcj,ci->taij", outer, link.sums, inverse)
+    by_border = np.zeros((count, 3, BORDER))
+    by_border[:, :, EARTH] = -link.duration[:, None, None] * np.eye(3)
+    at = 3 + np.arange(SHARED)
+    by_border[:, :, at[GYRO_MATRIX]] = -moves[..., 0:3].reshape(count, 3, 9)
+    by_border[:, :, at[GYRO_BIAS]] = -moves[..., 3]
+    by_border[:, :, at[G_SENSITIVITY]] = -moves[..., 4:7].reshape(count, 3, 9)
+    return residual, earth, np.broadcast_to(-np.eye(3), (count, 3, 3)), by_border
+
+
+def link_covariance(
+    data: JointData, C_start: Matrices, link: Link, unknowns: Series, more: Series, *, own_bias: bool
+) -> Matrices:
+    """Return (links, 3, 3) rad² in w: angle random walk, and the bias's own wandering over the link.
+
+    Parameters
+    ----------
+    data : noise of the gyros.
+    C_start, link, unknowns : as for `link_residuals`.
+    more : (links,) s for which the random walk acts beyond the link itself.
+    own_bias : let the bias wander by the floor seen between holds, each link for itself.
+    """
+    inverse = inverted(gyro_matrix(unknowns))
+    white = (inverse * data.base.rate_random_walk) @ inverse.T
+    floor = (inverse * data.base.rate_floor) @ inverse.T
+    C_middle = 0.5 * (C_start + C_start @ link.C_se)
+    # the mean of both ends' axes, and what of the variance their difference leaves over
+    own = C_middle @ white @ np.swapaxes(C_middle, 1, 2)
+    lost = np.trace(white) - np.trace(own, axis1=1, axis2=2)
+    own = own + (lost / 3.0)[:, None, None] * np.eye(3)
+    covariance = (link.duration + more)[:, None, None] * own
+    if own_bias:
+        covariance = covariance + (link.duration**2)[:, None, None] * (np.trace(floor) / 3.0 * np.eye(3))
+    return covariance
+
+
+def _edge_seconds(data: JointData, k: np.ndarray) -> Series:
+    """Return for how long the random walk acts between the parts' means and the edges, s: a third of each."""
+    base = data.base
+    step = (base.time[-1] - base.time[0]) / max(base.time.shape[0] - 1, 1)
+    tail = (base.tail[k, 1] - base.tail[k, 0]) * step
+    head = (base.head[k + 1, 1] - base.head[k + 1, 0]) * step
+    return (tail + head) / 3.0
+
+
+def _cross_matrix(v: Vector) -> Matrix:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def selected(terms: Terms, where: np.ndarray) -> Terms:
+    """Return the terms at `where` (bool or indices) only."""
+    return Terms(
+        terms.kind,
+        terms.place[where],
+        terms.node[where],
+        terms.residual[where],
+        terms.covariance[where],
+        terms.by_node[where],
+        terms.by_next[where],
+        terms.by_border[where],
+    )
+
+
+def attitudes_from_force(force_b: Vectors) -> Matrices:
+    """Return (rows, 3, 3) level attitudes C_wb of any heading from specific forces in b."""
+    down = -force_b / np.linalg.norm(force_b, axis=1, keepdims=True)
+    first = np.eye(3)[np.argmin(np.abs(down), axis=1)]
+    north = first - np.sum(first * down, axis=1, keepdims=True) * down
+    north /= np.linalg.norm(north, axis=1, keepdims=True)
+    east = np.asarray(np.cross(down, north), dtype=np.float64)
+    return np.stack([north, east, down], axis=1)

@@ -1,0 +1,88 @@
+"""The unknowns of the joint estimator, and the sensors' raw output with its derivatives by them.
+
+The shared unknowns are those of `turn_conditions` without its Earth rate (which is each section's own
+here): accelerometer bias, scale, angles and quadratic terms as Shin has them, the gyro's whole matrix, its
+bias and its g-sensitivity. The model runs forwards, from true to raw: noise is a sensor's own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Matrix, Series, Vectors
+from tumble.calibration.triad_unknowns import ANGLE, BIAS, COUNT, QUADRATIC, SCALE
+from tumble.sensor.conventions.shin import matrix_from_shin
+from tumble.sensor.propagation import jacobian
+
+FORCE = slice(0, COUNT)
+GYRO_MATRIX = slice(12, 21)
+GYRO_BIAS = slice(21, 24)
+G_SENSITIVITY = slice(24, 33)
+SHARED = 33
+
+
+@dataclass(frozen=True, slots=True)
+class RawForce:
+    """Raw output of the accelerometers: (rows, 3), by the true force (rows, 3, 3), by the unknowns (rows, 3, 33)."""
+
+    value: Vectors
+    by_true: AnyArray
+    by_unknowns: AnyArray
+
+
+def raw_force(unknowns: Series, true: Vectors) -> RawForce:
+    """Return what the accelerometers show for a specific force in b, with derivatives.
+
+    Parameters
+    ----------
+    unknowns : (33,) or more.
+    true : (rows, 3) m/s².
+    """
+    matrix = force_matrix(unknowns)
+    quadratic = unknowns[QUADRATIC]
+    own = true @ matrix.T
+    slope = 1.0 + 2.0 * quadratic * own
+    by_unknowns = np.zeros((true.shape[0], 3, SHARED))
+    by_unknowns[:, range(3), range(BIAS.start, BIAS.stop)] = 1.0
+    by_unknowns[:, range(3), range(QUADRATIC.start, QUADRATIC.stop)] = own**2
+    moves = jacobian(lambda p: matrix_from_shin(p[:3], p[3:6]).ravel(), unknowns[SCALE.start : ANGLE.stop])
+    turned = np.einsum("abp,nb->nap", moves.reshape(3, 3, 6), true)
+    by_unknowns[:, :, SCALE.start : ANGLE.stop] = slope[:, :, None] * turned
+    return RawForce(own + quadratic * own**2 + unknowns[BIAS], slope[:, :, None] * matrix, by_unknowns)
+
+
+@dataclass(frozen=True, slots=True)
+class RawRate:
+    """Raw output of the gyros: (rows, 3), and by the unknowns (rows, 3, 33)."""
+
+    value: Vectors
+    by_unknowns: AnyArray
+
+
+def raw_rate(unknowns: Series, true: Vectors, force: Vectors) -> RawRate:
+    """Return what the gyros show for an angular rate in b while a specific force acts.
+
+    Parameters
+    ----------
+    unknowns : (33,) or more.
+    true, force : (rows, 3) rad/s and m/s².
+    """
+    matrix, sensitivity = gyro_matrix(unknowns), unknowns[G_SENSITIVITY].reshape(3, 3)
+    by_unknowns = np.zeros((true.shape[0], 3, SHARED))
+    for i in range(3):
+        by_unknowns[:, i, GYRO_MATRIX.start + 3 * i : GYRO_MATRIX.start + 3 * i + 3] = true
+        by_unknowns[:, i, GYRO_BIAS.start + i] = 1.0
+        by_unknowns[:, i, G_SENSITIVITY.start + 3 * i : G_SENSITIVITY.start + 3 * i + 3] = force
+    return RawRate(true @ matrix.T + force @ sensitivity.T + unknowns[GYRO_BIAS], by_unknowns)
+
+
+def force_matrix(unknowns: Series) -> Matrix:
+    """Return the accelerometers' matrix, raw per m/s², in the frame ``accelerometer-x``."""
+    return np.ascontiguousarray(np.real(matrix_from_shin(unknowns[SCALE], unknowns[ANGLE])), dtype=np.float64)
+
+
+def gyro_matrix(unknowns: Series) -> Matrix:
+    """Return the gyros' matrix, raw per rad/s."""
+    return np.ascontiguousarray(unknowns[GYRO_MATRIX].reshape(3, 3))
