@@ -10,6 +10,8 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tumble.calibration import read_calibration
+
 GRAVITY = 9.81
 COLUMNS = ["t", "ax", "ay", "az", "gx", "gy", "gz"]
 
@@ -190,11 +192,13 @@ def test_apply_corrects_as_the_formula_in_the_file_says(
     assert answer.err == ""
     read = pl.read_csv if name.endswith("csv") else pl.read_parquet
     corrected = read(tmp_path / name)
-    assert corrected.columns == COLUMNS  # plain names: m/s² and rad/s
+    assert corrected.columns[:-1] == COLUMNS  # plain names: m/s² and rad/s
+    assert corrected.columns[-1] == f"corrected_by_{read_calibration(calibrated).identity}"
+    assert corrected[:, -1].unique().to_list() == [1]
     raw = np.loadtxt(recording, delimiter=",", skiprows=1)
     assert f"{len(raw)} samples corrected" in answer.out
     np.testing.assert_allclose(
-        corrected.to_numpy(), by_hand(document_of(calibrated), raw), rtol=1e-10, atol=1e-12
+        corrected[:, :-1].to_numpy(), by_hand(document_of(calibrated), raw), rtol=1e-10, atol=1e-12
     )
 
 

@@ -25,10 +25,12 @@ from tumble.calibration.result import (
     TriadBlock,
     VerdictBlock,
 )
+from tumble.calibration.thermal_block import ThermalBlock, thermal_block
 from tumble.calibration.verdict import judge
 from tumble.earth import EARTH_RATE, Site
 from tumble.recording.recording import Recording
 from tumble.sensor import FRAMES, ImuModel, Triad
+from tumble.sensor.thermal import ThermalModel
 from tumble.units import angular_rate_factor, specific_force_factor
 
 _KINDS: dict[str, Literal["hold", "turn", "spin"]] = {"hold": "hold", "turn": "turn", "spin": "spin"}
@@ -52,7 +54,10 @@ def calibration_from_estimate(
 ) -> Calibration:
     """Return the document of an estimate, judged and with test vectors."""
     judgement = judge(estimate, recording)
-    temperature = None if recording.temperature is None else float(np.nanmean(recording.temperature))
+    temperature = _temperature(recording)
+    thermal = _thermal(estimate)
+    if thermal is not None:
+        temperature = thermal.basis.reference_celsius
     model = estimate.model
     known = any(name.startswith("gyroscope.matrix") for name in estimate.names)
     nominal = angular_rate_factor(recording.angular_rate_unit) is not None
@@ -88,7 +93,25 @@ def calibration_from_estimate(
         verdict=VerdictBlock(fit=judgement.fit, reasons=judgement.reasons),
         remarks=[*estimate.remarks, *remarks],
         test_vectors=_test_vectors(model, recording, gyroscope),
+        thermal=thermal,
     )
+
+
+def _temperature(recording: Recording) -> float | None:
+    """Return the mean temperature of a recording, None where no sample has one."""
+    celsius = recording.temperature
+    if celsius is None or not np.isfinite(celsius).any():
+        return None
+    return float(np.nanmean(celsius))
+
+
+def _thermal(estimate: Estimate) -> ThermalBlock | None:
+    """Return the block of what changes with temperature, None where nothing was modelled."""
+    model: ThermalModel | None = getattr(estimate, "thermal", None)
+    if model is None:
+        return None
+    names: list[str] = getattr(estimate, "thermal_names", None) or model.names
+    return thermal_block(model, names, estimate.thermal_covariance)  # type: ignore[attr-defined]
 
 
 def _rows(matrix: Any) -> Any:

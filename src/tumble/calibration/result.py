@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from pathlib import Path
@@ -10,10 +11,13 @@ from typing import Any, Literal, cast
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from tumble.arrays import Square, Vectors
+from tumble.arrays import Series, Square, Vectors
+from tumble.calibration.thermal_block import ThermalBlock
+from tumble.calibration.thermal_block import contradiction as thermal_contradiction
 from tumble.errors import CalibrationFileError, OutputError, TumbleError
 from tumble.recording.writing import written_beside
 from tumble.sensor import ImuModel, Triad
+from tumble.sensor.thermal import Outside, ThermalModel
 from tumble.units import angular_rate_factor, specific_force_factor
 
 FORMAT = "tumble calibration"
@@ -32,6 +36,11 @@ BACKWARD = (
     "At rest the specific force points up: f = -gravity"
 )
 Row = tuple[float, float, float]
+# What a thermal block corrects by, without words, covariance and test vectors.
+_THERMAL_NUMBERS = (
+    *("basis", "coefficients", "rate_coefficients", "hysteresis", "hysteresis_width", "lag", "smoothing"),
+    *("dead_band", "start_hysteresis"),
+)
 
 
 class _Strict(BaseModel):
@@ -158,6 +167,11 @@ class Calibration(_Strict):
     accelerometer, gyroscope : what `model` is made of; a triad that was not calibrated is None.
     parameters : in the procedure's own convention, with standard uncertainties.
     covariance, covariance_parameters : over the entries of matrices and biases, in their units.
+    temperature_celsius : that the triads hold at; with a `thermal` block its reference temperature.
+    thermal : how the triads change with temperature, or None.
+    input_corrected_by : identities of the calibrations that its raw numbers were corrected by already, first
+        one first: it is right for such recordings only.
+    composed_with : a calibration to correct by first, with temperature and all; this one takes its output.
     """
 
     format: Literal["tumble calibration"] = FORMAT
@@ -183,6 +197,42 @@ class Calibration(_Strict):
     verdict: VerdictBlock
     remarks: list[str] = Field(default_factory=list)
     test_vectors: list[TestVector]
+    thermal: ThermalBlock | None = None
+    input_corrected_by: list[str] = Field(default_factory=list)
+    composed_with: Calibration | None = None
+
+    @property
+    def identity(self) -> str:
+        """Twelve hexadecimal digits of what it corrects by: equal numbers, equal identity.
+
+        The numbers of the triads, their temperature dependence, the raw units and the frame count; date,
+        covariance and words do not, nor do the calibrations that it is composed with.
+        """
+        told = self.model_dump(
+            mode="json",
+            include={"accelerometer", "gyroscope", "raw_units", "thermal"},
+        )
+        told["frame"] = self.frame.name
+        if told["thermal"] is not None:
+            told["thermal"] = {key: told["thermal"][key] for key in _THERMAL_NUMBERS}
+            told["thermal"]["basis"].pop("formula")
+        return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:12]
+
+    @property
+    def stages(self) -> tuple[Calibration, ...]:
+        """The calibrations to correct by, one after another: itself last."""
+        return (*(() if self.composed_with is None else self.composed_with.stages), self)
+
+    @property
+    def thermal_model(self) -> ThermalModel | None:
+        """The sensor model with what changes with temperature, None without a `thermal` block.
+
+        Raises
+        ------
+        CalibrationFileError
+            If the document has no matrix of either triad.
+        """
+        return None if self.thermal is None else self.thermal.model(self.model)
 
     @property
     def model(self) -> ImuModel:
@@ -206,35 +256,43 @@ class Calibration(_Strict):
         return np.array(self.covariance, dtype=float)
 
     def correct(
-        self, raw_specific_force: Vectors | None, raw_angular_rate: Vectors | None = None
+        self,
+        raw_specific_force: Vectors | None,
+        raw_angular_rate: Vectors | None = None,
+        time: Series | None = None,
+        temperature_celsius: Series | float | None = None,
+        *,
+        outside: Outside = "refuse",
     ) -> tuple[Vectors | None, Vectors | None]:
         """Return corrected specific force (m/s²) and angular rate (rad/s), (samples, 3) in frame b.
 
         The part of a triad that is not calibrated, or has no raw numbers, is None.
+
+        Parameters
+        ----------
+        raw_specific_force, raw_angular_rate : (samples, 3) in `raw_units`; of a composed calibration in those
+            of the first one.
+        time : (samples,) s; a calibration with a thermal block needs it wherever the temperature changes.
+        temperature_celsius : (samples,) as recorded, or one for all; needed by a thermal block.
+        outside : what to do beyond the calibrated temperatures: ``refuse``, ``hold`` or ``extrapolate``.
 
         Raises
         ------
         CalibrationFileError
             If the document has no matrix of either triad, or the gyro's g-sensitivity is to be taken
             out and there is no corrected specific force.
+        UsageError
+            If it has a thermal block and there is no temperature.
+        ThermalSpanError
+            If the temperature leaves the calibrated span and `outside` is ``refuse``.
         ValueError
             If a matrix is singular.
         """
-        model = self.model
-        force = rate = None
-        if model.accelerometer is not None and raw_specific_force is not None:
-            force = model.accelerometer.correct(np.asarray(raw_specific_force, dtype=float))
-        if model.gyroscope is not None and raw_angular_rate is not None:
-            rate = np.asarray(raw_angular_rate, dtype=float)
-            if model.g_sensitivity is not None:
-                if force is None:
-                    raise CalibrationFileError(
-                        "The calibration's gyro has a g-sensitivity, which acts on the specific force: "
-                        "angular rates cannot be corrected without it."
-                    )
-                rate = rate - force @ model.g_sensitivity.T
-            rate = model.gyroscope.correct(rate)
-        return force, rate
+        from tumble.calibration.corrector import Corrector
+
+        return Corrector(self, outside).correct(
+            raw_specific_force, raw_angular_rate, time, temperature_celsius
+        )
 
     def to_json(self) -> str:
         """Return the document as JSON text, numbers with all their digits."""
@@ -291,9 +349,13 @@ def read_calibration(path: str | os.PathLike[str]) -> Calibration:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise CalibrationFileError(f"{file} is damaged: {where}: {first['msg']}.") from error
-    contradiction = _contradiction(calibration)
-    if contradiction is not None:
-        raise CalibrationFileError(f"{file} is damaged: {contradiction}.")
+    for number, stage in enumerate(calibration.stages, 1):
+        contradiction = _contradiction(stage)
+        if contradiction is not None:
+            which = (
+                f"calibration {number} of {len(calibration.stages)}: " if calibration.composed_with else ""
+            )
+            raise CalibrationFileError(f"{file} is damaged: {which}{contradiction}.")
     return calibration
 
 
@@ -313,12 +375,16 @@ def _contradiction(calibration: Calibration) -> str | None:
         angular_rate_factor(calibration.raw_units.angular_rate)
     except TumbleError as error:
         return f"raw_units: {str(error).rstrip('.')}"
+    if calibration.thermal is not None:
+        return thermal_contradiction(calibration.thermal, calibration.model)
     return None
 
 
 def calibration_schema() -> dict[str, Any]:
     """Return the JSON schema of the document."""
-    return Calibration.model_json_schema()
+    schema = Calibration.model_json_schema()
+    # A document may hold another one (composed_with): its keys are told at the top as well.
+    return {**schema["$defs"]["Calibration"], "$defs": schema["$defs"]}
 
 
 def write_text(path: Path, text: str) -> None:

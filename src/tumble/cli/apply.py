@@ -8,7 +8,16 @@ from typing import Annotated
 
 import typer
 
-from tumble.cli.options import Columns, Json, Quiet, Rate, Recordings, Units
+from tumble.cli.options import (
+    Columns,
+    Json,
+    OutsideOption,
+    Quiet,
+    Rate,
+    Recordings,
+    TemperatureOption,
+    Units,
+)
 from tumble.cli.progress import progress, results_stand
 
 
@@ -24,12 +33,16 @@ def apply_command(
     units: Units = None,
     columns: Columns = None,
     rate: Rate = None,
+    temperature: TemperatureOption = None,
+    outside: OutsideOption = "refuse",
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Correct a recording: specific force in m/s², angular rate in rad/s, in the calibration's frame b.
 
-    Recordings longer than memory are corrected block by block.
+    Recordings longer than memory are corrected block by block. A calibration with a thermal model follows the
+    recording's temperature; beyond the temperatures that were calibrated it refuses (see --outside). The file says
+    which calibrations it went through: none is applied twice.
     """
     from tumble.workflows.apply import apply
 
@@ -41,6 +54,8 @@ def apply_command(
             columns=columns,
             units=units,
             rate=rate,
+            temperature=temperature,
+            outside=outside,
             progress=lambda samples: say(f"{samples:,} samples corrected"),
         )
     results_stand()

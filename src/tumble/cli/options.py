@@ -52,6 +52,22 @@ Intervals: TypeAlias = Annotated[
     Path | None,
     typer.Option(help="A file with start and stop of each hold in seconds, instead of finding the holds."),
 ]
+TemperatureOption: TypeAlias = Annotated[
+    float | None,
+    typer.Option(
+        "--temperature",
+        metavar="CELSIUS",
+        help="Temperature of the whole recording in °C, where it has no column of it.",
+    ),
+]
+OutsideOption: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        "--outside",
+        metavar="refuse|hold|extrapolate",
+        help="Beyond the calibrated temperatures: refuse, hold the parameters of the span's end, or extrapolate.",
+    ),
+]
 Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print everything as JSON.")]
 Quiet: TypeAlias = Annotated[bool, typer.Option("--quiet", "-q", help="Print the verdict only.")]
 Verbose: TypeAlias = Annotated[

@@ -130,9 +130,9 @@ def _first_line(time: Series, recorded: Series, smoothing: float) -> tuple[float
     """Return value and slope at the first sample of the line through the first `smoothing` seconds."""
     count = int(np.searchsorted(time, time[0] + smoothing, side="right"))
     if smoothing <= 0.0 or count < 3 or time[count - 1] <= time[0]:
-        return float(recorded[0]), 0.0
+        return recorded.item(0), 0.0
     since = time[:count] - time[0]
     middle = float(since.mean())
     centred = since - middle
-    slope = float(np.dot(centred, recorded[:count])) / float(np.dot(centred, centred))
+    slope = float(np.sum(centred * recorded[:count])) / float(np.sum(centred**2))
     return float(recorded[:count].mean()) - slope * middle, slope

@@ -10,12 +10,22 @@ from pathlib import Path
 
 import numpy as np
 
+from tumble.arrays import Series
 from tumble.calibration import Calibration, read_calibration
+from tumble.calibration.corrector import Corrector
 from tumble.calibration.result import TriadBlock
 from tumble.errors import UsageError
 from tumble.recording import Recording, read_blocks
+from tumble.recording.corrections import PREFIX, corrections_of
 from tumble.recording.formats.output import write_blocks
 from tumble.units import angular_rate_factor, specific_force_factor
+from tumble.workflows.temperature import (
+    about_temperature,
+    check_outside,
+    check_temperature,
+    needs_temperature,
+    refuse_twice,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,29 +45,44 @@ def apply(
     columns: str | None = None,
     units: str | None = None,
     rate: float | None = None,
+    temperature: float | None = None,
+    outside: str = "refuse",
     progress: Callable[[int], None] | None = None,
 ) -> Applied:
     """Correct a recording and write it as CSV or Parquet in m/s² and rad/s, frame b.
 
-    Memory does not grow with the recording for text, Parquet and NPY.
+    Memory does not grow with the recording for text, Parquet and NPY. The file gets a column for each
+    calibration that it went through, so that none is applied twice.
 
     Parameters
     ----------
     calibration : a ``calibration.json``, its folder, or a `Calibration`.
     paths, columns, units, rate : the recording, as for `tumble.read_recording`.
     output : ``.csv`` or ``.parquet``; by default the recording's name with ``-corrected.csv``.
+    temperature : °C of the whole recording, for a calibration with a thermal model and a recording without a
+        column of temperature.
+    outside : where the sensor's temperature leaves the span that was calibrated: ``refuse``, ``hold`` the
+        parameters of the span's end, or ``extrapolate``.
     progress : is told the number of samples done.
 
     Raises
     ------
     CalibrationFileError, RecordingError, UsageError
-        If an input is wrong, or the recording is in other units than the calibration's.
+        If an input is wrong, the recording is in other units than the calibration's, or is corrected already.
+    ThermalSpanError
+        If the temperature leaves the calibrated span and `outside` is ``refuse``.
     OutputError
         If the file cannot be written; an earlier one is intact.
     """
     document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
+    beyond = check_outside(outside)
+    files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
+    done_before = corrections_of(files)
+    refuse_twice(document, done_before)
     blocks = iter(read_blocks(paths, columns=columns, units=units, rate=rate))
     first = next(blocks)
+    if needs_temperature(document):
+        check_temperature(document, first, files, temperature, beyond)
     factors = raw_factors(document, first)
     remarks = [f"{r.kind}: {r.text}" for r in first.remarks if r.kind in ("assumed", "mended")]
     if not _knows(document.gyroscope):
@@ -68,17 +93,23 @@ def apply(
         )
     target = _target(output, calibration, paths)
 
-    done = 0
+    done, coldest, warmest = 0, np.nan, np.nan
+    corrector = Corrector(document, beyond)
 
     def corrected():
-        nonlocal done
+        nonlocal done, coldest, warmest
         for block in chain([first], blocks):
-            yield _corrected(document, block, factors)
+            celsius = block.temperature if temperature is None else temperature
+            yield _corrected(corrector, block, factors, celsius)
             done += len(block)
+            if celsius is not None and np.isfinite(celsius).any():
+                coldest, warmest = np.fmin(coldest, np.nanmin(celsius)), np.fmax(warmest, np.nanmax(celsius))
             if progress is not None:
                 progress(done)
 
-    write_blocks(corrected(), target)
+    marks = [PREFIX + identity for identity in (*done_before, *(s.identity for s in document.stages))]
+    write_blocks(corrected(), target, marks)
+    remarks += about_temperature(document, corrector, (float(coldest), float(warmest)))
     return Applied(target, done, remarks)
 
 
@@ -90,29 +121,30 @@ def raw_factors(document: Calibration, recording: Recording) -> tuple[float, flo
     UsageError
         If one is in counts and the other is not, or the recording lacks what the calibration corrects.
     """
+    taken = document.stages[0]
     force = 1.0
-    if _knows(document.accelerometer):
+    if _knows(taken.accelerometer):
         if recording.specific_force is None:
             raise UsageError("The recording has no accelerometer columns: there is nothing to correct.")
         force = _ratio(
             specific_force_factor(recording.specific_force_unit),
-            specific_force_factor(document.raw_units.specific_force),
+            specific_force_factor(taken.raw_units.specific_force),
             "specific force",
             recording.specific_force_unit,
-            document.raw_units.specific_force,
+            taken.raw_units.specific_force,
         )
     elif recording.angular_rate is None:
         raise UsageError(
             "The calibration is of the gyro alone, and the recording has no angular rate to correct."
         )
-    if recording.angular_rate is None or not _knows(document.gyroscope):
+    if recording.angular_rate is None or not _knows(taken.gyroscope):
         return force, 1.0
     return force, _ratio(
         angular_rate_factor(recording.angular_rate_unit),
-        angular_rate_factor(document.raw_units.angular_rate),
+        angular_rate_factor(taken.raw_units.angular_rate),
         "angular rate",
         recording.angular_rate_unit,
-        document.raw_units.angular_rate,
+        taken.raw_units.angular_rate,
     )
 
 
@@ -142,9 +174,11 @@ def in_calibration_units(recording: Recording, factors: tuple[float, float]) -> 
     )
 
 
-def _corrected(document: Calibration, block: Recording, factors: tuple[float, float]) -> Recording:
+def _corrected(
+    corrector: Corrector, block: Recording, factors: tuple[float, float], temperature: Series | float | None
+) -> Recording:
     scaled = in_calibration_units(block, factors)
-    force, rate = document.correct(scaled.specific_force, scaled.angular_rate)
+    force, rate = corrector.correct(scaled.specific_force, scaled.angular_rate, scaled.time, temperature)
     return replace(
         block,
         specific_force=None if force is None else np.ascontiguousarray(force),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -57,8 +57,12 @@ def write_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def write_blocks(blocks: Iterable[Recording], target: Path) -> None:
+def write_blocks(blocks: Iterable[Recording], target: Path, marks: Sequence[str] = ()) -> None:
     """Write consecutive blocks as one CSV or Parquet file, by the ending of `target`.
+
+    Parameters
+    ----------
+    marks : names of columns that hold the number 1 in every row: what was done to the recording.
 
     Raises
     ------
@@ -74,15 +78,15 @@ def write_blocks(blocks: Iterable[Recording], target: Path) -> None:
     with written_beside(target) as beside, beside.open("wb") as file:
         if target.suffix.lower() == ".csv":
             for number, block in enumerate(blocks):
-                frame_of(block).write_csv(file, include_header=number == 0)
+                frame_of(block, marks).write_csv(file, include_header=number == 0)
         else:
-            _write_parquet(blocks, file, target.parent)
+            _write_parquet(blocks, file, target.parent, marks)
         file.flush()
         os.fsync(file.fileno())
 
 
-def frame_of(recording: Recording) -> pl.DataFrame:
-    """Return the recording's columns as a data frame."""
+def frame_of(recording: Recording, marks: Sequence[str] = ()) -> pl.DataFrame:
+    """Return the recording's columns as a data frame, with a column of ones for each mark."""
     import polars as pl
 
     columns = [recording.time]
@@ -91,17 +95,20 @@ def frame_of(recording: Recording) -> pl.DataFrame:
             columns += [triad[:, axis] for axis in range(3)]
     if recording.temperature is not None:
         columns.append(recording.temperature)
-    return pl.DataFrame(dict(zip(column_names(recording), columns, strict=True)))
+    frame = pl.DataFrame(dict(zip(column_names(recording), columns, strict=True)))
+    return frame.with_columns([pl.lit(1, dtype=pl.Int8).alias(mark) for mark in marks])
 
 
-def _write_parquet(blocks: Iterable[Recording], file: BinaryIO, folder: Path) -> None:
+def _write_parquet(
+    blocks: Iterable[Recording], file: BinaryIO, folder: Path, marks: Sequence[str] = ()
+) -> None:
     """Write parts to a folder beside the target, then join them as a stream."""
     import polars as pl
 
     with tempfile.TemporaryDirectory(dir=folder, prefix=".tumble-parts-") as parts:
         try:
             for number, block in enumerate(blocks):
-                frame_of(block).write_parquet(Path(parts) / f"{number:08d}.parquet")
+                frame_of(block, marks).write_parquet(Path(parts) / f"{number:08d}.parquet")
             pl.scan_parquet(str(Path(parts) / "*.parquet")).sink_parquet(file)
         except pl.exceptions.PolarsError as error:  # a full disk arrives as polars' own error
             raise OutputError(f"The Parquet file could not be written to {folder}: {error}.") from error

@@ -1,0 +1,136 @@
+"""`Corrector`: a calibration at work on consecutive blocks of a recording."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.arrays import Series, Vectors
+from tumble.errors import CalibrationFileError, UsageError
+from tumble.sensor import ImuModel
+from tumble.sensor.thermal import Outside, ThermalModel
+from tumble.sensor.thermal_path import ThermalState
+
+if TYPE_CHECKING:
+    from tumble.calibration.result import Calibration
+
+NO_TEMPERATURE = (
+    "The calibration changes with temperature, and no temperature was given: name the column with --columns "
+    "(temperature, in °C), or give one for the whole recording with --temperature."
+)
+
+
+class Corrector:
+    """Corrects block after block by a calibration and those that it is composed with.
+
+    Lag, rate and hysteresis of the sensor's temperature are carried from one block to the next: blocks
+    give the same numbers as the whole, as long as the first one is longer than `smoothing`.
+
+    Attributes
+    ----------
+    warmest, coldest : °C of the sensor so far, by the last stage with a thermal model; NaN without.
+    fastest : K/s, largest rate of change of it so far.
+    """
+
+    def __init__(self, calibration: Calibration, outside: Outside = "refuse") -> None:
+        """Begin at the start of a recording.
+
+        Raises
+        ------
+        CalibrationFileError
+            If the document has no matrix of either triad.
+        """
+        self.outside: Outside = outside
+        self.warmest = self.coldest = float("nan")
+        self.fastest = 0.0
+        stages = calibration.stages
+        self._thermal = [stage.thermal_model for stage in stages]
+        self._models = [stage.model for stage in stages]
+        self._states: list[ThermalState | None] = [None] * len(stages)
+
+    def correct(
+        self,
+        raw_specific_force: Vectors | None,
+        raw_angular_rate: Vectors | None,
+        time: Series | None,
+        temperature_celsius: Series | float | None,
+    ) -> tuple[Vectors | None, Vectors | None]:
+        """Return corrected specific force (m/s²) and angular rate (rad/s) of the next block.
+
+        Raises
+        ------
+        CalibrationFileError
+            If a g-sensitivity is to be taken out and there is no corrected specific force.
+        UsageError
+            If a thermal model has no temperature, or a changing one no time.
+        ThermalSpanError
+            If the temperature leaves the calibrated span and `outside` is ``refuse``.
+        ValueError
+            If a matrix is singular.
+        """
+        force = None if raw_specific_force is None else np.asarray(raw_specific_force, dtype=float)
+        rate = None if raw_angular_rate is None else np.asarray(raw_angular_rate, dtype=float)
+        for number, (model, thermal) in enumerate(zip(self._models, self._thermal, strict=True)):
+            lacks_force = force is None or model.accelerometer is None
+            if model.g_sensitivity is not None and rate is not None and lacks_force:
+                raise CalibrationFileError(
+                    "The calibration's gyro has a g-sensitivity, which acts on the specific force: "
+                    "angular rates cannot be corrected without it."
+                )
+            if thermal is None:
+                force, rate = _corrected(model, force, rate)
+            else:
+                force, rate = self._along(number, thermal, force, rate, time, temperature_celsius)
+        return force, rate
+
+    def _along(
+        self,
+        number: int,
+        thermal: ThermalModel,
+        force: Vectors | None,
+        rate: Vectors | None,
+        time: Series | None,
+        temperature: Series | float | None,
+    ) -> tuple[Vectors | None, Vectors | None]:
+        samples = next((part.shape[0] for part in (force, rate) if part is not None), 0)
+        if samples == 0:
+            return force, rate
+        given = _given_temperature(temperature, samples, begun=self._states[number] is not None)
+        if time is None:
+            if np.ptp(given) > 0.0:
+                raise UsageError(
+                    "The temperature changes, and there is no time: rate, lag and hysteresis need it."
+                )
+            time = np.zeros(samples)
+        path = thermal.path(np.asarray(time, dtype=float), given, self._states[number])
+        corrected = thermal.correct_along(path, time, force, rate, outside=self.outside)
+        self._states[number] = path.end
+        self.coldest = float(np.fmin(self.coldest, path.temperature.min()))
+        self.warmest = float(np.fmax(self.warmest, path.temperature.max()))
+        self.fastest = max(self.fastest, float(np.abs(path.rate).max()))
+        return corrected
+
+
+def _given_temperature(temperature: Series | float | None, samples: int, *, begun: bool) -> Series:
+    if temperature is None:
+        raise UsageError(NO_TEMPERATURE)
+    given = np.broadcast_to(np.asarray(temperature, dtype=float), (samples,))
+    if not begun and not np.isfinite(given).any():
+        raise UsageError("The temperature holds no number: name another column with --columns.")
+    return np.ascontiguousarray(given)
+
+
+def _corrected(
+    model: ImuModel, force: Vectors | None, rate: Vectors | None
+) -> tuple[Vectors | None, Vectors | None]:
+    """Return both triads corrected by one model; a triad that it lacks is None."""
+    true_force = true_rate = None
+    if model.accelerometer is not None and force is not None:
+        true_force = model.accelerometer.correct(force)
+    if model.gyroscope is not None and rate is not None:
+        if model.g_sensitivity is not None:
+            assert true_force is not None
+            rate = rate - true_force @ model.g_sensitivity.T
+        true_rate = model.gyroscope.correct(rate)
+    return true_force, true_rate

@@ -1,0 +1,296 @@
+"""The block ``thermal`` of ``calibration.json``: what changes with temperature, as numbers and as text."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from tumble.arrays import Series, Square
+from tumble.sensor import ImuModel
+from tumble.sensor.thermal import SPAN_MARGIN, TemperatureBasis, ThermalModel
+from tumble.sensor.thermal_basis import KINDS
+from tumble.sensor.thermal_path import TemperaturePath
+
+Row = tuple[float, float, float]
+FORMULA = (
+    "p(T) = p(reference) + sum over k of coefficients[k] * f_k(T) for every quantity p that has coefficients; "
+    "biases further + rate_coefficients * dT/dt + hysteresis * s. The accelerometer and gyroscope of this document "
+    "are the values at reference_celsius; with p(T) in their place, formula and inverse_formula hold sample by "
+    "sample. T in degrees Celsius, dT/dt in K/s, s without unit are of the sensor itself: path_formula"
+)
+BASIS_FORMULAS = {
+    "polynomial": "f_k(T) = (T - reference_celsius)^k, k = 1 .. order",
+    "linear": (
+        "f_k(T) = h_k(T) - h_k(reference_celsius), h_k the piecewise straight function that is 1 at node k and 0 at "
+        "all others, its end pieces going on straight; k runs over all nodes but the one next to "
+        "reference_celsius (the first of two at the same distance)"
+    ),
+    "spline": (
+        "f_k(T) = h_k(T) - h_k(reference_celsius), h_k the natural cubic spline that is 1 at node k and 0 at all "
+        "others, straight beyond the ends; k runs over all nodes but the one next to reference_celsius "
+        "(the first of two at the same distance)"
+    ),
+}
+PATH_FORMULA = (
+    "from the recorded temperature R: x' = v + 2 (R - x) / smoothing, v' = (R - x) / smoothing^2, begun with the "
+    "straight line through the first `smoothing` seconds; T' = (x - T) / lag, begun with T = x (lag 0: T = x, "
+    "dT/dt = v); dT/dt = T'; p follows T as soon as it is dead_band away: where |T - p| > dead_band, m = |T - p| - "
+    "dead_band, p moves by m towards T and s = q + (s - q) exp(-m / hysteresis_width), q = sign(T - p); begun with "
+    "p = T, s = start_hysteresis. Between samples R (and x for the lag) is a straight line. smoothing 0: x = R"
+)
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+
+class BasisBlock(_Strict):
+    """The functions of temperature; `nodes_celsius` are empty of a polynomial, `order` is 0 of the others."""
+
+    kind: Literal["polynomial", "linear", "spline"]
+    reference_celsius: float
+    nodes_celsius: list[float]
+    order: int
+    formula: str
+
+
+class ThermalCoefficients(_Strict):
+    """One row or matrix (raw units) for each function of temperature; null for what does not change."""
+
+    accelerometer_bias: list[Row] | None = None
+    accelerometer_matrix: list[tuple[Row, Row, Row]] | None = None
+    gyroscope_bias: list[Row] | None = None
+    gyroscope_matrix: list[tuple[Row, Row, Row]] | None = None
+    g_sensitivity: list[tuple[Row, Row, Row]] | None = None
+
+
+class BiasPair(_Strict):
+    """A row for each bias, or null."""
+
+    accelerometer_bias: Row | None = None
+    gyroscope_bias: Row | None = None
+
+
+class ThermalTestVector(_Strict):
+    """Raw in, corrected out, at a temperature, rate and hysteresis state of the sensor itself."""
+
+    temperature_celsius: float
+    rate: float
+    hysteresis_state: float
+    raw_specific_force: Row | None = None
+    raw_angular_rate: Row | None = None
+    specific_force: Row | None = None
+    angular_rate: Row | None = None
+
+
+class PathTest(_Strict):
+    """A recorded temperature, up and down again, and what the sensor's own follows from it."""
+
+    time: list[float]
+    recorded_celsius: list[float]
+    sensor_celsius: list[float]
+    rate: list[float]
+    hysteresis_state: list[float]
+
+
+class ThermalBlock(_Strict):
+    """How the parameters of the document change with temperature.
+
+    Attributes
+    ----------
+    span_celsius, margin : °C where it was calibrated, and K beyond it that it is used at without asking.
+    largest_rate : K/s, the fastest change seen; null for not known.
+    hysteresis_width, dead_band : K.
+    lag, smoothing : s.
+    covariance_parameters, covariance : over the thermal parameters, in their units; names as
+        ``accelerometer.bias.temperature[k,i]`` with k the function and i the axis.
+    """
+
+    formula: str = FORMULA
+    basis: BasisBlock
+    coefficients: ThermalCoefficients
+    rate_coefficients: BiasPair
+    hysteresis: BiasPair
+    hysteresis_width: float
+    lag: float
+    smoothing: float
+    dead_band: float
+    start_hysteresis: float
+    path_formula: str = PATH_FORMULA
+    span_celsius: tuple[float, float]
+    margin: float = SPAN_MARGIN
+    largest_rate: float | None
+    covariance_parameters: list[str]
+    covariance: list[list[float]]
+    test_vectors: list[ThermalTestVector]
+    path_test: PathTest
+
+    def model(self, reference: ImuModel) -> ThermalModel:
+        """Return the sensor model with these changes about a reference; of a triad that it lacks, none.
+
+        Raises
+        ------
+        ValueError
+            If the numbers do not fit each other or the reference.
+        """
+        return ThermalModel(
+            reference=reference,
+            basis=TemperatureBasis(
+                self.basis.kind,
+                self.basis.reference_celsius,
+                np.array(self.basis.nodes_celsius, dtype=float),
+                self.basis.order,
+            ),
+            coefficients=_of_known(_arrays(self.coefficients), reference),
+            rate_coefficients=_of_known(_arrays(self.rate_coefficients), reference),
+            hysteresis=_of_known(_arrays(self.hysteresis), reference),
+            hysteresis_width=self.hysteresis_width,
+            lag=self.lag,
+            span_celsius=self.span_celsius,
+            largest_rate=np.inf if self.largest_rate is None else self.largest_rate,
+            smoothing=self.smoothing,
+            dead_band=self.dead_band,
+            start_hysteresis=self.start_hysteresis,
+        )
+
+
+def thermal_block(model: ThermalModel, names: list[str], covariance: Square) -> ThermalBlock:
+    """Return the block of a thermal model, with test vectors over its span.
+
+    Parameters
+    ----------
+    names, covariance : of the thermal parameters, (n, n).
+
+    Raises
+    ------
+    ValueError
+        If names and covariance differ in size, or the span is not of finite temperatures.
+    """
+    if covariance.shape != (len(names), len(names)):
+        raise ValueError(f"{len(names)} thermal parameters have a covariance of shape {covariance.shape}")
+    low, high = model.span_celsius
+    if not (np.isfinite(low) and np.isfinite(high) and low <= high):
+        raise ValueError("the span of a thermal model that is written has two finite ends")
+    basis = model.basis
+    return ThermalBlock(
+        basis=BasisBlock.model_validate(
+            {
+                "kind": basis.kind,
+                "reference_celsius": basis.reference_celsius,
+                "nodes_celsius": basis.nodes.tolist(),
+                "order": basis.order,
+                "formula": BASIS_FORMULAS[basis.kind],
+            }
+        ),
+        coefficients=ThermalCoefficients.model_validate(_lists(model.coefficients)),
+        rate_coefficients=BiasPair.model_validate(_lists(model.rate_coefficients)),
+        hysteresis=BiasPair.model_validate(_lists(model.hysteresis)),
+        hysteresis_width=model.hysteresis_width,
+        lag=model.lag,
+        smoothing=model.smoothing,
+        dead_band=model.dead_band,
+        start_hysteresis=model.start_hysteresis,
+        span_celsius=(float(low), float(high)),
+        largest_rate=float(model.largest_rate) if np.isfinite(model.largest_rate) else None,
+        covariance_parameters=list(names),
+        covariance=(0.5 * (covariance + covariance.T)).tolist(),
+        test_vectors=_test_vectors(model),
+        path_test=_path_test(model),
+    )
+
+
+def contradiction(block: ThermalBlock, reference: ImuModel) -> str | None:
+    """Return what is wrong with a block that was read, or None."""
+    size = len(block.covariance_parameters)
+    if len(block.covariance) != size or any(len(row) != size for row in block.covariance):
+        return f"thermal.covariance: it is not {size} by {size}, as its covariance_parameters has it"
+    if not block.span_celsius[0] <= block.span_celsius[1]:
+        return "thermal.span_celsius: its first temperature is above its second"
+    if block.basis.kind not in KINDS:
+        return f"thermal.basis: {block.basis.kind} is unknown"
+    try:
+        model = block.model(reference)
+        for celsius in np.linspace(*block.span_celsius, 9).tolist():
+            there = model.at(celsius)
+            for name in ("accelerometer", "gyroscope"):
+                triad, known = getattr(there, name), getattr(reference, name)
+                if triad is not None and not np.linalg.det(triad.matrix) * np.linalg.det(known.matrix) > 0.0:
+                    return f"thermal.coefficients: the {name}'s matrix cannot be inverted at {celsius:.1f} °C"
+    except ValueError as error:
+        return f"thermal: {error}"
+    return None
+
+
+def _arrays(group: BaseModel) -> dict[str, Any]:
+    """Return the model's dictionary, its keys with dots, of what is not null."""
+    return {_dotted(key): np.array(value, dtype=float) for key, value in group if value is not None}
+
+
+def _of_known(group: dict[str, Any], reference: ImuModel) -> dict[str, Any]:
+    """Return what belongs to the triads that the reference has."""
+    known = {
+        "accelerometer": reference.accelerometer is not None,
+        "gyroscope": reference.gyroscope is not None,
+        "g_sensitivity": reference.gyroscope is not None and reference.g_sensitivity is not None,
+    }
+    return {name: values for name, values in group.items() if known[name.split(".")[0]]}
+
+
+def _dotted(key: str) -> str:
+    return key.replace("_bias", ".bias").replace("_matrix", ".matrix")
+
+
+def _lists(group: dict[str, Any]) -> dict[str, Any]:
+    return {key.replace(".", "_"): values.tolist() for key, values in group.items()}
+
+
+def _test_vectors(model: ThermalModel) -> list[ThermalTestVector]:
+    """Return raw and corrected samples at five temperatures of the span, on both branches."""
+    low, high = model.span_celsius
+    rate = model.largest_rate if np.isfinite(model.largest_rate) else 0.01
+    vectors: list[ThermalTestVector] = []
+    true_force, true_rate = np.array([[3.0, -4.0, 5.0]]), np.array([[0.3, -0.4, 0.5]])
+    for number, celsius in enumerate(np.linspace(low, high, 5).tolist()):
+        for branch in (1.0, -1.0):
+            state = branch * (1.0 - 0.125 * number)
+            there = model.at(celsius, branch * rate, state)
+            raw_force, raw_rate = None, None
+            if there.accelerometer is not None:
+                raw_force = np.round(there.accelerometer.distort(true_force), 3)
+            if there.gyroscope is not None:
+                raw_rate = np.round(there.gyroscope.distort(true_rate), 4)
+            at = np.array([celsius]), np.array([branch * rate]), np.array([state])
+            path = TemperaturePath(*at, end=model.path(np.zeros(1), at[0]).end)
+            force, turned = model.correct_along(path, np.zeros(1), raw_force, raw_rate)
+            vectors.append(
+                ThermalTestVector(
+                    temperature_celsius=celsius,
+                    rate=branch * rate,
+                    hysteresis_state=state,
+                    raw_specific_force=_row(raw_force),
+                    raw_angular_rate=_row(raw_rate),
+                    specific_force=_row(force),
+                    angular_rate=_row(turned),
+                )
+            )
+    return vectors
+
+
+def _path_test(model: ThermalModel) -> PathTest:
+    """Return the sensor's temperature for a rise over the span and half the way back."""
+    low, high = model.span_celsius
+    step = max(model.smoothing, model.lag, 1.0) / 2.0
+    time = step * np.arange(13.0)
+    recorded = np.interp(
+        np.arange(13.0), [0.0, 1.0, 7.0, 8.0, 12.0], [low, low, high, high, 0.5 * (low + high)]
+    )
+    temperature, rate, state = model.sensor_temperature(time, recorded)
+    parts: tuple[Series, ...] = (time, recorded, temperature, rate, state)
+    keys = ("time", "recorded_celsius", "sensor_celsius", "rate", "hysteresis_state")
+    return PathTest.model_validate({key: part.tolist() for key, part in zip(keys, parts, strict=True)})
+
+
+def _row(values: Any) -> Any:
+    return None if values is None else tuple(float(v) for v in values[0])

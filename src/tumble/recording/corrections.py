@@ -1,0 +1,48 @@
+"""Which calibrations a recording has been corrected by: its columns say so.
+
+A corrected file has one more column for each calibration that it went through, named
+``corrected_by_`` and the twelve digits of the calibration's identity, with the number 1 in every row.
+A name in the header outlives copying, cutting, and being read and written by other programs.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from tumble.recording.columns import role_of
+from tumble.recording.formats.header import header_names
+
+PREFIX = "corrected_by_"
+_MARK = re.compile(PREFIX + r"([0-9a-f]{12})$")
+# Names of temperature's units in headers that are not degrees Celsius.
+_OTHER_SCALES = {
+    "k": "kelvin",
+    "kelvin": "kelvin",
+    "f": "degrees Fahrenheit",
+    "degf": "degrees Fahrenheit",
+    "°f": "degrees Fahrenheit",
+    "fahrenheit": "degrees Fahrenheit",
+    "counts": "counts",
+    "raw": "counts",
+    "lsb": "counts",
+}
+
+
+def corrections_of(paths: Iterable[Path]) -> tuple[str, ...]:
+    """Return the identities of the calibrations that files were corrected by, first one first."""
+    marks = [_MARK.match(name) for path in paths for name in header_names(path)]
+    return tuple(dict.fromkeys(mark.group(1) for mark in marks if mark is not None))
+
+
+def temperature_scale(paths: Iterable[Path]) -> str | None:
+    """Return what the header says the temperature is in, if it is not degrees Celsius; else None."""
+    for path in paths:
+        for name in header_names(path):
+            role = role_of(name)
+            if role is not None and role[0] == "temperature":
+                words = re.split(r"[^a-z°]+", name.lower())
+                said = (role[1] or words[-1]).lower().strip()
+                return _OTHER_SCALES.get(said)
+    return None

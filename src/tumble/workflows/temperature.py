@@ -1,0 +1,179 @@
+"""What a recording's temperature means for a calibration: is it there, in °C, near enough; is it corrected yet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tumble.calibration import Calibration
+from tumble.calibration.corrector import NO_TEMPERATURE, Corrector
+from tumble.errors import RecordingError, UsageError
+from tumble.recording import Recording
+from tumble.recording.corrections import temperature_scale
+from tumble.sensor.thermal import SPAN_MARGIN, Outside
+
+# Consumer units drift by up to 1 mg and 0.03 °/s in this much (data sheets of 2015 to 2020).
+FAR_FROM_CALIBRATION = 5.0  # K
+ABSOLUTE_ZERO = -273.15  # °C
+# No inertial sensor works beyond this: higher numbers are another scale.
+HOTTEST = 200.0  # °C
+
+
+def needs_temperature(calibration: Calibration) -> bool:
+    """Tell whether a calibration, or one that it is composed with, changes with temperature."""
+    return any(stage.thermal is not None for stage in calibration.stages)
+
+
+def check_outside(outside: str) -> Outside:
+    """Return what to do beyond the calibrated span, from the word for it.
+
+    Raises
+    ------
+    UsageError
+        If it is none of ``refuse``, ``hold`` and ``extrapolate``.
+    """
+    if outside not in ("refuse", "hold", "extrapolate"):
+        raise UsageError(f"--outside {outside}: give refuse, hold or extrapolate.")
+    return outside
+
+
+def refuse_twice(calibration: Calibration, corrected_by: Sequence[str]) -> None:
+    """Refuse a recording that was corrected by this calibration, or not by what it takes for granted.
+
+    Parameters
+    ----------
+    corrected_by : identities of the calibrations that the recording went through.
+
+    Raises
+    ------
+    UsageError
+        If the correction would be applied twice, or one is missing before it.
+    """
+    again = [stage.identity for stage in calibration.stages if stage.identity in corrected_by]
+    if again:
+        raise UsageError(
+            f"The recording is corrected by this calibration already (its column corrected_by_{again[0]} says so): "
+            "correcting it again would add the same errors with the other sign. Give the raw recording."
+        )
+    wanted = list(calibration.stages[0].input_corrected_by)
+    if list(corrected_by) == wanted:
+        return
+    if wanted and not corrected_by:
+        raise UsageError(
+            f"The calibration was made on recordings that were corrected by {', '.join(wanted)} before, and this "
+            "recording is not: correct it by that calibration first."
+        )
+    raise UsageError(
+        f"The recording was corrected by another calibration ({', '.join(corrected_by)}), and this one takes "
+        f"{'recordings corrected by ' + ', '.join(wanted) if wanted else 'raw recordings'}: the same errors would "
+        "be taken out twice. Give the raw recording, or calibrate on corrected ones."
+    )
+
+
+def check_temperature(
+    calibration: Calibration,
+    recording: Recording,
+    files: Iterable[Path],
+    stated: float | None,
+    outside: Outside,
+) -> None:
+    """Refuse a recording without temperature, or with one that cannot be in degrees Celsius.
+
+    Parameters
+    ----------
+    recording : its first block, or the whole.
+    stated : °C that the user gives for all of it, instead of a column.
+    outside : with anything but ``refuse`` the user knows that the temperature is unlike the calibration's, and
+        numbers that could be hot or in degrees Fahrenheit are believed.
+
+    Raises
+    ------
+    UsageError
+        If there is no temperature.
+    RecordingError
+        If it is in kelvin, degrees Fahrenheit or counts.
+    """
+    celsius = np.array([stated]) if stated is not None else recording.temperature
+    if celsius is None:
+        raise UsageError(NO_TEMPERATURE)
+    known = celsius[np.isfinite(celsius)]
+    if not known.size:
+        raise UsageError("The temperature holds no number: name another column with --columns.")
+    scale = temperature_scale(files) if stated is None else None
+    low, high = float(known.min()), float(known.max())
+    trusted = stated is not None or outside != "refuse"
+    scale = scale or _scale_of(calibration, float(np.median(known)), low, high, trusted=trusted)
+    if scale is not None:
+        raise RecordingError(
+            f"The temperature ({low:.6g} to {high:.6g}) is in {scale}, as it looks, and the calibration takes degrees "
+            "Celsius: convert the column, or skip it with --columns and give --temperature CELSIUS"
+            + (" (if it is in °C: --outside)." if scale == "degrees Fahrenheit" else ".")
+        )
+
+
+def about_temperature(
+    calibration: Calibration, corrector: Corrector | None, recorded: tuple[float, float]
+) -> list[str]:
+    """Return sentences for the user on what temperature does to the corrected recording.
+
+    Parameters
+    ----------
+    corrector : that has corrected the recording, None where there was no thermal model to follow.
+    recorded : °C, lowest and highest of the recording; NaN for not known.
+    """
+    words: list[str] = []
+    low, high = recorded
+    made_at = calibration.temperature_celsius
+    if not needs_temperature(calibration):
+        if made_at is None or not np.isfinite(low):
+            return []
+        away = max(high - made_at, made_at - low)
+        if away > FAR_FROM_CALIBRATION:
+            words.append(
+                f"The calibration was made at {made_at:.1f} °C and has no thermal model; the recording is at "
+                f"{low:.1f} to {high:.1f} °C, up to {away:.1f} K away: its biases and scale factors will have moved. "
+                "Calibrate at that temperature, or with `tumble calibrate --procedure thermal`."
+            )
+        return words
+    if corrector is None:
+        return []
+    for stage in calibration.stages:
+        if stage.thermal is None:
+            continue
+        first, last = stage.thermal.span_celsius
+        if corrector.coldest < first - SPAN_MARGIN or corrector.warmest > last + SPAN_MARGIN:
+            done = "held at the span's ends" if corrector.outside == "hold" else "extrapolated"
+            words.append(
+                f"The sensor was at {corrector.coldest:.1f} to {corrector.warmest:.1f} °C and was calibrated at "
+                f"{first:.1f} to {last:.1f} °C: beyond it the parameters are {done}, with unknown uncertainty."
+            )
+        largest = stage.thermal.largest_rate
+        if largest is not None and corrector.fastest > 2.0 * largest:
+            words.append(
+                f"The temperature changed by up to {60 * corrector.fastest:.2g} K/min, in the calibration by at most "
+                f"{60 * largest:.2g} K/min: what depends on the rate is extrapolated there."
+            )
+    return words
+
+
+def _scale_of(
+    calibration: Calibration, middle: float, low: float, high: float, *, trusted: bool
+) -> str | None:
+    """Return the name of another scale that the numbers must be in, or None."""
+    if low < ABSOLUTE_ZERO or high > 1000.0:
+        return "counts, or a fraction of a degree"
+    spans = [stage.thermal.span_celsius for stage in calibration.stages if stage.thermal is not None]
+    span = (min(first for first, _ in spans), max(last for _, last in spans))
+
+    def inside(celsius: float) -> bool:
+        return span[0] - 10.0 <= celsius <= span[1] + 10.0
+
+    if inside(middle):
+        return None
+    if middle > HOTTEST:
+        return "kelvin" if -100.0 < middle + ABSOLUTE_ZERO < HOTTEST else "counts, or a fraction of a degree"
+    if not trusted and inside((middle - 32.0) / 1.8) and middle > span[1] + 10.0:
+        return "degrees Fahrenheit"
+    return None
