@@ -172,8 +172,9 @@ def on_line(fits: list[NoiseFit], line: Line, number: int) -> str:
     a = np.mean([low <= line.amplitude <= high for (low, high), _ in held])
     f = np.mean([low <= line.frequency <= high for _, (low, high) in held])
     return (
-        f"Line {number + 1} at {line.frequency:g} Hz found in {len(found) / len(fits):.1%}, amplitude {off.mean():+.2%} off "
-        f"with a scatter of {off.std():.2%}; intervals of 95 % held the amplitude in {a:.1%} and the frequency in {f:.1%}."
+        f"Line {number + 1} at {line.frequency:g} Hz found in {len(found) / len(fits):.1%}, amplitude "
+        f"{off.mean():+.2%} off with a scatter of {off.std():.2%}; intervals of 95 % held the amplitude in {a:.1%} "
+        f"and the frequency in {f:.1%}."
     )
 
 

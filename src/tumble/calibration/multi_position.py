@@ -77,6 +77,7 @@ def fit_norms(
     *,
     prior: Prior | None = None,
     robust: bool = True,
+    between: Matrices | None = None,
 ) -> TriadFit:
     """Adjust a triad's unknowns `free` so that every hold's corrected norm is `reference`.
 
@@ -88,6 +89,8 @@ def fit_norms(
     free : indices into the twelve unknowns.
     prior : over the free unknowns.
     robust : look for outlying holds.
+    between : (3, holds, holds) covariance of the means of different holds for each axis. The adjustment weighs
+        holds as if they were independent, and the covariance of its result counts that they are not.
 
     Raises
     ------
@@ -125,7 +128,21 @@ def fit_norms(
     adjustment, extra, outliers = balanced.adjustment, balanced.extra, balanced.outliers
     full = np.zeros((COUNT, COUNT))
     full[np.ix_(free, free)] = adjustment.cofactor
+    if between is not None:
+        conditions = NormConditions(observed, covariance, reference, values[-1], free)
+        full[np.ix_(free, free)] += _of_alike_holds(conditions, adjustment, values[-1][free], between)
     return TriadFit(values[-1], free, full, adjustment, alone, extra["norm"], outliers)
+
+
+def _of_alike_holds(
+    conditions: NormConditions, adjustment: Adjustment, unknowns: Series, between: Matrices
+) -> Square:
+    """What covariance between holds adds to that of the unknowns: M C M' with M that takes holds to unknowns."""
+    conditions.active = adjustment.linearisation.active[:, 0]
+    conditions.linearise(unknowns)
+    whitened = adjustment.chain.solve(adjustment.linearisation.design)[:, 0, :]
+    carried = adjustment.cofactor @ whitened.T
+    return np.asarray(carried @ conditions.between_holds(between) @ carried.T)
 
 
 @dataclass(slots=True)
@@ -201,6 +218,7 @@ def calibrate_multi_position(
         start,
         free,
         prior=constraint,
+        between=means.specific_force_between,
     )
     say("gyros")
     specific_force_b = triad_from_unknowns(force.unknowns).correct(means.specific_force)
@@ -292,7 +310,15 @@ def _fit_gyro(
             continue
         reference = _reference(EARTH_RATE, covariance, start, noise_correction)
         try:
-            fit = fit_norms(observed, covariance, reference, start, np.arange(count), prior=sheet)
+            fit = fit_norms(
+                observed,
+                covariance,
+                reference,
+                start,
+                np.arange(count),
+                prior=sheet,
+                between=means.angular_rate_between,
+            )
         except (ObservabilityError, ConvergenceError):
             continue
         if count > 3 and not _good_enough(fit):

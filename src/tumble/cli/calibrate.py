@@ -81,6 +81,14 @@ def calibrate_command(
         int | None,
         typer.Option(help="For multi-position: 9 a triad, 6 (no non-orthogonality) or 3 (bias alone)."),
     ] = None,
+    noise: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="NOISE.JSON",
+            help="What `tumble noise` wrote for this unit: its noise models, not the holds' scatter, then say how well "
+            "the means of holds are known.",
+        ),
+    ] = None,
     imu_model: Annotated[str | None, typer.Option(help="Model of the unit, noted in the file.")] = None,
     imu_serial: Annotated[
         str | None, typer.Option(help="Serial number of the unit, noted in the file.")
@@ -117,6 +125,7 @@ def calibrate_command(
             optional_terms=optional_terms,
             noise_correction=noise_correction,
             unknowns=unknowns,
+            noise=noise,
             imu=(imu_model, imu_serial),
             progress=say,
         )

@@ -21,6 +21,7 @@ Method: TypeAlias = Literal["curve", "moments"]
 
 _ROUNDS = 5
 _SETTLED = 0.01
+_LEAST_EIGENVALUE = 1e-9  # of a matrix of correlations, of the largest
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +82,12 @@ class AllanTask:
             before = self.expected(design, solution)
             # variances far above the curve would draw it to them: it first comes near in the logarithm
             method: Method = "curve" if turn < 2 else self.method
-            solution = self.solve(letters, times, design, self.root(solution.model, before, method), method)
-            after = self.expected(design, solution)
+            again = self.solve(letters, times, design, self.root(solution.model, before, method), method)
+            after = self.expected(design, again)
+            if not np.all(after > 0.0):
+                # terms that cannot make this curve at all: what was found first says so
+                break
+            solution = again
             if method == self.method and np.max(np.abs(np.log(after / before))) < _SETTLED:
                 break
         return solution
@@ -106,7 +111,11 @@ class AllanTask:
         covariance = self.covariance(model)
         if method == "curve":
             covariance = covariance_of_logarithms(covariance, expected)
-        return inverted(np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
+        try:
+            factor = np.linalg.cholesky(covariance)
+        except np.linalg.LinAlgError:
+            factor = np.linalg.cholesky(_made_positive(covariance))
+        return inverted(np.asarray(factor, dtype=np.float64))
 
     def solve(
         self,
@@ -187,6 +196,14 @@ def covariance_of_logarithms(covariance: Square, expected: Series) -> Square:
     half = expected**2 / np.diag(covariance)
     sigma = np.sqrt(polygamma(1, half) / np.diag(covariance))
     return covariance * np.outer(sigma, sigma)
+
+
+def _made_positive(covariance: Square) -> Square:
+    """The covariance of a model far from the curve, of which rounding has left negative eigenvalues."""
+    sigma = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(sigma, sigma))
+    lifted = vectors * np.maximum(values, _LEAST_EIGENVALUE * values[-1]) @ vectors.T
+    return np.asarray(lifted * np.outer(sigma, sigma), dtype=np.float64)
 
 
 def _half_freedom(log_variance: Series) -> Series:

@@ -26,6 +26,8 @@ class HoldMeans:
     time : (holds,) s, the middle of each hold.
     count : (holds,) samples averaged.
     temperature : (holds,) degrees Celsius, or None.
+    specific_force_between, angular_rate_between : (3, holds, holds) covariance of the means of different
+        holds for each axis, where a noise model tells it (`tumble.segmentation.modelled_means`), or None.
     """
 
     specific_force: Vectors | None
@@ -38,6 +40,8 @@ class HoldMeans:
     time: Series
     count: Series
     temperature: Series | None
+    specific_force_between: Matrices | None = None
+    angular_rate_between: Matrices | None = None
 
     def __len__(self) -> int:
         return int(self.duration.shape[0])

@@ -16,6 +16,7 @@ from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
 from tumble.recording import Recording, read_recordings
 from tumble.workflows.joining import join_recordings
+from tumble.workflows.noise_models import NoiseOfHolds
 from tumble.workflows.procedures import (
     Task,
     add_objections,
@@ -71,6 +72,7 @@ def calibrate(
     optional_terms: bool = True,
     noise_correction: bool = True,
     unknowns: int | None = None,
+    noise: str | os.PathLike[str] | None = None,
     imu: tuple[str | None, str | None] = (None, None),
     progress: Callable[[str], None] | None = None,
 ) -> CalibrationRun:
@@ -93,6 +95,7 @@ def calibrate(
     optional_terms : try g-sensitivity and quadratic terms.
     noise_correction : take the noise's own square out of the norm of gyros on the Earth's rate.
     unknowns : 9, 6 or 3 a triad, for the multi-position procedure only.
+    noise : noise.json of the unit: its models instead of the holds' scatter say how well their means are known.
     imu : (model, serial number) to note in the document.
     progress : is told in words what is being done.
 
@@ -120,13 +123,18 @@ def calibrate(
         refuse_contradicting_turns(given.protocol)
     recording, told = _read(paths, given, columns, units, rate)
     knowledge = _knowledge(prior, imu[1])
+    modelled = None if noise is None else NoiseOfHolds.read(noise, recording)
     clock.lap("reading")
 
     task = _prepare(recording, told, site, intervals, clock, say)
+    if modelled is not None:
+        task.means = modelled.means_of(task)
     task.knowledge, task.optional_terms, task.unknowns = knowledge, optional_terms, unknowns
     task.data_sheet, task.noise_correction = data_sheet, noise_correction
     estimate, reason = run_procedure(task, procedure)
     add_objections(task, estimate, procedure, reason)
+    if modelled is not None:
+        estimate.remarks += modelled.said(estimate.procedure)
     if knowledge is not None:
         check_prior(task, estimate)
     if site is None and (told is None or told.site is None):

@@ -1,0 +1,124 @@
+"""Means of holds whose covariance comes from a model of the noise instead of their own scatter.
+
+The scatter within holds shows white noise, and hardly what wanders from hold to hold: flicker in part, a
+rate random walk or a slow Gauss-Markov process not at all. A model from hours at rest knows them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tumble.arrays import Matrices, Series
+from tumble.noise.terms import NoiseModel
+from tumble.recording.recording import Recording
+from tumble.segmentation.averages import EXCESS_FALSE_ALARM
+from tumble.segmentation.observations import HoldMeans
+from tumble.segmentation.timeline import Timeline
+
+# Degrees of freedom of a hold's own scatter: what batch means of an undisturbed hold have.
+_OWN_FREEDOM = 7.0
+# Standard deviations of holds that are on the whole so many times the model's are of another unit.
+_ANOTHER_UNIT = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class ModelledMeans:
+    """Holds' means with covariances from models.
+
+    Attributes
+    ----------
+    means : as before, with other covariances, and with `*_between` where models were given.
+    remarks : what was found on the way, in words.
+    """
+
+    means: HoldMeans
+    remarks: tuple[str, ...]
+
+
+def model_means(
+    recording: Recording,
+    timeline: Timeline,
+    means: HoldMeans,
+    force: Sequence[NoiseModel] | None,
+    rate: Sequence[NoiseModel] | None,
+) -> ModelledMeans:
+    """Return the means with the covariances that models give them, hold with hold.
+
+    A hold that scatters more than its model can make by chance was disturbed: it keeps the variance of its
+    own scatter, if that is larger.
+
+    Parameters
+    ----------
+    recording, timeline, means : the holds, raw.
+    force, rate : three models each, of the raw axes in raw units; None leaves a triad as it is.
+    """
+    first = float(recording.time[timeline.holds[0].start])
+    last = float(recording.time[timeline.holds[-1].stop - 1])
+    span = max(last - first, float(np.sum(means.duration)))
+    starts = means.time - 0.5 * means.duration - first
+    said: list[str] = []
+    changed = means
+    for models, covariance, name in (
+        (force, means.specific_force_covariance, "accelerometer"),
+        (rate, means.angular_rate_covariance, "gyro"),
+    ):
+        if models is None or covariance is None:
+            continue
+        between = np.stack([model.mean_covariance(means.duration, span, starts) for model in models])
+        own = np.diagonal(covariance, axis1=1, axis2=2).T
+        between, disturbed, ratio = _with_own(between, own)
+        full = _blocks(np.diagonal(between, axis1=1, axis2=2).T)
+        said += _in_words(name, disturbed, ratio)
+        if name == "accelerometer":
+            changed = replace(changed, specific_force_covariance=full, specific_force_between=between)
+        else:
+            changed = replace(changed, angular_rate_covariance=full, angular_rate_between=between)
+    return ModelledMeans(changed, tuple(said))
+
+
+def _with_own(between: Matrices, own: np.ndarray) -> tuple[Matrices, np.ndarray, float]:
+    """The models' covariances with disturbed holds' own variances, which holds those are, and the usual excess."""
+    from scipy.special import gammaincinv
+
+    variance = np.diagonal(between, axis1=1, axis2=2)
+    limit = float(gammaincinv(0.5 * _OWN_FREEDOM, 1.0 - EXCESS_FALSE_ALARM)) / (0.5 * _OWN_FREEDOM)
+    excess = np.where(own > limit * variance, own - variance, 0.0)
+    ratio = float(np.median(np.sqrt(own / variance)))
+    return between + np.stack([np.diag(row) for row in excess]), np.any(excess > 0.0, axis=0), ratio
+
+
+def _blocks(variance: np.ndarray) -> Matrices:
+    """Diagonal matrices (holds, 3, 3) of (holds, 3) variances."""
+    return np.asarray(variance[:, :, None] * np.eye(3))
+
+
+def _in_words(name: str, disturbed: np.ndarray, ratio: float) -> list[str]:
+    if ratio > _ANOTHER_UNIT:
+        found = f"The {name}s' means scatter by {ratio:.1f} times what the noise model says: is it of this unit, and "
+        return [found + "was the unit as quiet then? Where the scatter is larger it counts."]
+    if not np.any(disturbed):
+        return []
+    which = ", ".join(str(k + 1) for k in np.flatnonzero(disturbed)[:8])
+    more = " and more" if np.count_nonzero(disturbed) > 8 else ""
+    found = f"Hold {which}{more}: the {name} scatters more than the noise model can make by chance; "
+    return [found + "its own scatter counts."]
+
+
+def correlation_between(between: Matrices) -> Series:
+    """Return the mean correlation of neighbouring holds for each axis, (3,).
+
+    Parameters
+    ----------
+    between : (3, holds, holds) covariances.
+    """
+    sigma = np.sqrt(np.diagonal(between, axis1=1, axis2=2))
+    neighbours = np.diagonal(between, offset=1, axis1=1, axis2=2)
+    if neighbours.shape[1] == 0:
+        return np.zeros(len(between))
+    return np.asarray(np.mean(neighbours / (sigma[:, 1:] * sigma[:, :-1]), axis=1))
+
+
+__all__ = ["ModelledMeans", "correlation_between", "model_means"]

@@ -1,0 +1,209 @@
+"""The models that `tumble noise` wrote, read for a calibration of the same unit."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from tumble.errors import UsageError
+from tumble.noise.terms import GaussMarkov, Line, NoiseModel
+from tumble.noise.variances import LETTERS
+from tumble.recording import Recording
+from tumble.units import angular_rate_factor, specific_force_factor
+
+if TYPE_CHECKING:
+    from tumble.segmentation import HoldMeans
+    from tumble.workflows.procedures import Task
+
+COUNT_BETWEEN_HOLDS = ("multi-position",)
+"""Procedures whose covariance counts what the means of different holds have in common."""
+
+# Sampling rates that differ by more are not the same setting of a sensor.
+_SAME_RATE = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseModels:
+    """Models of a unit's channels.
+
+    Attributes
+    ----------
+    source : the file's name.
+    rate : Hz that the noise was recorded at.
+    channels : by name, ax to gz: the unit ("m/s²", "rad/s" or "counts") and the model in it.
+    """
+
+    source: str
+    rate: float
+    channels: dict[str, tuple[str, NoiseModel]]
+
+
+def read_noise_models(path: str | os.PathLike[str]) -> NoiseModels:
+    """Read the models of every channel from a document that `tumble noise` wrote.
+
+    Parameters
+    ----------
+    path : noise.json.
+
+    Raises
+    ------
+    UsageError
+        If it cannot be read, is another kind of file, or has a channel without a model.
+    """
+    place = Path(path)
+    how = "give the noise.json that `tumble noise RECORDING -o DIR` wrote for this unit"
+    try:
+        document: Any = json.loads(place.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"--noise {place} cannot be read ({error.strerror or error}): {how}.") from error
+    except ValueError as error:
+        raise UsageError(f"--noise {place} is no JSON document: {how}.") from error
+    if not isinstance(document, dict) or cast("dict[str, Any]", document).get("format") != "tumble noise":
+        raise UsageError(f"--noise {place} is no noise document: {how}.")
+    try:
+        content = cast("dict[str, Any]", document)
+        rate = float(content["rate_hz"])
+        channels = {
+            str(name): (str(channel["unit"]), _model(channel))
+            for name, channel in content["channels"].items()
+        }
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise UsageError(
+            f"--noise {place} is a noise document that lacks what one has ({error}): {how}."
+        ) from error
+    empty = [name for name, (_, model) in channels.items() if model == NoiseModel()]
+    if empty:
+        raise UsageError(
+            f"--noise {place} has no model of {', '.join(empty)}: the noise was recorded for too short a time. "
+            "Record longer at rest, or leave the option out."
+        )
+    return NoiseModels(str(place), rate, channels)
+
+
+def _model(channel: dict[str, Any]) -> NoiseModel:
+    """The model of one channel in its unit."""
+    values = {str(name): float(term["value"]) for name, term in channel["terms"].items()}
+    processes = [
+        GaussMarkov(values[f"sigma{mark}"], values[f"correlation time{mark}"])
+        for mark in ("", " 2", " 3")
+        if f"sigma{mark}" in values
+    ]
+    entries = cast("list[dict[str, Any]]", channel.get("lines") or [])
+    lines = [_line(entry) for entry in entries]
+    coefficients = {letter: values[letter] for letter in LETTERS if letter in values}
+    return NoiseModel.from_coefficients(coefficients, tuple(processes), tuple(lines))
+
+
+def _line(entry: dict[str, Any]) -> Line:
+    return Line(float(entry["amplitude"]["value"]), float(entry["frequency"]["value"]))
+
+
+def models_of_recording(
+    models: NoiseModels, recording: Recording
+) -> tuple[list[NoiseModel] | None, list[NoiseModel] | None]:
+    """Return three models in the recording's raw units for each triad that it has.
+
+    Parameters
+    ----------
+    models : as read.
+    recording : to be calibrated.
+
+    Raises
+    ------
+    UsageError
+        If rate, units or channels are not the recording's.
+    """
+    if abs(recording.rate / models.rate - 1.0) > _SAME_RATE:
+        raise UsageError(
+            f"--noise {models.source} was recorded at {models.rate:g} Hz and this one at {recording.rate:.4g} Hz: "
+            "a sensor filters otherwise at another rate. Record the noise at the rate of the calibration."
+        )
+    force = rate = None
+    if recording.specific_force is not None:
+        factor = specific_force_factor(recording.specific_force_unit)
+        force = _triad(models, "a", "m/s²", factor, recording.specific_force_unit)
+    if recording.angular_rate is not None:
+        factor = angular_rate_factor(recording.angular_rate_unit)
+        rate = _triad(models, "g", "rad/s", factor, recording.angular_rate_unit)
+    return force, rate
+
+
+def _triad(models: NoiseModels, letter: str, si: str, factor: float | None, unit: str) -> list[NoiseModel]:
+    """Models of x, y and z in raw units."""
+    found: list[NoiseModel] = []
+    for name in (f"{letter}{axis}" for axis in "xyz"):
+        if name not in models.channels:
+            raise UsageError(
+                f"--noise {models.source} has no channel {name}, which the recording has: record the noise with all "
+                "its channels."
+            )
+        given, model = models.channels[name]
+        expected = "counts" if factor is None else si
+        if given != expected:
+            raise UsageError(
+                f"--noise {models.source} has {name} in {given} and this recording is in {unit}: read both with "
+                "the same --units."
+            )
+        found.append(model if factor is None else model.scaled(1.0 / factor))
+    return found
+
+
+@dataclass(slots=True)
+class NoiseOfHolds:
+    """Models in a recording's raw units, and what was said when they were used."""
+
+    source: str
+    force: list[NoiseModel] | None
+    rate: list[NoiseModel] | None
+    remarks: list[str] = field(default_factory=list[str])
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str], recording: Recording) -> NoiseOfHolds:
+        """Read the models of a recording's channels.
+
+        Parameters
+        ----------
+        path, recording : as for `read_noise_models` and `models_of_recording`.
+
+        Raises
+        ------
+        UsageError
+            As those two.
+        """
+        return cls(os.fspath(path), *models_of_recording(read_noise_models(path), recording))
+
+    def means_of(self, task: Task) -> HoldMeans:
+        """Return a task's means with the models' covariances.
+
+        Parameters
+        ----------
+        task : with its holds.
+        """
+        from tumble.segmentation.modelled_means import model_means
+
+        modelled = model_means(task.recording, task.timeline, task.means, self.force, self.rate)
+        self.remarks += modelled.remarks
+        return modelled.means
+
+    def said(self, procedure: str) -> list[str]:
+        """Return what a user is told.
+
+        Parameters
+        ----------
+        procedure : that evaluated the holds.
+        """
+        counted = (
+            "that neighbouring holds are off together is counted in the uncertainties"
+            if procedure in COUNT_BETWEEN_HOLDS
+            else "that neighbouring holds are off together is not counted: this procedure takes holds one by one"
+        )
+        return [
+            f"How well the means of holds are known comes from the noise models in {self.source}; {counted}.",
+            *self.remarks,
+        ]
+
+
+__all__ = ["NoiseModels", "NoiseOfHolds", "models_of_recording", "read_noise_models"]
