@@ -1,4 +1,4 @@
-"""`tumble plan`: how accurate a test will be, before it is done."""
+"""`tumble plan`: how accurate a test will be, before it is done, and which would be better."""
 
 from __future__ import annotations
 
@@ -11,19 +11,58 @@ import typer
 
 from tumble.cli.options import Gravity, Json, Quiet, SiteOption
 from tumble.cli.progress import progress, results_stand
+from tumble.errors import UsageError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from tumble.workflows.plan import Plan
 
-_UNIT, _FIXTURE, _TEST = "Unit", "Fixture", "Test"
+_UNIT, _FIXTURE, _TEST, _POSES = "Unit", "Fixture", "Test", "Poses (multi-position, six-position)"
+# What only a test of poses, and only an error budget, understands.
+_OF_POSES = [
+    "data_sheet",
+    "poses",
+    "minutes",
+    "turn",
+    "criterion",
+    "wanted",
+    "reach",
+    "outer",
+    "inner",
+    "given",
+    "targets",
+]
+_OF_BUDGETS = [
+    "gyro_walk_deg_per_root_hour",
+    "gyro_pulse_arcsec",
+    "heading_mrad",
+    "execution_mrad",
+    "azimuth_deg",
+    "turn_rate",
+    "pause",
+    "play_backs",
+    "formulas",
+    "start_bias",
+    "norm",
+    "asymmetry",
+    "monte_carlo",
+]
 
 
 def plan_command(
-    procedure: Annotated[str, typer.Argument(help="What is planned: strapdown-rotation.")],
+    context: typer.Context,
+    procedure: Annotated[
+        str, typer.Argument(help="What is planned: multi-position, six-position or strapdown-rotation.")
+    ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="A file for the whole budget, as JSON.")
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Of poses: a folder for protocol.yaml, plan.html, sheet.html and plan.json. "
+            "Of strapdown-rotation: a file for the whole budget, as JSON.",
+        ),
     ] = None,
     imu: Annotated[
         str,
@@ -48,13 +87,96 @@ def plan_command(
             help="The accelerometers' noise in µg/√Hz, of another data sheet.", rich_help_panel=_UNIT
         ),
     ] = None,
-    fixture_mrad: Annotated[
-        float,
+    data_sheet: Annotated[
+        str | None,
         typer.Option(
-            help="How well the fixture is levelled and the unit aligned on it, one sigma (0.1° are 1.75).",
+            metavar="GRADE",
+            help="Believe this grade's spreads beforehand, as calibrate --data-sheet does; six poses then suffice.",
+            rich_help_panel=_UNIT,
+        ),
+    ] = None,
+    poses: Annotated[
+        int | None,
+        typer.Option(help="How many poses (default: as many as unknowns).", rich_help_panel=_POSES),
+    ] = None,
+    minutes: Annotated[
+        float | None,
+        typer.Option(
+            "--time",
+            metavar="MINUTES",
+            help="Instead of --poses: how long the test may last; poses and dwells are then as many and as long "
+            "as is best.",
+            rich_help_panel=_POSES,
+        ),
+    ] = None,
+    criterion: Annotated[
+        str,
+        typer.Option(
+            help="What is made small: A (mean variance), D (volume), E (worst combination), minimax (worst against "
+            "Zhang's nine) or I (error of a corrected vector).",
+            rich_help_panel=_POSES,
+        ),
+    ] = "A",
+    wanted: Annotated[
+        str | None,
+        typer.Option(
+            "--for",
+            metavar="PARAMETERS",
+            help="What matters, such as bias or 'scale,misalignment yz' (default: everything).",
+            rich_help_panel=_POSES,
+        ),
+    ] = None,
+    reach: Annotated[
+        str,
+        typer.Option(
+            help="Which poses there are: 26, sphere, two-axis, or a protocol file whose holds are a jig's poses.",
+            rich_help_panel=_POSES,
+        ),
+    ] = "26",
+    outer: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MIN,MAX,STEP",
+            help="Angles in ° of a two-axis fixture's level axis (-180,135,45).",
+            rich_help_panel=_POSES,
+        ),
+    ] = None,
+    inner: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MIN,MAX,STEP",
+            help="Angles in ° of the axis that it carries, the unit's z (0,315,45).",
+            rich_help_panel=_POSES,
+        ),
+    ] = None,
+    given: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RECORDING|CALIBRATION",
+            help="What is there already: the next poses to record are said, and when to stop.",
+            rich_help_panel=_POSES,
+        ),
+    ] = None,
+    targets: Annotated[
+        str | None,
+        typer.Option(
+            metavar="bias=50,scale=100,misalignment=20",
+            help="Wished-for standard uncertainties in µg, ppm and ″.",
+            rich_help_panel=_POSES,
+        ),
+    ] = None,
+    turn: Annotated[
+        float | None,
+        typer.Option(help="Seconds from one pose to the next (3).", rich_help_panel=_POSES),
+    ] = None,
+    fixture_mrad: Annotated[
+        float | None,
+        typer.Option(
+            help="How well the fixture is levelled and the unit aligned on it, one sigma (0.1° are 1.75; default: "
+            "1, and 8.7 of a six-position test).",
             rich_help_panel=_FIXTURE,
         ),
-    ] = 1.0,
+    ] = None,
     heading_mrad: Annotated[
         float | None,
         typer.Option(
@@ -74,8 +196,12 @@ def plan_command(
     site: SiteOption = None,
     gravity: Gravity = None,
     hold: Annotated[
-        float, typer.Option(help="Seconds of rest before and after each sequence.", rich_help_panel=_TEST)
-    ] = 10.0,
+        float | None,
+        typer.Option(
+            help="Seconds of rest in each pose (30), or before and after each sequence (10).",
+            rich_help_panel=_TEST,
+        ),
+    ] = None,
     turn_rate: Annotated[
         float, typer.Option(help="Rate of the rotations in °/s.", rich_help_panel=_TEST)
     ] = 57.3,
@@ -130,17 +256,56 @@ def plan_command(
         bool, typer.Option("--verbose", "-v", help="Also list all parameters with their largest sources.")
     ] = False,
 ) -> None:
-    """Tell how accurate a test will be, which error contributes what, and whether the fixture suffices.
+    """Tell how accurate a test will be before it is done, and find a better one.
 
-    All numbers are one sigma. Squares of the sources add up to the square of the total: halving a small
-    one changes nothing. Try it before a fixture is bought:
+    Of poses: which poses, for how long, in which order; a protocol to simulate and to calibrate with, and
+    a sheet to print for the operator:
+
+    tumble plan multi-position --imu tactical --time 15 -o plan
+
+    Of the strapdown rotation test: which error contributes what, and whether the fixture suffices:
 
     tumble plan strapdown-rotation --imu ring-laser --fixture-mrad 1.75 --site 48.1
+
+    All numbers are one sigma.
     """
     from tumble.workflows.plan import plan
+    from tumble.workflows.pose_plan import PROCEDURES
     from tumble.workflows.site import choose_site
 
     place = choose_site(site, gravity)
+    if procedure in PROCEDURES:
+        _refuse(context, _OF_BUDGETS, procedure)
+        from tumble.cli.plan_poses import print_poses
+        from tumble.workflows.pose_plan import plan_pose_test
+
+        with progress(quiet or as_json) as say:
+            found = plan_pose_test(
+                procedure,
+                imu=imu,
+                data_sheet=data_sheet,
+                accelerometer_noise_ug=accelerometer_noise_ug,
+                poses=poses,
+                minutes=minutes,
+                hold=hold,
+                turn=turn,
+                criterion=criterion,
+                wanted=wanted,
+                reach=reach,
+                outer=outer,
+                inner=inner,
+                given=given,
+                targets=targets,
+                placement=None if fixture_mrad is None else 1e-3 * fixture_mrad,
+                site=place,
+                seed=seed,
+                output=output,
+                progress=say,
+            )
+        results_stand()
+        print_poses(found, as_json=as_json, quiet=quiet, verbose=verbose)
+        return
+    _refuse(context, _OF_POSES, procedure)
     with progress(quiet or as_json) as say:
         done = plan(
             procedure,
@@ -148,11 +313,11 @@ def plan_command(
             gyro_walk_deg_per_root_hour=gyro_walk_deg_per_root_hour,
             gyro_pulse_arcsec=gyro_pulse_arcsec,
             accelerometer_noise_ug=accelerometer_noise_ug,
-            fixture=1e-3 * fixture_mrad,
+            fixture=1e-3 * (1.0 if fixture_mrad is None else fixture_mrad),
             heading=None if heading_mrad is None else 1e-3 * heading_mrad,
             execution=None if execution_mrad is None else 1e-3 * execution_mrad,
             site=place,
-            hold=hold,
+            hold=10.0 if hold is None else hold,
             turn_rate=math.radians(turn_rate),
             pause=pause,
             azimuth=math.radians(azimuth_deg),
@@ -178,6 +343,14 @@ def plan_command(
         typer.echo(json.dumps(document, ensure_ascii=False, allow_nan=False))
         return
     _print(done, quiet, verbose)
+
+
+def _refuse(context: typer.Context, names: list[str], procedure: str) -> None:
+    """Refuse options that this procedure would not understand, rather than ignore them."""
+    for parameter in context.command.params:
+        source = context.get_parameter_source(parameter.name or "")
+        if parameter.name in names and source is not None and source.name == "COMMANDLINE":
+            raise UsageError(f"{parameter.opts[0]} says nothing to a {procedure} test: leave it out.")
 
 
 def _print(done: Plan, quiet: bool, verbose: bool) -> None:

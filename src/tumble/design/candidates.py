@@ -191,8 +191,8 @@ class AxisRange:
 def two_axis_poses(outer: AxisRange, inner: AxisRange) -> tuple[Vectors, list[tuple[float, float]]]:
     """Return the directions that a two-axis fixture brings up, each once, and the angles that do it.
 
-    The outer axis lies level and is the unit's x at inner angle zero; the inner axis is carried by it, at right
-    angles, and is the unit's z, which points up at outer angle zero.
+    The outer axis lies level and is the unit's y at inner angle zero; the inner axis is carried by it, at right
+    angles, and is the unit's z, which points down at outer angle zero (as `tumble.simulation`'s fixture).
 
     Parameters
     ----------
@@ -227,8 +227,8 @@ def up_of_angles(outer: float, inner: float) -> Vector:
 
     Parameters
     ----------
-    outer, inner : rad, right-handed about x and z of the fixture.
+    outer, inner : rad, right-handed about y and z of the fixture, whose z points down.
     """
-    # Turning b by +outer about x takes up, seen from b, by -outer about x; then by -inner about z.
+    # b is turned by R_y(outer) R_z(inner) against north-east-down, where up is -z.
     sine, cosine = float(np.sin(outer)), float(np.cos(outer))
-    return np.array([sine * float(np.sin(inner)), sine * float(np.cos(inner)), cosine])
+    return np.array([sine * float(np.cos(inner)), -sine * float(np.sin(inner)), -cosine])

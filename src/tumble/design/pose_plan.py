@@ -36,7 +36,7 @@ from tumble.units import STANDARD_GRAVITY
 # A hold of less is not found as rest, s.
 LEAST_DWELL = 4.0
 # Of plans of the same time the one with the fewest poses that is so close to the best is taken.
-FEWER_POSES = 0.1
+FEWER_POSES = 0.05
 # Numbers of poses that are tried where the time is fixed.
 LADDER = (6, 7, 8, 9, 10, 12, 14, 16, 18, 22, 26, 32, 40, 52)
 STARTS = 10
@@ -73,6 +73,7 @@ class PoseTask:
     turn : s from one pose to the next.
     gravity : m/s².
     known : (9, 9) information about `PARAMETERS` that is there already, or None.
+    placement : over gravity, one sigma of what placing the unit adds to each hold by itself.
     """
 
     noise: TriadNoise
@@ -81,6 +82,7 @@ class PoseTask:
     turn: float = 3.0
     gravity: float = STANDARD_GRAVITY
     known: Square | None = None
+    placement: float = 0.0
 
     def dwell_sigma(self, dwell: float, span: float) -> float:
         """Return the standard uncertainty of a hold's norm over gravity, wander within the test included.
@@ -90,7 +92,8 @@ class PoseTask:
         dwell, span : s, of the hold and of the whole test.
         """
         white = white_density(self.noise, self.rate) ** 2 / dwell
-        return float(np.sqrt(white + wander_sigma(self.noise, dwell, span) ** 2)) / self.gravity
+        wander = wander_sigma(self.noise, dwell, span) ** 2
+        return float(np.sqrt((white + wander) / self.gravity**2 + self.placement**2))
 
     def span(self, dwells: Series) -> float:
         """Return the seconds of a test with these dwells, turns included."""
@@ -111,6 +114,7 @@ class PoseTask:
         """
         require_seen(directions, self.criterion, self.known)
         noise = hold_covariance(hold_times(dwells, self.turn), self.noise, self.rate) / self.gravity**2
+        noise = noise + self.placement**2 * np.eye(len(dwells))
         # What is not wanted and not told stands in the way of no inverse.
         rows = pose_rows(directions)
         ridge = 1e-10 / float(np.median(np.diag(noise))) * np.eye(len(PARAMETERS))

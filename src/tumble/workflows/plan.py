@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
+from tumble.workflows.pose_plan import PROCEDURES as POSE_PROCEDURES
 
 if TYPE_CHECKING:
     from tumble.design.error_budget import ErrorBudget
@@ -104,7 +105,7 @@ def plan(
     say = progress or _silent
     if procedure not in PROCEDURES:
         raise UsageError(
-            f"There is no error budget of {procedure!r} yet; choose one of {', '.join(PROCEDURES)}."
+            f"There is no plan of {procedure!r} yet; choose one of {', '.join((*POSE_PROCEDURES, *PROCEDURES))}."
         )
     if not 0 <= monte_carlo <= MOST_RUNS or monte_carlo == 1:
         raise UsageError(f"--monte-carlo {monte_carlo}: give 0 for none, or 2 to {MOST_RUNS} tests to draw.")
