@@ -53,6 +53,7 @@ def test_the_published_schema_is_the_code_s() -> None:
     [
         ("# calibration.json, key by key", SCHEMA["properties"]),
         ("## accelerometer, gyroscope", SCHEMA["$defs"]["TriadBlock"]["properties"]),
+        ("## thermal", SCHEMA["$defs"]["ThermalBlock"]["properties"]),
         ("## quality", SCHEMA["$defs"]["QualityBlock"]["properties"]),
     ],
 )

@@ -30,7 +30,6 @@ from tumble.calibration.verdict import judge
 from tumble.earth import EARTH_RATE, Site
 from tumble.recording.recording import Recording
 from tumble.sensor import FRAMES, ImuModel, Triad
-from tumble.sensor.thermal import ThermalModel
 from tumble.units import angular_rate_factor, specific_force_factor
 
 _KINDS: dict[str, Literal["hold", "turn", "spin"]] = {"hold": "hold", "turn": "turn", "spin": "spin"}
@@ -107,11 +106,9 @@ def _temperature(recording: Recording) -> float | None:
 
 def _thermal(estimate: Estimate) -> ThermalBlock | None:
     """Return the block of what changes with temperature, None where nothing was modelled."""
-    model: ThermalModel | None = getattr(estimate, "thermal", None)
-    if model is None:
+    if estimate.thermal is None:
         return None
-    names: list[str] = getattr(estimate, "thermal_names", None) or model.names
-    return thermal_block(model, names, estimate.thermal_covariance)  # type: ignore[attr-defined]
+    return thermal_block(estimate.thermal, estimate.thermal_names, estimate.thermal_covariance)
 
 
 def _rows(matrix: Any) -> Any:

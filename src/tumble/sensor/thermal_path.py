@@ -128,7 +128,7 @@ def filled(time: Series, recorded: Series, start: ThermalState | None = None) ->
 
 def _first_line(time: Series, recorded: Series, smoothing: float) -> tuple[float, float]:
     """Return value and slope at the first sample of the line through the first `smoothing` seconds."""
-    count = int(np.searchsorted(time, time[0] + smoothing, side="right"))
+    count = int(np.searchsorted(time, time.item(0) + smoothing, side="right"))
     if smoothing <= 0.0 or count < 3 or time[count - 1] <= time[0]:
         return recorded.item(0), 0.0
     since = time[:count] - time[0]
