@@ -135,6 +135,7 @@ def angles(runs: int) -> None:
     turn = np.where((clock >= 5.0) & (clock < 7.0), 5e-4, 0.0)
     true_angle = np.cumsum(turn[first:])[ends - first] / RATE
     names = ("as recorded", "wavelets", "wavelets, level 5", "autoregression")
+    still: dict[str, np.ndarray] = {}
     for moved in (False, True):
         found = {name: np.zeros((runs, len(ends))) for name in names}
         scatter = dict.fromkeys(names, 0.0)
@@ -154,19 +155,26 @@ def angles(runs: int) -> None:
         print(
             f"\nErrors of the angle of a gyro {case}: N = 1e-4 rad/s/√Hz = 0.344 °/√h, {runs} runs, bias from the"
         )
-        print("20 s before; mean error, and its standard deviation ± that one's standard uncertainty, µrad")
-        walk = 1e6 * density * np.sqrt(INSTANTS + INSTANTS**2 / calm)
-        print(
-            f"  {'N √(t + t²/20 s)':20}"
-            + "".join(f"{t:4g} s: {'':7}{w:7.1f}{'':8}" for t, w in zip(INSTANTS, walk, strict=True))
-        )
+        what = "mean of what the turn adds to the error" if moved else "standard deviation"
+        print(f"20 s before; {what} ± its standard uncertainty, µrad")
+        if not moved:
+            walk = 1e6 * density * np.sqrt(INSTANTS + INSTANTS**2 / calm)
+            print(f"  {'N √(t + t²/20 s)':20}" + columns(walk, None))
+            still = found
         for name, values in found.items():
-            mean, spread = 1e6 * values.mean(axis=0), 1e6 * values.std(axis=0, ddof=1)
-            words = "".join(
-                f"{t:4g} s: {m:6.0f} {s:7.1f} ± {s / math.sqrt(2.0 * (runs - 1)):4.1f} "
-                for t, m, s in zip(INSTANTS, mean, spread, strict=True)
-            )
+            if moved:
+                added = 1e6 * (values - still[name])
+                words = columns(added.mean(axis=0), added.std(axis=0, ddof=1) / math.sqrt(runs))
+            else:
+                spread = 1e6 * values.std(axis=0, ddof=1)
+                words = columns(spread, spread / math.sqrt(2.0 * (runs - 1)))
             print(f"  {name:20}{words}  a sample scatters by {1e6 * scatter[name]:.1f} µrad/s")
+
+
+def columns(values, sigmas) -> str:
+    """Numbers at the instants, with their standard uncertainties if they have any."""
+    tails = [""] * len(values) if sigmas is None else [f" ± {s:.1f}" for s in sigmas]
+    return "".join(f"{t:5g} s: {v:7.1f}{tail:8}" for t, v, tail in zip(INSTANTS, values, tails, strict=True))
 
 
 def means(runs: int) -> None:
