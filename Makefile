@@ -55,7 +55,7 @@ figures: $(DEV) bytecode  ## Simulate and draw the figures of the procedures' pa
 	$(BIN)/python docs/figures/denoising.py
 
 .PHONY: schema
-schema: $(DEV)  ## Write the JSON schema of calibration.json anew
+schema: $(DEV)  ## Write the JSON schemas of calibrations, protocols and noise anew
 	$(BIN)/python docs/schema/write_schema.py
 
 .PHONY: bench

@@ -1,4 +1,4 @@
-"""Write the JSON schemas beside this file, from the code that reads and writes calibrations and protocols.
+"""Write the JSON schemas beside this file, from the code that reads and writes calibrations, protocols and noise.
 
 python docs/schema/write_schema.py
 """
@@ -10,12 +10,14 @@ from pathlib import Path
 
 from tumble.calibration.result import calibration_schema
 from tumble.protocol import protocol_schema
+from tumble.report.noise_document import noise_schema
 
 FOLDER = Path(__file__).resolve().parent
 # Name -> what makes it, and the page that explains it.
 SCHEMAS = {
     "calibration": (calibration_schema, "docs/file-format.md"),
     "protocol": (protocol_schema, "docs/protocols.md"),
+    "noise": (noise_schema, "docs/noise.md"),
 }
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _MISFIT = 0.01
 _SHORT = 5000  # samples, of which N is known to 2 %
+_MOST_LINES = 3  # of a channel that are told
 _SHARP = 50.0  # degrees of freedom of a deviation known to 10 %
 
 
@@ -28,7 +29,13 @@ def advise(channels: tuple[Channel, ...], curve: Deviation) -> tuple[str, ...]:
     curve : overlapping Allan deviation of all of them.
     """
     seconds = curve.samples / curve.rate
-    return (*_on_fits(channels), *_on_length(curve), *_advice(channels, seconds))
+    return (
+        *_on_fits(channels),
+        *_on_lines(channels),
+        *_on_length(curve),
+        *_advice(channels, seconds),
+        *(f"{c.name}: {text}" for c in channels if c.fit is not None for text in c.fit.remarks),
+    )
 
 
 def _on_fits(channels: tuple[Channel, ...]) -> list[str]:
@@ -36,7 +43,11 @@ def _on_fits(channels: tuple[Channel, ...]) -> list[str]:
     none = [channel.name for channel in channels if channel.fit is None]
     bad = [c.name for c in channels if c.fit is not None and c.fit.probability < _MISFIT]
     said = (
-        [f"{', '.join(none)}: too few averaging times for a model; the curve stands alone."] if none else []
+        [
+            f"{', '.join(none)}: no model could be fitted, mostly for too few averaging times; the curve stands alone."
+        ]
+        if none
+        else []
     )
     if bad:
         words = f"{', '.join(bad)}: the curve has a shape that the model does not make (by chance in less than one of "
@@ -44,6 +55,18 @@ def _on_fits(channels: tuple[Channel, ...]) -> list[str]:
             f"{words}{1.0 / _MISFIT:.0f} cases): vibration lines, motion or drift; look at the spectrum."
         )
     return said
+
+
+def _on_lines(channels: tuple[Channel, ...]) -> list[str]:
+    """Say at which frequencies the channels' spectra have lines."""
+    where: dict[str, list[str]] = {}
+    for channel in channels:
+        for line in channel.lines[:_MOST_LINES]:
+            where.setdefault(f"{line.frequency:.4g} Hz", []).append(channel.name)
+    if not where:
+        return []
+    each = "; ".join(f"{frequency} in {', '.join(names)}" for frequency, names in where.items())
+    return [f"Lines in the spectrum, as of a motor or the mains: {each}. They are part of the model."]
 
 
 def _on_length(curves: Deviation) -> list[str]:

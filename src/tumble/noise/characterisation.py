@@ -19,6 +19,7 @@ from tumble.noise.bridging import BridgedBlocks, bridge, say_bridged
 from tumble.noise.deviation import Deviation, Kind, Taus, allan_deviation
 from tumble.noise.evidence import Survey, WholeEvidence
 from tumble.noise.fit import NoiseFit, fit_curve
+from tumble.noise.lines import FoundLine, find_lines
 from tumble.noise.spectrum import PowerSpectrum, StreamedSpectrum, power_spectrum, segment_of
 from tumble.noise.streaming import StreamedDeviation
 from tumble.noise.suitability import Suitability, judge_rest
@@ -34,6 +35,8 @@ _BINS = 20  # of the spectrum, a decade
 _LEVEL_POINTS = 600  # of the drawing of levels over time
 # Ten degrees of freedom for each averaging time in the record: 1 over the square root of twice that is 22 %.
 _WELL_KNOWN = 10.0
+_MISFIT = 0.01  # probability below which a second and a third Gauss-Markov process are tried
+_LINE_SAMPLES = 1 << 19  # of the longest rest, in which vibration lines are looked for
 _TOLD = ("assumed", "mended")  # remarks of the reader that noise depends on
 
 
@@ -88,6 +91,11 @@ class Channel:
     def unseen(self) -> dict[str, float]:
         """Upper limits of the coefficients that the curve does not show, by letter."""
         return {} if self.fit is None else self.fit.limits
+
+    @property
+    def lines(self) -> tuple[FoundLine, ...]:
+        """Vibration lines in its spectrum, strongest first."""
+        return () if self.fit is None else self.fit.lines
 
     def term(self, letter: str) -> Term | None:
         """Return a term by its letter, or None if the curve does not show it."""
@@ -148,6 +156,7 @@ class _Averages:
 
     curve: Deviation
     octaves: Deviation
+    lines: list[tuple[FoundLine, ...]]
     spectra: dict[str, PowerSpectrum]
     level_time: Series
     levels: Table
@@ -191,6 +200,7 @@ def characterise(
     averages = _Averages(
         allan_deviation(signals, recording.rate, kind=kind, taus=taus, gaps=gaps),
         allan_deviation(signals, recording.rate, taus="octave", gaps=gaps),
+        _lines(signals[slice(*_for_lines(suitability))], recording.rate),
         _spectra(signals, recording.rate, gaps, suitability.channels),
         *_levels(recording.time, signals),
     )
@@ -271,7 +281,14 @@ def _gathered(
 ) -> Characterisation:
     """Fit the channels' models, and put everything together."""
     channels = tuple(
-        _channel(name, unit, averages.curve.channel(k), averages.octaves.channel(k), suitability.shortest)
+        _channel(
+            name,
+            unit,
+            averages.curve.channel(k),
+            averages.octaves.channel(k),
+            averages.lines[k],
+            suitability.shortest,
+        )
         for k, (name, unit) in enumerate(zip(suitability.channels, units, strict=True))
     )
     return Characterisation(
@@ -360,6 +377,16 @@ def _signals(recording: Recording, suitability: Suitability, factors: Series) ->
     return signals
 
 
+def _for_lines(suitability: Suitability) -> tuple[int, int]:
+    """The stretch in which lines are looked for: the longest rest, or the beginning of it."""
+    start, stop = max(suitability.pieces, key=lambda piece: piece[1] - piece[0])
+    return start, min(stop, start + _LINE_SAMPLES)
+
+
+def _lines(signals: Table, rate: float) -> list[tuple[FoundLine, ...]]:
+    return [find_lines(signals[:, k], rate) for k in range(signals.shape[1])]
+
+
 def _levels(time: Series, signals: Table) -> tuple[Series, Table]:
     size = max(1, len(signals) // _LEVEL_POINTS)
     count = len(signals) // size
@@ -432,7 +459,8 @@ def _averaged(
     of_triad = {letter: [k for k, name in enumerate(names) if name.startswith(letter)] for letter in letters}
     segment = segment_of(suitability.longest)
     spectra = {letter: StreamedSpectrum(survey.rate, len(of_triad[letter]), segment) for letter in letters}
-    at = 0
+    at, (first, last) = 0, _for_lines(suitability)
+    kept: list[Table] = []
     for block, _ in blocks:
         signals = np.column_stack(list(channels_of(block).values()))
         if slopes is not None and block.temperature is not None:
@@ -447,11 +475,13 @@ def _averaged(
             wanted.add(part, after_gap=begins)
             for letter, spectrum in spectra.items():
                 spectrum.add(part[:, of_triad[letter]], after_gap=begins)
+        kept.append(signals[max(first - at, 0) : max(last - at, 0)].copy())
         at += len(block)
         say(f"reading, 2 of 2: {100.0 * at / survey.samples:.0f} %")
     return _Averages(
         wanted.deviation(),
         octaves.deviation(),
+        _lines(np.concatenate(kept), survey.rate),
         {letter: each.spectrum(bins_per_decade=_BINS) for letter, each in spectra.items()},
         *_levels_of(survey, suitability, columns, factors),
     )
@@ -473,11 +503,15 @@ def _levels_of(
 # -- of one channel --------------------------------------------------------------------------------
 
 
-def _channel(name: str, unit: str, curve: Deviation, octaves: Deviation, shortest: float) -> Channel:
-    try:
-        fit = fit_curve(octaves.from_tau(shortest))
-    except UsageError:
-        fit = None
+def _channel(
+    name: str,
+    unit: str,
+    curve: Deviation,
+    octaves: Deviation,
+    lines: tuple[FoundLine, ...],
+    shortest: float,
+) -> Channel:
+    fit = _fit(octaves.from_tau(shortest), lines)
     # The finer curve, where it is an Allan deviation too.
     allan = curve if curve.kind == "overlapping" and len(curve) > len(octaves) else octaves
     known = (allan.edf[:, 0] >= _WELL_KNOWN) & (allan.tau >= shortest)
@@ -493,6 +527,18 @@ def _channel(name: str, unit: str, curve: Deviation, octaves: Deviation, shortes
         float(allan.deviation[lowest, 0]),
         float(allan.tau[lowest]),
     )
+
+
+def _fit(octaves: Deviation, lines: tuple[FoundLine, ...]) -> NoiseFit | None:
+    """The model, with more than one Gauss-Markov process only where one does not fit."""
+    try:
+        fit = fit_curve(octaves, lines=lines)
+        if fit.probability >= _MISFIT:
+            return fit
+        richer = fit_curve(octaves, lines=lines, gauss_markov=3)
+    except (UsageError, np.linalg.LinAlgError):
+        return None
+    return richer if richer.probability > fit.probability else fit
 
 
 def _terms(fit: NoiseFit) -> tuple[Term, ...]:

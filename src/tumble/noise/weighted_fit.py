@@ -198,6 +198,30 @@ def covariance_of_logarithms(covariance: Square, expected: Series) -> Square:
     return covariance * np.outer(sigma, sigma)
 
 
+def normal_scores(variance: Series, expected: Series, covariance: Square) -> Series:
+    """Return how far off variances are, each as the normal number that is as improbable as it.
+
+    A variance is spread as chi square; its cube root is all but normal (Wilson and Hilferty 1931).
+
+    Parameters
+    ----------
+    variance, expected, covariance : found, expected, and the covariance expected.
+    """
+    ninths = 2.0 / 9.0 * np.diag(covariance) / (2.0 * expected**2)
+    return np.asarray((np.cbrt(variance / expected) - (1.0 - ninths)) / np.sqrt(ninths))
+
+
+def misfit_of_scores(scores: Series, covariance: Square) -> float:
+    """Return the chi square of normal scores that are correlated as the variances are.
+
+    Parameters
+    ----------
+    scores, covariance : as `normal_scores` gives them, and of the variances.
+    """
+    sigma = np.sqrt(np.diag(covariance))
+    return float(scores @ np.linalg.solve(covariance / np.outer(sigma, sigma), scores))
+
+
 def _made_positive(covariance: Square) -> Square:
     """The covariance of a model far from the curve, of which rounding has left negative eigenvalues."""
     sigma = np.sqrt(np.diag(covariance))
@@ -216,4 +240,11 @@ def _half_freedom(log_variance: Series) -> Series:
     return np.asarray(half)
 
 
-__all__ = ["AllanTask", "Method", "Solution", "covariance_of_logarithms"]
+__all__ = [
+    "AllanTask",
+    "Method",
+    "Solution",
+    "covariance_of_logarithms",
+    "misfit_of_scores",
+    "normal_scores",
+]

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from tumble.noise.characterisation import Channel, Characterisation
     from tumble.noise.deviation import Deviation
     from tumble.noise.fit import NoiseFit
+    from tumble.noise.lines import FoundLine
     from tumble.noise.triads import TriadTerm
 
 FORMAT: Literal["tumble noise"] = "tumble noise"
@@ -94,6 +95,17 @@ class FitBlock(_Strict):
     covariance: CovarianceBlock
 
 
+class LineBlock(_Strict):
+    """A sine that stands out of the spectrum: a vibration, the mains."""
+
+    definition: str
+    frequency_hz: float
+    frequency_standard_uncertainty: float
+    amplitude: float
+    amplitude_standard_uncertainty: float
+    unit: str = Field(description="of the amplitude, which is the peak's")
+
+
 class FloorBlock(_Strict):
     """Lowest point of the Allan deviation where it is known to a fifth; some call it bias instability."""
 
@@ -121,6 +133,7 @@ class ChannelBlock(_Strict):
 
     unit: str
     terms: dict[str, TermBlock]
+    lines: list[LineBlock] = Field(description="strongest first; they are part of the fitted model")
     fit: FitBlock | None
     upper_limits_of_unseen: dict[str, LimitBlock]
     lowest_allan_deviation: FloorBlock
@@ -241,6 +254,7 @@ def _channel(channel: Channel) -> ChannelBlock:
     return ChannelBlock(
         unit=channel.unit,
         terms=terms,
+        lines=[_line(line, channel.unit) for line in channel.lines],
         fit=None if channel.fit is None else _fit(channel, channel.fit),
         upper_limits_of_unseen={
             letter: LimitBlock(value=limit, unit=si_unit(channel, letter), definition=definition_of(letter))
@@ -267,6 +281,17 @@ def _fit(channel: Channel, fit: NoiseFit) -> FitBlock:
             units=[si_unit(channel, name) for name in names],
             matrix=[[float(v) for v in row] for row in np.nan_to_num(fit.covariance)],
         ),
+    )
+
+
+def _line(line: FoundLine, unit: str) -> LineBlock:
+    return LineBlock(
+        definition=DEFINITIONS["line"],
+        frequency_hz=line.frequency,
+        frequency_standard_uncertainty=line.frequency_sigma,
+        amplitude=line.amplitude,
+        amplitude_standard_uncertainty=line.amplitude_sigma,
+        unit=unit,
     )
 
 

@@ -13,6 +13,7 @@ from tumble.report.rounding import decimals_of, fixed
 if TYPE_CHECKING:
     from tumble.arrays import Series
     from tumble.noise.characterisation import Channel
+    from tumble.noise.lines import FoundLine
 
 NAMES = {
     "Q": "quantisation",
@@ -35,6 +36,7 @@ DEFINITIONS = {
     ),
     "K": "rate random walk: Allan variance K² τ/3; the bias is the integral of white noise of two-sided density K².",
     "R": "ramp: Allan variance R² τ²/2; a steady drift of the bias.",
+    "line": "sine in the signal, a vibration or the mains: its peak amplitude and its frequency.",
     "sigma": "first-order Gauss-Markov process: autocovariance σ² exp(-|t|/T); tried where the letters do not fit.",
     "correlation time": "T of the same process.",
 }
@@ -59,6 +61,7 @@ CURVES = {
 
 # Where they are not seen, it is said how large they may be.
 _ASKED_FOR = "NBK"
+_MOST_LINES = 5  # of a channel that are printed; the document has all
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +222,16 @@ def noise_rows(channel: Channel) -> list[NoiseRow]:
             text = f"not seen, < {_upwards(factor * limit)} {unit}"
             si = f"< {_upwards(limit)} {si_unit(channel, letter)}"
             rows.append(NoiseRow(channel.name, letter, label, text, si, False))
+    rows += [_line_row(channel, line) for line in channel.lines[:_MOST_LINES]]
     return rows
+
+
+def _line_row(channel: Channel, line: FoundLine) -> NoiseRow:
+    factor, unit = practical_unit(channel, "B")
+    name = f"line at {_rounded(line.frequency, line.frequency_sigma)} Hz, amplitude"
+    text = f"{_rounded(factor * line.amplitude, factor * line.amplitude_sigma)} {unit}"
+    si = f"{_rounded(line.amplitude, line.amplitude_sigma)} {si_unit(channel, 'B')}"
+    return NoiseRow(channel.name, "line", name, text, si, True)
 
 
 def noise_lines(channels: tuple[Channel, ...], *, seen_only: bool = False) -> list[str]:
