@@ -139,7 +139,12 @@ def choose_level(signal: Series, rate: float, rest: Ranges, *, wavelet: str = US
     deviation = curve.deviation[known, 0]
     if not deviation.size or not deviation.min() > 0.0:
         return ChosenLevel(0, 1.0 / rate, "the channel shows no noise that could be averaged")
-    first = int(np.flatnonzero(deviation <= _LOWEST * deviation.min())[0])
+    # Of noise that is correlated from sample to sample the curve rises first: its minimum is sought beyond.
+    falling = np.flatnonzero(np.diff(deviation) < 0.0)
+    if not falling.size:
+        return ChosenLevel(0, 1.0 / rate, "no averaging makes the Allan deviation less")
+    beyond = deviation[falling[0] :]
+    first = int(falling[0] + np.flatnonzero(beyond <= _LOWEST * beyond.min())[0])
     tau = float(curve.tau[known][first])
     if first > deepest:
         return ChosenLevel(deepest, tau, f"the longest rest bears no more levels of {wavelet}")

@@ -76,6 +76,16 @@ def test_the_level_follows_the_allan_minimum() -> None:
     assert chosen.level == round(np.log2(chosen.allan_minimum * RATE))
 
 
+def test_noise_correlated_from_sample_to_sample_does_not_hide_the_minimum() -> None:
+    """A pole at 0.9: the Allan deviation rises over some 20 samples before it falls; drift alone only rises."""
+    from scipy.signal import lfilter
+
+    rng = np.random.default_rng(14)
+    signal = lfilter([1.0], [1.0, -0.9], rng.standard_normal(100_000))
+    assert choose_level(signal, RATE, [(0, 100_000)]).level >= 9
+    assert choose_level(np.cumsum(rng.standard_normal(100_000)), RATE, [(0, 100_000)]).level == 0
+
+
 def test_white_noise_alone_takes_the_level_that_the_longest_rest_bears() -> None:
     signal = np.random.default_rng(5).standard_normal(1000)
     assert choose_level(signal, RATE, [(0, 400), (500, 1000)]).level <= deepest_level(500)
