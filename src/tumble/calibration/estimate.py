@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vector, Vectors
+from tumble.calibration.thermal_evidence import ThermalEvidence
 from tumble.sensor import ImuModel
 from tumble.sensor.thermal import ThermalModel
 
@@ -149,6 +150,7 @@ class Estimate:
         knows the poses, and has the axes of the fixture in them.
     thermal : how the triads change with temperature, about `model`; None if that was not asked for.
     thermal_names, thermal_covariance : of its parameters (`ThermalModel.names`) and (n, n).
+    thermal_evidence : what it was made of, for the report.
     """
 
     procedure: str
@@ -187,6 +189,7 @@ class Estimate:
     thermal: ThermalModel | None = None
     thermal_names: list[str] = field(default_factory=list[str])
     thermal_covariance: Square = field(default_factory=lambda: np.zeros((0, 0)))
+    thermal_evidence: ThermalEvidence | None = None
 
 
 def coverage_factor(degrees_of_freedom: int) -> float:

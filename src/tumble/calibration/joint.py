@@ -90,7 +90,7 @@ def calibrate_joint(
     say("joint adjustment")
     values = unknowns_of(start.model)
     base = gather(recording, timeline, means)
-    data = joint_data(base, _spins(base, values, rotations))
+    data = joint_data(base, values, _spins(base, values, rotations))
     masks = Masks.everything(data.holds)
     masks.force[list(unused_holds)] = False
     masks.rate[list(unused_holds)] = False

@@ -11,8 +11,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Series, Vector, Vectors
-from tumble.calibration.turn_conditions import HoldsAndTurns
+from tumble.arrays import AnyArray, Matrices, Series, Vector, Vectors, inverted
+from tumble.calibration.joint_unknowns import force_matrix, gyro_matrix
+from tumble.calibration.triad_unknowns import BIAS
+from tumble.calibration.turn_conditions import HoldsAndTurns, window_directions
 
 # The share of a window that the other parts must leave for a middle of its own.
 SMALLEST_MIDDLE = 0.05
@@ -97,18 +99,25 @@ class JointData:
         return np.flatnonzero(self.base.turn_start >= 0)
 
 
-def joint_data(base: HoldsAndTurns, spins: list[JointSpin] | None = None) -> JointData:
+def joint_data(base: HoldsAndTurns, unknowns: Series, spins: list[JointSpin] | None = None) -> JointData:
     """Return the data of holds and turns, with a table's rotations.
 
     Parameters
     ----------
     base : gathered holds and turns.
+    unknowns : (33,) what is believed of the sensors: within the windows at a hold's edges the gyros turn each
+        sample to the edge, so that tremor is followed.
     spins : rotations of a table, each in place of the turn between its two holds.
     """
     first, last = base.head[:, 0], base.tail[:, 1] - 1
     span = float(base.time[last[-1]] - base.time[first[0]])
     octaves = _wander_logarithm(base, span)
     parts, covariance = _parts(base, base.force_floor / octaves)
+    matrix = force_matrix(unknowns)
+    turned = window_directions(base, matrix, unknowns[BIAS], inverted(gyro_matrix(unknowns)))
+    for part, windows, seen in ((0, base.head, turned[0]), (2, base.tail, turned[1])):
+        plain = (_window_means(base, windows) - unknowns[BIAS]) @ inverted(matrix).T
+        parts[:, part] += (seen - plain) @ matrix.T
     return JointData(
         base=base,
         parts=parts,

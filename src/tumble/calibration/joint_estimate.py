@@ -172,7 +172,7 @@ def _spins(outcome: JointOutcome) -> tuple[Series, Vectors, Vectors, list[str]]:
     names: list[str] = []
     for at, (equations, k, spin) in enumerate(found):
         told = outcome.data.spins[k]
-        tail = equations.section.C_wb[2 * (k - equations.section.first) + 1]
+        tail = equations.section.C_wb[k - equations.section.first, 2]
         axis_b = tail.T @ spin.axis
         names.append(told.name)
         if told.angle is not None:

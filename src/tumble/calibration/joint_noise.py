@@ -14,7 +14,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series
 from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
-from tumble.calibration.joint_terms import Terms
+from tumble.calibration.joint_terms import HEAD, TAIL, Terms
 from tumble.calibration.joint_unknowns import force_matrix, gyro_matrix
 from tumble.calibration.snooping import (
     CHANCE,
@@ -25,6 +25,7 @@ from tumble.calibration.snooping import (
     Outlier,
     limit_of_largest,
 )
+from tumble.estimation.bordered import NodeCovariance
 
 KINDS = ("force", "rate", "rest", "turn")
 # Eigenvalues of a redundancy below this are directions that nothing checks.
@@ -130,21 +131,34 @@ def joint_tests(problem: JointProblem, solution: JointSolution) -> dict[str, Kin
         for terms in equations.terms:
             if not terms.place.size:
                 continue
-            width = 6 + border.shape[0]
-            joint = np.zeros((terms.place.size, width, width))
-            first, second = terms.node, terms.node + 1
-            joint[:, 0:3, 0:3], joint[:, 3:6, 3:6] = nodes.own[first], nodes.own[second]
-            joint[:, 0:3, 3:6] = nodes.following[first]
-            joint[:, 3:6, 0:3] = np.swapaxes(nodes.following[first], 1, 2)
-            joint[:, 0:3, 6:], joint[:, 3:6, 6:] = nodes.with_border[first], nodes.with_border[second]
-            joint[:, 6:, 0:6] = np.swapaxes(joint[:, 0:6, 6:], 1, 2)
-            joint[:, 6:, 6:] = border
+            joint = _joint_covariance(terms, nodes, border)
             gathered[terms.kind].append(_tests(terms, joint, solution.state.unknowns))
     return {kind: _together(tests) for kind, tests in gathered.items() if tests}
 
 
+def _joint_covariance(terms: Terms, nodes: NodeCovariance, border: AnyArray) -> AnyArray:
+    """Of the nodes that each term depends on, and of the border."""
+    own, across = nodes.own[terms.node], nodes.with_border[terms.node]
+    size = own.shape[1]
+    if terms.by_next is None:
+        joint = np.zeros((terms.node.size, size + border.shape[0], size + border.shape[0]))
+    else:
+        joint = np.zeros((terms.node.size, 2 * size + border.shape[0], 2 * size + border.shape[0]))
+        following = nodes.following[terms.node]
+        joint[:, size : 2 * size, size : 2 * size] = nodes.own[terms.node + 1]
+        joint[:, :size, size : 2 * size] = following
+        joint[:, size : 2 * size, :size] = np.swapaxes(following, 1, 2)
+        across = np.concatenate([across, nodes.with_border[terms.node + 1]], axis=1)
+    joint[:, :size, :size] = own
+    rest = across.shape[1]
+    joint[:, :rest, rest:], joint[:, rest:, :rest] = across, np.swapaxes(across, 1, 2)
+    joint[:, rest:, rest:] = border
+    return joint
+
+
 def _tests(terms: Terms, joint: AnyArray, unknowns: Series) -> KindTests:
-    design = np.concatenate([terms.by_node, terms.by_next, terms.by_border], axis=2)
+    nodes = [terms.by_node] if terms.by_next is None else [terms.by_node, terms.by_next]
+    design = np.concatenate([*nodes, terms.by_border], axis=2)
     residual, covariance = terms.residual, terms.covariance
     taken = design @ joint @ np.swapaxes(design, 1, 2)
     if terms.kind == "force":
@@ -165,11 +179,11 @@ def _tests(terms: Terms, joint: AnyArray, unknowns: Series) -> KindTests:
     scale = {
         "force": np.sum(force_matrix(unknowns) ** 2, axis=1),
         "rate": np.sum(gyro_matrix(unknowns) ** 2, axis=1),
-    }.get(terms.kind, np.ones(3))
+    }.get(terms.kind, np.ones(residual.shape[1]))
     variance = 1.0 / np.mean(scale / np.diagonal(covariance, axis1=1, axis2=2), axis=1)
     if terms.kind == "rest":
         # A sway that is believed to be small is pulled to nothing: what would be seen of a larger one.
-        variance = variance * 3.0 / np.maximum(np.trace(left, axis1=1, axis2=2), 1e-12)
+        variance = variance * 6.0 / np.maximum(np.trace(left, axis1=1, axis2=2), 1e-12)
     return KindTests(
         terms.place,
         parts.sum(axis=1),
@@ -300,9 +314,9 @@ def _misread_angles(problem: JointProblem, solution: JointSolution, false_alarm:
         for k, spin in equations.spins.items():
             if np.isnan(spin.angle_residual):
                 continue
-            tail = 2 * (k - equations.section.first) + 1
-            cross = nodes.following[tail]
-            spread = nodes.own[tail] + nodes.own[tail + 1] - cross - cross.T
+            node = k - equations.section.first
+            cross = nodes.following[node][TAIL, HEAD]
+            spread = nodes.own[node][TAIL, TAIL] + nodes.own[node + 1][HEAD, HEAD] - cross - cross.T
             sigma2 = max(problem.data.spins[k].angle_sigma, 1e-9) ** 2
             left = max(1.0 - float(spin.axis @ spread @ spin.axis) / sigma2, 1e-9)
             normalised = abs(spin.angle_residual) / np.sqrt(sigma2 * left)

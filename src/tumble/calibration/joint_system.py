@@ -17,6 +17,9 @@ from tumble.calibration.joint_data import JointData
 from tumble.calibration.joint_spins import SpinEquations, SpinState, spin_equations, start_spin
 from tumble.calibration.joint_terms import (
     BORDER,
+    HEAD,
+    NODE,
+    TAIL,
     Carried,
     Extra,
     Section,
@@ -175,26 +178,25 @@ def start_state(data: JointData, unknowns: Series, site: Site) -> JointState:
     """
     carried = carry(data, unknowns)
     triad = triad_from_unknowns(unknowns[FORCE])
-    force = np.stack([triad.correct(data.parts[:, part]) for part in (0, 2)], axis=1).reshape(-1, 3)
-    level = attitudes_from_force(force)
+    level = attitudes_from_force(triad.correct(data.parts.reshape(-1, 3))).reshape(-1, 3, 3, 3)
     earth = np.zeros(3)
     if site.latitude is not None:
         earth[2] = -EARTH_RATE * np.sin(site.latitude)
     state = JointState(unknowns.astype(float).copy(), [], {})
     for first, last in data.sections:
-        C = level[2 * first : 2 * last].copy()
+        C = level[first:last].copy()
         section = Section(int(first), int(last), C, earth.copy())
         for k in range(first, last):
-            at = 2 * (k - first)
-            if k in data.spins and k + 1 < last:
-                C[at + 1] = _same_heading(C[at + 1], C[at])
-                spin = start_spin(data, data.spins[k], C[at + 1], unknowns, earth)
-                state.spins[k] = spin
-                C[at + 2] = _same_heading(C[at + 2], _carried_end(data, k, spin, unknowns))
+            here = C[k - first]
+            here[1], here[2] = _same_heading(here[1], here[0]), _same_heading(here[2], here[0])
+            if k + 1 == last:
                 continue
-            C[at + 1] = _same_heading(C[at + 1], C[at])
-            if k + 1 < last:
-                C[at + 2] = _same_heading(C[at + 2], C[at + 1] @ carried.C_se[k])
+            if k in data.spins:
+                state.spins[k] = start_spin(data, data.spins[k], here[2], unknowns, earth)
+                carried_on = _carried_end(data, k, state.spins[k], unknowns)
+            else:
+                carried_on = here[2] @ carried.C_se[k]
+            C[k + 1 - first, 0] = _same_heading(C[k + 1 - first, 0], carried_on)
         state.sections.append(section)
     return state
 
@@ -280,17 +282,21 @@ def _section_equations(
     turns = turn_terms(data, section, carried, state.unknowns, problem.extra)
     if turns is not None:
         terms.append(turns)
-    chain = BorderedChain.zero(2 * (section.last - section.first), 3, BORDER)
+    chain = BorderedChain.zero(section.last - section.first, NODE, BORDER)
     square_sum, observations = 0.0, 0
     used: list[Terms] = []
     for kind in terms:
         active = problem.masks.of(kind)
         # Left out is made all but worthless, not taken away: a chain without a link would have no heading.
         covariance = np.where(active, 1.0, LEFT_OUT)[:, None, None] * kind.covariance
+        by_next = np.zeros_like(kind.by_node) if kind.by_next is None else kind.by_next
         residual, by_node, by_next, by_border = whiten(
-            covariance, kind.residual[..., None], kind.by_node, kind.by_next, kind.by_border
+            covariance, kind.residual[..., None], kind.by_node, by_next, kind.by_border
         )
-        chain.add_links(kind.node, residual[..., 0], by_node, by_next, by_border)
+        if kind.by_next is None:
+            chain.add_unary(kind.node, residual[..., 0], by_node, by_border)
+        else:
+            chain.add_links(kind.node, residual[..., 0], by_node, by_next, by_border)
         taken = selected(kind, active)
         square_sum += float(np.sum(residual[active] ** 2))
         headings = np.count_nonzero(~active) if kind.kind == "turn" else 0
@@ -313,12 +319,12 @@ def _section_equations(
 def _add_spin(
     problem: JointProblem, state: JointState, section: Section, chain: BorderedChain, k: int
 ) -> SpinEquations:
-    tail = 2 * (k - section.first) + 1
+    node = k - section.first
     made = spin_equations(
         problem.data,
         problem.data.spins[k],
         state.spins[k],
-        (section.C_wb[tail], section.C_wb[tail + 1]),
+        (section.C_wb[node, 2], section.C_wb[node + 1, 0]),
         section.earth_w,
         state.unknowns,
         problem.site.gravity,
@@ -326,13 +332,13 @@ def _add_spin(
         problem.spin_noise.get(k, 1.0),
     )
     start, end, rest = slice(0, 3), slice(3, 6), slice(6, None)
-    chain.diagonal[tail] += made.corner[start, start]
-    chain.diagonal[tail + 1] += made.corner[end, end]
-    chain.lower[tail] += made.corner[end, start]
-    chain.border[tail] += made.corner[start, rest]
-    chain.border[tail + 1] += made.corner[end, rest]
-    chain.gradient[tail] += made.gradient[start]
-    chain.gradient[tail + 1] += made.gradient[end]
+    chain.diagonal[node, TAIL, TAIL] += made.corner[start, start]
+    chain.diagonal[node + 1, HEAD, HEAD] += made.corner[end, end]
+    chain.lower[node, HEAD, TAIL] += made.corner[end, start]
+    chain.border[node, TAIL] += made.corner[start, rest]
+    chain.border[node + 1, HEAD] += made.corner[end, rest]
+    chain.gradient[node, TAIL] += made.gradient[start]
+    chain.gradient[node + 1, HEAD] += made.gradient[end]
     chain.corner += made.corner[rest, rest]
     chain.corner_gradient += made.gradient[rest]
     return made
@@ -370,16 +376,20 @@ def _move(problem: JointProblem, state: JointState, equations: list[SectionEquat
         nodes = made.chain.steps(border)
         section = made.section
         for k, spin in made.spins.items():
-            tail = 2 * (k - section.first) + 1
-            windows, own = spin.steps(np.concatenate([nodes[tail], nodes[tail + 1], border]))
+            node = k - section.first
+            ends = np.concatenate([nodes[node, TAIL], nodes[node + 1, HEAD]])
+            windows, own = spin.steps(np.concatenate([ends, border]))
             at = state.spins[k]
             at.C_wb = _turned(at.C_wb, windows)
             at.own = at.own + own
         for terms in made.terms:
             terms.residual[...] += np.einsum("tmd,td->tm", terms.by_node, nodes[terms.node])
-            terms.residual[...] += np.einsum("tmd,td->tm", terms.by_next, nodes[terms.node + 1])
+            if terms.by_next is not None:
+                terms.residual[...] += np.einsum("tmd,td->tm", terms.by_next, nodes[terms.node + 1])
             terms.residual[...] += terms.by_border @ border
-        section.C_wb = _turned(section.C_wb, nodes)
+        shape = section.C_wb.shape
+        turned = _turned(section.C_wb.reshape(-1, 3, 3), nodes.reshape(-1, 3))
+        section.C_wb = turned.reshape(shape)
         section.earth_w = section.earth_w + earth
     state.unknowns = state.unknowns + full
 
@@ -403,7 +413,7 @@ def _solution(
         corner, right = made.chain.corner, made.chain.corner_gradient
         earth = -made.earth_inverse @ (right[:3] + corner[:3, 3:] @ full)
         decrease += made.chain.decrease(np.concatenate([earth, full]))
-    nodes = sum(3 * 2 * (s.last - s.first) for s in state.sections)
+    nodes = sum(NODE * (s.last - s.first) for s in state.sections)
     # A section's heading and Earth rate are each known as many times as they are unknown.
     observations = sum(e.observations for e in equations) + len(state.sections)
     redundancy = observations - nodes - problem.free.size

@@ -4,11 +4,11 @@ Attitudes are those of b against a level frame w of each section: down is its th
 the first hold's own. The Earth rate in w is three unknowns of the section with a prior from the latitude. An
 attitude error is a rotation vector in w: ``C_true = (1 + [phi]) C``.
 
-Each hold has two nodes, its head and its tail, and gives
+Each hold is a node of three attitudes, at its head, in its middle and at its tail, and gives
 
-- the specific force in three parts, raw, at the head, in the middle (half of each) and at the tail;
+- the specific force in three parts, raw, one at each;
 - the mean rate, raw: the Earth rate, and what the pose sways from head to tail;
-- that it rests: head and tail differ by a sway of stated size.
+- that it rests: head, middle and tail differ by a sway of stated size.
 
 Each turn gives one rotation: the gyro's integral carries the tail of one hold to the head of the next, while
 the level frame turns with the Earth.
@@ -37,6 +37,9 @@ from tumble.calibration.joint_unknowns import (
 )
 from tumble.calibration.triad_unknowns import BIAS
 
+HEAD, MIDDLE, TAIL = slice(0, 3), slice(3, 6), slice(6, 9)
+"""Where a hold's three attitudes stand in its node."""
+NODE = 9
 EARTH = slice(0, 3)
 """Where the Earth rate stands in the border; the shared unknowns follow."""
 BORDER = 3 + SHARED
@@ -51,7 +54,7 @@ class Extra:
     force : (m/s²)², by which an accelerometer's bias wanders from hold to hold.
     rate : (rad/s)², the same of the gyros.
     turn : rad² about each axis, what else a turn shows.
-    sway : rad² about each axis, by which a pose changes within a hold.
+    sway : rad² about each axis, by which a pose changes from head to middle and from there to the tail.
     """
 
     force: float = 0.0
@@ -62,16 +65,17 @@ class Extra:
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """Residuals of one kind, each between two neighbouring nodes of a chain.
+    """Residuals of one kind, each of one hold or of two neighbouring ones.
 
     Attributes
     ----------
     kind : "force", "rate", "rest" or "turn".
     place : (terms,) the hold that it belongs to, or that the turn follows.
-    node : (terms,) the first of its two nodes.
+    node : (terms,) the same, counted within the section.
     residual : (terms, m) predicted minus observed.
     covariance : (terms, m, m).
-    by_node, by_next : (terms, m, 3) by the attitudes in w.
+    by_node, by_next : (terms, m, 9) by the hold's attitudes in w, and by the next one's; the latter None for what
+        a hold shows by itself.
     by_border : (terms, m, 36) by the Earth rate and the shared unknowns.
     """
 
@@ -81,7 +85,7 @@ class Terms:
     residual: AnyArray
     covariance: AnyArray
     by_node: AnyArray
-    by_next: AnyArray
+    by_next: AnyArray | None
     by_border: AnyArray
 
 
@@ -92,13 +96,13 @@ class Section:
     Attributes
     ----------
     first, last : half-open range of holds.
-    C_wb : (2 holds, 3, 3) attitudes, head and tail of each hold in turn.
+    C_wb : (holds, 3, 3, 3) attitudes at the head, in the middle and at the tail of each hold.
     earth_w : (3,) rad/s.
     """
 
     first: int
     last: int
-    C_wb: Matrices
+    C_wb: AnyArray
     earth_w: Vector
 
     @property
@@ -172,95 +176,71 @@ def hold_terms(
     extra : variances.
     """
     k = section.holds
-    node = 2 * (k - section.first)
-    head, tail = section.C_wb[0::2], section.C_wb[1::2]
-    swayed = np.array([rotation_vector_from_matrix(h.T @ t) for h, t in zip(head, tail, strict=True)])
-    force = _force_terms(data, section, unknowns, gravity, extra, node, (head, tail))
-    rest = Terms(
-        "rest",
-        k,
-        node,
-        swayed,
-        np.broadcast_to(extra.sway * np.eye(3), (k.size, 3, 3)),
-        -np.swapaxes(head, 1, 2),
-        np.swapaxes(head, 1, 2).copy(),
-        np.zeros((k.size, 3, BORDER)),
+    node = k - section.first
+    force = _force_terms(data, section, unknowns, gravity, extra, node)
+    rate = _rate_terms(data, section, unknowns, gravity, extra, node)
+    return [force, rate, _rest_terms(section, extra, node)]
+
+
+def _rest_terms(section: Section, extra: Extra, node: np.ndarray) -> Terms:
+    """From head to middle, and from middle to tail."""
+    backward = np.swapaxes(section.C_wb, 2, 3)
+    residual, by_node = np.zeros((node.size, 6)), np.zeros((node.size, 6, NODE))
+    for step in range(2):
+        at, here, there = (
+            slice(3 * step, 3 * step + 3),
+            slice(3 * step, 3 * step + 3),
+            slice(3 * step + 3, 3 * step + 6),
+        )
+        residual[:, at] = _swayed(section.C_wb[:, step], section.C_wb[:, step + 1])
+        by_node[:, at, here], by_node[:, at, there] = -backward[:, step], backward[:, step]
+    covariance = np.broadcast_to(extra.sway * np.eye(6), (node.size, 6, 6))
+    return Terms(
+        "rest", section.holds, node, residual, covariance, by_node, None, np.zeros((node.size, 6, BORDER))
     )
-    return [force, _rate_terms(data, section, unknowns, gravity, extra, node, swayed), rest]
+
+
+def _swayed(before: Matrices, after: Matrices) -> Vectors:
+    vectors = [rotation_vector_from_matrix(a.T @ b) for a, b in zip(before, after, strict=True)]
+    return np.array(vectors).reshape(-1, 3)
 
 
 def _force_terms(
-    data: JointData,
-    section: Section,
-    unknowns: Series,
-    gravity: float,
-    extra: Extra,
-    node: np.ndarray,
-    edges: tuple[Matrices, Matrices],
+    data: JointData, section: Section, unknowns: Series, gravity: float, extra: Extra, node: np.ndarray
 ) -> Terms:
-    k = section.holds
-    up = np.array([0.0, 0.0, -gravity])
-    turn = np.array([[0.0, gravity, 0.0], [-gravity, 0.0, 0.0], [0.0, 0.0, 0.0]])  # skew(up)
-    backward = [np.swapaxes(edge, 1, 2) for edge in edges]
-    true = [b @ up for b in backward]
-    moved = [b @ turn for b in backward]
-    n = k.size
-    residual, by_border = np.zeros((n, 3, 3)), np.zeros((n, 3, 3, BORDER))
-    by_node, by_next = np.zeros((n, 3, 3, 3)), np.zeros((n, 3, 3, 3))
-    for part, (of_head, of_tail) in enumerate(((1.0, 0.0), (0.5, 0.5), (0.0, 1.0))):
-        shown = raw_force(unknowns, of_head * true[0] + of_tail * true[1])
-        residual[:, part] = shown.value - data.parts[k, part]
-        by_node[:, part] = of_head * shown.by_true @ moved[0]
-        by_next[:, part] = of_tail * shown.by_true @ moved[1]
-        by_border[:, part, :, 3:] = shown.by_unknowns
+    k, up = section.holds, np.array([0.0, 0.0, -gravity])
+    backward = np.swapaxes(section.C_wb, 2, 3)
+    residual, by_node = np.zeros((k.size, 9)), np.zeros((k.size, 9, NODE))
+    by_border = np.zeros((k.size, 9, BORDER))
+    for part, at in enumerate((HEAD, MIDDLE, TAIL)):
+        shown = raw_force(unknowns, backward[:, part] @ up)
+        residual[:, at] = shown.value - data.parts[k, part]
+        by_node[:, at, at] = shown.by_true @ backward[:, part] @ _cross_matrix(up)
+        by_border[:, at, 3:] = shown.by_unknowns
     matrix = force_matrix(unknowns)
     wander = np.tile(extra.force * (matrix @ matrix.T), (3, 3))
-    return Terms(
-        "force",
-        k,
-        node,
-        residual.reshape(n, 9),
-        data.parts_covariance[k] + wander,
-        by_node.reshape(n, 9, 3),
-        by_next.reshape(n, 9, 3),
-        by_border.reshape(n, 9, BORDER),
-    )
+    return Terms("force", k, node, residual, data.parts_covariance[k] + wander, by_node, None, by_border)
 
 
 def _rate_terms(
-    data: JointData,
-    section: Section,
-    unknowns: Series,
-    gravity: float,
-    extra: Extra,
-    node: np.ndarray,
-    swayed: Vectors,
+    data: JointData, section: Section, unknowns: Series, gravity: float, extra: Extra, node: np.ndarray
 ) -> Terms:
-    k = section.holds
-    head = section.C_wb[0::2]
-    backward = np.swapaxes(head, 1, 2)
-    earth_b = backward @ section.earth_w
-    force = backward @ np.array([0.0, 0.0, -gravity])
+    k, up = section.holds, np.array([0.0, 0.0, -gravity])
+    backward = np.swapaxes(section.C_wb[:, 0], 1, 2)
     length = np.maximum(data.length[k], 1e-9)[:, None]
-    shown = raw_rate(unknowns, earth_b + swayed / length, force)
+    swayed = _swayed(section.C_wb[:, 0], section.C_wb[:, 2])
+    shown = raw_rate(unknowns, backward @ section.earth_w + swayed / length, backward @ up)
     matrix, sensitivity = gyro_matrix(unknowns), unknowns[G_SENSITIVITY].reshape(3, 3)
     by_sway = (matrix @ backward) / length[:, :, None]
+    by_node = np.zeros((k.size, 3, NODE))
+    by_node[:, :, HEAD] = matrix @ backward @ _cross_matrix(section.earth_w) - by_sway
+    by_node[:, :, HEAD] += sensitivity @ backward @ _cross_matrix(up)
+    by_node[:, :, TAIL] = by_sway
     by_border = np.zeros((k.size, 3, BORDER))
     by_border[:, :, EARTH] = matrix @ backward
     by_border[:, :, 3:] = shown.by_unknowns
-    turned = matrix @ backward @ _cross_matrix(section.earth_w)
-    turned += sensitivity @ backward @ _cross_matrix(np.array([0.0, 0.0, -gravity]))
-    wander = extra.rate * (matrix @ matrix.T)
-    return Terms(
-        "rate",
-        k,
-        node,
-        shown.value - data.base.rate_mean[k],
-        data.base.rate_covariance[k] + wander,
-        turned - by_sway,
-        by_sway,
-        by_border,
-    )
+    covariance = data.base.rate_covariance[k] + extra.rate * (matrix @ matrix.T)
+    return Terms("rate", k, node, shown.value - data.base.rate_mean[k], covariance, by_node, None, by_border)
 
 
 def turn_terms(
@@ -277,16 +257,17 @@ def turn_terms(
     k = np.array([h for h in section.holds[:-1] if h not in data.spins], dtype=int)
     if not k.size:
         return None
-    tail, head = 2 * (k - section.first) + 1, 2 * (k - section.first) + 2
+    node = k - section.first
+    tail, head = section.C_wb[node, 2], section.C_wb[node + 1, 0]
     link = Link(carried.C_se[k], carried.sums[k], carried.duration[k])
-    residual, by_node, by_next, by_border = link_residuals(
-        section.C_wb[tail], section.C_wb[head], section.earth_w, link, unknowns
-    )
+    residual, by_tail, by_head, by_border = link_residuals(tail, head, section.earth_w, link, unknowns)
+    by_node, by_next = np.zeros((k.size, 3, NODE)), np.zeros((k.size, 3, NODE))
+    by_node[:, :, TAIL], by_next[:, :, HEAD] = by_tail, by_head
     edge = _edge_seconds(data, k)
-    covariance = link_covariance(data, section.C_wb[tail], link, unknowns, edge, own_bias=True)
+    covariance = link_covariance(data, tail, link, unknowns, edge, own_bias=True)
     wander = extra.turn + extra.rate * carried.duration[k] ** 2
     covariance = covariance + wander[:, None, None] * np.eye(3)
-    return Terms("turn", k, tail, residual, covariance, by_node, by_next, by_border)
+    return Terms("turn", k, node, residual, covariance, by_node, by_next, by_border)
 
 
 @dataclass(frozen=True, slots=True)
@@ -381,7 +362,7 @@ def selected(terms: Terms, where: np.ndarray) -> Terms:
         terms.residual[where],
         terms.covariance[where],
         terms.by_node[where],
-        terms.by_next[where],
+        None if terms.by_next is None else terms.by_next[where],
         terms.by_border[where],
     )
 
