@@ -44,7 +44,7 @@ class Case:
 
 CASES = {
     "four-terms": Case("Q, N, B and K, all of them showing", FOUR),
-    "five-terms": Case("Q, N, B, K and R, all of them showing", replace(FOUR, ramp=2e-4), samples=2**17),
+    "five-terms": Case("Q, N, B, K and R, all of them showing", replace(FOUR, ramp=5e-4), samples=2**17),
     "weak-walk": Case(
         "a K that is seen in about half of the recordings", replace(FOUR, rate_random_walk=0.003)
     ),

@@ -30,10 +30,16 @@ from tumble.noise.deviation import Deviation, Integers, allan_deviation
 from tumble.noise.identifiability import remarks_on
 from tumble.noise.intervals import letter_interval, process_interval
 from tumble.noise.lines import FoundLine, allan_variance_of_lines, find_lines
-from tumble.noise.selection import FALSE_ALARM, MOST_PROCESSES, with_processes, without_the_unseen
+from tumble.noise.selection import (
+    FALSE_ALARM,
+    MOST_PROCESSES,
+    in_moments,
+    with_processes,
+    without_the_unseen,
+)
 from tumble.noise.terms import NoiseModel
 from tumble.noise.variances import LETTERS
-from tumble.noise.weighted_fit import AllanTask, Method, Solution, covariance_of_logarithms
+from tumble.noise.weighted_fit import AllanTask, Method, Solution, misfit_of_scores, normal_scores
 
 CONFIDENCE = 0.95
 """Probability of intervals and of upper limits unless another is asked for."""
@@ -71,10 +77,11 @@ class NoiseFit:
     terms : of the model, each with its interval, without the lines.
     covariance : of the values in `terms`, in their order.
     limits : upper limit of each of Q, N, B, K, R that is not seen, at the fit's confidence.
-    chi_square, freedom, probability : misfit against its degrees of freedom, and how probable as much or more is
-        if the model is right. Below 0.01 the curve has a shape that the terms do not make.
+    chi_square, freedom, probability : misfit of all terms that were tried (one that is there unseen is no wrong
+        shape) against its degrees of freedom, and how probable as much or more is if such a model is right.
+        Below 0.01 the curve has a shape that the terms do not make.
     tau, variance, expected : (taus,) of the Allan variance used, found and fitted.
-    normalised : (taus,) log ratio of both over its standard deviation.
+    normalised : (taus,) how far off each is, as a normal number of as much probability.
     confidence, rate, lengths : of the intervals; Hz; samples of each piece of the recording.
     lines : as the spectrum has them.
     remarks : sentences on terms that the recording does not tell apart.
@@ -239,11 +246,15 @@ def _fit(
         of_amplitudes / scale**4,
     )
     tried = tuple(letter for letter in LETTERS if letter in letters)
-    solution = task.settle(tried, ())
+    # which terms there are is asked of the logarithms, whose misfit is nearer to chi square, by both methods
+    logarithms = replace(task, method="curve")
+    solution = logarithms.settle(tried, ())
     most = min(int(gauss_markov), MOST_PROCESSES)
     if most:
-        solution = with_processes(task, solution, most)
-    solution = without_the_unseen(task, solution)
+        solution = with_processes(logarithms, solution, most)
+    solution = without_the_unseen(logarithms, solution)
+    if method == "moments":
+        solution = in_moments(task, solution)
     return _gather(task, solution, tried, scale, lengths, tuple(lines), confidence)
 
 
@@ -259,8 +270,8 @@ def _gather(
     from scipy.special import gammaincc, ndtri
 
     expected = task.expected(task.design(solution.letters, solution.times), solution)
-    freedom = max(len(task.tau) - len(solution.squares) - len(solution.times), 0)
-    of_logarithms = covariance_of_logarithms(task.covariance(solution.model), expected)
+    scores = normal_scores(task.variance, expected, task.covariance(solution.model))
+    chi_square, freedom = _goodness(task, solution, tried)
     terms, covariance = _terms(task, solution, tried, scale, confidence)
     once = float(ndtri(confidence))
     unseen = [letter for letter in tried if letter not in solution.letters]
@@ -270,19 +281,29 @@ def _gather(
         terms=terms,
         covariance=covariance,
         limits={letter: scale * letter_interval(task, solution, letter, tried, once)[1] for letter in unseen},
-        chi_square=solution.misfit,
+        chi_square=chi_square,
         freedom=freedom,
-        probability=float(gammaincc(0.5 * freedom, 0.5 * solution.misfit)) if freedom else 1.0,
+        probability=float(gammaincc(0.5 * freedom, 0.5 * chi_square)) if freedom else 1.0,
         tau=task.tau,
         variance=task.variance * scale**2,
         expected=expected * scale**2,
-        normalised=np.log(task.variance / expected) / np.sqrt(np.diag(of_logarithms)),
+        normalised=scores,
         confidence=confidence,
         rate=task.rate,
         lengths=lengths,
         lines=lines,
         remarks=remarks_on(solution, covariance, terms_of(solution)),
     )
+
+
+def _goodness(task: AllanTask, solution: Solution, tried: tuple[str, ...]) -> tuple[float, int]:
+    """Misfit of the terms that were tried, kept or not: one that is there unseen is no wrong shape."""
+    whole = task.settle(tried, solution.times)
+    expected = task.expected(task.design(tried, solution.times), whole)
+    covariance = task.covariance(whole.model)
+    chi_square = misfit_of_scores(normal_scores(task.variance, expected, covariance), covariance)
+    count = np.count_nonzero(whole.squares) + len(solution.times)
+    return chi_square, max(len(task.tau) - int(count), 0)
 
 
 def terms_of(solution: Solution) -> tuple[str, ...]:

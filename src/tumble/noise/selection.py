@@ -85,6 +85,27 @@ def without_the_unseen(task: AllanTask, full: Solution) -> Solution:
     return solution
 
 
+def in_moments(task: AllanTask, chosen: Solution) -> Solution:
+    """Return the fit in the variances themselves of the terms that the logarithms chose.
+
+    Parameters
+    ----------
+    task, chosen : by moments, and the solution in the logarithm.
+    """
+    solution = task.settle(chosen.letters, chosen.times)
+    if chosen.times:
+        times = _polished(task, solution.letters, [chosen.times], solution.root, _grid(task))
+        solution = task.settle(chosen.letters, times)
+    here = solution.squares > 0.0
+    while not np.all(here):
+        count = len(solution.letters)
+        letters = tuple(x for x, stays in zip(solution.letters, here[:count], strict=True) if stays)
+        times = tuple(t for t, stays in zip(solution.times, here[count:], strict=True) if stays)
+        solution = task.settle(letters, times)
+        here = solution.squares > 0.0
+    return solution
+
+
 def _rise(task: AllanTask, solution: Solution, letter: str) -> tuple[Solution, float]:
     """The solution without a term, and what the term would take off its misfit.
 
@@ -125,19 +146,30 @@ def _many(task: AllanTask, kept: Solution, times: Series, root: Square) -> tuple
 
 def _refined(task: AllanTask, kept: Solution, times: Series, root: Square) -> tuple[float, ...]:
     """Correlation times of one more process and of those that are there, best for given weights."""
-    from scipy.optimize import minimize
-
     tried = [_misfit(task, kept.letters, (*kept.times, float(time)), root) for time in times]
     starts: list[tuple[float, ...]] = [(*kept.times, float(times[int(np.argmin(tried))]))]
     clusters = _many(task, kept, times, root)[1]
     if len(starts[0]) > 1 and len(clusters) >= len(starts[0]):
         starts.append(tuple(clusters[: len(starts[0])]))
+    return _polished(task, kept.letters, starts, root, times)
+
+
+def _polished(
+    task: AllanTask,
+    letters: tuple[str, ...],
+    starts: list[tuple[float, ...]],
+    root: Square,
+    times: Series,
+) -> tuple[float, ...]:
+    """Correlation times about the starts that fit best for given weights, within the grid's ends."""
+    from scipy.optimize import minimize
+
     low, high = np.log(times[0]), np.log(times[-1])
 
     def misfit(logs: Series) -> float:
         beyond = float(np.sum(np.maximum(logs - high, 0.0) + np.maximum(low - logs, 0.0)))
         inside = np.clip(logs, low, high)
-        return _misfit(task, kept.letters, tuple(np.exp(inside).tolist()), root) + 1e3 * beyond
+        return _misfit(task, letters, tuple(np.exp(inside).tolist()), root) + 1e3 * beyond
 
     found: list[tuple[float, Series]] = []
     for start in starts:

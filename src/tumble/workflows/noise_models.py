@@ -98,7 +98,7 @@ def _model(channel: dict[str, Any]) -> NoiseModel:
 
 
 def _line(entry: dict[str, Any]) -> Line:
-    return Line(float(entry["amplitude"]["value"]), float(entry["frequency"]["value"]))
+    return Line(float(entry["amplitude"]), float(entry["frequency_hz"]))
 
 
 def models_of_recording(
