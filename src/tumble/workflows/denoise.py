@@ -295,7 +295,7 @@ def _shrunk(
     lost = result.threshold * 2.0 ** (-0.5 * np.arange(1, chosen + 1))
     settings |= {
         "noise_by_level": result.noise.tolist(),
-        "threshold_by_level": [float(t) if np.isfinite(t) else None for t in result.threshold],
+        "threshold_by_level": [_finite(t) for t in result.threshold.tolist()],
         "share_kept_by_level": result.kept.tolist(),
     }
     done = f"{chosen} level(s) of {how.wavelet}, {how.rule}, {how.shape} ({reason})"
@@ -408,12 +408,12 @@ def _channel(each: ChannelOutcome) -> dict[str, Any]:
         "done": each.done,
         "scatter_at_rest": {
             "before": each.before,
-            "before_standard_uncertainty": each.before_sigma,
+            "before_standard_uncertainty": _finite(each.before_sigma),
             "after": each.after,
-            "after_standard_uncertainty": each.after_sigma,
+            "after_standard_uncertainty": _finite(each.after_sigma),
         },
         "bandwidth_hz": each.bandwidth,
-        "sines_lost_below": [float(v) if np.isfinite(v) else None for v in each.smaller_than],
+        "sines_lost_below": [_finite(v) for v in each.smaller_than],
         "delay_s": each.delay,
         "allan_deviation": {
             "tau_s": each.tau.tolist(),
@@ -422,6 +422,11 @@ def _channel(each: ChannelOutcome) -> dict[str, Any]:
         },
         "settings": each.settings,
     }
+
+
+def _finite(value: float) -> float | None:
+    """The number, or None where there is none, as JSON wants it."""
+    return float(value) if np.isfinite(value) else None
 
 
 def _silent(stage: str) -> None:
