@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Matrix, Table, Vector
+from tumble.arrays import Matrices, Matrix, Table, Vector, Vectors
 
 
 def skew(vector: Vector) -> Matrix:
@@ -62,6 +62,39 @@ def rotation_vector_from_matrix(C: Matrix) -> Vector:
     sine = float(np.sqrt(q[:3] @ q[:3]))
     scale = 2.0 if sine < 1e-12 else 2.0 * np.arctan2(sine, q[3]) / sine
     return scale * q[:3]
+
+
+def matrices_from_rotation_vectors(rotation_vectors: Vectors) -> Matrices:
+    """Return (rows, 3, 3) `matrix_from_rotation_vector` of each row.
+
+    Parameters
+    ----------
+    rotation_vectors : (rows, 3) rad.
+    """
+    square = np.einsum("ka,ka->k", rotation_vectors, rotation_vectors)
+    angle = np.sqrt(square)
+    small = angle < 1e-4
+    safe = np.where(small, 1.0, angle)
+    first = np.where(small, 1.0 - square / 6.0, np.sin(safe) / safe)
+    second = np.where(small, 0.5 - square / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    cross = skews(rotation_vectors)
+    return np.eye(3) + first[:, None, None] * cross + second[:, None, None] * (cross @ cross)
+
+
+def rotation_vectors_from_matrices(C: Matrices) -> Vectors:
+    """Return (rows, 3) `rotation_vector_from_matrix` of each matrix, rad."""
+    from scipy.spatial.transform import Rotation
+
+    if not len(C):
+        return np.zeros((0, 3))
+    return np.asarray(Rotation.from_matrix(C).as_rotvec(), dtype=np.float64)
+
+
+def skews(vectors: Vectors) -> Matrices:
+    """Return (rows, 3, 3) the matrices ``S`` with ``S @ w == cross(vector, w)``."""
+    made = np.zeros((vectors.shape[0], 3, 3))
+    made[:, 0, 1], made[:, 0, 2], made[:, 1, 2] = -vectors[:, 2], vectors[:, 1], -vectors[:, 0]
+    return made - np.swapaxes(made, 1, 2)
 
 
 def rotation_between(start: Vector, end: Vector) -> Matrix:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Vector, Vectors, inverted
+from tumble.attitude.rotations import skews
 from tumble.calibration.joint_unknowns import force_matrix, gyro_matrix
 from tumble.calibration.triad_unknowns import BIAS
 from tumble.calibration.turn_conditions import HoldsAndTurns, window_directions
@@ -265,12 +266,5 @@ def mean_backward_rotation(spin: JointSpin, rate: Vectors) -> Matrices:
     starts = spin.windows[:, 0] - spin.windows[0, 0]
     sine = np.add.reduceat(np.sin(phase), starts) / count
     cosine = np.add.reduceat(np.cos(phase), starts) / count
-    cross = cross_matrices(rate / np.maximum(speed, 1e-30)[:, None])
+    cross = skews(rate / np.maximum(speed, 1e-30)[:, None])
     return np.eye(3) - sine[:, None, None] * cross + (1.0 - cosine)[:, None, None] * (cross @ cross)
-
-
-def cross_matrices(vectors: Vectors) -> Matrices:
-    """Return (rows, 3, 3) the matrices ``S`` with ``S @ w == cross(vector, w)``."""
-    made = np.zeros((vectors.shape[0], 3, 3))
-    made[:, 0, 1], made[:, 0, 2], made[:, 1, 2] = -vectors[:, 2], vectors[:, 1], -vectors[:, 0]
-    return made - np.swapaxes(made, 1, 2)

@@ -15,8 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Square, Table, Vector, inverted
-from tumble.attitude.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix, skew
-from tumble.calibration.joint_data import JointData, JointSpin, cross_matrices, mean_backward_rotation
+from tumble.attitude.rotations import (
+    matrix_from_rotation_vector,
+    rotation_vector_from_matrix,
+    rotation_vectors_from_matrices,
+    skew,
+    skews,
+)
+from tumble.calibration.joint_data import JointData, JointSpin, mean_backward_rotation
 from tumble.calibration.joint_terms import (
     BORDER,
     Extra,
@@ -230,7 +236,7 @@ def _add_force(
     rates = (spin.rate - unknowns[GYRO_BIAS]) @ inverted(gyro_matrix(unknowns)).T
     backward = mean_backward_rotation(spin, rates) @ np.swapaxes(state.C_wb, 1, 2)
     up = np.array([0.0, 0.0, -gravity])
-    centripetal = cross_matrices(rates) @ cross_matrices(rates)
+    centripetal = skews(rates) @ skews(rates)
     bases = layout.bases(spin.modes)
     shown = raw_force(unknowns, backward @ up + centripetal @ state.own[layout.inner(layout.lever())])
     residual = shown.value + bases @ state.own[layout.inner(layout.force())] - spin.force
@@ -304,10 +310,8 @@ def _edge_seconds(data: JointData, spin: JointSpin) -> tuple[float, float]:
 
 def _axis(state: SpinState) -> Vector:
     """The axis in w: over the windows the attitude goes round it, the same way all the time."""
-    steps = [
-        rotation_vector_from_matrix(b @ a.T) for a, b in zip(state.C_wb[:-1], state.C_wb[1:], strict=True)
-    ]
-    axis = np.sum(steps, axis=0) if steps else np.array([0.0, 0.0, 1.0])
+    steps = rotation_vectors_from_matrices(state.C_wb[1:] @ np.swapaxes(state.C_wb[:-1], 1, 2))
+    axis = steps.sum(axis=0) if len(steps) else np.array([0.0, 0.0, 1.0])
     return np.asarray(axis / max(float(np.linalg.norm(axis)), 1e-30), dtype=np.float64)
 
 

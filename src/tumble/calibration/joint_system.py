@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import Series, Square, inverted
-from tumble.attitude.rotations import matrix_from_rotation_vector
+from tumble.arrays import Matrices, Series, Square, Vectors, inverted
+from tumble.attitude.rotations import matrices_from_rotation_vectors, matrix_from_rotation_vector
 from tumble.calibration.joint_data import JointData
 from tumble.calibration.joint_spins import SpinEquations, SpinState, spin_equations, start_spin
 from tumble.calibration.joint_terms import (
@@ -394,8 +394,8 @@ def _move(problem: JointProblem, state: JointState, equations: list[SectionEquat
     state.unknowns = state.unknowns + full
 
 
-def _turned(C: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    return np.array([matrix_from_rotation_vector(s) @ c for s, c in zip(steps, C, strict=True)])
+def _turned(C: Matrices, steps: Vectors) -> Matrices:
+    return matrices_from_rotation_vectors(steps) @ C
 
 
 def _solution(

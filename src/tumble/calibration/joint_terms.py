@@ -22,7 +22,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Vector, Vectors, inverted
 from tumble.attitude import integrate_turns
-from tumble.attitude.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
+from tumble.attitude.rotations import matrices_from_rotation_vectors, rotation_vectors_from_matrices
 from tumble.calibration.joint_data import JointData
 from tumble.calibration.joint_unknowns import (
     FORCE,
@@ -201,8 +201,7 @@ def _rest_terms(section: Section, extra: Extra, node: np.ndarray) -> Terms:
 
 
 def _swayed(before: Matrices, after: Matrices) -> Vectors:
-    vectors = [rotation_vector_from_matrix(a.T @ b) for a, b in zip(before, after, strict=True)]
-    return np.array(vectors).reshape(-1, 3)
+    return rotation_vectors_from_matrices(np.swapaxes(before, 1, 2) @ after)
 
 
 def _force_terms(
@@ -297,11 +296,8 @@ def link_residuals(
     ``sums[..., j] E[:, j]`` in the start frame.
     """
     count = len(C_start)
-    earth = np.array([matrix_from_rotation_vector(-t * earth_w) for t in link.duration]).reshape(-1, 3, 3)
-    carried = earth @ C_start @ link.C_se
-    residual = np.array(
-        [rotation_vector_from_matrix(c @ e.T) for c, e in zip(carried, C_end, strict=True)]
-    ).reshape(-1, 3)
+    earth = matrices_from_rotation_vectors(-link.duration[:, None] * earth_w)
+    residual = rotation_vectors_from_matrices(earth @ C_start @ link.C_se @ np.swapaxes(C_end, 1, 2))
     inverse = inverted(gyro_matrix(unknowns))
     outer = earth @ C_start
     moves = np.einsum("tab,tbcj,ci->taij", outer, link.sums, inverse)
