@@ -14,10 +14,12 @@ from tumble.cli.options import (
     Gravity,
     Intervals,
     Json,
+    OutsideOption,
     Quiet,
     Rate,
     Recordings,
     SiteOption,
+    TemperatureOption,
     Units,
 )
 from tumble.cli.progress import progress
@@ -36,13 +38,16 @@ def verify_command(
     columns: Columns = None,
     rate: Rate = None,
     intervals: Intervals = None,
+    temperature: TemperatureOption = None,
+    outside: OutsideOption = "refuse",
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Judge a calibration on another recording: the norm of each hold, the angle left after each turn.
 
     The residuals are compared with what the calibration's uncertainty and the noise explain. Gravity
-    is the calibration's own unless --site or --gravity is given. Exit status 0: it serves; 1: not.
+    is the calibration's own unless --site or --gravity is given. A calibration with a thermal model follows the
+    recording's temperature. Exit status 0: it serves; 1: not.
     """
     from tumble.workflows.site import choose_site
     from tumble.workflows.verify import verify
@@ -57,6 +62,8 @@ def verify_command(
             units=units,
             rate=rate,
             intervals=intervals,
+            temperature=temperature,
+            outside=outside,
             progress=say,
         )
     if as_json:

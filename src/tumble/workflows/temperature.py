@@ -158,6 +158,16 @@ def about_temperature(
     return words
 
 
+def recorded_span(recording: Recording, stated: float | None) -> tuple[float, float]:
+    """Return (lowest, highest) recorded temperature, °C, or the stated one twice; NaN for not known."""
+    if stated is not None:
+        return stated, stated
+    celsius = recording.temperature
+    if celsius is None or not np.isfinite(celsius).any():
+        return float("nan"), float("nan")
+    return float(np.nanmin(celsius)), float(np.nanmax(celsius))
+
+
 def _scale_of(
     calibration: Calibration, middle: float, low: float, high: float, *, trusted: bool
 ) -> str | None:

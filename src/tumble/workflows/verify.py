@@ -18,8 +18,17 @@ from tumble.calibration.verdict import two_digits
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError
 from tumble.recording import read_recordings
+from tumble.recording.corrections import corrections_of
 from tumble.segmentation import find_timeline, observe_holds, read_intervals
 from tumble.workflows.apply import in_calibration_units, raw_factors
+from tumble.workflows.expected_norms import conditions, corrected_whole, hold_noise, norm_sigmas
+from tumble.workflows.temperature import (
+    about_temperature,
+    check_outside,
+    needs_temperature,
+    recorded_span,
+    refuse_twice,
+)
 
 # Normalised residuals beyond this contradict the calibration: one in 15,000 by chance.
 LARGEST_NORMALISED = 4.0
@@ -79,6 +88,8 @@ def verify(
     units: str | None = None,
     rate: float | None = None,
     intervals: str | os.PathLike[str] | None = None,
+    temperature: float | None = None,
+    outside: str = "refuse",
     progress: Callable[[str], None] | None = None,
 ) -> list[Verification]:
     """Judge a calibration by the holds and turns of each recording.
@@ -89,11 +100,14 @@ def verify(
     paths, columns, units, rate : recordings, as for `tumble.read_recording`.
     site : where they were made; by default the calibration's own site.
     intervals : file of the holds, instead of finding them.
+    temperature, outside : as for `tumble.workflows.apply.apply`.
 
     Raises
     ------
     CalibrationFileError, RecordingError, SegmentationError, UsageError
         If an input is wrong or the recordings hold nothing to judge by.
+    ThermalSpanError
+        If the temperature leaves the calibrated span and `outside` is ``refuse``.
     """
     say = progress or _silent
     document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
@@ -103,20 +117,34 @@ def verify(
             "accelerometers' calibration too; calibrate both triads (hand-held, modified-multi-position)."
         )
     place = site or _site_of(document)
+    beyond = check_outside(outside)
+    files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
+    for file in files:
+        refuse_twice(document, corrections_of([file]))
     say("reading")
     results: list[Verification] = []
-    for recording in read_recordings(paths, columns=columns, units=units, rate=rate):
+    recordings = read_recordings(paths, columns=columns, units=units, rate=rate)
+    for number, recording in enumerate(recordings):
+        own_files = [files[number]] if len(recordings) == len(files) else files
         scaled = in_calibration_units(recording, raw_factors(document, recording))
+        model, words = document.model, list[str]()
+        if needs_temperature(document) or document.composed_with is not None:
+            scaled, model, words = corrected_whole(document, scaled, own_files, temperature, beyond)
+        else:
+            words = about_temperature(document, None, recorded_span(recording, temperature))
         say("finding holds and turns")
         given = None if intervals is None else read_intervals(Path(intervals))
         timeline = find_timeline(scaled, intervals=given)
         means = observe_holds(scaled, timeline)
         if means.specific_force is None or means.specific_force_covariance is None:
             raise RecordingError("The recording has no accelerometer: there is nothing to verify by.")
-        model = document.model
         assert model.accelerometer is not None
         norms = hold_norm_errors(model, means.specific_force, place.gravity)
-        sigmas = _norm_sigmas(document, means.specific_force, means.specific_force_covariance, place)
+        noise = hold_noise(model.accelerometer, means.specific_force, means.specific_force_covariance)
+        force = model.accelerometer.correct(means.specific_force)
+        sigmas = norm_sigmas(
+            document, force, noise, place, conditions(document, scaled, timeline, temperature)
+        )
         none = np.full(norms.size, np.nan)
         angles, sizes, durations, change = none, none.copy(), none.copy(), np.full(3, np.nan)
         if model.gyroscope is not None and scaled.angular_rate is not None:
@@ -139,9 +167,9 @@ def verify(
             remarks=[remark.text for remark in recording.remarks],
         )
         hashes = {name.sha256 for name in document.recordings}
-        assert model.accelerometer is not None
-        poses = len(distinct_poses(model.accelerometer.correct(means.specific_force)))
+        poses = len(distinct_poses(force))
         _judge(result, document, poses, any(source.sha256 in hashes for source in recording.sources))
+        result.reasons += words
         results.append(result)
     return results
 
@@ -154,36 +182,6 @@ def _site_of(document: Calibration) -> Site:
         latitude=None if block.latitude_deg is None else float(np.radians(block.latitude_deg)),
         source="the calibration's own site",
     )
-
-
-def _norm_sigmas(document: Calibration, means: np.ndarray, noise: np.ndarray, place: Site) -> Series:
-    """Return each norm's sigma: calibration, hold noise and wandering bias; gravity's is common.
-
-    The norm's derivative by matrix entry (i, j) is -w_i f_j and by bias -w_i, with w = inv(M)' f / |f|.
-    """
-    model = document.model
-    assert model.accelerometer is not None
-    force = model.accelerometer.correct(means)
-    unit = force / np.linalg.norm(force, axis=1, keepdims=True)
-    weight = unit @ np.linalg.inv(model.accelerometer.matrix)
-    names = document.covariance_parameters
-    by_parameter = np.zeros((means.shape[0], len(names)))
-    for index, name in enumerate(names):
-        if name.startswith("accelerometer.matrix"):
-            i, j = (int(digit) for digit in name[name.index("[") + 1 : -1].split(","))
-            by_parameter[:, index] = -weight[:, i] * force[:, j]
-        elif name.startswith("accelerometer.bias"):
-            by_parameter[:, index] = -weight[:, int(name[-2])]
-    variance = np.einsum("kp,pq,kq->k", by_parameter, document.covariance_matrix, by_parameter)
-    variance += np.einsum("ka,kab,kb->k", weight, noise, weight)
-    for name, value in document.quality.variance_components.items():
-        if name.startswith("accelerometer"):
-            variance += value**2
-    # The same gravity in calibration and verification cancels; another site's does not.
-    own = document.site.gravity_standard_uncertainty
-    if abs(place.gravity - document.site.gravity) > 1e-9:
-        variance += own**2 + place.gravity_sigma**2
-    return np.sqrt(variance)
 
 
 def _judge(result: Verification, document: Calibration, poses: int, own_recording: bool) -> None:
