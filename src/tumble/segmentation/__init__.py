@@ -9,6 +9,7 @@ from tumble.segmentation.observations import HoldMeans, observe_holds
 from tumble.segmentation.search import find_timeline
 from tumble.segmentation.spin_means import SpinMeans, observe_spins
 from tumble.segmentation.spins import FoundSpin, find_spins
+from tumble.segmentation.thermal_rests import find_thermal_timeline
 from tumble.segmentation.timeline import Hold, NoiseFloor, Rejection, Timeline, Turn
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "Timeline",
     "Turn",
     "find_spins",
+    "find_thermal_timeline",
     "find_timeline",
     "mean_covariance",
     "observe_holds",

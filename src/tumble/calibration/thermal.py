@@ -1,0 +1,453 @@
+"""Thermal calibration: rests at many temperatures, soaked or swept, in one adjustment.
+
+Holds at soaks are multi-position tests at several temperatures, a sweep at rest is one pose at all of them, and a
+tumbled sweep is both; all are the same equations (`thermal_conditions`). What is a function of temperature is a
+polynomial, straight lines between soaks, or a natural spline, as leaving soaks or bands of temperature out
+decides; with it go the dependence on the rate, the hysteresis, and the lag of the sensors behind the
+thermometer, as far as the way of the temperature tells them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from tumble.arrays import Series, Square, Vectors
+from tumble.calibration.canonical import describe_unknowns
+from tumble.calibration.estimate import Estimate, LeftOut, NamedValue, TermTest, correlation_matrix
+from tumble.calibration.multi_position import fit_norms
+from tumble.calibration.poses import distinct_poses
+from tumble.calibration.singular_poses import describe_untold
+from tumble.calibration.start_values import rough_triad
+from tumble.calibration.term_tests import wald_test
+from tumble.calibration.thermal_conditions import ThermalTerms
+from tumble.calibration.thermal_coverage import Coverage, find_coverage, require_time_base
+from tumble.calibration.thermal_evidence import BiasCurve, SeparateBias, ThermalEvidence
+from tumble.calibration.thermal_fit import (
+    Surroundings,
+    ThermalFit,
+    choose_terms,
+    fit_thermal,
+    name_of,
+    soaks_of,
+)
+from tumble.calibration.thermal_model import ThermalSolution, bias_curve, thermal_solution
+from tumble.calibration.thermal_points import ThermalPoints, find_points
+from tumble.calibration.thermal_words import not_determined_words, thermal_parameters, thermal_remarks
+from tumble.calibration.triad_unknowns import BIAS, SCALE
+from tumble.earth import EARTH_RATE, Site
+from tumble.errors import ConvergenceError, ObservabilityError
+from tumble.protocol.steps import Protocol
+from tumble.recording.recording import Recording
+from tumble.segmentation import Timeline
+from tumble.sensor.thermal import TemperatureBasis
+from tumble.units import angular_rate_factor, specific_force_factor
+
+# Where units are usually calibrated; the middle of the span where it is not in it.
+USUAL_REFERENCE = 25.0  # °C
+FIRST_LAG, FIRST_WIDTH = 30.0, 5.0  # s, K
+LAGS, WIDTHS = (0.0, 15.0, 30.0, 60.0, 120.0, 240.0), (2.0, 5.0, 10.0)
+FALSE_ALARM = 0.01
+CURVE = 41
+
+
+def calibrate_thermal(
+    recording: Recording,
+    timeline: Timeline,
+    site: Site,
+    *,
+    protocol: Protocol | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Estimate:
+    """Calibrate both triads as functions of temperature.
+
+    Parameters
+    ----------
+    recording : with a temperature.
+    timeline : its rests.
+    site : gravity and Earth rate.
+    protocol : soaks and ramps, where somebody said; tells a soak test from a sweep.
+    progress : is told in words what is being done.
+
+    Raises
+    ------
+    ObservabilityError
+        If stamps or thermometer cannot serve, or the rests tell nothing of temperature.
+    ConvergenceError
+        If the adjustment does not settle.
+    """
+    say = progress or _silent
+    say("temperatures")
+    require_time_base(recording)
+    everything = find_points(recording, timeline)
+    points, factors, poses, told = _in_near_si(everything, recording)
+    coverage = find_coverage(points, protocol, poses)
+    kept = points.only(coverage.keep)
+    told = _told_by(kept, poses[coverage.keep], told)
+    if told == 0:
+        _require_changes(kept, recording)
+    soaks = soaks_of(kept.celsius) if coverage.kind == "soak" else None
+    where = Surroundings(
+        site.gravity, _earth(site, recording), FIRST_LAG if coverage.kind == "ramp" else 0.0, FIRST_WIDTH
+    )
+    terms = ThermalTerms(TemperatureBasis("polynomial", _reference(coverage), order=1), told)
+    terms = replace(terms, hysteresis=coverage.both_branches)
+    if coverage.kind == "ramp":
+        say("lag and hysteresis")
+        where = _first_path(kept, terms, where)
+    say("functions of temperature")
+    terms, candidates = choose_terms(kept, terms, where, soaks)
+    say("adjusting")
+    fit, tests = _with_path(kept, terms, where, coverage)
+    lag, width = fit.conditions.lag_and_width(fit.values)
+    solution = thermal_solution(
+        fit.values,
+        fit.covariance,
+        fit.layout,
+        lag=lag,
+        width=width,
+        factors=factors,
+        span=coverage.span,
+        largest_rate=coverage.largest_rate,
+    )
+    evidence = _evidence(everything, kept, fit, solution, coverage, factors, soaks, site)
+    evidence.candidates = candidates
+    evidence.poses = len(np.unique(poses[coverage.keep]))
+    return _estimate(recording, site, fit, solution, coverage, evidence, tests, kept)
+
+
+def _in_near_si(
+    points: ThermalPoints, recording: Recording
+) -> tuple[ThermalPoints, tuple[float, float], np.ndarray, int]:
+    """Return the points divided by nominal scale factors, these factors, each point's pose, and what poses may tell."""
+    force_factor = specific_force_factor(recording.specific_force_unit)
+    rate_factor = angular_rate_factor(recording.angular_rate_unit)
+    told, poses = 0, np.zeros(len(points), dtype=int)
+    if points.force is not None and points.force_covariance is not None:
+        rough = None
+        if force_factor is None:
+            rough = rough_triad(points.force, 9.80665)
+            force_factor = 1.0 / float(np.mean(rough[SCALE]))
+        force = points.force * force_factor
+        directions = force - (0.0 if rough is None else rough[BIAS] * force_factor)
+        chosen = distinct_poses(directions)
+        units = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        poses = np.argmax(units @ units[chosen].T, axis=1)
+        told = len(chosen)
+        points = replace(points, force=force, force_covariance=points.force_covariance * force_factor**2)
+    if points.rate is not None and points.rate_covariance is not None:
+        factor = rate_factor or 1.0
+        points = replace(
+            points, rate=points.rate * factor, rate_covariance=points.rate_covariance * factor**2
+        )
+    return points, (force_factor or 1.0, rate_factor or 1.0), poses, told
+
+
+def _told_by(points: ThermalPoints, poses: np.ndarray, count: int) -> int:
+    """Return how many unknowns of the accelerometers the poses tell: 9, 6 or 0."""
+    if points.force is None or count < 6:
+        return 0
+    first = np.unique(poses, return_index=True)[1]
+    units = points.force[first] / np.linalg.norm(points.force[first], axis=1, keepdims=True)
+    for unknowns in (9, 6):
+        if len(units) >= unknowns and not describe_untold(units, unknowns):
+            return unknowns
+    return 0
+
+
+def _require_changes(points: ThermalPoints, recording: Recording) -> None:
+    """Refuse counts and single rests where no pose tells scale factors."""
+    if points.force is None:
+        return
+    if specific_force_factor(recording.specific_force_unit) is None:
+        raise ObservabilityError(
+            "The recording is in counts, and too few poses tell what a count is: declare its units with --units, or "
+            "tumble the unit through nine poses or more."
+        )
+    if np.unique(points.placement, return_counts=True)[1].max() < 2 and points.rate is None:
+        raise ObservabilityError(
+            "No pose was kept while the temperature changed, and there are too few poses for the norm of gravity: "
+            "leave the unit at rest during the sweep, or hold nine poses at each temperature."
+        )
+
+
+def _reference(coverage: Coverage) -> float:
+    low, high = coverage.span
+    return USUAL_REFERENCE if low <= USUAL_REFERENCE <= high else round(0.5 * (low + high))
+
+
+def _earth(site: Site, recording: Recording) -> tuple[float, float, float]:
+    """Return the Earth rate's vertical part, a sigma of each part across, and one of what no latitude tells."""
+    if angular_rate_factor(recording.angular_rate_unit) is None:
+        return 0.0, 0.0, 0.0
+    if site.latitude is None:
+        return 0.0, EARTH_RATE / np.sqrt(3.0), EARTH_RATE / np.sqrt(3.0)
+    return (
+        EARTH_RATE * float(np.sin(site.latitude)),
+        EARTH_RATE * float(np.cos(site.latitude)) / np.sqrt(2.0),
+        0.0,
+    )
+
+
+def _first_path(points: ThermalPoints, terms: ThermalTerms, where: Surroundings) -> Surroundings:
+    """Return lag and width, the best of a few, with a cubic: where the adjustment begins from."""
+    cubic = replace(terms, basis=TemperatureBasis("polynomial", terms.basis.reference_celsius, order=3))
+
+    def misfit(there: Surroundings) -> float:
+        try:
+            return fit_thermal(points, cubic, there, robust=False).adjustment.square_sum
+        except (ObservabilityError, ConvergenceError):
+            return np.inf
+
+    where = min((replace(where, lag=lag) for lag in LAGS), key=misfit)
+    if terms.hysteresis:
+        where = min((replace(where, width=width) for width in WIDTHS), key=misfit)
+    return where
+
+
+def _with_path(
+    points: ThermalPoints, terms: ThermalTerms, where: Surroundings, coverage: Coverage
+) -> tuple[ThermalFit, list[TermTest]]:
+    """Adjust with what the way of the temperature tells: hysteresis, lag, rate, as far as the data want them."""
+    swept = coverage.kind == "ramp"
+    terms = replace(terms, lag=swept, width=swept and terms.hysteresis)
+    fit = _adjusted(points, terms, where)
+    tests: list[TermTest] = []
+    if terms.hysteresis:
+        test = _tested(fit, "hysteresis", ("h", "gh"))
+        tests.append(test)
+        if not test.kept:
+            terms = replace(terms, hysteresis=False, width=False)
+            fit = _adjusted(points, terms, where)
+    if swept and coverage.both_branches:
+        # On one branch alone a dependence on the rate cannot be told from one on temperature.
+        try:
+            richer = _adjusted(points, replace(terms, rate=True), where)
+        except (ObservabilityError, ConvergenceError):
+            return fit, tests
+        test = _tested(richer, "rate of temperature", ("r", "gr"))
+        tests.append(test)
+        if test.kept:
+            fit = richer
+    if fit.layout.has_force and fit.layout.has_rate and fit.layout.terms.poses == 9:
+        richer = _adjusted(points, replace(fit.layout.terms, g_sensitivity=True), where)
+        test = _tested(richer, "g_sensitivity", ("G",))
+        tests.append(test)
+        if test.kept:
+            fit = richer
+    return fit, tests
+
+
+def _adjusted(points: ThermalPoints, terms: ThermalTerms, where: Surroundings) -> ThermalFit:
+    """Adjust; where the lag runs against its lowest value, without one."""
+    fit = fit_thermal(points, terms, where)
+    if terms.lag and fit.values[fit.layout.places["lag"]][0] <= 0.0:
+        return fit_thermal(points, replace(terms, lag=False), replace(where, lag=0.0))
+    return fit
+
+
+def _tested(fit: ThermalFit, name: str, kinds: tuple[str, ...]) -> TermTest:
+    at: list[int] = []
+    for kind in kinds:
+        if kind in fit.layout.places:
+            place = fit.layout.places[kind]
+            at += range(place.start, place.stop)
+    # Not the widened covariance: what is missing in the model is what makes neighbours alike.
+    covariance: Square = fit.adjustment.cofactor[np.ix_(at, at)]
+    return wald_test(name, fit.values[at], covariance, max(fit.adjustment.redundancy, 1), FALSE_ALARM)
+
+
+def _evidence(
+    everything: ThermalPoints,
+    kept: ThermalPoints,
+    fit: ThermalFit,
+    solution: ThermalSolution,
+    coverage: Coverage,
+    factors: tuple[float, float],
+    soaks: Series | None,
+    site: Site,
+) -> ThermalEvidence:
+    conditions, layout = fit.conditions, fit.layout
+    functions = conditions.functions(fit.values)
+    size = layout.terms.basis.size
+    celsius = kept.path.means(kept.path.followed(*conditions.lag_and_width(fit.values))[0][:, None])[:, 0]
+    nothing = np.full((len(kept), 3), np.nan)
+    force, force_sigma, rate, rate_sigma = (nothing.copy() for _ in range(4))
+    linear = fit.adjustment.linearisation
+    left = -np.where(linear.active, fit.adjustment.residual, np.nan)
+    misclosure = np.where(linear.active, linear.misclosure, np.nan)
+    variance = np.diagonal(linear.covariance, axis1=1, axis2=2)
+    grid = np.linspace(*coverage.span, CURVE)
+    curves: dict[str, BiasCurve] = {}
+    if layout.has_force and kept.force_covariance is not None:
+        curves["accelerometer"] = bias_curve("force", fit.values, fit.covariance, layout, factors[0], grid)
+        here = conditions.own >= 0
+        shown = conditions.biases(fit.values, functions, "force") + misclosure[:, :3]
+        force[here] = shown[here] / factors[0]
+        force_sigma[here] = np.sqrt(variance[here, :3]) / factors[0]
+    if layout.has_rate:
+        curves["gyroscope"] = bias_curve("rate", fit.values, fit.covariance, layout, factors[1], grid)
+        rate = (conditions.biases(fit.values, functions, "rate") + misclosure[:, 3:]) / factors[1]
+        rate_sigma = np.sqrt(variance[:, 3:]) / factors[1]
+    step = max(1, everything.path.time.size // 2000)
+    return ThermalEvidence(
+        coverage.kind,
+        name_of(layout.terms.basis),
+        kept.start,
+        kept.stop,
+        celsius,
+        functions[:, size],
+        functions[:, size + 1],
+        force,
+        force_sigma,
+        rate,
+        rate_sigma,
+        left / np.sqrt(variance),
+        curves,
+        everything.path.time[::step],
+        everything.path.recorded[::step],
+        _separate(kept, fit, factors, soaks, site) if layout.terms.poses == 9 else [],
+        rejected=coverage.rejected,
+        lag=solution.model.lag,
+        lag_sigma=solution.lag_sigma,
+        width=solution.model.hysteresis_width,
+        width_sigma=solution.width_sigma,
+    )
+
+
+def _separate(
+    kept: ThermalPoints, fit: ThermalFit, factors: tuple[float, float], soaks: Series | None, site: Site
+) -> list[SeparateBias]:
+    """Return the multi-position test of each soak alone, beside the one adjustment of all."""
+    if soaks is None or kept.force is None or kept.force_covariance is None:
+        return []
+    nearest = np.argmin(np.abs(kept.celsius[:, None] - soaks[None]), axis=1)
+    found: list[SeparateBias] = []
+    for k, celsius in enumerate(soaks.tolist()):
+        here = nearest == k
+        try:
+            alone = fit_norms(
+                kept.force[here],
+                kept.force_covariance[here] + fit.conditions.extra["force"] * np.eye(3),
+                site.gravity,
+                rough_triad(kept.force[here], site.gravity),
+                np.arange(9),
+                robust=False,
+            )
+        except (ObservabilityError, ConvergenceError):
+            continue
+        joint = bias_curve("force", fit.values, fit.covariance, fit.layout, factors[0], np.array([celsius]))
+        sigma = np.sqrt(np.diag(alone.covariance)[BIAS]) / factors[0]
+        found.append(SeparateBias(celsius, alone.unknowns[BIAS] / factors[0], sigma, joint.sigma[0]))
+    return found
+
+
+def _estimate(
+    recording: Recording,
+    site: Site,
+    fit: ThermalFit,
+    solution: ThermalSolution,
+    coverage: Coverage,
+    evidence: ThermalEvidence,
+    tests: list[TermTest],
+    kept: ThermalPoints,
+) -> Estimate:
+    terms, layout = fit.layout.terms, fit.layout
+    gyro = "bias" if layout.has_rate else "none"
+    optional = frozenset({"g_sensitivity"}) if terms.g_sensitivity else frozenset[str]()
+    described = describe_unknowns(
+        solution.unknowns, solution.unknowns_covariance, site, recording, terms=optional, gyro=gyro
+    )
+    names, parameters = described.names, described.parameters
+    covariance, correlations = described.covariance, described.correlations
+    if not terms.poses:
+        # Of the accelerometers nothing is known at the reference but what the sheet says: not named.
+        at = [i for i, name in enumerate(names) if not name.startswith("accelerometer")]
+        names, covariance = [names[i] for i in at], covariance[np.ix_(at, at)]
+        shown = [i for i, p in enumerate(parameters) if not p.name.startswith("accelerometer")]
+        parameters, correlations = [parameters[i] for i in shown], correlations[np.ix_(shown, shown)]
+    elif terms.poses == 6:
+        zero = [i for i, p in enumerate(parameters) if "accelerometer non-orthogonality" in p.name]
+        shown = [i for i in range(len(parameters)) if i not in zero]
+        parameters, correlations = [parameters[i] for i in shown], correlations[np.ix_(shown, shown)]
+    own = thermal_parameters(solution, terms, recording, evidence)
+    parameters = [*parameters, *own]
+    correlations = _padded(correlations, len(own), solution)
+    norms, sigmas = _norms(fit, kept)
+    nothing = np.full(norms.size, np.nan)
+    largest = float(np.nanmax(np.abs(evidence.residuals))) if np.any(np.isfinite(evidence.residuals)) else 0.0
+    return Estimate(
+        procedure="thermal",
+        model=described.model,
+        names=names,
+        covariance=covariance,
+        parameters=parameters,
+        correlations=correlations,
+        sigma0=fit.alone,
+        sigma0_final=fit.adjustment.sigma0,
+        degrees_of_freedom=fit.adjustment.redundancy,
+        coverage_factor=1.96,
+        largest_normalised=largest,
+        hold_norms=norms,
+        hold_sigmas=sigmas,
+        turn_angles=nothing,
+        turn_sigmas=nothing.copy(),
+        turn_sizes=nothing.copy(),
+        variance_components={
+            "accelerometer bias from rest to rest, m/s²": float(np.sqrt(fit.conditions.extra["force"])),
+            "gyro bias from rest to rest, rad/s": float(np.sqrt(fit.conditions.extra["rate"])),
+        },
+        left_out=[
+            LeftOut(
+                "hold",
+                int(kept.hold[o.group]),
+                f"between {kept.start[o.group]:.0f} and {kept.stop[o.group]:.0f} s its "
+                f"{'specific force' if o.kind == 'force' else 'angular rate'} is {o.normalised:.1f} times off what "
+                "the others show",
+            )
+            for o in fit.outliers
+        ],
+        terms=tests,
+        not_determined=not_determined_words(terms, layout, coverage, recording),
+        remarks=[*thermal_remarks(fit, solution, coverage, evidence), *coverage.remarks],
+        cautions=list(coverage.cautions),
+        thermal=solution.model,
+        thermal_names=solution.names,
+        thermal_covariance=solution.covariance,
+        thermal_evidence=evidence,
+    )
+
+
+def _padded(correlations: Square, count: int, solution: ThermalSolution) -> Square:
+    """Return the correlations with those of the thermal parameters beside them."""
+    first = correlations.shape[0]
+    whole = np.eye(first + count)
+    whole[:first, :first] = correlations
+    inner = correlation_matrix(solution.covariance)
+    size = min(count, inner.shape[0])
+    whole[first : first + size, first : first + size] = inner[:size, :size]
+    return whole
+
+
+def _norms(fit: ThermalFit, kept: ThermalPoints) -> tuple[Series, Series]:
+    """Return what each rest's corrected specific force differs from gravity by, and its expected size, m/s²."""
+    if kept.force is None or kept.force_covariance is None or not fit.layout.terms.poses:
+        return np.zeros(0), np.zeros(0)
+    conditions = fit.conditions
+    functions = conditions.functions(fit.values)
+    matrices = conditions.matrices(fit.values, functions)
+    raw = kept.force - conditions.biases(fit.values, functions, "force")
+    corrected: Vectors = np.asarray(np.linalg.solve(matrices, raw[:, :, None])[:, :, 0], dtype=np.float64)
+    length = np.linalg.norm(corrected, axis=1)
+    unit = corrected / length[:, None]
+    spread = kept.force_covariance + conditions.extra["force"] * np.eye(3)
+    return length - conditions.gravity, np.sqrt(np.einsum("na,nab,nb->n", unit, spread, unit))
+
+
+def _silent(_: str) -> None:
+    """Tell nobody."""
+
+
+__all__ = ["NamedValue", "calibrate_thermal"]

@@ -1,0 +1,426 @@
+"""The equations of a thermal test: what both triads show at rest, at many temperatures, in one adjustment.
+
+A point is a short rest at the sensor's temperature T, with dT/dt and the state s of the hysteresis. With
+``M(T) = M0 + sum_k M_k f_k(T)`` and ``b(T) = b0 + sum_k b_k f_k(T) + r dT/dt + h s``:
+
+- alone in its pose: the corrected specific force has the norm of gravity (the multi-position test);
+- one of several in one pose: ``raw = M(T) f + b(T)`` with the same specific force f for all, whose direction is
+  unknown; f has the norm of gravity, or where no pose tells scale factors from biases, no norm at all;
+- the gyros: ``raw = b(T) + nominal (Earth rate) + G f``. The Earth rate's vertical part is known with the
+  latitude; its horizontal part is unknown in each placement, with the size that it has.
+
+All raw numbers are divided by one nominal scale factor beforehand, so that they are near SI.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Series, Square, Table, Vectors
+from tumble.calibration.thermal_points import ThermalPoints
+from tumble.estimation import Linearisation, Prior
+from tumble.sensor.thermal import TemperatureBasis
+
+# Entries of a lower triangular matrix, scale factors first.
+ENTRIES = ((0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1))
+# What is known of the lag before: sensors inside a case are some tens of seconds behind a thermometer beside them.
+LAG_PRIOR, LAG_SIGMA = 60.0, 60.0  # s
+WIDTH_PRIOR, WIDTH_SIGMA = 5.0, 3.0  # K
+LEAST_WIDTH = 0.5
+# Steps of the numerical derivatives by lag and width: small against what they are known to.
+LAG_STEP, WIDTH_STEP = 1.0, 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalTerms:
+    """Which unknowns a thermal model has.
+
+    Attributes
+    ----------
+    basis : the functions of temperature, `basis.size` of them for the biases.
+    poses : what the poses tell of the accelerometers: 9, 6 (no non-orthogonality) or 0 (changes of bias alone).
+    matrix_functions : how many of the functions the accelerometers' matrix has.
+    rate, hysteresis : of the biases.
+    lag, width : are estimated, not fixed.
+    g_sensitivity : of the gyros.
+    """
+
+    basis: TemperatureBasis
+    poses: int
+    matrix_functions: int = 0
+    rate: bool = False
+    hysteresis: bool = False
+    lag: bool = False
+    width: bool = False
+    g_sensitivity: bool = False
+
+
+@dataclass(slots=True)
+class Layout:
+    """Where each kind of unknown is in the vector."""
+
+    terms: ThermalTerms
+    has_force: bool
+    has_rate: bool
+    multiple: int
+    places: dict[str, slice] = field(default_factory=dict[str, slice])
+    size: int = 0
+
+    def __post_init__(self) -> None:
+        """Give every kind its place."""
+        terms = self.terms
+        functions = terms.basis.size
+        entries = {9: 6, 6: 3, 0: 0}[terms.poses]
+        if self.has_force:
+            self._add("M0", entries)
+            self._add("b0", 3 if terms.poses else 0)
+            self._add("b", 3 * functions)
+            self._add("M", entries * terms.matrix_functions)
+            self._add("r", 3 * terms.rate)
+            self._add("h", 3 * terms.hysteresis)
+        if self.has_rate:
+            self._add("gb0", 3)
+            self._add("gb", 3 * functions)
+            self._add("gr", 3 * terms.rate)
+            self._add("gh", 3 * terms.hysteresis)
+            self._add("G", 9 * terms.g_sensitivity)
+        self._add("lag", int(terms.lag))
+        self._add("width", int(terms.width))
+        if self.has_force:
+            self._add("directions", (2 if terms.poses else 3) * self.multiple)
+        if self.has_rate:
+            self._add("earth", 3 * self.multiple)
+
+    @property
+    def entries(self) -> int:
+        """How many entries of the accelerometers' matrix are unknown."""
+        return {9: 6, 6: 3, 0: 0}[self.terms.poses]
+
+    @property
+    def shared(self) -> int:
+        """Number of unknowns that are no placement's own."""
+        starts = [self.places[name].start for name in ("directions", "earth") if name in self.places]
+        return min(starts, default=self.size)
+
+    def _add(self, name: str, count: int) -> None:
+        self.places[name] = slice(self.size, self.size + count)
+        self.size += count
+
+
+class ThermalConditions:
+    """`Conditions` for the adjustment: six rows a point, three of each triad, in near SI.
+
+    Parameters
+    ----------
+    points : raw numbers divided by the nominal scale factors.
+    terms : the unknowns.
+    gravity : m/s².
+    earth : rad/s, the Earth rate's vertical part, one sigma of each component across it, and one sigma of
+        each component besides, where no latitude is known.
+    lag, width : s and K, where they are not unknown.
+    start : values to begin from, as `Layout` has them.
+    """
+
+    def __init__(
+        self,
+        points: ThermalPoints,
+        terms: ThermalTerms,
+        gravity: float,
+        earth: tuple[float, float, float],
+        lag: float,
+        width: float,
+    ) -> None:
+        self.points, self.terms, self.gravity, self.earth = points, terms, gravity, earth
+        self.lag, self.width = lag, width
+        placement, counts = np.unique(points.placement, return_counts=True)
+        # Which placement has unknowns of its own: those with several points.
+        several = placement[counts > 1]
+        self.own = np.searchsorted(several, points.placement)
+        self.own = np.where(np.isin(points.placement, several), self.own, -1)
+        self.layout = Layout(terms, points.force is not None, points.rate is not None, several.size)
+        self.extra = {"force": 0.0, "rate": 0.0}
+        self.active = self.rows()
+        # Base directions of the placements with several points, and the force there where it is free.
+        self.directions = np.zeros((several.size, 3))
+        self.tangents = np.zeros((several.size, 3, 2))
+        self.cached: dict[tuple[float, float], Table] = {}
+        if points.force is not None:
+            for k in range(several.size):
+                mean = points.force[self.own == k].mean(axis=0)
+                self._point_along(k, mean / np.linalg.norm(mean))
+
+    def _point_along(self, k: int, direction: Series) -> None:
+        self.directions[k] = direction
+        helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
+        first = np.cross(direction, helper)
+        first /= np.linalg.norm(first)
+        self.tangents[k] = np.column_stack([first, np.cross(direction, first)])
+
+    def rows(self) -> np.ndarray:
+        """Return (points, 6) of bool: which equations there are."""
+        active = np.zeros((len(self.points), 6), dtype=bool)
+        if self.points.force is not None:
+            active[:, 0] = (self.own >= 0) | (self.terms.poses > 0)
+            active[:, 1] = active[:, 2] = self.own >= 0
+        if self.points.rate is not None:
+            active[:, 3:] = True
+        return active
+
+    def start(self) -> Series:
+        """Return start values: nominal, with the mean rate as the gyros' bias."""
+        layout, values = self.layout, np.zeros(self.layout.size)
+        if self.points.force is not None and self.terms.poses:
+            values[layout.places["M0"]][:3] = 1.0
+        if self.points.rate is not None:
+            values[layout.places["gb0"]] = self.points.rate.mean(axis=0)
+        if self.terms.lag:
+            values[layout.places["lag"]] = self.lag
+        if self.terms.width:
+            values[layout.places["width"]] = self.width
+        if self.points.force is not None and not self.terms.poses:
+            place = layout.places["directions"]
+            means = [self.points.force[self.own == k].mean(axis=0) for k in range(self.directions.shape[0])]
+            values[place] = np.array(means).ravel()
+        return values
+
+    def prior(self) -> Prior:
+        """Return what is known beforehand: of the lag, of the loop's width, of the Earth rate's size."""
+        layout = self.layout
+        mean, precision = np.zeros(layout.size), np.zeros(layout.size)
+        if self.terms.lag:
+            mean[layout.places["lag"]], precision[layout.places["lag"]] = LAG_PRIOR, LAG_SIGMA**-2
+        if self.terms.width:
+            mean[layout.places["width"]], precision[layout.places["width"]] = WIDTH_PRIOR, WIDTH_SIGMA**-2
+        if self.points.rate is not None:
+            precision[layout.places["earth"]] = max(self.earth[1], 1e-9) ** -2
+        return Prior(mean, np.diag(precision))
+
+    def functions(self, values: Series) -> Table:
+        """Return (points, functions + 2) at the lag and width of `values`."""
+        lag, width = self.lag_and_width(values)
+        return self._functions(lag, width)
+
+    def lag_and_width(self, values: Series) -> tuple[float, float]:
+        """Return lag (s) and width (K), which are not below what they can be."""
+        lag = float(values[self.layout.places["lag"]][0]) if self.terms.lag else self.lag
+        width = float(values[self.layout.places["width"]][0]) if self.terms.width else self.width
+        return max(lag, 0.0), max(width, LEAST_WIDTH)
+
+    def _functions(self, lag: float, width: float) -> Table:
+        key = (round(lag, 9), round(width, 9))
+        if key not in self.cached:
+            if len(self.cached) > 8:
+                self.cached.clear()
+            self.cached[key] = self.points.functions(self.terms.basis, lag, width)
+        return self.cached[key]
+
+    def matrices(self, values: Series, functions: Table) -> AnyArray:
+        """Return (points, 3, 3) of the accelerometers' matrix."""
+        layout = self.layout
+        matrix = np.repeat(np.eye(3)[None], len(functions), axis=0)
+        count = layout.entries
+        if count:
+            own = np.repeat(values[layout.places["M0"]][None], len(functions), axis=0)
+            used = self.terms.matrix_functions
+            if used:
+                own = own + functions[:, :used] @ values[layout.places["M"]].reshape(used, count)
+            for k, (i, j) in enumerate(ENTRIES[:count]):
+                matrix[:, i, j] = own[:, k]
+        return matrix
+
+    def biases(self, values: Series, functions: Table, triad: str) -> Vectors:
+        """Return (points, 3) of the biases of "force" or "rate"."""
+        layout, mark = self.layout, "" if triad == "force" else "g"
+        size = self.terms.basis.size
+        bias = functions[:, :size] @ values[layout.places[f"{mark}b"]].reshape(size, 3)
+        place = layout.places[f"{mark}b0"]
+        if place.stop > place.start:
+            bias = bias + values[place]
+        if self.terms.rate:
+            bias = bias + functions[:, size, None] * values[layout.places[f"{mark}r"]]
+        if self.terms.hysteresis:
+            bias = bias + functions[:, size + 1, None] * values[layout.places[f"{mark}h"]]
+        return bias
+
+    def forces(self, values: Series, matrices: AnyArray, biases: Vectors) -> Vectors:
+        """Return (points, 3) the true specific force: that of the placement, or what the means say."""
+        assert self.points.force is not None
+        own = np.linalg.solve(matrices, (self.points.force - biases)[:, :, None])[:, :, 0]
+        for k in range(self.directions.shape[0]):
+            own[self.own == k] = self.placement_force(values, k)
+        return np.asarray(own, dtype=np.float64)
+
+    def placement_force(self, values: Series, k: int) -> Series:
+        """Return the specific force of a placement with several points."""
+        place = self.layout.places["directions"]
+        if not self.terms.poses:
+            return values[place][3 * k : 3 * k + 3]
+        moved = self.directions[k] + self.tangents[k] @ values[place][2 * k : 2 * k + 2]
+        return self.gravity * moved / np.linalg.norm(moved)
+
+    def linearise(self, parameters: Series) -> Linearisation:
+        """Linearise at `parameters`."""
+        points = self.points
+        functions = self.functions(parameters)
+        rows = len(points)
+        misclosure, design = np.zeros((rows, 6)), np.zeros((rows, 6, self.layout.size))
+        covariance = np.repeat(np.eye(6)[None], rows, axis=0)
+        shift = self._by_path(parameters, functions)
+        forces = None
+        if points.force is not None:
+            forces = self._force_rows(parameters, functions, shift, misclosure, design, covariance)
+        if points.rate is not None:
+            self._rate_rows(parameters, functions, shift, forces, misclosure, design, covariance)
+        off = ~self.active
+        misclosure[off], design[off] = 0.0, 0.0
+        both = self.active[:, :, None] & self.active[:, None, :]
+        covariance = np.where(both, covariance, 0.0)
+        covariance[:, range(6), range(6)] = np.where(self.active, covariance[:, range(6), range(6)], 1.0)
+        return Linearisation(misclosure, design, covariance, None, self.active)
+
+    def adjust_observations(self, multipliers: AnyArray) -> None:
+        """Means are known so well that a second order in their noise is nothing."""
+
+    def _by_path(self, values: Series, functions: Table) -> dict[str, Table]:
+        """Return how the functions change with lag and width: (points, functions + 2) each."""
+        lag, width = self.lag_and_width(values)
+        changes: dict[str, Table] = {}
+        if self.terms.lag:
+            changes["lag"] = (self._functions(lag + LAG_STEP, width) - functions) / LAG_STEP
+        if self.terms.width:
+            changes["width"] = (self._functions(lag, width + WIDTH_STEP) - functions) / WIDTH_STEP
+        return changes
+
+    def _force_rows(
+        self,
+        values: Series,
+        functions: Table,
+        shift: dict[str, Table],
+        misclosure: Table,
+        design: AnyArray,
+        covariance: AnyArray,
+    ) -> Vectors:
+        points, layout = self.points, self.layout
+        assert points.force is not None
+        assert points.force_covariance is not None
+        matrices = self.matrices(values, functions)
+        biases = self.biases(values, functions, "force")
+        forces = self.forces(values, matrices, biases)
+        # d raw by the unknowns, and raw minus what is expected, as three equations.
+        moved = np.zeros((len(points), 3, layout.size))
+        self._bias_columns(moved, functions, "force")
+        count, used = layout.entries, self.terms.matrix_functions
+        for k, (i, j) in enumerate(ENTRIES[:count]):
+            moved[:, i, layout.places["M0"].start + k] = forces[:, j]
+            for f in range(used):
+                moved[:, i, layout.places["M"].start + f * count + k] = functions[:, f] * forces[:, j]
+        for name, change in shift.items():
+            bent = self.biases(values, change, "force")
+            if layout.places["b0"].stop > layout.places["b0"].start:
+                bent = bent - values[layout.places["b0"]]
+            if used:
+                terms = values[layout.places["M"]].reshape(used, count)
+                turned = np.zeros((len(points), 3, 3))
+                for k, (i, j) in enumerate(ENTRIES[:count]):
+                    turned[:, i, j] = change[:, :used] @ terms[:, k]
+                bent = bent + np.einsum("nij,nj->ni", turned, forces)
+            moved[:, :, layout.places[name].start] = bent
+        alone = self.own < 0
+        inside = np.where(
+            alone[:, None], 0.0, points.force - np.einsum("nij,nj->ni", matrices, forces) - biases
+        )
+        misclosure[:, :3] = inside
+        design[:, :3] = -moved
+        extra = self.extra["force"] * np.eye(3)
+        covariance[:, :3, :3] = points.force_covariance + extra
+        self._direction_columns(values, matrices, design)
+        if np.any(alone) and self.terms.poses:
+            inverse = np.linalg.inv(matrices[alone])
+            towards = np.einsum("na,nab->nb", forces[alone], inverse) / self.gravity
+            misclosure[alone, 0] = 0.5 * (np.sum(forces[alone] ** 2, axis=1) / self.gravity - self.gravity)
+            design[alone, 0] = -np.einsum("nb,nbp->np", towards, moved[alone])
+            spread = points.force_covariance[alone] + extra
+            covariance[alone, :3, :3] = np.eye(3)
+            covariance[alone, 0, 0] = np.einsum("na,nab,nb->n", towards, spread, towards)
+        return forces
+
+    def _direction_columns(self, values: Series, matrices: AnyArray, design: AnyArray) -> None:
+        place = self.layout.places["directions"]
+        for k in range(self.directions.shape[0]):
+            here = self.own == k
+            if not self.terms.poses:
+                design[here, :3, place.start + 3 * k : place.start + 3 * k + 3] = -matrices[here]
+                continue
+            force = self.placement_force(values, k)
+            moved = self.directions[k] + self.tangents[k] @ values[place][2 * k : 2 * k + 2]
+            length = np.linalg.norm(moved)
+            unit = force / self.gravity
+            by = self.gravity / length * (np.eye(3) - np.outer(unit, unit)) @ self.tangents[k]
+            design[here, :3, place.start + 2 * k : place.start + 2 * k + 2] = -matrices[here] @ by
+
+    def _bias_columns(self, moved: AnyArray, functions: Table, triad: str) -> None:
+        layout, mark, size = self.layout, "" if triad == "force" else "g", self.terms.basis.size
+        for axis in range(3):
+            place = layout.places[f"{mark}b0"]
+            if place.stop > place.start:
+                moved[:, axis, place.start + axis] = 1.0
+            for k in range(size):
+                moved[:, axis, layout.places[f"{mark}b"].start + 3 * k + axis] = functions[:, k]
+            if self.terms.rate:
+                moved[:, axis, layout.places[f"{mark}r"].start + axis] = functions[:, size]
+            if self.terms.hysteresis:
+                moved[:, axis, layout.places[f"{mark}h"].start + axis] = functions[:, size + 1]
+
+    def _rate_rows(
+        self,
+        values: Series,
+        functions: Table,
+        shift: dict[str, Table],
+        forces: Vectors | None,
+        misclosure: Table,
+        design: AnyArray,
+        covariance: AnyArray,
+    ) -> None:
+        points, layout = self.points, self.layout
+        assert points.rate is not None
+        assert points.rate_covariance is not None
+        expected = self.biases(values, functions, "rate")
+        moved = np.zeros((len(points), 3, layout.size))
+        self._bias_columns(moved, functions, "rate")
+        vertical, across, rest = self.earth
+        up = None
+        if forces is not None:
+            up = forces / np.linalg.norm(forces, axis=1, keepdims=True)
+            expected = expected + vertical * up
+        if self.terms.g_sensitivity and forces is not None:
+            place = layout.places["G"]
+            expected = expected + forces @ values[place].reshape(3, 3).T
+            for i in range(3):
+                moved[:, i, place.start + 3 * i : place.start + 3 * i + 3] = forces
+        for name, change in shift.items():
+            moved[:, :, layout.places[name].start] = (
+                self.biases(values, change, "rate") - values[layout.places["gb0"]]
+            )
+        # Of one placement the Earth rate across the vertical is the same; of a pose alone it is noise.
+        place = layout.places["earth"]
+        for k in range(self.directions.shape[0]):
+            here = self.own == k
+            expected[here] += values[place][3 * k : 3 * k + 3]
+            moved[np.ix_(here, range(3), range(place.start + 3 * k, place.start + 3 * k + 3))] = np.eye(3)
+        misclosure[:, 3:] = points.rate - expected
+        design[:, 3:] = -moved
+        spread = points.rate_covariance + self.extra["rate"] * np.eye(3)
+        alone = self.own < 0
+        spread[alone] += rest**2 * np.eye(3)
+        level = np.repeat(np.eye(3)[None], len(points), axis=0)
+        if up is not None:
+            level = level - np.einsum("ni,nj->nij", up, up)
+        spread[alone] += across**2 * level[alone]
+        covariance[:, 3:, 3:] = spread
+
+
+def shared_covariance(cofactor: Square, layout: Layout) -> Square:
+    """Return the part of a cofactor that is of no placement's own unknowns."""
+    return cofactor[: layout.shared, : layout.shared]

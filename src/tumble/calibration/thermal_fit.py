@@ -1,0 +1,351 @@
+"""The adjustment of a thermal test, and the choice of its functions of temperature by what they leave out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tumble.arrays import Series, Square
+from tumble.calibration.snooping import Kind, Outlier, balance
+from tumble.calibration.thermal_conditions import Layout, ThermalConditions, ThermalTerms
+from tumble.calibration.thermal_evidence import Candidate
+from tumble.calibration.thermal_points import ThermalPoints
+from tumble.errors import ConvergenceError, ObservabilityError
+from tumble.estimation import Adjustment, adjust
+from tumble.sensor.thermal import TemperatureBasis
+
+HIGHEST_ORDER = 5
+# Temperatures nearer to one another than this are one soak.
+SAME_SOAK = 3.0  # K
+# Parts of a sweep that are left out one by one, and nodes of its interpolations.
+BANDS, NODES = 8, 6
+_FORCE, _RATE = slice(0, 3), slice(3, 6)
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What the equations need beside the points: gravity, m/s²; the Earth rate, rad/s; lag, s, and width, K."""
+
+    gravity: float
+    earth: tuple[float, float, float]
+    lag: float
+    width: float
+
+
+@dataclass(slots=True)
+class ThermalFit:
+    """A settled adjustment.
+
+    Attributes
+    ----------
+    conditions : the equations, with the unknowns' layout.
+    adjustment : the last one.
+    covariance : of all unknowns, with what neighbouring points have in common.
+    alone : standard deviation of unit weight with the noise inside the points alone.
+    outliers : points that were left out.
+    stretch : (force, rate), by how much the correlation of neighbouring points widens the covariance.
+    """
+
+    conditions: ThermalConditions
+    adjustment: Adjustment
+    covariance: Square
+    alone: float
+    outliers: list[Outlier] = field(default_factory=list[Outlier])
+    stretch: tuple[float, float] = (1.0, 1.0)
+
+    @property
+    def values(self) -> Series:
+        """The unknowns."""
+        return self.adjustment.parameters
+
+    @property
+    def layout(self) -> Layout:
+        """Where they are."""
+        return self.conditions.layout
+
+
+def fit_thermal(
+    points: ThermalPoints,
+    terms: ThermalTerms,
+    where: Surroundings,
+    *,
+    robust: bool = True,
+    extra: dict[str, float] | None = None,
+) -> ThermalFit:
+    """Adjust a thermal model.
+
+    Parameters
+    ----------
+    points, terms, where : observations in near SI, unknowns, and what is known.
+    robust : look for outlying points, and find the variance that points have beyond their own noise.
+    extra : that variance, (m/s²)² and (rad/s)², where it is not to be found.
+
+    Raises
+    ------
+    ObservabilityError
+        If the points do not tell all unknowns.
+    ConvergenceError
+        If the adjustment does not settle.
+    """
+    conditions = ThermalConditions(points, terms, where.gravity, where.earth, where.lag, where.width)
+    prior, values = conditions.prior(), [conditions.start()]
+    rows = int(np.count_nonzero(conditions.active)) + prior.rank
+    if rows < conditions.layout.size:
+        raise ObservabilityError(
+            f"{len(points)} rests cannot tell {conditions.layout.size} unknowns: record more poses or temperatures."
+        )
+
+    def solve(extra: dict[str, float], active: np.ndarray, *, once: bool) -> Adjustment:
+        conditions.extra, conditions.active = extra, active
+        adjustment = adjust(conditions, values[-1], prior=prior, once=once)
+        values.append(adjustment.parameters)
+        return adjustment
+
+    if not robust:
+        adjustment = solve(extra or {"force": 0.0, "rate": 0.0}, conditions.active, once=False)
+        return ThermalFit(conditions, adjustment, adjustment.cofactor, adjustment.sigma0)
+    active = conditions.active.copy()
+    alone = solve({"force": 0.0, "rate": 0.0}, active, once=False).sigma0
+    kinds = [Kind("force", _FORCE)] if points.force is not None and active[:, _FORCE].any() else []
+    kinds += [Kind("rate", _RATE)] if points.rate is not None else []
+    balanced = balance(solve, kinds, active, extra={"force": 0.0, "rate": 0.0})
+    fit = ThermalFit(conditions, balanced.adjustment, balanced.adjustment.cofactor, alone, balanced.outliers)
+    fit.stretch = (_stretch(fit, _FORCE), _stretch(fit, _RATE))
+    fit.covariance = _widened(fit)
+    return fit
+
+
+def _stretch(fit: ThermalFit, columns: slice) -> float:
+    """Return how much more the residuals' slow part has than independent points: 1 + 2 Σ ρ, not below 1.
+
+    The sum ends where the correlation is within its own noise (Sokal's window would need more points).
+    """
+    adjustment = fit.adjustment
+    active = adjustment.linearisation.active[:, columns]
+    variance = np.diagonal(adjustment.linearisation.covariance, axis1=1, axis2=2)[:, columns]
+    scaled = np.where(active, adjustment.residual[:, columns] / np.sqrt(variance), np.nan)
+    order = np.argsort(fit.conditions.points.start)
+    series = scaled[order]
+    whole = float(np.nansum(series**2))
+    count = int(np.count_nonzero(np.isfinite(series)))
+    if count < 30 or whole <= 0.0:
+        return 1.0
+    total = 1.0
+    for lag in range(1, len(series) // 4):
+        both = series[lag:] * series[:-lag]
+        pairs = np.isfinite(both)
+        if np.count_nonzero(pairs) < 15:
+            break
+        correlation = float(np.sum(both[pairs]) / np.count_nonzero(pairs)) / (whole / count)
+        if correlation < 1.5 / np.sqrt(np.count_nonzero(pairs)):
+            break
+        total += 2.0 * correlation
+    return total
+
+
+def _widened(fit: ThermalFit) -> Square:
+    """Return the cofactor with each triad's unknowns widened by what their neighbours have in common."""
+    layout, factor = fit.layout, np.ones(fit.layout.size)
+    for name, place in layout.places.items():
+        triad = 1 if name.startswith("g") or name in ("G", "earth") else 0
+        factor[place] = np.sqrt(max(fit.stretch) if name in ("lag", "width") else fit.stretch[triad])
+    return fit.adjustment.cofactor * np.outer(factor, factor)
+
+
+def soaks_of(celsius: Series) -> Series:
+    """Return the distinct temperatures (°C) of settled points, those within 3 K taken together."""
+    ordered = np.sort(celsius)
+    groups = np.split(ordered, np.flatnonzero(np.diff(ordered) > SAME_SOAK) + 1)
+    return np.array([float(group.mean()) for group in groups if group.size])
+
+
+def folds_of(points: ThermalPoints, soaks: Series | None) -> list[np.ndarray]:
+    """Return masks of points to leave out together: a soak, or a band of temperature on all branches.
+
+    Never single points, whose neighbours would tell everything; and none at the ends of the span, where a
+    prediction would be an extrapolation, which nobody is allowed anyway.
+    """
+    if soaks is not None:
+        nearest = np.argmin(np.abs(points.celsius[:, None] - soaks[None]), axis=1)
+        return [nearest == k for k in range(1, len(soaks) - 1)]
+    low, high = float(points.celsius.min()), float(points.celsius.max())
+    band = np.clip(((points.celsius - low) / max(high - low, 1e-9) * BANDS).astype(int), 0, BANDS - 1)
+    return [mask for k in range(1, BANDS - 1) if np.any(mask := band == k)]
+
+
+def bases_of(
+    points: ThermalPoints, soaks: Series | None, reference: float
+) -> list[tuple[str, TemperatureBasis]]:
+    """Return the bases that a test can tell, the simplest first."""
+    low, high = float(points.celsius.min()), float(points.celsius.max())
+    nodes = soaks if soaks is not None else np.linspace(low, high, NODES)
+    highest = min(HIGHEST_ORDER, (len(soaks) if soaks is not None else BANDS) - 2)
+    found = [
+        (f"polynomial of order {k}", TemperatureBasis("polynomial", reference, order=k))
+        for k in range(1, max(highest, 1) + 1)
+    ]
+    if len(nodes) >= 3:
+        found.append(("linear interpolation", TemperatureBasis("linear", reference, nodes)))
+    if len(nodes) >= 4:
+        found.append(("natural spline", TemperatureBasis("spline", reference, nodes)))
+    return found
+
+
+def choose_terms(
+    points: ThermalPoints, terms: ThermalTerms, where: Surroundings, soaks: Series | None
+) -> tuple[ThermalTerms, list[Candidate]]:
+    """Choose the functions of temperature by what they predict of soaks, or bands of a sweep, that are left out.
+
+    First the basis is chosen with an accelerometer matrix that changes along a straight line, then how many
+    functions the matrix has. Of two that predict alike (within one standard error over the folds), the one
+    with fewer unknowns is taken.
+
+    Parameters
+    ----------
+    points, terms, where : as for `fit_thermal`; the basis of `terms` is the one to begin with.
+    soaks : °C of the soaks; None for a sweep.
+
+    Raises
+    ------
+    ObservabilityError
+        If not even a straight line in temperature can be told.
+    """
+    reference = terms.basis.reference_celsius
+    folds = folds_of(points, soaks)
+    bases = bases_of(points, soaks, reference)
+    simple = replace(terms, basis=bases[0][1], matrix_functions=0)
+    extra = _least_extra(points, terms, where, [basis for _, basis in bases])
+    tried: list[tuple[Candidate, ThermalTerms]] = []
+    for name, basis in bases:
+        matrix = 0 if terms.poses == 0 else (1 if basis.kind == "polynomial" else basis.size)
+        offered = replace(terms, basis=basis, matrix_functions=matrix)
+        tried += _tried(name, points, offered, where, folds, soaks, extra)
+    if not folds or not tried:
+        chosen = replace(simple, matrix_functions=min(1, terms.poses))
+        return _possible(points, chosen, where), []
+    best = _simplest(tried)
+    more: list[tuple[Candidate, ThermalTerms]] = []
+    if terms.poses and best.basis.kind == "polynomial":
+        for count in range(min(best.basis.size, 2) + 1):
+            name = f"{name_of(best.basis)}, accelerometer matrix of order {count}"
+            offered = replace(best, matrix_functions=count)
+            more += _tried(name, points, offered, where, folds, soaks, extra)
+    chosen = _simplest(more) if more else best
+    words = [candidate for candidate, _ in (*tried, *more)]
+    pairs = [*tried, *more]
+    named = [
+        replace(candidate, chosen=offered is chosen or (not more and offered is best))
+        for candidate, (_, offered) in zip(words, pairs, strict=True)
+    ]
+    return chosen, named
+
+
+def _least_extra(
+    points: ThermalPoints, terms: ThermalTerms, where: Surroundings, bases: list[TemperatureBasis]
+) -> dict[str, float]:
+    """Return the variance beyond the points' noise under the richest polynomial that they tell.
+
+    Under a poorer one it would hold what that leaves out, and every candidate would look good against it.
+    """
+    for basis in reversed([basis for basis in bases if basis.kind == "polynomial"]):
+        for matrix in (min(2, basis.size), 0) if terms.poses else (0,):
+            try:
+                rich = fit_thermal(points, replace(terms, basis=basis, matrix_functions=matrix), where)
+            except (ObservabilityError, ConvergenceError):
+                continue
+            return dict(rich.conditions.extra)
+    raise ObservabilityError(
+        "The rests do not tell even a straight line in temperature: record more temperatures, or more poses at each."
+    )
+
+
+def _possible(points: ThermalPoints, terms: ThermalTerms, where: Surroundings) -> ThermalTerms:
+    """Return the terms, without a change of the matrix where the points do not tell one."""
+    try:
+        fit_thermal(points, terms, where, robust=False)
+    except (ObservabilityError, ConvergenceError):
+        return replace(terms, matrix_functions=0)
+    return terms
+
+
+def name_of(basis: TemperatureBasis) -> str:
+    """Return what a basis is, in words."""
+    if basis.kind == "polynomial":
+        return f"polynomial of order {basis.order}"
+    return "linear interpolation" if basis.kind == "linear" else "natural spline"
+
+
+def _tried(
+    name: str,
+    points: ThermalPoints,
+    terms: ThermalTerms,
+    where: Surroundings,
+    folds: list[np.ndarray],
+    soaks: Series | None,
+    extra: dict[str, float],
+) -> list[tuple[Candidate, ThermalTerms]]:
+    """Return a candidate with its score; nothing where the points cannot tell it."""
+    scores: list[float] = []
+    try:
+        whole = ThermalConditions(points, terms, where.gravity, where.earth, where.lag, where.width)
+        fit_thermal(points, terms, where, robust=False, extra=extra)
+        for fold in folds:
+            trained = _without_node(terms, float(points.celsius[fold].mean()), soaks is not None)
+            fit = fit_thermal(points.only(~fold), trained, where, robust=False, extra=extra)
+            scores.append(predicted_misfit(fit, points.only(fold)))
+    except (ObservabilityError, ConvergenceError, ValueError, np.linalg.LinAlgError):
+        return []
+    spread = float(np.std(scores, ddof=1) / np.sqrt(len(scores))) if len(scores) > 1 else np.inf
+    score = float(np.mean(scores)) if scores else np.nan
+    return [(Candidate(name, whole.layout.shared, score, spread, tuple(scores)), terms)]
+
+
+def _without_node(terms: ThermalTerms, celsius: float, from_soaks: bool) -> ThermalTerms:
+    """Return the terms without the node of a soak that is left out: nothing would tell its value."""
+    basis = terms.basis
+    if basis.kind == "polynomial" or not from_soaks:
+        return terms
+    kept = np.delete(basis.nodes, int(np.argmin(np.abs(basis.nodes - celsius))))
+    if len(kept) < (2 if basis.kind == "linear" else 3):
+        raise ValueError("too few nodes")
+    less = TemperatureBasis(basis.kind, basis.reference_celsius, kept)
+    return replace(terms, basis=less, matrix_functions=less.size if terms.matrix_functions else 0)
+
+
+def _simplest(tried: list[tuple[Candidate, ThermalTerms]]) -> ThermalTerms:
+    """Return the terms with the fewest unknowns that predict as well as the best, to one standard error."""
+    best = min(tried, key=lambda pair: pair[0].score)[0]
+
+    def as_good(candidate: Candidate) -> bool:
+        # Folds differ more than candidates do: what counts is the difference in the same folds.
+        worse = np.array(candidate.folds) - np.array(best.folds)
+        slack = float(np.std(worse, ddof=1) / np.sqrt(worse.size)) if worse.size > 1 else 0.0
+        return float(worse.mean()) <= slack
+
+    good = [pair for pair in tried if as_good(pair[0])]
+    return min(good, key=lambda pair: pair[0].unknowns)[1]
+
+
+def predicted_misfit(fit: ThermalFit, left: ThermalPoints) -> float:
+    """Return the mean square, in sigmas, of what a fit predicts wrongly of points that it has not seen.
+
+    Parameters
+    ----------
+    fit : of the other points.
+    left : those left out.
+    """
+    trained = fit.conditions
+    lag, width = trained.lag_and_width(fit.values)
+    test = ThermalConditions(left, trained.terms, trained.gravity, trained.earth, lag, width)
+    test.extra, test.layout = trained.extra, trained.layout
+    # Placements that the fit knows keep what it knows of them; the others are judged by their norms alone.
+    several = np.unique(trained.points.placement[trained.own >= 0])
+    known = np.isin(left.placement, several)
+    test.own = np.where(known, np.searchsorted(several, left.placement), -1)
+    test.directions, test.tangents = trained.directions, trained.tangents
+    test.active = test.rows()
+    linear = test.linearise(fit.values)
+    variance = np.diagonal(linear.covariance, axis1=1, axis2=2)
+    used = linear.active
+    return float(np.mean(linear.misclosure[used] ** 2 / variance[used])) if np.any(used) else 0.0

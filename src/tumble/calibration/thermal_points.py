@@ -1,0 +1,236 @@
+"""Points of a thermal test: short rests, each with its temperature, its way there and the means of both triads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Matrices, Series, Table, Vectors
+from tumble.errors import ObservabilityError
+from tumble.recording.recording import Recording
+from tumble.segmentation import Timeline
+from tumble.segmentation.averages import mean_covariance
+from tumble.sensor.thermal import TemperatureBasis, ThermalModel, follow_temperature
+
+# A rest is cut where its temperature changes by more than this, or where it lasts longer.
+CUT_KELVINS, CUT_SECONDS = 1.0, 600.0
+# A rest of fewer seconds is no point.
+LEAST_SECONDS = 2.0
+# The path is followed on means of the thermometer over this long: finer is nothing to a unit with a mass.
+GRID = 1.0  # s
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalPath:
+    """The temperature of the sensor on a grid, and which part of it each point is.
+
+    Attributes
+    ----------
+    time, recorded : (grid,) s, °C.
+    edges : (points, 2) indices into the grid.
+    """
+
+    time: Series
+    recorded: Series
+    edges: np.ndarray
+
+    def followed(self, lag: float, width: float) -> tuple[Series, Series, Series]:
+        """Return (grid,) of temperature, its rate and hysteresis, as `ThermalModel.path` follows them."""
+        model_defaults = ThermalModel.__dataclass_fields__
+        path = follow_temperature(
+            self.time,
+            self.recorded,
+            smoothing=float(model_defaults["smoothing"].default),
+            lag=max(lag, 0.0),
+            hysteresis_width=width,
+            dead_band=float(model_defaults["dead_band"].default),
+        )
+        return path.temperature, path.rate, path.hysteresis
+
+    def means(self, values: Table) -> Table:
+        """Return (points, columns) of the means of (grid, columns) over each point."""
+        sums = np.vstack([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
+        first, last = self.edges[:, 0], self.edges[:, 1]
+        return (sums[last] - sums[first]) / (last - first)[:, None]
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalPoints:
+    """Means over short rests.
+
+    Attributes
+    ----------
+    start, stop : (points,) s.
+    hold : (points,) index of the timeline's hold.
+    placement : (points,) which rest without a turn in between it belongs to.
+    force, force_covariance : (points, 3), (points, 3, 3) raw; None without an accelerometer.
+    rate, rate_covariance : of the gyros; None without.
+    path : of the temperature.
+    celsius, celsius_rate, hysteresis : (points,) °C, K/s, -1 to 1, with the lag that is assumed at first.
+    """
+
+    start: Series
+    stop: Series
+    hold: np.ndarray
+    placement: np.ndarray
+    force: Vectors | None
+    force_covariance: Matrices | None
+    rate: Vectors | None
+    rate_covariance: Matrices | None
+    path: ThermalPath
+    celsius: Series
+    celsius_rate: Series
+    hysteresis: Series
+
+    def __len__(self) -> int:
+        return int(self.start.size)
+
+    def only(self, keep: np.ndarray) -> ThermalPoints:
+        """Return the points where `keep` is true, or those of an index array."""
+
+        def part(values: AnyArray | None) -> AnyArray | None:
+            return None if values is None else values[keep]
+
+        return replace(
+            self,
+            start=self.start[keep],
+            stop=self.stop[keep],
+            hold=self.hold[keep],
+            placement=self.placement[keep],
+            force=part(self.force),
+            force_covariance=part(self.force_covariance),
+            rate=part(self.rate),
+            rate_covariance=part(self.rate_covariance),
+            path=replace(self.path, edges=self.path.edges[keep]),
+            celsius=self.celsius[keep],
+            celsius_rate=self.celsius_rate[keep],
+            hysteresis=self.hysteresis[keep],
+        )
+
+    def functions(self, basis: TemperatureBasis, lag: float, width: float) -> Table:
+        """Return (points, functions + 2): means of the basis' functions, of the rate and of the hysteresis."""
+        celsius, rate, hysteresis = self.path.followed(lag, width)
+        return self.path.means(np.column_stack([basis.values(celsius), rate, hysteresis]))
+
+
+def find_points(recording: Recording, timeline: Timeline) -> ThermalPoints:
+    """Cut the rests of a recording into points.
+
+    A rest that lasts longer than ten minutes, or over which the temperature changes by more than 1 K, is cut into
+    equal parts that do not. Means are those of all samples; their covariance is found after a straight line
+    in time is taken off each point, so that what temperature does within it is not taken for noise.
+
+    Raises
+    ------
+    ObservabilityError
+        If there is no temperature, no rest, or no point of two seconds.
+    """
+    if recording.temperature is None:
+        raise ObservabilityError(
+            "The recording has no temperature: the thermal procedure needs the sensor's thermometer in a column "
+            "(name it with --columns, such as t,ax,ay,az,gx,gy,gz,temperature)."
+        )
+    time, celsius = _grid(recording)
+    stretches, holds = _cut(recording, timeline, time, celsius)
+    if not stretches:
+        raise ObservabilityError(
+            "No rest of two seconds was found: let the unit lie still at each temperature, or in a slow sweep."
+        )
+    start = np.array([recording.time[a] for a, _ in stretches])
+    stop = np.array([recording.time[b - 1] for _, b in stretches])
+    edges = np.column_stack([np.searchsorted(time, start), np.searchsorted(time, stop, side="right")])
+    edges[:, 0] = np.clip(edges[:, 0], 0, time.size - 1)
+    edges[:, 1] = np.maximum(edges[:, 1], edges[:, 0] + 1)
+    path = ThermalPath(time, celsius, edges)
+    followed = np.column_stack(path.followed(0.0, 5.0))
+    means = path.means(followed)
+    force = _means(recording.specific_force, stretches)
+    rate = _means(recording.angular_rate, stretches)
+    return ThermalPoints(
+        start,
+        stop,
+        np.array(holds),
+        _placements(timeline, recording)[holds],
+        None if force is None else force[0],
+        None if force is None else force[1],
+        None if rate is None else rate[0],
+        None if rate is None else rate[1],
+        path,
+        means[:, 0],
+        means[:, 1],
+        means[:, 2],
+    )
+
+
+def _grid(recording: Recording) -> tuple[Series, Series]:
+    """Return time and temperature, averaged over a second where samples are denser."""
+    assert recording.temperature is not None
+    known = np.isfinite(recording.temperature)
+    time, celsius = recording.time[known], recording.temperature[known]
+    if time.size < 2:
+        raise ObservabilityError("The recording's temperature is not a number in any sample.")
+    count = int(GRID * recording.rate)
+    if count < 2:
+        return np.ascontiguousarray(time), np.ascontiguousarray(celsius)
+    whole = time.size // count * count
+    return (
+        np.ascontiguousarray(time[:whole].reshape(-1, count).mean(axis=1)),
+        np.ascontiguousarray(celsius[:whole].reshape(-1, count).mean(axis=1)),
+    )
+
+
+def _cut(
+    recording: Recording, timeline: Timeline, time: Series, celsius: Series
+) -> tuple[list[tuple[int, int]], list[int]]:
+    """Return the sample ranges of the points, and the hold of each."""
+    path = ThermalPath(time, celsius, np.zeros((0, 2), dtype=np.int64))
+    smooth = path.followed(0.0, 5.0)[0]
+    stretches: list[tuple[int, int]] = []
+    holds: list[int] = []
+    least = max(2, round(LEAST_SECONDS * recording.rate))
+    for number, hold in enumerate(timeline.holds):
+        for first, last in hold.stretches():
+            if last - first < least:
+                continue
+            inside = np.interp(recording.time[np.linspace(first, last - 1, 64).astype(int)], time, smooth)
+            # Up and down within one rest both count.
+            travelled = float(np.sum(np.abs(np.diff(inside))))
+            seconds = float(recording.time[last - 1] - recording.time[first])
+            parts = int(max(np.ceil(travelled / CUT_KELVINS), np.ceil(seconds / CUT_SECONDS), 1))
+            parts = max(1, min(parts, (last - first) // least))
+            cuts = np.linspace(first, last, parts + 1).astype(int)
+            stretches += list(zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True))
+            holds += [number] * parts
+    return stretches, holds
+
+
+def _placements(timeline: Timeline, recording: Recording) -> np.ndarray:
+    """Return (holds,) which holds are one placement: those with nothing at all between them."""
+    placement = np.zeros(max(len(timeline.holds), 1), dtype=int)
+    for k in range(1, len(timeline.holds)):
+        before, after = timeline.holds[k - 1], timeline.holds[k]
+        together = after.start - before.stop <= 0.5 * recording.rate
+        placement[k] = placement[k - 1] + (0 if together else 1)
+    return placement
+
+
+def _means(signal: Vectors | None, stretches: list[tuple[int, int]]) -> tuple[Vectors, Matrices] | None:
+    """Return means, and their covariance without what a straight line in time explains."""
+    if signal is None:
+        return None
+    parts: list[AnyArray] = []
+    items: list[list[tuple[int, int]]] = []
+    means = np.empty((len(stretches), 3))
+    size = 0
+    for k, (first, last) in enumerate(stretches):
+        values = np.asarray(signal[first:last], dtype=float)
+        means[k] = values.mean(axis=0)
+        since = np.arange(last - first) - 0.5 * (last - first - 1)
+        slope = since @ values / max(float(since @ since), 1.0)
+        parts.append(values - since[:, None] * slope)
+        items.append([(size, size + last - first)])
+        size += last - first
+    span = stretches[-1][1] - stretches[0][0]
+    found = mean_covariance(np.concatenate(parts), items, span=span)
+    return means, found.covariance

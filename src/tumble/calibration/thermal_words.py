@@ -1,0 +1,156 @@
+"""What a thermal calibration says in words, and its parameters by name."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tumble.calibration.estimate import NamedValue
+from tumble.calibration.thermal_conditions import Layout, ThermalTerms
+from tumble.calibration.thermal_coverage import Coverage
+from tumble.calibration.thermal_evidence import ThermalEvidence
+from tumble.calibration.thermal_fit import ThermalFit
+from tumble.calibration.thermal_model import ThermalSolution
+from tumble.recording.recording import Recording
+
+
+def thermal_parameters(
+    solution: ThermalSolution, terms: ThermalTerms, recording: Recording, evidence: ThermalEvidence
+) -> list[NamedValue]:
+    """Return the thermal coefficients with their standard uncertainties and units.
+
+    Parameters
+    ----------
+    solution, terms : the model, and what was estimated.
+    recording : for its units.
+    evidence : for lag and width.
+    """
+    sigmas = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
+    found: list[NamedValue] = []
+    for name, value, sigma in zip(solution.names, solution.model.vector(), sigmas, strict=True):
+        if sigma > 0.0:
+            words, unit = _words(name, terms, recording)
+            found.append(NamedValue(words, float(value), float(sigma), unit))
+    if np.isfinite(evidence.lag_sigma):
+        found.append(
+            NamedValue(
+                "thermal lag of the sensors behind the thermometer", evidence.lag, evidence.lag_sigma, "s"
+            )
+        )
+    if np.isfinite(evidence.width_sigma):
+        found.append(NamedValue("thermal width of the hysteresis", evidence.width, evidence.width_sigma, "K"))
+    return found
+
+
+def _words(name: str, terms: ThermalTerms, recording: Recording) -> tuple[str, str]:
+    """Return a coefficient's name in words, and its unit."""
+    head, _, place = name.partition("[")
+    at = [int(part) for part in place.rstrip("]").split(",")]
+    triad = "accelerometer" if head.startswith("accelerometer") else "gyro"
+    raw = recording.specific_force_unit if triad == "accelerometer" else recording.angular_rate_unit
+    what = head.rpartition(".")[2]
+    if what == "rate":
+        return f"thermal {triad} bias by rate {'xyz'[at[0]]}", f"{raw}/(K/s)"
+    if what == "hysteresis":
+        return f"thermal {triad} bias hysteresis {'xyz'[at[0]]}", raw
+    label, per = terms.basis.labels[at[0]], terms.basis.units[at[0]]
+    divided = f"/{per}" if per else ""
+    by = f"by {label}" if per else f"at {label}"
+    if ".matrix." in head:
+        return f"thermal {triad} matrix {by} {'xyz'[at[1]]}{'xyz'[at[2]]}", f"{raw}/(m/s^2){divided}"
+    return f"thermal {triad} bias {by} {'xyz'[at[1]]}", f"{raw}{divided}"
+
+
+def not_determined_words(
+    terms: ThermalTerms, layout: Layout, coverage: Coverage, recording: Recording
+) -> list[str]:
+    """Return what rests at these temperatures cannot tell, a sentence each."""
+    words: list[str] = []
+    if layout.has_force and terms.poses == 0:
+        words.append(
+            "The accelerometers' biases, scale factors and non-orthogonalities at the reference temperature, and how "
+            "scale factors and non-orthogonalities change with temperature: from so few poses they cannot be told from "
+            "a bias, because gravity on an axis that does not move is a constant. What is given as the change of a "
+            "bias with temperature is what that axis shows in the pose of the test, with the change of its scale "
+            "factor times its share of gravity in it. Hold nine poses or more at several temperatures (thermal-soak), "
+            "or tumble the unit during the sweep."
+        )
+    elif layout.has_force and terms.poses == 6:
+        words.append(
+            "The accelerometers' non-orthogonalities: faces alone do not tell them; they have their nominal values. "
+            "Hold edges, too."
+        )
+    elif layout.has_force and not terms.matrix_functions:
+        words.append(
+            "The accelerometers' scale factors and non-orthogonalities are one for all temperatures: a change of "
+            "theirs did not predict what was left out any better."
+        )
+    if recording.angular_rate is not None and terms.poses == 0:
+        words.append("A g-sensitivity of the gyros: from so few poses it looks like a bias, and is in it.")
+    if recording.angular_rate is not None:
+        words.append(
+            "The gyros' scale factors, misalignments and their change with temperature: rests show the Earth's "
+            "rotation only. Turns by hand between the poses, or a table in the chamber, would tell them; the matrix is "
+            "the nominal one, without a stated uncertainty."
+        )
+    if not coverage.both_branches:
+        words.append("Hysteresis: the temperatures were come to from one side only.")
+    if coverage.kind == "soak":
+        words.append(
+            "Lag between the sensors and the thermometer, and the biases' dependence on the rate of temperature: they "
+            "show where the temperature moves, and rests at settled temperatures were used alone. A sweep "
+            "(thermal-ramp) tells them."
+        )
+    elif not terms.rate:
+        words.append(
+            "A dependence of the biases on the rate of temperature beside the lag: the recording does not tell it."
+        )
+    return words
+
+
+def thermal_remarks(
+    fit: ThermalFit, solution: ThermalSolution, coverage: Coverage, evidence: ThermalEvidence
+) -> list[str]:
+    """Return how the model was made, a sentence each."""
+    low, high = coverage.span
+    terms = fit.layout.terms
+    what = "soaks" if coverage.kind == "soak" else "a sweep"
+    remarks = [
+        f"Biases are a {evidence.basis} in the sensors' temperature about {terms.basis.reference_celsius:g} °C, from "
+        f"{what} between {low:.1f} and {high:.1f} °C ({evidence.celsius.size} rests in {evidence.poses} poses)."
+        if evidence.basis.startswith(("polynomial", "natural"))
+        else f"Biases are interpolated linearly between {terms.basis.nodes.size} temperatures, from {what} between "
+        f"{low:.1f} and {high:.1f} °C ({evidence.celsius.size} rests in {evidence.poses} poses)."
+    ]
+    if evidence.candidates:
+        left = "soaks" if coverage.kind == "soak" else "bands of temperature"
+        remarks.append(
+            f"The functions were chosen among {len(evidence.candidates)} by what each predicts of {left} that were "
+            "left out; of those that predict alike the one with the fewest unknowns."
+        )
+    if terms.poses and terms.matrix_functions:
+        remarks.append(
+            "The accelerometers' matrix changes with temperature "
+            + (
+                "as the biases do."
+                if terms.basis.kind != "polynomial"
+                else f"to the order {terms.matrix_functions}."
+            )
+        )
+    if np.isfinite(solution.lag_sigma):
+        remarks.append(
+            f"The sensors are {solution.model.lag:.0f} ± {solution.lag_sigma:.0f} s behind the thermometer (before the "
+            "recording 60 ± 60 s were believed)."
+        )
+    ratios = [float(np.mean(s.joint_sigma / s.sigma)) for s in evidence.separate]
+    if ratios:
+        remarks.append(
+            f"The accelerometers' biases are known {np.mean(ratios):.2f} times as uncertainly by the one adjustment of "
+            f"all temperatures as by each of its {len(ratios)} soaks alone."
+        )
+    for name, stretch in zip(("accelerometers", "gyros"), fit.stretch, strict=True):
+        if stretch > 1.2:
+            remarks.append(
+                f"Neighbouring rests of the {name} have errors in common (a wandering bias): the uncertainties are "
+                f"{np.sqrt(stretch):.1f} times what independent rests would give."
+            )
+    return remarks
