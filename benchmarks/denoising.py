@@ -131,7 +131,7 @@ def angles(runs: int) -> None:
     count, first = round(seconds * RATE), round(calm * RATE)
     ends = first + np.rint(INSTANTS * RATE).astype(int) - 1
     clock = np.arange(count) / RATE - calm
-    # A millirad in two seconds: half the scatter of a sample, too little for any detector of rest.
+    # A millirad in two seconds: half the scatter of a sample, which the search for holds takes for rest.
     turn = np.where((clock >= 5.0) & (clock < 7.0), 5e-4, 0.0)
     true_angle = np.cumsum(turn[first:])[ends - first] / RATE
     names = ("as recorded", "wavelets", "wavelets, level 5", "autoregression")

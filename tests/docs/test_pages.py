@@ -14,6 +14,7 @@ PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 EXECUTED = {
     "README.md": 1,
     "docs/conventions.md": 10,
+    "docs/denoising.md": 7,
     "docs/file-format.md": 10,
     "docs/plan.md": 2,
     "docs/noise.md": 3,
