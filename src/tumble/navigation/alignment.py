@@ -1,0 +1,313 @@
+"""Where a body lies at the start: levelling, heading by the Earth's rotation, and heading from motion.
+
+Errors are ``phi`` of ``C_nb_estimate = exp(-skew(phi)) C_nb``. At rest the specific force is minus gravity and the
+rate the Earth's; errors ``df``, ``dw`` of the two, in n, make
+
+``phi_east = -df_north / g``, ``phi_north = df_east / g`` and, by gyrocompassing,
+``phi_down = dw_east / (Omega cos(latitude)) - phi_north tan(latitude)``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tumble.arrays import Matrix, Series, Table, Vector
+from tumble.earth import EARTH_RATE, normal_gravity
+from tumble.errors import ObservabilityError, RecordingError
+from tumble.navigation.filter import FilterRun, FilterSetup, run_filter
+from tumble.navigation.gnss.track import GnssTrack, make_track
+from tumble.navigation.mechanisation import navigate
+from tumble.navigation.samples import InertialSamples
+from tumble.navigation.trajectory import NavigationState
+
+# A heading by gyrocompassing is refused beyond this standard uncertainty.
+WORST_HEADING = float(np.radians(5.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Alignment:
+    """An attitude found at rest or from motion, and how well.
+
+    Attributes
+    ----------
+    C_nb : (3, 3).
+    covariance : (3, 3) rad² of phi in n.
+    method : in words.
+    """
+
+    C_nb: Matrix
+    covariance: Matrix
+    method: str
+
+    @property
+    def roll_pitch_yaw(self) -> Vector:
+        """(3,) rad."""
+        return np.ascontiguousarray(Rotation.from_matrix(self.C_nb).as_euler("ZYX")[::-1])
+
+    @property
+    def sigmas(self) -> Vector:
+        """(3,) rad, one standard deviation of phi about north, east and down (the heading)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def __str__(self) -> str:
+        """One sentence for the user."""
+        roll, pitch, yaw = np.degrees(self.roll_pitch_yaw)
+        tilt, heading = np.degrees([np.hypot(*self.sigmas[:2]) / np.sqrt(2.0), self.sigmas[2]])
+        return (
+            f"Roll {roll:.3f}, pitch {pitch:.3f} degrees (standard uncertainty {tilt:.2g}), heading {yaw % 360.0:.3f} "
+            f"degrees ({heading:.2g}), by {self.method}."
+        )
+
+
+def align_coarse(
+    samples: InertialSamples,
+    latitude: float,
+    height: float = 0.0,
+    *,
+    accelerometer_sigma: float,
+    gyroscope_sigma: float,
+    heading: float | None = None,
+    heading_sigma: float = 0.0,
+) -> Alignment:
+    """Return the attitude of a body at rest by levelling, and by gyrocompassing where no heading is given.
+
+    Parameters
+    ----------
+    samples : at rest all along (`InertialSamples.between`).
+    latitude, height : of the place, rad and m.
+    accelerometer_sigma, gyroscope_sigma : m/s², rad/s, one sigma an axis of the mean: the bias that is left, and
+        the noise of the mean.
+    heading, heading_sigma : rad, of the body's x axis from north to east, where it is known.
+
+    Raises
+    ------
+    RecordingError
+        If the specific force is not gravity's within 5 %: no rest, wrong units, or far from calibrated.
+    ObservabilityError
+        If the gyros cannot tell the heading better than 5 degrees and none is given.
+    """
+    rows = slice(1, None) if samples.means else slice(None)
+    force = samples.specific_force_b[rows].mean(axis=0)
+    gravity = normal_gravity(latitude, height)
+    _refuse_no_rest(force, gravity, samples.time[0])
+    down = -force / np.sqrt(force @ force)
+    if heading is not None:
+        C_nb = _turned_about_down(_levelled(down), heading)
+        jacobian = _levelling_jacobian(gravity)
+        covariance = accelerometer_sigma**2 * (jacobian @ jacobian.T) + np.diag([0.0, 0.0, heading_sigma**2])
+        return Alignment(C_nb, covariance, "levelling; the heading was given")
+    rate = samples.angular_rate_ib_b[rows].mean(axis=0)
+    level_rate = EARTH_RATE * np.cos(latitude)
+    sigma = np.hypot(gyroscope_sigma / level_rate, np.tan(latitude) * accelerometer_sigma / gravity)
+    if sigma > WORST_HEADING:
+        raise ObservabilityError(
+            f"The gyros cannot tell the heading: a standard uncertainty of {gyroscope_sigma:.2g} rad/s is "
+            f"{min(np.degrees(sigma), 180.0):.0f} degrees of heading at a latitude of {np.degrees(latitude):.1f} "
+            "degrees. Give the heading, or align in motion with satellite positions."
+        )
+    east = np.cross(down, rate)
+    east /= np.sqrt(east @ east)
+    C_nb = np.vstack([np.cross(east, down), east, down])
+    jacobian = _levelling_jacobian(gravity)
+    jacobian[2] = -np.tan(latitude) * jacobian[0]
+    covariance = accelerometer_sigma**2 * (jacobian @ jacobian.T)
+    covariance[2, 2] += (gyroscope_sigma / level_rate) ** 2
+    return Alignment(C_nb, covariance, "levelling and gyrocompassing")
+
+
+def align_fine(
+    samples: InertialSamples,
+    coarse: Alignment,
+    position: tuple[float, float, float],
+    setup: FilterSetup,
+    *,
+    velocity_sigma: float = 0.002,
+    position_sigma: float = 0.01,
+) -> tuple[NavigationState, FilterSetup, FilterRun]:
+    """Refine an alignment at rest with the filter, which is told each second that nothing moves.
+
+    Parameters
+    ----------
+    samples : at rest all along.
+    coarse : from `align_coarse`.
+    position : latitude and longitude (rad), height (m): where it rests.
+    setup : of the filter that is to navigate from here.
+    velocity_sigma, position_sigma : m/s and m, by how much a body at rest moves, such as in wind.
+
+    Returns
+    -------
+    state : at the end of the rest.
+    setup : with the covariance of all states there, correlations included.
+    run : whose last sensor states belong to it (``run_filter(..., sensors=run.sensors[-1])``).
+
+    Raises
+    ------
+    RecordingError
+        If the rest is shorter than two seconds.
+    """
+    first, last = float(samples.time[0]), float(samples.time[-1])
+    if last - first < 2.0:
+        raise RecordingError(
+            f"A rest of {last - first:.2f} s is too short for a fine alignment: it takes two seconds at the least."
+        )
+    time = np.arange(first + 1.0, last + 1e-9, 1.0)
+    count = len(time)
+    still = make_track(
+        time,
+        (np.full(count, position[0]), np.full(count, position[1]), np.full(count, position[2])),
+        np.full((count, 3), position_sigma),
+        velocity_n=np.zeros((count, 3)),
+        velocity_sigmas=np.full((count, 3), velocity_sigma),
+    )
+    begin = NavigationState(first, *position, np.zeros(3), coarse.C_nb)
+    own = replace(setup, lever_arm_b=np.zeros(3)).with_start(position_sigma, velocity_sigma, 0.0)
+    own.navigation_covariance[6:, 6:] = coarse.covariance
+    run = run_filter(samples, still, begin, own, velocities=True, keep_covariances=True)
+    found = replace(setup, whole_covariance=run.covariances[-1].copy())
+    return run.trajectory.state(-1), found, run
+
+
+def align_in_motion(
+    samples: InertialSamples,
+    track: GnssTrack,
+    start: float,
+    *,
+    rest: float = 2.0,
+    seconds: float = 60.0,
+    tilt_sigma: float = 0.02,
+) -> Alignment:
+    """Return the attitude at `start` from a short rest there and the drive after it; no mounting is assumed.
+
+    The rest gives the level and the gyros' bias. The samples are then navigated freely with a heading of zero:
+    by how much their changes of velocity are turned against the track's is the heading.
+
+    Parameters
+    ----------
+    samples : in SI.
+    track : on the IMU's clock, with velocities or positions close enough to make them.
+    start : s, when the rest begins.
+    rest : s of it.
+    seconds : of motion that are compared.
+    tilt_sigma : rad, how well the rest tells the level: accelerometer bias over gravity.
+
+    Raises
+    ------
+    RecordingError
+        If there is no rest, or the track's velocity does not change by a metre a second after it.
+    """
+    from tumble.navigation.time_alignment import track_velocities
+
+    still = samples.between(start, start + rest)
+    row = int(np.argmin(np.abs(track.time - start)))
+    position = (float(track.latitude[row]), float(track.longitude[row]), float(track.height[row]))
+    force = still.specific_force_b.mean(axis=0)
+    _refuse_no_rest(force, normal_gravity(position[0], position[2]), start)
+    down = -force / np.sqrt(force @ force)
+    velocity = track_velocities(track)
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    ahead = (track.time > start + rest) & np.isfinite(speed)
+    moving = ahead & (speed > 1.0)
+    if not moving.any():
+        raise RecordingError(
+            f"The track {track.name} does not move after {start:.1f} s: give the heading, or start before a motion."
+        )
+    begin = float(track.time[np.argmax(moving)])
+    chosen = ahead & (track.time >= begin - 3.0) & (track.time <= begin + seconds)
+    chosen &= track.time < samples.time[-1]
+    time = track.time[chosen]
+    bias = still.angular_rate_ib_b.mean(axis=0)
+    part = samples.between(start, float(time[-1]) + 1e-6)
+    level = NavigationState(start, *position, np.zeros(3), _levelled(down))
+    run = navigate(
+        InertialSamples(part.time, part.specific_force_b, part.angular_rate_ib_b - bias, part.means), level
+    )
+    turn, sigma = _turn_between(_steps(run.time, run.velocity_n, time), _steps(time, velocity[chosen], time))
+    covariance = np.diag([tilt_sigma**2, tilt_sigma**2, sigma**2])
+    return Alignment(
+        _turned_about_down(_levelled(down), turn), covariance, "levelling, and the heading from motion"
+    )
+
+
+def find_rest(samples: InertialSamples, track: GnssTrack, *, shortest: float = 2.0) -> tuple[float, float]:
+    """Return start and stop (s) of the first rest of a track that lies in the samples.
+
+    Parameters
+    ----------
+    samples : in SI.
+    track : on the IMU's clock.
+    shortest : s.
+
+    Raises
+    ------
+    RecordingError
+        If there is no such rest.
+    """
+    from tumble.navigation.time_alignment import track_velocities
+
+    velocity = track_velocities(track)
+    slow = np.sqrt(np.nansum(velocity**2, axis=1)) < 0.1
+    slow &= (
+        np.isfinite(velocity).all(axis=1) & (track.time >= samples.time[0]) & (track.time < samples.time[-1])
+    )
+    edges = np.diff(np.concatenate([[0], slow.astype(int), [0]]))
+    for first, last in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1, strict=True):
+        if track.time[last] - track.time[first] >= shortest:
+            return float(track.time[first]), float(track.time[last])
+    raise RecordingError(
+        f"The track {track.name} has no rest of {shortest:g} s inside the IMU's samples to align at: give the attitude."
+    )
+
+
+def _refuse_no_rest(force: Vector, gravity: float, at: float) -> None:
+    norm = float(np.sqrt(force @ force))
+    if abs(norm - gravity) > 0.05 * gravity:
+        raise RecordingError(
+            f"At {at:.1f} s the mean specific force is {norm:.3f} m/s², and gravity there is {gravity:.3f}: the body "
+            "does not rest, the unit of the accelerometers is another, or they are far from calibrated."
+        )
+
+
+def _levelled(down: Vector) -> Matrix:
+    """C_nb with the body's x axis to the north (its y axis, where x is within 5 degrees of the vertical)."""
+    forward = np.array([1.0, 0.0, 0.0]) if abs(down[0]) < 0.996 else np.array([0.0, 1.0, 0.0])
+    north = forward - down * float(down @ forward)
+    north /= np.sqrt(north @ north)
+    return np.vstack([north, np.cross(down, north), down])
+
+
+def _turned_about_down(C_nb: Matrix, angle: float) -> Matrix:
+    return np.asarray(Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix() @ C_nb, dtype=np.float64)
+
+
+def _levelling_jacobian(gravity: float) -> Matrix:
+    """Of phi by an error of the specific force, in n."""
+    return np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) / gravity
+
+
+def _steps(time: Series, velocity: Table, instants: Series) -> np.ndarray:
+    """Changes of the horizontal velocity over a second or more, as complex numbers."""
+    north, east = (np.interp(instants, time, velocity[:, axis]) for axis in (0, 1))
+    usual = float(np.median(np.diff(instants)))
+    apart = max(1, round(1.0 / usual))
+    whole = north + 1j * east
+    return whole[apart:] - whole[:-apart]
+
+
+def _turn_between(free: np.ndarray, seen: np.ndarray) -> tuple[float, float]:
+    """By how much the changes seen are turned against the free ones, with a standard uncertainty."""
+    strength = float(np.sum(np.abs(free) ** 2))
+    if strength < 1.0 or float(np.sum(np.abs(seen) ** 2)) < 1.0:
+        raise RecordingError(
+            "The velocity changes by less than a metre a second after the rest: that tells no heading. Give it."
+        )
+    turn = float(np.angle(np.sum(np.conj(free) * seen)))
+    left = seen - np.exp(1j * turn) * free
+    # neighbouring steps overlap and drift together: five of them count as one
+    variance = 5.0 * float(np.sum(np.abs(left) ** 2)) / (2.0 * len(left) * strength)
+    return turn, float(np.sqrt(variance) + np.radians(0.5))
+
+
+__all__ = ["WORST_HEADING", "Alignment", "align_coarse", "align_fine", "align_in_motion", "find_rest"]

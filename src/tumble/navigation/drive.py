@@ -1,0 +1,186 @@
+"""A drive that is ready to be filtered: one clock, a start at rest, and an attitude there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tumble.arrays import Series
+from tumble.errors import RecordingError
+from tumble.navigation.alignment import Alignment, align_in_motion, find_rest
+from tumble.navigation.filter import FilterRun, FilterSetup, plan_filter, run_filter
+from tumble.navigation.gnss.track import GnssTrack
+from tumble.navigation.samples import InertialSamples
+from tumble.navigation.time_alignment import (
+    AxisAgreement,
+    TimeAlignment,
+    check_axes,
+    estimate_time_offset,
+)
+from tumble.navigation.trajectory import NavigationState
+from tumble.noise.terms import NoiseModel
+
+# Rounds in which the filter finds the offset between the clocks, and when it has: s.
+_ROUNDS, _FOUND = 6, 2e-3
+# By how much a float or single solution is trusted less than it says.
+_FLOAT = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """An IMU's samples and a track on one clock, with a start.
+
+    Attributes
+    ----------
+    samples : of the IMU.
+    track : on the IMU's clock.
+    start : at the beginning of the first rest.
+    alignment : of the attitude there.
+    clock : by how much the track was shifted, and how well that is known.
+    axes : how the course goes with the body axes.
+    """
+
+    samples: InertialSamples
+    track: GnssTrack
+    start: NavigationState
+    alignment: Alignment
+    clock: TimeAlignment
+    axes: AxisAgreement
+
+    def setup(self, setup: FilterSetup) -> FilterSetup:
+        """Return a filter's setup with the covariance of this start."""
+        row = int(np.argmin(np.abs(self.track.time - self.start.time)))
+        position = np.sqrt(np.diag(self.track.position_covariance_n[row]))
+        return setup.with_start(position, 0.05, self.alignment.sigmas)
+
+    def run(
+        self,
+        setup: FilterSetup,
+        *,
+        interval: float | None = None,
+        instants: Series | None = None,
+        velocities: bool = False,
+        keep_covariances: bool = False,
+        without: tuple[tuple[float, float], ...] = (),
+    ) -> FilterRun:
+        """Run a filter over the drive.
+
+        Parameters
+        ----------
+        setup : of the filter; its start is that of the drive.
+        interval : s between the fixes taken; None for all.
+        instants : s at which the state is kept beside the fixes.
+        velocities : whether the track's velocities are taken too.
+        keep_covariances : for smoothing.
+        without : stretches (from, to) s of which no fix is taken.
+
+        Raises
+        ------
+        RecordingError
+            If nothing of the track is left to aid with.
+        """
+        track = self.track if interval is None else self.track.thinned(interval)[0]
+        for begin, end in without:
+            track = track.rows((track.time <= begin) | (track.time > end))
+        return run_filter(
+            self.samples,
+            track,
+            self.start,
+            self.setup(setup),
+            velocities=velocities,
+            instants=instants,
+            keep_covariances=keep_covariances,
+        )
+
+
+def prepare_drive(
+    samples: InertialSamples,
+    track: GnssTrack,
+    *,
+    setup: FilterSetup | None = None,
+    offset: float | None = None,
+    around: float | None = None,
+    reach: float | None = None,
+    rest: float = 10.0,
+) -> Drive:
+    """Return a drive with both clocks brought together, checked for swapped axes, and aligned.
+
+    The offset of the clocks is found from the course first; then the attitude at the first rest, and a filter
+    that has the offset among its states, in turns, until it stays.
+
+    Parameters
+    ----------
+    samples : in SI.
+    track : on its own clock.
+    setup : of the filter that finds the offset; None for one that fits units of any grade.
+    offset : s to add to the track's times where it is known; None to estimate it.
+    around, reach : s, where to look for it (`estimate_time_offset`).
+    rest : s of the first rest used for the level, at most.
+
+    Raises
+    ------
+    RecordingError
+        If both did not see the same motion, axes are swapped or reversed, or there is no rest to align at.
+    """
+    track = track.weakened({2: _FLOAT, 5: _FLOAT})
+    clock = estimate_time_offset(samples, track, around=around, reach=reach) if offset is None else None
+    given = clock.offset if clock is not None else float(offset or 0.0)
+    axes = check_axes(samples, track.shifted(given))
+    if axes.problem:
+        raise RecordingError(axes.problem)
+    found = _aligned(samples, track.shifted(given), rest)
+    if clock is None:
+        clock = TimeAlignment(given, 0.0, axes.about_vertical, 0.0, 0.0, "; it was given")
+        return Drive(samples, track.shifted(given), *found, clock, axes)
+    own = setup or wide_setup()
+    has_offset = any(state.kind == "time offset" for state in own.states)
+    own = own if has_offset else _with_offset(own, clock.sigma)
+    total, sigma = given, clock.sigma
+    for _ in range(_ROUNDS):
+        drive = Drive(samples, track.shifted(total), *found, clock, axes)
+        step, sigma = drive.run(own, interval=max(1.0, track.interval)).sensor("time offset")
+        total += step
+        found = _aligned(samples, track.shifted(total), rest)
+        if abs(step) < _FOUND:
+            break
+    note = f"; the filter then moved it by {total - given:.3f} s"
+    clock = replace(clock, offset=total, sigma=sigma, note=note)
+    return Drive(samples, track.shifted(total), *found, clock, axes)
+
+
+def wide_setup() -> FilterSetup:
+    """Return a setup for a unit of which nothing is known: errors and noise of a poor consumer grade on a car."""
+    from tumble.navigation.filter.sensor_states import TriadSpread
+
+    return plan_filter(
+        NoiseModel(random_walk=0.05, rate_random_walk=1e-3),
+        NoiseModel(random_walk=0.002, rate_random_walk=1e-5),
+        accelerometer=TriadSpread(bias=0.2, scale_factor=0.01, non_orthogonality=0.01),
+        gyroscope=TriadSpread(bias=0.01, scale_factor=0.01, misalignment=0.01),
+        time_offset_sigma=0.2,
+    )
+
+
+def _with_offset(setup: FilterSetup, sigma: float) -> FilterSetup:
+    from tumble.navigation.filter.sensor_states import SensorState
+
+    state = SensorState("time offset", 0, -1, sigma, name="time offset")
+    count = len(setup.states)
+    covariance = np.zeros((count + 1, count + 1))
+    covariance[:count, :count] = setup.sensor_covariance
+    covariance[count, count] = sigma**2
+    return replace(setup, states=(*setup.states, state), sensor_covariance=covariance, whole_covariance=None)
+
+
+def _aligned(samples: InertialSamples, track: GnssTrack, rest: float) -> tuple[NavigationState, Alignment]:
+    first, last = find_rest(samples, track)
+    # a receiver calls it a rest a moment late and early
+    begin, stop = max(first + 0.25, float(samples.time[0])), last - 0.5
+    alignment = align_in_motion(samples, track, begin, rest=max(min(rest, stop - begin), 0.5))
+    row = int(np.argmin(np.abs(track.time - begin)))
+    at = (float(track.latitude[row]), float(track.longitude[row]), float(track.height[row]))
+    return NavigationState(begin, *at, np.zeros(3), alignment.C_nb), alignment
+
+
+__all__ = ["Drive", "prepare_drive", "wide_setup"]

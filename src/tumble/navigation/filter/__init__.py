@@ -1,0 +1,24 @@
+"""The loosely coupled error-state filter, its smoother, and tests of its consistency."""
+
+from tumble.navigation.filter.run import FilterRun, run_filter
+from tumble.navigation.filter.sensor_states import (
+    SensorState,
+    TriadSpread,
+    covariance_from_calibration,
+    sensor_states,
+)
+from tumble.navigation.filter.setup import FilterSetup, plan_filter
+from tumble.navigation.filter.smoother import SmoothedRun, smooth
+
+__all__ = [
+    "FilterRun",
+    "FilterSetup",
+    "SensorState",
+    "SmoothedRun",
+    "TriadSpread",
+    "covariance_from_calibration",
+    "plan_filter",
+    "run_filter",
+    "sensor_states",
+    "smooth",
+]

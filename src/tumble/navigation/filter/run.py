@@ -1,0 +1,254 @@
+"""The loosely coupled filter: an IMU's samples, aided by positions and velocities of satellites."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Series, Table, Vectors
+from tumble.errors import RecordingError, UsageError
+from tumble.navigation.filter.sensor_states import KINDS
+from tumble.navigation.filter.setup import FilterSetup
+from tumble.navigation.gnss.track import GnssTrack
+from tumble.navigation.samples import InertialSamples
+from tumble.navigation.trajectory import HIGHEST_LATITUDE, NavigationState, Trajectory
+
+# Between samples further apart than this many usual intervals the motion is unknown.
+_GAP = 3.5
+
+
+@dataclass(frozen=True, slots=True)
+class FilterRun:
+    """What a filter found, at each fix and at each instant that was asked for.
+
+    Attributes
+    ----------
+    trajectory : after each event.
+    sensors : (events, states) estimates of the sensor states.
+    sigmas : (events, 9 + states) one standard deviation of every state.
+    errors : (events, 9 + states) what was taken out of the states there.
+    covariances, predicted, transitions : (events, n, n) after, before, and since the event before; or of no
+        rows, when they were not to be kept.
+    fixes : (fixes,) index of each fix used in the track that was given.
+    fix_events : (fixes,) its event.
+    innovations, innovation_sigmas : (fixes, 6) position (m) and velocity (m/s) in n, predicted less observed; NaN
+        where not used.
+    distances : (fixes, 2) squared normalised innovations of position and velocity, each chi-square of three.
+    taken : (fixes, 2) whether they passed the gate.
+    setup : with which it ran.
+    """
+
+    trajectory: Trajectory
+    sensors: Table
+    sigmas: Table
+    errors: Table
+    covariances: AnyArray
+    predicted: AnyArray
+    transitions: AnyArray
+    fixes: np.ndarray
+    fix_events: np.ndarray
+    innovations: Table
+    innovation_sigmas: Table
+    distances: Table
+    taken: np.ndarray
+    setup: FilterSetup
+
+    @property
+    def time(self) -> Series:
+        """(events,) s."""
+        return self.trajectory.time
+
+    @property
+    def refused(self) -> np.ndarray:
+        """Index in the track of each fix of which position or velocity did not pass the gate."""
+        seen = np.isfinite(self.distances)
+        return self.fixes[(seen & ~self.taken).any(axis=1)]
+
+    def sensor(self, name: str) -> tuple[float, float]:
+        """Return the last estimate of a sensor state and its standard deviation.
+
+        Raises
+        ------
+        UsageError
+            If no state has that name.
+        """
+        names = [state.name for state in self.setup.states]
+        if name not in names:
+            raise UsageError(f"The filter has no state {name!r}; it has {', '.join(names)}.")
+        at = names.index(name)
+        return float(self.sensors[-1, at]), float(self.sigmas[-1, 9 + at])
+
+
+def run_filter(
+    samples: InertialSamples,
+    track: GnssTrack,
+    start: NavigationState,
+    setup: FilterSetup,
+    *,
+    velocities: bool = False,
+    positions: bool = True,
+    instants: Series | None = None,
+    keep_covariances: bool = False,
+    sensors: Series | None = None,
+) -> FilterRun:
+    """Run the error-state filter over a track.
+
+    Parameters
+    ----------
+    samples : of the IMU, corrected by what is known of it.
+    track : on the IMU's clock (`GnssTrack.shifted`).
+    start : where it begins, in truth to within `setup.navigation_covariance`.
+    setup : states and noise.
+    velocities, positions : whether the track's velocities and positions are taken.
+    instants : (instants,) s at which the state is kept too, beside the fixes.
+    keep_covariances : keep what smoothing and consistency tests need; 24 n² bytes an event.
+    sensors : (states,) estimates to begin with; None for zeros.
+
+    Raises
+    ------
+    RecordingError
+        If samples and track do not overlap in time, or the start lies outside the samples.
+    UsageError
+        If the start is at a pole, where the local level has no north.
+    """
+    from tumble.navigation.filter.kernels import run
+
+    part = _from_start(samples, start)
+    inside = np.flatnonzero((track.time > start.time) & (track.time <= part.time[-1]))
+    _refuse_no_overlap(samples, track, inside, start.time)
+    event_time, event_fix = _events(track.time[inside], instants, start.time, float(part.time[-1]))
+    fixes, events = len(inside), len(event_time)
+    n = 9 + len(setup.states)
+    use = np.column_stack(
+        [np.full(fixes, positions), track.has_velocity[inside] if velocities else np.zeros(fixes, bool)]
+    )
+    kept = events if keep_covariances else 0
+    navs, estimates = np.empty((events, 10)), np.zeros((events, n - 9))
+    sigmas, errors = np.empty((events, n)), np.zeros((events, n))
+    covariances, predicted, transitions = (np.empty((kept, n, n)) for _ in range(3))
+    innovations, innovation_sigmas = np.full((fixes, 6), np.nan), np.full((fixes, 6), np.nan)
+    distances, taken = np.full((fixes, 2), np.nan), np.zeros((fixes, 2), dtype=bool)
+    run(
+        np.ascontiguousarray(part.time),
+        np.ascontiguousarray(part.angular_rate_ib_b),
+        np.ascontiguousarray(part.specific_force_b),
+        part.means,
+        max(1, round(setup.block / part.interval)),
+        _GAP * part.interval,
+        _unseen(part),
+        start.packed,
+        np.zeros(n - 9) if sensors is None else sensors.astype(float),
+        setup.covariance,
+        np.array([KINDS.index(state.kind) for state in setup.states], dtype=np.int64),
+        np.array([state.row for state in setup.states], dtype=np.int64),
+        np.array([state.column for state in setup.states], dtype=np.int64),
+        np.array([state.decay for state in setup.states], dtype=float),
+        np.array([state.drive for state in setup.states], dtype=float),
+        np.concatenate([setup.angle_random_walk, setup.velocity_random_walk]).astype(float) ** 2,
+        setup.lever_arm_b.astype(float),
+        event_time,
+        event_fix,
+        np.column_stack([column[inside] for column in track.position]).astype(float),
+        np.ascontiguousarray(track.position_covariance_n[inside]),
+        np.ascontiguousarray(track.velocity_n[inside]),
+        np.ascontiguousarray(track.velocity_covariance_n[inside]),
+        use,
+        _gate(setup.gate),
+        setup.patience,
+        navs,
+        estimates,
+        sigmas,
+        errors,
+        covariances,
+        predicted,
+        transitions,
+        innovations,
+        innovation_sigmas,
+        distances,
+        taken,
+    )
+    trajectory = unpacked(event_time, navs)
+    return FilterRun(
+        trajectory,
+        estimates,
+        sigmas,
+        errors,
+        covariances,
+        predicted,
+        transitions,
+        inside,
+        np.flatnonzero(event_fix >= 0),
+        innovations,
+        innovation_sigmas,
+        distances,
+        taken,
+        setup,
+    )
+
+
+def unpacked(time: Series, navs: Table) -> Trajectory:
+    """Return the trajectory of packed local-level states, (instants, 10)."""
+    position, velocity_n, quaternion = (np.ascontiguousarray(navs[:, cut]) for cut in _CUTS)
+    return Trajectory(time, position[:, 0], position[:, 1], position[:, 2], velocity_n, quaternion)
+
+
+_CUTS = (slice(0, 3), slice(3, 6), slice(6, 10))
+
+
+def _from_start(samples: InertialSamples, start: NavigationState) -> InertialSamples:
+    if abs(start.latitude) > HIGHEST_LATITUDE:
+        raise UsageError(
+            f"At a latitude of {np.degrees(start.latitude):.3f} degrees the local level has no north to hold, and "
+            "the filter works in it: there is no way to run it at a pole."
+        )
+    if not samples.time[0] <= start.time < samples.time[-1]:
+        raise RecordingError(
+            f"The start at {start.time:.3f} s is not inside the IMU's samples, which run from "
+            f"{samples.time[0]:.3f} to {samples.time[-1]:.3f} s."
+        )
+    if start.time == samples.time[0]:
+        return samples
+    return samples.between(start.time, float(samples.time[-1]))
+
+
+def _refuse_no_overlap(samples: InertialSamples, track: GnssTrack, inside: np.ndarray, begin: float) -> None:
+    if len(inside):
+        return
+    if not len(track):
+        raise RecordingError(f"The track {track.name} has no fix.")
+    raise RecordingError(
+        f"IMU and GNSS do not overlap in time: the IMU's samples run from {begin:.3f} to {samples.time[-1]:.3f} s "
+        f"and the fixes from {track.time[0]:.3f} to {track.time[-1]:.3f} s. Bring both onto one clock (estimate the "
+        "time offset), or check that the files belong together."
+    )
+
+
+def _events(fixes: Series, instants: Series | None, start: float, stop: float) -> tuple[Series, np.ndarray]:
+    """Times of all events in order, and the index of the fix at each, or -1."""
+    asked = np.zeros(0) if instants is None else np.asarray(instants, dtype=float)
+    asked = asked[(asked >= start) & (asked <= stop)]
+    # an instant that is a fix's is that fix's
+    near = np.searchsorted(fixes, asked - 1e-6)
+    same = (near < len(fixes)) & (np.abs(fixes[np.minimum(near, len(fixes) - 1)] - asked) <= 1e-6)
+    asked = asked[~same]
+    time = np.concatenate([fixes, asked])
+    index = np.concatenate([np.arange(len(fixes)), np.full(len(asked), -1)]).astype(np.int64)
+    order = np.argsort(time, kind="stable")
+    return np.ascontiguousarray(time[order]), np.ascontiguousarray(index[order])
+
+
+def _gate(probability: float) -> float:
+    """The limit that a chi-square of three exceeds with a probability."""
+    from scipy.special import chdtri
+
+    return float(chdtri(3.0, probability))
+
+
+def _unseen(samples: InertialSamples) -> Series:
+    """What rate and force may do in a gap, (6,): the rms of rate and of force about its mean in the recording."""
+    rate: Vectors = samples.angular_rate_ib_b
+    return np.concatenate([np.sqrt(np.mean(rate**2, axis=0)), np.std(samples.specific_force_b, axis=0)])
+
+
+__all__ = ["FilterRun", "run_filter", "unpacked"]

@@ -1,0 +1,85 @@
+"""GPS time and UTC: seconds since 6 January 1980, and the leap seconds between the two."""
+
+from __future__ import annotations
+
+import calendar
+import math
+import re
+from bisect import bisect_right
+from datetime import UTC, datetime, timedelta
+
+from tumble.errors import RecordingError
+
+GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
+# Seconds from 1 January 1970 to the GPS epoch.
+UNIX_TO_GPS = float(calendar.timegm(GPS_EPOCH.timetuple()))
+WEEK = 604_800.0
+
+# UTC dates from which GPS time is one second further ahead of UTC: IERS Bulletin C, up to number 70 (no
+# leap second has been announced since that of 31 December 2016).
+_LEAPS = (
+    (1981, 7), (1982, 7), (1983, 7), (1985, 7), (1988, 1), (1990, 1), (1991, 1), (1992, 7), (1993, 7),
+    (1994, 7), (1996, 1), (1997, 7), (1999, 1), (2006, 1), (2009, 1), (2012, 7), (2015, 7), (2017, 1),
+)  # fmt: skip
+_LEAP_STARTS = [(datetime(year, month, 1, tzinfo=UTC) - GPS_EPOCH).total_seconds() for year, month in _LEAPS]
+_DATE = re.compile(
+    r"\s*(\d{4})[-/](\d{1,2})[-/](\d{1,2})[ T](\d{1,2}):(\d{2}):(\d{2}(?:\.\d*)?)\s*(Z|UTC|\+00:?00)?\s*$"
+)
+
+
+def leap_seconds(utc: float) -> int:
+    """Return by how many seconds GPS time is ahead of UTC: 18 since 2017.
+
+    Parameters
+    ----------
+    utc : s of UTC since 6 January 1980, leap seconds not counted (as POSIX time does).
+    """
+    return bisect_right(_LEAP_STARTS, utc)
+
+
+def gps_from_utc(utc: float) -> float:
+    """Return GPS time in s since 6 January 1980 for UTC in s since then, leap seconds not counted."""
+    return utc + leap_seconds(utc)
+
+
+def gps_from_unix(unix: float) -> float:
+    """Return GPS time in s since 6 January 1980 for POSIX time, s since 1 January 1970 in UTC."""
+    return gps_from_utc(unix - UNIX_TO_GPS)
+
+
+def seconds_of_date(text: str) -> float:
+    """Return s since 6 January 1980 of a date and time such as 2025/07/08 19:34:18.499, in its own scale.
+
+    Raises
+    ------
+    RecordingError
+        If it is no date and time.
+    """
+    found = _DATE.match(text)
+    if not found:
+        raise RecordingError(f"{text.strip()!r} is no date and time such as 2025/07/08 19:34:18.499.")
+    year, month, day, hour, minute = (int(found[i]) for i in range(1, 6))
+    second = float(found[6])
+    try:
+        whole = datetime(year, month, day, hour, minute, tzinfo=UTC)
+    except ValueError as error:
+        raise RecordingError(f"{text.strip()!r} is no date and time: {error}.") from error
+    return (whole - GPS_EPOCH).total_seconds() + second
+
+
+def date_of_seconds(seconds: float) -> str:
+    """Return the date and time, to the millisecond, of s since 6 January 1980, in the same scale."""
+    rounded = math.floor(seconds * 1e3 + 0.5) / 1e3
+    return (GPS_EPOCH + timedelta(seconds=rounded)).strftime("%Y-%m-%d %H:%M:%S.%f")[:-3]
+
+
+__all__ = [
+    "GPS_EPOCH",
+    "UNIX_TO_GPS",
+    "WEEK",
+    "date_of_seconds",
+    "gps_from_unix",
+    "gps_from_utc",
+    "leap_seconds",
+    "seconds_of_date",
+]

@@ -1,0 +1,215 @@
+"""A track of satellite positions: what every file of a receiver comes to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tumble.arrays import Matrices, Series, Vectors
+from tumble.errors import RecordingError
+from tumble.recording.recording import Remark
+
+# By RTKLIB's numbers; files of other kinds are brought to them.
+QUALITIES = {1: "fixed", 2: "float", 3: "SBAS", 4: "differential", 5: "single", 6: "precise point", 0: "none"}
+
+
+@dataclass(frozen=True, slots=True)
+class GnssTrack:
+    """Fixes of a receiver in time order.
+
+    Attributes
+    ----------
+    time : (fixes,) s, increasing: GPS time since 6 January 1980 as it is read; any clock once it is shifted.
+    latitude, longitude : (fixes,) geodetic, rad.
+    height : (fixes,) m above the ellipsoid.
+    position_covariance_n : (fixes, 3, 3) m², in north, east, down.
+    velocity_n : (fixes, 3) m/s, rows of NaN where there is none.
+    velocity_covariance_n : (fixes, 3, 3) (m/s)².
+    quality : (fixes,) kind of each fix, by the numbers of `QUALITIES`.
+    remarks : what was found, assumed or mended on reading.
+    name : of the file.
+    """
+
+    time: Series
+    latitude: Series
+    longitude: Series
+    height: Series
+    position_covariance_n: Matrices
+    velocity_n: Vectors
+    velocity_covariance_n: Matrices
+    quality: np.ndarray
+    remarks: tuple[Remark, ...] = ()
+    name: str = ""
+
+    def __len__(self) -> int:
+        return int(self.time.shape[0])
+
+    @property
+    def has_velocity(self) -> np.ndarray:
+        """(fixes,) whether a fix has all of its velocity."""
+        return np.asarray(np.isfinite(self.velocity_n).all(axis=1))
+
+    @property
+    def interval(self) -> float:
+        """The usual time between fixes (median), s; zero of fewer than two."""
+        return float(np.median(np.diff(self.time))) if len(self) > 1 else 0.0
+
+    @property
+    def position(self) -> tuple[Series, Series, Series]:
+        """Latitude and longitude (rad), height (m)."""
+        return self.latitude, self.longitude, self.height
+
+    def rows(self, index: np.ndarray) -> GnssTrack:
+        """Return the fixes of an index or of a boolean array."""
+        return replace(
+            self,
+            time=self.time[index],
+            latitude=self.latitude[index],
+            longitude=self.longitude[index],
+            height=self.height[index],
+            position_covariance_n=self.position_covariance_n[index],
+            velocity_n=self.velocity_n[index],
+            velocity_covariance_n=self.velocity_covariance_n[index],
+            quality=self.quality[index],
+        )
+
+    def shifted(self, offset: float) -> GnssTrack:
+        """Return the track with `offset` s added to its times, such as onto the IMU's clock."""
+        return replace(self, time=self.time + offset)
+
+    def weakened(self, factors: dict[int, float]) -> GnssTrack:
+        """Return the track with standard deviations multiplied by a factor for each quality.
+
+        Receivers and RTKLIB state a float solution's uncertainty too small: a false ambiguity is not in it.
+
+        Parameters
+        ----------
+        factors : by the numbers of `QUALITIES`; qualities that are not named keep theirs.
+        """
+        factor = np.ones(len(self))
+        for quality, value in factors.items():
+            factor[self.quality == quality] = value
+        square = (factor**2)[:, None, None]
+        return replace(
+            self,
+            position_covariance_n=self.position_covariance_n * square,
+            velocity_covariance_n=self.velocity_covariance_n * square,
+        )
+
+    def thinned(self, interval: float) -> tuple[GnssTrack, GnssTrack]:
+        """Return the fixes at about `interval` s, to aid with, and all others, to judge by.
+
+        Parameters
+        ----------
+        interval : s between the fixes that are taken: the first of each stretch of that length.
+
+        Raises
+        ------
+        RecordingError
+            If there is no fix.
+        """
+        if not len(self):
+            raise RecordingError(f"The track {self.name} has no fix to thin.")
+        # half the usual interval of slack, so that stamps that scatter fall on the right side
+        stretch = np.floor((self.time - self.time[0] + 0.5 * self.interval) / interval)
+        first = np.concatenate([[True], np.diff(stretch) > 0.0])
+        return self.rows(first), self.rows(~first)
+
+
+def diagonal_covariances(sigmas: Vectors) -> Matrices:
+    """Return (fixes, 3, 3) covariances of independent components, from (fixes, 3) sigmas."""
+    return np.einsum("ij,jk->ijk", sigmas**2, np.eye(3))
+
+
+def make_track(
+    time: Series,
+    position: tuple[Series, Series, Series],
+    position_sigmas: Vectors,
+    *,
+    velocity_n: Vectors | None = None,
+    velocity_sigmas: Vectors | None = None,
+    quality: np.ndarray | None = None,
+    remarks: tuple[Remark, ...] = (),
+    name: str = "",
+) -> GnssTrack:
+    """Return a track of fixes whose components are independent; checked and in time order.
+
+    Parameters
+    ----------
+    time : (fixes,) s.
+    position : latitude and longitude (rad), height (m), (fixes,) each.
+    position_sigmas : (fixes, 3) m, north, east, down.
+    velocity_n, velocity_sigmas : (fixes, 3) m/s, or None without velocities.
+    quality : (fixes,) by the numbers of `QUALITIES`; None for single fixes.
+    remarks, name : of the file.
+
+    Raises
+    ------
+    RecordingError
+        If a latitude or height cannot be on the Earth, or a sigma is not positive.
+    """
+    fixes = len(time)
+    none = np.full((fixes, 3), np.nan)
+    track = GnssTrack(
+        time,
+        *position,
+        diagonal_covariances(position_sigmas),
+        none if velocity_n is None else velocity_n,
+        diagonal_covariances(none if velocity_sigmas is None else velocity_sigmas),
+        np.full(fixes, 5) if quality is None else quality,
+        remarks,
+        name,
+    )
+    return in_order(track)
+
+
+def in_order(track: GnssTrack) -> GnssTrack:
+    """Return a track checked, in time order, each instant once; what was left out is remarked.
+
+    Parameters
+    ----------
+    track : as it was read.
+
+    Raises
+    ------
+    RecordingError
+        If a latitude or height cannot be on the Earth, or a sigma is not positive.
+    """
+    _refuse_impossible(track)
+    order = np.argsort(track.time, kind="stable")
+    again = np.concatenate([[False], np.diff(track.time[order]) <= 0.0]) if len(order) else order.astype(bool)
+    remarks = track.remarks
+    if np.any(np.diff(track.time) < 0.0):
+        text = f"The fixes of {track.name} were not in time order and have been sorted."
+        remarks += (Remark("mended", text),)
+    if again.any():
+        text = f"{int(again.sum())} fixes of {track.name} repeat an instant and were left out."
+        remarks += (Remark("mended", text),)
+    return replace(track.rows(order[~again]), remarks=remarks)
+
+
+def _refuse_impossible(track: GnssTrack) -> None:
+    wrong = ~(np.abs(track.latitude) <= 0.5 * np.pi)
+    if wrong.any():
+        row = int(np.flatnonzero(wrong)[0])
+        raise RecordingError(
+            f"Fix {row + 1} of {track.name} has a latitude of {np.degrees(track.latitude[row]):g} degrees, beyond "
+            "the poles: check the unit (degrees) and which column is the latitude."
+        )
+    wrong = ~((track.height > -12_000.0) & (track.height < 1e6))
+    if wrong.any():
+        row = int(np.flatnonzero(wrong)[0])
+        raise RecordingError(
+            f"Fix {row + 1} of {track.name} has a height of {track.height[row]:g} m, which is not near the Earth's "
+            "surface: check the unit (metres) and which column is the height."
+        )
+    variances = np.einsum("ijj->ij", track.position_covariance_n)
+    if len(track) and not np.all(variances > 0.0):
+        row = int(np.flatnonzero(~(variances > 0.0).all(axis=1))[0])
+        raise RecordingError(
+            f"Fix {row + 1} of {track.name} has no positive standard uncertainty of its position: give one."
+        )
+
+
+__all__ = ["QUALITIES", "GnssTrack", "diagonal_covariances", "in_order", "make_track"]

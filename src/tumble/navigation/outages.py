@@ -1,0 +1,230 @@
+"""What navigation loses without satellites: outages of given lengths, cut out of a drive many times."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tumble.arrays import Series, Vector, Vectors
+from tumble.errors import RecordingError
+from tumble.navigation.drive import Drive
+from tumble.navigation.filter import FilterRun, FilterSetup, run_filter
+from tumble.navigation.mechanisation import navigate
+from tumble.navigation.samples import InertialSamples
+from tumble.navigation.trajectory import position_differences
+
+
+@dataclass(frozen=True, slots=True)
+class OutageErrors:
+    """Errors of position at the ends of outages of one length.
+
+    Attributes
+    ----------
+    duration : s without a fix.
+    starts : (outages,) s, when the last fix was.
+    errors_n : (outages, 3) m, navigated less reference, north, east, down.
+    """
+
+    duration: float
+    starts: Series
+    errors_n: Vectors
+
+    @property
+    def horizontal(self) -> Series:
+        """(outages,) m."""
+        return np.hypot(self.errors_n[:, 0], self.errors_n[:, 1])
+
+    def rms(self) -> Vectors:
+        """Return (3,) m: root mean square north, east, down."""
+        return np.sqrt(np.mean(self.errors_n**2, axis=0))
+
+    def horizontal_rms(self) -> float:
+        """Return the root mean square of the horizontal error, m."""
+        return float(np.sqrt(np.mean(self.horizontal**2)))
+
+    def uncertainty(self, rng: np.random.Generator, resamples: int = 1000) -> float:
+        """Return the standard uncertainty of `horizontal_rms`, m, by a block bootstrap.
+
+        Outages that overlap err together: blocks of twice an outage's length are drawn, not single ones.
+
+        Parameters
+        ----------
+        rng : source of all numbers.
+        resamples : how many.
+        """
+        return _bootstrap(self.horizontal**2, self._block(), rng, resamples)
+
+    def _block(self) -> int:
+        if len(self.starts) < 2:
+            return 1
+        return max(1, round(2.0 * self.duration / float(np.median(np.diff(self.starts)))))
+
+
+def outages(
+    drive: Drive,
+    setup: FilterSetup,
+    durations: Sequence[float] = (2.0, 10.0, 30.0, 60.0),
+    *,
+    interval: float = 1.0,
+    every: float = 1.0,
+    settle: float = 120.0,
+    repeated: bool = False,
+) -> list[OutageErrors]:
+    """Return position errors at the ends of outages, against the fixes that were not taken.
+
+    Parameters
+    ----------
+    drive : with the reference track.
+    setup : of the filter that runs up to each outage.
+    durations : s.
+    interval : s between the fixes that aid.
+    every : s between the starts of sliding outages.
+    settle : s after the start before the first outage.
+    repeated : False for sliding outages: each one by itself, the filter having had all fixes before it. True for
+        gaps: the filter loses all fixes but one at the end of each gap, again and again.
+
+    Raises
+    ------
+    RecordingError
+        If the drive is too short for an outage of one of the lengths.
+    """
+    first = drive.start.time + settle
+    last = min(float(drive.samples.time[-1]), float(drive.track.time[-1]))
+    for duration in durations:
+        if first + duration > last:
+            raise RecordingError(
+                f"The drive has {max(last - first, 0.0):.0f} s after {settle:.0f} s to settle, which is too short for "
+                f"outages of {duration:g} s: leave them out, or settle for a shorter time."
+            )
+    if repeated:
+        return [_gaps(drive, setup, duration, interval, first) for duration in durations]
+    run = drive.run(setup, interval=interval)
+    chosen = _spaced(run, first, every)
+    found: dict[float, list[tuple[float, Vector]]] = {duration: [] for duration in durations}
+    for row in chosen:
+        for duration, error in _slide(drive, run, row, durations, last):
+            found[duration].append((float(run.time[row]), error))
+    return [_gathered(duration, rows) for duration, rows in found.items()]
+
+
+def corrected_samples(samples: InertialSamples, setup: FilterSetup, estimates: Series) -> InertialSamples:
+    """Return samples with a filter's estimates of its sensor states taken out.
+
+    Parameters
+    ----------
+    samples : as the filter had them.
+    setup : of the filter.
+    estimates : (states,) of its sensor states.
+    """
+    force_matrix, rate_matrix, coupling = np.eye(3), np.eye(3), np.zeros((3, 3))
+    force_bias, rate_bias = np.zeros(3), np.zeros(3)
+    for state, value in zip(setup.states, estimates, strict=True):
+        if state.kind == "g-sensitivity":
+            coupling[state.row, state.column] += value
+        elif state.kind in ("accelerometer", "gyroscope"):
+            accelerometer = state.kind == "accelerometer"
+            if state.column < 0:
+                (force_bias if accelerometer else rate_bias)[state.row] += value
+            else:
+                (force_matrix if accelerometer else rate_matrix)[state.row, state.column] += value
+    force = np.linalg.solve(force_matrix, (samples.specific_force_b - force_bias).T).T
+    rate = samples.angular_rate_ib_b - rate_bias - force @ coupling.T
+    rate = np.linalg.solve(rate_matrix, rate.T).T
+    return replace(
+        samples,
+        specific_force_b=np.ascontiguousarray(force, dtype=np.float64),
+        angular_rate_ib_b=np.ascontiguousarray(rate, dtype=np.float64),
+    )
+
+
+def _slide(
+    drive: Drive, run: FilterRun, row: int, durations: Sequence[float], last: float
+) -> Iterator[tuple[float, Vector]]:
+    """Navigate freely from an event and give the error at each length of outage that has a good fix there."""
+    begin, track = float(run.time[row]), drive.track
+    goals = [(duration, int(np.argmin(np.abs(track.time - begin - duration)))) for duration in durations]
+    goals = [
+        (duration, goal)
+        for duration, goal in goals
+        if abs(track.time[goal] - begin - duration) <= 0.5 * track.interval + 1e-6
+        and track.time[goal] <= last
+        and track.quality[goal] == np.min(track.quality)
+    ]
+    if not goals:
+        return
+    stop = max(float(track.time[goal]) for _, goal in goals)
+    part = corrected_samples(drive.samples.between(begin, stop), run.setup, run.sensors[row])
+    free = navigate(part, run.trajectory.state(row))
+    offset, lever = _time_offset(run.setup, run.sensors[row]), _lever_arm(run.setup, run.sensors[row])
+    for duration, goal in goals:
+        at = int(np.argmin(np.abs(free.time - track.time[goal])))
+        late = float(track.time[goal] - free.time[at]) + offset
+        there = free.rows(np.array([at]))
+        seen = (
+            track.latitude[goal : goal + 1],
+            track.longitude[goal : goal + 1],
+            track.height[goal : goal + 1],
+        )
+        error = position_differences(there.points(lever), seen)[0] + there.velocity_n[0] * late
+        yield duration, error
+
+
+def _gaps(drive: Drive, setup: FilterSetup, duration: float, interval: float, first: float) -> OutageErrors:
+    """Errors before each of the fixes that are left, one at the end of each gap: the filter's innovations."""
+    aid = drive.track.thinned(interval)[0]
+    kept, next_one = np.ones(len(aid), dtype=bool), -np.inf
+    for row in np.flatnonzero(aid.time > first):
+        if next_one == -np.inf:
+            next_one = aid.time[row]
+        kept[row] = aid.time[row] >= next_one - 1e-6
+        if kept[row]:
+            next_one = aid.time[row] + duration
+    track = aid.rows(kept)
+    run = run_filter(drive.samples, track, drive.start, drive.setup(setup))
+    time = track.time[run.fixes]
+    after = (time > first) & (np.concatenate([[0.0], np.diff(time)]) > 0.9 * duration)
+    after &= track.quality[run.fixes] == np.min(track.quality)
+    return OutageErrors(duration, time[after] - duration, run.innovations[after, :3])
+
+
+def _spaced(run: FilterRun, first: float, every: float) -> list[int]:
+    """Events of fixes, at least `every` s apart."""
+    rows: list[int] = []
+    for row in run.fix_events.tolist():
+        if run.time[row] >= first and (not rows or run.time[row] - run.time[rows[-1]] >= every - 1e-6):
+            rows.append(row)
+    return rows
+
+
+def _gathered(duration: float, rows: list[tuple[float, Vector]]) -> OutageErrors:
+    starts = np.array([start for start, _ in rows], dtype=float)
+    return OutageErrors(duration, starts, np.array([error for _, error in rows], dtype=float).reshape(-1, 3))
+
+
+def _time_offset(setup: FilterSetup, estimates: Series) -> float:
+    pairs = zip(setup.states, estimates, strict=True)
+    return float(sum(value for state, value in pairs if state.kind == "time offset"))
+
+
+def _lever_arm(setup: FilterSetup, estimates: Series) -> Vector:
+    lever = setup.lever_arm_b.astype(float).copy()
+    for state, value in zip(setup.states, estimates, strict=True):
+        if state.kind == "lever arm":
+            lever[state.row] += value
+    return lever
+
+
+def _bootstrap(squares: Series, block: int, rng: np.random.Generator, resamples: int) -> float:
+    """Spread of the root of the mean of blocks drawn with replacement."""
+    count = len(squares)
+    if count <= block:
+        return float("nan")
+    blocks = -(-count // block)
+    starts = rng.integers(0, count - block + 1, (resamples, blocks))
+    rows = (starts[:, :, None] + np.arange(block)).reshape(resamples, -1)[:, :count]
+    return float(np.std(np.sqrt(squares[rows].mean(axis=1)), ddof=1))
+
+
+__all__ = ["OutageErrors", "corrected_samples", "outages"]

@@ -1,0 +1,265 @@
+"""How an IMU's clock stands to that of satellite positions: found from the motion that both saw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import Series, Vectors, inverted
+from tumble.errors import RecordingError
+from tumble.navigation.gnss.track import GnssTrack
+from tumble.navigation.samples import InertialSamples
+
+# Below this speed a course is noise.
+_SLOWEST = 1.5
+_STEP = 0.05
+# A course leads the body's heading by the time in which the vehicle covers the way from the axle that does not
+# steer to the antenna; of that way nothing is known but its size, m.
+_ANTENNA_TO_AXLE = 1.5
+# Motion that is compared is averaged over this, s, on both sides.
+_WINDOW = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class TimeAlignment:
+    """The offset between two clocks.
+
+    Attributes
+    ----------
+    offset : s, to be added to the track's times to have them on the IMU's clock.
+    sigma : its standard uncertainty, s.
+    correlation : of the course's rate with the gyros' rate about the vertical, at that offset; 1 at best.
+    second_best : highest correlation further than five seconds from it; near the first, the offset is a guess.
+    seconds : of motion that both saw and that was compared.
+    note : what else was done, appended to the sentence.
+    """
+
+    offset: float
+    sigma: float
+    correlation: float
+    second_best: float
+    seconds: float
+    note: str = ""
+
+    def __str__(self) -> str:
+        """One sentence for the user."""
+        return (
+            f"GNSS times + {self.offset:.3f} s are the IMU's (standard uncertainty {self.sigma:.3f} s), found from "
+            f"{self.seconds:.0f} s of motion: course rate and gyro correlate at {self.correlation:.3f}{self.note}."
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class AxisAgreement:
+    """How the course's rate goes with each axis of the IMU, at the offset found.
+
+    Attributes
+    ----------
+    correlations : (3,) with the gyro about each body axis.
+    about_vertical : with the gyros' rate about down, as the accelerometers have it; near +1 when all is well.
+    down_b : (3,) unit vector of down in the body, from the mean specific force.
+    problem : what is wrong in a sentence, or "".
+    """
+
+    correlations: Vectors
+    about_vertical: float
+    down_b: Vectors
+    problem: str
+
+
+def estimate_time_offset(
+    samples: InertialSamples, track: GnssTrack, *, around: float | None = None, reach: float | None = None
+) -> TimeAlignment:
+    """Return the offset between the clocks of an IMU and of satellite positions.
+
+    The rate of the course is compared with the gyros' rate about the vertical, which the accelerometers
+    tell, both averaged over a second; no mounting angle is needed. The sharpest correlation over all offsets
+    is found first, then its place by least squares. The course of an antenna ahead of the rear axle leads the
+    heading, by 0.1 s for each metre at 10 m/s: that is in the uncertainty, and only a filter with a time offset
+    among its states (`prepare_drive`) takes it out.
+
+    Parameters
+    ----------
+    samples : in SI.
+    track : with velocities, or positions close enough to make them.
+    around, reach : s; search only offsets within `reach` of `around`. None for all that let both overlap by
+        half of the shorter one.
+
+    Raises
+    ------
+    RecordingError
+        If the track does not move fast enough to have a course, or nothing correlates.
+    """
+    grid, yaw_rate = _yaw_rate(samples)
+    times, course_rate, weights = _course_rate(track)
+    lags = _lags(grid, times, around, reach)
+    curve = np.array([_correlation(grid, yaw_rate, times + lag, course_rate, weights) for lag in lags])
+    best = int(np.nanargmax(curve)) if np.isfinite(curve).any() else -1
+    if best < 0 or curve[best] < 0.5:
+        least = 0.0 if best < 0 else float(curve[best])
+        raise RecordingError(
+            f"IMU and GNSS do not seem to have seen the same motion: at no offset does the course's rate correlate "
+            f"with the gyros by more than {least:.2f}. Check that the files belong together, the units of the "
+            "gyros, and that the vehicle turned."
+        )
+    apart = np.abs(lags - lags[best]) > 5.0
+    second = float(np.nanmax(curve[apart])) if apart.any() and np.isfinite(curve[apart]).any() else 0.0
+    offset, sigma = _refined(grid, yaw_rate, times, course_rate, weights, float(lags[best]))
+    at_best = _correlation(grid, yaw_rate, times + offset, course_rate, weights)
+    speed: Series = np.sqrt(np.nansum(track_velocities(track)[:, :2] ** 2, axis=1))
+    lead = _ANTENNA_TO_AXLE / float(np.mean(speed[speed > _SLOWEST]))
+    seconds = float(np.count_nonzero(weights)) * track.interval
+    return TimeAlignment(offset, float(np.hypot(sigma, lead)), float(at_best), second, seconds)
+
+
+def check_axes(samples: InertialSamples, track: GnssTrack) -> AxisAgreement:
+    """Compare a track's course with each axis of the IMU, to find swapped or reversed axes.
+
+    Parameters
+    ----------
+    samples : in SI.
+    track : on the IMU's clock.
+
+    Raises
+    ------
+    RecordingError
+        If the track does not move fast enough to have a course.
+    """
+    times, course_rate, weights = _course_rate(track)
+    down = _down_b(samples)
+    signals = [*samples.angular_rate_ib_b.T, samples.angular_rate_ib_b @ down]
+    found: list[float] = []
+    for signal in signals:
+        grid, rate = _averaged(samples.time, signal)
+        found.append(_correlation(grid, rate, times, course_rate, weights))
+    correlations, about = np.array(found[:3]), float(found[3])
+    return AxisAgreement(correlations, about, down, _axis_problem(correlations, about, down))
+
+
+def _axis_problem(correlations: Vectors, about: float, down: Vectors) -> str:
+    if about > 0.8:
+        return ""
+    axis = int(np.argmax(np.abs(correlations)))
+    vertical = int(np.argmax(np.abs(down)))
+    best, seen = "xyz"[axis], correlations[axis]
+    if about < -0.8:
+        return (
+            f"The gyros turn against the course (correlation {about:.2f}): their signs, or those of the "
+            "accelerometers, are reversed. Check the body axes; they must be right-handed for both triads."
+        )
+    if abs(seen) > 0.8 and axis != vertical:
+        return (
+            f"The course goes with gyro {best} (correlation {seen:.2f}), but gravity lies along {'xyz'[vertical]}: "
+            "axes of one triad are swapped. Check which column is which."
+        )
+    return (
+        f"No gyro axis goes with the course (best is {best} with a correlation of {seen:.2f}): the clocks are apart, "
+        "or the files do not belong together."
+    )
+
+
+def _down_b(samples: InertialSamples) -> Vectors:
+    """Down in b: against the mean specific force, as a vehicle that stays upright has it."""
+    mean = np.mean(samples.specific_force_b[1:], axis=0)
+    return -mean / float(np.sqrt(mean @ mean))
+
+
+def _yaw_rate(samples: InertialSamples) -> tuple[Series, Series]:
+    return _averaged(samples.time, samples.angular_rate_ib_b @ _down_b(samples))
+
+
+def _averaged(time: Series, signal: Series) -> tuple[Series, Series]:
+    """A signal's running mean over the window, on an even grid."""
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (signal[1:] + signal[:-1]) * np.diff(time))])
+    grid = np.arange(time[0] + 0.5 * _WINDOW, time[-1] - 0.5 * _WINDOW, _STEP)
+    ends = (np.interp(grid + half, time, total) for half in (0.5 * _WINDOW, -0.5 * _WINDOW))
+    last, first = ends
+    return grid, (last - first) / _WINDOW
+
+
+def _course_rate(track: GnssTrack) -> tuple[Series, Series, Series]:
+    """Middle, rate of the course and weight of each stretch of about a window of a track."""
+    velocity = track_velocities(track)
+    good = np.isfinite(velocity).all(axis=1)
+    time, velocity = track.time[good], velocity[good]
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    if np.count_nonzero(speed > _SLOWEST) < 10:
+        raise RecordingError(
+            f"The track {track.name} moves faster than {_SLOWEST:g} m/s at {np.count_nonzero(speed > _SLOWEST)} "
+            "fixes only, and a course takes speed: the clocks cannot be compared by it."
+        )
+    steps = max(1, round(_WINDOW / max(track.interval, 1e-3)))
+    course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
+    span = time[steps:] - time[:-steps]
+    turn = np.remainder(course[steps:] - course[:-steps] + np.pi, 2.0 * np.pi) - np.pi
+    slowest = np.array([speed[i : i + steps + 1].min() for i in range(len(span))])
+    weights = ((slowest > _SLOWEST) & (span < 1.5 * max(_WINDOW, track.interval))).astype(float)
+    return 0.5 * (time[steps:] + time[:-steps]), turn / span, weights
+
+
+def track_velocities(track: GnssTrack) -> Vectors:
+    """Velocities of the track, or differences of its positions where it has none."""
+    if track.has_velocity.sum() > 10:
+        return track.velocity_n
+    from tumble.navigation.trajectory import position_differences
+
+    def cut(rows: slice) -> tuple[Series, Series, Series]:
+        return track.latitude[rows], track.longitude[rows], track.height[rows]
+
+    moved = position_differences(cut(slice(2, None)), cut(slice(None, -2)))
+    velocity = np.full((len(track), 3), np.nan)
+    velocity[1:-1] = moved / (track.time[2:] - track.time[:-2])[:, None]
+    return velocity
+
+
+def _lags(grid: Series, times: Series, around: float | None, reach: float | None) -> Series:
+    half = 0.5 * min(grid[-1] - grid[0], times[-1] - times[0])
+    first, last = grid[0] + half - times[-1], grid[-1] - half - times[0]
+    if around is not None:
+        extent = 10.0 if reach is None else reach
+        first, last = around - extent, around + extent
+    return np.arange(first, last + _STEP, _STEP)
+
+
+def _correlation(
+    grid: Series, yaw_rate: Series, times: Series, course_rate: Series, weights: Series
+) -> float:
+    inside = (times >= grid[0]) & (times <= grid[-1]) & (weights > 0.0)
+    if np.count_nonzero(inside) < 10:
+        return float("nan")
+    rate = np.interp(times[inside], grid, yaw_rate)
+    course = course_rate[inside]
+    return float((rate @ course) / np.sqrt((rate @ rate) * (course @ course) + 1e-30))
+
+
+def _refined(
+    grid: Series, yaw_rate: Series, times: Series, course_rate: Series, weights: Series, start: float
+) -> tuple[float, float]:
+    """Offset and its standard uncertainty by least squares, with a constant bias of the gyro beside it.
+
+    Stretches overlap and their residuals go together: they count as one a window, not as many as there are.
+    """
+    slope = np.gradient(yaw_rate, _STEP)
+    offset, sigma = start, np.inf
+    for _ in range(20):
+        at = times + offset
+        inside = (at >= grid[0]) & (at <= grid[-1]) & (weights > 0.0)
+        design = np.column_stack([np.interp(at[inside], grid, slope), np.ones(inside.sum())])
+        left = course_rate[inside] - np.interp(at[inside], grid, yaw_rate)
+        # a turn on the spot or a course that flips is no motion of a vehicle
+        spread = 1.4826 * np.median(np.abs(left - np.median(left))) + 1e-12
+        trusted = np.minimum(1.0, 3.0 * spread / np.maximum(np.abs(left), 1e-12))
+        normal = (design * trusted[:, None]).T @ design
+        cofactor = inverted(np.asarray(normal, dtype=np.float64))
+        step = float((cofactor @ (design.T @ (trusted * left)))[0])
+        offset += step
+        variance = float((trusted * left**2).sum() / max(trusted.sum() - 2.0, 1.0))
+        overlap = max(1.0, _WINDOW / max(float(np.median(np.diff(times))), 1e-3))
+        sigma = float(np.sqrt(variance * overlap * cofactor[0, 0]))
+        if abs(step) < 1e-5:
+            break
+    return offset, sigma
+
+
+__all__ = ["AxisAgreement", "TimeAlignment", "check_axes", "estimate_time_offset", "track_velocities"]
