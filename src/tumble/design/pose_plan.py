@@ -39,7 +39,7 @@ LEAST_DWELL = 4.0
 FEWER_POSES = 0.05
 # Numbers of poses that are tried where the time is fixed.
 LADDER = (6, 7, 8, 9, 10, 12, 14, 16, 18, 22, 26, 32, 40, 52)
-STARTS = 10
+STARTS = 20
 # Sweeps of swaps for the order.
 MOST_SWEEPS = 3
 # Of the paper's nine, with independent norms: what minimax measures against.
@@ -74,6 +74,7 @@ class PoseTask:
     gravity : m/s².
     known : (9, 9) information about `PARAMETERS` that is there already, or None.
     placement : over gravity, one sigma of what placing the unit adds to each hold by itself.
+    shortening : relative, by which tilts make all scale factors too small on the average, where poses are believed.
     """
 
     noise: TriadNoise
@@ -83,6 +84,7 @@ class PoseTask:
     gravity: float = STANDARD_GRAVITY
     known: Square | None = None
     placement: float = 0.0
+    shortening: float = 0.0
 
     def dwell_sigma(self, dwell: float, span: float) -> float:
         """Return the standard uncertainty of a hold's norm over gravity, wander within the test included.
@@ -119,7 +121,9 @@ class PoseTask:
         rows = pose_rows(directions)
         ridge = 1e-10 / float(np.median(np.diag(noise))) * np.eye(len(PARAMETERS))
         known = ridge if self.known is None else self.known + ridge
-        return predict_covariance(rows, directions, noise, known=known)
+        covariance = predict_covariance(rows, directions, noise, known=known)
+        covariance[:3, :3] += self.shortening**2
+        return covariance
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,7 +260,8 @@ def plan_poses(task: PoseTask, reach: Reach, count: int, dwell: float, rng: np.r
     sigma = task.dwell_sigma(dwell, task.span(np.full(count, dwell)))
     candidates = pose_candidates(reach.directions, sigma, task.turn, reach.names)
     known = _with_floor(task, sigma)
-    design = find_exact(candidates, count, task.criterion, rng, known=known, starts=STARTS)
+    also = _known_sets(reach.directions, count)
+    design = find_exact(candidates, count, task.criterion, rng, known=known, starts=STARTS, also=also)
     directions = reach.directions[design.chosen]
     names = () if reach.names is None else tuple(reach.names[index] for index in design.chosen)
     if reach.sphere:
@@ -450,6 +455,16 @@ def _least(task: PoseTask) -> int:
     return len(PARAMETERS) if task.known is None and task.criterion.wanted.size > 6 else 6
 
 
+def _known_sets(directions: Vectors, count: int) -> list[list[int]]:
+    """The papers' sets of so many poses, as far as they are among the directions."""
+    found: list[list[int]] = []
+    for scheme in scheme_directions().values():
+        cosines = scheme @ directions.T
+        if len(scheme) == count and float(cosines.max(axis=1).min()) > 1.0 - 1e-9:
+            found.append(np.argmax(cosines, axis=1).tolist())
+    return found
+
+
 def _with_floor(task: PoseTask, sigma: float) -> Square | None:
     """What is known; where not all is wanted, nearly nothing of the rest so that a matrix has an inverse."""
     if task.known is not None:
@@ -472,7 +487,7 @@ def _refined(
     weights = np.ones(count)
     tried = [refine_on_sphere(directions, weights, task.criterion, known=scaled)]
     with suppress(ObservabilityError):
-        starts = max(3, STARTS * 9 // count)
+        starts = max(3, 90 // count)
         tried.append(find_on_sphere(count, task.criterion, rng, known=scaled, starts=starts))
 
     def value(poses: Vectors) -> float:

@@ -32,6 +32,8 @@ MOST_ITERATIONS = 5000
 SHARPER = (12.0, 48.0, 200.0, 800.0)
 # A share of the time below this is round-off of the iteration, and goes to the others.
 LEAST_SHARE = 1e-5
+# Of the starts, the shares of visits that are drawn, in turn; the rest of a start is what tells most.
+DRAWN = (1.0, 1.0, 0.5)
 # So many candidates are tried in every exchange; those that the continuous design likes least are left out
 # until the end, when all are tried once more.
 MOST_TRIED = 150
@@ -180,7 +182,8 @@ def find_exact(
     *,
     known: Square | None = None,
     again: bool = True,
-    starts: int = 10,
+    starts: int = 30,
+    also: Sequence[Sequence[int]] = (),
     bounded: bool = True,
 ) -> ExactDesign:
     """Return the best design of so many visits, by exchanging one for another from many starts.
@@ -194,6 +197,7 @@ def find_exact(
     known : (p, p) information that is there already.
     again : a candidate may be visited more than once.
     starts : the best end of so many is returned.
+    also : sets of `count` candidates to start from, too, so that the design is no worse than they are.
     bounded : also find the continuous design, for the bound.
 
     Raises
@@ -216,11 +220,10 @@ def find_exact(
         gains = _gains(rows, many.covariance, criterion.slope(many.covariance))
         liked = np.argsort(-gains)[: max(MOST_TRIED, count)]
     searches = [_Exchange(rows, base, softer, again) for softer in _sharpened(criterion)]
-    ends = [
-        end
-        for _ in range(starts)
-        for end in _one_after_the_other(searches, _start(rows, base, count, liked, rng, again), liked)
-    ]
+    begun = [_start(rows, base, count, liked, rng, again, drawn=DRAWN[k % len(DRAWN)]) for k in range(starts)]
+    begun += [np.array(one) for one in also]
+    ends = [end for start in begun for end in _one_after_the_other(searches, start, liked)]
+    ends += [(float(criterion.value(searches[0].covariance(np.array(one)))), np.array(one)) for one in also]
     value, chosen = min(ends, key=lambda end: end[0])
     if liked.size < len(candidates):
         again_all = _one_after_the_other(searches, chosen, np.arange(len(candidates)))
@@ -379,12 +382,19 @@ def _stepped(rows: AnyArray, shares: Series, base: Square, criterion: Criterion,
 
 
 def _start(
-    rows: AnyArray, base: Square, count: int, liked: np.ndarray, rng: np.random.Generator, again: bool
+    rows: AnyArray,
+    base: Square,
+    count: int,
+    liked: np.ndarray,
+    rng: np.random.Generator,
+    again: bool,
+    *,
+    drawn: float,
 ) -> np.ndarray:
-    """Draw half of the visits, and add those that tell most of what is least known."""
-    drawn = rng.choice(liked, size=min((count + 1) // 2, liked.size), replace=False)
-    chosen = drawn.tolist()
-    total = base + np.einsum("nki,nkj->ij", rows[drawn], rows[drawn])
+    """Draw a share of the visits, and add those that tell most of what is least known."""
+    first = rng.choice(liked, size=min(max(int(drawn * count), 1), liked.size), replace=False)
+    chosen = first.tolist()
+    total = base + np.einsum("nki,nkj->ij", rows[first], rows[first])
     ridge = 1e-4 * float(np.mean(rows**2)) * rows.shape[1] * np.eye(rows.shape[2])
     while len(chosen) < count:
         gains = _gains(rows[liked], inverted(total + ridge), np.eye(rows.shape[2]))
@@ -422,11 +432,11 @@ class _Exchange:
     def run(self, start: np.ndarray, liked: np.ndarray) -> tuple[float, np.ndarray]:
         """Exchange as long as that helps."""
         chosen = start.copy()
-        value, improved = self._value(self._covariance(chosen)), True
+        value, improved = self._value(self.covariance(chosen)), True
         while improved:
             improved = False
             for place in range(chosen.size):
-                covariance = self._covariance(chosen)
+                covariance = self.covariance(chosen)
                 tried = self._criterion.smooth_value(self._exchanged(covariance, int(chosen[place]), liked))
                 tried = np.where(np.isfinite(tried) & (tried > 0.0), tried, np.inf)
                 if not self._again:
@@ -435,17 +445,18 @@ class _Exchange:
                 if tried[best] < value * (1.0 - 1e-7):
                     before = chosen[place]
                     chosen[place] = liked[best]
-                    now = self._value(self._covariance(chosen))
+                    now = self._value(self.covariance(chosen))
                     if now < value * (1.0 - 1e-9):
                         value, improved = now, True
                     else:  # an update of a nearly singular set, whose digits were lost
                         chosen[place] = before
-        return float(self._criterion.value(self._covariance(chosen))), chosen
+        return float(self._criterion.value(self.covariance(chosen))), chosen
 
     def _value(self, covariance: Square) -> float:
         return float(self._criterion.smooth_value(covariance))
 
-    def _covariance(self, chosen: np.ndarray) -> Square:
+    def covariance(self, chosen: np.ndarray) -> Square:
+        """Return that of these visits."""
         counts = np.bincount(chosen, minlength=self._rows.shape[0]).astype(float)
         return inverted(_information(self._rows, counts, self._base))
 

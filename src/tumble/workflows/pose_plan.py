@@ -154,7 +154,7 @@ def plan_pose_test(
         DEFAULT_TURN if turn is None else turn,
         place.gravity,
         _sheet(data_sheet, place.gravity),
-        _placed(procedure, placement, grade),
+        *_placed(procedure, placement, grade),
     )
     chosen = _faces() if procedure == "six-position" else choose_reach(reach, outer, inner)
     said: list[str] = []
@@ -167,7 +167,7 @@ def plan_pose_test(
     rng = np.random.default_rng(seed)
     plan = _search(procedure, task, chosen, poses, minutes, hold, rng, say)
     say("comparing")
-    schemes = plan_schemes(replace(task, placement=0.0), plan.duration)
+    schemes = plan_schemes(replace(task, placement=0.0, shortening=0.0), plan.duration)
     if procedure == "six-position":
         del schemes["six faces"]
     done = PosesPlanned(
@@ -445,14 +445,14 @@ def _sheet(name: str | None, gravity: float) -> Any:
     return np.diag(1.0 / np.array(sigmas) ** 2)
 
 
-def _placed(procedure: str, placement: float | None, grade: Grade) -> float:
-    """What levelling adds to a face's own reading: its square, and its product with the sensors' misalignment."""
+def _placed(procedure: str, placement: float | None, grade: Grade) -> tuple[float, float]:
+    """What levelling adds to a face's own reading (its square, and its product with misalignment), and its mean."""
     if procedure != "six-position":
-        return 0.0
+        return 0.0, 0.0
     tilt = LEVELLED if placement is None else placement
     if not 0.0 <= tilt <= 0.2:
         raise UsageError(f"--fixture-mrad {1e3 * tilt:g}: give 0 to 200 mrad.")
-    return math.hypot(tilt**2, math.sqrt(2.0) * tilt * grade.accelerometer.misalignment)
+    return math.hypot(tilt**2, math.sqrt(2.0) * tilt * grade.accelerometer.misalignment), tilt**2
 
 
 def _protocol(procedure: str, plan: PosePlan, place: Site, placement: float | None) -> Protocol:
