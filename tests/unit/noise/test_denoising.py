@@ -183,6 +183,26 @@ def test_the_mean_of_a_rest_does_not_change() -> None:
     assert abs(found.mean() - seen.mean()) < 0.5 / np.sqrt(2000.0)
 
 
+@pytest.mark.parametrize("level", [2, 4])
+def test_a_sine_below_the_threshold_is_lost_and_one_above_stays(level: int) -> None:
+    """What the statement calls lost: peaks under threshold · 2^(-j/2) in the octave of level j."""
+    rng = np.random.default_rng(15)
+    count = 40_000
+    noise = rng.standard_normal(count)
+    rest, whole = [(0, 20_000)], [(0, count)]
+    how = Shrinkage("universal", "hard")
+    limit = denoise_signal(noise, whole, rest, 5, how).threshold[level - 1] * 2.0 ** (-0.5 * level)
+    # In the middle of the octave, where the level's filter passes nearly all.
+    sine = np.sin(2.0 * np.pi * 0.75 / 2.0**level * np.arange(count))
+    sine[:20_000] = 0.0
+    # Of a larger sine a stretch about each zero is below the threshold: two thirds or more are left.
+    for peak, least, most in ((0.3 * limit, 0.0, 0.1), (2.0 * limit, 0.6, 1.05)):
+        found = denoise_signal(noise + peak * sine, whole, rest, 5, how).signal
+        part = slice(21_000, 39_000)
+        left = float(found[part] @ sine[part] / (peak * sine[part] @ sine[part]))
+        assert least <= left <= most
+
+
 def test_the_bandwidth_of_a_motion_is_found() -> None:
     rng = np.random.default_rng(13)
     time = np.arange(12_000) / RATE
