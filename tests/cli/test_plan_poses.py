@@ -1,0 +1,151 @@
+"""`tumble plan` of a test of poses, as a user meets it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+COMMAND = ("plan", "multi-position", "--imu", "tactical", "--site", "48.1")
+JIG = """\
+format: tumble protocol
+version: 1
+procedure: multi-position
+site: {latitude_deg: 48}
+steps:
+"""
+
+
+def is_told(answer: Any, status: int, *words: str) -> None:
+    assert answer.status == status, answer
+    assert len(answer.err.splitlines()) == 1, answer.err
+    assert "fault of tumble" not in answer.err
+    for word in words:
+        assert word in answer.err, answer.err
+
+
+def jig(path: Path, *ups: str) -> Path:
+    steps = "".join(f"  - hold: stop {k}\n    up: {up}\n    seconds: 10\n" for k, up in enumerate(ups, 1))
+    path.write_text(JIG + steps, encoding="utf-8")
+    return path
+
+
+def test_a_plan_is_written_simulated_and_calibrated(tumble: Any, tmp_path: Path) -> None:
+    """The calibration's own uncertainties are of the size that the plan foretells: a factor of two."""
+    folder = tmp_path / "plan"
+    answer = tumble("plan", "multi-position", "--imu", "ring-laser", "--site", "48.1", "--poses", 12, "--hold", 8,
+                    "-o", folder, "--json")  # fmt: skip
+    assert answer.status == 0, answer
+    document = json.loads(answer.out)
+    assert {file.name for file in folder.iterdir()} == {
+        "protocol.yaml",
+        "plan.json",
+        "plan.html",
+        "sheet.html",
+    }
+    assert document == json.loads((folder / "plan.json").read_text(encoding="utf-8"))
+    sheet = (folder / "sheet.html").read_text(encoding="utf-8")
+    assert sheet.count('class="box"') == 12
+    assert "8 s</b> at rest" in sheet
+    assert "<script" not in sheet + (folder / "plan.html").read_text(encoding="utf-8")
+    played = tumble("simulate", folder / "protocol.yaml", "--imu", "ring-laser", "-o", tmp_path / "played")
+    assert played.status == 0, played
+    done = tumble("calibrate", "--protocol", tmp_path / "played" / "protocol.yaml", "-o", tmp_path / "cal")
+    assert done.status in (0, 1), done
+    calibration = json.loads((tmp_path / "cal" / "calibration.json").read_text(encoding="utf-8"))
+    stated = {one["name"]: one["standard_uncertainty"] for one in calibration["parameters"]}
+    foretold = {one["name"]: one["standard_uncertainty"] for one in document["parameters"]}
+    ratios = [stated[f"accelerometer bias {axis}"] / foretold[f"bias {axis}"] for axis in "xyz"]
+    # The calibration cannot see that a wander is common to all holds of a minute: it does not count it.
+    assert 0.3 < np.exp(np.mean(np.log(ratios))) < 3.0
+
+
+def test_the_schemes_of_the_papers_stand_beside_the_plan(tumble: Any) -> None:
+    answer = tumble(*COMMAND, "--time", 4)
+    assert answer.status == 0, answer
+    said = " ".join(answer.out.split())
+    for words in (
+        "4.0 min",
+        "nine of Zhang",
+        "twelve edges",
+        "all 26",
+        "misalignment yz",
+        "Proved",
+        "ppm",
+        "µg",
+    ):
+        assert words in said
+    assert "six faces: does not tell" in said
+
+
+def test_a_recording_of_five_faces_wants_the_sixth(tumble: Any, tmp_path: Path) -> None:
+    """And a calibration of them all, less one edge, wants poses that are no faces."""
+    protocol = jig(tmp_path / "five.yaml", "x", "y", "z", "-y", "-z")
+    tumble("simulate", protocol, "--imu", "tactical", "-o", tmp_path / "five")
+    answer = tumble(*COMMAND, "--given", tmp_path / "five" / "recording.csv", "-q")
+    assert answer.status == 0, answer
+    said = " ".join(answer.out.split())
+    assert "5 different poses" in said
+    assert "Not told yet" in said
+    assert "Next: -x up" in said
+    aimed = tumble(*COMMAND, "--given", tmp_path / "five" / "recording.csv", "-q", "--for", "bias y")
+    assert "Not told yet" not in aimed.out
+
+
+def test_what_a_jig_does_not_reach_is_said_in_words(tumble: Any, tmp_path: Path) -> None:
+    faces = ("x", "y", "z", "-x", "-y", "-z", "[1, 1, 0]", "[1, 0, 1]")
+    small = jig(tmp_path / "jig.yaml", *faces)
+    is_told(
+        tumble(*COMMAND, "--reach", small),
+        2,
+        "8 poses of jig.yaml",
+        "non-orthogonality of y to z",
+        "Add edge",
+    )
+    enough = jig(tmp_path / "jig9.yaml", *faces, "[0, 1, 1]")
+    answer = tumble(*COMMAND, "--reach", enough, "-v")
+    assert "stop 9" in answer.out
+    level = tumble(*COMMAND, "--reach", "two-axis", "--outer", "0,0,45")
+    is_told(level, 2, "two-axis fixture", "does not tell")
+
+
+def test_wrong_input_is_refused_in_one_sentence(tumble: Any, tmp_path: Path) -> None:
+    for options, words in (
+        (("--poses", 8), ("8 poses tell 8 numbers", "9 poses or more")),
+        (("--poses", 0), ("--poses 0",)),
+        (("--poses", 9, "--time", 5), ("not both",)),
+        (("--time", 0.5), ("too short for the 9 poses",)),
+        (("--time", 5, "--hold", 9), ("leave --hold out",)),
+        (("--criterion", "best"), ("minimax",)),
+        (("--for", "drift"), ("scale, misalignment, bias",)),
+        (("--reach", "spere"), ("Did you mean sphere?",)),
+        (("--reach", tmp_path / "no.yaml"), ("no.yaml",)),
+        (("--outer", "0,9,1"), ("--reach two-axis",)),
+        (("--reach", "two-axis", "--outer", "0,9"), ("MIN,MAX,STEP",)),
+        (("--reach", "two-axis", "--outer", "9,0,1"), ("MIN at most MAX",)),
+        (("--targets", "bias=-3"), ("--targets",)),
+        (("--given", tmp_path / "none.csv"), ("no such file",)),
+        (("--data-sheet", "tactcal"), ("tactical",)),
+        (("--turn", 0), ("--turn 0",)),
+        (("--accelerometer-noise-ug", 0), ("positive",)),
+        (("--play-backs", 3), ("--play-backs", "multi-position")),
+    ):
+        is_told(tumble(*COMMAND, *options), 2, *words)
+    is_told(tumble("plan", "strapdown-rotation", "--poses", 9), 2, "--poses", "strapdown-rotation")
+    is_told(tumble("plan", "six-position", "--for", "misalignment"), 2, "scale factors and biases alone")
+    is_told(tumble("plan", "six-position", "--poses", 9), 2, "six faces")
+    file = tmp_path / "file"
+    file.write_text("mine", encoding="utf-8")
+    is_told(tumble(*COMMAND, "-o", file), 2, "is a file")
+    assert file.read_text(encoding="utf-8") == "mine"
+
+
+@pytest.mark.parametrize("criterion", ["D", "E", "minimax", "I"])
+def test_every_criterion_makes_a_plan(tumble: Any, criterion: str) -> None:
+    document = json.loads(tumble(*COMMAND, "--poses", 10, "--criterion", criterion, "--json").out)
+    assert len(document["poses"]) == 10
+    assert document["criterion"] == criterion
+    assert all(one["standard_uncertainty"] > 0.0 for one in document["parameters"])
