@@ -38,8 +38,8 @@ def calibrate_command(
         str | None,
         typer.Option(
             help="hand-held, multi-position, six-position, improved-six-position, rate-table, "
-            "modified-multi-position, turntable, laboratory or strapdown-rotation; without it the protocol or the "
-            "recording decides, and it is said why."
+            "modified-multi-position, turntable, laboratory, strapdown-rotation or thermal; without it the protocol or "
+            "the recording decides, and it is said why."
         ),
     ] = None,
     protocol: ProtocolOption = None,

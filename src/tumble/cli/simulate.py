@@ -29,7 +29,8 @@ def simulate_command(
         str,
         typer.Argument(
             help="A protocol file, or the name of a protocol: six-position, multi-position-26 (18, 10, 9), rate-table, "
-            "modified-multi-position, turntable-9 (18), laboratory, strapdown-rotation, hand-held."
+            "modified-multi-position, turntable-9 (18), laboratory, strapdown-rotation, thermal-soak, "
+            "thermal-ramp (-tumbled), thermal-fridge, hand-held."
         ),
     ],
     output: Annotated[

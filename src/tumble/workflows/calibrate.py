@@ -126,7 +126,8 @@ def calibrate(
     modelled = None if noise is None else NoiseOfHolds.read(noise, recording)
     clock.lap("reading")
 
-    task = _prepare(recording, told, site, intervals, clock, say)
+    is_thermal = "thermal" in (procedure, None if told is None or procedure is not None else told.procedure)
+    task = _prepare(recording, told, site, intervals, clock, say, is_thermal=is_thermal)
     if modelled is not None:
         task.means = modelled.means_of(task)
     task.knowledge, task.optional_terms, task.unknowns = knowledge, optional_terms, unknowns
@@ -145,6 +146,9 @@ def calibrate(
 
     remarks = (reason, *(r.text for r in recording.remarks))
     calibration = calibration_from_estimate(estimate, recording, task.site, remarks=remarks, imu=imu)
+    earlier = _corrected_by(paths, given)
+    if earlier:
+        calibration = calibration.model_copy(update={"input_corrected_by": earlier})
     run = CalibrationRun(
         calibration, estimate, recording, task.timeline, task.means, reason, told, task.matching
     )
@@ -185,6 +189,29 @@ def _read(
     return recording, given.on_clock_of(recordings, spans)
 
 
+def _corrected_by(paths: Paths, given: GivenProtocol | None) -> list[str]:
+    """Return the identities of the calibrations that all recordings were corrected by before.
+
+    Raises
+    ------
+    UsageError
+        If they were not all corrected by the same.
+    """
+    from tumble.recording.corrections import corrections_of
+
+    named = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    if not named and given is not None:
+        named = [*given.files()]
+    marks = {corrections_of([Path(path)]) for path in named}
+    if len(marks) > 1:
+        words = "; ".join(", ".join(mark) or "none" for mark in sorted(marks))
+        raise UsageError(
+            f"The recordings were corrected by different calibrations ({words}): take all of them raw, or all "
+            "corrected by the same."
+        )
+    return list(marks.pop()) if marks else []
+
+
 def _prepare(
     recording: Recording,
     protocol: Protocol | None,
@@ -192,17 +219,24 @@ def _prepare(
     intervals: str | os.PathLike[str] | None,
     clock: _Clock,
     say: Callable[[str], None],
+    *,
+    is_thermal: bool = False,
 ) -> Task:
     """Find holds and turns, and which step of the protocol each of them is."""
     say("finding holds and turns")
-    from tumble.segmentation import find_timeline, observe_holds, read_intervals
+    from tumble.segmentation import find_thermal_timeline, find_timeline, observe_holds, read_intervals
 
     clock.lap("importing")
     given = None if intervals is None else read_intervals(Path(intervals))
-    timeline = find_timeline(recording, intervals=given)
+    if is_thermal:
+        from tumble.calibration.thermal_coverage import require_time_base
+
+        require_time_base(recording)
+    timeline = (find_thermal_timeline if is_thermal else find_timeline)(recording, intervals=given)
     means = observe_holds(recording, timeline)
     matching = None
-    if protocol is not None:
+    # Temperatures tell the steps of a thermal test; its poses need not be recognised.
+    if protocol is not None and not is_thermal:
         from tumble.segmentation.matching import match_protocol
 
         say("matching them with the protocol")

@@ -34,8 +34,9 @@ PROCEDURES = (
     "laboratory",
     "strapdown-rotation",
     "joint",
+    "thermal",
 )
-LATER_PROCEDURES = ("thermal",)
+LATER_PROCEDURES: tuple[str, ...] = ()
 # These know the table's rates from the protocol and from nowhere else.
 NEED_PROTOCOL = ("rate-table", "modified-multi-position", "turntable", "laboratory", "strapdown-rotation")
 
@@ -319,6 +320,14 @@ def _rotations(task: Task) -> list[Rotation]:
     return observe_rotations(protocol, task.recording, task.timeline, matching, task.means, spins)
 
 
+def _thermal(task: Task) -> Estimate:
+    from tumble.calibration.thermal import calibrate_thermal
+
+    return calibrate_thermal(
+        task.recording, task.timeline, task.site, protocol=task.protocol, progress=task.say
+    )
+
+
 def _spins(task: Task) -> tuple[Protocol, Matching, SpinMeans]:
     from tumble.segmentation.matching import observe_matched_spins
 
@@ -341,6 +350,7 @@ _PROCEDURES: dict[str, Callable[[Task], Estimate]] = {
     "turntable": _turntable,
     "laboratory": _laboratory,
     "strapdown-rotation": _strapdown_rotation,
+    "thermal": _thermal,
     "joint": _joint,
 }
 

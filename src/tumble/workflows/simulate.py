@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from tumble.arrays import AnyArray
     from tumble.protocol import Protocol, Step
     from tumble.recording import Recording
-    from tumble.simulation import FixtureErrors, Imperfections, TableErrors, Truth
+    from tumble.sensor import ImuModel
+    from tumble.simulation import ChamberTruth, FixtureErrors, Grade, Imperfections, TableErrors, Truth
 
 # What most people hold in their hands, with errors large enough for every procedure to find.
 DEFAULT_GRADE = "consumer-mems"
@@ -33,6 +34,8 @@ DEFAULT_GRADE = "consumer-mems"
 DEFAULT_LATITUDE = math.radians(45.0)
 # Two hours and three quarters at 2 kHz, or 2.5 GB of memory.
 LARGEST_SAMPLES = 20_000_000
+# A unit in a chamber changes within minutes, and a test takes hours: Hz.
+CHAMBER_RATE = 10.0
 UNITS = ("SI", "counts")
 AXES = ("unit", "case")
 
@@ -112,7 +115,9 @@ def simulate(
         If the files cannot be written; earlier ones are intact.
     """
     from tumble.protocol import SpinStep
-    from tumble.simulation import Imperfections, find_grade, simulate_protocol
+    from tumble.simulation import Imperfections, find_grade, find_thermal_grade, simulate_protocol
+    from tumble.simulation.thermal_steps import has_chamber
+    from tumble.workflows.thermal_truth import thermal_truth
 
     say, began = progress or _silent, time.perf_counter()
     given = _read(protocol)
@@ -126,7 +131,10 @@ def simulate(
         remarks.append(
             f"The protocol {given.name} has no spins: what is wrong with the table changes nothing."
         )
-    hertz = rate if rate is not None else given.rate or chosen.rate
+    usual = CHAMBER_RATE if has_chamber(given) else chosen.rate
+    hertz = rate if rate is not None else given.rate or usual
+    if has_chamber(given):
+        _check_chamber(units, table, fixture, lever_arm_b)
     _check(units, seed, unit, hertz, given, per_step)
     folder = Path(output) if output is not None else Path(f"{given.name}-simulated")
     _require_place(folder)
@@ -141,22 +149,28 @@ def simulate(
     model = chosen.simulate_model(
         _generator(unit, "unit"), nonlinear=nonlinear, case_axes=axes == "case", asymmetry=asymmetry
     )
-    recording, truth = simulate_protocol(
-        given,
-        hertz,
-        _generator(seed, "session"),
-        site=place,
-        grade=played_by,
-        model=model,
-        noise=noise,
-        imperfections=chain,
-        placement=placement,
-        heading=fixture_azimuth if fixture is not None else None,
-        lever_arm_b=lever_arm_b,
-        table=table,
-        fixture=fixture,
-        units=units,
-    )
+    inside = None
+    if has_chamber(given):
+        recording, truth, inside = _in_chamber(
+            given, hertz, seed, unit, place, model, chosen, played_by, noise, chain, placement
+        )
+    else:
+        recording, truth = simulate_protocol(
+            given,
+            hertz,
+            _generator(seed, "session"),
+            site=place,
+            grade=played_by,
+            model=model,
+            noise=noise,
+            imperfections=chain,
+            placement=placement,
+            heading=fixture_azimuth if fixture is not None else None,
+            lever_arm_b=lever_arm_b,
+            table=table,
+            fixture=fixture,
+            units=units,
+        )
     columns = None
     if axes == "case" and chosen.C_instrument_case is not None:
         # Read by these columns, the recording is in the axes that the poses are of.
@@ -164,6 +178,8 @@ def simulate(
         truth = read_in_other_axes(truth, chosen.C_instrument_case.T)
     settings = Settings(played_by, seed, unit, noise, placement, axes, chain, table, lever_arm_b)
     document = truth_document(given, recording, truth, settings)
+    if inside is not None:
+        document["thermal"] = thermal_truth(inside, find_thermal_grade(chosen.name))
     simulated = time.perf_counter()
     say("writing")
     said = "counts" if units == "counts" else "m/s^2,rad/s,s"
@@ -175,9 +191,54 @@ def simulate(
     return Simulated(folder, files, document, remarks, seconds)
 
 
+def _check_chamber(
+    units: str, table: TableErrors | None, fixture: FixtureErrors | None, lever_arm_b: AnyArray | None
+) -> None:
+    """Refuse what is not simulated in a chamber."""
+    if units != "SI":
+        raise UsageError("--units counts: a unit in a chamber is simulated in SI; leave the option out.")
+    if table is not None or fixture is not None or lever_arm_b is not None:
+        raise UsageError(
+            "The protocol has soaks or ramps, and there is no table in this chamber: leave its options out."
+        )
+
+
+def _in_chamber(
+    protocol: Protocol,
+    rate: float,
+    seed: int,
+    unit: int,
+    site: Site,
+    model: ImuModel,
+    drawn_from: Grade,
+    played_by: Grade,
+    noise: bool,
+    chain: Imperfections,
+    placement: bool,
+) -> tuple[Recording, Truth, ChamberTruth]:
+    """Record a unit that changes with temperature; without noise its thermometer has none either."""
+    from tumble.simulation import Chamber, find_thermal_grade, simulate_chamber
+
+    grade = find_thermal_grade(drawn_from.name)
+    return simulate_chamber(
+        protocol,
+        rate,
+        _generator(seed, "session"),
+        site=site,
+        thermal=grade.simulate_model(model, _generator(unit, "thermal")),
+        chamber=Chamber(
+            thermometer_noise=grade.thermometer_noise if noise else 0.0,
+            thermometer_resolution=grade.thermometer_resolution if noise else 0.0,
+        ),
+        grade=played_by if noise else None,
+        imperfections=chain,
+        placement=placement,
+    )
+
+
 def _generator(seed: int, what: str) -> np.random.Generator:
     """A stream of its own for unit, session and fixture; SFC64 is the fastest that numpy has."""
-    number = {"unit": 0, "session": 1, "fixture": 2}[what]
+    number = {"unit": 0, "session": 1, "fixture": 2, "thermal": 3}[what]
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(number,))))
 
 
