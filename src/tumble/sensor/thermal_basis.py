@@ -92,7 +92,7 @@ class TemperatureBasis:
         """Return (samples, functions) at each temperature."""
         if self.kind == "polynomial":
             difference = temperature_celsius - self.reference_celsius
-            return np.power(difference[:, None], np.arange(1.0, self.order + 1.0))
+            return np.cumprod(np.repeat(difference[:, None], self.order, axis=1), axis=1)
         reference = np.array([self.reference_celsius])
         hats = self._hats(temperature_celsius) - self._hats(reference)
         return np.ascontiguousarray(np.delete(hats, self.omitted, axis=1))
