@@ -92,7 +92,8 @@ class TemperatureBasis:
         """Return (samples, functions) at each temperature."""
         if self.kind == "polynomial":
             difference = temperature_celsius - self.reference_celsius
-            return np.cumprod(np.repeat(difference[:, None], self.order, axis=1), axis=1)
+            powers = np.cumprod(np.repeat(difference[:, None], self.order, axis=1), axis=1)
+            return np.asarray(powers, dtype=np.float64)
         reference = np.array([self.reference_celsius])
         hats = self._hats(temperature_celsius) - self._hats(reference)
         return np.ascontiguousarray(np.delete(hats, self.omitted, axis=1))
