@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tumble.report.figure import AXIS_COLOURS, GREY, Figure, Plot, base_layout, plain, text_axis
-from tumble.report.noise_words import DEFINITIONS, FORMULA, NoiseRow, noise_rows, practical_unit
+from tumble.report.noise_words import (
+    DEFINITIONS,
+    FORMULA,
+    KINDS,
+    NoiseRow,
+    noise_rows,
+    practical_unit,
+    triad_lines,
+)
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
@@ -20,6 +28,13 @@ table.noise td, table.noise th { padding-right: 1.2rem; text-align: left; }
 table.noise tr.first td { border-top: 1px solid var(--line, #ccc); }
 table.noise td.unseen { color: var(--soft); }
 """
+_DASHED = "dashed: the fitted terms together. "
+_SLOPES = {
+    "overlapping": f"{_DASHED}Slope −1/2: random walk (N); flat: B; +1/2: K.",
+    "haar": f"{_DASHED}Slope −1/2: random walk (N); flat: B; +1/2: K. It is the Allan deviation over √2.",
+    "modified": "slope −1/2: random walk (N), −3/2: quantisation (Q); flat: B; +1/2: K.",
+    "hadamard": "slope −1/2: random walk (N); flat: B; +1/2: K; a ramp is not in it.",
+}
 _TRIADS = {"g": ("Gyros", "gyro"), "a": ("Accelerometers", "accelerometer")}
 
 
@@ -43,14 +58,22 @@ def render_noise(noise: Characterisation, command: str) -> str:
     )
     body = (
         f"<style>{_STYLE}</style><h1>{html.escape(title)}</h1><p>{html.escape(facts)}</p>"
-        f"<ul>{''.join(f'<li>{_marked(text)}</li>' for text in noise.sentences)}</ul>"
-        f'<div class="scroll">{_table(noise.channels)}</div>'
+        + _listed(noise.suitability.remarks)
         + "".join(_place(figure, caption) for figure, caption in figures)
+        + f"<h2>What was found</h2>{_listed(noise.remarks)}"
+        + f'<h2>Numbers</h2><div class="scroll">{_table(noise.channels)}</div>'
+        + "".join(
+            f"<p>{html.escape(line[0].upper() + line[1:])}.</p>" for line in triad_lines(noise.channels)
+        )
         + f"<h2>What the letters are</h2><p>{html.escape(FORMULA)}</p><ul>"
         + "".join(f"<li><b>{letter}</b> {html.escape(text)}</li>" for letter, text in DEFINITIONS.items())
         + f"</ul><p>Coefficients and letters as in IEEE Std 952. Again: <code>{html.escape(command)}</code></p>"
     )
     return standalone_page(title, body, [figure.as_dict() for figure, _ in figures])
+
+
+def _listed(sentences: tuple[str, ...]) -> str:
+    return f"<ul>{''.join(f'<li>{_marked(text)}</li>' for text in sentences)}</ul>" if sentences else ""
 
 
 def _duration(seconds: float) -> str:
@@ -104,17 +127,15 @@ def _figures(noise: Characterisation) -> list[tuple[Figure, str]]:
         factor, unit = practical_unit(channels[0], "B")
         figures.append(
             (
-                _curves(f"allan-{letter}", f"Allan deviation of the {word}s", channels, factor, unit),
-                (
-                    f"{title}: Allan deviation. Band: {100.0 * channels[0].curve.confidence:.0f} % interval; dashed: "
-                    "the fitted terms together. Slope −1/2: random walk (N); flat: B; +1/2: K."
-                ),
+                _curves(f"allan-{letter}", f"{KINDS[noise.kind]} of the {word}s", channels, factor, unit),
+                f"{title}: {KINDS[noise.kind]}. Band: {100.0 * channels[0].curve.confidence:.0f} % interval; "
+                + _SLOPES[noise.kind],
             )
         )
         figures.append(
             (
                 _spectrum(noise, letter, channels, factor, unit),
-                f"{title}: spectral density, its root, one-sided. Narrow peaks are vibration; a flat part is √2 N.",
+                f"{title}: root of the spectral density, one-sided. Triangles: lines, as of a motor; a flat part is √2 N.",
             )
         )
         figures.append(
@@ -158,8 +179,11 @@ def _curves(name: str, label: str, channels: list[Channel], factor: float, unit:
             data.append(_line(x, fitted, colour, f"{channel.name} fitted", line=dashes, **_HIDDEN, **group))
     layout = base_layout(
         430,
-        xaxis=_log_axis("averaging time τ, s"),
-        yaxis=_log_axis(f"Allan deviation, {unit}"),
+        xaxis=_log_axis("averaging time τ, s", channels[0].curve.tau),
+        yaxis=_log_axis(
+            f"{KINDS[channels[0].curve.kind]}, {unit}",
+            np.concatenate([factor * channel.curve.deviation[:, 0] for channel in channels]),
+        ),
     )
     return Figure(name, label, data, layout)
 
@@ -178,10 +202,34 @@ def _spectrum(
         )
         for k, channel in enumerate(channels)
     ]
+    data += [
+        _marks(channel, spectrum.frequency, factor * np.sqrt(spectrum.density[:, k]))
+        for k, channel in enumerate(channels)
+        if channel.lines
+    ]
     layout = base_layout(
-        340, xaxis=_log_axis("frequency, Hz"), yaxis=_log_axis(f"root of the density, {unit}/√Hz")
+        340,
+        xaxis=_log_axis("frequency, Hz", spectrum.frequency),
+        yaxis=_log_axis(f"root of the density, {unit}/√Hz", factor * np.sqrt(spectrum.density)),
     )
     return Figure(f"spectrum-{letter}", f"Spectral density, {_TRIADS[letter][1]}s", data, layout)
+
+
+def _marks(channel: Channel, frequency: Series, root: Series) -> Plot:
+    """The lines that were found, each over its place in the spectrum."""
+    factor, unit = practical_unit(channel, "B")
+    colour = AXIS_COLOURS[channel.name[1]]
+    at = np.array([line.frequency for line in channel.lines])
+    return _line(
+        plain(at),
+        1.15 * np.interp(at, frequency, root),
+        colour,
+        f"{channel.name}, line",
+        mode="markers",
+        marker={"color": colour, "symbol": "triangle-down", "size": 9},
+        text=[f"{x.frequency:.5g} Hz, amplitude {factor * x.amplitude:.3g} {unit}" for x in channel.lines],
+        hovertemplate="%{text}",
+    )
 
 
 def _levels(
@@ -203,6 +251,7 @@ def _levels(
     return Figure(f"level-{letter}", f"Level over time, {_TRIADS[letter][1]}s", data, layout)
 
 
+_WIDE = 150.0  # range that has powers of ten enough for an axis
 _HIDDEN: dict[str, Any] = {"showlegend": False, "hoverinfo": "skip"}
 
 
@@ -210,8 +259,13 @@ def _centred(level: Series) -> Series:
     return level - np.nanmean(level)
 
 
-def _log_axis(title: str) -> Plot:
-    return text_axis(title, type="log", exponentformat="power", dtick=1)
+def _log_axis(title: str, values: Any) -> Plot:
+    """A logarithmic axis, marked at each power of ten, or at 1, 2 and 5 where there are few of them."""
+    known = np.asarray(values, dtype=float)
+    known = known[np.isfinite(known) & (known > 0.0)]
+    wide = bool(known.size) and float(known.max() / known.min()) > _WIDE
+    marks: Plot = {"exponentformat": "power", "dtick": 1} if wide else {"dtick": "D2", "tickformat": "~g"}
+    return text_axis(title, type="log", **marks)
 
 
 def _faint(colour: str) -> str:

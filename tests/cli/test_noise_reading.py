@@ -1,0 +1,207 @@
+"""Deviations of other kinds, and recordings that are read block by block, through the command."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tumble.noise.deviation import allan_deviation
+from tumble.report.noise_document import NoiseDocument
+
+RATE = 200.0
+
+
+@pytest.fixture(scope="module")
+def rows() -> np.ndarray:
+    """Five minutes of a gyro with white noise, a random walk and a vibration at 31 Hz in gx, and a temperature."""
+    rng = np.random.default_rng(12)
+    count = 60_000
+    time = np.arange(count) / RATE
+    celsius = 25.0 + np.sin(time / 150.0)
+    turn = 1e-3 * rng.standard_normal((count, 3)) + np.cumsum(2e-6 * rng.standard_normal((count, 3)), axis=0)
+    turn[:, 0] += 4e-4 * np.sin(2.0 * np.pi * 31.0 * time)
+    turn[:, 1] += 5e-4 * (celsius - 25.0)
+    return np.column_stack([time, turn, celsius])
+
+
+NAMES = ["t", "gx", "gy", "gz", "temperature"]
+
+
+@pytest.fixture(scope="module")
+def files(rows: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    import polars as pl
+
+    folder = tmp_path_factory.mktemp("formats")
+    frame = pl.DataFrame(rows, schema=NAMES)
+    frame.write_csv(folder / "still.csv")
+    frame.write_parquet(folder / "still.parquet")
+    np.save(folder / "still.npy", rows)
+    return {path.suffix[1:]: path for path in folder.iterdir()}
+
+
+def document(tumble: Any, *arguments: object) -> dict[str, Any]:
+    answer = tumble("noise", *arguments, "--json")
+    assert (answer.status, answer.err) == (0, "")
+    return json.loads(answer.out)
+
+
+@pytest.fixture
+def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blocks of 7001 rows or 200 kB, so that a small file has many."""
+    from tumble.recording.formats import npy, parquet, text
+
+    for module in (npy, parquet):
+        monkeypatch.setattr(module.read_table_blocks, "__defaults__", (7001,))
+    monkeypatch.setattr(text, "_CHUNK", 200_000)
+
+
+@pytest.mark.usefixtures("small_blocks")
+@pytest.mark.parametrize("kind", ["csv", "parquet", "npy"])
+@pytest.mark.parametrize(
+    "option", [[], ["--remove-temperature", "--kind", "hadamard", "--taus", "0.05,1,30"]]
+)
+def test_block_by_block_is_what_it_is_whole(
+    tumble: Any, files: dict[str, Path], kind: str, option: list[str]
+) -> None:
+    if kind == "npy":
+        option = [*option, "--columns", ",".join(NAMES)]
+    whole = document(tumble, files[kind], "--whole", *option)
+    blocks = document(tumble, files[kind], "--stream", *option)
+    assert (whole["read"], blocks["read"]) == ("whole", "block by block")
+    assert blocks["samples_at_rest"] == whole["samples_at_rest"] == 60_000
+    assert blocks["recordings"] == whole["recordings"]
+    assert blocks["rate_hz"] == pytest.approx(whole["rate_hz"], rel=1e-9)
+    for name, expected in whole["channels"].items():
+        found = blocks["channels"][name]
+        for key in ("curve", "allan_deviation"):
+            # Averaging times are taken to the next multiple, within 0.8 %.
+            count = min(len(found[key]["tau_s"]), len(expected[key]["tau_s"]))
+            assert found[key]["tau_s"][:count] == pytest.approx(expected[key]["tau_s"][:count], rel=0.008)
+            short = [k for k, tau in enumerate(expected[key]["tau_s"][:count]) if tau * RATE <= 100.5]
+            # Temperature is taken off by means over a second there, which differs in the fourth digit of the slope.
+            tolerance = 1e-5 if "--remove-temperature" in option else 1e-9
+            for k in short:
+                assert found[key]["deviation"][k] == pytest.approx(
+                    expected[key]["deviation"][k], rel=tolerance
+                )
+        white = expected["terms"]["N"]
+        assert found["terms"]["N"]["value"] == pytest.approx(
+            white["value"], abs=0.1 * white["standard_uncertainty"]
+        )
+
+
+def test_the_line_is_found_with_its_frequency_and_amplitude(tumble: Any, files: dict[str, Path]) -> None:
+    for how in ("--whole", "--stream"):
+        [line] = document(tumble, files["parquet"], how)["channels"]["gx"]["lines"]
+        assert line["frequency_hz"] == pytest.approx(
+            31.0, abs=5.0 * line["frequency_standard_uncertainty"] + 1e-4
+        )
+        assert line["amplitude"] == pytest.approx(4e-4, abs=5.0 * line["amplitude_standard_uncertainty"])
+
+
+def test_lost_samples_at_the_border_of_blocks_are_filled_in_there_too(
+    tumble: Any, rows: np.ndarray, tmp_path: Path, small_blocks: None
+) -> None:
+    import polars as pl
+
+    keep = np.ones(len(rows), dtype=bool)
+    keep[[7001, 7002, 30_000]] = False
+    path = tmp_path / "lost.parquet"
+    pl.DataFrame(rows[keep], schema=NAMES).write_parquet(path)
+    whole, blocks = (document(tumble, path, how) for how in ("--whole", "--stream"))
+    for found in (whole, blocks):
+        assert any("3 lost sample(s) in 2 place(s) are filled in" in text for text in found["remarks"])
+        assert found["pieces"] == [[0, 60_000]]
+    deviations = [d["channels"]["gz"]["allan_deviation"]["deviation"][:7] for d in (whole, blocks)]
+    assert deviations[1] == pytest.approx(deviations[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["overlapping", "modified", "hadamard", "haar"])
+def test_each_kind_is_in_table_page_and_document(
+    tumble: Any, files: dict[str, Path], rows: np.ndarray, tmp_path: Path, kind: str
+) -> None:
+    names = {
+        "overlapping": "Allan deviation",
+        "modified": "modified Allan deviation",
+        "hadamard": "Hadamard deviation",
+        "haar": "Haar wavelet deviation",
+    }
+    answer = tumble("noise", files["parquet"], "--kind", kind, "--taus", "0.02,0.5,20", "-o", tmp_path)
+    assert answer.status == 0
+    assert f"\n{names[kind]}:\n" in answer.out
+    assert names[kind] in (tmp_path / "noise.html").read_text(encoding="utf-8")
+    written = json.loads((tmp_path / "noise.json").read_text(encoding="utf-8"))
+    NoiseDocument.model_validate(written)
+    curve = written["channels"]["gz"]["curve"]
+    assert curve["kind"] == kind
+    assert curve["tau_s"] == [0.02, 0.5, 20.0]
+    base = allan_deviation(
+        rows[:, 3], RATE, kind="overlapping" if kind == "haar" else kind, taus=[0.02, 0.5, 20.0]
+    )  # type: ignore[arg-type]
+    expected = base.deviation[:, 0] / (np.sqrt(2.0) if kind == "haar" else 1.0)
+    assert curve["deviation"] == pytest.approx(expected.tolist(), rel=1e-9)
+
+
+def test_every_number_has_letter_unit_and_definition_and_the_covariance_is_whole(
+    tumble: Any, files: dict[str, Path]
+) -> None:
+    found = document(tumble, files["parquet"])
+    for name, channel in found["channels"].items():
+        for letter, term in channel["terms"].items():
+            assert term["letter"] == letter
+            assert term["definition"]
+            assert term["unit"]
+        covariance = channel["fit"]["covariance"]
+        assert covariance["terms"] == list(channel["terms"])
+        sigma = np.sqrt(np.diag(np.array(covariance["matrix"])))
+        assert sigma.tolist() == pytest.approx(
+            [term["standard_uncertainty"] for term in channel["terms"].values()], rel=1e-9
+        ), name
+    triad = found["triads"]["gyroscope"]["terms"]["N"]
+    each = np.array([found["channels"][axis]["terms"]["N"]["value"] for axis in ("gx", "gy", "gz")])
+    assert triad["mean_of_variances"] == pytest.approx(np.sqrt(np.mean(each**2)), rel=1e-12)
+    assert triad["worst_axis"] == each.max()
+    assert triad["worst_axis_name"] == ("gx", "gy", "gz")[int(np.argmax(each))]
+
+
+def test_a_stop_while_blocks_are_read_leaves_nothing_behind(tmp_path: Path) -> None:
+    """The reader is slowed, so that the signal comes while it reads."""
+    np.save(tmp_path / "still.npy", np.random.default_rng(1).standard_normal((40_000, 6)) + 9.0)
+    script = (
+        "import sys, time\n"
+        "from tumble.recording.formats import npy\n"
+        "first = npy.read_table_blocks\n"
+        "def slow(path):\n"
+        "    for block in first(path, 1000):\n"
+        "        print('block', flush=True)\n"
+        "        time.sleep(0.05)\n"
+        "        yield block\n"
+        "npy.read_table_blocks = slow\n"
+        "from tumble.cli.main import main\n"
+        "sys.argv = ['tumble', 'noise', 'still.npy', '--stream', '--rate', '100', '--units', 'counts', '-o', 'out']\n"
+        "main()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script],
+        cwd=tmp_path,
+        env={**os.environ, "TUMBLE_CHECK_SHAPES": ""},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        restore_signals=True,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "block\n"
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert said.strip() == "tumble: Stopped; no file was changed."
+    assert [path.name for path in tmp_path.iterdir()] == ["still.npy"]
