@@ -79,7 +79,7 @@ def test_the_same_seed_draws_the_same_tests(tumble: Any) -> None:
 
 
 def test_wrong_input_is_refused_in_one_sentence(tumble: Any, tmp_path: Path) -> None:
-    is_told(tumble("plan", "hand-held"), 2, "strapdown-rotation")
+    is_told(tumble("plan", "turntable"), 2, "strapdown-rotation", "multi-position")
     is_told(tumble("plan", "strapdown-rotation", "--imu", "ringlaser"), 2, "ring-laser")
     is_told(tumble(*COMMAND, "--fixture-mrad", -1), 2, "mounting", "0 to 100 mrad")
     is_told(tumble(*COMMAND, "--heading-mrad", 500), 2, "heading")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from tumble.workflows.plan import Plan
 
-_UNIT, _FIXTURE, _TEST, _POSES = "Unit", "Fixture", "Test", "Poses (multi-position, six-position)"
+_UNIT, _FIXTURE, _TEST, _POSES = "Unit", "Fixture", "Test", "Poses (multi-position, hand-held, six-position)"
 # What only a test of poses, and only an error budget, understands.
 _OF_POSES = [
     "data_sheet",
@@ -53,7 +53,10 @@ _OF_BUDGETS = [
 def plan_command(
     context: typer.Context,
     procedure: Annotated[
-        str, typer.Argument(help="What is planned: multi-position, six-position or strapdown-rotation.")
+        str,
+        typer.Argument(
+            help="What is planned: multi-position, hand-held, six-position or strapdown-rotation."
+        ),
     ],
     output: Annotated[
         Path | None,
@@ -97,7 +100,7 @@ def plan_command(
     ] = None,
     poses: Annotated[
         int | None,
-        typer.Option(help="How many poses (default: as many as unknowns).", rich_help_panel=_POSES),
+        typer.Option(help="How many poses (9; hand-held 26).", rich_help_panel=_POSES),
     ] = None,
     minutes: Annotated[
         float | None,
@@ -167,7 +170,7 @@ def plan_command(
     ] = None,
     turn: Annotated[
         float | None,
-        typer.Option(help="Seconds from one pose to the next (3).", rich_help_panel=_POSES),
+        typer.Option(help="Seconds from one pose to the next (3; hand-held 2).", rich_help_panel=_POSES),
     ] = None,
     fixture_mrad: Annotated[
         float | None,
@@ -198,7 +201,7 @@ def plan_command(
     hold: Annotated[
         float | None,
         typer.Option(
-            help="Seconds of rest in each pose (30), or before and after each sequence (10).",
+            help="Seconds of rest in each pose (30; hand-held 4), or before and after each sequence (10).",
             rich_help_panel=_TEST,
         ),
     ] = None,

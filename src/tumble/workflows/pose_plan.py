@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tumble.protocol import Protocol
     from tumble.simulation import Grade
 
-PROCEDURES = ("multi-position", "six-position")
+PROCEDURES = ("multi-position", "hand-held", "six-position")
 """Procedures whose poses can be planned."""
 
 FILES = ("protocol.yaml", "plan.json", "plan.html", "sheet.html")
@@ -32,7 +32,8 @@ _SECOND = math.pi / 648000.0
 _MICRO_G = 9.80665e-6
 _DEGREE = math.pi / 180.0
 BY_HAND, LEVELLED = 5.0 * _DEGREE, 0.5 * _DEGREE
-DEFAULT_HOLD, DEFAULT_TURN = 30.0, 3.0
+# Seconds of a pose and of a turn, and the fewest poses that are planned without being asked.
+DEFAULTS = {"multi-position": (30.0, 3.0, 9), "hand-held": (4.0, 2.0, 26), "six-position": (30.0, 3.0, 6)}
 MOST_POSES = 200
 # Practical unit and its size in the unit of `PARAMETERS` (relative, rad, over gravity), by group.
 UNITS = {"scale": ("ppm", 1e-6), "misalignment": ("″", _SECOND), "bias": ("µg", 1e-6)}
@@ -151,18 +152,21 @@ def plan_pose_test(
         grade.accelerometer.noise,
         names,
         grade.rate,
-        DEFAULT_TURN if turn is None else turn,
+        DEFAULTS[procedure][1] if turn is None else turn,
         place.gravity,
         _sheet(data_sheet, place.gravity),
         *_placed(procedure, placement, grade),
     )
+    hold = DEFAULTS[procedure][0] if hold is None and minutes is None else hold
     chosen = _faces() if procedure == "six-position" else choose_reach(reach, outer, inner)
     said: list[str] = []
     following: list[Any] = []
     stop, so_far = False, None
     if given is not None:
         say("reading what is there already")
-        task, said, following, stop, so_far = _with_given(task, chosen, given, hold, wished)
+        task, said, following, stop, so_far = _with_given(
+            task, chosen, given, hold or DEFAULTS[procedure][0], wished
+        )
     say("searching")
     rng = np.random.default_rng(seed)
     plan = _search(procedure, task, chosen, poses, minutes, hold, rng, say)
@@ -184,7 +188,13 @@ def plan_pose_test(
         following,
         so_far,
         stop,
-        [*remarks, *_about_wander(task, plan), *_about_gravity(place), *_unmet(plan, place, wished)],
+        [
+            *remarks,
+            *_about_turns(procedure),
+            *_about_wander(task, plan),
+            *_about_gravity(place),
+            *_unmet(plan, place, wished),
+        ],
     )
     if folder is not None:
         say("writing")
@@ -347,7 +357,11 @@ def _search(
     if procedure == "six-position":
         if poses not in (None, 6):
             raise UsageError(f"--poses {poses}: a six-position test has its six faces.")
-        dwell = (60.0 * minutes + task.turn) / 6 - task.turn if minutes is not None else hold or DEFAULT_HOLD
+        dwell = (
+            (60.0 * minutes + task.turn) / 6 - task.turn
+            if minutes is not None
+            else hold or DEFAULTS[procedure][0]
+        )
         if dwell < 1.0:
             raise UsageError(
                 f"--time {minutes:g}: that leaves no time for six poses and the turns between them."
@@ -356,15 +370,15 @@ def _search(
         return plan_of("six faces", task, ordered, np.full(6, dwell))
     if minutes is not None:
         return plan_time(task, reach, 60.0 * minutes, rng, say)
-    count = poses if poses is not None else max(int(task.criterion.wanted.size), 6)
-    return plan_poses(task, reach, count, hold or DEFAULT_HOLD, rng)
+    count = poses if poses is not None else DEFAULTS[procedure][2]
+    return plan_poses(task, reach, count, hold or DEFAULTS[procedure][0], rng)
 
 
 def _with_given(
     task: PoseTask,
     reach: Reach,
     given: str | os.PathLike[str],
-    hold: float | None,
+    dwell: float,
     targets: dict[str, float],
 ) -> tuple[PoseTask, list[str], list[NextPose], bool, Series]:
     """What is there already, which poses come next, and whether to stop."""
@@ -373,7 +387,6 @@ def _with_given(
     known, words = read_known(given)
     if task.known is not None:
         known = known + task.known
-    dwell = hold or DEFAULT_HOLD
     sigma = task.dwell_sigma(dwell, 10.0 * dwell)
     following = find_next_poses(known, reach, sigma, task.criterion)
     so_far = sigmas_so_far(known)
@@ -483,6 +496,17 @@ def _about_wander(task: PoseTask, plan: PosePlan) -> list[str]:
             f"The biases wander by {wander / _MICRO_G:.2g} µg from hold to hold, the white noise of a hold is "
             f"{white / _MICRO_G:.2g} µg: {share:.0f} % of the variance are wander, which the order of the poses "
             f"lessens: keep it.{more}"
+        )
+    ]
+
+
+def _about_turns(procedure: str) -> list[str]:
+    if procedure != "hand-held":
+        return []
+    return [
+        (
+            "Predicted is what the holds tell of the accelerometers; the turns add to it, and tell the gyros, of which "
+            "nothing is predicted. Turn about all axes of the unit, and about no two the same way one after the other."
         )
     ]
 
