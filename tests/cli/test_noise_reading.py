@@ -64,9 +64,13 @@ def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("small_blocks")
-@pytest.mark.parametrize("kind", ["csv", "parquet", "npy"])
 @pytest.mark.parametrize(
-    "option", [[], ["--remove-temperature", "--kind", "hadamard", "--taus", "0.05,1,30"]]
+    ("kind", "option"),
+    [
+        ("csv", []),
+        ("parquet", []),
+        ("npy", ["--remove-temperature", "--kind", "hadamard", "--taus", "0.05,1,30"]),
+    ],
 )
 def test_block_by_block_is_what_it_is_whole(
     tumble: Any, files: dict[str, Path], kind: str, option: list[str]
@@ -192,7 +196,7 @@ def test_a_stop_while_blocks_are_read_leaves_nothing_behind(tmp_path: Path) -> N
     with subprocess.Popen(
         [sys.executable, "-c", script],
         cwd=tmp_path,
-        env={**os.environ, "TUMBLE_CHECK_SHAPES": ""},
+        env={**os.environ, "TUMBLE_CHECK_SHAPES": "", "PYTHONPATH": os.pathsep.join(sys.path)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -24,6 +24,7 @@ PROMISED = (
     "plan",
     "simulate",
     "reproduce",
+    "units",
     "demo",
 )
 

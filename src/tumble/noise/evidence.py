@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -44,6 +44,7 @@ class Blocks:
     scatter: Table
 
 
+@runtime_checkable
 class RestEvidence(Protocol):
     """A recording as the judgement of its rest sees it.
 

@@ -135,7 +135,7 @@ def _figures(noise: Characterisation) -> list[tuple[Figure, str]]:
         figures.append(
             (
                 _spectrum(noise, letter, channels, factor, unit),
-                f"{title}: root of the spectral density, one-sided. Triangles: lines, as of a motor; a flat part is √2 N.",
+                f"{title}: root of the spectral density, one-sided. Triangles: lines, of a motor say; flat: √2 N.",
             )
         )
         figures.append(
@@ -252,6 +252,7 @@ def _levels(
 
 
 _WIDE = 150.0  # range that has powers of ten enough for an axis
+_NARROW = 8.0
 _HIDDEN: dict[str, Any] = {"showlegend": False, "hoverinfo": "skip"}
 
 
@@ -263,8 +264,10 @@ def _log_axis(title: str, values: Any) -> Plot:
     """A logarithmic axis, marked at each power of ten, or at 1, 2 and 5 where there are few of them."""
     known = np.asarray(values, dtype=float)
     known = known[np.isfinite(known) & (known > 0.0)]
-    wide = bool(known.size) and float(known.max() / known.min()) > _WIDE
-    marks: Plot = {"exponentformat": "power", "dtick": 1} if wide else {"dtick": "D2", "tickformat": "~g"}
+    span = float(known.max() / known.min()) if known.size else 1.0
+    marks: Plot = {"exponentformat": "power", "dtick": 1}
+    if span < _WIDE:
+        marks = {"dtick": "D2" if span > _NARROW else "D1", "tickformat": "~g"}
     return text_axis(title, type="log", **marks)
 
 
