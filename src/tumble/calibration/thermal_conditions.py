@@ -30,7 +30,7 @@ LAG_PRIOR, LAG_SIGMA = 60.0, 60.0  # s
 WIDTH_PRIOR, WIDTH_SIGMA = 5.0, 3.0  # K
 LEAST_WIDTH = 0.5
 # Steps of the numerical derivatives by lag and width: small against what they are known to.
-LAG_STEP, WIDTH_STEP = 1.0, 0.05
+LAG_STEP, WIDTH_STEP = 10.0, 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +145,8 @@ class ThermalConditions:
         # Base directions of the placements with several points, and the force there where it is free.
         self.directions = np.zeros((several.size, 3))
         self.tangents = np.zeros((several.size, 3, 2))
-        self.cached: dict[tuple[float, float], Table] = {}
+        self.middle: Table | None = None
+        self.slopes: dict[str, Table] = {}
         if points.force is not None:
             for k in range(several.size):
                 mean = points.force[self.own == k].mean(axis=0)
@@ -198,23 +199,57 @@ class ThermalConditions:
         return Prior(mean, np.diag(precision))
 
     def functions(self, values: Series) -> Table:
-        """Return (points, functions + 2) at the lag and width of `values`."""
+        """Return (points, functions + 2): the line in lag and width about where they were last centred."""
+        lag, width = self._path(values)
+        functions = self._at_centre()
+        for name, moved in (("lag", lag - self.lag), ("width", width - self.width)):
+            if name in self.slopes:
+                functions = functions + moved * self.slopes[name]
+        return functions
+
+    def centre(self, values: Series) -> float:
+        """Begin the lines in lag and width anew at `values`; return how far they have moved, in steps."""
         lag, width = self.lag_and_width(values)
-        return self._functions(lag, width)
+        moved = max(abs(lag - self.lag) / LAG_STEP, abs(width - self.width) / WIDTH_STEP)
+        self.lag, self.width = lag, width
+        self.slopes = self._slopes()
+        return moved
 
     def lag_and_width(self, values: Series) -> tuple[float, float]:
         """Return lag (s) and width (K), which are not below what they can be."""
-        lag = float(values[self.layout.places["lag"]][0]) if self.terms.lag else self.lag
-        width = float(values[self.layout.places["width"]][0]) if self.terms.width else self.width
+        lag, width = self._path(values)
         return max(lag, 0.0), max(width, LEAST_WIDTH)
 
-    def _functions(self, lag: float, width: float) -> Table:
-        key = (round(lag, 9), round(width, 9))
-        if key not in self.cached:
-            if len(self.cached) > 8:
-                self.cached.clear()
-            self.cached[key] = self.points.functions(self.terms.basis, lag, width)
-        return self.cached[key]
+    def _path(self, values: Series) -> tuple[float, float]:
+        """Return lag and width as they are among the unknowns."""
+        lag = float(values[self.layout.places["lag"]][0]) if self.terms.lag else self.lag
+        width = float(values[self.layout.places["width"]][0]) if self.terms.width else self.width
+        return lag, width
+
+    def _at_centre(self) -> Table:
+        if self.middle is None:
+            self.middle = self.points.functions(self.terms.basis, self.lag, self.width)
+        return self.middle
+
+    def _slopes(self) -> dict[str, Table]:
+        """Return how the functions change with lag and width: (points, functions + 2) each.
+
+        Over steps that the thermometer's noise and the dead band of the hysteresis do not make rough.
+        """
+        basis, points = self.terms.basis, self.points
+        self.middle = points.functions(basis, self.lag, self.width)
+        slopes: dict[str, Table] = {}
+        if self.terms.lag:
+            low = max(self.lag - LAG_STEP, 0.0)
+            above, below = (points.functions(basis, lag, self.width) for lag in (self.lag + LAG_STEP, low))
+            slopes["lag"] = (above - below) / (self.lag + LAG_STEP - low)
+        if self.terms.width:
+            low = max(self.width - WIDTH_STEP, LEAST_WIDTH)
+            above, below = (
+                points.functions(basis, self.lag, width) for width in (self.width + WIDTH_STEP, low)
+            )
+            slopes["width"] = (above - below) / (self.width + WIDTH_STEP - low)
+        return slopes
 
     def matrices(self, values: Series, functions: Table) -> AnyArray:
         """Return (points, 3, 3) of the accelerometers' matrix."""
@@ -267,7 +302,7 @@ class ThermalConditions:
         rows = len(points)
         misclosure, design = np.zeros((rows, 6)), np.zeros((rows, 6, self.layout.size))
         covariance = np.repeat(np.eye(6)[None], rows, axis=0)
-        shift = self._by_path(parameters, functions)
+        shift = self.slopes
         forces = None
         if points.force is not None:
             forces = self._force_rows(parameters, functions, shift, misclosure, design, covariance)
@@ -282,16 +317,6 @@ class ThermalConditions:
 
     def adjust_observations(self, multipliers: AnyArray) -> None:
         """Means are known so well that a second order in their noise is nothing."""
-
-    def _by_path(self, values: Series, functions: Table) -> dict[str, Table]:
-        """Return how the functions change with lag and width: (points, functions + 2) each."""
-        lag, width = self.lag_and_width(values)
-        changes: dict[str, Table] = {}
-        if self.terms.lag:
-            changes["lag"] = (self._functions(lag + LAG_STEP, width) - functions) / LAG_STEP
-        if self.terms.width:
-            changes["width"] = (self._functions(lag, width + WIDTH_STEP) - functions) / WIDTH_STEP
-        return changes
 
     def _force_rows(
         self,

@@ -114,6 +114,13 @@ def _refuse_clock(recording: Recording, time: Series, values: Series) -> None:
             )
     smooth = _smoothed(time, values)
     time = time[: smooth.size]
+    span, took = float(np.ptp(smooth)), float(time[-1] - time[0])
+    if span > 3.0 and span * LEAST_SECONDS_PER_KELVIN > took:
+        raise ObservabilityError(
+            f"The temperature changes by {span:.1f} K in a recording of {took:.3g} s, faster than any unit can: the stamps "
+            "are too short for it (wrong unit or rate of the clock?). Say the unit of time with --units, such as "
+            "--units s, or the rate with --rate."
+        )
     step = max(1, int(10.0 * recording.rate))
     if smooth.size > 2 * step:
         moved, took = np.abs(smooth[step:] - smooth[:-step]), time[step:] - time[:-step]
@@ -192,6 +199,8 @@ def find_coverage(points: ThermalPoints, protocol: Protocol | None, poses: np.nd
     if np.count_nonzero(keep) < 2:
         raise ObservabilityError(
             f"No rest is at a temperature that has settled (below {60 * SETTLED_RATE:g} K/min): soak longer."
+            if kind == "soak"
+            else f"No two rests change their temperature slower than {60 * FASTEST_RATE:g} K/min: sweep slower."
         )
     span = float(points.celsius[keep].min()), float(points.celsius[keep].max())
     if span[1] - span[0] < LEAST_SPAN:

@@ -20,6 +20,8 @@ HIGHEST_ORDER = 5
 SAME_SOAK = 3.0  # K
 # Parts of a sweep that are left out one by one, and nodes of its interpolations.
 BANDS, NODES = 8, 6
+# Lag and width are centred anew until they move by less than this share of the step of their derivatives.
+CENTRED, MOST_CENTRES = 0.05, 8
 _FORCE, _RATE = slice(0, 3), slice(3, 6)
 
 
@@ -90,6 +92,7 @@ def fit_thermal(
     """
     conditions = ThermalConditions(points, terms, where.gravity, where.earth, where.lag, where.width)
     prior, values = conditions.prior(), [conditions.start()]
+    conditions.centre(values[0])
     rows = int(np.count_nonzero(conditions.active)) + prior.rank
     if rows < conditions.layout.size:
         raise ObservabilityError(
@@ -99,6 +102,10 @@ def fit_thermal(
     def solve(extra: dict[str, float], active: np.ndarray, *, once: bool) -> Adjustment:
         conditions.extra, conditions.active = extra, active
         adjustment = adjust(conditions, values[-1], prior=prior, once=once)
+        for _ in range(0 if once or not (terms.lag or terms.width) else MOST_CENTRES):
+            if conditions.centre(adjustment.parameters) < CENTRED:
+                break
+            adjustment = adjust(conditions, adjustment.parameters, prior=prior)
         values.append(adjustment.parameters)
         return adjustment
 

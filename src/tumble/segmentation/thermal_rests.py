@@ -15,6 +15,9 @@ from tumble.segmentation.timeline import Timeline
 # Medians over so long are regressed on temperature: turns are a minority, and outliers.
 WINDOW = 10.0  # s
 ORDER, PASSES = 3, 20
+# Stretches of so many seconds without motion are levelled; motion is a change of gravity by this share within two
+# seconds, or a rate so many sigmas off.
+LEAST_STRETCH, MOVING_SHARE, MOVING_SIGMAS = 60, 0.02, 30.0
 
 
 def find_thermal_timeline(
@@ -23,8 +26,10 @@ def find_thermal_timeline(
     """Find holds and turns in a recording whose gyro biases drift with temperature.
 
     A cubic in the recorded temperature, fitted to medians of ten seconds by least absolute values, is taken off
-    the gyros first: a warming gyro would else look as if it turned slowly. The timeline is that of the recording
-    as it was given; means are to be taken from it, not from what was taken off.
+    the gyros first: a warming gyro would else look as if it turned slowly. Within each stretch that shows no
+    motion over seconds, what a cubic in temperature explains of the accelerometers is taken off, too: it would
+    look as if the pose crept. The timeline is that of the recording as it was given; means are to be taken from
+    it, not from what was taken off. A pose that really creeps with temperature is not told from a bias that does.
 
     Parameters
     ----------
@@ -40,6 +45,8 @@ def find_thermal_timeline(
     if recording.temperature is not None and recording.angular_rate is not None:
         drift = _drift(recording.time, recording.temperature, recording.angular_rate)
         flat = replace(recording, angular_rate=recording.angular_rate - drift)
+    if recording.temperature is not None and recording.specific_force is not None:
+        flat = replace(flat, specific_force=_level(flat, recording.temperature))
     return find_timeline(flat, intervals=intervals)
 
 
@@ -65,6 +72,48 @@ def _drift(time: Series, celsius: Series, rate: Vectors) -> Vectors:
         coefficients = _least_absolute(design, levels[:, axis])
         drift[:, axis] = (scaled[:, None] ** powers) @ coefficients[1:]
     return drift
+
+
+def _level(recording: Recording, celsius: Series) -> Vectors:
+    """Return the specific force without what temperature does to it while nothing moves."""
+    force = recording.specific_force
+    assert force is not None
+    step = max(1, round(recording.rate))
+    blocks = len(force) // step
+    known = np.isfinite(celsius)
+    if blocks < 2 * LEAST_STRETCH or np.count_nonzero(known) < 100:
+        return force
+    filled = _smoothed(np.interp(recording.time, recording.time[known], celsius[known]), 5 * step)
+    means = force[: blocks * step].reshape(blocks, step, 3).mean(axis=1)
+    gravity = float(np.median(np.linalg.norm(means, axis=1)))
+    # Over two seconds a pose that changes moves gravity; a warming sensor does not.
+    change = np.zeros(blocks)
+    change[1:-1] = np.linalg.norm(means[2:] - means[:-2], axis=1)
+    moving = change > MOVING_SHARE * gravity
+    if recording.angular_rate is not None:
+        rates = recording.angular_rate[: blocks * step].reshape(blocks, step, 3).mean(axis=1)
+        off = np.linalg.norm(rates - np.median(rates, axis=0), axis=1)
+        usual = float(np.median(off))
+        moving |= off > usual + MOVING_SIGMAS * 1.4826 * float(np.median(np.abs(off - usual)))
+    level = force.copy()
+    edges = np.flatnonzero(np.diff(np.concatenate([[1], moving.astype(int), [1]])))
+    for first, last in edges.reshape(-1, 2).tolist():
+        if last - first >= LEAST_STRETCH:
+            part = slice(first * step, last * step)
+            level[part] = force[part] - _explained(filled[part], force[part])
+    return level
+
+
+def _explained(celsius: Series, force: Vectors) -> Vectors:
+    """Return what a polynomial in temperature explains, without its mean; of a straight line below 3 K."""
+    span = float(np.ptp(celsius))
+    if span < 0.2:
+        return np.zeros_like(force)
+    scaled = (celsius - 0.5 * float(celsius.max() + celsius.min())) / (0.5 * span)
+    powers = scaled[:, None] ** np.arange(1, (ORDER if span > 3.0 else 1) + 1)
+    powers = powers - powers.mean(axis=0)
+    solution = np.linalg.lstsq(powers, force - force.mean(axis=0), rcond=None)[0]
+    return np.asarray(powers @ solution, dtype=np.float64)
 
 
 def _smoothed(values: Series, width: int) -> Series:
