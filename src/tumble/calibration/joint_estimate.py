@@ -118,7 +118,7 @@ def _sigma0(solution: JointSolution) -> float:
 def _alone(outcome: JointOutcome) -> JointSolution:
     """Solve once more with the noise seen at rest alone, and everything that was recorded."""
     problem = replace(
-        outcome.problem, extra=Extra(), masks=Masks.everything(outcome.data.holds), spin_noise={}
+        outcome.problem, extra=Extra(), masks=Masks.everything(outcome.data.holds), spin_noise={}, wobble={}
     )
     state = JointState(
         outcome.state.unknowns.copy(),
@@ -224,6 +224,12 @@ def _remarks(outcome: JointOutcome) -> list[str]:
         told.append(
             f"In {len(shaken)} of {len(data.spins)} rotations the accelerometers scatter more than at rest, up to "
             f"{np.sqrt(worst):.1f} times: the table shakes, and its windows count for less."
+        )
+    wobbling = [wobble for wobble in outcome.problem.wobble.values() if wobble > 1e-5]
+    if wobbling:
+        told.append(
+            f"In {len(wobbling)} of {len(data.spins)} rotations the axis wobbles, by up to "
+            f"{np.degrees(max(wobbling)) * 3600.0:.0f}″ (one sigma)."
         )
     sway = float(np.sqrt(outcome.problem.extra.sway))
     if sway > 1e-6:

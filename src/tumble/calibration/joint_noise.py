@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
+from tumble.calibration.joint_spins import LEAST_WOBBLE
 from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
 from tumble.calibration.joint_terms import HEAD, TAIL, Terms
 from tumble.calibration.joint_unknowns import force_matrix, gyro_matrix
@@ -41,6 +42,8 @@ _COMPONENTS = (
 PASSES, ROUNDS = 10, 8
 # A table that shakes: its windows' noise is raised where chance does so more rarely than this.
 SHAKING_FALSE_ALARM = 1e-3
+# Mean square of an axis's residuals beyond which it wobbles more than was believed.
+WOBBLES = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,6 +268,11 @@ def _raise_shaking(problem: JointProblem, solution: JointSolution) -> bool:
     moved = False
     for equations in solution.equations:
         for k, spin in equations.spins.items():
+            wobble = problem.wobble.get(k, LEAST_WOBBLE)
+            if spin.wobbled > WOBBLES:
+                problem.wobble[k] = wobble * float(np.sqrt(spin.wobbled))
+                moved = True
+                continue
             degrees = max(spin.observations - 6, 1)
             if float(chdtrc(degrees, spin.left)) < SHAKING_FALSE_ALARM:
                 # of all residuals of the rotation, half are the windows'

@@ -1,7 +1,8 @@
 """What a table's rotation adds: the specific force as it turns, and the angle that its display tells.
 
 While a table turns slowly, gravity goes round in the unit: window by window the accelerometers show it, turned
-on by the gyros from each window to the next. Each window has an attitude of its own, so that the gyros' random
+on by the gyros from each window to the next. The axis keeps its direction, in the unit and in the room: what
+gyros across it show is bias and Earth rate. Each window has an attitude of its own, so that the gyros' random
 walk is followed and not assumed away. What else acts belongs to the rotation: where the accelerometers are
 off its axis (centripetal), and how both biases wander: a constant and cosines over the rotation, each with
 the variance that 1/f noise gives it. Windows and these are eliminated; what is left joins the holds before
@@ -16,11 +17,13 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Square, Table, Vector, inverted
 from tumble.attitude.rotations import (
+    matrices_from_rotation_vectors,
     matrix_from_rotation_vector,
     rotation_vector_from_matrix,
     rotation_vectors_from_matrices,
     skew,
     skews,
+    tangent_basis,
 )
 from tumble.calibration.joint_data import JointData, JointSpin, mean_backward_rotation
 from tumble.calibration.joint_terms import (
@@ -37,14 +40,16 @@ from tumble.estimation.bordered import BorderedChain, EliminatedChain, whiten
 START, END = slice(0, 3), slice(3, 6)
 # How far the accelerometers may be off the axis, one sigma.
 LEVER_SIGMA = 1.0  # m
+# A good table's axis wobbles by an arcsecond or so; more is found from the residuals.
+LEAST_WOBBLE = 5e-6  # rad
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
     """Where a rotation's own unknowns stand in its border, after start and end.
 
-    First the lever arm (3), then what the accelerometers' biases wander (constant and modes, 3 each), then
-    the gyros', then the shared border.
+    First the lever arm (3), then how the axis leans in the unit and in the room (2 and 2), then what the
+    accelerometers' biases wander (constant and modes, 3 each), then the gyros', then the shared border.
     """
 
     modes: int
@@ -57,7 +62,7 @@ class Layout:
     @property
     def own(self) -> int:
         """How many unknowns are the rotation's own."""
-        return 3 + 2 * self.wander
+        return 7 + 2 * self.wander
 
     @property
     def size(self) -> int:
@@ -73,13 +78,17 @@ class Layout:
         """Of the lever arm, in the border."""
         return slice(6, 9)
 
+    def axis(self) -> slice:
+        """Of the axis's leaning in the unit (2) and in the room (2), in the border."""
+        return slice(9, 13)
+
     def force(self) -> slice:
         """Of the accelerometers' wander, in the border."""
-        return slice(9, 9 + self.wander)
+        return slice(13, 13 + self.wander)
 
     def rate(self) -> slice:
         """Of the gyros' wander, in the border."""
-        return slice(9 + self.wander, 9 + 2 * self.wander)
+        return slice(13 + self.wander, 13 + 2 * self.wander)
 
     def inner(self, border: slice) -> slice:
         """The same place among the rotation's own unknowns."""
@@ -103,11 +112,29 @@ class SpinState:
     Attributes
     ----------
     C_wb : (windows, 3, 3) attitudes at the windows' centres.
-    own : lever arm, wander of the accelerometers and of the gyros, see `Layout`.
+    axis_b, axis_w : (3,) unit vectors, the axis in the unit and in the room, along the turn.
+    own : lever arm, axis, wander of the accelerometers and of the gyros, see `Layout`; the axis's place in it
+        stays zero, for it is moved itself.
     """
 
     C_wb: Matrices
+    axis_b: Vector
+    axis_w: Vector
     own: Series
+
+    def move(self, attitudes: Table, own: Series) -> None:
+        """Move by steps of the windows' attitudes and of the own unknowns."""
+        self.C_wb = matrices_from_rotation_vectors(attitudes) @ self.C_wb
+        leaning_b, leaning_w = own[3:5], own[5:7]
+        self.axis_b = _leaned(self.axis_b, leaning_b)
+        self.axis_w = _leaned(self.axis_w, leaning_w)
+        self.own = self.own + own
+        self.own[3:7] = 0.0
+
+
+def _leaned(axis: Vector, by: Series) -> Vector:
+    moved = axis + tangent_basis(axis) @ by
+    return np.asarray(moved / np.linalg.norm(moved), dtype=np.float64)
 
 
 @dataclass(slots=True)
@@ -124,6 +151,7 @@ class SpinEquations:
     force_residual : (windows, 3) raw, predicted minus observed.
     angle_residual : rad, of the table's angle; NaN without.
     axis : (3,) unit vector in w about which it turned.
+    wobbled : mean square of the axis's whitened residuals.
     duration : s from rest to rest.
     left : `square_sum` less what the windows and its own unknowns take, with start, end and border as they are.
     """
@@ -139,6 +167,7 @@ class SpinEquations:
     force_residual: Table
     angle_residual: float
     axis: Vector
+    wobbled: float
     duration: float
     left: float
 
@@ -157,7 +186,9 @@ def start_spin(
     made = [C_tail]
     for rotation, t in zip(C_se, duration, strict=True):
         made.append(matrix_from_rotation_vector(-t * earth_w) @ made[-1] @ rotation)
-    return SpinState(np.array(made[1:]), np.zeros(Layout.of(spin).own))
+    C_wb = np.array(made[1:])
+    axis = _axis(C_wb)
+    return SpinState(C_wb, np.asarray(C_tail.T @ axis), axis, np.zeros(Layout.of(spin).own))
 
 
 def spin_equations(
@@ -170,6 +201,7 @@ def spin_equations(
     gravity: float,
     extra: Extra,
     noise: float = 1.0,
+    wobble: float = LEAST_WOBBLE,
 ) -> SpinEquations:
     """Linearise a rotation and eliminate what is its own.
 
@@ -179,6 +211,7 @@ def spin_equations(
     edges : attitudes at the tail of the hold before and at the head of the hold after.
     earth_w, unknowns, gravity, extra : the state of the rest.
     noise : factor on the variance of the windows' specific force: a turning table may shake.
+    wobble : rad about each direction across the axis, one sigma, by which it leans at any window.
 
     Raises
     ------
@@ -187,12 +220,8 @@ def spin_equations(
     """
     windows, layout = len(spin.windows), Layout.of(spin)
     chain = BorderedChain.zero(windows, 3, layout.size)
-    force = _add_force(chain, data, spin, state, unknowns, gravity, noise)
-    link_sum, duration = _add_links(chain, data, spin, state, edges, earth_w, unknowns)
-    axis = _axis(state)
-    angle_sum, angle = _add_angle(chain, spin, axis, edges)
-    own_sum = _add_own_prior(chain, data, spin, state, unknowns, extra)
-    square_sum = force[1] + link_sum + angle_sum + own_sum
+    added = add_spin_terms(chain, data, spin, state, edges, earth_w, unknowns, gravity, extra, noise, wobble)
+    angle, square_sum = added.angle_residual, added.square_sum
     made = chain.eliminated()
     own = np.arange(6, layout.shared)
     outer = np.concatenate([np.arange(6), np.arange(layout.shared, layout.size)])
@@ -202,17 +231,66 @@ def spin_equations(
         corner=made.corner[np.ix_(outer, outer)] - gain.T @ inverse @ gain,
         gradient=made.corner_gradient[outer] - gain.T @ inverse @ right,
         square_sum=square_sum,
-        observations=3 * (windows + 1) + (0 if np.isnan(angle) else 1),
+        observations=3 * (windows + 1) + added.leaning - 4 + (0 if np.isnan(angle) else 1),
         chain=made,
         own_inverse=inverse,
         own_gain=gain,
         own_gradient=right,
-        force_residual=force[0],
+        force_residual=added.force_residual,
         angle_residual=angle,
-        axis=axis,
-        duration=duration,
+        axis=added.axis,
+        wobbled=added.wobbled,
+        duration=added.duration,
         left=square_sum - made.decrease(np.zeros(layout.size)) - float(right @ inverse @ right),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class SpinResiduals:
+    """What a rotation's terms left: see `SpinEquations`."""
+
+    force_residual: Table
+    angle_residual: float
+    wobbled: float
+    leaning: int
+    duration: float
+    square_sum: float
+
+
+def add_spin_terms(
+    chain: BorderedChain,
+    data: JointData,
+    spin: JointSpin,
+    state: SpinState,
+    edges: tuple[AnyArray, AnyArray],
+    earth_w: Vector,
+    unknowns: Series,
+    gravity: float,
+    extra: Extra,
+    noise: float = 1.0,
+    wobble: float = LEAST_WOBBLE,
+) -> SpinResiduals:
+    """Add all terms of a rotation to a chain of its windows, each said by `chain.source`.
+
+    Parameters
+    ----------
+    chain : of the windows, with the border that `Layout` has.
+    data, spin, state, edges, earth_w, unknowns, gravity, extra, noise, wobble : as for `spin_equations`.
+    """
+    chain.source("windows")
+    force = _add_force(chain, data, spin, state, unknowns, gravity, noise)
+    chain.source("links")
+    link_sum, duration = _add_links(chain, data, spin, state, edges, earth_w, unknowns)
+    chain.source("axis")
+    axis_sum, leaning = _add_axis(chain, spin, state, edges, wobble)
+    axis = state.axis_w
+    chain.source("angle")
+    angle_sum, angle = _add_angle(chain, spin, axis, edges)
+    chain.source("own")
+    own_sum = _add_own_prior(chain, data, spin, state, unknowns, extra)
+    square_sum = force[1] + link_sum + axis_sum + angle_sum + own_sum
+    wobbled = axis_sum / max(leaning - 4, 1)
+    return SpinResiduals(force[0], angle, wobbled, leaning, duration, square_sum)
 
 
 def _ranges(data: JointData, spin: JointSpin) -> np.ndarray:
@@ -308,11 +386,33 @@ def _edge_seconds(data: JointData, spin: JointSpin) -> tuple[float, float]:
     return tail * step / 3.0, head * step / 3.0
 
 
-def _axis(state: SpinState) -> Vector:
+def _axis(C_wb: Matrices) -> Vector:
     """The axis in w: over the windows the attitude goes round it, the same way all the time."""
-    steps = rotation_vectors_from_matrices(state.C_wb[1:] @ np.swapaxes(state.C_wb[:-1], 1, 2))
+    steps = rotation_vectors_from_matrices(C_wb[1:] @ np.swapaxes(C_wb[:-1], 1, 2))
     axis = steps.sum(axis=0) if len(steps) else np.array([0.0, 0.0, 1.0])
     return np.asarray(axis / max(float(np.linalg.norm(axis)), 1e-30), dtype=np.float64)
+
+
+def _add_axis(
+    chain: BorderedChain, spin: JointSpin, state: SpinState, edges: tuple[AnyArray, AnyArray], wobble: float
+) -> tuple[float, int]:
+    """Add that the axis is the same in the unit and in the room; return the square sum and how many residuals."""
+    layout = Layout.of(spin)
+    C = np.concatenate([edges[0][None], state.C_wb, edges[1][None]])
+    basis_b, basis_w = tangent_basis(state.axis_b), tangent_basis(state.axis_w)
+    seen = C @ state.axis_b
+    residual = (seen - state.axis_w) @ basis_w / wobble
+    by_attitude = -(basis_w.T @ skews(seen)) / wobble
+    by_border = np.zeros((len(C), 2, layout.size))
+    by_border[:, :, layout.axis()] = np.concatenate(
+        [basis_w.T @ C @ basis_b, np.broadcast_to(-np.eye(2), (len(C), 2, 2))], axis=2
+    )
+    by_border[:, :, layout.axis()] /= wobble
+    by_border[0, :, START], by_border[-1, :, END] = by_attitude[0], by_attitude[-1]
+    windows = slice(1, len(C) - 1)
+    chain.add_unary(np.arange(len(C) - 2), residual[windows], by_attitude[windows], by_border[windows])
+    chain.add_border(residual[[0, -1]], by_border[[0, -1]])
+    return float(np.sum(residual**2)), residual.size
 
 
 def _add_angle(
@@ -344,7 +444,9 @@ def _add_own_prior(
     # Never quite nothing, so that the wander is always determined.
     force = force + 1e-6 * data.base.force_sample_variance
     rate = rate + 1e-10 * data.base.rate_random_walk / step
-    sigma = np.concatenate([np.full(3, LEVER_SIGMA), np.sqrt(force).ravel(), np.sqrt(rate).ravel()])
+    # Of the axis nothing is known beforehand.
+    known = (np.full(3, LEVER_SIGMA), np.full(4, np.inf), np.sqrt(force).ravel(), np.sqrt(rate).ravel())
+    sigma = np.concatenate(known)
     by_border = np.zeros((1, layout.own, layout.size))
     by_border[0, :, 6 : layout.shared] = np.diag(1.0 / sigma)
     residual = state.own / sigma

@@ -14,7 +14,7 @@ import numpy as np
 from tumble.arrays import Matrices, Series, Square, Vectors, inverted
 from tumble.attitude.rotations import matrices_from_rotation_vectors, matrix_from_rotation_vector
 from tumble.calibration.joint_data import JointData
-from tumble.calibration.joint_spins import SpinEquations, SpinState, spin_equations, start_spin
+from tumble.calibration.joint_spins import LEAST_WOBBLE, SpinEquations, SpinState, spin_equations, start_spin
 from tumble.calibration.joint_terms import (
     BORDER,
     HEAD,
@@ -45,8 +45,9 @@ ITERATIONS = 30
 LEFT_OUT = 1e10
 # A thousandth of a sigma: the step itself is still taken, and the next would be a millionth.
 TOLERANCE = 1e-3
-# Below this share of its size the horizontal Earth rate's own sigma lets its known size help.
-SEES_NORTH = 0.1
+# Below this share of its size the horizontal Earth rate's own sigma lets its known size help: the square of it,
+# halved, is what the direction's error takes off the length.
+SEES_NORTH = 0.03
 
 
 @dataclass(slots=True)
@@ -156,6 +157,7 @@ class JointProblem:
     masks : which observations take part.
     prior : of the shared unknowns (all 33), or None.
     spin_noise : factor on the variance of each rotation's windows, by the hold before it.
+    wobble : rad, one sigma of each rotation's axis, by the hold before it.
     """
 
     data: JointData
@@ -165,6 +167,7 @@ class JointProblem:
     masks: Masks
     prior: Prior | None = None
     spin_noise: dict[int, float] = field(default_factory=dict[int, float])
+    wobble: dict[int, float] = field(default_factory=dict[int, float])
 
 
 def start_state(data: JointData, unknowns: Series, site: Site) -> JointState:
@@ -241,6 +244,7 @@ def solve_joint(problem: JointProblem, state: JointState, *, once: bool = False)
             raise ConvergenceError("The joint adjustment diverged: its unknowns left all bounds.")
         _move(problem, state, equations, step)
         size = float(np.max(np.abs(step) / np.sqrt(np.diag(cofactor))))
+        _look_north(problem, equations, cofactor)
         settled = bool(np.all(np.abs(step) <= 1e-13 * np.maximum(np.abs(state.unknowns[free]), 1.0)))
         if once or size <= TOLERANCE or settled or (size < 1e-2 and size >= before):
             return _solution(problem, state, equations, cofactor, step, iteration)
@@ -309,7 +313,8 @@ def _section_equations(
             spins[int(k)] = made
             square_sum += made.square_sum
             observations += made.observations
-    square_sum += _add_heading(chain) + _add_earth(problem, section, chain)
+    _add_heading(chain)
+    square_sum += _add_earth(problem, section, chain)
     eliminated = chain.eliminated()
     return SectionEquations(
         section, used, spins, eliminated, inverted(eliminated.corner[:3, :3]), square_sum, observations
@@ -330,6 +335,7 @@ def _add_spin(
         problem.site.gravity,
         problem.extra,
         problem.spin_noise.get(k, 1.0),
+        problem.wobble.get(k, LEAST_WOBBLE),
     )
     start, end, rest = slice(0, 3), slice(3, 6), slice(6, None)
     chain.diagonal[node, TAIL, TAIL] += made.corner[start, start]
@@ -344,14 +350,49 @@ def _add_spin(
     return made
 
 
-def _add_heading(chain: BorderedChain) -> float:
+def _add_heading(chain: BorderedChain) -> None:
     chain.diagonal[0, 2, 2] += 1.0 / HEADING_SIGMA**2
-    return 0.0
 
 
 def _add_earth(problem: JointProblem, section: Section, chain: BorderedChain) -> float:
     """Add what the site tells of the Earth rate in the level frame; return its square sum."""
     latitude = problem.site.latitude
+    mean, sigma = earth_prior(problem.site)
+    off = (section.earth_w - mean) / sigma
+    chain.corner[range(3), range(3)] += 1.0 / sigma**2
+    chain.corner_gradient[:3] += off / sigma
+    square_sum = float(off @ off)
+    latitude = problem.site.latitude
+    if latitude is not None and section.sees_north:
+        # Its direction is the gyros' to tell; its length the latitude does.
+        across = section.earth_w[:2]
+        length = float(np.linalg.norm(across))
+        along, sigma = across / length, 1e-4 * EARTH_RATE
+        short = (length - EARTH_RATE * float(np.cos(latitude))) / sigma
+        chain.corner[:2, :2] += np.outer(along, along) / sigma**2
+        chain.corner_gradient[:2] += along * short / sigma
+        square_sum += short**2
+    return square_sum
+
+
+def _look_north(problem: JointProblem, equations: list[SectionEquations], cofactor: Square) -> None:
+    """Note the sections whose gyros know the horizontal Earth rate well enough for its length to help."""
+    if problem.site.latitude is None:
+        return
+    known = EARTH_RATE * float(np.cos(problem.site.latitude))
+    full = np.zeros((SHARED, SHARED))
+    full[np.ix_(problem.free, problem.free)] = cofactor
+    for made in equations:
+        gain = -made.earth_inverse @ made.chain.corner[:3, 3:]
+        covariance = (made.earth_inverse + gain @ full @ gain.T)[:2, :2]
+        seen = float(np.linalg.norm(made.section.earth_w[:2]))
+        spread = float(np.sqrt(np.trace(covariance)))
+        made.section.sees_north = spread < SEES_NORTH * known and abs(seen - known) < known / 2.0
+
+
+def earth_prior(site: Site) -> tuple[Series, Series]:
+    """Return mean and standard deviation (3,) rad/s of the Earth rate in a level frame of any heading."""
+    latitude = site.latitude
     if latitude is None:
         mean, sigma = np.zeros(3), np.full(3, EARTH_RATE / np.sqrt(3.0))
     else:
@@ -359,10 +400,7 @@ def _add_earth(problem: JointProblem, section: Section, chain: BorderedChain) ->
         mean = np.array([0.0, 0.0, -EARTH_RATE * np.sin(latitude)])
         # Of a latitude given to a hundredth of a degree.
         sigma = np.array([across, across, 1e-4 * EARTH_RATE])
-    off = (section.earth_w - mean) / sigma
-    chain.corner[range(3), range(3)] += 1.0 / sigma**2
-    chain.corner_gradient[:3] += off / sigma
-    return float(off @ off)
+    return mean, sigma
 
 
 def _move(problem: JointProblem, state: JointState, equations: list[SectionEquations], step: Series) -> None:
@@ -379,9 +417,7 @@ def _move(problem: JointProblem, state: JointState, equations: list[SectionEquat
             node = k - section.first
             ends = np.concatenate([nodes[node, TAIL], nodes[node + 1, HEAD]])
             windows, own = spin.steps(np.concatenate([ends, border]))
-            at = state.spins[k]
-            at.C_wb = _turned(at.C_wb, windows)
-            at.own = at.own + own
+            state.spins[k].move(windows, own)
         for terms in made.terms:
             terms.residual[...] += np.einsum("tmd,td->tm", terms.by_node, nodes[terms.node])
             if terms.by_next is not None:

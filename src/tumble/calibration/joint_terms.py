@@ -98,12 +98,14 @@ class Section:
     first, last : half-open range of holds.
     C_wb : (holds, 3, 3, 3) attitudes at the head, in the middle and at the tail of each hold.
     earth_w : (3,) rad/s.
+    sees_north : whether its horizontal part is known well enough for its known length to help.
     """
 
     first: int
     last: int
     C_wb: AnyArray
     earth_w: Vector
+    sees_north: bool = False
 
     @property
     def holds(self) -> np.ndarray:
