@@ -19,11 +19,13 @@ EXECUTED = {
     "docs/plan.md": 2,
     "docs/noise.md": 3,
     "docs/noise-models.md": 7,
+    "docs/noise-other-tools.md": 5,
     "docs/poses.md": 6,
     "docs/procedures/multi-position.md": 2,
     "docs/real-recordings.md": 2,
     "docs/reproduce.md": 1,
     "docs/simulation.md": 3,
+    "docs/thermal.md": 5,
 }
 
 FENCED = re.compile(r"^```.*?^```$", re.M | re.S)
