@@ -238,7 +238,7 @@ def spin_equations(
         own_gradient=right,
         force_residual=added.force_residual,
         angle_residual=angle,
-        axis=added.axis,
+        axis=state.axis_w,
         wobbled=added.wobbled,
         duration=added.duration,
         left=square_sum - made.decrease(np.zeros(layout.size)) - float(right @ inverse @ right),
