@@ -25,3 +25,18 @@ def test_the_example_is_what_the_command_prints() -> None:
     wanted = [" ".join(line.split()) for line in rest.splitlines()]
     assert len(wanted) > 15
     assert not [line for line in wanted if line and "tests drawn" not in line and line not in lines]
+
+
+def test_the_example_of_poses_is_what_the_command_prints() -> None:
+    from typer.testing import CliRunner
+
+    page = PAGE.read_text(encoding="utf-8")
+    shown = re.search(r"```console\n\$ tumble (plan multi-position [^\n]*--time[^\n]*)\n(.*?)```", page, re.S)
+    assert shown is not None
+    arguments = shlex.split(shown[1])
+    printed = CliRunner().invoke(app, arguments, env={"COLUMNS": "100", "NO_COLOR": "1"})
+    assert printed.exit_code == 0, printed.output
+    lines = {" ".join(line.split()) for line in printed.output.splitlines()}
+    wanted = [" ".join(line.split()) for line in shown[2].splitlines()]
+    assert len(wanted) > 25
+    assert not [line for line in wanted if line and line not in lines]

@@ -37,9 +37,9 @@ def print_poses(done: PosesPlanned, *, as_json: bool, quiet: bool, verbose: bool
     from rich.console import Console
 
     console = Console(highlight=False)
-    plan = done.plan
+    plan, more = done.plan, "more " if done.following else ""
     console.print(
-        f"{len(plan.dwells)} poses ({plan.name}), {plan.duration / 60.0:.1f} min with {plan.turn:g} s for each turn.",
+        f"{len(plan.dwells)} {more}poses ({plan.name}), {plan.duration / 60.0:.1f} min with {plan.turn:g} s for each turn.",
         style="bold",
         markup=False,
     )
