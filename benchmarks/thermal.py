@@ -1,87 +1,125 @@
-"""How fast a thermal model corrects: samples a second of both triads, by its functions of temperature.
+"""Coverage of the thermal procedure's intervals: units drawn, put in a chamber, calibrated, and held against the truth.
 
-    python benchmarks/thermal.py [SAMPLES]
+    python benchmarks/thermal.py --runs 40
 
-Beside it what the isothermal model takes for the same samples, and a loop that inverts a matrix a sample.
+For each protocol: the share of true values within the 95 % intervals, and the spread of the errors in sigmas (1 where
+the stated uncertainties are right). Biases are compared at nine temperatures over the span, settled and half way
+through the hysteresis; from one pose their changes from the reference alone.
 """
 
 from __future__ import annotations
 
-import sys
-import time as clock
+import argparse
 
 import numpy as np
 
-from tumble.sensor import ImuModel, Triad
-from tumble.sensor.thermal import SHAPES, TemperatureBasis, ThermalModel
+from tumble.calibration.thermal import calibrate_thermal
+from tumble.calibration.thermal_evidence import ThermalEvidence
+from tumble.earth import Site
+from tumble.protocol import named_protocol
+from tumble.segmentation import find_thermal_timeline
+from tumble.sensor.gauge import frame_rotation
+from tumble.sensor.thermal import ThermalModel
+from tumble.simulation import Chamber, find_grade, find_thermal_grade, simulate_chamber
+
+RATE = 5.0  # Hz: noise is a density, and means are the same
+UP = np.array([0.0, 0.0, 9.80665])
 
 
-def model_of(basis: TemperatureBasis) -> ThermalModel:
-    """Return a unit of which everything changes with temperature."""
-    rng = np.random.default_rng(1)
-    reference = ImuModel(
-        Triad(np.eye(3) + 0.02 * rng.standard_normal((3, 3)), 0.1 * rng.standard_normal(3)),
-        Triad(np.eye(3) + 0.02 * rng.standard_normal((3, 3)), 0.1 * rng.standard_normal(3)),
-        1e-4 * rng.standard_normal((3, 3)),
+def one(name: str, grade: str, seed: int) -> tuple[dict[str, np.ndarray], float]:
+    """Return the errors in sigmas by kind, and the joint over the separate sigma of the soaks."""
+    rng = np.random.default_rng(seed)
+    kind, drift = find_grade(grade), find_thermal_grade(grade)
+    thermal = drift.simulate_model(kind.simulate_model(rng), rng)
+    site, protocol = Site.from_latitude(np.radians(48.0)), named_protocol(name)
+    chamber = Chamber(
+        thermometer_noise=drift.thermometer_noise, thermometer_resolution=drift.thermometer_resolution
     )
-    size = (
-        np.array([40.0**-k for k in range(basis.size)]) if basis.kind == "polynomial" else np.ones(basis.size)
+    recording, _, _ = simulate_chamber(
+        protocol, RATE, rng, site=site, thermal=thermal, chamber=chamber, grade=kind
     )
-    coefficients = {
-        name: 1e-3 * size.reshape(-1, *[1] * len(shape)) * rng.standard_normal((basis.size, *shape))
-        for name, shape in SHAPES.items()
-    }
-    biases = {name: 1e-3 * rng.standard_normal(3) for name in ("accelerometer.bias", "gyroscope.bias")}
-    return ThermalModel(reference, basis, coefficients, biases, biases, lag=30.0)
+    estimate = calibrate_thermal(recording, find_thermal_timeline(recording), site, protocol=protocol)
+    assert estimate.thermal is not None
+    assert estimate.thermal_evidence is not None
+    evidence = estimate.thermal_evidence
+    accelerometer = thermal.reference.accelerometer
+    assert accelerometer is not None
+    truth = thermal.turned(np.real(frame_rotation(accelerometer.matrix, "accelerometer-x")))
+    full = any(n.startswith("accelerometer.bias") for n in estimate.names)
+    errors = _curve_errors(estimate.thermal, truth, evidence, full=full)
+    found = dict(zip(estimate.thermal_names, estimate.thermal.vector(), strict=True))
+    sigma = dict(zip(estimate.thermal_names, np.sqrt(np.diag(estimate.thermal_covariance)), strict=True))
+    true = dict(zip(truth.names, truth.vector(), strict=True))
+    for what in ("hysteresis", "rate"):
+        names = [n for n in found if f".{what}[" in n]
+        if names:
+            errors[what] = np.array([(found[n] - true[n]) / sigma[n] for n in names])
+    if np.isfinite(evidence.lag_sigma):
+        errors["lag"] = np.array([(evidence.lag - truth.lag) / evidence.lag_sigma])
+    if np.isfinite(evidence.width_sigma):
+        errors["width"] = np.array([(evidence.width - truth.hysteresis_width) / evidence.width_sigma])
+    ratios = [float(np.mean(s.joint_sigma / s.sigma)) for s in evidence.separate]
+    return errors, float(np.mean(ratios)) if ratios else float("nan")
 
 
-def best(call: object, times: int = 3) -> float:
-    """Return the shortest of some runs, s."""
-    assert callable(call)
-    taken: list[float] = []
-    for _ in range(times):
-        begin = clock.perf_counter()
-        call()
-        taken.append(clock.perf_counter() - begin)
-    return min(taken)
+def _curve_errors(
+    found: ThermalModel, truth: ThermalModel, evidence: ThermalEvidence, *, full: bool
+) -> dict[str, np.ndarray]:
+    errors: dict[str, list[np.ndarray]] = {}
+    reference = found.basis.reference_celsius
+    for celsius in np.linspace(*found.span_celsius, 9):
+        here, there = found.at(celsius), truth.at(celsius)
+        base, beneath = found.at(reference), truth.at(reference)
+        for triad in ("accelerometer", "gyroscope"):
+            curve = evidence.curves[triad]
+            sigma = np.array([np.interp(celsius, curve.celsius, curve.sigma[:, k]) for k in range(3)])
+            a, b = getattr(here, triad), getattr(there, triad)
+            if triad == "accelerometer" and not full:
+                if abs(celsius - reference) < 5.0:
+                    continue
+                # From one pose: what the axis shows there, gravity included.
+                a0, b0 = getattr(base, triad), getattr(beneath, triad)
+                error = (a.bias - a0.bias) - (b.bias - b0.bias) - (b.matrix - b0.matrix) @ UP
+            else:
+                error = a.bias - b.bias
+                if triad == "gyroscope" and not full and truth.reference.g_sensitivity is not None:
+                    error = error - truth.reference.g_sensitivity @ UP
+            errors.setdefault(f"{triad} bias", []).append(error / sigma)
+    return {name: np.concatenate(values) for name, values in errors.items()}
 
 
 def main() -> None:
-    """Print a line for each basis."""
-    samples = int(float(sys.argv[1])) if len(sys.argv) > 1 else 2_000_000
-    rng = np.random.default_rng(2)
-    time = 0.01 * np.arange(samples)
-    celsius = 20.0 + 30.0 * np.sin(time / 900.0)
-    force, rate = rng.standard_normal((samples, 3)), rng.standard_normal((samples, 3))
-    nodes = np.array([-20.0, 0.0, 20.0, 40.0, 60.0])
-    bases = {
-        "polynomial, order 3": TemperatureBasis("polynomial", 25.0, order=3),
-        "linear, 5 nodes": TemperatureBasis("linear", 20.0, nodes),
-        "spline, 5 nodes": TemperatureBasis("spline", 20.0, nodes),
-    }
-    print(f"{samples:,} samples of both triads, Msamples/s")
-    for name, basis in bases.items():
-        model = model_of(basis)
-        raw = model.distort(time, force, rate, celsius)
-        model.correct(time[:9], raw[0][:9], raw[1][:9], celsius[:9])  # compiles
-        path = best(lambda m=model: m.path(time, celsius))
-        whole = best(lambda m=model, r=raw: m.correct(time, *r, celsius))
-        back = model.correct(time, *raw, celsius)
-        off = max(float(np.abs(back[0] - force).max()), float(np.abs(back[1] - rate).max()))
-        print(f"{name:22s} {samples / whole / 1e6:6.2f}   (temperature path alone {samples / path / 1e6:5.1f};"
-              f" largest difference to the truth {off:.0e})")  # fmt: skip
-    reference = model_of(bases["linear, 5 nodes"])
-    raw = reference.reference.distort(force, rate)
-    print(f"{'isothermal':22s} {samples / best(lambda: reference.reference.correct(*raw)) / 1e6:6.2f}")
-    few = 3000
-    path = reference.path(time[:few], celsius[:few])
-
-    def one_by_one() -> None:
-        for k in range(few):
-            there = reference.at(path.temperature[k], path.rate[k], path.hysteresis[k])
-            there.correct(force[k : k + 1], rate[k : k + 1])
-
-    print(f"{'one matrix a sample':22s} {few / best(one_by_one, 1) / 1e6:6.4f}")
+    """Run and print."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--runs", type=int, default=40)
+    parser.add_argument("--imu", default="consumer-mems")
+    parser.add_argument("--protocols", nargs="*", default=["thermal-soak", "thermal-ramp"])
+    chosen = parser.parse_args()
+    for name in chosen.protocols:
+        gathered: dict[str, list[np.ndarray]] = {}
+        ratios: list[float] = []
+        failed = 0
+        for seed in range(chosen.runs):
+            try:
+                errors, ratio = one(name, chosen.imu, 1000 + seed)
+            except Exception as error:  # noqa: BLE001
+                failed += 1
+                print(f"{name} {seed}: {error}")
+                continue
+            ratios.append(ratio)
+            for kind, values in errors.items():
+                gathered.setdefault(kind, []).append(values)
+        print(f"{name}, {chosen.imu}, {chosen.runs} units, {failed} failed")
+        for kind, values in gathered.items():
+            z = np.concatenate(values)
+            inside = 100.0 * float(np.mean(np.abs(z) < 1.96))
+            print(
+                f"  {kind:<20} {z.size:5d} values, {inside:5.1f} % inside, rms {np.sqrt(np.mean(z**2)):.2f} sigma"
+            )
+        if np.any(np.isfinite(ratios)):
+            print(
+                f"  sigma of accelerometer biases, one adjustment over separate ones: {np.nanmean(ratios):.2f}"
+            )
 
 
 if __name__ == "__main__":

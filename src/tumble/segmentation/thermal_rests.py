@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import Series, Vectors
+from tumble.arrays import AnyArray, Series, Vectors
 from tumble.recording.recording import Recording
 from tumble.segmentation.search import find_timeline
 from tumble.segmentation.timeline import Timeline
@@ -112,8 +112,8 @@ def _explained(celsius: Series, force: Vectors) -> Vectors:
     scaled = (celsius - 0.5 * float(celsius.max() + celsius.min())) / (0.5 * span)
     powers = scaled[:, None] ** np.arange(1, (ORDER if span > 3.0 else 1) + 1)
     powers = powers - powers.mean(axis=0)
-    solution = np.linalg.lstsq(powers, force - force.mean(axis=0), rcond=None)[0]
-    return np.asarray(powers @ solution, dtype=np.float64)
+    solution: AnyArray = np.asarray(np.linalg.lstsq(powers, force - force.mean(axis=0), rcond=None)[0])
+    return powers @ solution
 
 
 def _smoothed(values: Series, width: int) -> Series:
