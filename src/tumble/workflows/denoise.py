@@ -30,6 +30,8 @@ WARNING = (
 
 Method: TypeAlias = Literal["wavelet", "ar"]
 Ranges: TypeAlias = list[tuple[int, int]]
+# The inverse transform takes a time that doubles with each level.
+_MOST_STATIONARY = 11
 _BATCHES = 30  # of which the uncertainty of a scatter is taken
 
 
@@ -282,6 +284,11 @@ def _shrunk(
         found = choose_level(values, rate, stretches.rest, wavelet=how.wavelet)
         chosen, reason = found.level, found.reason
         settings["allan_minimum_s"] = found.allan_minimum
+        if how.stationary and chosen > _MOST_STATIONARY:
+            chosen, reason = (
+                _MOST_STATIONARY,
+                "the most that are taken by themselves; --no-stationary takes more",
+            )
         band = motion_bandwidth(values, rate, stretches.motion, stretches.rest) if filter_motion else None
         if band is not None and level_above(band, rate) < chosen:
             chosen, reason = level_above(band, rate), f"99.9 % of the motion's power is below {band:.3g} Hz"
