@@ -39,7 +39,8 @@ def print_poses(done: PosesPlanned, *, as_json: bool, quiet: bool, verbose: bool
     console = Console(highlight=False)
     plan, more = done.plan, "more " if done.following else ""
     console.print(
-        f"{len(plan.dwells)} {more}poses ({plan.name}), {plan.duration / 60.0:.1f} min with {plan.turn:g} s for each turn.",
+        f"{len(plan.dwells)} {more}poses ({plan.name}), {plan.duration / 60.0:.1f} min with {plan.turn:g} s for each "
+        "turn.",
         style="bold",
         markup=False,
     )
