@@ -248,7 +248,13 @@ def find_rest(samples: InertialSamples, track: GnssTrack, *, shortest: float = 2
     from tumble.navigation.time_alignment import track_velocities
 
     velocity = track_velocities(track)
-    slow = np.sqrt(np.nansum(velocity**2, axis=1)) < 0.1
+    # as slow as its own noise, of which four sigmas are allowed
+    noise = (
+        np.sqrt(np.nanmedian(np.einsum("ijj->ij", track.velocity_covariance_n)))
+        if track.has_velocity.any()
+        else 0.0
+    )
+    slow = np.sqrt(np.nansum(velocity**2, axis=1)) < max(0.1, 4.0 * float(noise))
     slow &= (
         np.isfinite(velocity).all(axis=1) & (track.time >= samples.time[0]) & (track.time < samples.time[-1])
     )

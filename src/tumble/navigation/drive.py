@@ -21,8 +21,10 @@ from tumble.navigation.time_alignment import (
 from tumble.navigation.trajectory import NavigationState
 from tumble.noise.terms import NoiseModel
 
-# Rounds in which the filter finds the offset between the clocks, and when it has: s.
-_ROUNDS, _FOUND = 6, 2e-3
+# Steps, s, at which the filter's innovations are compared to find the offset between the clocks, in turns.
+_REACHES = (0.15, 0.05, 0.03)
+# What an outlier may add to their sum.
+_MOST = 30.0
 # By how much a float or single solution is trusted less than it says.
 _FLOAT = 3.0
 
@@ -106,8 +108,10 @@ def prepare_drive(
 ) -> Drive:
     """Return a drive with both clocks brought together, checked for swapped axes, and aligned.
 
-    The offset of the clocks is found from the course first; then the attitude at the first rest, and a filter
-    that has the offset among its states, in turns, until it stays.
+    The offset of the clocks is found from the course first; then the attitude at the first rest, and the offset
+    at which the filter's innovations are least, in turns. (A filter with the offset among its states is
+    biased by tens of milliseconds where it trusts the IMU little: the velocity that multiplies the offset is
+    itself an estimate.)
 
     Parameters
     ----------
@@ -134,16 +138,12 @@ def prepare_drive(
         clock = TimeAlignment(given, 0.0, axes.about_vertical, 0.0, 0.0, "; it was given")
         return Drive(samples, track.shifted(given), *found, clock, axes)
     own = setup or wide_setup()
-    has_offset = any(state.kind == "time offset" for state in own.states)
-    own = own if has_offset else _with_offset(own, clock.sigma)
     total, sigma = given, clock.sigma
-    for _ in range(_ROUNDS):
+    for reach in _REACHES:
         drive = Drive(samples, track.shifted(total), *found, clock, axes)
-        step, sigma = drive.run(own, interval=max(1.0, track.interval)).sensor("time offset")
+        step, sigma = _least_innovations(drive, own, reach)
         total += step
         found = _aligned(samples, track.shifted(total), rest)
-        if abs(step) < _FOUND:
-            break
     note = f"; the filter then moved it by {total - given:.3f} s"
     clock = replace(clock, offset=total, sigma=sigma, note=note)
     return Drive(samples, track.shifted(total), *found, clock, axes)
@@ -158,19 +158,28 @@ def wide_setup() -> FilterSetup:
         NoiseModel(random_walk=0.002, rate_random_walk=1e-5),
         accelerometer=TriadSpread(bias=0.2, scale_factor=0.01, non_orthogonality=0.01),
         gyroscope=TriadSpread(bias=0.01, scale_factor=0.01, misalignment=0.01),
-        time_offset_sigma=0.2,
     )
 
 
-def _with_offset(setup: FilterSetup, sigma: float) -> FilterSetup:
-    from tumble.navigation.filter.sensor_states import SensorState
+def _least_innovations(drive: Drive, setup: FilterSetup, reach: float) -> tuple[float, float]:
+    """The shift, s, at which the squared normalised innovations are least by a parabola, and its sigma."""
+    interval = max(1.0, drive.track.interval)
+    wanted = drive.track.thinned(interval)[0]
+    own = drive.setup(setup)
 
-    state = SensorState("time offset", 0, -1, sigma, name="time offset")
-    count = len(setup.states)
-    covariance = np.zeros((count + 1, count + 1))
-    covariance[:count, :count] = setup.sensor_covariance
-    covariance[count, count] = sigma**2
-    return replace(setup, states=(*setup.states, state), sensor_covariance=covariance, whole_covariance=None)
+    def cost(shift: float) -> float:
+        run = run_filter(drive.samples, wanted.shifted(shift), drive.start, own)
+        return float(np.nansum(np.minimum(run.distances[:, 0], _MOST)))
+
+    before, middle, after = (cost(shift) for shift in (-reach, 0.0, reach))
+    bend = before + after - 2.0 * middle
+    if bend <= 0.0:
+        # outside of the valley: towards its lower side
+        return (reach if after < before else -reach), reach
+    step = 0.5 * reach * (before - after) / bend
+    # chi-square rises by one at one sigma; scaled where innovations are not of the size that the setup says
+    scale = middle / (3.0 * max(len(wanted), 1))
+    return float(np.clip(step, -2.0 * reach, 2.0 * reach)), float(reach * np.sqrt(2.0 * scale / bend))
 
 
 def _aligned(samples: InertialSamples, track: GnssTrack, rest: float) -> tuple[NavigationState, Alignment]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Series, Vectors, inverted
+from tumble.arrays import Series, Vector, Vectors, inverted
 from tumble.errors import RecordingError
 from tumble.navigation.gnss.track import GnssTrack
 from tumble.navigation.samples import InertialSamples
@@ -62,9 +62,9 @@ class AxisAgreement:
     problem : what is wrong in a sentence, or "".
     """
 
-    correlations: Vectors
+    correlations: Vector
     about_vertical: float
-    down_b: Vectors
+    down_b: Vector
     problem: str
 
 
@@ -76,8 +76,8 @@ def estimate_time_offset(
     The rate of the course is compared with the gyros' rate about the vertical, which the accelerometers
     tell, both averaged over a second; no mounting angle is needed. The sharpest correlation over all offsets
     is found first, then its place by least squares. The course of an antenna ahead of the rear axle leads the
-    heading, by 0.1 s for each metre at 10 m/s: that is in the uncertainty, and only a filter with a time offset
-    among its states (`prepare_drive`) takes it out.
+    heading, by 0.1 s for each metre at 10 m/s: that is in the uncertainty, and only the filter's
+    innovations (`prepare_drive`) take it out.
 
     Parameters
     ----------
@@ -137,21 +137,21 @@ def check_axes(samples: InertialSamples, track: GnssTrack) -> AxisAgreement:
     return AxisAgreement(correlations, about, down, _axis_problem(correlations, about, down))
 
 
-def _axis_problem(correlations: Vectors, about: float, down: Vectors) -> str:
+def _axis_problem(correlations: Vector, about: float, down: Vector) -> str:
     if about > 0.8:
         return ""
     axis = int(np.argmax(np.abs(correlations)))
     vertical = int(np.argmax(np.abs(down)))
     best, seen = "xyz"[axis], correlations[axis]
+    if abs(seen) > max(0.8, abs(about) + 0.01) and axis != vertical:
+        return (
+            f"The course goes with gyro {best} (correlation {seen:.2f}), but gravity lies along {'xyz'[vertical]}: "
+            "axes of one triad are swapped. Check which column is which."
+        )
     if about < -0.8:
         return (
             f"The gyros turn against the course (correlation {about:.2f}): their signs, or those of the "
             "accelerometers, are reversed. Check the body axes; they must be right-handed for both triads."
-        )
-    if abs(seen) > 0.8 and axis != vertical:
-        return (
-            f"The course goes with gyro {best} (correlation {seen:.2f}), but gravity lies along {'xyz'[vertical]}: "
-            "axes of one triad are swapped. Check which column is which."
         )
     return (
         f"No gyro axis goes with the course (best is {best} with a correlation of {seen:.2f}): the clocks are apart, "
@@ -159,7 +159,7 @@ def _axis_problem(correlations: Vectors, about: float, down: Vectors) -> str:
     )
 
 
-def _down_b(samples: InertialSamples) -> Vectors:
+def _down_b(samples: InertialSamples) -> Vector:
     """Down in b: against the mean specific force, as a vehicle that stays upright has it."""
     mean = np.mean(samples.specific_force_b[1:], axis=0)
     return -mean / float(np.sqrt(mean @ mean))

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.spatial.transform import Rotation
 
-from tumble.arrays import AnyArray, Matrices, Quaternions, Series, Vectors
+from tumble.arrays import AnyArray, Matrices, Quaternions, Series, Table, Vectors
 from tumble.earth import (
     EARTH_RATE,
     curvature_radii,
@@ -201,7 +201,7 @@ def drive_along(
     yaw: Series,
     *,
     climb: Series | None = None,
-    roll_pitch: Vectors | None = None,
+    roll_pitch: Table | None = None,
 ) -> SplineTrajectory:
     """Return the trajectory of a vehicle that drives where it points.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Square, inverted
+from tumble.arrays import Table, inverted
 from tumble.errors import UsageError
 from tumble.noise.terms import NoiseModel
 from tumble.sensor import ImuModel
@@ -110,7 +110,7 @@ def sensor_states(
     return tuple(state for state in states if state.sigma > 0.0 or state.drive > 0.0)
 
 
-def covariance_of(states: Sequence[SensorState]) -> Square:
+def covariance_of(states: Sequence[SensorState]) -> Table:
     """Return the diagonal covariance of states at their own sigmas."""
     return np.diag([state.sigma**2 for state in states]).astype(float).reshape(len(states), len(states))
 
@@ -119,10 +119,10 @@ def covariance_from_calibration(
     states: Sequence[SensorState],
     model: ImuModel,
     names: Sequence[str],
-    covariance: Square,
+    covariance: Table,
     *,
-    since: Square | None = None,
-) -> Square:
+    since: Table | None = None,
+) -> Table:
     """Return the covariance of a filter's states at its start, as a calibration leaves them.
 
     The samples are corrected by the model, of whose entries the covariance is known: with ``raw = M true + b``

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tumble.arrays import Square, Vector
+from tumble.arrays import Table, Vector
 from tumble.errors import UsageError
 from tumble.navigation.filter.sensor_states import (
     SensorState,
@@ -39,15 +39,15 @@ class FilterSetup:
     """
 
     states: tuple[SensorState, ...]
-    sensor_covariance: Square
-    navigation_covariance: Square
+    sensor_covariance: Table
+    navigation_covariance: Table
     angle_random_walk: Vector
     velocity_random_walk: Vector
     lever_arm_b: Vector = field(default_factory=lambda: np.zeros(3))
     gate: float = 1e-5
     patience: int = 3
     block: float = 0.1
-    whole_covariance: Square | None = None
+    whole_covariance: Table | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -57,7 +57,7 @@ class FilterSetup:
         return (*nine, *(state.name for state in self.states))
 
     @property
-    def covariance(self) -> Square:
+    def covariance(self) -> Table:
         """Of all states at the start; without `whole_covariance` navigation and sensors are independent there."""
         if self.whole_covariance is not None:
             return self.whole_covariance.copy()
@@ -74,7 +74,7 @@ class FilterSetup:
         sigmas = np.concatenate([np.broadcast_to(x, 3) for x in (position, velocity, attitude)])
         return replace(self, navigation_covariance=np.diag(sigmas.astype(float) ** 2), whole_covariance=None)
 
-    def with_sensor_covariance(self, covariance: Square) -> FilterSetup:
+    def with_sensor_covariance(self, covariance: Table) -> FilterSetup:
         """Return the setup with another covariance of its sensor states at the start.
 
         Raises
