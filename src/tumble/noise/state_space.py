@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.arrays import Series, Square
+from tumble.arrays import AnyArray, Series, Square
 from tumble.noise.flicker import flicker_corners, flicker_variance
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def continuous_noise(model: NoiseModel, *, span: float, fastest: float, ratio: f
     Quantisation is left out: it is an error of the signal's integral, of variance Q², and of no density.
     """
     states: list[str] = []
-    blocks: list[tuple[Square, Square, Series, Square]] = []
+    blocks: list[tuple[AnyArray, AnyArray, Series, AnyArray]] = []
     for name, sigma, correlation_time in _markov_states(model, span, fastest, ratio):
         states.append(name)
         density = 2.0 * sigma**2 / correlation_time
@@ -157,7 +157,7 @@ def _sampled(system: ContinuousNoise, interval: float) -> tuple[Square, Square]:
     return Phi, np.diag(density * interval * gathered)
 
 
-def _diagonal(blocks: list[Square]) -> Square:
+def _diagonal(blocks: list[AnyArray]) -> Square:
     """The blocks along the diagonal of one matrix."""
     size = sum(len(block) for block in blocks)
     matrix = np.zeros((size, size))
