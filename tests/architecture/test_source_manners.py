@@ -11,7 +11,17 @@ import pytest
 
 SOURCE = Path(__file__).resolve().parents[2] / "src" / "tumble"
 MODULES = sorted(SOURCE.rglob("*.py"))
-CORE = ("attitude", "earth", "sensor", "recording", "estimation", "segmentation", "simulation", "calibration")
+CORE = (
+    "attitude",
+    "earth",
+    "sensor",
+    "recording",
+    "estimation",
+    "segmentation",
+    "simulation",
+    "navigation",
+    "calibration",
+)
 
 # Suffixes of what is not SI. `_celsius` is let in: every temperature of this field is given in it.
 NOT_SI = re.compile(
