@@ -20,6 +20,7 @@ from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel, Triad, propagate
 from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
 from tumble.sensor.gauge import inverse, lower_factor
+from tumble.sensor.propagation import Function
 from tumble.units import angular_rate_factor, specific_force_factor
 
 Complex = npt.NDArray[Any]
@@ -108,6 +109,25 @@ def named_values(
     units : raw units of specific force and angular rate.
     factors : SI per raw unit, or None for counts. With one, the scale is a dimensionless error.
     """
+    labels, evaluate = named_parameters(terms=terms, gyro=gyro, units=units, factors=factors)
+    values, spread = propagate(evaluate, unknowns, covariance)
+    sigmas = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    named = [
+        NamedValue(name, float(value), float(sigma), unit)
+        for (name, unit), value, sigma in zip(labels, values, sigmas, strict=True)
+    ]
+    return named, spread
+
+
+def named_parameters(
+    *, terms: frozenset[str], gyro: str, units: tuple[str, str], factors: tuple[float | None, float | None]
+) -> tuple[list[tuple[str, str]], Function]:
+    """Return names and units of the parameters of `named_values`, and the (analytic) function of the 36 unknowns.
+
+    Parameters
+    ----------
+    terms, gyro, units, factors : as for `named_values`.
+    """
     labels: list[tuple[str, str]] = []
 
     def triad(prefix: str, unit: str, factor: float | None, si: str) -> None:
@@ -143,13 +163,7 @@ def named_values(
             parts.append(x[G_SENSITIVITY])
         return np.concatenate(parts)
 
-    values, spread = propagate(evaluate, unknowns, covariance)
-    sigmas = np.sqrt(np.maximum(np.diag(spread), 0.0))
-    named = [
-        NamedValue(name, float(value), float(sigma), unit)
-        for (name, unit), value, sigma in zip(labels, values, sigmas, strict=True)
-    ]
-    return named, spread
+    return labels, evaluate
 
 
 @dataclass(frozen=True, slots=True)

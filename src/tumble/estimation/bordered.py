@@ -48,6 +48,9 @@ class BorderedChain:
             np.zeros(border),
         )
 
+    def source(self, name: str) -> None:
+        """Say where the terms that follow come from: these equations do not care, `GatheredTerms` keeps it."""
+
     def add_unary(self, node: np.ndarray, residual: Table, by_node: AnyArray, by_border: AnyArray) -> None:
         """Add whitened residuals that depend on one node each and on the border.
 
