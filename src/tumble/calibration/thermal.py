@@ -50,6 +50,8 @@ USUAL_REFERENCE = 25.0  # °C
 FIRST_LAG, FIRST_WIDTH = 30.0, 5.0  # s, K
 LAGS, WIDTHS = (0.0, 15.0, 30.0, 60.0, 120.0, 240.0), (2.0, 5.0, 10.0)
 FALSE_ALARM = 0.01
+# Sensors may be so far behind a thermometer that still moves, or depend on the rate as much.
+UNSETTLED_SECONDS = 60.0
 CURVE = 41
 
 
@@ -99,6 +101,8 @@ def calibrate_thermal(
         where = _first_path(kept, terms, where)
     say("functions of temperature")
     terms, candidates = choose_terms(kept, terms, where, soaks)
+    if coverage.kind == "soak":
+        terms = replace(terms, doubt=_doubt(kept, terms, where))
     say("adjusting")
     fit, tests = _with_path(kept, terms, where, coverage)
     lag, width = fit.conditions.lag_and_width(fit.values)
@@ -205,6 +209,18 @@ def _first_path(points: ThermalPoints, terms: ThermalTerms, where: Surroundings)
     if terms.hysteresis:
         where = min((replace(where, width=width) for width in WIDTHS), key=misfit)
     return where
+
+
+def _doubt(points: ThermalPoints, terms: ThermalTerms, where: Surroundings) -> tuple[float, float]:
+    """Return how uncertain the biases are per K/s while soaks settle: their slope over temperature times a minute."""
+    fit = fit_thermal(points, terms, where, robust=False)
+    slopes = terms.basis.derivatives(points.celsius)
+    sigma = [0.0, 0.0]
+    for k, name in enumerate(("b", "gb")):
+        if name in fit.layout.places:
+            by_kelvin = slopes @ fit.values[fit.layout.places[name]].reshape(-1, 3)
+            sigma[k] = UNSETTLED_SECONDS * float(np.sqrt(np.mean(by_kelvin**2)))
+    return sigma[0], sigma[1]
 
 
 def _with_path(

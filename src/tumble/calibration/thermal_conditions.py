@@ -45,6 +45,8 @@ class ThermalTerms:
     rate, hysteresis : of the biases.
     lag, width : are estimated, not fixed.
     g_sensitivity : of the gyros.
+    doubt : (m/s², rad/s) per K/s, one sigma of a dependence on the rate that the recording does not tell, such as
+        in soaks that have all but settled; it is in the uncertainties and not in the model. None for none.
     """
 
     basis: TemperatureBasis
@@ -55,6 +57,12 @@ class ThermalTerms:
     lag: bool = False
     width: bool = False
     g_sensitivity: bool = False
+    doubt: tuple[float, float] | None = None
+
+    @property
+    def has_rates(self) -> bool:
+        """Whether there are unknowns of the rate, to be given or as a doubt alone."""
+        return self.rate or self.doubt is not None
 
 
 @dataclass(slots=True)
@@ -78,12 +86,12 @@ class Layout:
             self._add("b0", 3 if terms.poses else 0)
             self._add("b", 3 * functions)
             self._add("M", entries * terms.matrix_functions)
-            self._add("r", 3 * terms.rate)
+            self._add("r", 3 * terms.has_rates)
             self._add("h", 3 * terms.hysteresis)
         if self.has_rate:
             self._add("gb0", 3)
             self._add("gb", 3 * functions)
-            self._add("gr", 3 * terms.rate)
+            self._add("gr", 3 * terms.has_rates)
             self._add("gh", 3 * terms.hysteresis)
             self._add("G", 9 * terms.g_sensitivity)
         self._add("lag", int(terms.lag))
@@ -145,6 +153,8 @@ class ThermalConditions:
         # Base directions of the placements with several points, and the force there where it is free.
         self.directions = np.zeros((several.size, 3))
         self.tangents = np.zeros((several.size, 3, 2))
+        # How a point's noise enters its three force equations: (points, 3 equations, 3 axes).
+        self.force_noise = np.repeat(np.eye(3)[None], len(points), axis=0)
         self.middle: Table | None = None
         self.slopes: dict[str, Table] = {}
         if points.force is not None:
@@ -194,6 +204,10 @@ class ThermalConditions:
             mean[layout.places["lag"]], precision[layout.places["lag"]] = LAG_PRIOR, LAG_SIGMA**-2
         if self.terms.width:
             mean[layout.places["width"]], precision[layout.places["width"]] = WIDTH_PRIOR, WIDTH_SIGMA**-2
+        if self.terms.doubt is not None:
+            for name, sigma in zip(("r", "gr"), self.terms.doubt, strict=True):
+                if name in layout.places:
+                    precision[layout.places[name]] = max(sigma, 1e-12) ** -2
         if self.points.rate is not None:
             precision[layout.places["earth"]] = max(self.earth[1], 1e-9) ** -2
         return Prior(mean, np.diag(precision))
@@ -273,7 +287,7 @@ class ThermalConditions:
         place = layout.places[f"{mark}b0"]
         if place.stop > place.start:
             bias = bias + values[place]
-        if self.terms.rate:
+        if self.terms.has_rates:
             bias = bias + functions[:, size, None] * values[layout.places[f"{mark}r"]]
         if self.terms.hysteresis:
             bias = bias + functions[:, size + 1, None] * values[layout.places[f"{mark}h"]]
@@ -367,6 +381,8 @@ class ThermalConditions:
             misclosure[alone, 0] = 0.5 * (np.sum(forces[alone] ** 2, axis=1) / self.gravity - self.gravity)
             design[alone, 0] = -np.einsum("nb,nbp->np", towards, moved[alone])
             spread = points.force_covariance[alone] + extra
+            self.force_noise[alone] = 0.0
+            self.force_noise[alone, 0] = towards
             covariance[alone, :3, :3] = np.eye(3)
             covariance[alone, 0, 0] = np.einsum("na,nab,nb->n", towards, spread, towards)
         return forces
@@ -393,7 +409,7 @@ class ThermalConditions:
                 moved[:, axis, place.start + axis] = 1.0
             for k in range(size):
                 moved[:, axis, layout.places[f"{mark}b"].start + 3 * k + axis] = functions[:, k]
-            if self.terms.rate:
+            if self.terms.has_rates:
                 moved[:, axis, layout.places[f"{mark}r"].start + axis] = functions[:, size]
             if self.terms.hysteresis:
                 moved[:, axis, layout.places[f"{mark}h"].start + axis] = functions[:, size + 1]

@@ -118,8 +118,8 @@ def _refuse_clock(recording: Recording, time: Series, values: Series) -> None:
     if span > 3.0 and span * LEAST_SECONDS_PER_KELVIN > took:
         raise ObservabilityError(
             f"The temperature changes by {span:.1f} K in a recording of {took:.3g} s, faster than any unit can: the "
-            "stamps are too short for it (wrong unit or rate of the clock?). Say the unit of time with --units, such as "
-            "--units s, or the rate with --rate."
+            "stamps are too short for it (wrong unit or rate of the clock?). Say the unit of time (--units s), or "
+            "the rate with --rate."
         )
     step = max(1, int(10.0 * recording.rate))
     if smooth.size > 2 * step:

@@ -46,7 +46,6 @@ class ThermalFit:
     covariance : of all unknowns, with what neighbouring points have in common.
     alone : standard deviation of unit weight with the noise inside the points alone.
     outliers : points that were left out.
-    stretch : (force, rate), by how much the correlation of neighbouring points widens the covariance.
     """
 
     conditions: ThermalConditions
@@ -54,7 +53,6 @@ class ThermalFit:
     covariance: Square
     alone: float
     outliers: list[Outlier] = field(default_factory=list[Outlier])
-    stretch: tuple[float, float] = (1.0, 1.0)
 
     @property
     def values(self) -> Series:
@@ -118,46 +116,45 @@ def fit_thermal(
     kinds += [Kind("rate", _RATE)] if points.rate is not None else []
     balanced = balance(solve, kinds, active, extra={"force": 0.0, "rate": 0.0})
     fit = ThermalFit(conditions, balanced.adjustment, balanced.adjustment.cofactor, alone, balanced.outliers)
-    fit.stretch = (_stretch(fit, _FORCE), _stretch(fit, _RATE))
-    fit.covariance = _widened(fit)
+    fit.covariance = _wandering(fit)
     return fit
 
 
-def _stretch(fit: ThermalFit, columns: slice) -> float:
-    """Return how much more the residuals' slow part has than independent points: 1 + 2 Σ ρ, not below 1.
+def _wandering(fit: ThermalFit) -> Square:
+    """Return the covariance of the unknowns with biases that wander: neighbours have errors in common.
 
-    The sum ends where the correlation is within its own noise (Sokal's window would need more points).
+    The variance that rests have beyond their white noise is taken for flicker, whose level F of the Allan
+    variance makes a covariance F ln(T / Δt) / (2 ln 2) of two means Δt apart (see `mean_covariance`). The
+    adjustment takes away what is slower than its functions of temperature; F is what remains over that.
+    The estimate stays that of independent points; its covariance is that of points that are not.
     """
-    adjustment = fit.adjustment
-    active = adjustment.linearisation.active[:, columns]
-    variance = np.diagonal(adjustment.linearisation.covariance, axis1=1, axis2=2)[:, columns]
-    scaled = np.where(active, adjustment.residual[:, columns] / np.sqrt(variance), np.nan)
-    order = np.argsort(fit.conditions.points.start)
-    series = scaled[order]
-    whole = float(np.nansum(series**2))
-    count = int(np.count_nonzero(np.isfinite(series)))
-    if count < 30 or whole <= 0.0:
-        return 1.0
-    total = 1.0
-    for lag in range(1, len(series) // 4):
-        both = series[lag:] * series[:-lag]
-        pairs = np.isfinite(both)
-        if np.count_nonzero(pairs) < 15:
-            break
-        correlation = float(np.sum(both[pairs]) / np.count_nonzero(pairs)) / (whole / count)
-        if correlation < 1.5 / np.sqrt(np.count_nonzero(pairs)):
-            break
-        total += 2.0 * correlation
-    return total
-
-
-def _widened(fit: ThermalFit) -> Square:
-    """Return the cofactor with each triad's unknowns widened by what their neighbours have in common."""
-    layout, factor = fit.layout, np.ones(fit.layout.size)
-    for name, place in layout.places.items():
-        triad = 1 if name.startswith("g") or name in ("G", "earth") else 0
-        factor[place] = np.sqrt(max(fit.stretch) if name in ("lag", "width") else fit.stretch[triad])
-    return fit.adjustment.cofactor * np.outer(factor, factor)
+    conditions, adjustment = fit.conditions, fit.adjustment
+    points, cofactor = conditions.points, adjustment.cofactor
+    middle = 0.5 * (points.start + points.stop)
+    length = np.maximum(points.stop - points.start, 1e-3)
+    whole = float(middle.max() - middle.min()) + float(np.median(length))
+    seen = max(2.0 * whole / (conditions.terms.basis.size + 2), 2.0 * float(np.median(length)))
+    share = float(np.mean(np.log(np.maximum(seen / length, 2.0))))
+    apart = np.abs(middle[:, None] - middle[None])
+    apart = np.maximum(apart, 0.5 * (length[:, None] + length[None]))
+    kernel = np.maximum(np.log(whole / apart), 0.0)
+    whitened = adjustment.chain.solve(adjustment.linearisation.design)
+    added = np.zeros_like(cofactor)
+    rows = np.where(adjustment.linearisation.active[:, :, None], whitened, 0.0)
+    noises = (
+        ("force", _FORCE, conditions.force_noise),
+        ("rate", _RATE, np.repeat(np.eye(3)[None], len(points), axis=0)),
+    )
+    for name, columns, noise in noises:
+        extra = conditions.extra[name]
+        if extra <= 0.0:
+            continue
+        common = extra / share * kernel
+        np.fill_diagonal(common, np.maximum(np.diag(common) - extra, 0.0))
+        for axis in range(3):
+            moved = np.einsum("nr,nrp->np", noise[:, :, axis], rows[:, columns])
+            added += moved.T @ common @ moved
+    return cofactor + cofactor @ added @ cofactor
 
 
 def soaks_of(celsius: Series) -> Series:

@@ -231,6 +231,6 @@ def _means(signal: Vectors | None, stretches: list[tuple[int, int]]) -> tuple[Ve
         parts.append(values - since[:, None] * slope)
         items.append([(size, size + last - first)])
         size += last - first
-    span = stretches[-1][1] - stretches[0][0]
-    found = mean_covariance(np.concatenate(parts), items, span=span)
+    # White noise alone: what neighbouring rests have in common is found from their residuals.
+    found = mean_covariance(np.concatenate(parts), items, span=1)
     return means, found.covariance

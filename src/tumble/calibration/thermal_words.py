@@ -147,10 +147,11 @@ def thermal_remarks(
             f"The accelerometers' biases are known {np.mean(ratios):.2f} times as uncertainly by the one adjustment of "
             f"all temperatures as by each of its {len(ratios)} soaks alone."
         )
-    for name, stretch in zip(("accelerometers", "gyros"), fit.stretch, strict=True):
-        if stretch > 1.2:
+    widened = np.sqrt(np.diag(fit.covariance) / np.maximum(np.diag(fit.adjustment.cofactor), 1e-300))
+    for name, kind in (("accelerometers", "b"), ("gyros", "gb")):
+        if kind in fit.layout.places and (factor := float(np.median(widened[fit.layout.places[kind]]))) > 1.2:
             remarks.append(
-                f"Neighbouring rests of the {name} have errors in common (a wandering bias): the uncertainties are "
-                f"{np.sqrt(stretch):.1f} times what independent rests would give."
+                f"The biases of the {name} wander from rest to rest, and neighbours have errors in common: the "
+                f"uncertainties are {factor:.1f} times what independent rests would give."
             )
     return remarks

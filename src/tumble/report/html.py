@@ -27,6 +27,7 @@ from tumble.report.protocol_section import protocol_table, spin_section
 from tumble.report.residual_figures import hold_section, turn_section
 from tumble.report.rotation_section import budget_table, rotation_section, rotation_table
 from tumble.report.sequence_section import sequence_tables
+from tumble.report.thermal_section import thermal_sections
 from tumble.report.timeline_figure import timeline_section
 from tumble.report.uncalibrated import nominal_hold_norms, nominal_turn_angles
 from tumble.report.words import (
@@ -98,9 +99,11 @@ def render_report(
     """
     rows = parameter_rows(calibration)
     sections = _sections(calibration, estimate, recording, timeline, means, rows, matching)
+    first = thermal_sections(estimate, calibration)
     body = [
         _header(calibration, recording),
         _verdict(calibration),
+        *(_figures(section) for section in first),
         _parameters(calibration, rows),
         ""
         if protocol is None or matching is None
@@ -118,7 +121,7 @@ def render_report(
             "calibration as JSON (element <code>calibration</code>) and works without a network.</footer>"
         ),
     ]
-    figures = [figure.as_dict() for section in sections for figure in section.figures]
+    figures = [figure.as_dict() for section in (*first, *sections) for figure in section.figures]
     return _page(_title(calibration), "\n".join(body), calibration, figures)
 
 
@@ -292,7 +295,8 @@ def _sections(
     gone = {left.index for left in estimate.left_out if left.kind == "hold"}
     if up_b is not None:
         sections.append(pose_section(up_b, gone, by_hand=not calibration.procedure.endswith("six-position")))
-    if estimate.hold_norms.size:
+    # Of a thermal test the residuals are the rests', and stand first.
+    if estimate.hold_norms.size and estimate.thermal_evidence is None:
         before = nominal_hold_norms(recording, means, calibration.site.gravity)
         sections.append(hold_section(estimate, before, poses))
     spins = spin_section(estimate)
