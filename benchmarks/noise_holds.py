@@ -66,7 +66,8 @@ def main() -> None:
         recording, timeline, truth = session(rng, MODEL)
         means = observe_holds(recording, timeline)
         modelled = model_means(recording, timeline, means, [MODEL] * 3, None).means
-        assert means.specific_force is not None and means.specific_force_covariance is not None
+        assert means.specific_force is not None
+        assert means.specific_force_covariance is not None
         white = np.broadcast_to(MODEL.random_walk**2 / SECONDS * np.eye(3), (len(means), 3, 3))
         covariances = (white, means.specific_force_covariance, *2 * (modelled.specific_force_covariance,))
         betweens = (None, None, None, modelled.specific_force_between)

@@ -235,7 +235,7 @@ def _fit(
         raise UsageError("The signal does not vary from sample to sample: there is no noise to model.")
     spread = allan_covariance(tuple(int(m) for m in averaging), rate, lengths)
     scale = float(np.sqrt(variance[0]))
-    of_lines, of_amplitudes = allan_variance_of_lines(lines, averaging, rate)
+    of_lines, of_amplitudes = allan_variance_of_lines(lines, averaging, rate, spread.counts)
     task = AllanTask(
         method,
         averaging / rate,

@@ -282,7 +282,7 @@ def _highest(function: Callable[[float], float], low: float, high: float) -> flo
 
 
 def allan_variance_of_lines(
-    lines: Sequence[FoundLine], averaging: Integers, rate: float
+    lines: Sequence[FoundLine], averaging: Integers, rate: float, counts: Series
 ) -> tuple[Series, Square]:
     """Return what lines add to Allan variances, and the covariance of that from their amplitudes'.
 
@@ -294,6 +294,7 @@ def allan_variance_of_lines(
     lines : as found.
     averaging : (taus,) samples.
     rate : Hz.
+    counts : (taus,) differences that each variance is the mean of: they are no whole number of periods.
     """
     m = np.asarray(averaging, dtype=float)
     total, covariance = np.zeros(len(m)), np.zeros((len(m), len(m)))
@@ -308,6 +309,9 @@ def allan_variance_of_lines(
         column = np.maximum(fourth, 0.0) / (m * np.sin(np.pi * line.frequency / rate)) ** 2
         total += line.amplitude**2 * column
         covariance += (2.0 * line.amplitude * line.amplitude_sigma) ** 2 * np.outer(column, column)
+        # the mean of sin² over the differences is a half but for 1 / (2 count sin(2πf/rate)), by their phase
+        rest = 0.5 / np.maximum(counts * abs(np.sin(2.0 * np.pi * line.frequency / rate)), 0.5)
+        covariance += np.diag((line.amplitude**2 * column * rest) ** 2)
     return total, covariance
 
 
