@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Square, inverted
+from tumble.arrays import AnyArray, Series, Square, Table, inverted
 
 CRITERIA = ("A", "D", "E", "minimax", "I")
 # E and minimax have corners; the search runs down this norm of the eigenvalues or variances instead. Of sigmas it
@@ -69,15 +69,16 @@ class Criterion:
         covariance : of all parameters.
         """
         if self.name == "I":
-            return np.einsum("ij,...ij->...", self._weights(), covariance)
+            return np.asarray(np.einsum("ij,...ij->...", self._weights(), covariance), dtype=np.float64)
         wanted = self._scaled(covariance)
         if self.name == "D":
             sign, log = np.linalg.slogdet(wanted)
-            return np.where(sign > 0.0, np.exp(np.minimum(log / self.wanted.size, 700.0)), np.inf)
+            volume = np.where(sign > 0.0, np.exp(np.minimum(log / self.wanted.size, 700.0)), np.inf)
+            return np.asarray(volume, dtype=np.float64)
         if self.name == "E":
             return np.asarray(np.linalg.eigvalsh(wanted)[..., -1], dtype=np.float64)
         variances = np.diagonal(wanted, axis1=-2, axis2=-1)
-        return variances.mean(axis=-1) if self.name == "A" else variances.max(axis=-1)
+        return np.asarray(variances.mean(axis=-1) if self.name == "A" else variances.max(axis=-1))
 
     def smooth_value(self, covariance: AnyArray) -> AnyArray:
         """Return the criterion with E's and minimax' largest replaced by a norm, which has a slope.
@@ -92,7 +93,7 @@ class Criterion:
         parts = np.linalg.eigvalsh(wanted) if self.name == "E" else np.diagonal(wanted, axis1=-2, axis2=-1)
         largest = parts.max(axis=-1)
         shares = np.maximum(parts / largest[..., None], 0.0)
-        return largest * np.sum(shares**self.sharpness, axis=-1) ** (1.0 / self.sharpness)
+        return np.asarray(largest * np.sum(shares**self.sharpness, axis=-1) ** (1.0 / self.sharpness))
 
     def slope(self, covariance: Square) -> Square:
         """Return the derivative L (p, p) of `smooth_value` by the covariance: tr(L C) is the value itself.
@@ -149,7 +150,7 @@ class Criterion:
         return self.weights
 
 
-def eliminate_nuisances(information: Square, wanted: np.ndarray) -> Square:
+def eliminate_nuisances(information: Table, wanted: np.ndarray) -> Square:
     """Return the information about some parameters when the others are unknown: the Schur complement.
 
     What the nuisances themselves are not told of takes nothing away.

@@ -71,7 +71,7 @@ def hold_covariance(times: Table, noise: TriadNoise, rate: float = 100.0) -> Squ
 def predict_covariance(
     rows: Table,
     directions: Vectors,
-    covariance: Square,
+    covariance: Table,
     assumed: Series | None = None,
     known: Square | None = None,
 ) -> Square:

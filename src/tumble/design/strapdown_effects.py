@@ -118,7 +118,7 @@ def _pulse_covariance(sequence: TimedSequence, setup: StrapdownSetup) -> Square:
     return _horizontal(sequence, spread)
 
 
-def _horizontal(sequence: TimedSequence, attitude: Square) -> Square:
+def _horizontal(sequence: TimedSequence, attitude: Table) -> Square:
     """(5, 5) of an attitude error's covariance: gravity tilted."""
     found = np.zeros((5, 5))
     found[:3, :3] = sequence.towards @ attitude @ sequence.towards.T
