@@ -2,8 +2,8 @@
 
     python benchmarks/thermal_session.py [FOLDER]
 
-Calibrates a ramp, corrects another session's ramp (another seed: other biases at turn-on, other noise), and prints by how
-much the means of 60 stretches differ before and after.
+Calibrates a ramp, corrects another session's ramp (another seed: other biases at turn-on, other noise), and prints
+by how much the means of 60 stretches differ before and after.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ class Corrector:
         self.fastest = 0.0
         stages = calibration.stages
         self._thermal = [stage.thermal_model for stage in stages]
-        self._models = [stage.model for stage in stages]
+        self._models = [stage.own_model for stage in stages]
         self._states: list[ThermalState | None] = [None] * len(stages)
 
     def correct(

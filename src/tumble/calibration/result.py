@@ -232,11 +232,29 @@ class Calibration(_Strict):
         CalibrationFileError
             If the document has no matrix of either triad.
         """
-        return None if self.thermal is None else self.thermal.model(self.model)
+        return None if self.thermal is None else self.thermal.model(self.own_model)
 
     @property
     def model(self) -> ImuModel:
         """The sensor model; a triad whose matrix is not known is None in it.
+
+        With a `thermal` block it is the unit at the reference temperature.
+
+        Raises
+        ------
+        CalibrationFileError
+            If the document has no matrix of either triad, or is composed of several calibrations.
+        """
+        if self.composed_with is not None:
+            raise CalibrationFileError(
+                f"The calibration is composed of {len(self.stages)}, which no single matrix and bias can say: correct "
+                "recordings with it (`tumble apply`)."
+            )
+        return self.own_model
+
+    @property
+    def own_model(self) -> ImuModel:
+        """The sensor model of this calibration without those before it; a triad of unknown matrix is None in it.
 
         Raises
         ------
@@ -376,7 +394,7 @@ def _contradiction(calibration: Calibration) -> str | None:
     except TumbleError as error:
         return f"raw_units: {str(error).rstrip('.')}"
     if calibration.thermal is not None:
-        return thermal_contradiction(calibration.thermal, calibration.model)
+        return thermal_contradiction(calibration.thermal, calibration.own_model)
     return None
 
 

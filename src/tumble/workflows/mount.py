@@ -21,8 +21,10 @@ from tumble.calibration.result import write_text
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError, SegmentationError, UsageError
 from tumble.recording import read_recordings
+from tumble.recording.corrections import corrections_of
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.workflows.apply import in_calibration_units, raw_factors
+from tumble.workflows.temperature import FAR_FROM_CALIBRATION, recorded_span, refuse_twice
 
 FORMAT = "tumble mount"
 # Rests of one recording whose gravity is farther apart are of different poses, rad.
@@ -166,6 +168,14 @@ def _rest(
     recording = read_recordings(path, columns=columns, units=units, rate=rate)[0]
     if recording.specific_force is None:
         raise RecordingError(f"{Path(path).name} has no accelerometer columns: gravity is what tells.")
+    refuse_twice(document, corrections_of([Path(path)]))
+    low, high = recorded_span(recording, None)
+    made_at = document.temperature_celsius
+    if made_at is not None and max(high - made_at, made_at - low) > FAR_FROM_CALIBRATION:
+        remarks.append(
+            f"{Path(path).name} is at {low:.1f} to {high:.1f} °C, and the calibration is taken at {made_at:.1f} °C: "
+            "its biases will have moved; record nearer to that temperature."
+        )
     scaled = in_calibration_units(recording, raw_factors(document, recording))
     try:
         timeline = find_timeline(scaled)

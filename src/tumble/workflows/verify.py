@@ -127,10 +127,10 @@ def verify(
     for number, recording in enumerate(recordings):
         own_files = [files[number]] if len(recordings) == len(files) else files
         scaled = in_calibration_units(recording, raw_factors(document, recording))
-        model, words = document.model, list[str]()
         if needs_temperature(document) or document.composed_with is not None:
             scaled, model, words = corrected_whole(document, scaled, own_files, temperature, beyond)
         else:
+            model = document.model
             words = about_temperature(document, None, recorded_span(recording, temperature))
         say("finding holds and turns")
         given = None if intervals is None else read_intervals(Path(intervals))

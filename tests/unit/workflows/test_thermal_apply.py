@@ -285,6 +285,8 @@ def test_composed_calibrations_are_one_function_after_the_other(tmp_path: Path) 
     both = compose_calibrations(first, second)
     both.write(tmp_path / "calibration.json")
     both = read_calibration(tmp_path)
+    with pytest.raises(CalibrationFileError, match="composed of 2"):
+        _ = both.model
     force, rate = both.correct(*raw, TRUE.time, TRUE.temperature)
     assert force is not None
     np.testing.assert_allclose(force, truth[0], atol=1e-12)
