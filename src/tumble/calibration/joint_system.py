@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import Matrices, Series, Square, Vectors, inverted
+from tumble.arrays import Matrices, Series, Square, Table, Vectors, inverted
 from tumble.attitude.rotations import matrices_from_rotation_vectors, matrix_from_rotation_vector
 from tumble.calibration.joint_data import JointData
 from tumble.calibration.joint_spins import LEAST_WOBBLE, SpinEquations, SpinState, spin_equations, start_spin
@@ -40,6 +40,8 @@ from tumble.estimation.gauss_helmert import invert_normal_matrix
 
 # The heading of a section is nobody's business; this fixes it.
 HEADING_SIGMA = 1e-4  # rad
+# Of the Earth rate, for a latitude given to a hundredth of a degree.
+LATITUDE_SIGMA = 1e-4
 ITERATIONS = 30
 # Factor on the variance of an observation that is left out.
 LEFT_OUT = 1e10
@@ -356,23 +358,30 @@ def _add_heading(chain: BorderedChain) -> None:
 
 def _add_earth(problem: JointProblem, section: Section, chain: BorderedChain) -> float:
     """Add what the site tells of the Earth rate in the level frame; return its square sum."""
-    latitude = problem.site.latitude
-    mean, sigma = earth_prior(problem.site)
-    off = (section.earth_w - mean) / sigma
-    chain.corner[range(3), range(3)] += 1.0 / sigma**2
-    chain.corner_gradient[:3] += off / sigma
-    square_sum = float(off @ off)
-    latitude = problem.site.latitude
-    if latitude is not None and section.sees_north:
-        # Its direction is the gyros' to tell; its length the latitude does.
-        across = section.earth_w[:2]
-        length = float(np.linalg.norm(across))
-        along, sigma = across / length, 1e-4 * EARTH_RATE
-        short = (length - EARTH_RATE * float(np.cos(latitude))) / sigma
-        chain.corner[:2, :2] += np.outer(along, along) / sigma**2
-        chain.corner_gradient[:2] += along * short / sigma
-        square_sum += short**2
-    return square_sum
+    residual, by_earth = earth_terms(problem.site, section)
+    chain.corner[:3, :3] += by_earth.T @ by_earth
+    chain.corner_gradient[:3] += by_earth.T @ residual
+    return float(residual @ residual)
+
+
+def earth_terms(site: Site, section: Section) -> tuple[Series, Table]:
+    """Return what the site tells of a section's Earth rate: (m,) whitened residuals, (m, 3) their derivatives.
+
+    Parameters
+    ----------
+    site : with or without a latitude.
+    section : its Earth rate, and whether its gyros see north.
+    """
+    mean, sigma = earth_prior(site)
+    residual, by_earth = (section.earth_w - mean) / sigma, np.diag(1.0 / sigma)
+    if site.latitude is None or not section.sees_north:
+        return residual, by_earth
+    # Its direction is the gyros' to tell; its length the latitude does.
+    across = section.earth_w[:2]
+    length, known = float(np.linalg.norm(across)), LATITUDE_SIGMA * EARTH_RATE
+    short = (length - EARTH_RATE * float(np.cos(site.latitude))) / known
+    along = np.array([[across[0], across[1], 0.0]]) / (length * known)
+    return np.append(residual, short), np.concatenate([by_earth, along])
 
 
 def _look_north(problem: JointProblem, equations: list[SectionEquations], cofactor: Square) -> None:
@@ -398,8 +407,7 @@ def earth_prior(site: Site) -> tuple[Series, Series]:
     else:
         across = EARTH_RATE * max(float(np.cos(latitude)), 1e-3) / np.sqrt(2.0)
         mean = np.array([0.0, 0.0, -EARTH_RATE * np.sin(latitude)])
-        # Of a latitude given to a hundredth of a degree.
-        sigma = np.array([across, across, 1e-4 * EARTH_RATE])
+        sigma = np.array([across, across, LATITUDE_SIGMA * EARTH_RATE])
     return mean, sigma
 
 
