@@ -142,13 +142,19 @@ def calibrate_hand_held(
         alone = _solve(data, site, prior, solution.values, solution.free, everything.copy(), nothing)
     estimate = _estimate(recording, data, site, alone, solution, outliers, tests)
     if optional_terms:
-        _add_time_lag(estimate, data)
-    _add_bias_step(estimate, data, recording)
+        add_time_lag(estimate, data)
+    add_bias_step(estimate, data, recording)
     return estimate
 
 
-def _add_time_lag(estimate: Estimate, data: HoldsAndTurns) -> None:
-    """Test whether the triads are sampled at the same instants; note a lag that is significant."""
+def add_time_lag(estimate: Estimate, data: HoldsAndTurns) -> None:
+    """Test whether the triads are sampled at the same instants; note a lag that is significant.
+
+    Parameters
+    ----------
+    estimate : gets the test, and the lag as a parameter and a remark.
+    data : holds and turns.
+    """
     from scipy.special import stdtr
 
     found = estimate_time_lag(data, estimate.model)
@@ -175,8 +181,14 @@ def _add_time_lag(estimate: Estimate, data: HoldsAndTurns) -> None:
     )
 
 
-def _add_bias_step(estimate: Estimate, data: HoldsAndTurns, recording: Recording) -> None:
-    """Note a jump of the gyro's bias between two holds."""
+def add_bias_step(estimate: Estimate, data: HoldsAndTurns, recording: Recording) -> None:
+    """Note a jump of the gyro's bias between two holds.
+
+    Parameters
+    ----------
+    estimate : gets a remark.
+    data, recording : holds and turns, and the clock.
+    """
     model = estimate.model
     assert model.gyroscope is not None
     assert model.accelerometer is not None

@@ -20,6 +20,7 @@ import numpy as np
 from tumble.arrays import Series, inverted
 from tumble.calibration.estimate import Estimate, TermTest
 from tumble.calibration.gathering import gather
+from tumble.calibration.hand_held import add_bias_step, add_time_lag
 from tumble.calibration.joint_data import JointSpin, joint_data, window_spin
 from tumble.calibration.joint_estimate import JointOutcome, joint_estimate
 from tumble.calibration.joint_noise import BalancedJoint, balance_joint
@@ -43,8 +44,9 @@ OPTIONAL_TERMS = {
     "g_sensitivity": np.arange(G_SENSITIVITY.start, G_SENSITIVITY.stop),
     "quadratic": np.arange(QUADRATIC.start, QUADRATIC.stop),
 }
-# A term that is not there is kept in fewer than this share of recordings, all terms together.
+# A term that is not there is kept in fewer than this share of recordings, all terms together, the time lag too.
 TERM_FALSE_ALARM = 0.02
+TERMS_TRIED = len(OPTIONAL_TERMS) + 1
 # Both triads without optional terms.
 PLAIN = np.concatenate([np.arange(0, 9), np.arange(GYRO_MATRIX.start, GYRO_BIAS.stop)])
 
@@ -106,7 +108,11 @@ def calibrate_joint(
     if optional_terms:
         say("optional terms")
         problem, state, balanced, tests = _with_terms(problem, state, balanced)
-    return joint_estimate(JointOutcome(recording, data, site, problem, state, balanced, tests, start))
+    estimate = joint_estimate(JointOutcome(recording, data, site, problem, state, balanced, tests, start))
+    if optional_terms and not data.spins:
+        add_time_lag(estimate, base)
+    add_bias_step(estimate, base, recording)
+    return estimate
 
 
 def unknowns_of(model: ImuModel) -> Series:
@@ -173,7 +179,7 @@ def _with_terms(
 ) -> tuple[JointProblem, JointState, BalancedJoint, list[TermTest]]:
     """Try all optional terms at once, drop the least significant until every one left is wanted."""
     names = list(OPTIONAL_TERMS)
-    limit = TERM_FALSE_ALARM / len(names)
+    limit = TERM_FALSE_ALARM / TERMS_TRIED
     tests: dict[str, TermTest] = {}
     while names:
         free = np.sort(np.concatenate([PLAIN, *(OPTIONAL_TERMS[name] for name in names)]))

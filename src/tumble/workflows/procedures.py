@@ -37,6 +37,8 @@ PROCEDURES = (
     "thermal",
 )
 LATER_PROCEDURES: tuple[str, ...] = ()
+# Where it beats the procedure that a recording or a protocol suits; `docs/joint.md` has the figures.
+JOINT_IS_BETTER = ("hand-held", "turntable")
 # These know the table's rates from the protocol and from nowhere else.
 NEED_PROTOCOL = ("rate-table", "modified-multi-position", "turntable", "laboratory", "strapdown-rotation")
 
@@ -122,8 +124,10 @@ def run_procedure(task: Task, procedure: str | None) -> tuple[Estimate, str]:
     if task.protocol is not None:
         own = task.protocol.procedure
         check_procedure(own, None, has_protocol=True)
-        return _run(task, own), f"Procedure {own}, as the protocol {task.protocol.name} says."
-    return _most_telling(task)
+        said = f"Procedure {own}, as the protocol {task.protocol.name} says"
+        return _improved(task, _run(task, own), said)
+    estimate, reason = _most_telling(task)
+    return _improved(task, estimate, reason.rstrip("."))
 
 
 def _run(task: Task, procedure: str) -> Estimate:
@@ -143,6 +147,18 @@ def _run(task: Task, procedure: str) -> Estimate:
     if task.matching is not None:
         estimate.remarks += [r for r in task.matching.remarks if r not in estimate.remarks]
     return estimate
+
+
+def _improved(task: Task, estimate: Estimate, reason: str) -> tuple[Estimate, str]:
+    """Return the joint estimate where it is the better one, with the procedure's own beside it."""
+    if estimate.procedure not in JOINT_IS_BETTER:
+        return estimate, f"{reason}."
+    try:
+        joint = _joint(task, estimate)
+    except (ObservabilityError, ConvergenceError) as error:
+        estimate.remarks.append(f"The joint estimator does not settle on this recording: {error}")
+        return estimate, f"{reason}."
+    return joint, f"{reason}; estimated jointly from everything that was recorded (procedure joint)."
 
 
 def _how_it_matched(task: Task) -> str:
@@ -287,18 +303,18 @@ def _strapdown_rotation(task: Task) -> Estimate:
     )
 
 
-def _joint(task: Task) -> Estimate:
+def _joint(task: Task, start: Estimate | None = None) -> Estimate:
     """Everything in one adjustment, from the start that the recording's own procedure gives."""
     from tumble.calibration.joint import calibrate_joint
 
-    start = _start_of_joint(task)
+    first = _start_of_joint(task) if start is None else start
     return calibrate_joint(
         task.recording,
         task.timeline,
         task.means,
         task.site,
-        start,
-        rotations=_rotations(task) if start.procedure in ("turntable", "laboratory") else (),
+        first,
+        rotations=_rotations(task) if first.procedure in ("turntable", "laboratory") else (),
         prior=task.knowledge,
         optional_terms=task.optional_terms,
         progress=task.say,
