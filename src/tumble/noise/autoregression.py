@@ -176,7 +176,7 @@ class ChosenOrder:
     """
 
     model: Autoregression
-    criterion: Criterion
+    criterion: Criterion | str
     values: Series
 
 
@@ -277,8 +277,8 @@ def choose_order(
     signal: Series,
     most: int,
     *,
-    criterion: Criterion = "bic",
-    method: Method = "burg",
+    criterion: Criterion | str = "bic",
+    method: Method | str = "burg",
     pieces: Ranges | None = None,
 ) -> ChosenOrder:
     """Return the model whose order has the least criterion.

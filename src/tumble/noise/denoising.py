@@ -59,8 +59,8 @@ class Shrinkage:
         If a name is unknown, or Stein's estimate is asked for hard thresholds, which it does not know.
     """
 
-    rule: Rule = "sure"
-    shape: Shape = "soft"
+    rule: Rule | str = "sure"
+    shape: Shape | str = "soft"
     wavelet: str = USUAL
     stationary: bool = True
 
