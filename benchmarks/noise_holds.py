@@ -47,7 +47,7 @@ def session(rng: np.random.Generator, model: NoiseModel) -> tuple[Recording, Tim
     samples = np.repeat(force, count, axis=0) + truth[:3] + wander - wander.mean(axis=0) + white
     recording = Recording(np.arange(total) / RATE, samples, None, "m/s^2", "rad/s", RATE)
     holds = tuple(Hold(k * count, (k + 1) * count) for k in range(len(force)))
-    floor = NoiseFloor(np.full(3, model.random_walk * np.sqrt(RATE)), np.zeros(3), 0.0, 0.0)
+    floor = NoiseFloor(np.full(3, model.random_walk * np.sqrt(RATE)), np.zeros(3), 0.0, "none")
     return recording, Timeline(holds, (), (), floor), truth
 
 

@@ -1,0 +1,100 @@
+"""The noise models of `tumble noise`, read for a calibration: what is refused, in words, and what they do."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tumble.errors import UsageError
+from tumble.noise.terms import NoiseModel
+from tumble.recording import Recording
+from tumble.segmentation import Hold, NoiseFloor, Timeline, observe_holds
+from tumble.segmentation.modelled_means import model_means
+from tumble.workflows.noise_models import models_of_recording, read_noise_models
+
+RATE = 50.0
+
+
+def document(**changes: Any) -> dict[str, Any]:
+    terms = {"N": {"value": 1e-3}, "sigma": {"value": 2e-3}, "correlation time": {"value": 30.0}}
+    channels = {f"a{x}": {"unit": "m/s²", "terms": terms, "lines": []} for x in "xyz"}
+    channels["az"]["lines"] = [{"amplitude": 0.1, "frequency_hz": 12.5}]
+    return {"format": "tumble noise", "rate_hz": RATE, "channels": channels, **changes}
+
+
+def written(folder: Path, content: Any) -> Path:
+    path = folder / "noise.json"
+    path.write_text(content if isinstance(content, str) else json.dumps(content), encoding="utf-8")
+    return path
+
+
+def recording(unit: str = "m/s^2", rate: float = RATE) -> Recording:
+    rng = np.random.default_rng(2)
+    count = 3000
+    samples = 1e-3 * np.sqrt(rate) * rng.standard_normal((count, 3)) + [0.1, -0.2, 9.8]
+    return Recording(np.arange(count) / rate, samples, None, unit, "rad/s", rate)
+
+
+def test_a_models_terms_are_read_in_raw_units(tmp_path: Path) -> None:
+    models = read_noise_models(written(tmp_path, document()))
+    force, rate = models_of_recording(models, recording("g"))
+    assert rate is None
+    assert force is not None
+    assert force[0].random_walk == pytest.approx(1e-3 / 9.80665)
+    assert force[2].gauss_markov[0].correlation_time == 30.0
+    assert force[2].lines[0].frequency == 12.5
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("not json", "no JSON document"),
+        ({"format": "tumble calibration"}, "no noise document"),
+        ({"format": "tumble noise"}, "lacks"),
+        (document(rate_hz=200.0), "200 Hz"),
+        (document(channels={"ax": {"unit": "m/s²", "terms": {}}}), "too short"),
+        (document(channels={"ax": {"unit": "m/s²", "terms": {"N": {"value": 1.0}}}}), "no channel ay"),
+        (
+            document(channels={f"a{x}": {"unit": "counts", "terms": {"N": {"value": 1.0}}} for x in "xyz"}),
+            "same --units",
+        ),
+    ],
+)
+def test_another_file_rate_or_unit_is_refused_in_a_sentence(tmp_path: Path, content: Any, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        models_of_recording(read_noise_models(written(tmp_path, content)), recording())
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="cannot be read"):
+        read_noise_models(tmp_path / "none.json")
+
+
+@pytest.mark.parametrize("shaken", [False, True])
+def test_holds_have_the_models_covariance_and_a_shaken_one_its_own(shaken: bool) -> None:
+    given = recording()
+    assert given.specific_force is not None
+    if shaken:
+        # the third hold shakes a hundred times the noise
+        given.specific_force[2000:] += 0.7 * np.sin(np.arange(1000) * 0.05)[:, None]
+    holds = tuple(Hold(1000 * k, 1000 * (k + 1)) for k in range(3))
+    timeline = Timeline(holds, (), (), NoiseFloor(np.full(3, 7e-3), np.zeros(3), 0.0, "none"))
+    model = NoiseModel(random_walk=1e-3, rate_random_walk=1e-5)
+    means = observe_holds(given, timeline)
+    modelled = model_means(given, timeline, means, [model] * 3, None)
+    covariance, between = modelled.means.specific_force_covariance, modelled.means.specific_force_between
+    assert covariance is not None
+    assert between is not None
+    assert means.specific_force_covariance is not None
+    assert between[0, 0, 1] != 0.0
+    if shaken:
+        assert covariance[2, 0, 0] == pytest.approx(means.specific_force_covariance[2, 0, 0])
+        assert modelled.remarks
+    else:
+        # N² / t, to which the walk adds little
+        assert covariance[0, 0, 0] == pytest.approx(1e-6 / 20.0, rel=0.05)
+        assert not modelled.remarks
