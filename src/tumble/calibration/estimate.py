@@ -8,6 +8,7 @@ import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vector, Vectors
 from tumble.calibration.thermal_evidence import ThermalEvidence
+from tumble.calibration.uncertainty_statement import UncertaintyStatement
 from tumble.sensor import ImuModel
 from tumble.sensor.thermal import ThermalModel
 
@@ -145,6 +146,7 @@ class Estimate:
     sequences : what rotation sequences showed.
     passes : what each play-back of a recording changed, rms by group of errors, SI.
     budget : what each source adds to the standard uncertainties of `parameters`, in their order and units.
+    statement : tests, degrees of freedom, reliability and what is not included, where the procedure tells them.
     beside : what another procedure made of the same recording, for comparison.
     frame : which body frame the model is in: ``accelerometer-x``, or ``fixture`` for a procedure that
         knows the poses, and has the axes of the fixture in them.
@@ -184,6 +186,7 @@ class Estimate:
     budget: dict[str, Series] = field(default_factory=dict[str, Series])
     sequences: list[SequenceFit] = field(default_factory=list[SequenceFit])
     passes: list[dict[str, float]] = field(default_factory=list[dict[str, float]])
+    statement: UncertaintyStatement | None = None
     beside: Estimate | None = None
     frame: str = "accelerometer-x"
     thermal: ThermalModel | None = None

@@ -9,6 +9,7 @@ import numpy as np
 from tumble.arrays import Series, Vectors
 from tumble.calibration.canonical import Described, describe_unknowns
 from tumble.calibration.estimate import Estimate, LeftOut, TermTest, coverage_factor
+from tumble.calibration.joint_budget import state_uncertainty
 from tumble.calibration.joint_data import JointData
 from tumble.calibration.joint_noise import BalancedJoint
 from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
@@ -58,7 +59,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
     scores = score_turns(described.model, outcome.data.base)
     rates, residuals, spin_sigmas, names = _spins(outcome)
     extra = outcome.problem.extra
-    return Estimate(
+    estimate = Estimate(
         procedure="joint",
         model=described.model,
         names=described.names,
@@ -94,6 +95,8 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         spin_names=names,
         beside=outcome.start,
     )
+    state_uncertainty(estimate, outcome)
+    return estimate
 
 
 def describe_joint(outcome: JointOutcome) -> Described:
