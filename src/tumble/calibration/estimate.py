@@ -191,7 +191,7 @@ class Estimate:
     frame: str = "accelerometer-x"
     thermal: ThermalModel | None = None
     thermal_names: list[str] = field(default_factory=list[str])
-    thermal_covariance: Square = field(default_factory=lambda: np.zeros((0, 0)))
+    thermal_covariance: Table = field(default_factory=lambda: np.zeros((0, 0)))
     thermal_evidence: ThermalEvidence | None = None
 
 

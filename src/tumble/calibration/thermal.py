@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Vectors
+from tumble.arrays import AnyArray, Series, Square, Vectors
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.estimate import Estimate, LeftOut, NamedValue, TermTest, correlation_matrix
 from tumble.calibration.multi_position import fit_norms
@@ -354,7 +354,10 @@ def _separate(
             )
         except (ObservabilityError, ConvergenceError):
             continue
-        joint = bias_curve("force", fit.values, fit.covariance, fit.layout, factors[0], np.array([celsius]))
+        # Both with rests that are independent of one another: a soak alone could not know better.
+        joint = bias_curve(
+            "force", fit.values, fit.adjustment.cofactor, fit.layout, factors[0], np.array([celsius])
+        )
         sigma = np.sqrt(np.diag(alone.covariance)[BIAS]) / factors[0]
         found.append(SeparateBias(celsius, alone.unknowns[BIAS] / factors[0], sigma, joint.sigma[0]))
     return found
@@ -436,7 +439,7 @@ def _estimate(
     )
 
 
-def _padded(correlations: Square, count: int, solution: ThermalSolution) -> Square:
+def _padded(correlations: AnyArray, count: int, solution: ThermalSolution) -> AnyArray:
     """Return the correlations with those of the thermal parameters beside them."""
     first = correlations.shape[0]
     whole = np.eye(first + count)

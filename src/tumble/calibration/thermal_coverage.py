@@ -80,8 +80,8 @@ def require_time_base(recording: Recording) -> None:
             "not read. Record it with every sample, or leave the thermal procedure out."
         )
     _refuse_unit(values)
-    _refuse_clock(recording, time, values)
     _refuse_jumps(recording, time, values)
+    _refuse_clock(recording, time, values)
     span = float(np.ptp(_smoothed(time, values)))
     if span < LEAST_SPAN:
         raise ObservabilityError(

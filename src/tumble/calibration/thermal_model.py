@@ -36,9 +36,9 @@ class ThermalSolution:
 
     model: ThermalModel
     names: list[str]
-    covariance: Square
+    covariance: Table
     unknowns: Series
-    unknowns_covariance: Square
+    unknowns_covariance: Table
     lag_sigma: float
     width_sigma: float
 

@@ -19,6 +19,7 @@ CUT_KELVINS, CUT_SECONDS = 1.0, 600.0
 LEAST_SECONDS = 2.0
 # The path is followed on means of the thermometer over this long: finer is nothing to a unit with a mass.
 GRID = 1.0  # s
+STEPS_SEEN = 20_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,4 +234,16 @@ def _means(signal: Vectors | None, stretches: list[tuple[int, int]]) -> tuple[Ve
         size += last - first
     # White noise alone: what neighbouring rests have in common is found from their residuals.
     found = mean_covariance(np.concatenate(parts), items, span=1)
-    return means, found.covariance
+    return means, found.covariance + np.diag(_steps(signal) ** 2 / 12.0)
+
+
+def _steps(signal: Vectors) -> Series:
+    """Return the converter's step on each axis where the noise is too small to average it away; else zero."""
+    moved = np.abs(np.diff(signal[:STEPS_SEEN], axis=0))
+    steps = np.zeros(3)
+    for axis in range(3):
+        other = moved[moved[:, axis] > 1e-9 * np.max(np.abs(signal[:, axis])), axis]
+        # Most samples the same as the one before: the noise is below the step.
+        if other.size and np.mean(moved[:, axis] == 0.0) > 0.4:
+            steps[axis] = float(other.min())
+    return steps

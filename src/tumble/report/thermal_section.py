@@ -111,7 +111,7 @@ def _bias_section(evidence: ThermalEvidence, triad: str, unit: str, factor: floa
             f"{triad}-loop",
             f"{title}: bias beside the settled curve, both branches",
             rest,
-            _stacked(f"bias − settled / {unit}"),
+            _stacked(f"Δ / {unit}"),
         ),
     ]
     caption = (

@@ -34,8 +34,8 @@ DEFAULT_GRADE = "consumer-mems"
 DEFAULT_LATITUDE = math.radians(45.0)
 # Two hours and three quarters at 2 kHz, or 2.5 GB of memory.
 LARGEST_SAMPLES = 20_000_000
-# A unit in a chamber changes within minutes, and a test takes hours: Hz.
-CHAMBER_RATE = 10.0
+# A unit in a chamber changes within minutes, and a test takes hours. Hz; stamps 0.1 s apart could be milliseconds.
+CHAMBER_RATE = 12.5
 UNITS = ("SI", "counts")
 AXES = ("unit", "case")
 
