@@ -9,7 +9,7 @@ from tumble.protocol import HoldStep, Pose, Protocol, RampStep, SoakStep, TurnSt
 from tumble.simulation import Chamber, find_grade, find_thermal_grade, play_protocol, simulate_chamber
 
 SITE = Site.from_gravity(9.81)
-TIME = (np.arange(4000) + 0.5) * 0.5
+TIME = np.asarray((np.arange(4000) + 0.5) * 0.5, dtype=np.float64)
 
 
 def test_a_unit_follows_a_step_exponentially() -> None:
