@@ -245,13 +245,12 @@ def keep(state, earth_frame, nav, position, velocity, quaternion, row):
     """Write a state to its row of the outputs."""
     if earth_frame:
         to_local_level(state, nav)
-    else:
-        nav[:] = state
+    shown = nav if earth_frame else state
     for j in range(3):
-        position[row, j] = nav[j]
-        velocity[row, j] = nav[3 + j]
+        position[row, j] = shown[j]
+        velocity[row, j] = shown[3 + j]
     for j in range(4):
-        quaternion[row, j] = nav[6 + j]
+        quaternion[row, j] = shown[6 + j]
 
 
 @njit(

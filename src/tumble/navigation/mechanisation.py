@@ -59,8 +59,8 @@ def navigate(
     part = samples if start.time == samples.time[0] else samples.between(start.time, float(samples.time[-1]))
     state = start.packed_in_earth_frame if earth_frame else start.packed
     steps = len(part) - 1
-    kept = np.append(np.arange(0, steps, every), steps)
-    position, velocity_n, quaternion = (np.empty((len(kept), width)) for width in (3, 3, 4))
+    count = -(-steps // every) + 1
+    position, velocity_n, quaternion = (np.empty((count, width)) for width in (3, 3, 4))
     integrate(
         np.ascontiguousarray(part.time),
         np.ascontiguousarray(part.angular_rate_ib_b),
@@ -73,7 +73,7 @@ def navigate(
         velocity_n,
         quaternion,
     )
-    time = part.time if every == 1 else part.time[kept]
+    time = part.time if every == 1 else part.time[np.append(np.arange(0, steps, every), steps)]
     return Trajectory(time, position[:, 0], position[:, 1], position[:, 2], velocity_n, quaternion)
 
 

@@ -542,9 +542,10 @@ def run(
                     raw_next[j] = raw_before[j] + share * (raw_after[j] - raw_before[j])
                 _correct(raw_now, correction, before)
                 _correct(raw_next, correction, after)
-                for j in range(3):
-                    velocity_before[j] = nav[3 + j]
-                C_before[:] = C
+                for i in range(3):
+                    velocity_before[i] = nav[3 + i]
+                    for j in range(3):
+                        C_before[i, j] = C[i, j]
                 advance(nav, before, after, dt, increments)
                 _attitude(nav, C)
                 for i in range(3):
