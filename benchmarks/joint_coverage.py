@@ -140,9 +140,10 @@ def report(runs: list[Run]) -> None:
     for r in runs:
         if r.failure:
             print(f"  run {r.seed}: {r.failure}")
+    left = [np.mean([r.left_out[way] for r in good]) for way in WAYS]
     print(
-        f"  {len(good)} good runs, {np.mean([r.seconds for r in good]):.1f} s each for both; left out per run: "
-        f"{np.mean([r.left_out['dedicated'] for r in good]):.2f} dedicated, {np.mean([r.left_out['joint'] for r in good]):.2f} joint"
+        f"  {len(good)} good runs, {np.mean([r.seconds for r in good]):.1f} s each for both; "
+        f"left out per run: {left[0]:.2f} dedicated, {left[1]:.2f} joint"
     )
     print(
         f"  {'group':33s}{'dedicated: rms z':>22s}{'joint: rms z':>22s}{'joint: inside 95 %':>24s}"
