@@ -23,6 +23,7 @@ CHECKED_ROOMS = (
     "estimation",
     "segmentation",
     "simulation",
+    "navigation",
     "calibration",
 )
 
