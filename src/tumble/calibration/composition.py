@@ -82,9 +82,13 @@ def calibration_from_estimate(
         gyroscope=gyroscope,
         parameters=[
             ParameterBlock(
-                name=p.name, value=p.value, standard_uncertainty=p.standard_uncertainty, unit=p.unit
+                name=p.name,
+                value=p.value,
+                standard_uncertainty=p.standard_uncertainty,
+                unit=p.unit,
+                coverage_factor=factor,
             )
-            for p in estimate.parameters
+            for p, factor in zip(estimate.parameters, _factors(estimate), strict=True)
         ],
         covariance_parameters=list(estimate.names),
         covariance=(0.5 * (estimate.covariance + estimate.covariance.T)).tolist(),
@@ -109,6 +113,13 @@ def _thermal(estimate: Estimate) -> ThermalBlock | None:
     if estimate.thermal is None:
         return None
     return thermal_block(estimate.thermal, estimate.thermal_names, estimate.thermal_covariance)
+
+
+def _factors(estimate: Estimate) -> list[float | None]:
+    """Return each parameter's own coverage factor, None where the procedure tells no degrees of freedom of its own."""
+    if estimate.statement is None or len(estimate.statement.coverage_factors) != len(estimate.parameters):
+        return [None for _ in estimate.parameters]
+    return [float(factor) for factor in estimate.statement.coverage_factors]
 
 
 def _rows(matrix: Any) -> Any:

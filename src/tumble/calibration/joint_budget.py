@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Table, inverted
+from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, inverted
 from tumble.calibration.canonical import named_parameters
 from tumble.calibration.joint_influence import (
     AXIS,
@@ -172,13 +172,11 @@ def source_degrees(outcome: JointOutcome) -> dict[str, float]:
     """
     data, extra, tests = outcome.data, outcome.problem.extra, outcome.balanced.tests
     pooled = DEGREES_OF_A_HOLD * data.holds
-    made = {name: pooled for name in (FORCE_REST, FORCE_TURNING, RATE_REST, RATE_TURNING)}
+    made: dict[str, float] = dict.fromkeys((FORCE_REST, FORCE_TURNING, RATE_REST, RATE_TURNING), pooled)
     unknowns = outcome.state.unknowns
-    per_raw = 1.0 / np.sum(force_matrix(unknowns) ** 2, axis=1)
-    floor = float(np.mean(data.base.force_floor * per_raw))
+    floor = _in_si(data.base.force_floor, force_matrix(unknowns))
     made[FORCE_WANDER] = _of_wander(floor, extra.force, tests.get("force"), data.holds)
-    per_raw = 1.0 / np.sum(gyro_matrix(unknowns) ** 2, axis=1)
-    floor = float(np.mean(data.base.rate_floor * per_raw))
+    floor = _in_si(data.base.rate_floor, gyro_matrix(unknowns))
     made[RATE_WANDER] = _of_wander(floor, extra.rate, tests.get("rate"), data.holds)
     made[TURNS] = _of_component(extra.turn, tests.get("turn"))
     made[SWAY] = _of_component(extra.sway, tests.get("rest"))
@@ -186,6 +184,11 @@ def source_degrees(outcome: JointOutcome) -> dict[str, float]:
     if windows:
         made[AXIS] = 2.0 * windows
     return made
+
+
+def _in_si(floor: Vector, matrix: Matrix) -> float:
+    lengths: Series = np.sum(matrix**2, axis=1)
+    return float(np.mean(floor / lengths))
 
 
 def _of_component(variance: float, tests: KindTests | None) -> float:
@@ -246,7 +249,7 @@ def _detectable(
             found = undetected(left, inverse[t] @ raw, scale * gain, sigma)
             of_whole = raw.T @ inverse[t].T
             # Of a hold's three parts only what they have in common is an error of the hold.
-            mean = np.linalg.solve(of_whole @ of_whole.T, of_whole)
+            mean = inverted(of_whole @ of_whole.T) @ of_whole
             redundancy = float(np.trace(mean @ left @ of_whole.T))
             made.append(
                 Detectable(

@@ -98,12 +98,13 @@ class TriadBlock(_Strict):
 
 
 class ParameterBlock(_Strict):
-    """One parameter in the procedure's own convention."""
+    """One parameter in the procedure's own convention; without a coverage factor the quality's holds."""
 
     name: str
     value: float
     standard_uncertainty: float
     unit: str
+    coverage_factor: float | None = None
 
 
 class LeftOutBlock(_Strict):

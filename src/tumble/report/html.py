@@ -25,11 +25,12 @@ from tumble.report.parameters import GROUPS, ParameterRow, parameter_rows, plain
 from tumble.report.pose_figure import pose_section, pose_words
 from tumble.report.protocol_section import protocol_table, spin_section
 from tumble.report.residual_figures import hold_section, turn_section
-from tumble.report.rotation_section import budget_table, rotation_section, rotation_table
+from tumble.report.rotation_section import rotation_section, rotation_table
 from tumble.report.sequence_section import sequence_tables
 from tumble.report.thermal_section import thermal_sections
 from tumble.report.timeline_figure import timeline_section
 from tumble.report.uncalibrated import nominal_hold_norms, nominal_turn_angles
+from tumble.report.uncertainty_section import budget_section, budget_table, reliability_table
 from tumble.report.words import (
     chance,
     left_out_sentences,
@@ -112,6 +113,7 @@ def render_report(
         sequence_tables(estimate),
         *(_figures(section) for section in sections),
         budget_table(estimate, rows),
+        reliability_table(estimate, rows),
         _terms(calibration),
         _components(calibration),
         _formulas(calibration),
@@ -259,7 +261,8 @@ def _parameters(calibration: Calibration, rows: list[ParameterRow]) -> str:
         for row in members:
             other = "" if row.other is None else row.other.text
             numbers = "".join(
-                f"<td>{_number(text)}</td>" for text in (row.shown.text, row.shown.interval(factor), other)
+                f"<td>{_number(text)}</td>"
+                for text in (row.shown.text, row.shown.interval(row.factor(factor)), other)
             )
             cells.append(f"<tr><td>{_text(row.label)}</td>{numbers}</tr>")
     heads = "".join(
@@ -311,6 +314,9 @@ def _sections(
         if turns is not None:
             sections.append(turns)
     sections.append(interval_section(rows, calibration.quality.coverage_factor))
+    shares = budget_section(estimate, rows)
+    if shares is not None:
+        sections.append(shares)
     sections.append(correlation_section(rows[: len(estimate.correlations)], estimate.correlations))
     return sections
 

@@ -44,7 +44,7 @@ def _intervals(name: str, rows: list[ParameterRow], factor: float) -> Figure:
             "y": labels,
             "error_x": {
                 "type": "data",
-                "array": plain([factor * row.drawn.sigma for row in rows]),
+                "array": plain([row.factor(factor) * row.drawn.sigma for row in rows]),
                 "thickness": 2,
                 "width": 6,
                 "color": BLUE,

@@ -61,6 +61,7 @@ class ParameterRow:
     short : a name for a figure's axis.
     shown, other : in the table's main unit, and in the unit that people compare data sheets in.
     drawn : what a figure draws, comparable over the family.
+    own_factor : coverage factor of this parameter for 95 %, None for the calibration's.
     """
 
     name: str
@@ -71,6 +72,11 @@ class ParameterRow:
     shown: Measure
     other: Measure | None
     drawn: Measure
+    own_factor: float | None = None
+
+    def factor(self, common: float) -> float:
+        """Return the coverage factor: its own, or else the one `common` to all."""
+        return common if self.own_factor is None else self.own_factor
 
 
 def parameter_rows(calibration: Calibration) -> list[ParameterRow]:
@@ -159,7 +165,7 @@ def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> lis
         shown = drawn = measures
         other = _nothing(shown)
     return [
-        ParameterRow(p.name, group, family, _label(p.name, group), _short(p.name), s, o, d)
+        ParameterRow(p.name, group, family, _label(p.name, group), _short(p.name), s, o, d, p.coverage_factor)
         for p, s, o, d in zip(members, shown, other, drawn, strict=True)
     ]
 

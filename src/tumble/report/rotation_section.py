@@ -1,4 +1,4 @@
-"""What a table's rotations showed: the axes as both triads saw them, the angles, and the uncertainty budget."""
+"""What a table's rotations showed: the axes as both triads saw them, and the angles."""
 
 from __future__ import annotations
 
@@ -24,11 +24,8 @@ from tumble.report.rounding import with_uncertainty
 
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Estimate, RotationFit
-    from tumble.report.parameters import ParameterRow
 
 ARCSEC = np.pi / 648000.0
-# Shares of the variance below a hundredth of a per cent are not worth a number.
-_NOTHING = 1e-2
 
 
 def rotation_table(estimate: Estimate) -> str:
@@ -135,37 +132,4 @@ def rotation_section(estimate: Estimate) -> Section | None:
     label = "Residual of the table's angle in each rotation"
     return Section(
         "Rotations: gyros against the table's angle", [Figure("rotations", label, data, layout)], caption
-    )
-
-
-def budget_table(estimate: Estimate, rows: list[ParameterRow]) -> str:
-    """Return where each parameter's uncertainty comes from, as an HTML table; nothing without a budget.
-
-    Parameters
-    ----------
-    estimate : with the budget, in the order of its parameters.
-    rows : the same parameters for readers.
-    """
-    if not estimate.budget:
-        return ""
-    head = "".join(
-        f"<th>{html.escape(name)}</th>" for name in ("parameter", "standard uncertainty", *estimate.budget)
-    )
-    lines: list[str] = []
-    for k, row in enumerate(rows[: len(estimate.parameters)]):
-        whole = estimate.parameters[k].standard_uncertainty
-        factor = row.shown.sigma / whole if whole > 0.0 else 0.0
-        parts = [float(part[k]) for part in estimate.budget.values()]
-        cells = "".join(
-            f"<td>{two_digits(part * factor) if part > _NOTHING * whole else '–'}</td>" for part in parts
-        )
-        lines.append(
-            f"<tr><td>{html.escape(f'{row.group}: {row.label}')}</td>"
-            f"<td>{two_digits(row.shown.sigma)} {html.escape(row.shown.unit)}</td>{cells}</tr>"
-        )
-    return (
-        "<h2>Where the uncertainties come from</h2>\n<p>What each source adds to a parameter's standard uncertainty, "
-        "in that parameter's unit; the squares add up, with that of gravity and of a rotation that was not determined "
-        "besides. A dash is less than a hundredth of the whole.</p>"
-        f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{"".join(lines)}</tbody></table></div>'
     )

@@ -43,14 +43,16 @@ def parameter_table(calibration: Calibration, *, width: int = WIDE_TERMINAL) -> 
             table.add_section()
         table.add_row(f"[bold]{group}[/bold]")
         for row in rows:
-            table.add_row(*(_escaped(cell) for cell in _cells(row, factor)[:columns]))
+            table.add_row(*(_escaped(cell) for cell in _cells(row, row.factor(factor))[:columns]))
     return table
 
 
 def parameter_text(calibration: Calibration) -> str:
     """Return the same table as plain text with aligned columns, for files and pipes."""
     factor = calibration.quality.coverage_factor
-    groups = [(group, [_cells(row, factor) for row in rows]) for group, rows in _grouped(calibration)]
+    groups = [
+        (group, [_cells(row, row.factor(factor)) for row in rows]) for group, rows in _grouped(calibration)
+    ]
     every = [_HEADINGS, *(cells for _, rows in groups for cells in rows)]
     width = [max(len(cells[i]) for cells in every) for i in range(4)]
 

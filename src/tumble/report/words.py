@@ -51,9 +51,13 @@ def quality_sentences(calibration: Calibration) -> list[str]:
         if quality.sigma0_with_variance_components is not None:
             text += f"; with the variance components found: {quality.sigma0_with_variance_components:.2f}"
         words.append(text + ".")
+    own = [p.coverage_factor for p in calibration.parameters if p.coverage_factor is not None]
+    factor = f"{quality.coverage_factor:.2f} standard uncertainties"
+    if own:
+        span = f"{min(own):.2f}" if max(own) - min(own) < 0.005 else f"{min(own):.2f} to {max(own):.2f}"
+        factor = f"{span} standard uncertainties, by each parameter's own degrees of freedom"
     words.append(
-        f"Largest normalised residual {quality.largest_normalised_residual:.1f}; "
-        f"95 % intervals are ± {quality.coverage_factor:.2f} standard uncertainties."
+        f"Largest normalised residual {quality.largest_normalised_residual:.1f}; 95 % intervals are ± {factor}."
     )
     return words
 
