@@ -58,8 +58,8 @@ def budget_table(estimate: Estimate, rows: list[ParameterRow]) -> str:
     if not estimate.budget:
         return ""
     told = estimate.statement
-    expanded = () if told is None else ("degrees of freedom", "k", "expanded, 95 %")
-    heads = ("parameter", "standard uncertainty", *estimate.budget, *expanded)
+    expanded = () if told is None else ("expanded, 95 %", "k", "degrees of freedom")
+    heads = ("parameter", "standard uncertainty", *expanded, *estimate.budget)
     lines: list[str] = []
     for k, row in enumerate(rows[: len(estimate.parameters)]):
         whole = estimate.parameters[k].standard_uncertainty
@@ -67,7 +67,7 @@ def budget_table(estimate: Estimate, rows: list[ParameterRow]) -> str:
         parts = [float(part[k]) for part in estimate.budget.values()]
         cells = [two_digits(part * factor) if part > _NOTHING * whole else "–" for part in parts]
         if told is not None:
-            cells += _expanded(told, k, row)
+            cells = [*_expanded(told, k, row), *cells]
         lines.append(
             f"<tr><td>{html.escape(f'{row.group}: {row.label}')}</td>"
             f"<td>{two_digits(row.shown.sigma)} {html.escape(row.shown.unit)}</td>"
@@ -122,6 +122,7 @@ def budget_section(estimate: Estimate, rows: list[ParameterRow]) -> Section | No
         xaxis={"title": {"text": "share of the variance / %"}, "range": [0, 100]},
         yaxis={"autorange": "reversed", "automargin": True, "type": "category"},
     )
+    layout["legend"]["traceorder"] = "normal"
     caption = (
         "Each bar is one parameter's variance, split by what causes it. What fills a bar is what to improve: noise at "
         "rest asks for longer holds, noise while turning for slower or fewer turns, wander for more holds in less "
@@ -174,6 +175,7 @@ def reliability_sentences(told: UncertaintyStatement, rows: list[ParameterRow], 
     said: list[str] = []
     for found in sorted(told.detectable, key=lambda d: -d.effect)[:most]:
         words, factor, unit = _KINDS[found.kind]
+        unit = unit if unit == "°" else f" {unit}"
         parameter = f"{rows[found.parameter].group}: {rows[found.parameter].label}"
         if not math.isfinite(found.effect):
             said.append(
@@ -181,7 +183,7 @@ def reliability_sentences(told: UncertaintyStatement, rows: list[ParameterRow], 
             )
             continue
         said.append(
-            f"An error of {two_digits(factor * found.size)} {unit} of the {words} {found.index + 1} would go "
+            f"An error of {two_digits(factor * found.size)}{unit} of the {words} {found.index + 1} would go "
             f"unnoticed, and would move {parameter} by {two_digits(found.effect)} of its standard uncertainties."
         )
     return said
@@ -254,7 +256,7 @@ def _about_expanded(told: UncertaintyStatement | None) -> str:
 def _expanded(told: UncertaintyStatement, k: int, row: ParameterRow) -> list[str]:
     degrees, factor = float(told.effective_degrees[k]), float(told.coverage_factors[k])
     many = "∞" if degrees > 1e4 else f"{math.floor(degrees)}"
-    return [many, f"{factor:.2f}", two_digits(factor * row.shown.sigma)]
+    return [two_digits(factor * row.shown.sigma), f"{factor:.2f}", many]
 
 
 def _detectable_row(found: Detectable, rows: list[ParameterRow]) -> str:
