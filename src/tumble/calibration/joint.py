@@ -204,15 +204,18 @@ def _with_terms(
 
 
 def _fresh(problem: JointProblem, free: np.ndarray) -> JointProblem:
-    masks = Masks(problem.masks.force.copy(), problem.masks.rate.copy(), problem.masks.turn.copy())
     return replace(
-        problem, free=free, extra=replace(problem.extra), masks=masks, spin_noise=dict(problem.spin_noise)
+        problem,
+        free=free,
+        extra=replace(problem.extra),
+        masks=problem.masks.copy(),
+        spin_noise=dict(problem.spin_noise),
     )
 
 
 def _copy(state: JointState, free: np.ndarray) -> JointState:
     """Return a copy in which unknowns that are not free are zero."""
-    unknowns = np.zeros(SHARED)
+    unknowns = np.zeros(state.unknowns.size)
     unknowns[free] = state.unknowns[free]
     return JointState(
         unknowns,

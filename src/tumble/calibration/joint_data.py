@@ -13,6 +13,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Series, Vector, Vectors, inverted
 from tumble.attitude.rotations import skews
+from tumble.calibration.joint_believed import BelievedPoses
 from tumble.calibration.joint_unknowns import force_matrix, gyro_matrix
 from tumble.calibration.triad_unknowns import BIAS
 from tumble.calibration.turn_conditions import HoldsAndTurns, window_directions
@@ -77,6 +78,7 @@ class JointData:
     span : s of the whole recording.
     sections : (sections, 2) half-open ranges of holds that usable turns join without a break.
     spins : by the index of the hold before.
+    poses : of holds, that are believed; None for none.
     """
 
     base: HoldsAndTurns
@@ -88,6 +90,7 @@ class JointData:
     rate_density: Vector
     span: float
     spins: dict[int, JointSpin] = field(default_factory=dict[int, JointSpin])
+    poses: BelievedPoses | None = None
 
     @property
     def holds(self) -> int:

@@ -28,17 +28,21 @@ from tumble.calibration.snooping import (
 )
 from tumble.estimation.bordered import NodeCovariance
 
-KINDS = ("force", "rate", "rest", "turn")
+KINDS = ("force", "rate", "rest", "turn", "tilt", "pose", "parts")
 # Eigenvalues of a redundancy below this are directions that nothing checks.
 CHECKED = 0.05
 LEAST_SWAY = 1e-16  # rad²: 10 nrad, far below what any unit sees
 # Of each component: its name in `Extra`, the kind of residual that shows it, and its least value.
 _COMPONENTS = (
-    ("sway", "rest", LEAST_SWAY),
+    ("sway", "rest", SMALLEST_SWAY),
     ("force", "force", 0.0),
     ("rate", "rate", 0.0),
     ("turn", "turn", 0.0),
+    ("placement", "tilt", 0.0),
+    ("placement", "pose", 0.0),
 )
+# Where the search for the sway begins, and down to where round-off lets it go; below, the parts of the holds decide.
+START_SWAY, SMALLEST_SWAY = 1e-8, 1e-12  # rad²
 PASSES, ROUNDS = 10, 8
 # A table that shakes: its windows' noise is raised where chance does so more rarely than this.
 SHAKING_FALSE_ALARM = 1e-3
@@ -59,7 +63,6 @@ class KindTests:
     redundancy : (terms,) what is left of its observations to check it.
     variance : (terms,) SI², typical of one component.
     residual : (terms, m) raw or rad.
-    tiny : whether it is the rest, whose residuals its own prior all but takes away.
     """
 
     place: np.ndarray
@@ -69,7 +72,6 @@ class KindTests:
     redundancy: Series
     variance: Series
     residual: AnyArray
-    tiny: bool
 
 
 @dataclass(slots=True)
@@ -96,6 +98,7 @@ def balance_joint(problem: JointProblem, state: JointState, *, false_alarm: floa
     ConvergenceError, ObservabilityError
         From the adjustment.
     """
+    problem.extra.sway = max(problem.extra.sway, START_SWAY)
     solution = solve_joint(problem, state)
     outliers: list[Outlier] = []
     for _ in range(PASSES):
@@ -112,10 +115,12 @@ def balance_joint(problem: JointProblem, state: JointState, *, false_alarm: floa
     for name, kind, nothing in _COMPONENTS:
         # A component that chance explains is no component.
         kept = float(getattr(problem.extra, name))
-        if kept > nothing:
+        # Whether a hold is still, its parts say: a sway that is all but nothing leaves no residual of its own.
+        witness, nothing = ("parts", LEAST_SWAY) if kind == "rest" else (kind, nothing)
+        if kept > nothing and witness in joint_tests(problem, solution):
             setattr(problem.extra, name, nothing)
             solution = solve_joint(problem, state)
-            if not _explained_by_chance(joint_tests(problem, solution).get(kind)):
+            if not _explained_by_chance(joint_tests(problem, solution).get(witness)):
                 setattr(problem.extra, name, kept)
                 solution = solve_joint(problem, state)
     return BalancedJoint(solution, outliers, dict(problem.spin_noise), joint_tests(problem, solution))
@@ -136,6 +141,8 @@ def joint_tests(problem: JointProblem, solution: JointSolution) -> dict[str, Kin
                 continue
             joint = _joint_covariance(terms, nodes, border)
             gathered[terms.kind].append(_tests(terms, joint, solution.state.unknowns))
+            if terms.kind == "force":
+                gathered["parts"].append(_tests(terms, joint, solution.state.unknowns, parts=True))
     return {kind: _together(tests) for kind, tests in gathered.items() if tests}
 
 
@@ -159,12 +166,19 @@ def _joint_covariance(terms: Terms, nodes: NodeCovariance, border: AnyArray) -> 
     return joint
 
 
-def _tests(terms: Terms, joint: AnyArray, unknowns: Series) -> KindTests:
+def _tests(terms: Terms, joint: AnyArray, unknowns: Series, *, parts: bool = False) -> KindTests:
     nodes = [terms.by_node] if terms.by_next is None else [terms.by_node, terms.by_next]
     design = np.concatenate([*nodes, terms.by_border], axis=2)
     residual, covariance = terms.residual, terms.covariance
     taken = design @ joint @ np.swapaxes(design, 1, 2)
-    if terms.kind == "force":
+    if parts:
+        # How the parts differ: head and tail against the middle.
+        apart = np.zeros((6, 9))
+        apart[:3, :3], apart[3:, 6:] = np.eye(3), np.eye(3)
+        apart[:, 3:6] = -np.tile(np.eye(3), (2, 1))
+        residual, covariance = residual @ apart.T, apart @ covariance @ apart.T
+        taken = apart @ taken @ apart.T
+    elif terms.kind == "force":
         # Of the three parts, their weighted mean: what the hold as a whole shows.
         weights = _inverses(covariance).reshape(-1, 3, 3, 9).sum(axis=1)
         mean = _inverses(weights @ np.tile(np.eye(3), (3, 1))) @ weights
@@ -178,24 +192,25 @@ def _tests(terms: Terms, joint: AnyArray, unknowns: Series) -> KindTests:
     least = CHECKED if terms.kind != "rest" else 0.0
     checked = values > np.maximum(least, 1e-12)
     along = np.einsum("tji,tj->ti", vectors, white)
-    parts = np.where(checked, along**2 / np.where(checked, values, 1.0), 0.0)
+    squares = np.where(checked, along**2 / np.where(checked, values, 1.0), 0.0)
     scale = {
         "force": np.sum(force_matrix(unknowns) ** 2, axis=1),
         "rate": np.sum(gyro_matrix(unknowns) ** 2, axis=1),
     }.get(terms.kind, np.ones(residual.shape[1]))
+    if parts:
+        scale = np.ones(6)
     variance = 1.0 / np.mean(scale / np.diagonal(covariance, axis1=1, axis2=2), axis=1)
     if terms.kind == "rest":
         # A sway that is believed to be small is pulled to nothing: what would be seen of a larger one.
         variance = variance * 6.0 / np.maximum(np.trace(left, axis1=1, axis2=2), 1e-12)
     return KindTests(
         terms.place,
-        parts.sum(axis=1),
+        squares.sum(axis=1),
         checked.sum(axis=1),
         np.sum(white**2, axis=1),
         np.trace(left, axis1=1, axis2=2),
         variance,
         residual,
-        terms.kind == "rest",
     )
 
 
@@ -212,7 +227,6 @@ def _together(tests: list[KindTests]) -> KindTests:
         np.concatenate([t.redundancy for t in tests]),
         np.concatenate([t.variance for t in tests]),
         np.concatenate([t.residual for t in tests]),
-        tests[0].tiny,
     )
 
 
@@ -255,8 +269,7 @@ def _explained_by_chance(tests: KindTests | None) -> bool:
 
     if tests is None:
         return True
-    # Of a small sway nearly nothing is left by its own prior: the directions that were looked at count.
-    redundancy = max(float(tests.redundancy.sum()), float(tests.degrees.sum()) if tests.tiny else 0.0)
+    redundancy = float(tests.redundancy.sum())
     statistic = _ratio(tests, robust=False) * redundancy if np.any(tests.degrees > 0) else 0.0
     return redundancy < 1.0 or float(chdtrc(redundancy, statistic)) > CHANCE
 
@@ -285,7 +298,7 @@ def _raise_shaking(problem: JointProblem, solution: JointSolution) -> bool:
 def _gross_errors(tests: dict[str, KindTests], before: list[Outlier], false_alarm: float) -> list[Outlier]:
     """Return what exceeds its kind's limit, the worst and what is half as bad."""
     found: list[Outlier] = []
-    for kind in ("force", "rate", "turn"):
+    for kind in ("force", "rate", "turn", "tilt", "pose"):
         if kind not in tests:
             continue
         told = tests[kind]
@@ -337,7 +350,8 @@ def _leave_out(problem: JointProblem, outlier: Outlier) -> None:
     if outlier.kind == "angle":
         problem.data.spins[outlier.group].angle = None
         return
-    getattr(problem.masks, outlier.kind)[outlier.group] = False
+    name = "pose" if outlier.kind == "tilt" else outlier.kind
+    getattr(problem.masks, name)[outlier.group] = False
 
 
 __all__ = ["KINDS", "BalancedJoint", "KindTests", "Masks", "balance_joint", "joint_tests"]

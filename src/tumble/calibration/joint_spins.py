@@ -53,6 +53,7 @@ class Layout:
     """
 
     modes: int
+    border: int = BORDER
 
     @property
     def wander(self) -> int:
@@ -67,7 +68,7 @@ class Layout:
     @property
     def size(self) -> int:
         """Of the whole border."""
-        return 6 + self.own + BORDER
+        return 6 + self.own + self.border
 
     @property
     def shared(self) -> int:
@@ -95,9 +96,9 @@ class Layout:
         return slice(border.start - 6, border.stop - 6)
 
     @staticmethod
-    def of(spin: JointSpin) -> Layout:
-        """Return the layout of a rotation."""
-        return Layout(spin.modes.shape[1])
+    def of(spin: JointSpin, unknowns: Series | None = None) -> Layout:
+        """Return the layout of a rotation whose border has the Earth rate and the unknowns (33 if not given)."""
+        return Layout(spin.modes.shape[1], BORDER if unknowns is None else 3 + unknowns.size)
 
     def bases(self, values: AnyArray) -> AnyArray:
         """Return (rows, 3, wander) what the constant and the modes (rows, modes) add to each axis."""
@@ -218,7 +219,7 @@ def spin_equations(
     ObservabilityError
         If a window's attitude is not determined.
     """
-    windows, layout = len(spin.windows), Layout.of(spin)
+    windows, layout = len(spin.windows), Layout.of(spin, unknowns)
     chain = BorderedChain.zero(windows, 3, layout.size)
     added = add_spin_terms(chain, data, spin, state, edges, earth_w, unknowns, gravity, extra, noise, wobble)
     angle, square_sum = added.angle_residual, added.square_sum
@@ -282,10 +283,11 @@ def add_spin_terms(
     chain.source("links")
     link_sum, duration = _add_links(chain, data, spin, state, edges, earth_w, unknowns)
     chain.source("axis")
-    axis_sum, leaning = _add_axis(chain, spin, state, edges, wobble)
+    layout = Layout.of(spin, unknowns)
+    axis_sum, leaning = _add_axis(chain, state, edges, wobble, layout)
     axis = state.axis_w
     chain.source("angle")
-    angle_sum, angle = _add_angle(chain, spin, axis, edges)
+    angle_sum, angle = _add_angle(chain, spin, axis, edges, layout)
     chain.source("own")
     own_sum = _add_own_prior(chain, data, spin, state, unknowns, extra)
     square_sum = force[1] + link_sum + axis_sum + angle_sum + own_sum
@@ -310,7 +312,7 @@ def _add_force(
     noise: float,
 ) -> tuple[Table, float]:
     """Add the windows' specific force; return residuals (raw) and their weighted square sum."""
-    layout = Layout.of(spin)
+    layout = Layout.of(spin, unknowns)
     rates = (spin.rate - unknowns[GYRO_BIAS]) @ inverted(gyro_matrix(unknowns)).T
     backward = mean_backward_rotation(spin, rates) @ np.swapaxes(state.C_wb, 1, 2)
     up = np.array([0.0, 0.0, -gravity])
@@ -348,7 +350,7 @@ def _add_links(
     C = np.concatenate([edges[0][None], state.C_wb, edges[1][None]])
     residual, by_node, by_next, of_border = link_residuals(C[:-1], C[1:], earth_w, link, unknowns)
     wander = of_border[:, :, 3 + GYRO_BIAS.start : 3 + GYRO_BIAS.stop]
-    layout = Layout.of(spin)
+    layout = Layout.of(spin, unknowns)
     bases = wander @ layout.bases(_modes_of_links(spin))
     residual = residual + bases @ state.own[layout.inner(layout.rate())]
     by_border = np.zeros((len(residual), 3, layout.size))
@@ -394,10 +396,9 @@ def _axis(C_wb: Matrices) -> Vector:
 
 
 def _add_axis(
-    chain: BorderedChain, spin: JointSpin, state: SpinState, edges: tuple[AnyArray, AnyArray], wobble: float
+    chain: BorderedChain, state: SpinState, edges: tuple[AnyArray, AnyArray], wobble: float, layout: Layout
 ) -> tuple[float, int]:
     """Add that the axis is the same in the unit and in the room; return the square sum and how many residuals."""
-    layout = Layout.of(spin)
     C = np.concatenate([edges[0][None], state.C_wb, edges[1][None]])
     basis_b, basis_w = tangent_basis(state.axis_b), tangent_basis(state.axis_w)
     seen = C @ state.axis_b
@@ -416,7 +417,7 @@ def _add_axis(
 
 
 def _add_angle(
-    chain: BorderedChain, spin: JointSpin, axis: Vector, edges: tuple[AnyArray, AnyArray]
+    chain: BorderedChain, spin: JointSpin, axis: Vector, edges: tuple[AnyArray, AnyArray], layout: Layout
 ) -> tuple[float, float]:
     """Add the table's angle from rest to rest; return its weighted square and its residual."""
     if spin.angle is None or len(spin.windows) < 2:
@@ -424,7 +425,7 @@ def _add_angle(
     turned = matrix_from_rotation_vector(axis * abs(spin.angle)) @ edges[0]
     missed = float(axis @ rotation_vector_from_matrix(edges[1] @ turned.T))
     sigma = max(spin.angle_sigma, 1e-9)
-    by_border = np.zeros((1, 1, Layout.of(spin).size))
+    by_border = np.zeros((1, 1, layout.size))
     by_border[0, 0, START], by_border[0, 0, END] = -axis / sigma, axis / sigma
     chain.add_border(np.array([[missed / sigma]]), by_border)
     return (missed / sigma) ** 2, missed
@@ -433,7 +434,7 @@ def _add_angle(
 def _add_own_prior(
     chain: BorderedChain, data: JointData, spin: JointSpin, state: SpinState, unknowns: Series, extra: Extra
 ) -> float:
-    layout = Layout.of(spin)
+    layout = Layout.of(spin, unknowns)
     force = _wander_variance(
         data, spin, data.force_density, extra.force * np.sum(force_matrix(unknowns) ** 2, axis=1)
     )

@@ -14,9 +14,9 @@ import numpy as np
 from tumble.arrays import Matrices, Series, Square, Table, Vectors, inverted
 from tumble.attitude.rotations import matrices_from_rotation_vectors, matrix_from_rotation_vector
 from tumble.calibration.joint_data import JointData
+from tumble.calibration.joint_poses import align_with_poses, pose_terms, sees_heading
 from tumble.calibration.joint_spins import LEAST_WOBBLE, SpinEquations, SpinState, spin_equations, start_spin
 from tumble.calibration.joint_terms import (
-    BORDER,
     HEAD,
     NODE,
     TAIL,
@@ -30,7 +30,7 @@ from tumble.calibration.joint_terms import (
     selected,
     turn_terms,
 )
-from tumble.calibration.joint_unknowns import FORCE, SHARED
+from tumble.calibration.joint_unknowns import FORCE
 from tumble.calibration.triad_unknowns import triad_from_unknowns
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError
@@ -58,7 +58,7 @@ class JointState:
 
     Attributes
     ----------
-    unknowns : (33,) shared.
+    unknowns : (33,) shared, or more of them (`joint_wide`).
     sections : attitudes and Earth rate of each run of holds.
     spins : of each rotation, by the hold before it.
     """
@@ -74,24 +74,29 @@ class Masks:
 
     Attributes
     ----------
-    force, rate, turn : (holds,) of bool.
+    force, rate, turn, pose : (holds,) of bool.
     spin : by the hold before; absent means that it takes part.
     """
 
     force: np.ndarray
     rate: np.ndarray
     turn: np.ndarray
+    pose: np.ndarray
 
     @staticmethod
     def everything(holds: int) -> Masks:
         """Return masks that leave nothing out."""
-        return Masks(np.ones(holds, bool), np.ones(holds, bool), np.ones(holds, bool))
+        return Masks(*(np.ones(holds, bool) for _ in range(4)))
+
+    def copy(self) -> Masks:
+        """Return masks of their own."""
+        return Masks(self.force.copy(), self.rate.copy(), self.turn.copy(), self.pose.copy())
 
     def of(self, terms: Terms) -> np.ndarray:
         """Return which of the terms take part."""
         if terms.kind == "rest":
             return np.ones(terms.place.size, dtype=bool)
-        mask = {"force": self.force, "rate": self.rate, "turn": self.turn}[terms.kind]
+        mask = {"force": self.force, "rate": self.rate, "turn": self.turn}.get(terms.kind, self.pose)
         return mask[terms.place]
 
 
@@ -136,9 +141,10 @@ class JointSolution:
         """Return the covariances of a section's attitudes, and of its border (Earth rate, shared unknowns)."""
         equations = self.equations[index]
         corner = equations.chain.corner
-        full = np.zeros((SHARED, SHARED))
+        size = self.state.unknowns.size
+        full = np.zeros((size, size))
         full[np.ix_(self.free, self.free)] = self.cofactor
-        border = np.zeros((BORDER, BORDER))
+        border = np.zeros((3 + size, 3 + size))
         gain = -equations.earth_inverse @ corner[:3, 3:]
         border[3:, 3:] = full
         border[:3, 3:] = gain @ full
@@ -157,7 +163,7 @@ class JointProblem:
     free : indices of the shared unknowns to adjust.
     extra : variances.
     masks : which observations take part.
-    prior : of the shared unknowns (all 33), or None.
+    prior : of the shared unknowns (all of them), or None.
     spin_noise : factor on the variance of each rotation's windows, by the hold before it.
     wobble : rad, one sigma of each rotation's axis, by the hold before it.
     """
@@ -203,6 +209,8 @@ def start_state(data: JointData, unknowns: Series, site: Site) -> JointState:
                 carried_on = here[2] @ carried.C_se[k]
             C[k + 1 - first, 0] = _same_heading(C[k + 1 - first, 0], carried_on)
         state.sections.append(section)
+    if data.poses is not None:
+        align_with_poses(data.poses, state.sections, state.spins, state.unknowns)
     return state
 
 
@@ -246,7 +254,7 @@ def solve_joint(problem: JointProblem, state: JointState, *, once: bool = False)
             raise ConvergenceError("The joint adjustment diverged: its unknowns left all bounds.")
         _move(problem, state, equations, step)
         size = float(np.max(np.abs(step) / np.sqrt(np.diag(cofactor))))
-        _look_north(problem, equations, cofactor)
+        _look_north(problem, state, equations, cofactor)
         settled = bool(np.all(np.abs(step) <= 1e-13 * np.maximum(np.abs(state.unknowns[free]), 1.0)))
         if once or size <= TOLERANCE or settled or (size < 1e-2 and size >= before):
             return _solution(problem, state, equations, cofactor, step, iteration)
@@ -264,7 +272,8 @@ def linearise_joint(
     problem, state : observations, and where all unknowns are.
     """
     carried = carry(problem.data, state.unknowns)
-    normal, gradient = np.zeros((SHARED, SHARED)), np.zeros(SHARED)
+    size = state.unknowns.size
+    normal, gradient = np.zeros((size, size)), np.zeros(size)
     equations: list[SectionEquations] = []
     for section in state.sections:
         made = _section_equations(problem, state, section, carried)
@@ -288,7 +297,9 @@ def _section_equations(
     turns = turn_terms(data, section, carried, state.unknowns, problem.extra)
     if turns is not None:
         terms.append(turns)
-    chain = BorderedChain.zero(section.last - section.first, NODE, BORDER)
+    if data.poses is not None:
+        terms += pose_terms(data.poses, section, state.unknowns, problem.extra)
+    chain = BorderedChain.zero(section.last - section.first, NODE, 3 + state.unknowns.size)
     square_sum, observations = 0.0, 0
     used: list[Terms] = []
     for kind in terms:
@@ -315,7 +326,8 @@ def _section_equations(
             spins[int(k)] = made
             square_sum += made.square_sum
             observations += made.observations
-    _add_heading(chain)
+    if not sees_heading(data.poses, section):
+        _add_heading(chain)
     square_sum += _add_earth(problem, section, chain)
     eliminated = chain.eliminated()
     return SectionEquations(
@@ -384,12 +396,14 @@ def earth_terms(site: Site, section: Section) -> tuple[Series, Table]:
     return np.append(residual, short), np.concatenate([by_earth, along])
 
 
-def _look_north(problem: JointProblem, equations: list[SectionEquations], cofactor: Square) -> None:
+def _look_north(
+    problem: JointProblem, state: JointState, equations: list[SectionEquations], cofactor: Square
+) -> None:
     """Note the sections whose gyros know the horizontal Earth rate well enough for its length to help."""
     if problem.site.latitude is None:
         return
     known = EARTH_RATE * float(np.cos(problem.site.latitude))
-    full = np.zeros((SHARED, SHARED))
+    full = np.zeros((state.unknowns.size, state.unknowns.size))
     full[np.ix_(problem.free, problem.free)] = cofactor
     for made in equations:
         gain = -made.earth_inverse @ made.chain.corner[:3, 3:]
@@ -413,7 +427,7 @@ def earth_prior(site: Site) -> tuple[Series, Series]:
 
 def _move(problem: JointProblem, state: JointState, equations: list[SectionEquations], step: Series) -> None:
     """Move all unknowns by a step of the shared ones, and the residuals with them."""
-    full = np.zeros(SHARED)
+    full = np.zeros(state.unknowns.size)
     full[problem.free] = step
     for made in equations:
         corner, right = made.chain.corner, made.chain.corner_gradient
@@ -450,7 +464,7 @@ def _solution(
     step: Series,
     iterations: int,
 ) -> JointSolution:
-    full = np.zeros(SHARED)
+    full = np.zeros(state.unknowns.size)
     full[problem.free] = step
     decrease = 0.0
     for made in equations:
@@ -459,7 +473,8 @@ def _solution(
         decrease += made.chain.decrease(np.concatenate([earth, full]))
     nodes = sum(NODE * (s.last - s.first) for s in state.sections)
     # A section's heading and Earth rate are each known as many times as they are unknown.
-    observations = sum(e.observations for e in equations) + len(state.sections)
+    headings = sum(not sees_heading(problem.data.poses, s) for s in state.sections)
+    observations = sum(e.observations for e in equations) + headings
     redundancy = observations - nodes - problem.free.size
     if problem.prior is not None:
         redundancy += problem.prior.rank

@@ -55,12 +55,14 @@ class Extra:
     rate : (rad/s)², the same of the gyros.
     turn : rad² about each axis, what else a turn shows.
     sway : rad² about each axis, by which a pose changes from head to middle and from there to the tail.
+    placement : rad² about each axis, by which believed poses scatter beyond their own sigma.
     """
 
     force: float = 0.0
     rate: float = 0.0
     turn: float = 0.0
     sway: float = 1e-16
+    placement: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +71,7 @@ class Terms:
 
     Attributes
     ----------
-    kind : "force", "rate", "rest" or "turn".
+    kind : "force", "rate", "rest", "turn", "tilt" or "pose".
     place : (terms,) the hold that it belongs to, or that the turn follows.
     node : (terms,) the same, counted within the section.
     residual : (terms, m) predicted minus observed.
@@ -181,10 +183,10 @@ def hold_terms(
     node = k - section.first
     force = _force_terms(data, section, unknowns, gravity, extra, node)
     rate = _rate_terms(data, section, unknowns, gravity, extra, node)
-    return [force, rate, _rest_terms(section, extra, node)]
+    return [force, rate, _rest_terms(section, extra, node, 3 + unknowns.size)]
 
 
-def _rest_terms(section: Section, extra: Extra, node: np.ndarray) -> Terms:
+def _rest_terms(section: Section, extra: Extra, node: np.ndarray, border: int) -> Terms:
     """From head to middle, and from middle to tail."""
     backward = np.swapaxes(section.C_wb, 2, 3)
     residual, by_node = np.zeros((node.size, 6)), np.zeros((node.size, 6, NODE))
@@ -198,7 +200,7 @@ def _rest_terms(section: Section, extra: Extra, node: np.ndarray) -> Terms:
         by_node[:, at, here], by_node[:, at, there] = -backward[:, step], backward[:, step]
     covariance = np.broadcast_to(extra.sway * np.eye(6), (node.size, 6, 6))
     return Terms(
-        "rest", section.holds, node, residual, covariance, by_node, None, np.zeros((node.size, 6, BORDER))
+        "rest", section.holds, node, residual, covariance, by_node, None, np.zeros((node.size, 6, border))
     )
 
 
@@ -212,7 +214,7 @@ def _force_terms(
     k, up = section.holds, np.array([0.0, 0.0, -gravity])
     backward = np.swapaxes(section.C_wb, 2, 3)
     residual, by_node = np.zeros((k.size, 9)), np.zeros((k.size, 9, NODE))
-    by_border = np.zeros((k.size, 9, BORDER))
+    by_border = np.zeros((k.size, 9, 3 + unknowns.size))
     for part, at in enumerate((HEAD, MIDDLE, TAIL)):
         shown = raw_force(unknowns, backward[:, part] @ up)
         residual[:, at] = shown.value - data.parts[k, part]
@@ -237,7 +239,7 @@ def _rate_terms(
     by_node[:, :, HEAD] = matrix @ backward @ _cross_matrix(section.earth_w) - by_sway
     by_node[:, :, HEAD] += sensitivity @ backward @ _cross_matrix(up)
     by_node[:, :, TAIL] = by_sway
-    by_border = np.zeros((k.size, 3, BORDER))
+    by_border = np.zeros((k.size, 3, 3 + unknowns.size))
     by_border[:, :, EARTH] = matrix @ backward
     by_border[:, :, 3:] = shown.by_unknowns
     covariance = data.base.rate_covariance[k] + extra.rate * (matrix @ matrix.T)
@@ -303,9 +305,9 @@ def link_residuals(
     inverse = inverted(gyro_matrix(unknowns))
     outer = earth @ C_start
     moves = np.einsum("tab,tbcj,ci->taij", outer, link.sums, inverse)
-    by_border = np.zeros((count, 3, BORDER))
+    by_border = np.zeros((count, 3, 3 + unknowns.size))
     by_border[:, :, EARTH] = -link.duration[:, None, None] * np.eye(3)
-    at = 3 + np.arange(SHARED)
+    at = 3 + np.arange(unknowns.size)
     by_border[:, :, at[GYRO_MATRIX]] = -moves[..., 0:3].reshape(count, 3, 9)
     by_border[:, :, at[GYRO_BIAS]] = -moves[..., 3]
     by_border[:, :, at[G_SENSITIVITY]] = -moves[..., 4:7].reshape(count, 3, 9)

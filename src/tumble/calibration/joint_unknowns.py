@@ -25,7 +25,7 @@ SHARED = 33
 
 @dataclass(frozen=True, slots=True)
 class RawForce:
-    """Raw output of the accelerometers: (rows, 3), by the true force (rows, 3, 3), by the unknowns (rows, 3, 33)."""
+    """Raw output of the accelerometers: (rows, 3), by the true force (rows, 3, 3), by the unknowns (rows, 3, all)."""
 
     value: Vectors
     by_true: AnyArray
@@ -44,7 +44,7 @@ def raw_force(unknowns: Series, true: Vectors) -> RawForce:
     quadratic = unknowns[QUADRATIC]
     own = true @ matrix.T
     slope = 1.0 + 2.0 * quadratic * own
-    by_unknowns = np.zeros((true.shape[0], 3, SHARED))
+    by_unknowns = np.zeros((true.shape[0], 3, unknowns.size))
     by_unknowns[:, range(3), range(BIAS.start, BIAS.stop)] = 1.0
     by_unknowns[:, range(3), range(QUADRATIC.start, QUADRATIC.stop)] = own**2
     moves = jacobian(lambda p: matrix_from_shin(p[:3], p[3:6]).ravel(), unknowns[SCALE.start : ANGLE.stop])
@@ -55,7 +55,7 @@ def raw_force(unknowns: Series, true: Vectors) -> RawForce:
 
 @dataclass(frozen=True, slots=True)
 class RawRate:
-    """Raw output of the gyros: (rows, 3), and by the unknowns (rows, 3, 33)."""
+    """Raw output of the gyros: (rows, 3), and by the unknowns (rows, 3, all)."""
 
     value: Vectors
     by_unknowns: AnyArray
@@ -70,7 +70,7 @@ def raw_rate(unknowns: Series, true: Vectors, force: Vectors) -> RawRate:
     true, force : (rows, 3) rad/s and m/s².
     """
     matrix, sensitivity = gyro_matrix(unknowns), unknowns[G_SENSITIVITY].reshape(3, 3)
-    by_unknowns = np.zeros((true.shape[0], 3, SHARED))
+    by_unknowns = np.zeros((true.shape[0], 3, unknowns.size))
     for i in range(3):
         by_unknowns[:, i, GYRO_MATRIX.start + 3 * i : GYRO_MATRIX.start + 3 * i + 3] = true
         by_unknowns[:, i, GYRO_BIAS.start + i] = 1.0

@@ -1,0 +1,41 @@
+"""Where the joint estimator's further unknowns stand, behind the 33 that every adjustment has.
+
+A state is as wide as its vector of unknowns: 33, or `WIDE` where a fixture is believed or terms are tried
+that few recordings tell.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tumble.arrays import Series
+from tumble.calibration.joint_unknowns import SHARED
+
+FIXTURE = slice(33, 36)
+"""Rotation vector (rad) of C_bf, from the fixture's axes to the sensors' frame b."""
+FORCE_ASYMMETRY = slice(36, 39)
+"""Of each accelerometer, dimensionless."""
+RATE_ASYMMETRY = slice(39, 42)
+"""Of each gyro, dimensionless."""
+LEVER_ARMS = slice(42, 51)
+"""Of each accelerometer, m in b, sensor by sensor; the x sensor's stays zero, for it is where the force is."""
+WIDE = 51
+
+
+def widened(unknowns: Series) -> Series:
+    """Return a copy of the unknowns with all that there may be; what was not there is zero."""
+    made = np.zeros(max(WIDE, unknowns.size))
+    made[: unknowns.size] = unknowns
+    return made
+
+
+def part_of(unknowns: Series, place: slice) -> Series:
+    """Return a part of the unknowns, zeros where the vector is too short to have it."""
+    if unknowns.size >= place.stop:
+        return np.asarray(unknowns[place], dtype=np.float64)
+    return np.zeros(int(place.stop) - int(place.start))
+
+
+def is_wide(unknowns: Series) -> bool:
+    """Whether there is more than the 33."""
+    return unknowns.size > SHARED
