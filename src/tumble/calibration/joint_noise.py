@@ -32,6 +32,8 @@ KINDS = ("force", "rate", "rest", "turn", "tilt", "pose", "parts")
 # Eigenvalues of a redundancy below this are directions that nothing checks.
 CHECKED = 0.05
 LEAST_SWAY = 1e-16  # rad²: 10 nrad, far below what any unit sees
+# Where the search for the sway begins, and down to where round-off lets it go; below, the holds' parts decide.
+START_SWAY, SMALLEST_SWAY = 1e-8, 1e-12  # rad²
 # Of each component: its name in `Extra`, the kind of residual that shows it, and its least value.
 _COMPONENTS = (
     ("sway", "rest", SMALLEST_SWAY),
@@ -41,8 +43,6 @@ _COMPONENTS = (
     ("placement", "tilt", 0.0),
     ("placement", "pose", 0.0),
 )
-# Where the search for the sway begins, and down to where round-off lets it go; below, the parts of the holds decide.
-START_SWAY, SMALLEST_SWAY = 1e-8, 1e-12  # rad²
 PASSES, ROUNDS = 10, 8
 # A table that shakes: its windows' noise is raised where chance does so more rarely than this.
 SHAKING_FALSE_ALARM = 1e-3
@@ -237,8 +237,11 @@ def _settle(
     for _ in range(ROUNDS):
         moved = _raise_shaking(problem, solution)
         extra = replace(problem.extra)
-        for kind, tests in joint_tests(problem, solution).items():
-            name, least = next((name, least) for name, of, least in _COMPONENTS if of == kind)
+        told = joint_tests(problem, solution)
+        for name, kind, least in _COMPONENTS:
+            if kind not in told:
+                continue
+            tests = told[kind]
             checked = tests.degrees > 0
             if not np.any(checked):
                 continue
