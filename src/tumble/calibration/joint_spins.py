@@ -162,7 +162,7 @@ class SpinEquations:
     square_sum: float
     observations: int
     chain: EliminatedChain
-    own_inverse: Square
+    own_inverse: AnyArray
     own_gain: Table
     own_gradient: Series
     force_residual: Table
