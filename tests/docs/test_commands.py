@@ -21,6 +21,7 @@ PROMISED = (
     "verify",
     "noise",
     "mount",
+    "predict",
     "plan",
     "simulate",
     "reproduce",

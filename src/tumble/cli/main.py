@@ -19,6 +19,7 @@ from tumble.cli.inspect import inspect_command
 from tumble.cli.mount import mount_command
 from tumble.cli.noise import noise_command
 from tumble.cli.plan import plan_command
+from tumble.cli.predict import predict_command
 from tumble.cli.progress import state
 from tumble.cli.reproduce import reproduce_command
 from tumble.cli.simulate import simulate_command
@@ -49,6 +50,7 @@ app.command("inspect")(inspect_command)
 app.command("calibrate")(calibrate_command)
 app.command("apply")(apply_command)
 app.command("verify")(verify_command)
+app.command("predict")(predict_command)
 app.command("mount")(mount_command)
 app.command("noise")(noise_command)
 app.command("denoise")(denoise_command)

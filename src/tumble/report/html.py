@@ -23,6 +23,7 @@ from tumble.report.formula import formula_text, python_snippet
 from tumble.report.parameter_figures import correlation_section, interval_section
 from tumble.report.parameters import GROUPS, ParameterRow, parameter_rows, plain_unit
 from tumble.report.pose_figure import pose_section, pose_words
+from tumble.report.prediction_section import prediction_table
 from tumble.report.protocol_section import protocol_table, spin_section
 from tumble.report.residual_figures import hold_section, turn_section
 from tumble.report.rotation_section import rotation_section, rotation_table
@@ -106,6 +107,7 @@ def render_report(
         _verdict(calibration),
         *(_figures(section) for section in first),
         _parameters(calibration, rows),
+        prediction_table(calibration),
         ""
         if protocol is None or matching is None
         else protocol_table(protocol, matching, recording, timeline),

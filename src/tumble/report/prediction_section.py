@@ -1,0 +1,102 @@
+"""What a calibration is worth to a user: predicted errors as a table."""
+
+from __future__ import annotations
+
+import html
+import math
+from typing import TYPE_CHECKING
+
+from tumble.calibration.verdict import two_digits
+from tumble.report.rounding import with_uncertainty
+
+if TYPE_CHECKING:
+    from tumble.calibration.predictions import Answer
+    from tumble.calibration.result import Calibration
+
+FOOTNOTE = (
+    "Horizontal position from a known start; attitude in all three components. From the calibration's covariance "
+    "alone: the sensors' noise, the wander of their biases and how far these move until the unit is next switched on "
+    "come on top."
+)
+_GROUPS = {
+    "accelerometer.bias": "accelerometer bias",
+    "accelerometer.matrix": "accelerometer scale and angles",
+    "accelerometer.quadratic": "accelerometer quadratic",
+    "accelerometer.asymmetry": "accelerometer asymmetry",
+    "gyroscope.bias": "gyro bias",
+    "gyroscope.matrix": "gyro scale and angles",
+    "gyroscope.quadratic": "gyro quadratic",
+    "gyroscope.asymmetry": "gyro asymmetry",
+    "gyroscope.g_sensitivity": "g-sensitivity",
+}
+
+
+def prediction_table(calibration: Calibration) -> str:
+    """Return the predicted errors as an HTML table; nothing for a composed calibration.
+
+    Parameters
+    ----------
+    calibration : judged fit or not.
+    """
+    from tumble.calibration.predictions import answers
+
+    if calibration.composed_with is not None:
+        return ""
+    told = answers(calibration)
+    if not told:
+        return ""
+    heads = ("after", "uncalibrated", "calibrated, one sigma", "most of it from")
+    head = "".join(f"<th>{name}</th>" for name in heads)
+    lines = "".join(
+        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells(answer)) + "</tr>"
+        for answer in told
+    )
+    return (
+        "<h2>What it is worth</h2>\n<p>The error that this calibration leaves, in position after some time without "
+        "satellites or other aiding, and in attitude after a turn, beside that of the same unit with nominal scale "
+        f"factors and no bias.</p>"
+        f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table></div>'
+        f'<p class="note">{html.escape(FOOTNOTE)}</p>'
+    )
+
+
+def cells(answer: Answer, *, with_sheet: bool = False) -> list[str]:
+    """Return question, uncalibrated error, calibrated one and its main cause as texts.
+
+    Parameters
+    ----------
+    answer : a prediction.
+    with_sheet : put what the data sheet promises third.
+    """
+    from tumble.calibration.predictions import practical
+
+    before = "–"
+    if answer.before is not None and not math.isfinite(answer.before):
+        before = "attitude lost"
+    elif answer.before is not None:
+        factor, unit = practical(answer.kind, answer.before)
+        scale = factor / answer.before if answer.before > 0.0 else 1.0
+        before = f"{with_uncertainty(factor, scale * answer.after)} {unit}"
+    value, unit = practical(answer.kind, answer.after)
+    made = [answer.question, before, f"0 ± {two_digits(value)} {unit}", _causes(answer)]
+    if with_sheet:
+        sheet = "–"
+        if answer.sheet is not None and not math.isfinite(answer.sheet):
+            sheet = "attitude lost"
+        elif answer.sheet is not None:
+            promised, of = practical(answer.kind, answer.sheet)
+            sheet = f"0 ± {two_digits(promised)} {of}"
+        made.insert(2, sheet)
+    return made
+
+
+def _causes(answer: Answer) -> str:
+    """Name what makes up nine tenths of the variance, two groups at most."""
+    named: list[str] = []
+    whole = 0.0
+    for group, share in list(answer.shares.items())[:2]:
+        named.append(f"{_GROUPS.get(group, group)} {100.0 * min(share, 1.0):.0f} %")
+        whole += share
+        if whole > 0.9:
+            break
+    return ", ".join(named)
