@@ -35,14 +35,27 @@ NORTH, UP = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """One dwell, or an axis turned about both ways: true specific force and rate of every sample.
+    """One dwell, or an axis turned about both ways.
 
-    `speed` is the table's own, rad/s.
+    Attributes
+    ----------
+    C_start : (3, 3) attitude C_wb at its first sample.
+    axis_b : (3,) unit vector; zero of a dwell.
+    speed : (samples,) rad/s that the table is told.
     """
 
-    force: Vectors
-    rate: Vectors
+    C_start: Matrix
+    axis_b: Vector
     speed: Series
+
+    def motion(self, speed: Series, earth_w: Vector, lever: Vector) -> tuple[Vectors, Vectors]:
+        """Return specific force and rate of every sample of a table that really turns at `speed`."""
+        angle = np.concatenate([[0.0], np.cumsum(0.5 * STEP * (speed[1:] + speed[:-1]))])
+        turned = matrices_from_rotation_vectors(angle[:, None] * self.axis_b)
+        backward = np.swapaxes(self.C_start @ turned, 1, 2)
+        centripetal = self.axis_b * float(self.axis_b @ lever) - lever
+        force = backward @ (GRAVITY * UP) + (speed**2)[:, None] * centripetal
+        return force, backward @ earth_w + speed[:, None] * self.axis_b
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +75,6 @@ class TruePlan:
     site: Site
     truth: Series
 
-    def axis_of(self, piece: Piece) -> Vector:
-        """Return the axis of a piece in b; zero of a dwell."""
-        dwells = len(self.setting.up)
-        at = next(k for k, one in enumerate(self.pieces) if one is piece)
-        return np.zeros(3) if at < dwells else self.setting.axes[at - dwells]
-
 
 def true_plan(setting: Setting) -> TruePlan:
     """Return the true motion of a study.
@@ -76,28 +83,17 @@ def true_plan(setting: Setting) -> TruePlan:
     ----------
     setting : see `table_setting`.
     """
-    earth = EARTH_RATE * np.array([np.cos(setting.latitude), 0.0, -np.sin(setting.latitude)])
-    samples = round(setting.dwell / STEP)
-    pieces: list[Piece] = []
-    for up in setting.up:
-        pieces.append(_piece(rotation_between(up, UP), earth, np.zeros(samples), np.zeros(3), np.zeros(3)))
+    still = np.zeros(round(setting.dwell / STEP))
+    pieces = [Piece(rotation_between(up, UP), np.zeros(3), still) for up in setting.up]
     rest, turn = np.zeros(REST), np.full(round(setting.duration / STEP), setting.rate)
-    speed, lever = np.concatenate([rest, turn, rest, -turn, rest]), np.array(setting.lever_arm)
-    pieces += [_piece(rotation_between(axis, NORTH), earth, speed, axis, lever) for axis in setting.axes]
+    speed = np.concatenate([rest, turn, rest, -turn, rest])
+    pieces += [Piece(rotation_between(axis, NORTH), axis, speed) for axis in setting.axes]
     unit = setting.unit
     model = ImuModel(
         Triad(unit.force_matrix, unit.force_bias), Triad(unit.rate_matrix @ unit.rotation, unit.rate_bias)
     )
     site = Site(GRAVITY, 0.0, setting.latitude)
     return TruePlan(setting, tuple(pieces), site, unknowns_of(model))
-
-
-def _piece(C_start: Matrix, earth_w: Vector, speed: Series, axis_b: Vector, lever: Vector) -> Piece:
-    angle = np.concatenate([[0.0], np.cumsum(0.5 * STEP * (speed[1:] + speed[:-1]))])
-    backward = np.swapaxes(C_start @ matrices_from_rotation_vectors(angle[:, None] * axis_b), 1, 2)
-    centripetal = axis_b * float(axis_b @ lever) - lever
-    force = backward @ (GRAVITY * UP) + (speed**2)[:, None] * centripetal
-    return Piece(force, backward @ earth_w + speed[:, None] * axis_b, speed)
 
 
 def simulated_data(plan: TruePlan, rng: np.random.Generator) -> JointData:
@@ -114,19 +110,17 @@ def simulated_data(plan: TruePlan, rng: np.random.Generator) -> JointData:
     holds: list[tuple[int, int]] = []
     turns: list[tuple[int, int, float]] = []
     at, ratio = 0, np.sqrt(STEP * setting.sampling)
+    earth = EARTH_RATE * np.array([np.cos(setting.latitude), 0.0, -np.sin(setting.latitude)])
     for piece in plan.pieces:
         turning = piece.speed != 0.0
         # The table turns by what it is told and its error.
         errors = rng.normal(0.0, setting.angle_error, 2) / abs(setting.angle)
-        more: Series = np.asarray(
-            np.where(piece.speed > 0.0, errors[0], errors[1]) * piece.speed, dtype=np.float64
-        )
-        axis = plan.axis_of(piece)
-        rate = piece.rate + more[:, None] * axis
+        share = np.asarray(np.where(piece.speed > 0.0, errors[0], errors[1]), dtype=np.float64)
+        force, rate = piece.motion(piece.speed * (1.0 + share), earth, np.array(setting.lever_arm))
         sigma = np.where(turning[:, None], setting.sigma_turning[:3], setting.sigma[:3]) / ratio
         samples = len(rate)
         noise = rng.standard_normal((samples, 6))
-        raw_force.append(piece.force @ unit.force_matrix.T + unit.force_bias + sigma * noise[:, :3])
+        raw_force.append(force @ unit.force_matrix.T + unit.force_bias + sigma * noise[:, :3])
         turned = rate @ (unit.rate_matrix @ unit.rotation).T
         raw_rate.append(turned + unit.rate_bias + setting.sigma[3:] / ratio * noise[:, 3:])
         if np.any(turning):
