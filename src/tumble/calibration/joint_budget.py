@@ -16,6 +16,7 @@ from tumble.calibration.joint_influence import (
     FORCE_TURNING,
     FORCE_WANDER,
     GRAVITY,
+    PLACEMENT,
     RATE_REST,
     RATE_TURNING,
     RATE_WANDER,
@@ -63,7 +64,7 @@ class NamedParameters:
     ----------
     function : of the 36 unknowns.
     values : (36,) the solution.
-    slope : (parameters, 33) derivatives.
+    slope : (parameters, unknowns) derivatives.
     """
 
     function: Function
@@ -81,13 +82,16 @@ class NamedParameters:
             units=units,
             factors=(specific_force_factor(units[0]), angular_rate_factor(units[1])),
         )
-        values = np.concatenate([outcome.state.unknowns, np.zeros(3)])
-        return NamedParameters(function, values, jacobian(function, values)[:, :SHARED])
+        values = np.concatenate([outcome.state.unknowns[:SHARED], np.zeros(3)])
+        own = jacobian(function, values)
+        slope = np.zeros((len(own), outcome.state.unknowns.size))
+        slope[:, :SHARED] = own[:, :SHARED]
+        return NamedParameters(function, values, slope)
 
     def at(self, unknowns: Series) -> Series:
-        """Return the parameters at other (33,) unknowns."""
+        """Return the parameters at other unknowns."""
         moved = self.values.copy()
-        moved[:SHARED] = unknowns
+        moved[:SHARED] = unknowns[:SHARED]
         return np.real(self.function(moved.astype(complex)))
 
 
@@ -100,6 +104,9 @@ def state_uncertainty(estimate: Estimate, outcome: JointOutcome) -> None:
     outcome : the settled solution with its noise.
     """
     named = NamedParameters.of(outcome)
+    if len(named.slope) != len(estimate.parameters):
+        # Parameters that are not a function of the 33 have no budget yet.
+        return
     influences = joint_influences(outcome.problem, outcome.state)
     scale = _scale(estimate)
     everything = budget_of(influences, named, outcome, scale)
@@ -146,13 +153,13 @@ def budget_of(
 
 
 def gravity_slope(outcome: JointOutcome) -> Series:
-    """Return (33,) by how much the unknowns move per m/s² of gravity, see `gravity_covariance`.
+    """Return (unknowns,) by how much the unknowns move per m/s² of gravity, see `gravity_covariance`.
 
     Parameters
     ----------
     outcome : the solution.
     """
-    slope = np.zeros(SHARED)
+    slope = np.zeros(outcome.state.unknowns.size)
     for place in (SCALE, G_SENSITIVITY):
         slope[place] = -outcome.state.unknowns[place] / outcome.site.gravity
     return slope
@@ -179,6 +186,9 @@ def source_degrees(outcome: JointOutcome) -> dict[str, float]:
     floor = _in_si(data.base.rate_floor, gyro_matrix(unknowns))
     made[RATE_WANDER] = _of_wander(floor, extra.rate, tests.get("rate"), data.holds)
     made[TURNS] = _of_component(extra.turn, tests.get("turn"))
+    placed = tests.get("tilt", tests.get("pose"))
+    if extra.placement > 0.0:
+        made[PLACEMENT] = _of_component(extra.placement, placed)
     made[SWAY] = _of_component(extra.sway, tests.get("rest"))
     windows = sum(len(spin.windows) for spin in data.spins.values())
     if windows:
@@ -222,7 +232,7 @@ def _global_test(estimate: Estimate, outcome: JointOutcome) -> GlobalTest | None
         return None
     extra = outcome.problem.extra
     sizes = (extra.force, extra.rate, extra.turn, extra.sway - 1e-12)
-    components = sum(size > 0.0 for size in sizes)
+    components = sum(size > 0.0 for size in (*sizes, extra.placement))
     components += sum(factor > 1.1 for factor in outcome.problem.spin_noise.values())
     statistic = estimate.sigma0_final**2 * degrees
     alone = chi_square_probability(estimate.sigma0**2 * degrees, degrees)
@@ -325,7 +335,8 @@ def _not_included(outcome: JointOutcome) -> list[str]:
             "their wander; what it did to scale factors and angles is not in the uncertainties, and at another "
             "temperature they do not hold."
         )
-    said.append("Placement: no pose was believed, so that none can be wrong.")
+    if outcome.data.poses is None:
+        said.append("Placement: no pose was believed, so that none can be wrong.")
     if not outcome.site.gravity_sigma:
         said.append(
             "Reference gravity was given as exact: a wrong one would make all accelerometer scale factors wrong alike."

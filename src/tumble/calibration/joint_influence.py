@@ -15,6 +15,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square, inverted
 from tumble.calibration.joint_data import JointData
+from tumble.calibration.joint_poses import pose_terms, sees_heading
 from tumble.calibration.joint_spins import LEAST_WOBBLE, Layout, SpinEquations, add_spin_terms
 from tumble.calibration.joint_system import (
     HEADING_SIGMA,
@@ -27,7 +28,6 @@ from tumble.calibration.joint_system import (
     linearise_joint,
 )
 from tumble.calibration.joint_terms import (
-    BORDER,
     EARTH,
     HEAD,
     NODE,
@@ -39,7 +39,7 @@ from tumble.calibration.joint_terms import (
     hold_terms,
     turn_terms,
 )
-from tumble.calibration.joint_unknowns import SHARED, force_matrix, gyro_matrix
+from tumble.calibration.joint_unknowns import force_matrix, gyro_matrix
 from tumble.estimation.bordered import NodeCovariance
 from tumble.estimation.gathered import GatheredTerms, GatheringChain
 from tumble.estimation.gauss_helmert import invert_normal_matrix
@@ -54,6 +54,7 @@ SWAY = "sway in holds"
 TURNS = "turns beyond noise"
 ANGLES = "table angles"
 AXIS = "wobble of the table's axis"
+PLACEMENT = "placement"
 LEVER = "lever arms of rotations"
 EARTH_RATE_KNOWN = "Earth rate and latitude"
 PRIOR = "prior"
@@ -62,11 +63,11 @@ GRAVITY = "reference gravity"
 OTHER = "everything else"
 SOURCES = (
     *(FORCE_REST, FORCE_TURNING, FORCE_WANDER, RATE_REST, RATE_TURNING, RATE_WANDER, SWAY, TURNS, ANGLES),
-    AXIS,
+    *(AXIS, PLACEMENT),
     *(LEVER, EARTH_RATE_KNOWN, PRIOR, OUTLYING, GRAVITY, OTHER),
 )
 """Sources of error in the order in which a budget shows them."""
-SHARED_ROWS = slice(3, BORDER)
+SHARED_ROWS = slice(3, None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,10 +76,11 @@ class Influence:
 
     Attributes
     ----------
-    kind : "force", "rate", "rest", "turn", "windows", "links", "axis", "angle", "own", "heading", "earth" or "prior".
+    kind : "force", "rate", "rest", "turn", "tilt", "pose", "windows", "links", "axis", "angle", "own", "heading",
+        "earth" or "prior".
     place : (terms,) the hold, or the hold before; -1 where it is neither.
     active : (terms,) whether it takes part.
-    gain : (terms, 33, m) by how much whitened errors move the shared unknowns.
+    gain : (terms, unknowns, m) by how much whitened errors move the shared unknowns.
     parts : source -> (terms, m, m), the whitened covariance that it causes; they add up to the identity.
     taken : (terms, m, m) whitened covariance of the adjusted observations; zeros for what is not tested.
     root : (terms, m, m) Cholesky factor of the covariance: raw errors are ``root @ whitened``.
@@ -93,22 +95,22 @@ class Influence:
     root: AnyArray
 
     def share(self, source: str) -> Square:
-        """Return (33, 33) what a source adds to the covariance by these observations."""
+        """Return (unknowns, unknowns) what a source adds to the covariance by these observations."""
         part = self.parts.get(source)
         if part is None:
-            return np.zeros((SHARED, SHARED))
+            return np.zeros((self.gain.shape[1], self.gain.shape[1]))
         return np.einsum("tam,tmn,tbn->ab", self.gain, part, self.gain, optimize=True)
 
 
 @dataclass(frozen=True, slots=True)
 class Influences:
-    """All of them, and the covariance (33, 33) that their shares add up to."""
+    """All of them, and the covariance (unknowns, unknowns) that their shares add up to."""
 
     each: list[Influence]
     covariance: Square
 
     def shares(self) -> dict[str, Square]:
-        """Return source -> (33, 33) shares of the covariance, in the order of `SOURCES`, those that there are."""
+        """Return source -> (unknowns, unknowns) share of the covariance, for the `SOURCES` that there are."""
         made = {s: sum((i.share(s) for i in self.each if s in i.parts), np.zeros(())) for s in SOURCES}
         return {source: np.asarray(share) for source, share in made.items() if np.ndim(share) == 2}
 
@@ -136,7 +138,7 @@ def joint_influences(problem: JointProblem, state: JointState) -> Influences:
         for k, spin in section.spins.items():
             made += _rotation(problem, state, section, k, spin, nodes, border)
         made += _references(problem, section.section, nodes, border)
-    covariance = np.zeros((SHARED, SHARED))
+    covariance = np.zeros((state.unknowns.size, state.unknowns.size))
     covariance[np.ix_(problem.free, problem.free)] = cofactor
     if problem.prior is not None:
         values, vectors = np.linalg.eigh(problem.prior.precision)
@@ -156,8 +158,11 @@ def _holds_and_turns(
     data, section = problem.data, equations.section
     terms = hold_terms(data, section, state.unknowns, problem.site.gravity, problem.extra)
     turns = turn_terms(data, section, carried, state.unknowns, problem.extra)
+    terms += [] if turns is None else [turns]
+    if data.poses is not None:
+        terms += pose_terms(data.poses, section, state.unknowns, problem.extra)
     made: list[Influence] = []
-    for kind in (*terms, *(() if turns is None else (turns,))):
+    for kind in terms:
         active = problem.masks.of(kind)
         weighed = np.where(active, 1.0, LEFT_OUT)[:, None, None] * kind.covariance
         root = np.asarray(np.linalg.cholesky(weighed), dtype=np.float64)
@@ -181,6 +186,8 @@ def _causes(problem: JointProblem, unknowns: Series, carried: Carried, kind: Ter
     data, extra, k = problem.data, problem.extra, kind.place
     if kind.kind == "rest":
         return {SWAY: kind.covariance}
+    if kind.kind in ("tilt", "pose"):
+        return {PLACEMENT: kind.covariance}
     if kind.kind == "force":
         matrix = force_matrix(unknowns)
         wander = np.diag(data.base.force_floor) + extra.force * (matrix @ matrix.T)
@@ -222,7 +229,7 @@ def _rotation(
 ) -> list[Influence]:
     data, section = problem.data, equations.section
     spin, node = data.spins[k], k - section.first
-    layout = Layout.of(spin)
+    layout = Layout.of(spin, state.unknowns)
     outer = _ends_and_border(nodes, border, node)
     whole = np.zeros((layout.size, layout.size))
     own = np.arange(6, layout.shared)
@@ -282,8 +289,8 @@ def _rotation_causes(source: str, size: int, layout: Layout) -> dict[str, Series
 
 
 def _ends_and_border(nodes: NodeCovariance, border: Square, node: int) -> Matrix:
-    """Return (42, 42) of the tail of a hold, the head of the next one, and the section's border."""
-    size = 6 + BORDER
+    """Return the covariance of the tail of a hold, the head of the next one, and the section's border."""
+    size = 6 + border.shape[0]
     made = np.zeros((size, size))
     start, end, rest = slice(0, 3), slice(3, 6), slice(6, size)
     made[start, start] = nodes.own[node][TAIL, TAIL]
@@ -303,14 +310,15 @@ def _references(
     """What fixes a section's heading, and what the site tells of the Earth rate."""
     by_node = np.zeros((1, 1, NODE))
     by_node[0, 0, 2] = 1.0 / HEADING_SIGMA
-    heading = GatheredTerms("heading", np.array([0]), by_node, None, np.zeros((1, 1, BORDER)))
+    size = border.shape[0]
+    heading = GatheredTerms("heading", np.array([0]), by_node, None, np.zeros((1, 1, size)))
     by_earth = earth_terms(problem.site, section)[1]
-    by_border = np.zeros((1, len(by_earth), BORDER))
+    by_border = np.zeros((1, len(by_earth), size))
     by_border[0, :, EARTH] = by_earth
     earth = GatheredTerms("earth", np.zeros(0, dtype=int), None, None, by_border)
     return [
         _of_one(terms.source, EARTH_RATE_KNOWN, terms.gain(nodes, border, SHARED_ROWS)[0])
-        for terms in (heading, earth)
+        for terms in ((earth,) if sees_heading(problem.data.poses, section) else (heading, earth))
     ]
 
 

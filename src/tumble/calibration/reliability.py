@@ -20,6 +20,8 @@ ALPHA, POWER = 0.001, 0.8
 UNCHECKED = 1e-7
 # A direction that adds less than this to no parameter's variance does no harm, checked or not.
 HARMLESS = 1e-6
+# Of the squared harm: what a direction must add to be part of the error that is told.
+WORTH_IT = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +86,12 @@ def undetected(
     if harm.size and float(harm.max()) > HARMLESS:
         return Undetected(redundancy, float("inf"), int(np.argmax(harm.max(axis=1))), float("inf"))
     inverse = np.where(seen, 1.0 / np.where(seen, values, 1.0), 0.0)
+    harms = along**2 * inverse
+    worst = int(np.argmax(harms.sum(axis=1)))
+    # A direction that hardly adds to the harm would only make the error look large.
+    matters = harms[worst] > WORTH_IT * harms[worst].sum()
+    inverse = np.where(matters, inverse, 0.0)
     effects = needed * np.sqrt(np.sum(along**2 * inverse, axis=1))
-    worst = int(np.argmax(effects))
     norm = float(np.sqrt(np.sum(along[worst] ** 2 * inverse)))
     if norm <= 0.0:
         return Undetected(redundancy, needed / float(np.sqrt(max(values.max(), 1e-300))), worst, 0.0)
