@@ -34,7 +34,15 @@ from tumble.calibration.joint_terms import (
     link_covariance,
     link_residuals,
 )
-from tumble.calibration.joint_unknowns import GYRO_BIAS, force_matrix, gyro_matrix, raw_force
+from tumble.calibration.joint_unknowns import (
+    FORCE,
+    G_SENSITIVITY,
+    GYRO_BIAS,
+    force_matrix,
+    gyro_matrix,
+    raw_force,
+)
+from tumble.calibration.triad_unknowns import BIAS
 from tumble.estimation.bordered import BorderedChain, EliminatedChain, whiten
 
 START, END = slice(0, 3), slice(3, 6)
@@ -313,7 +321,7 @@ def _add_force(
 ) -> tuple[Table, float]:
     """Add the windows' specific force; return residuals (raw) and their weighted square sum."""
     layout = Layout.of(spin, unknowns)
-    rates = (spin.rate - unknowns[GYRO_BIAS]) @ inverted(gyro_matrix(unknowns)).T
+    rates = _window_rates(spin, unknowns)
     backward = mean_backward_rotation(spin, rates) @ np.swapaxes(state.C_wb, 1, 2)
     up = np.array([0.0, 0.0, -gravity])
     centripetal = skews(rates) @ skews(rates)
@@ -332,6 +340,13 @@ def _add_force(
     white, by_node, by_border = whiten(covariance, residual[..., None], by_node, by_border)
     chain.add_unary(np.arange(len(residual)), white[..., 0], by_node, by_border)
     return residual, float(np.sum(white**2))
+
+
+def _window_rates(spin: JointSpin, unknowns: Series) -> Table:
+    """(windows, 3) rad/s, without bias and g-sensitivity."""
+    force = (spin.force - unknowns[FORCE][BIAS]) @ inverted(force_matrix(unknowns)).T
+    seen = spin.rate - unknowns[GYRO_BIAS] - force @ unknowns[G_SENSITIVITY].reshape(3, 3).T
+    return np.asarray(seen @ inverted(gyro_matrix(unknowns)).T, dtype=np.float64)
 
 
 def _add_links(
