@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import Series
+from tumble.arrays import Series, Table
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +72,66 @@ class ModelChoice:
     change: Series
 
 
+@dataclass(frozen=True, slots=True)
+class DrawnDistributions:
+    """What propagation of distributions gave (JCGM 101), beside the intervals of the GUM.
+
+    Attributes
+    ----------
+    runs : draws of all errors.
+    intervals : (parameters, 2) ends of the shortest 95 % intervals.
+    off : (parameters,) by how much an end of the GUM's interval is off them at most.
+    spread : (parameters,) standard deviation of the ends by chance, from blocks of the draws.
+    tolerance : (parameters,) half a unit of the one significant digit of the standard uncertainty.
+    readjusted : how many times observations were drawn anew and adjusted in full.
+    readjusted_ratio : (parameters,) their root mean square error over the first order's sigma; empty without.
+    why_not_readjusted : why there are none, or no more; empty if nothing stood against it.
+    """
+
+    runs: int
+    intervals: Table
+    off: Series
+    spread: Series
+    tolerance: Series
+    readjusted: int
+    readjusted_ratio: Series
+    why_not_readjusted: str
+
+    @property
+    def validated(self) -> np.ndarray:
+        """(parameters,) of bool: the GUM's interval is within the tolerance at both ends (JCGM 101, clause 8)."""
+        return self.off <= self.tolerance
+
+    @property
+    def contradicted(self) -> np.ndarray:
+        """(parameters,) of bool: it is off by more than that, and by more than chance in the draws explains."""
+        return self.off > self.tolerance + 2.0 * self.spread
+
+    def words(self) -> str:
+        """Return what it says in a sentence or two."""
+        valid, count = int(np.count_nonzero(self.validated)), self.off.size
+        said = (
+            f"Propagation of distributions, {self.runs} draws: the 95 % intervals of the GUM are validated to one "
+            f"significant digit of the standard uncertainty for {valid} of {count} parameters (JCGM 101, clause 8)"
+        )
+        against = int(np.count_nonzero(self.contradicted))
+        if against:
+            said += f", and contradicted for {against}: of those take the drawn intervals"
+        if valid + against < count:
+            said += f", and open for {count - valid - against}, which more draws would tell"
+        said += "."
+        if self.readjusted:
+            spread = 1.0 / np.sqrt(2.0 * self.readjusted)
+            said += (
+                f" {self.readjusted} full adjustments of observations drawn anew scatter by "
+                f"{float(np.sqrt(np.mean(self.readjusted_ratio**2))):.2f} of what the first order says (1 ± "
+                f"{spread:.2f} for each parameter)."
+            )
+        if self.why_not_readjusted:
+            said += f" Full adjustments: {self.why_not_readjusted}."
+        return said
+
+
 @dataclass(slots=True)
 class UncertaintyStatement:
     """Everything beside the standard uncertainties, in the order of an estimate's parameters.
@@ -86,6 +146,7 @@ class UncertaintyStatement:
     alpha, power : of the tests that the detectable errors are for.
     model_choice : terms near their limit.
     not_included : sentences on what the uncertainties do not contain.
+    drawn : propagation of distributions, where it was asked for.
     """
 
     effective_degrees: Series = field(default_factory=lambda: np.zeros(0))
@@ -97,6 +158,7 @@ class UncertaintyStatement:
     power: float = 0.8
     model_choice: list[ModelChoice] = field(default_factory=list[ModelChoice])
     not_included: list[str] = field(default_factory=list[str])
+    drawn: DrawnDistributions | None = None
 
 
 def effective_degrees(contributions: dict[str, Series], degrees: dict[str, float]) -> Series:
