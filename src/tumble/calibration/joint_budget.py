@@ -131,6 +131,7 @@ def state_uncertainty(estimate: Estimate, outcome: JointOutcome) -> None:
         power=POWER,
         model_choice=_model_choice(influences, named, outcome),
         not_included=_not_included(outcome),
+        outcome=outcome,
     )
 
 

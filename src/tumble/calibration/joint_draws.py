@@ -25,13 +25,12 @@ from tumble.calibration.joint_system import JointProblem, JointState, solve_join
 from tumble.calibration.joint_terms import carry, hold_terms, turn_terms
 from tumble.calibration.joint_unknowns import GYRO_BIAS
 from tumble.calibration.uncertainty_statement import DrawnDistributions, coverage_factors
-from tumble.errors import ConvergenceError
+from tumble.errors import ConvergenceError, UsageError
 
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Estimate
     from tumble.calibration.joint_estimate import JointOutcome
 
-LARGEST = 1_000_000
 # Full adjustments of observations drawn anew: as many as these seconds allow, and no more than so many.
 SECONDS, READJUSTED = 20.0, 200
 COVERAGE = 0.95
@@ -46,7 +45,6 @@ class _Readjusted:
 
 def draw_distributions(
     estimate: Estimate,
-    outcome: JointOutcome,
     runs: int,
     rng: np.random.Generator,
     progress: Callable[[str], None],
@@ -55,18 +53,26 @@ def draw_distributions(
 
     Parameters
     ----------
-    estimate : with a statement of uncertainty; its `drawn` is set, and a remark added.
-    outcome : the solution.
+    estimate : with a statement of uncertainty that has an outcome; its `drawn` is set, and a remark added.
     runs : draws, a thousand at least.
     rng : random numbers.
     progress : is told how far it is.
+
+    Raises
+    ------
+    UsageError
+        If the estimate has no budget of uncertainty.
     """
+    from tumble.calibration.joint_estimate import JointOutcome
+
     told = estimate.statement
-    if told is None:
-        estimate.remarks.append(
-            "Distributions were not drawn: these parameters have no budget of uncertainty."
+    outcome = None if told is None else told.outcome
+    if told is None or not isinstance(outcome, JointOutcome):
+        raise UsageError(
+            "--monte-carlo is for the joint estimator's parameters of both triads, and this estimate "
+            f"({estimate.procedure}) has no budget of uncertainty to draw from: leave it out, or take --procedure "
+            "joint."
         )
-        return
     named = NamedParameters.of(outcome)
     drawn = _parameters(named, draw_unknowns(outcome, runs, rng, _scale(estimate)), progress)
     low, high = shortest_intervals(drawn, COVERAGE)
@@ -275,7 +281,6 @@ def _spread_ratio(unknowns: Table, outcome: JointOutcome, named: NamedParameters
 
 
 __all__ = [
-    "LARGEST",
     "draw_distributions",
     "draw_gravity",
     "draw_unknowns",

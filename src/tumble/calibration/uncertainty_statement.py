@@ -147,6 +147,7 @@ class UncertaintyStatement:
     model_choice : terms near their limit.
     not_included : sentences on what the uncertainties do not contain.
     drawn : propagation of distributions, where it was asked for.
+    outcome : the procedure's own solution (`JointOutcome`), from which distributions can be drawn.
     """
 
     effective_degrees: Series = field(default_factory=lambda: np.zeros(0))
@@ -159,6 +160,7 @@ class UncertaintyStatement:
     model_choice: list[ModelChoice] = field(default_factory=list[ModelChoice])
     not_included: list[str] = field(default_factory=list[str])
     drawn: DrawnDistributions | None = None
+    outcome: object = None
 
 
 def effective_degrees(contributions: dict[str, Series], degrees: dict[str, float]) -> Series:

@@ -89,6 +89,14 @@ def calibrate_command(
             "the means of holds are known.",
         ),
     ] = None,
+    monte_carlo: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="For joint: propagate distributions with N draws (JCGM 101; 10000 take seconds) and say whether the "
+            "stated intervals hold.",
+        ),
+    ] = None,
     imu_model: Annotated[str | None, typer.Option(help="Model of the unit, noted in the file.")] = None,
     imu_serial: Annotated[
         str | None, typer.Option(help="Serial number of the unit, noted in the file.")
@@ -126,6 +134,7 @@ def calibrate_command(
             noise_correction=noise_correction,
             unknowns=unknowns,
             noise=noise,
+            monte_carlo=monte_carlo,
             imu=(imu_model, imu_serial),
             progress=say,
         )

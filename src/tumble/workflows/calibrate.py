@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     from tumble.segmentation import HoldMeans, Timeline
     from tumble.segmentation.matching import Matching
 
+# An interval's ends need a thousand draws; a million take a minute or two.
+FEWEST_DRAWS, MOST_DRAWS = 1_000, 1_000_000
+
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
 
@@ -73,6 +76,7 @@ def calibrate(
     noise_correction: bool = True,
     unknowns: int | None = None,
     noise: str | os.PathLike[str] | None = None,
+    monte_carlo: int | None = None,
     imu: tuple[str | None, str | None] = (None, None),
     progress: Callable[[str], None] | None = None,
 ) -> CalibrationRun:
@@ -96,6 +100,7 @@ def calibrate(
     noise_correction : take the noise's own square out of the norm of gyros on the Earth's rate.
     unknowns : 9, 6 or 3 a triad, for the multi-position procedure only.
     noise : noise.json of the unit: its models instead of the holds' scatter say how well their means are known.
+    monte_carlo : draws for the propagation of distributions (JCGM 101), for the joint estimator only.
     imu : (model, serial number) to note in the document.
     progress : is told in words what is being done.
 
@@ -110,6 +115,10 @@ def calibrate(
     """
     say = progress or _silent
     check_procedure(procedure, unknowns, has_protocol=protocol is not None, data_sheet=data_sheet)
+    if monte_carlo is not None and not FEWEST_DRAWS <= monte_carlo <= MOST_DRAWS:
+        raise UsageError(
+            f"--monte-carlo {monte_carlo}: give a number of draws from {FEWEST_DRAWS} to {MOST_DRAWS}."
+        )
     folder = None if output is None else Path(output)
     if folder is not None:
         _require_writable(folder)
@@ -140,6 +149,8 @@ def calibrate(
         check_prior(task, estimate)
     if site is None and (told is None or told.site is None):
         estimate.remarks.append(_about_gravity(task.site))
+    if monte_carlo is not None:
+        _draw(estimate, monte_carlo, say)
     clock.lap("solving")
 
     from tumble.calibration import calibration_from_estimate
@@ -158,6 +169,13 @@ def calibrate(
         _write(run, folder)
         clock.lap("reporting")
     return run
+
+
+def _draw(estimate: Estimate, runs: int, say: Callable[[str], None]) -> None:
+    """Draw the distributions of the parameters; the seed is fixed, so that the same call says the same."""
+    from tumble.calibration.joint_draws import draw_distributions
+
+    draw_distributions(estimate, runs, np.random.default_rng(101), say)
 
 
 def _read(
