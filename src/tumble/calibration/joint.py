@@ -19,17 +19,21 @@ import numpy as np
 
 from tumble.arrays import Series, inverted
 from tumble.calibration.estimate import Estimate, TermTest
-from tumble.calibration.gathering import gather
 from tumble.calibration.hand_held import add_bias_step, add_time_lag
+from tumble.calibration.joint_believed import BelievedPoses
 from tumble.calibration.joint_data import JointSpin, joint_data, window_spin
 from tumble.calibration.joint_estimate import JointOutcome, joint_estimate
 from tumble.calibration.joint_noise import BalancedJoint, balance_joint
-from tumble.calibration.joint_system import JointProblem, JointState, Masks, start_state
+from tumble.calibration.joint_observability import Untold, find_untold, name_plate_prior, together
+from tumble.calibration.joint_poses import MOUNTING_SIGMA
+from tumble.calibration.joint_start import gather_what_there_is, rough_start, rough_variances
+from tumble.calibration.joint_system import JointProblem, JointState, Masks, linearise_joint, start_state
 from tumble.calibration.joint_terms import Extra
 from tumble.calibration.joint_unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED
+from tumble.calibration.joint_wide import FIXTURE, is_wide, widened
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.term_tests import wald_test
-from tumble.calibration.triad_unknowns import ANGLE, QUADRATIC, unknowns_from_triad
+from tumble.calibration.triad_unknowns import ANGLE, QUADRATIC, SCALE, unknowns_from_triad
 from tumble.calibration.turn_conditions import HoldsAndTurns
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
@@ -49,6 +53,8 @@ TERM_FALSE_ALARM = 0.02
 TERMS_TRIED = len(OPTIONAL_TERMS) + 1
 # Both triads without optional terms.
 PLAIN = np.concatenate([np.arange(0, 9), np.arange(GYRO_MATRIX.start, GYRO_BIAS.stop)])
+# Accelerometers without a gyro.
+FORCE_ALONE = np.arange(0, 9)
 
 
 def calibrate_joint(
@@ -56,9 +62,11 @@ def calibrate_joint(
     timeline: Timeline,
     means: HoldMeans,
     site: Site,
-    start: Estimate,
+    start: Estimate | None = None,
     *,
     rotations: Sequence[Rotation] = (),
+    poses: BelievedPoses | None = None,
+    frame: str = "accelerometer-x",
     prior: StableKnowledge | None = None,
     optional_terms: bool = True,
     unused_holds: Sequence[int] = (),
@@ -70,8 +78,11 @@ def calibrate_joint(
     ----------
     recording, timeline, means : raw samples, what was found in them, and the holds' means.
     site : gravity; with a latitude, the Earth rate too.
-    start : what another procedure made of the same recording: start values, and the company in the report.
+    start : what another procedure made of the same recording: start values, and the company in the report; None
+        starts from rough values.
     rotations : of a table, from rest to rest, with the angles that were read.
+    poses : of holds, that are believed.
+    frame : of the result: "accelerometer-x", or "fixture" where poses tell it.
     prior : what an earlier calibration knows of the accelerometers' angles.
     optional_terms : try g-sensitivity and quadratic terms, keep what the data want.
     unused_holds : holds whose force and rate are kept out of the estimate, for cross-validation.
@@ -85,33 +96,53 @@ def calibrate_joint(
         If the adjustment does not settle.
     """
     say = progress or _silent
-    if start.model.accelerometer is None or start.model.gyroscope is None:
-        raise ObservabilityError(
-            "The joint estimator needs both triads, calibrated by another procedure for its start."
-        )
     say("joint adjustment")
-    values = unknowns_of(start.model)
-    base = gather(recording, timeline, means)
+    values = _start_values(recording, timeline, means, site, start)
+    base, has_gyro = gather_what_there_is(recording, timeline, means)
+    if poses is not None:
+        values = widened(values)
+    elif frame != "accelerometer-x":
+        raise ObservabilityError(
+            f"No pose is believed, so that nothing tells the frame {frame!r}: give a protocol whose holds have poses "
+            "with a small sigma, or leave the frame as it is."
+        )
     data = joint_data(base, values, _spins(base, values, rotations))
+    data.poses = poses
     masks = Masks.everything(data.holds)
+    masks.rate[:] = has_gyro
     masks.force[list(unused_holds)] = False
     masks.rate[list(unused_holds)] = False
-    problem = JointProblem(data, site, PLAIN, Extra(), masks, _prior(values, prior))
+    plain = PLAIN if has_gyro else FORCE_ALONE
+    if poses is not None:
+        plain = np.concatenate([plain, np.arange(FIXTURE.start, FIXTURE.stop)])
+    problem = JointProblem(
+        data, site, plain, Extra(), masks, together(_prior(values, prior), _mounting(values))
+    )
     known = {name: unknowns for name, unknowns in OPTIONAL_TERMS.items() if np.any(values[unknowns])}
     if not optional_terms:
         values[np.concatenate(list(OPTIONAL_TERMS.values()))] = 0.0
         known = {}
-    problem.free = np.sort(np.concatenate([PLAIN, *known.values()]))
+    problem.free = plain
     state = start_state(data, values, site)
+    untold = find_untold(linearise_joint(problem, state)[1], plain, state.unknowns)
+    if untold is not None:
+        _refuse_nothing_told(untold)
+        problem.prior = together(problem.prior, name_plate_prior(values, plain))
+        problem.extra = rough_variances(base, values, has_gyro=has_gyro)
+        optional_terms, known = False, {}
+    problem.free = np.sort(np.concatenate([plain, *known.values()]))
     balanced = balance_joint(problem, state)
     tests: list[TermTest] = []
     if optional_terms:
         say("optional terms")
-        problem, state, balanced, tests = _with_terms(problem, state, balanced)
-    estimate = joint_estimate(JointOutcome(recording, data, site, problem, state, balanced, tests, start))
-    if optional_terms and not data.spins:
+        problem, state, balanced, tests = _with_terms(problem, state, balanced, plain)
+    estimate = joint_estimate(
+        JointOutcome(recording, data, site, problem, state, balanced, tests, start, untold, frame, has_gyro)
+    )
+    if optional_terms and has_gyro and not data.spins:
         add_time_lag(estimate, base)
-    add_bias_step(estimate, base, recording)
+    if has_gyro:
+        add_bias_step(estimate, base, recording)
     return estimate
 
 
@@ -168,21 +199,46 @@ def _spins(base: HoldsAndTurns, values: Series, rotations: Sequence[Rotation]) -
 def _prior(values: Series, prior: StableKnowledge | None) -> Prior | None:
     if prior is None:
         return None
-    mean, precision = values.copy(), np.zeros((SHARED, SHARED))
+    mean, precision = values.copy(), np.zeros((values.size, values.size))
     mean[ANGLE] = prior.angles
     precision[ANGLE, ANGLE] = inverted(prior.angle_covariance)
     return Prior(mean, precision)
 
 
+def _mounting(values: Series) -> Prior | None:
+    """What is known of how the unit sits in its fixture; None where no fixture is believed."""
+    if not is_wide(values):
+        return None
+    precision = np.zeros((values.size, values.size))
+    precision[FIXTURE, FIXTURE] = np.eye(3) / MOUNTING_SIGMA**2
+    return Prior(np.zeros(values.size), precision)
+
+
+def _start_values(
+    recording: Recording, timeline: Timeline, means: HoldMeans, site: Site, start: Estimate | None
+) -> Series:
+    """From another procedure's estimate as far as it goes, the rest roughly."""
+    model = None if start is None or start.frame != "accelerometer-x" else start.model
+    if model is not None and model.accelerometer is not None and model.gyroscope is not None:
+        return unknowns_of(model)
+    return rough_start(recording, timeline, means, site)
+
+
+def _refuse_nothing_told(untold: Untold) -> None:
+    """Refuse a recording that does not even tell biases and scale factors of the accelerometers."""
+    if np.count_nonzero(untold.unknowns < SCALE.stop) == SCALE.stop:
+        raise ObservabilityError(f"The holds tell nothing of the accelerometers. {untold.sentences[0]}")
+
+
 def _with_terms(
-    problem: JointProblem, state: JointState, base: BalancedJoint
+    problem: JointProblem, state: JointState, base: BalancedJoint, plain: np.ndarray
 ) -> tuple[JointProblem, JointState, BalancedJoint, list[TermTest]]:
     """Try all optional terms at once, drop the least significant until every one left is wanted."""
     names = list(OPTIONAL_TERMS)
     limit = TERM_FALSE_ALARM / TERMS_TRIED
     tests: dict[str, TermTest] = {}
     while names:
-        free = np.sort(np.concatenate([PLAIN, *(OPTIONAL_TERMS[name] for name in names)]))
+        free = np.sort(np.concatenate([plain, *(OPTIONAL_TERMS[name] for name in names)]))
         trial = _fresh(problem, free)
         moved = _copy(state, free)
         try:
@@ -196,9 +252,9 @@ def _with_terms(
         if tests[weakest].kept:
             return trial, moved, balanced, list(tests.values())
         names.remove(weakest)
-    if base.solution.free.size > PLAIN.size:
-        problem = _fresh(problem, PLAIN)
-        state = _copy(state, PLAIN)
+    if base.solution.free.size > plain.size:
+        problem = _fresh(problem, plain)
+        state = _copy(state, plain)
         base = balance_joint(problem, state)
     return problem, state, base, list(tests.values())
 

@@ -11,16 +11,21 @@ from tumble.calibration.canonical import Described, describe_unknowns
 from tumble.calibration.estimate import Estimate, LeftOut, TermTest, coverage_factor
 from tumble.calibration.joint_budget import state_uncertainty
 from tumble.calibration.joint_data import JointData
+from tumble.calibration.joint_description import describe_wide
 from tumble.calibration.joint_noise import BalancedJoint
+from tumble.calibration.joint_observability import Untold
 from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
 from tumble.calibration.joint_terms import Extra, Link, carry, link_covariance
-from tumble.calibration.joint_unknowns import SHARED
+from tumble.calibration.joint_wide import FIXTURE, is_wide
 from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.calibration.snooping import Outlier
 from tumble.calibration.turn_conditions import TOTAL
 from tumble.earth import Site
 from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel
+
+# Poses that scatter by less beyond their sigma are nobody's fault.
+LEAST_OBJECTED = 1e-4  # rad
 
 
 @dataclass(slots=True)
@@ -32,7 +37,10 @@ class JointOutcome:
     recording, data, site : what was recorded, what was observed of it, and where.
     problem, state, balanced : noise, unknowns, solution and tests.
     terms : tests of optional terms.
-    start : the other procedure's estimate that it started from.
+    start : the other procedure's estimate that it started from; None if there was none.
+    untold : what the motion does not tell; None if it tells everything.
+    frame : in which the result is asked for.
+    has_gyro : whether the recording has one.
     """
 
     recording: Recording
@@ -42,7 +50,10 @@ class JointOutcome:
     state: JointState
     balanced: BalancedJoint
     terms: list[TermTest]
-    start: Estimate
+    start: Estimate | None
+    untold: Untold | None = None
+    frame: str = "accelerometer-x"
+    has_gyro: bool = True
 
 
 def joint_estimate(outcome: JointOutcome) -> Estimate:
@@ -56,9 +67,9 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
     described = describe_joint(outcome)
     alone = _alone(outcome)
     norms, sigmas = _norms(outcome, described.model)
-    scores = score_turns(described.model, outcome.data.base)
+    angles, sizes = _turn_scores(outcome, described.model)
     rates, residuals, spin_sigmas, names = _spins(outcome)
-    extra = outcome.problem.extra
+    start = outcome.start
     estimate = Estimate(
         procedure="joint",
         model=described.model,
@@ -73,29 +84,29 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         largest_normalised=_largest(outcome.balanced),
         hold_norms=norms,
         hold_sigmas=sigmas,
-        turn_angles=scores.angle,
+        turn_angles=angles,
         turn_sigmas=_turn_sigmas(outcome),
-        turn_sizes=scores.size,
-        variance_components={
-            "accelerometer bias from hold to hold, m/s²": float(np.sqrt(extra.force)),
-            "gyro bias from hold to hold, rad/s": float(np.sqrt(extra.rate)),
-            "direction after a turn, rad": float(np.sqrt(extra.turn)),
-            "sway of the pose within a hold, rad": float(np.sqrt(extra.sway)),
-        },
-        left_out=[_left_out(outlier, norms, scores.angle) for outlier in outcome.balanced.outliers],
+        turn_sizes=sizes,
+        variance_components=_components(outcome),
+        left_out=[_left_out(outlier, norms, angles) for outlier in outcome.balanced.outliers],
         terms=outcome.terms,
-        not_determined=list(outcome.start.not_determined),
+        not_determined=_not_determined(outcome),
         remarks=_remarks(outcome),
-        objections=list(outcome.start.objections),
-        cautions=list(outcome.start.cautions),
-        rotations=list(outcome.start.rotations),
+        objections=[
+            *_objections(outcome),
+            *(start.objections if start is not None and _tells_all(start) else []),
+        ],
+        cautions=list(start.cautions) if start is not None and _tells_all(start) else [],
+        rotations=list(start.rotations) if start is not None else [],
         spin_rates=rates,
         spin_residuals=residuals,
         spin_sigmas=spin_sigmas,
         spin_names=names,
-        beside=outcome.start,
+        beside=start,
+        frame=outcome.frame,
     )
-    state_uncertainty(estimate, outcome)
+    if not is_wide(outcome.state.unknowns) and outcome.untold is None and outcome.has_gyro:
+        state_uncertainty(estimate, outcome)
     return estimate
 
 
@@ -107,12 +118,72 @@ def describe_joint(outcome: JointOutcome) -> Described:
     outcome : see there.
     """
     solution = outcome.balanced.solution
-    values, covariance = np.zeros(TOTAL), np.zeros((TOTAL, TOTAL))
-    values[:SHARED] = outcome.state.unknowns
-    scale = max(1.0, _sigma0(solution)) ** 2
+    size = max(TOTAL, outcome.state.unknowns.size)
+    values, covariance = np.zeros(size), np.zeros((size, size))
+    values[: outcome.state.unknowns.size] = outcome.state.unknowns
+    scale = max(1.0, _sigma0(solution)) ** 2 if solution.redundancy > 0 else 1.0
     covariance[np.ix_(solution.free, solution.free)] = scale * solution.cofactor
     terms = frozenset(test.name for test in outcome.terms if test.kept)
+    if is_wide(outcome.state.unknowns) or outcome.untold is not None or not outcome.has_gyro:
+        gyro = "full" if outcome.has_gyro else "none"
+        return describe_wide(
+            *(values, covariance, outcome.site, outcome.recording),
+            terms=terms,
+            gyro=gyro,
+            frame=outcome.frame,
+            all_told=outcome.untold is None,
+        )
     return describe_unknowns(values, covariance, outcome.site, outcome.recording, terms=terms, gyro="full")
+
+
+def _components(outcome: JointOutcome) -> dict[str, float]:
+    extra = outcome.problem.extra
+    found = {
+        "accelerometer bias from hold to hold, m/s²": float(np.sqrt(extra.force)),
+        "gyro bias from hold to hold, rad/s": float(np.sqrt(extra.rate)),
+        "direction after a turn, rad": float(np.sqrt(extra.turn)),
+        "sway of the pose within a hold, rad": float(np.sqrt(extra.sway)),
+    }
+    if outcome.data.poses is not None:
+        found["placement beyond what the protocol says, rad"] = float(np.sqrt(extra.placement))
+    return found
+
+
+def _tells_all(start: Estimate) -> bool:
+    """Whether another procedure meant both triads, so that what it says of them holds here too."""
+    return all(
+        any(name.startswith(f"{kind}.matrix") for name in start.names)
+        for kind in ("accelerometer", "gyroscope")
+    )
+
+
+def _not_determined(outcome: JointOutcome) -> list[str]:
+    start = outcome.start
+    said = list(start.not_determined) if start is not None and _tells_all(start) else []
+    if not outcome.has_gyro:
+        said.append("The gyros: the recording has none.")
+    if outcome.untold is not None:
+        said += outcome.untold.sentences
+    return list(dict.fromkeys(said))
+
+
+def _objections(outcome: JointOutcome) -> list[str]:
+    poses, added = outcome.data.poses, float(np.sqrt(outcome.problem.extra.placement))
+    if poses is None or added <= max(float(np.median(poses.sigma)), LEAST_OBJECTED):
+        return []
+    stated = float(np.median(poses.sigma))
+    said = (
+        f"The poses scatter by {np.degrees(added):.2g}° beyond the {np.degrees(stated):.2g}° that the protocol "
+        "promises: give the sigma that the fixture keeps, or place the unit better."
+    )
+    return [said]
+
+
+def _turn_scores(outcome: JointOutcome, model: ImuModel) -> tuple[Series, Series]:
+    if not outcome.has_gyro:
+        return np.full(outcome.data.holds, np.nan), np.full(outcome.data.holds, np.nan)
+    scores = score_turns(model, outcome.data.base)
+    return scores.angle, scores.size
 
 
 def _sigma0(solution: JointSolution) -> float:
@@ -208,6 +279,10 @@ def _left_out(outlier: Outlier, norms: Series, angles: Series) -> LeftOut:
         )
     if outlier.kind == "rate":
         return LeftOut("hold", k, f"the gyro's output at rest is off by {times}: did it really rest?")
+    if outlier.kind in ("tilt", "pose"):
+        return LeftOut(
+            "hold", k, f"its pose is not what the protocol says, {times}: was it placed otherwise?"
+        )
     if outlier.kind == "angle":
         return LeftOut(
             "spin", k, f"the table's angle after hold {k + 1} contradicts everything else, {times}: misread?"
@@ -237,6 +312,8 @@ def _remarks(outcome: JointOutcome) -> list[str]:
             f"In {len(wobbling)} of {len(data.spins)} rotations the axis wobbles, by up to "
             f"{np.degrees(max(wobbling)) * 3600.0:.0f}″ (one sigma)."
         )
+    if data.poses is not None:
+        told.append(_of_poses(outcome))
     sway = float(np.sqrt(outcome.problem.extra.sway))
     if sway > 1e-6:
         told.append(
@@ -248,3 +325,20 @@ def _remarks(outcome: JointOutcome) -> list[str]:
             "each has a heading of its own."
         )
     return told
+
+
+def _of_poses(outcome: JointOutcome) -> str:
+    poses = outcome.data.poses
+    assert poses is not None
+    solution = outcome.balanced.solution
+    at = np.searchsorted(solution.free, np.arange(FIXTURE.start, FIXTURE.stop))
+    sigmas = np.sqrt(np.diag(solution.cofactor)[at])
+    told = ", ".join(
+        f"{np.degrees(v):+.4f}° ± {np.degrees(s):.4f}° about {axis}"
+        for v, s, axis in zip(outcome.state.unknowns[FIXTURE], sigmas, "xyz", strict=True)
+    )
+    headings = int(np.count_nonzero(poses.has_heading))
+    return (
+        f"{poses.hold.size} poses are believed, {headings} with their heading, to "
+        f"{np.degrees(float(np.median(poses.sigma))):.2g}°; the sensors' axes lie in the fixture turned by {told}."
+    )

@@ -8,6 +8,7 @@ residual is known, correlations included.
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +27,7 @@ from tumble.calibration.snooping import (
     Outlier,
     limit_of_largest,
 )
+from tumble.errors import ConvergenceError
 from tumble.estimation.bordered import NodeCovariance
 
 KINDS = ("force", "rate", "rest", "turn", "tilt", "pose", "parts")
@@ -119,9 +121,15 @@ def balance_joint(problem: JointProblem, state: JointState, *, false_alarm: floa
         witness, nothing = ("parts", LEAST_SWAY) if kind == "rest" else (kind, nothing)
         if kept > nothing and witness in joint_tests(problem, solution):
             setattr(problem.extra, name, nothing)
-            solution = solve_joint(problem, state)
-            if not _explained_by_chance(joint_tests(problem, solution).get(witness)):
+            before = deepcopy(state)
+            try:
+                solution = solve_joint(problem, state)
+                chance = _explained_by_chance(joint_tests(problem, solution).get(witness))
+            except ConvergenceError:
+                chance = False
+            if not chance:
                 setattr(problem.extra, name, kept)
+                state.unknowns, state.sections, state.spins = before.unknowns, before.sections, before.spins
                 solution = solve_joint(problem, state)
     return BalancedJoint(solution, outliers, dict(problem.spin_noise), joint_tests(problem, solution))
 

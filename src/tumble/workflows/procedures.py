@@ -17,6 +17,7 @@ from tumble.recording import (
 
 if TYPE_CHECKING:
     from tumble.calibration import Estimate
+    from tumble.calibration.joint_believed import BelievedPoses
     from tumble.calibration.prior import StableKnowledge
     from tumble.protocol import Protocol
     from tumble.segmentation import HoldMeans, SpinMeans, Timeline
@@ -314,19 +315,37 @@ def _joint(task: Task, start: Estimate | None = None) -> Estimate:
         task.means,
         task.site,
         first,
-        rotations=_rotations(task) if first.procedure in ("turntable", "laboratory") else (),
+        rotations=_rotations(task)
+        if first is not None and first.procedure in ("turntable", "laboratory")
+        else (),
+        poses=_poses(task),
         prior=task.knowledge,
         optional_terms=task.optional_terms,
         progress=task.say,
     )
 
 
-def _start_of_joint(task: Task) -> Estimate:
-    """The protocol's own procedure where it has one that tells both triads, else the hand-held one."""
+def _start_of_joint(task: Task) -> Estimate | None:
+    """The protocol's own procedure if it tells something, else the hand-held one; None where neither does."""
     own = None if task.protocol is None else task.protocol.procedure
-    if own in ("turntable", "laboratory", "strapdown-rotation"):
-        return _PROCEDURES[own](task)
-    return _hand_held(task)
+    try:
+        if own in _PROCEDURES and own not in ("joint", "thermal"):
+            return _PROCEDURES[own](task)
+        return _hand_held(task)
+    except (ObservabilityError, ConvergenceError):
+        return None
+
+
+def _poses(task: Task) -> BelievedPoses | None:
+    from tumble.calibration.joint_believed import believed_poses
+
+    if (
+        task.protocol is None
+        or task.matching is None
+        or task.protocol.procedure in ("turntable", "hand-held")
+    ):
+        return None
+    return believed_poses(task.protocol, task.matching)
 
 
 def _rotations(task: Task) -> list[Rotation]:
