@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Square
+from tumble.arrays import AnyArray, Series, Square, Table
 from tumble.noise.deviation import Integers, find_pieces
 from tumble.noise.terms import Line
 
@@ -34,6 +34,11 @@ _WIDTH = 0.06  # of the frequency, that they reach at least
 _LOBE = 2  # bins on either side that a line's power is in, Hann window
 _STANDING_OUT = 1.5  # times the level: less has nothing to say in any curve
 _MOST = 20
+_LOBE_SPREAD = 1.0 / 3.0  # bins squared, mean square distance of a steady line's power from its place
+_BLUR = 0.4  # of the resolution: the frequency's standard deviation within it
+_STEADY = 0.7  # of a line's power in one lobe: it does not wander by more
+_WIDEST = 64  # bins on either side that a line may wander
+_ENOUGH = 16  # segments, for their scatter to say how well their mean is known
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +51,8 @@ class FoundLine:
     amplitude, amplitude_sigma : of the peak, in the signal's unit u.
     excess : how many times higher than the spectrum around it its peak is.
     false_alarm : probability that chance makes such a peak at any frequency tried.
-    resolution : Hz, of the spectrum that shows it best: much more than 1 over the signal's length says that
-        it wanders by about as much.
+    resolution : Hz, of the spectrum that shows it best, or over which its power is spread where that is more:
+        much more than 1 over the signal's length says that it wanders by about as much.
     """
 
     frequency: float
@@ -125,22 +130,36 @@ def find_lines(
     sizes = [min(longest, _LONGEST_SEGMENT) // coarser for coarser in _COARSER]
     sizes = [size for size in sizes if size >= _LEAST_SEGMENT]
     flat = column[:, 0]
-    found: list[tuple[_Spectrum, FoundLine]] = []
+    found: list[FoundLine] = []
     for size in sizes:
         spectrum = _averaged(flat, pieces, _smooth(size))
-        for line in _peaks(flat, rate, spectrum, false_alarm / len(sizes)):
-            found.append((spectrum, line))
-    # the resolution at which a line is least like chance is its own
-    found.sort(key=lambda pair: (pair[1].false_alarm, -pair[1].excess))
+        found += _peaks(flat, rate, spectrum, false_alarm / len(sizes))
+    # A coarser spectrum's line that a finer one shows whole is steady, and the finer one knows it better.
+    found = [line for line in found if not any(_is_whole(finer, line) for finer in found)]
+    # Of one that wanders a finer spectrum shows splinters.
+    found = [line for line in found if not any(_is_finer(line, other) for other in found)]
+    found.sort(key=lambda line: (line.false_alarm, -line.excess))
     kept: list[FoundLine] = []
-    for _, line in found:
-        apart = [
-            abs(line.frequency - other.frequency) > 4.0 * max(line.resolution, other.resolution)
-            for other in kept
-        ]
-        if all(apart):
+    for line in found:
+        if not any(_same(line, other) for other in kept):
             kept.append(line)
     return tuple(sorted(kept, key=lambda line: -line.amplitude)[:_MOST])
+
+
+def _same(line: FoundLine, other: FoundLine) -> bool:
+    return abs(line.frequency - other.frequency) <= 4.0 * max(line.resolution, other.resolution)
+
+
+def _is_finer(line: FoundLine, other: FoundLine) -> bool:
+    return line.resolution < other.resolution and _same(line, other)
+
+
+def _is_whole(finer: FoundLine, line: FoundLine) -> bool:
+    """Whether one peak of a finer spectrum has the power that a line has."""
+    lacking = line.amplitude - finer.amplitude
+    sigma = float(np.hypot(line.amplitude_sigma, finer.amplitude_sigma))
+    whole = finer.amplitude**2 > _STEADY * line.amplitude**2 or lacking < 3.0 * sigma
+    return _is_finer(finer, line) and whole
 
 
 def _smooth(size: int) -> int:
@@ -154,18 +173,22 @@ def _hann(size: int) -> Series:
     return 0.5 - 0.5 * np.cos(2.0 * np.pi * (np.arange(size) + 0.5) / size)
 
 
+def _windowed(signal: Series, starts: Sequence[int], size: int) -> Table:
+    """Segments in the window, (segments, size), less a straight line each, which would leak into every frequency."""
+    window, steady = _hann(size), np.arange(size) - 0.5 * (size - 1)
+    parts = np.stack([signal[start : start + size] for start in starts])
+    parts = parts - parts.mean(axis=1)[:, None]
+    return np.asarray(window * (parts - np.outer(parts @ steady / (steady @ steady), steady)))
+
+
 def _averaged(signal: Series, pieces: Sequence[tuple[int, int]], size: int) -> _Spectrum:
     from scipy.fft import rfft
 
-    window = _hann(size)
     starts = [b for start, stop in pieces for b in range(start, stop - size + 1, size // 2)]
     power = np.zeros(size // 2 + 1)
-    steady = np.arange(size) - 0.5 * (size - 1)
     for start in starts:
-        part = signal[start : start + size]
-        # a trend leaks into every frequency
-        part = part - part.mean() - steady * (steady @ part) / (steady @ steady)
-        power += np.abs(np.asarray(rfft(window * part), dtype=np.complex128)) ** 2
+        part = _windowed(signal, [start], size)[0]
+        power += np.abs(np.asarray(rfft(part), dtype=np.complex128)) ** 2
     count = len(starts)
     edf = 2.0 * count / (1.0 + 2.0 * (count - 1) / count / 36.0)
     return _Spectrum(size, starts, power / count, edf)
@@ -221,6 +244,7 @@ def _peaks(signal: Series, rate: float, spectrum: _Spectrum, false_alarm: float)
     order = order[np.argsort(-ratio[order])]
     found: list[FoundLine] = []
     taken: list[int] = []
+    bands: list[tuple[int, int]] = []
     for place in order:
         k = int(tried[place])
         if len(taken) >= 2 * _MOST or any(abs(k - other) <= 2 * _LOBE for other in taken):
@@ -228,48 +252,95 @@ def _peaks(signal: Series, rate: float, spectrum: _Spectrum, false_alarm: float)
         # a side lobe of a strong one
         if any(ratio[place] < 1e-3 * power[o] / level[o] and abs(k - o) < 64 for o in taken):
             continue
+        if any(low <= k <= high for low, high in bands):
+            continue
         taken.append(k)
-        found.append(
-            _measured(signal, rate, spectrum, k, float(level[k]), float(ratio[place]), float(chance[place]))
-        )
+        bands.append(_band(power, level, k) if len(spectrum.starts) >= _ENOUGH else (k, k))
+        least = float(level[k]), float(ratio[place]), float(chance[place])
+        found.append(_measured(signal, rate, spectrum, k, bands[-1], *least))
     return found
 
 
 def _measured(
-    signal: Series, rate: float, spectrum: _Spectrum, k: int, level: float, ratio: float, chance: float
+    signal: Series,
+    rate: float,
+    spectrum: _Spectrum,
+    k: int,
+    band: tuple[int, int],
+    level: float,
+    ratio: float,
+    chance: float,
 ) -> FoundLine:
-    """Frequency and amplitude of a peak by the power in and around it."""
+    """Frequency and amplitude of a peak."""
+    size = spectrum.size
+    stride = max(1, len(spectrum.starts) // 32)
+    parts = _windowed(signal, spectrum.starts[::stride], size)
+    t = np.arange(size) - 0.5 * (size - 1)
+
+    def power_at(place: float) -> Series:
+        return np.abs(parts @ np.exp(-2j * np.pi * place / size * t)) ** 2
+
+    wide = 1.0
+    if len(spectrum.starts) < _ENOUGH:
+        place = _highest(lambda at: float(np.mean(power_at(at))), k - 1.0, k + 1.0)
+        amplitude, amplitude_sigma, place_sigma = _of_a_sine(power_at(place), spectrum, level)
+    else:
+        independent = 0.5 * spectrum.edf if stride == 1 else float(len(parts))
+        place, amplitude, amplitude_sigma, place_sigma, wide = _of_a_band(parts, level, band, independent)
+    bin_ = rate / size
+    return FoundLine(place * bin_, place_sigma * bin_, amplitude, amplitude_sigma, ratio, chance, wide * bin_)
+
+
+def _of_a_sine(powers: Series, spectrum: _Spectrum, level: float) -> tuple[float, float, float]:
+    """Amplitude, its uncertainty and that of the place in bins, of a sine that lasts, from the powers at its peak.
+
+    By linear propagation of white noise of the level around; without a window they were the Cramér-Rao bound,
+    and the window makes them 1.22 and 1.39 times as large.
+    """
     size, window = spectrum.size, _hann(spectrum.size)
     t = np.arange(size) - 0.5 * (size - 1)
-    few = spectrum.starts[:: max(1, len(spectrum.starts) // 32)]
-    parts = [signal[start : start + size] for start in few]
-    parts = [window * (part - part.mean()) for part in parts]
-
-    def power_at(place: float) -> float:
-        turn = np.exp(-2j * np.pi * place / size * t)
-        return float(np.mean([np.abs(part @ turn) ** 2 for part in parts]))
-
-    place = _highest(power_at, k - 1.0, k + 1.0)
-    near = slice(k - _LOBE, k + _LOBE + 1)
-    # half of the amplitude squared is the line's power, all of which is in its lobe
-    excess = max(float(np.sum(spectrum.power[near])) - (2 * _LOBE + 1) * level, 0.1 * level)
-    squares = float(window @ window)
-    amplitude = float(np.sqrt(4.0 * excess / (size * squares)))
-    # noise in the window, as white noise of the level around it; segments that overlap by half count half
-    variance = level / squares
     independent = 0.5 * spectrum.edf
-    amplitude_sigma = np.sqrt(2.0 * variance * 1.5 / size / independent)
-    spread = float(np.sum(window**2 * t**2)) / float(np.sum(window * t**2)) ** 2
-    frequency_sigma = np.sqrt(2.0 * variance * spread / independent) / amplitude * rate / (2.0 * np.pi)
-    return FoundLine(
-        place * rate / size,
-        float(frequency_sigma),
-        amplitude,
-        float(amplitude_sigma),
-        ratio,
-        chance,
-        rate / size,
-    )
+    area, squares, inertia = float(np.sum(window)), float(window @ window), float(window @ t**2)
+    moment = float(np.sum((window * t) ** 2))
+    # noise adds its own power, and what the search for the highest place gains; a root is below the mean's
+    found = 0.5 * area * moment / (inertia * squares)
+    own = level * (1.0 + (found - 0.5) / independent)
+    amplitude = 2.0 * float(np.sqrt(max(float(np.mean(powers)) - own, 0.1 * level))) / area
+    variance = 2.0 * level / squares / independent
+    place_sigma = np.sqrt(variance * moment) / (inertia * amplitude) * size / (2.0 * np.pi)
+    return amplitude, float(np.sqrt(variance * squares)) / area, float(place_sigma)
+
+
+def _band(power: Series, level: Series, k: int) -> tuple[int, int]:
+    """First and last bin of a line that wanders: as far as its power stands out without a break."""
+    low, high = k - _LOBE, k + _LOBE
+    while low > max(k - _WIDEST, 1) and power[low - 1] > _STANDING_OUT * level[low - 1]:
+        low -= 1
+    while high < min(k + _WIDEST, len(power) - 2) and power[high + 1] > _STANDING_OUT * level[high + 1]:
+        high += 1
+    return low, high
+
+
+def _of_a_band(
+    parts: Table, level: float, band: tuple[int, int], independent: float
+) -> tuple[float, float, float, float, float]:
+    """Place in bins, amplitude, their uncertainties and the width, by a band's power and its scatter over segments."""
+    size = parts.shape[1]
+    near: Series = np.arange(band[0], band[1] + 1, dtype=np.float64)
+    # half of the amplitude squared is the line's power
+    factor = 4.0 / (size * float(np.sum(_hann(size) ** 2)))
+    angle: Table = 2.0 * np.pi / size * np.outer(np.arange(size, dtype=np.float64), near)
+    turns = np.cos(angle) - 1j * np.sin(angle)
+    each: Table = np.asarray(np.abs(parts @ turns) ** 2, dtype=np.float64)
+    excess = np.mean(each, axis=0) - level
+    power = max(float(np.sum(excess)), 0.1 * level)
+    place = float(np.clip(near @ excess / power, near[0], near[-1]))
+    amplitude = float(np.sqrt(factor * power))
+    scatter = float(np.std(np.sum(each, axis=1), ddof=1)) / np.sqrt(independent)
+    moved = float(np.std(each @ (near - place), ddof=1)) / power / np.sqrt(independent)
+    spread = float((near - place) ** 2 @ excess) / power - _LOBE_SPREAD
+    wide = max(1.0, float(np.sqrt(max(spread, 0.0))) / _BLUR)
+    return place, amplitude, float(0.5 * factor * scatter / amplitude), min(moved, float(len(near))), wide
 
 
 def _highest(function: Callable[[float], float], low: float, high: float) -> float:
@@ -300,7 +371,7 @@ def allan_variance_of_lines(
     total, covariance = np.zeros(len(m)), np.zeros((len(m), len(m)))
     for line in lines:
         turn = np.pi * line.frequency * m / rate
-        blur = (np.pi * m / rate * max(line.frequency_sigma, 0.4 * line.resolution)) ** 2
+        blur = (np.pi * m / rate * max(line.frequency_sigma, _BLUR * line.resolution)) ** 2
         fourth = (
             0.375
             - 0.5 * np.cos(2.0 * turn) * np.exp(-2.0 * blur)
