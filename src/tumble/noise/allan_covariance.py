@@ -134,7 +134,7 @@ class AllanCovariance:
         return total * self.rate**2 / (2.0 * m * n)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=32)
 def allan_covariance(averaging: tuple[int, ...], rate: float, lengths: tuple[int, ...]) -> AllanCovariance:
     """Return `AllanCovariance`, kept for signals of the same shape."""
     return AllanCovariance(averaging, rate, lengths)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.noise.allan_covariance import AllanCovariance
+from tumble.noise.allan_covariance import allan_covariance
 from tumble.noise.fit import NoiseFit
 from tumble.noise.terms import NoiseModel
 from tumble.noise.variances import allan_variance_of, markov_allan_variance
@@ -30,7 +30,7 @@ def relative_uncertainty(model: NoiseModel, letter: str, seconds: float, rate: f
     letter : "Q", "N", "B", "K" or "R".
     seconds, rate : of the recording, s and Hz.
     """
-    samples = int(seconds * rate)
+    samples = round(seconds * rate)
     averaging = 4 ** np.arange(max(int(np.log(samples / 4.0) / np.log(4.0)) + 1, 1))
     tau = averaging / rate
     present = [name for name, value in model.coefficients.items() if value > 0.0]
@@ -42,7 +42,7 @@ def relative_uncertainty(model: NoiseModel, letter: str, seconds: float, rate: f
         columns.append(power * (far - near) / 0.002)
     if len(tau) < len(columns) or letter not in present:
         return float("inf")
-    spread = AllanCovariance(tuple(int(m) for m in averaging), rate, (samples,))
+    spread = allan_covariance(tuple(int(m) for m in averaging), rate, (samples,))
     root = np.linalg.inv(np.linalg.cholesky(spread.of(model)))
     inverse = np.linalg.pinv(root @ np.column_stack(columns), rcond=1e-12)
     # of a coefficient, half that of its square
