@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Square, inverted
+from tumble.arrays import AnyArray, Series, Square, inverted
 from tumble.calibration.joint_data import JointData
 from tumble.calibration.joint_poses import pose_terms, sees_heading
 from tumble.calibration.joint_spins import LEAST_WOBBLE, Layout, SpinEquations, add_spin_terms
@@ -288,7 +288,7 @@ def _rotation_causes(source: str, size: int, layout: Layout) -> dict[str, Series
     return rows
 
 
-def _ends_and_border(nodes: NodeCovariance, border: Square, node: int) -> Matrix:
+def _ends_and_border(nodes: NodeCovariance, border: Square, node: int) -> AnyArray:
     """Return the covariance of the tail of a hold, the head of the next one, and the section's border."""
     size = 6 + border.shape[0]
     made = np.zeros((size, size))
