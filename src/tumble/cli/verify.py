@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,6 +24,7 @@ from tumble.cli.options import (
     Units,
 )
 from tumble.cli.progress import progress
+from tumble.errors import UsageError
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
@@ -40,15 +42,104 @@ def verify_command(
     intervals: Intervals = None,
     temperature: TemperatureOption = None,
     outside: OutsideOption = "refuse",
+    gnss: Annotated[
+        Path | None,
+        typer.Option(
+            help="Satellite positions of a drive (.pos, NMEA, UBX, CSV): judge by navigation instead."
+        ),
+    ] = None,
+    lever_arm: Annotated[
+        str | None,
+        typer.Option(
+            "--lever-arm", metavar="X,Y,Z", help="Metres from the IMU to the antenna, in b. Default 0,0,0."
+        ),
+    ] = None,
+    gnss_time: Annotated[
+        float | None,
+        typer.Option(
+            "--gnss-time", metavar="S", help="Seconds to add to the positions' times; without it, found."
+        ),
+    ] = None,
+    outages: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LIST", help="Seconds without positions, as 2,10,30,60 (the default, as far as they fit)."
+        ),
+    ] = None,
+    data_sheet: Annotated[
+        str | None,
+        typer.Option(
+            "--data-sheet",
+            metavar="GRADE",
+            help="What kind of unit drives, uncalibrated. Default consumer-mems.",
+        ),
+    ] = None,
+    turn_on: Annotated[
+        str | None,
+        typer.Option(
+            "--turn-on",
+            metavar="MG,DEG_PER_H",
+            help="By how much the biases may have moved since the calibration, one sigma.",
+        ),
+    ] = None,
+    noise: Annotated[
+        Path | None, typer.Option(help="noise.json of this unit, instead of the data sheet's noise.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="With --gnss: folder for verify.json and verify.html."),
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Judge a calibration on another recording: the norm of each hold, the angle left after each turn.
 
+    With --gnss the recording is a drive, and the calibration is judged by navigation: free drift and outages with
+    it, with parts of it, and without, in metres.
+
     The residuals are compared with what the calibration's uncertainty and the noise explain. Gravity
     is the calibration's own unless --site or --gravity is given. A calibration with a thermal model follows the
     recording's temperature. Exit status 0: it serves; 1: not.
     """
+    if gnss is not None:
+        from tumble.cli.verify_drive import numbers, show_drive, turn_on_of
+
+        _refuse(
+            {"--site": site, "--gravity": gravity, "--intervals": intervals},
+            "says nothing to a drive, whose place the positions tell: leave it out.",
+        )
+        arm = (0.0, 0.0, 0.0) if lever_arm is None else numbers(lever_arm, "--lever-arm", 3)
+        lengths = None if outages is None else numbers(outages, "--outages")
+        moved = None if turn_on is None else turn_on_of(turn_on)
+        from tumble.workflows.drive import verify_drive
+
+        with progress(quiet or as_json) as say:
+            found = verify_drive(
+                calibration,
+                recordings,
+                gnss,
+                lever_arm_b=arm,
+                offset=gnss_time,
+                durations=lengths,
+                data_sheet=data_sheet or "consumer-mems",
+                turn_on=moved,
+                noise=noise,
+                columns=columns,
+                units=units,
+                rate=rate,
+                temperature=temperature,
+                outside=outside,
+                progress=say,
+            )
+        show_drive(found, output=output, as_json=as_json, quiet=quiet)
+    given = {
+        "--lever-arm": lever_arm,
+        "--gnss-time": gnss_time,
+        "--outages": outages,
+        "--data-sheet": data_sheet,
+    }
+    given |= {"--turn-on": turn_on, "--noise": noise, "--output": output}
+    _refuse(given, "is for a drive: give its satellite positions with --gnss.")
     from tumble.workflows.site import choose_site
     from tumble.workflows.verify import verify
 
@@ -72,6 +163,12 @@ def verify_command(
         for result in results:
             _print(result, quiet)
     raise typer.Exit(0 if all(result.fit for result in results) else 1)
+
+
+def _refuse(options: Mapping[str, object], why: str) -> None:
+    for name, value in options.items():
+        if value is not None:
+            raise UsageError(f"{name} {why}")
 
 
 def _as_dict(result: Verification) -> dict[str, object]:

@@ -27,6 +27,8 @@ _REACHES = (0.15, 0.05, 0.03)
 _MOST = 30.0
 # By how much a float or single solution is trusted less than it says.
 _FLOAT = 3.0
+# Seconds of the first rest that tell the level.
+_REST = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +57,21 @@ class Drive:
         row = int(np.argmin(np.abs(self.track.time - self.start.time)))
         position = np.sqrt(np.diag(self.track.position_covariance_n[row]))
         return setup.with_start(position, 0.05, self.alignment.sigmas)
+
+    def with_samples(self, samples: InertialSamples) -> Drive:
+        """Return the drive with the samples corrected otherwise, aligned anew at the same rest.
+
+        Parameters
+        ----------
+        samples : of the same recording.
+
+        Raises
+        ------
+        RecordingError
+            If their specific force at rest is not gravity's within 5 %.
+        """
+        start, alignment = _aligned(samples, self.track, _REST)
+        return replace(self, samples=samples, start=start, alignment=alignment)
 
     def run(
         self,
@@ -104,7 +121,7 @@ def prepare_drive(
     offset: float | None = None,
     around: float | None = None,
     reach: float | None = None,
-    rest: float = 10.0,
+    rest: float = _REST,
 ) -> Drive:
     """Return a drive with both clocks brought together, checked for swapped axes, and aligned.
 

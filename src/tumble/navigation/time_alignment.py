@@ -45,7 +45,7 @@ class TimeAlignment:
     def __str__(self) -> str:
         """One sentence for the user."""
         return (
-            f"GNSS times + {self.offset:.3f} s are the IMU's (standard uncertainty {self.sigma:.3f} s), found from "
+            f"GNSS times {self.offset:+.3f} s are the IMU's (standard uncertainty {self.sigma:.3f} s), found from "
             f"{self.seconds:.0f} s of motion: course rate and gyro correlate at {self.correlation:.3f}{self.note}."
         )
 
@@ -135,6 +135,34 @@ def check_axes(samples: InertialSamples, track: GnssTrack) -> AxisAgreement:
         found.append(_correlation(grid, rate, times, course_rate, weights))
     correlations, about = np.array(found[:3]), float(found[3])
     return AxisAgreement(correlations, about, down, _axis_problem(correlations, about, down))
+
+
+def course_rate_slope(samples: InertialSamples, track: GnssTrack) -> float:
+    """Return by how much the course turns faster than the gyros say about the vertical: 1 with the right unit.
+
+    Parameters
+    ----------
+    samples : taken to be in SI.
+    track : on the IMU's clock.
+
+    Raises
+    ------
+    RecordingError
+        If the track does not move fast enough to have a course, or the gyros do not turn at all.
+    """
+    times, course_rate, weights = _course_rate(track)
+    grid, yaw_rate = _yaw_rate(samples)
+    inside = (times >= grid[0]) & (times <= grid[-1]) & (weights > 0.0)
+    seen = np.interp(times[inside], grid, yaw_rate)
+    seen = seen - seen.mean()
+    turned = course_rate[inside] - course_rate[inside].mean()
+    # each on the other and the mean of both: noise of neither draws it to zero or away
+    strength, other = float(seen @ turned), float(seen @ seen)
+    if not other > 0.0 or not strength > 0.0:
+        raise RecordingError(
+            "The gyros do not turn with the course at all: check that the files belong together."
+        )
+    return float(np.sqrt((strength / other) * (float(turned @ turned) / strength)))
 
 
 def _axis_problem(correlations: Vector, about: float, down: Vector) -> str:
@@ -262,4 +290,11 @@ def _refined(
     return offset, sigma
 
 
-__all__ = ["AxisAgreement", "TimeAlignment", "check_axes", "estimate_time_offset", "track_velocities"]
+__all__ = [
+    "AxisAgreement",
+    "TimeAlignment",
+    "check_axes",
+    "course_rate_slope",
+    "estimate_time_offset",
+    "track_velocities",
+]

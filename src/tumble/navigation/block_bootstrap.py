@@ -1,0 +1,83 @@
+"""Statistics of errors that overlap in time, with uncertainties by drawing blocks of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import Series, Table
+
+
+@dataclass(frozen=True, slots=True)
+class Statistic:
+    """A number with its standard uncertainty; NaN where there are too few errors to tell it.
+
+    Attributes
+    ----------
+    value, sigma : in one unit.
+    """
+
+    value: float
+    sigma: float
+
+
+def drawn_blocks(count: int, block: int, rng: np.random.Generator, resamples: int = 1000) -> Table | None:
+    """Return (resamples, count) indices of blocks drawn with replacement, or None where one block is all.
+
+    Parameters
+    ----------
+    count : of errors, in time order.
+    block : errors that go together.
+    rng : source of all numbers.
+    resamples : how many.
+    """
+    if count <= block or count < 2:
+        return None
+    blocks = -(-count // block)
+    starts = rng.integers(0, count - block + 1, (resamples, blocks))
+    return (starts[:, :, None] + np.arange(block)).reshape(resamples, -1)[:, :count].astype(float)
+
+
+def rms_of(squares: Series, block: int, rng: np.random.Generator) -> Statistic:
+    """Return the root of the mean of squared errors.
+
+    Parameters
+    ----------
+    squares : (errors,) in time order.
+    block : errors that go together.
+    rng : source of all numbers.
+    """
+    if not squares.size:
+        return Statistic(float("nan"), float("nan"))
+    rows = drawn_blocks(squares.size, block, rng)
+    value = float(np.sqrt(squares.mean()))
+    if rows is None:
+        return Statistic(value, float("nan"))
+    spread = np.sqrt(squares[rows.astype(int)].mean(axis=1))
+    return Statistic(value, float(np.std(spread, ddof=1)))
+
+
+def ratio_of(squares: Series, reference: Series, block: int, rng: np.random.Generator) -> Statistic:
+    """Return the ratio of two root mean squares of errors at the same instants, drawn in pairs.
+
+    What both have in common, such as a stretch that is hard to navigate, cancels.
+
+    Parameters
+    ----------
+    squares, reference : (errors,) of both, in time order.
+    block : errors that go together.
+    rng : source of all numbers.
+    """
+    if not squares.size or not reference.mean() > 0.0:
+        return Statistic(float("nan"), float("nan"))
+    value = float(np.sqrt(squares.mean() / reference.mean()))
+    rows = drawn_blocks(squares.size, block, rng)
+    if rows is None:
+        return Statistic(value, float("nan"))
+    at = rows.astype(int)
+    spread = np.sqrt(squares[at].mean(axis=1) / np.maximum(reference[at].mean(axis=1), 1e-300))
+    return Statistic(value, float(np.std(spread, ddof=1)))
+
+
+__all__ = ["Statistic", "drawn_blocks", "ratio_of", "rms_of"]

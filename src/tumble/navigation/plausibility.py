@@ -1,0 +1,236 @@
+"""What a drive shows of wrong units, swapped axes, clocks that count leap seconds otherwise, and missing samples."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tumble.errors import RecordingError
+from tumble.navigation.alignment import find_rest
+from tumble.navigation.gnss.time_scales import UNIX_TO_GPS, WEEK, date_of_seconds, leap_seconds
+from tumble.navigation.gnss.track import GnssTrack
+from tumble.navigation.mechanisation import navigate
+from tumble.navigation.samples import InertialSamples
+from tumble.navigation.time_alignment import course_rate_slope, estimate_time_offset, track_velocities
+from tumble.navigation.trajectory import NavigationState
+
+# A gyro's scale is off by no more in any unit that works: beyond, the unit is another.
+_LARGEST_SLOPE = 1.3
+# Samples further apart than this many usual intervals have others missing between them.
+_GAP = 3.5
+# Clocks may be apart by this beside the leap seconds, s.
+_BESIDE = 1.5
+
+
+def refuse_wrong_scale(samples: InertialSamples, track: GnssTrack) -> None:
+    """Refuse gyros whose rate is not the course's: the unit is another.
+
+    Parameters
+    ----------
+    samples : as they are taken to be in SI.
+    track : on the IMU's clock.
+
+    Raises
+    ------
+    RecordingError
+        If the rates differ by more than any working gyro's scale.
+    """
+    slope = course_rate_slope(samples, track)
+    if 1.0 / _LARGEST_SLOPE < slope < _LARGEST_SLOPE:
+        return
+    guess = ""
+    for factor, words in (
+        (np.degrees(1.0), "rad/s were read as deg/s"),
+        (np.radians(1.0), "deg/s were read as rad/s"),
+    ):
+        if 1.0 / _LARGEST_SLOPE < slope / factor < _LARGEST_SLOPE:
+            guess = f", as if {words}"
+    raise RecordingError(
+        f"The course turns {slope:.3g} times as fast as the gyros say{guess}: the unit of the angular rates is "
+        "another. Say it with --units."
+    )
+
+
+def refuse_mirrored(samples: InertialSamples, track: GnssTrack, seconds: float = 90.0) -> None:
+    """Refuse accelerometers whose level axes are swapped, or one of them reversed.
+
+    Freely navigated changes of velocity must be the track's, turned by one angle. With swapped axes they are the
+    track's mirror image, which no heading mends.
+
+    Parameters
+    ----------
+    samples : in SI.
+    track : on the IMU's clock.
+    seconds : after the rest that are compared.
+
+    Raises
+    ------
+    RecordingError
+        If the mirror image fits clearly better.
+    """
+    first, last = find_rest(samples, track)
+    begin = max(first, float(samples.time[0]))
+    still = samples.between(begin, max(last, begin + 0.5))
+    force = still.specific_force_b.mean(axis=0)
+    down = -force / np.sqrt(force @ force)
+    row = int(np.argmin(np.abs(track.time - begin)))
+    velocity = track_velocities(track)
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    moving = (track.time > last) & (np.nan_to_num(speed) > 1.0)
+    if not moving.any():
+        return
+    onset = float(track.time[np.argmax(moving)])
+    chosen = (track.time >= onset - 2.0) & (track.time <= min(onset + seconds, samples.time[-1] - 1e-3))
+    chosen &= np.isfinite(speed)
+    if chosen.sum() < 10:
+        return
+    bias = still.angular_rate_ib_b.mean(axis=0)
+    part = samples.between(last, float(track.time[chosen][-1]) + 1e-4)
+    clean = InertialSamples(part.time, part.specific_force_b, part.angular_rate_ib_b - bias, part.means)
+    state = NavigationState(
+        float(part.time[0]),
+        float(track.latitude[row]),
+        float(track.longitude[row]),
+        float(track.height[row]),
+        np.zeros(3),
+        _level_attitude(down),
+    )
+    run = navigate(clean, state)
+    time = track.time[chosen]
+    apart = max(1, round(1.0 / max(track.interval, 1e-3)))
+    free = np.interp(time, run.time, run.velocity_n[:, 0]) + 1j * np.interp(
+        time, run.time, run.velocity_n[:, 1]
+    )
+    seen = velocity[chosen, 0] + 1j * velocity[chosen, 1]
+    free, seen = free[apart:] - free[:-apart], seen[apart:] - seen[:-apart]
+    norm = float(np.sqrt(np.sum(np.abs(free) ** 2) * np.sum(np.abs(seen) ** 2))) + 1e-300
+    straight = float(np.abs(np.sum(np.conj(free) * seen))) / norm
+    mirrored = float(np.abs(np.sum(free * seen))) / norm
+    # the course turns against the gyros' heading in the mirror, so that it fits in straight stretches only
+    if straight < 0.6 and mirrored > straight + 0.15:
+        raise RecordingError(
+            f"The accelerations are the course's mirror image (fit {mirrored:.2f}, as they are {straight:.2f}): "
+            "two level axes of the accelerometers are swapped, or one is reversed. Check which column is which."
+        )
+    if straight < 0.4:
+        raise RecordingError(
+            f"The accelerations do not fit the course (fit {straight:.2f} of 1): an axis or the unit of the "
+            "accelerometers is another, or the clocks are apart. Check the columns with `tumble inspect`."
+        )
+
+
+def why_no_agreement(samples: InertialSamples, track: GnssTrack) -> str:
+    """Return why gyros and course do not agree, where an axis that is not vertical does with the course; or "".
+
+    Parameters
+    ----------
+    samples : taken to be in SI.
+    track : on its own clock.
+    """
+    down = -samples.specific_force_b.mean(axis=0)
+    vertical = int(np.argmax(np.abs(down)))
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            level = np.zeros((len(samples), 3))
+            level[:, axis] = -sign
+            try:
+                found = estimate_time_offset(
+                    InertialSamples(samples.time, level, samples.angular_rate_ib_b, samples.means), track
+                )
+            except RecordingError:
+                continue
+            if found.correlation < 0.8:
+                continue
+            if axis == vertical:
+                return (
+                    f"The gyros turn against the course (correlation {-found.correlation:.2f}): their signs, or those "
+                    "of the accelerometers, are reversed. Check the body axes; they must be right-handed for both "
+                    "triads."
+                )
+            return (
+                f"The course goes with gyro {'xyz'[axis]} (correlation {found.correlation:.2f}), but gravity lies "
+                f"along {'xyz'[vertical]}: axes of one triad are swapped. Check which column is which."
+            )
+    return ""
+
+
+def about_clocks(offset: float, sigma: float, track: GnssTrack, samples: InertialSamples) -> str:
+    """Return a sentence where the offset between absolute clocks is the leap seconds', or "".
+
+    Parameters
+    ----------
+    offset, sigma : s to add to the track's times, and its standard uncertainty.
+    track : on its own clock, before the offset.
+    samples : on the IMU's clock.
+    """
+    leap = leap_seconds(float(track.time[0]))
+    allowed = min(max(_BESIDE, 4.0 * sigma), 0.4 * leap)
+    posix = abs(offset - UNIX_TO_GPS) < 100.0
+    # a clock that begins its week anew is apart by whole weeks
+    beside = offset - UNIX_TO_GPS if posix else float(np.remainder(offset + 0.5 * WEEK, WEEK) - 0.5 * WEEK)
+    when = date_of_seconds(float(track.time[0]))
+    if posix and abs(beside) < allowed:
+        return (
+            f"The IMU's clock counts seconds since 1970 in GPS time, {leap} leap seconds ahead of UTC at {when}: the "
+            "offset was taken out."
+        )
+    if posix or abs(abs(beside) - leap) > allowed:
+        return ""
+    which = "the IMU's clock is UTC" if beside < 0.0 else "the satellite positions' clock is UTC"
+    return (
+        f"The clocks are {abs(beside):.2f} s apart at {when}, which are the {leap} leap seconds between GPS time and "
+        f"UTC: {which}. The offset was taken out."
+    )
+
+
+def refuse_no_overlap(samples: InertialSamples, track: GnssTrack, offset: float) -> None:
+    """Refuse files of which, with a given offset, less than ten seconds overlap.
+
+    Parameters
+    ----------
+    samples : on the IMU's clock.
+    track : on its own clock.
+    offset : s to add to the track's times.
+
+    Raises
+    ------
+    RecordingError
+        If they overlap by less.
+    """
+    first, last = float(track.time[0]) + offset, float(track.time[-1]) + offset
+    overlap = min(last, float(samples.time[-1])) - max(first, float(samples.time[0]))
+    if overlap < 10.0:
+        raise RecordingError(
+            f"IMU and GNSS do not overlap in time: the IMU's samples run from {samples.time[0]:.1f} to "
+            f"{samples.time[-1]:.1f} s and the fixes of {track.name} from {first:.1f} to {last:.1f} s. Leave "
+            "--gnss-time out to have the offset found, or check that the files belong together."
+        )
+
+
+def missing_stretches(samples: InertialSamples) -> list[tuple[float, float]]:
+    """Return (from, to) s of the stretches of which samples are missing.
+
+    Parameters
+    ----------
+    samples : in time order.
+    """
+    steps = np.diff(samples.time)
+    at = np.flatnonzero(steps > _GAP * samples.interval)
+    return [(float(samples.time[i]), float(samples.time[i + 1])) for i in at]
+
+
+def _level_attitude(down: np.ndarray) -> np.ndarray:
+    """C_nb with its first level axis anywhere."""
+    helper = np.eye(3)[int(np.argmin(np.abs(down)))]
+    north = helper - down * float(down @ helper)
+    north /= np.sqrt(north @ north)
+    return np.vstack([north, np.cross(down, north), down])
+
+
+__all__ = [
+    "about_clocks",
+    "missing_stretches",
+    "refuse_mirrored",
+    "refuse_no_overlap",
+    "refuse_wrong_scale",
+    "why_no_agreement",
+]

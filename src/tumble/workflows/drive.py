@@ -1,0 +1,320 @@
+"""Judging a calibration by a drive with satellite positions: free drift, outages, and what the filter says."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tumble.arrays import Series
+from tumble.calibration import Calibration, read_calibration
+from tumble.calibration.verdict import two_digits
+from tumble.errors import RecordingError, UsageError
+from tumble.navigation import (
+    Drive,
+    FilterRun,
+    FilterSetup,
+    GnssTrack,
+    OutageErrors,
+    find_rest,
+    outages,
+    prepare_drive,
+    read_track,
+    smooth,
+)
+from tumble.navigation.free_drift import FreeDrift, free_drift
+from tumble.navigation.plausibility import (
+    about_clocks,
+    missing_stretches,
+    refuse_mirrored,
+    refuse_no_overlap,
+    refuse_wrong_scale,
+    why_no_agreement,
+)
+from tumble.recording import read_recordings
+from tumble.recording.corrections import corrections_of
+from tumble.simulation import find_grade
+from tumble.workflows.apply import in_calibration_units, raw_factors
+from tumble.workflows.calibration_parts import (
+    WHOLE,
+    CorrectedBy,
+    corrected_by_parts,
+    start_covariance,
+    without_rest_rate,
+)
+from tumble.workflows.drive_filter import drive_filter
+from tumble.workflows.drive_verification import DriveVerification, PartResult, judge_drive
+from tumble.workflows.temperature import check_outside, refuse_twice
+
+OUTAGES = (2.0, 10.0, 30.0, 60.0)
+# How far biases move from one power cycle to the next, where nothing is told: no more than consumer units.
+TURN_ON = (0.05, 0.005)  # m/s², rad/s
+
+
+def verify_drive(
+    calibration: str | os.PathLike[str] | Calibration,
+    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    gnss: str | os.PathLike[str],
+    *,
+    lever_arm_b: Sequence[float] = (0.0, 0.0, 0.0),
+    offset: float | None = None,
+    durations: Sequence[float] | None = None,
+    data_sheet: str = "consumer-mems",
+    turn_on: tuple[float, float] | None = None,
+    noise: str | os.PathLike[str] | None = None,
+    columns: str | None = None,
+    units: str | None = None,
+    rate: float | None = None,
+    temperature: float | None = None,
+    outside: str = "refuse",
+    progress: Callable[[str], None] | None = None,
+) -> DriveVerification:
+    """Judge a calibration by a drive: what navigation is with it, with parts of it, and without.
+
+    Every variant has the same clock, lever arm, filter, process noise, fixes and instants. Its samples are
+    corrected by its part of the calibration, and its filter starts from the calibration's covariance for the
+    sensor states that this part knows, and from the data sheet's spread for the others.
+
+    Parameters
+    ----------
+    calibration : a ``calibration.json``, its folder, or a `Calibration`.
+    paths, columns, units, rate : the recording of the drive, as for `tumble.read_recording`.
+    gnss : file of satellite positions (`tumble.navigation.read_track`).
+    lever_arm_b : m, from the IMU to the antenna, in b.
+    offset : s to add to the positions' times; None to find it.
+    durations : s of the outages; None for 2, 10, 30 and 60 s, as far as the drive has room for them.
+    data_sheet : kind of unit, whose spread the uncalibrated states start with.
+    turn_on : m/s² and rad/s, by how much biases may have moved since the calibration; None for a quarter of the
+        data sheet's spread, at most 0.05 m/s² and 0.005 rad/s.
+    noise : what `tumble noise` wrote for this unit; None for the data sheet's.
+    temperature, outside : as for `tumble.workflows.apply.apply`.
+
+    Raises
+    ------
+    CalibrationFileError, RecordingError, UsageError
+        If an input is wrong, files do not belong together, units, axes or clocks do not fit.
+    ThermalSpanError
+        If the temperature leaves the calibrated span and `outside` is ``refuse``.
+    """
+    say = progress or _silent
+    document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
+    grade = find_grade(data_sheet)
+    files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
+    beyond = check_outside(outside)
+    _refuse_bad_numbers(lever_arm_b, durations, turn_on)
+    for file in files:
+        refuse_twice(document, corrections_of([file]))
+    say("reading")
+    recordings = read_recordings(paths, columns=columns, units=units, rate=rate)
+    if len(recordings) != 1:
+        raise UsageError(
+            f"A drive is one recording, and {len(recordings)} were given: verify them one by one."
+        )
+    recording = in_calibration_units(recordings[0], raw_factors(document, recordings[0]))
+    track = read_track(Path(gnss))
+    parts, remarks = corrected_by_parts(document, recording, files, temperature=temperature, outside=beyond)
+    remarks = [
+        remark.text for remark in (*recordings[0].remarks, *track.remarks) if remark.kind != "unchecked"
+    ] + remarks
+    say("comparing the clocks")
+    drive, words = _prepared(parts[-1], track, offset)
+    remarks += words
+    setup, setting = drive_filter(parts[-1], recording, grade, noise, np.array(lever_arm_b, dtype=float))
+    moved = turn_on or (
+        min(TURN_ON[0], grade.accelerometer.bias / 4.0),
+        min(TURN_ON[1], grade.gyroscope.bias / 4.0),
+    )
+    setting.append(
+        f"Biases may have moved since the calibration by {two_digits(moved[0] / 9.80665e-3)} mg and "
+        f"{two_digits(float(np.degrees(moved[1])) * 3600.0)} °/h (one sigma; --turn-on says otherwise)."
+    )
+    gaps = missing_stretches(parts[-1].samples)
+    remarks += [_gap_words(gaps)] if gaps else []
+    lengths = _lengths(drive, durations)
+    parts.insert(1, without_rest_rate(parts[0], *find_rest(parts[0].samples, drive.track)))
+    results: list[PartResult] = []
+    runs: dict[str, FilterRun] = {}
+    say("smoothing")
+    own = setup.with_sensor_covariance(start_covariance(parts[-1], setup.states, document, moved))
+    reference = smooth(drive.run(own, keep_covariances=True)).trajectory
+    seconds = _seconds(lengths)
+    for part in parts:
+        say(part.part)
+        told = setup.with_sensor_covariance(start_covariance(part, setup.states, document, moved))
+        mine = drive if part.part == WHOLE else drive.with_samples(part.samples)
+        run = mine.run(told, interval=1.0)
+        runs[part.part] = run
+        drift = free_drift(part.samples, reference, seconds.tolist(), every=_every(drive), gaps=gaps)
+        results.append(_result(part.part, mine, told, run, drift, lengths, gaps))
+    found = DriveVerification(
+        recording=", ".join(source.name for source in recording.sources),
+        track=track.name,
+        offset=drive.clock.offset,
+        offset_sigma=drive.clock.sigma,
+        clock=str(drive.clock),
+        alignment=str(drive.alignment),
+        setting=setting,
+        parts=results,
+        contradictions=_contradictions(runs[WHOLE], own),
+        seconds=seconds,
+        duration=float(drive.track.time[-1] - drive.start.time),
+        remarks=remarks,
+    )
+    hashes = {name.sha256 for name in document.recordings}
+    judge_drive(found, any(source.sha256 in hashes for source in recording.sources))
+    return found
+
+
+def _prepared(part: CorrectedBy, track: GnssTrack, offset: float | None) -> tuple[Drive, list[str]]:
+    """The drive by the whole calibration, its clocks, axes and units checked, and what is to be said."""
+    if offset is not None:
+        refuse_no_overlap(part.samples, track, offset)
+    try:
+        drive = prepare_drive(part.samples, track, offset=offset)
+    except RecordingError as error:
+        reason = _why(part, track, offset)
+        if reason:
+            raise RecordingError(reason) from error
+        raise
+    refuse_wrong_scale(part.samples, drive.track)
+    refuse_mirrored(part.samples, drive.track)
+    words = about_clocks(drive.clock.offset, drive.clock.sigma, track, part.samples)
+    weak = drive.clock.second_best > 0.9 * drive.clock.correlation
+    if weak and offset is None:
+        words += (
+            " The offset of the clocks is not the only one that fits (correlations of "
+            f"{drive.clock.correlation:.2f} and {drive.clock.second_best:.2f}): give it with --gnss-time."
+        )
+    return drive, [words.strip()] if words else []
+
+
+def _why(part: CorrectedBy, track: GnssTrack, offset: float | None) -> str:
+    """A better reason for files that do not agree: swapped axes, or clocks that are apart."""
+    from tumble.navigation import estimate_time_offset
+
+    if offset is not None:
+        try:
+            found = estimate_time_offset(part.samples, track)
+        except RecordingError:
+            found = None
+        if found is not None and found.correlation > 0.8 and abs(found.offset - offset) > 0.5:
+            clocks = about_clocks(found.offset, found.sigma, track, part.samples)
+            why = clocks.partition(". The offset")[0] if clocks else ""
+            return (
+                f"With --gnss-time {offset:g} course and gyros do not agree; with {found.offset:.2f} s they do "
+                f"(correlation {found.correlation:.2f}). {why + '. ' if why else ''}Leave it out, or give that."
+            )
+    return why_no_agreement(part.samples, track)
+
+
+def _lengths(drive: Drive, durations: Sequence[float] | None) -> list[float]:
+    """Lengths of the outages that the drive has room for."""
+    room = float(drive.track.time[-1]) - drive.start.time - _settle(drive)
+    if durations is not None:
+        return sorted(float(d) for d in durations)
+    fitting = [duration for duration in OUTAGES if duration < 0.5 * room]
+    if not fitting:
+        raise RecordingError(
+            f"The drive lasts {room + _settle(drive):.0f} s, too short to cut outages out: record some minutes with "
+            "turns."
+        )
+    return fitting
+
+
+def _settle(drive: Drive) -> float:
+    return min(120.0, 0.3 * (float(drive.track.time[-1]) - drive.start.time))
+
+
+def _every(drive: Drive) -> float:
+    return max(3.0, (float(drive.track.time[-1]) - drive.start.time) / 150.0)
+
+
+def _seconds(lengths: Sequence[float]) -> Series:
+    longest = max(lengths)
+    usual = [1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0, 60.0]
+    return np.array(sorted({*(t for t in usual if t < longest), *lengths}), dtype=float)
+
+
+def _result(
+    name: str,
+    drive: Drive,
+    setup: FilterSetup,
+    run: FilterRun,
+    drift: FreeDrift,
+    lengths: Sequence[float],
+    gaps: Sequence[tuple[float, float]],
+) -> PartResult:
+    settle = _settle(drive)
+    every = max(1.0, round((float(drive.track.time[-1]) - drive.start.time) / 300.0))
+    found = [
+        [
+            _clear_of(one, gaps)
+            for one in outages(drive, setup, lengths, every=every, settle=settle, repeated=again)
+        ]
+        for again in (False, True)
+    ]
+    distances: Series = run.distances[:, 0]
+    seen = np.isfinite(distances)
+    return PartResult(
+        name,
+        drift,
+        found[0],
+        found[1],
+        float(np.mean(distances[seen])) / 3.0,
+        len(run.refused),
+        int(seen.sum()),
+    )
+
+
+def _clear_of(errors: OutageErrors, gaps: Sequence[tuple[float, float]]) -> OutageErrors:
+    """Outages that no missing samples lie in."""
+    keep = np.ones(len(errors.starts), dtype=bool)
+    for first, last in gaps:
+        keep &= (errors.starts >= last) | (errors.starts + errors.duration <= first)
+    return OutageErrors(errors.duration, errors.starts[keep], errors.errors_n[keep])
+
+
+def _contradictions(run: FilterRun, setup: FilterSetup) -> dict[str, tuple[float, float]]:
+    """Sensor states that the drive tells, and how far they are from zero in what calibration and drive allow."""
+    found: dict[str, tuple[float, float]] = {}
+    span = float(run.time[-1] - run.time[0])
+    for at, state in enumerate(setup.states):
+        before = float(setup.sensor_covariance[at, at]) + state.drive * span
+        after = float(run.sigmas[-1, 9 + at]) ** 2
+        if before <= 0.0 or after > 0.5 * before:
+            continue
+        estimate = float(run.sensors[-1, at])
+        found[state.name] = (estimate, estimate / float(np.sqrt(before - after)))
+    return found
+
+
+def _gap_words(gaps: Sequence[tuple[float, float]]) -> str:
+    longest = max(gaps, key=lambda gap: gap[1] - gap[0])
+    missing = sum(last - first for first, last in gaps)
+    return (
+        f"Samples are missing in {len(gaps)} stretch{'es' if len(gaps) > 1 else ''} of {missing:.2f} s in all (longest "
+        f"{longest[1] - longest[0]:.2f} s at {longest[0]:.1f} s): the filter bridges them with what motion is "
+        "usual, and no free navigation or outage that crosses one is counted."
+    )
+
+
+def _refuse_bad_numbers(
+    lever_arm_b: Sequence[float], durations: Sequence[float] | None, turn_on: tuple[float, float] | None
+) -> None:
+    if len(lever_arm_b) != 3 or not np.all(np.abs(lever_arm_b) < 100.0):
+        raise UsageError(
+            "--lever-arm takes three numbers X,Y,Z in metres, below 100 each, from the IMU to the antenna."
+        )
+    if durations is not None and not (len(durations) and all(0.5 <= d <= 600.0 for d in durations)):
+        raise UsageError("--outages takes lengths in seconds from 0.5 to 600, as 2,10,30,60.")
+    if turn_on is not None and not (turn_on[0] >= 0.0 and turn_on[1] >= 0.0):
+        raise UsageError("--turn-on takes two numbers that are not negative: mg and °/h.")
+
+
+def _silent(_: str) -> None:
+    """Say nothing."""
+
+
+__all__ = ["OUTAGES", "verify_drive"]

@@ -1,0 +1,272 @@
+"""What a drive says of a calibration: the numbers with their uncertainties, and the verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tumble.arrays import Series
+from tumble.navigation import OutageErrors
+from tumble.navigation.block_bootstrap import Statistic, ratio_of, rms_of
+from tumble.navigation.free_drift import FreeDrift
+from tumble.workflows.calibration_parts import UNCALIBRATED, WHOLE
+
+# Normalised errors beyond this contradict the calibration: one in 15,000 by chance.
+LARGEST_NORMALISED = 4.0
+_FEWEST = 4
+_UNKNOWN = Statistic(float("nan"), float("nan"))
+_GRAVITY, _EARTH_RADIUS = 9.81, 6.371e6
+
+
+@dataclass(frozen=True, slots=True)
+class PartResult:
+    """What navigation was with a part of the calibration.
+
+    Attributes
+    ----------
+    part : its name.
+    drift : free inertial drift from known starts.
+    sliding, gaps : outages of each length, one by one and again and again.
+    innovations : mean squared normalised innovation over its degrees of freedom; 1 when the filter is consistent.
+    refused, fixes : positions that the filter took for outliers, and all.
+    """
+
+    part: str
+    drift: FreeDrift
+    sliding: list[OutageErrors]
+    gaps: list[OutageErrors]
+    innovations: float
+    refused: int
+    fixes: int
+
+
+@dataclass(slots=True)
+class DriveVerification:
+    """A calibration's worth on a drive.
+
+    Attributes
+    ----------
+    recording, track : names of the files.
+    offset, offset_sigma : s to add to the track's times, and its standard uncertainty (0 where given).
+    clock, alignment, setting : in words.
+    parts : by part of the calibration, uncalibrated first, all of it last.
+    contradictions : state of a sensor -> estimate (SI) and how many of its standard uncertainties that is.
+    seconds : s, lengths of the free drift.
+    fit, reasons, remarks : the verdict, and sentences.
+    """
+
+    recording: str
+    track: str
+    offset: float
+    offset_sigma: float
+    clock: str
+    alignment: str
+    setting: list[str]
+    parts: list[PartResult]
+    contradictions: dict[str, tuple[float, float]]
+    seconds: Series
+    duration: float
+    fit: bool = True
+    reasons: list[str] = field(default_factory=list[str])
+    remarks: list[str] = field(default_factory=list[str])
+
+    def part(self, name: str) -> PartResult:
+        """Return the result of a part by its name."""
+        return next(result for result in self.parts if result.part == name)
+
+    def drift_rms(self, name: str, length: int) -> Statistic:
+        """Return the rms horizontal drift of a part, m, after one of the lengths."""
+        drift = self.part(name).drift
+        squares = drift.horizontal_squares(length)
+        return rms_of(squares[np.isfinite(squares)], drift.block(length), _dice(length))
+
+    def drift_ratio(self, name: str, length: int) -> Statistic:
+        """Return the drift of a part over that without calibration, from the same starts."""
+        ours, theirs = (self.part(one).drift for one in (name, UNCALIBRATED))
+        squares, others = ours.horizontal_squares(length), theirs.horizontal_squares(length)
+        good = np.isfinite(squares) & np.isfinite(others)
+        return ratio_of(squares[good], others[good], ours.block(length), _dice(length))
+
+    def outage_statistics(self, name: str, duration: float, kind: str) -> tuple[Statistic, Statistic]:
+        """Return the rms horizontal error of a part at the ends of outages, m, and its ratio to that uncalibrated.
+
+        Parameters
+        ----------
+        name : of the part.
+        duration : s.
+        kind : "sliding" or "gaps".
+        """
+        ours, theirs = (
+            next(one for one in getattr(self.part(part), kind) if one.duration == duration)
+            for part in (name, UNCALIBRATED)
+        )
+        if not len(ours.starts):
+            return _UNKNOWN, _UNKNOWN
+        apart = float(np.median(np.diff(ours.starts))) if len(ours.starts) > 1 else duration
+        block = max(1, round(2.0 * duration / apart))
+        squares = ours.horizontal**2
+        theirs_at = {round(start, 3): row for row, start in enumerate(theirs.starts.tolist())}
+        pairs = [
+            (row, theirs_at[round(start, 3)])
+            for row, start in enumerate(ours.starts.tolist())
+            if round(start, 3) in theirs_at
+        ]
+        at, other = [row for row, _ in pairs], [row for _, row in pairs]
+        ratio = ratio_of(squares[at], theirs.horizontal[other] ** 2, block, _dice(1)) if pairs else _UNKNOWN
+        return rms_of(squares, block, _dice(2)), ratio
+
+    def accuracy(self, name: str) -> tuple[Statistic, Statistic, str]:
+        """Return least and most drift over an hour, km/h, that the free runs let expect, and the class of the least.
+
+        Least if the accelerometers cause all of it (with Schuler's period), most if the gyros do.
+        """
+        rms, seconds = self.drift_rms(name, self.longest), float(self.seconds[self.longest])
+        least, most = hourly_drift(seconds)
+        return (
+            Statistic(rms.value * least, rms.sigma * least),
+            Statistic(rms.value * most, rms.sigma * most),
+            accuracy_class(rms.value * least),
+        )
+
+    @property
+    def longest(self) -> int:
+        """Index of the longest length that enough starts reach."""
+        drift = self.parts[0].drift
+        reached = [
+            i for i in range(len(self.seconds)) if np.isfinite(drift.horizontal_squares(i)).sum() >= _FEWEST
+        ]
+        return reached[-1] if reached else 0
+
+
+def _dice(seed: int) -> np.random.Generator:
+    return np.random.default_rng(1000 + seed)
+
+
+def hourly_drift(seconds: float) -> tuple[float, float]:
+    """Return km/h over an hour for each metre of drift after some time, if accelerometers or gyros cause it.
+
+    A constant error b of specific force moves b t²/2, and over an hour 2 b/s² at most, with Schuler's frequency s; a
+    constant error w of angular rate g w t³/6, and over an hour w R t.
+
+    Parameters
+    ----------
+    seconds : s, short against Schuler's 84 minutes.
+    """
+    force, rate = 2.0 / seconds**2, 6.0 / (_GRAVITY * seconds**3)
+    return force * 2.0 * _EARTH_RADIUS / _GRAVITY * 1e-3, rate * _EARTH_RADIUS * 3.6
+
+
+def accuracy_class(kilometres_per_hour: float) -> str:
+    """Return the class of an inertial system by its drift (Hayal 2010, 2.2, after Jekeli 2000).
+
+    Parameters
+    ----------
+    kilometres_per_hour : of position.
+    """
+    if not np.isfinite(kilometres_per_hour):
+        return "unknown"
+    if kilometres_per_hour > 4.0:
+        return "low (tactical grade)"
+    return "medium (navigation grade)" if kilometres_per_hour > 1.0 else "high"
+
+
+def judge_drive(found: DriveVerification, own_recording: bool) -> None:
+    """Fill `fit` and `reasons`.
+
+    Parameters
+    ----------
+    found : without them.
+    own_recording : whether the calibration was made from this drive.
+    """
+    against: list[str] = []
+    last = found.longest
+    ratio = found.drift_ratio(WHOLE, last)
+    seconds = found.seconds[last]
+    if np.isfinite(ratio.sigma) and ratio.value - 2.0 * ratio.sigma > 1.0:
+        against.append(
+            f"After {seconds:g} s of free navigation the drift with the calibration is {ratio.value:.2f} ± "
+            f"{ratio.sigma:.2f} times that without: it is of another unit, or the unit has changed; calibrate again."
+        )
+    worst = sorted(found.contradictions.items(), key=lambda item: -abs(item[1][1]))
+    if worst and abs(worst[0][1][1]) > LARGEST_NORMALISED:
+        name, (estimate, times) = worst[0]
+        against.append(
+            f"The drive finds the {name} off by {_practical(name, estimate)}, {abs(times):.1f} times what the "
+            "calibration's uncertainty allows: it has changed since, or the filter's noise is stated too small."
+        )
+    found.fit = not against
+    own = (
+        ["This is a recording that the calibration was made from: it shows nothing new."]
+        if own_recording
+        else []
+    )
+    found.reasons = [*against, *own, *_words(found, ratio)]
+
+
+def _words(found: DriveVerification, ratio: Statistic) -> list[str]:
+    last = found.longest
+    with_it, without = (found.drift_rms(name, last) for name in (WHOLE, UNCALIBRATED))
+    words = [
+        (
+            f"Free drift after {found.seconds[last]:g} s, horizontal rms: {said(with_it, 'm')} with the calibration, "
+            f"{said(without, 'm')} without; ratio {said(ratio)}."
+        )
+    ]
+    for name, verb in ((UNCALIBRATED, "without"), (WHOLE, "with")):
+        least, most, grade = found.accuracy(name)
+        words.append(
+            f"Class of accuracy {verb} the calibration: {grade}. Over an hour it becomes {said(least, 'km')} if "
+            f"the accelerometers cause it, {far(most)} if the gyros do."
+        )
+    result = found.part(WHOLE)
+    words.append(
+        f"Innovations: {result.innovations:.2f} times what the filter expects (1 when consistent); {result.refused} of "
+        f"{result.fixes} positions refused as outliers."
+    )
+    return words
+
+
+def said(number: Statistic, unit: str = "") -> str:
+    """Return a number with its standard uncertainty to two digits.
+
+    Parameters
+    ----------
+    number, unit : what is said.
+    """
+    tail = f" {unit}" if unit else ""
+    if not np.isfinite(number.value):
+        return "unknown"
+    if not (np.isfinite(number.sigma) and number.sigma > 0.0):
+        return f"{number.value:.2g}{tail} (too few for an uncertainty)"
+    digits = max(0, 1 - int(np.floor(np.log10(number.sigma))))
+    return f"{number.value:,.{digits}f} ± {number.sigma:,.{digits}f}{tail}"
+
+
+def far(number: Statistic) -> str:
+    """Return kilometres in words, of which there are no more than half around the Earth.
+
+    Parameters
+    ----------
+    number : km.
+    """
+    return "thousands of km" if not number.value < 5000.0 else said(number, "km")
+
+
+def _practical(name: str, value: float) -> str:
+    if "bias" in name:
+        if name.startswith("accelerometer"):
+            return f"{value / 9.80665e-3:.2g} mg"
+        return f"{np.degrees(value) * 3600.0:.2g} °/h"
+    return f"{100.0 * value:.2g} %" if "scale" in name else f"{1e3 * value:.2g} mrad"
+
+
+__all__ = [
+    "DriveVerification",
+    "PartResult",
+    "accuracy_class",
+    "far",
+    "hourly_drift",
+    "judge_drive",
+    "said",
+]
