@@ -9,7 +9,7 @@ thermometer, as far as the way of the temperature tells them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,6 +30,7 @@ from tumble.calibration.thermal_fit import (
     ThermalFit,
     choose_terms,
     fit_thermal,
+    highest_order,
     name_of,
     soaks_of,
 )
@@ -95,12 +96,15 @@ def calibrate_thermal(
         site.gravity, _earth(site, recording), FIRST_LAG if coverage.kind == "ramp" else 0.0, FIRST_WIDTH
     )
     terms = ThermalTerms(TemperatureBasis("polynomial", _reference(coverage), order=1), told)
-    terms = replace(terms, hysteresis=coverage.both_branches)
+    # What is not modelled is taken for wander, against which every candidate would look good.
+    coupled = told == 9 and kept.force is not None and kept.rate is not None
+    terms = replace(terms, hysteresis=coverage.both_branches, g_sensitivity=coupled)
     if coverage.kind == "ramp":
         say("lag and hysteresis")
         where = _first_path(kept, terms, where)
     say("functions of temperature")
     terms, candidates = choose_terms(kept, terms, where, soaks)
+    terms = _enriched(kept, terms, where, soaks)
     if coverage.kind == "soak":
         terms = replace(terms, doubt=_doubt(kept, terms, where))
     say("adjusting")
@@ -247,13 +251,34 @@ def _with_path(
         tests.append(test)
         if test.kept:
             fit = richer
-    if fit.layout.has_force and fit.layout.has_rate and fit.layout.terms.poses == 9:
-        richer = _adjusted(points, replace(fit.layout.terms, g_sensitivity=True), where)
-        test = _tested(richer, "g_sensitivity", ("G",))
+    if fit.layout.terms.g_sensitivity:
+        test = _tested(fit, "g_sensitivity", ("G",))
         tests.append(test)
-        if test.kept:
-            fit = richer
+        if not test.kept:
+            fit = _adjusted(points, replace(fit.layout.terms, g_sensitivity=False), where)
     return fit, tests
+
+
+def _enriched(
+    points: ThermalPoints, terms: ThermalTerms, where: Surroundings, soaks: Series | None
+) -> ThermalTerms:
+    """Return the terms with functions that the whole recording shows, though few folds did not.
+
+    Of a polynomial alone: one order more is taken while a Wald test wants it.
+    """
+    highest = highest_order(soaks)
+    while terms.basis.kind == "polynomial" and terms.basis.order < highest:
+        order = terms.basis.order + 1
+        richer = replace(terms, basis=replace(terms.basis, order=order))
+        try:
+            fit = fit_thermal(points, richer, where)
+        except (ObservabilityError, ConvergenceError):
+            break
+        last = [(kind, 3) for kind in ("b", "gb") if kind in fit.layout.places]
+        if not _tested(fit, f"order {order}", (), last).kept:
+            break
+        terms = richer
+    return terms
 
 
 def _adjusted(points: ThermalPoints, terms: ThermalTerms, where: Surroundings) -> ThermalFit:
@@ -264,13 +289,18 @@ def _adjusted(points: ThermalPoints, terms: ThermalTerms, where: Surroundings) -
     return fit
 
 
-def _tested(fit: ThermalFit, name: str, kinds: tuple[str, ...]) -> TermTest:
+def _tested(
+    fit: ThermalFit, name: str, kinds: tuple[str, ...], last: Sequence[tuple[str, int]] = ()
+) -> TermTest:
+    """Test kinds of unknowns as a whole, and of others so many at their ends."""
     at: list[int] = []
+    for kind, count in last:
+        stop = fit.layout.places[kind].stop
+        at += range(stop - count, stop)
     for kind in kinds:
         if kind in fit.layout.places:
             place = fit.layout.places[kind]
             at += range(place.start, place.stop)
-    # Not the widened covariance: what is missing in the model is what makes neighbours alike.
     covariance: Square = fit.adjustment.cofactor[np.ix_(at, at)]
     return wald_test(name, fit.values[at], covariance, max(fit.adjustment.redundancy, 1), FALSE_ALARM)
 
@@ -291,8 +321,8 @@ def _evidence(
     celsius = kept.path.means(kept.path.followed(*conditions.lag_and_width(fit.values))[0][:, None])[:, 0]
     nothing = np.full((len(kept), 3), np.nan)
     force, force_sigma, rate, rate_sigma = (nothing.copy() for _ in range(4))
-    linear = fit.adjustment.linearisation
-    left = -np.where(linear.active, fit.adjustment.residual, np.nan)
+    linear = conditions.linearise(fit.values)
+    left = np.where(linear.active, linear.misclosure, np.nan)
     misclosure = np.where(linear.active, linear.misclosure, np.nan)
     variance = np.diagonal(linear.covariance, axis1=1, axis2=2)
     grid = np.linspace(*coverage.span, CURVE)
@@ -346,7 +376,8 @@ def _separate(
         try:
             alone = fit_norms(
                 kept.force[here],
-                kept.force_covariance[here] + fit.conditions.extra["force"] * np.eye(3),
+                kept.force_covariance[here]
+                + (fit.levels.single["force"] + fit.levels.flicker["force"]) * np.eye(3),
                 site.gravity,
                 rough_triad(kept.force[here], site.gravity),
                 np.arange(9),
@@ -415,8 +446,14 @@ def _estimate(
         turn_sigmas=nothing.copy(),
         turn_sizes=nothing.copy(),
         variance_components={
-            "accelerometer bias from rest to rest, m/s²": float(np.sqrt(fit.conditions.extra["force"])),
-            "gyro bias from rest to rest, rad/s": float(np.sqrt(fit.conditions.extra["rate"])),
+            "accelerometer bias from rest to rest, m/s²": float(np.sqrt(fit.levels.single["force"])),
+            "gyro bias from rest to rest, rad/s": float(np.sqrt(fit.levels.single["rate"])),
+            "accelerometer bias, flicker floor of the Allan deviation, m/s²": float(
+                np.sqrt(fit.levels.flicker["force"])
+            ),
+            "gyro bias, flicker floor of the Allan deviation, rad/s": float(
+                np.sqrt(fit.levels.flicker["rate"])
+            ),
         },
         left_out=[
             LeftOut(
@@ -440,13 +477,13 @@ def _estimate(
 
 
 def _padded(correlations: AnyArray, count: int, solution: ThermalSolution) -> AnyArray:
-    """Return the correlations with those of the thermal parameters beside them."""
+    """Return the correlations with those of the thermal parameters beside them, of which `count` are listed."""
     first = correlations.shape[0]
     whole = np.eye(first + count)
     whole[:first, :first] = correlations
-    inner = correlation_matrix(solution.covariance)
-    size = min(count, inner.shape[0])
-    whole[first : first + size, first : first + size] = inner[:size, :size]
+    listed = np.flatnonzero(np.diag(solution.covariance) > 0.0)
+    inner = correlation_matrix(solution.covariance)[np.ix_(listed, listed)]
+    whole[first : first + listed.size, first : first + listed.size] = inner
     return whole
 
 
@@ -461,7 +498,7 @@ def _norms(fit: ThermalFit, kept: ThermalPoints) -> tuple[Series, Series]:
     corrected: Vectors = np.asarray(np.linalg.solve(matrices, raw[:, :, None])[:, :, 0], dtype=np.float64)
     length = np.linalg.norm(corrected, axis=1)
     unit = corrected / length[:, None]
-    spread = kept.force_covariance + conditions.extra["force"] * np.eye(3)
+    spread = kept.force_covariance + (fit.levels.single["force"] + fit.levels.flicker["force"]) * np.eye(3)
     return length - conditions.gravity, np.sqrt(np.einsum("na,nab,nb->n", unit, spread, unit))
 
 

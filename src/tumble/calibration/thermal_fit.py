@@ -11,8 +11,9 @@ from tumble.calibration.snooping import Kind, Outlier, balance
 from tumble.calibration.thermal_conditions import Layout, ThermalConditions, ThermalTerms
 from tumble.calibration.thermal_evidence import Candidate
 from tumble.calibration.thermal_points import ThermalPoints
+from tumble.calibration.thermal_wander import Levels, WanderingConditions, find_levels
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.estimation import Adjustment, adjust
+from tumble.estimation import Adjustment, Prior, adjust
 from tumble.sensor.thermal import TemperatureBasis
 
 HIGHEST_ORDER = 5
@@ -43,9 +44,10 @@ class ThermalFit:
     Attributes
     ----------
     conditions : the equations, with the unknowns' layout.
-    adjustment : the last one.
+    adjustment : the last one, its rows made independent where `levels` say that biases wander.
     covariance : of all unknowns, with what neighbouring points have in common.
     alone : standard deviation of unit weight with the noise inside the points alone.
+    levels : by how much biases wander.
     outliers : points that were left out.
     """
 
@@ -53,6 +55,7 @@ class ThermalFit:
     adjustment: Adjustment
     covariance: Square
     alone: float
+    levels: Levels
     outliers: list[Outlier] = field(default_factory=list[Outlier])
 
     @property
@@ -72,15 +75,15 @@ def fit_thermal(
     where: Surroundings,
     *,
     robust: bool = True,
-    extra: dict[str, float] | None = None,
+    levels: Levels | None = None,
 ) -> ThermalFit:
     """Adjust a thermal model.
 
     Parameters
     ----------
     points, terms, where : observations in near SI, unknowns, and what is known.
-    robust : look for outlying points, and find the variance that points have beyond their own noise.
-    extra : that variance, (m/s²)² and (rad/s)², where it is not to be found.
+    robust : look for outlying points, and find by how much biases wander.
+    levels : of that, where they are not to be found.
 
     Raises
     ------
@@ -108,54 +111,31 @@ def fit_thermal(
         values.append(adjustment.parameters)
         return adjustment
 
+    if levels is not None:
+        return _wandering(conditions, values[-1], prior, levels)
     if not robust:
-        adjustment = solve(extra or {"force": 0.0, "rate": 0.0}, conditions.active, once=False)
-        return ThermalFit(conditions, adjustment, adjustment.cofactor, adjustment.sigma0)
+        adjustment = solve({"force": 0.0, "rate": 0.0}, conditions.active, once=False)
+        return ThermalFit(conditions, adjustment, adjustment.cofactor, adjustment.sigma0, Levels())
     active = conditions.active.copy()
     alone = solve({"force": 0.0, "rate": 0.0}, active, once=False).sigma0
     kinds = [Kind("force", _FORCE)] if points.force is not None and active[:, _FORCE].any() else []
     kinds += [Kind("rate", _RATE)] if points.rate is not None else []
     balanced = balance(solve, kinds, active, extra={"force": 0.0, "rate": 0.0})
-    fit = ThermalFit(conditions, balanced.adjustment, balanced.adjustment.cofactor, alone, balanced.outliers)
-    fit.covariance = _wandering(fit)
-    return fit
+    conditions.active = active
+    found = find_levels(conditions, balanced.adjustment.parameters, prior, balanced.extra)
+    fit = _wandering(conditions, balanced.adjustment.parameters, prior, found)
+    return replace(fit, alone=alone, outliers=balanced.outliers)
 
 
-def _wandering(fit: ThermalFit) -> Square:
-    """Return the covariance of the unknowns with biases that wander: neighbours have errors in common.
-
-    The variance that rests have beyond their white noise is taken for flicker, whose level F of the Allan
-    variance makes a covariance F ln(T / Δt) / (2 ln 2) of two means Δt apart (see `mean_covariance`). The
-    adjustment takes away what is slower than its functions of temperature; F is what remains over that.
-    The estimate stays that of independent points; its covariance is that of points that are not.
-    """
-    conditions, adjustment = fit.conditions, fit.adjustment
-    points, cofactor = conditions.points, adjustment.cofactor
-    middle = 0.5 * (points.start + points.stop)
-    length = np.maximum(points.stop - points.start, 1e-3)
-    whole = float(middle.max() - middle.min()) + float(np.median(length))
-    seen = max(2.0 * whole / (conditions.terms.basis.size + 2), 2.0 * float(np.median(length)))
-    share = float(np.mean(np.log(np.maximum(seen / length, 2.0))))
-    apart = np.abs(middle[:, None] - middle[None])
-    apart = np.maximum(apart, 0.5 * (length[:, None] + length[None]))
-    kernel = np.maximum(np.log(whole / apart), 0.0)
-    whitened = adjustment.chain.solve(adjustment.linearisation.design)
-    added = np.zeros_like(cofactor)
-    rows = np.where(adjustment.linearisation.active[:, :, None], whitened, 0.0)
-    noises = (
-        ("force", _FORCE, conditions.force_noise),
-        ("rate", _RATE, np.repeat(np.eye(3)[None], len(points), axis=0)),
-    )
-    for name, columns, noise in noises:
-        extra = conditions.extra[name]
-        if extra <= 0.0:
-            continue
-        common = extra / share * kernel
-        np.fill_diagonal(common, np.maximum(np.diag(common) - extra, 0.0))
-        for axis in range(3):
-            moved = np.einsum("nr,nrp->np", noise[:, :, axis], rows[:, columns])
-            added += moved.T @ common @ moved
-    return cofactor + cofactor @ added @ cofactor
+def _wandering(conditions: ThermalConditions, start: Series, prior: Prior, levels: Levels) -> ThermalFit:
+    """Adjust with biases that wander by known levels."""
+    whitened = WanderingConditions(conditions, levels)
+    adjustment = adjust(whitened, start, prior=prior)
+    for _ in range(MOST_CENTRES if conditions.terms.lag or conditions.terms.width else 0):
+        if conditions.centre(adjustment.parameters) < CENTRED:
+            break
+        adjustment = adjust(whitened, adjustment.parameters, prior=prior)
+    return ThermalFit(conditions, adjustment, adjustment.cofactor, adjustment.sigma0, levels)
 
 
 def soaks_of(celsius: Series) -> Series:
@@ -179,16 +159,20 @@ def folds_of(points: ThermalPoints, soaks: Series | None) -> list[np.ndarray]:
     return [mask for k in range(1, BANDS - 1) if np.any(mask := band == k)]
 
 
+def highest_order(soaks: Series | None) -> int:
+    """Return the highest order of a polynomial that soaks, or the bands of a sweep (None), can be asked for."""
+    return max(min(HIGHEST_ORDER, (len(soaks) if soaks is not None else BANDS) - 2), 1)
+
+
 def bases_of(
     points: ThermalPoints, soaks: Series | None, reference: float
 ) -> list[tuple[str, TemperatureBasis]]:
     """Return the bases that a test can tell, the simplest first."""
     low, high = float(points.celsius.min()), float(points.celsius.max())
     nodes = soaks if soaks is not None else np.linspace(low, high, NODES)
-    highest = min(HIGHEST_ORDER, (len(soaks) if soaks is not None else BANDS) - 2)
     found = [
         (f"polynomial of order {k}", TemperatureBasis("polynomial", reference, order=k))
-        for k in range(1, max(highest, 1) + 1)
+        for k in range(1, highest_order(soaks) + 1)
     ]
     if len(nodes) >= 3:
         found.append(("linear interpolation", TemperatureBasis("linear", reference, nodes)))
@@ -220,12 +204,12 @@ def choose_terms(
     folds = folds_of(points, soaks)
     bases = bases_of(points, soaks, reference)
     simple = replace(terms, basis=bases[0][1], matrix_functions=0)
-    extra = _least_extra(points, terms, where, [basis for _, basis in bases])
+    levels = _least_levels(points, terms, where, [basis for _, basis in bases])
     tried: list[tuple[Candidate, ThermalTerms]] = []
     for name, basis in bases:
         matrix = 0 if terms.poses == 0 else (1 if basis.kind == "polynomial" else basis.size)
         offered = replace(terms, basis=basis, matrix_functions=matrix)
-        tried += _tried(name, points, offered, where, folds, soaks, extra)
+        tried += _tried(name, points, offered, where, folds, soaks, levels)
     if not folds or not tried:
         chosen = replace(simple, matrix_functions=min(1, terms.poses))
         return _possible(points, chosen, where), []
@@ -235,7 +219,7 @@ def choose_terms(
         for count in range(min(best.basis.size, 2) + 1):
             name = f"{name_of(best.basis)}, accelerometer matrix of order {count}"
             offered = replace(best, matrix_functions=count)
-            more += _tried(name, points, offered, where, folds, soaks, extra)
+            more += _tried(name, points, offered, where, folds, soaks, levels)
     chosen = _simplest(more) if more else best
     words = [candidate for candidate, _ in (*tried, *more)]
     pairs = [*tried, *more]
@@ -246,10 +230,10 @@ def choose_terms(
     return chosen, named
 
 
-def _least_extra(
+def _least_levels(
     points: ThermalPoints, terms: ThermalTerms, where: Surroundings, bases: list[TemperatureBasis]
-) -> dict[str, float]:
-    """Return the variance beyond the points' noise under the richest polynomial that they tell.
+) -> Levels:
+    """Return by how much biases wander under the richest polynomial that the points tell.
 
     Under a poorer one it would hold what that leaves out, and every candidate would look good against it.
     """
@@ -259,7 +243,7 @@ def _least_extra(
                 rich = fit_thermal(points, replace(terms, basis=basis, matrix_functions=matrix), where)
             except (ObservabilityError, ConvergenceError):
                 continue
-            return dict(rich.conditions.extra)
+            return rich.levels
     raise ObservabilityError(
         "The rests do not tell even a straight line in temperature: record more temperatures, or more poses at each."
     )
@@ -288,16 +272,16 @@ def _tried(
     where: Surroundings,
     folds: list[np.ndarray],
     soaks: Series | None,
-    extra: dict[str, float],
+    levels: Levels,
 ) -> list[tuple[Candidate, ThermalTerms]]:
     """Return a candidate with its score; nothing where the points cannot tell it."""
     scores: list[float] = []
     try:
         whole = ThermalConditions(points, terms, where.gravity, where.earth, where.lag, where.width)
-        fit_thermal(points, terms, where, robust=False, extra=extra)
+        fit_thermal(points, terms, where, levels=levels)
         for fold in folds:
             trained = _without_node(terms, float(points.celsius[fold].mean()), soaks is not None)
-            fit = fit_thermal(points.only(~fold), trained, where, robust=False, extra=extra)
+            fit = fit_thermal(points.only(~fold), trained, where, levels=levels)
             scores.append(predicted_misfit(fit, points.only(fold)))
     except (ObservabilityError, ConvergenceError, ValueError, np.linalg.LinAlgError):
         return []
@@ -344,14 +328,13 @@ def predicted_misfit(fit: ThermalFit, left: ThermalPoints) -> float:
     trained = fit.conditions
     lag, width = trained.lag_and_width(fit.values)
     test = ThermalConditions(left, trained.terms, trained.gravity, trained.earth, lag, width)
-    test.extra, test.layout = trained.extra, trained.layout
+    test.layout = trained.layout
     # Placements that the fit knows keep what it knows of them; the others are judged by their norms alone.
     several = np.unique(trained.points.placement[trained.own >= 0])
     known = np.isin(left.placement, several)
     test.own = np.where(known, np.searchsorted(several, left.placement), -1)
     test.directions, test.tangents = trained.directions, trained.tangents
     test.active = test.rows()
-    linear = test.linearise(fit.values)
-    variance = np.diagonal(linear.covariance, axis1=1, axis2=2)
+    linear = WanderingConditions(test, fit.levels).linearise(fit.values)
     used = linear.active
-    return float(np.mean(linear.misclosure[used] ** 2 / variance[used])) if np.any(used) else 0.0
+    return float(np.mean(linear.misclosure[used] ** 2)) if np.any(used) else 0.0

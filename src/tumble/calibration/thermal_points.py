@@ -234,16 +234,24 @@ def _means(signal: Vectors | None, stretches: list[tuple[int, int]]) -> tuple[Ve
         size += last - first
     # White noise alone: what neighbouring rests have in common is found from their residuals.
     found = mean_covariance(np.concatenate(parts), items, span=1)
-    return means, found.covariance + np.diag(_steps(signal) ** 2 / 12.0)
+    return means, found.covariance + np.diag(_rounding(signal) ** 2)
 
 
-def _steps(signal: Vectors) -> Series:
-    """Return the converter's step on each axis where the noise is too small to average it away; else zero."""
-    moved = np.abs(np.diff(signal[:STEPS_SEEN], axis=0))
-    steps = np.zeros(3)
+def _rounding(signal: Vectors) -> Series:
+    """Return one sigma of what the converter's step leaves in a mean, on each axis.
+
+    Noise of σ dithers a step Δ: the mean of a rounded signal is off by no more than Δ/π exp(-2π² (σ/Δ)²) (Widrow
+    and Kollár, Quantization Noise, 2008), which is nothing from half a step of noise on.
+    """
+    moved = np.diff(signal[:STEPS_SEEN], axis=0)
+    sigma = np.zeros(3)
     for axis in range(3):
-        other = moved[moved[:, axis] > 1e-9 * np.max(np.abs(signal[:, axis])), axis]
-        # Most samples the same as the one before: the noise is below the step.
-        if other.size and np.mean(moved[:, axis] == 0.0) > 0.4:
-            steps[axis] = float(other.min())
-    return steps
+        size = np.abs(moved[:, axis])
+        other = size[size > 1e-9 * np.max(np.abs(signal[:, axis]))]
+        if other.size:
+            step = float(other.min())
+            # Turns move more than noise does: half of all differences at rest tell the noise.
+            calm = size[size <= 5.0 * max(float(np.median(size)), step)]
+            noise = max(0.5 * float(np.mean(calm**2)) - step**2 / 12.0, 0.0)
+            sigma[axis] = step / np.sqrt(12.0) * np.exp(-2.0 * np.pi**2 * noise / step**2)
+    return sigma

@@ -147,11 +147,11 @@ def thermal_remarks(
             f"The accelerometers' biases are known {np.mean(ratios):.2f} times as uncertainly by the one adjustment of "
             f"all temperatures as by each of its {len(ratios)} soaks alone."
         )
-    widened = np.sqrt(np.diag(fit.covariance) / np.maximum(np.diag(fit.adjustment.cofactor), 1e-300))
-    for name, kind in (("accelerometers", "b"), ("gyros", "gb")):
-        if kind in fit.layout.places and (factor := float(np.median(widened[fit.layout.places[kind]]))) > 1.2:
+    for name, kind, unit in (("accelerometers", "force", "m/s²"), ("gyros", "rate", "rad/s")):
+        if (flicker := fit.levels.flicker[kind]) > 0.0:
             remarks.append(
-                f"The biases of the {name} wander from rest to rest, and neighbours have errors in common: the "
-                f"uncertainties are {factor:.1f} times what independent rests would give."
+                f"The biases of the {name} wander beside what temperature does: a flicker floor of the Allan deviation "
+                f"of {np.sqrt(flicker):.2g} {unit} was found from the rests, and neighbours were taken to have it in "
+                "common."
             )
     return remarks
