@@ -86,7 +86,11 @@ def estimate(procedure: Procedure, scene: Scene) -> Estimate:
 
 
 def test_every_procedure_that_is_offered_is_tested_here() -> None:
-    """Those that take a protocol are tested on every protocol in tests/recovery/test_protocols.py."""
+    """Those that take a protocol are tested on every protocol in tests/recovery/test_protocols.py.
+
+    Temperatures are in tests/unit/calibration/test_thermal.py, the joint estimator, which begins with another
+    procedure's estimate, in tests/unit/calibration/test_joint_*.py.
+    """
     by_protocol = {
         "six-position",
         "improved-six-position",
@@ -96,7 +100,7 @@ def test_every_procedure_that_is_offered_is_tested_here() -> None:
         "laboratory",
         "strapdown-rotation",
     }
-    assert set(PROCEDURES) == set(MEMBERS) | by_protocol
+    assert set(PROCEDURES) == set(MEMBERS) | by_protocol | {"thermal", "joint"}
 
 
 class TestProcedure:
