@@ -1,9 +1,9 @@
 """The joint estimator on Zhang's simulated table: nine dwells and twelve rotations, settings of tables 3 and 4.
 
-One sample a second stands for a hundred: white noise of the same density, and a rate that is constant in between,
+Five samples a second stand for a hundred: white noise of the same density, and a rate that is constant in between,
 so that nothing is lost but time. Each dwell is a recording of its own, and each axis with its two rotations:
-nobody carries the attitude from one to the next. Before, between and after the rotations the table rests for two
-seconds, which tell next to nothing by themselves.
+nobody carries the attitude from one to the next. Before, between and after the rotations the table rests for less
+than a second, which tells little by itself.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from tumble.sensor.conventions.shin import matrix_from_shin
 from tumble.sensor.gauge import inverse, lower_factor
 from tumble.studies.turntable_simulation import GRAVITY, Setting
 
-STEP = 1.0  # s
+STEP = 0.2  # s: at 2 degrees a step the Earth rate goes round finely enough for an axis that is exact
 REST = 2  # samples before and after a rotation
-# Windows of three samples: 30 degrees, of which the mean has lost 1 % and the model says so.
+# Windows of three seconds: 30 degrees, of which the mean has lost 1 % and the model says so.
 WINDOW = 0.55  # rad
 EXACT_AXIS = 1e-7  # rad
 NORTH, UP = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
