@@ -13,6 +13,7 @@ import typer
 import tumble
 from tumble.cli.apply import apply_command
 from tumble.cli.calibrate import calibrate_command
+from tumble.cli.convert import convert_command
 from tumble.cli.demo import demo_command
 from tumble.cli.denoise import denoise_command
 from tumble.cli.inspect import inspect_command
@@ -51,6 +52,7 @@ app.command("calibrate")(calibrate_command)
 app.command("apply")(apply_command)
 app.command("verify")(verify_command)
 app.command("predict")(predict_command)
+app.command("convert")(convert_command)
 app.command("mount")(mount_command)
 app.command("noise")(noise_command)
 app.command("denoise")(denoise_command)

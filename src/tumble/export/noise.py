@@ -1,0 +1,159 @@
+"""Noise coefficients of both triads from noise.json, as the consumers of this room want them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from tumble.arrays import Vector
+from tumble.errors import UsageError
+
+_FORMAT = "tumble noise"
+_TRIADS = {"accelerometer": "a", "gyroscope": "g"}
+
+
+@dataclass(frozen=True, slots=True)
+class TriadNoise:
+    """White noise and random walk of a triad, SI: N two-sided per √Hz, K per second and √Hz.
+
+    Attributes
+    ----------
+    density, walk : worst axis.
+    densities : (3,) axis by axis.
+    walk_is_limit : the walk is not seen in the recording; `walk` is the upper limit.
+    instability : B, worst axis, or None.
+    """
+
+    density: float
+    walk: float
+    densities: Vector
+    walk_is_limit: bool = False
+    instability: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SensorNoise:
+    """Noise of a unit.
+
+    Attributes
+    ----------
+    rate : Hz, of the recording; per-sample numbers are for it.
+    white_factor, walk_factor : the coefficients are already inflated by these.
+    source : file name.
+    """
+
+    accelerometer: TriadNoise
+    gyroscope: TriadNoise
+    rate: float
+    source: str
+    white_factor: float = 1.0
+    walk_factor: float = 1.0
+
+    @property
+    def remarks(self) -> list[str]:
+        """Return sentences on what the numbers are."""
+        what = f"noise from {self.source}: of three axes the worst one, two-sided densities (IEEE Std 952)"
+        said = [f"{what}, at {self.rate:g} Hz"]
+        if (self.white_factor, self.walk_factor) != (1.0, 1.0):
+            said.append(
+                f"white noise is multiplied by {self.white_factor:g} and random walk by "
+                f"{self.walk_factor:g}, as asked for"
+            )
+        for name, triad in (("accelerometers'", self.accelerometer), ("gyros'", self.gyroscope)):
+            if triad.walk_is_limit:
+                said.append(
+                    f"the {name} random walk is not seen in the recording: its upper limit stands in its place"
+                )
+        return said
+
+
+def read_noise(
+    path: str | Path, *, inflate: tuple[float, float] = (1.0, 1.0), rate: float | None = None
+) -> SensorNoise:
+    """Read the coefficients of a ``noise.json`` of both triads.
+
+    Parameters
+    ----------
+    path : the file, or the folder that holds it.
+    inflate : factors for white noise and random walk.
+    rate : Hz that the consumer runs at, where it is not the recording's.
+
+    Raises
+    ------
+    UsageError
+        If it is no noise.json, lacks a triad or its white noise, or is in counts.
+    """
+    file = Path(path)
+    if file.is_dir():
+        file = file / "noise.json"
+    document = _document(file)
+    found: dict[str, TriadNoise] = {}
+    for name, letter in _TRIADS.items():
+        found[name] = _triad(document, name, letter, file, inflate)
+    return SensorNoise(
+        found["accelerometer"],
+        found["gyroscope"],
+        float(document["rate_hz"]) if rate is None else rate,
+        file.name,
+        *inflate,
+    )
+
+
+def _document(file: Path) -> dict[str, Any]:
+    try:
+        document: Any = json.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise UsageError(
+            f"There is no noise file {file}: give the noise.json that `tumble noise -o` wrote."
+        ) from None
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise UsageError(f"{file} cannot be read as a noise.json: {error}.") from error
+    if not isinstance(document, dict) or cast("dict[str, Any]", document).get("format") != _FORMAT:
+        raise UsageError(f'{file} is no noise.json of tumble: it does not say "format": "{_FORMAT}".')
+    return cast("dict[str, Any]", document)
+
+
+def _triad(
+    document: dict[str, Any], name: str, letter: str, file: Path, inflate: tuple[float, float]
+) -> TriadNoise:
+    try:
+        channels = {key: value for key, value in document["channels"].items() if key.startswith(letter)}
+        if len(channels) < 3:
+            raise UsageError(f"{file} has {len(channels)} channels of the {name}: three are needed.")
+        channel_list = [channels[key] for key in sorted(channels)]
+        if any(channel["unit"] == "counts" for channel in channel_list):
+            raise UsageError(
+                f"{file} is in counts: say the units of its recording (`tumble noise --units`), for these "
+                "numbers are SI."
+            )
+        if any("N" not in channel["terms"] for channel in channel_list):
+            raise UsageError(
+                f"{file} shows no white noise (N) on every axis of the {name}: record for longer."
+            )
+        densities = np.array([float(channel["terms"]["N"]["value"]) for channel in channel_list])
+        walks = [float(c["terms"]["K"]["value"]) for c in channel_list if "K" in c["terms"]]
+        limits = [
+            float(c["upper_limits_of_unseen"]["K"]["value"])
+            for c in channel_list
+            if "K" in c["upper_limits_of_unseen"]
+        ]
+        unstable = [float(c["terms"]["B"]["value"]) for c in channel_list if "B" in c["terms"]]
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise UsageError(f"{file} is damaged: {type(error).__name__} at {error}.") from error
+    if not walks and not limits:
+        raise UsageError(
+            f"{file} shows no random walk (K) of the {name} and no limit for it: record for longer, or name "
+            "another file."
+        )
+    walk = max(walks) if walks else max(limits)
+    return TriadNoise(
+        density=float(densities.max()) * inflate[0],
+        walk=walk * inflate[1],
+        densities=densities * inflate[0],
+        walk_is_limit=not walks,
+        instability=max(unstable) if unstable else None,
+    )

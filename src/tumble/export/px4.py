@@ -1,0 +1,133 @@
+"""PX4 parameters ``CAL_ACC*``, ``CAL_GYRO*`` and, of a calibration with temperature, ``TC_A*``, ``TC_G*``.
+
+Read in its source (sensor_calibration/Accelerometer.hpp and Gyroscope.hpp: ``Correct``;
+TemperatureCompensation.h; module.yaml): backward, ``x = R ((u - o_T - OFF) * SCALE)`` for accelerometers,
+without SCALE for gyros, R the board's rotation, which is left as it is. No off-diagonals, no gyro scale: what
+that loses is said. ``o_T = x3 d^3 + x2 d^2 + x1 d + x0`` with ``d = clip(T, TMIN, TMAX) - TREF``. Values are
+single precision.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from tumble.errors import CalibrationFileError, UsageError
+from tumble.export.autopilots import Found, diagonal, from_parameters
+from tumble.export.polynomials import Polynomials, polynomials_of
+from tumble.export.reading import text_of
+from tumble.export.subject import Subject
+from tumble.export.target import BIAS, SCALE, TEMPERATURE, Imported, Target
+from tumble.export.words import commented, example_lines, head
+
+INTEGER, REAL = 6, 9
+FORMULA = (
+    "accelerometers: x = (u - o_T - OFF) * SCALE, axis by axis; gyros: x = u - o_T - OFF; then the board's rotation",
+    "u and x are along the sensor's own axes: PX4 turns them to the board's later (CAL_ACCn_ROT, SENS_BOARD_ROT)",
+)
+
+
+def write(subject: Subject) -> dict[str, str]:
+    """Return a parameter file as QGroundControl loads it: vehicle, component, name, value, type, by tabs.
+
+    Raises
+    ------
+    UsageError
+        If more is lost than the wishes allow, or the instance is not 0 to 3.
+    """
+    n = subject.wishes.instance
+    if not 0 <= n <= 3:
+        raise UsageError(f"PX4 has IMUs 0 to 3, not {n} (--instance).")
+    thermal = polynomials_of(subject, 3, TARGET.title)
+    reduced = diagonal(thermal.subject, TARGET.title)
+    offsets = np.where(thermal.used, 0.0, 1.0)
+    rows: list[tuple[str, float, int]] = []
+    for i, axis in enumerate("XYZ"):
+        rows.append((f"CAL_ACC{n}_{axis}OFF", float(offsets[0] * reduced.accelerometer.bias[i]), REAL))
+        rows.append((f"CAL_ACC{n}_{axis}SCALE", float(1.0 / reduced.accelerometer.matrix[i, i]), REAL))
+    rows += [
+        (f"CAL_GYRO{n}_{axis}OFF", float(offsets[1] * reduced.gyroscope.bias[i]), REAL)
+        for i, axis in enumerate("XYZ")
+    ]
+    rows += _thermal_rows(thermal, n)
+    said = head(reduced, TARGET.title, FORMULA, _test(reduced, thermal))
+    said.append(
+        f"CAL_ACC{n}_ID and CAL_GYRO{n}_ID are not in this file: PX4 takes these numbers for the "
+        "sensor whose ID it has, so calibrate once on the vehicle, then load them"
+    )
+    lines = [f"1\t1\t{name}\t{_value(value, kind)}\t{kind}" for name, value, kind in rows]
+    return {"px4.params": commented(said) + "\n".join(lines) + "\n"}
+
+
+def _value(value: float, kind: int) -> str:
+    return f"{int(value)}" if kind == INTEGER else f"{float(np.float32(value)):.9g}"
+
+
+def _test(subject: Subject, thermal: Polynomials) -> list[str]:
+    at = f" at {thermal.reference:g} degrees Celsius" if any(thermal.used) else ""
+    lines = example_lines(subject)
+    return [lines[0] + at, *lines[1:]]
+
+
+def _thermal_rows(thermal: Polynomials, n: int) -> list[tuple[str, float, int]]:
+    """Rows of TC_A and TC_G with the whole bias in x0, so that the offsets beside them are zero."""
+    rows: list[tuple[str, float, int]] = []
+    for letter, number, used in zip("AG", (0, 1), thermal.used, strict=True):
+        if not used:
+            continue
+        coefficients = thermal.coefficients[number]
+        rows += [(f"TC_{letter}_ENABLE", 1, INTEGER)]
+        rows += [
+            (f"TC_{letter}{n}_TREF", thermal.reference, REAL),
+            (f"TC_{letter}{n}_TMIN", thermal.span[0], REAL),
+            (f"TC_{letter}{n}_TMAX", thermal.span[1], REAL),
+        ]
+        rows += [
+            (f"TC_{letter}{n}_X{power}_{axis}", float(coefficients[power, axis]), REAL)
+            for power in range(4)
+            for axis in range(3)
+        ]
+    return rows
+
+
+def read(path: Path) -> Imported:
+    """Read the first calibrated accelerometer and gyro of a parameter file.
+
+    Raises
+    ------
+    CalibrationFileError
+        If it is no parameter file, or has no calibration in it.
+    """
+    found: Found = {"accelerometer": {}, "gyroscope": {}}
+    thermal: list[str] = []
+    for line_number, line in enumerate(text_of(path).splitlines(), 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        words = line.split()
+        if len(words) != 5:
+            raise CalibrationFileError(
+                f"{path}, line {line_number}, has {len(words)} words: a line of PX4's is vehicle, component, name, "
+                "value, type."
+            )
+        try:
+            value = float(words[3])
+        except ValueError:
+            raise CalibrationFileError(f"{path}, line {line_number}: {words[3]} is no number.") from None
+        if match := re.fullmatch(r"CAL_(ACC|GYRO)(\d)_([XYZ])(OFF|SCALE)", words[2]):
+            kind = "accelerometer" if match[1] == "ACC" else "gyroscope"
+            found[kind][match[2], match[3], "offset" if match[4] == "OFF" else "scale"] = value
+        elif words[2] in ("TC_A_ENABLE", "TC_G_ENABLE") and value:
+            thermal.append(words[2])
+    return from_parameters(found, path, "PX4", thermal)
+
+
+TARGET = Target(
+    "px4",
+    "PX4 parameters",
+    frozenset({SCALE, BIAS, TEMPERATURE}),
+    "px4.params",
+    write,
+    read,
+)

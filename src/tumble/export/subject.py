@@ -1,0 +1,315 @@
+"""`Subject`: a calibration made ready for a target: its units, frame and terms, and what is lost on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tumble.arrays import Vectors
+from tumble.calibration.merging import merge_models
+from tumble.calibration.result import Calibration
+from tumble.errors import UsageError
+from tumble.export import losses
+from tumble.export.losses import Loss
+from tumble.export.noise import SensorNoise
+from tumble.export.target import BIAS, G_SENSITIVITY, MATRIX, NONLINEAR, TEMPERATURE, Target
+from tumble.sensor import FRAMES, ImuModel, Triad, change_frame
+from tumble.sensor.thermal import ThermalModel
+from tumble.units import angular_rate_factor, specific_force_factor
+
+LARGEST_LOSS = 0.02
+"""Of the true vector's length: a target that would lose more is not written without being told to."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What the user wants of a conversion.
+
+    Attributes
+    ----------
+    frame : name of the frame of corrected vectors, or None for the calibration's or the target's own.
+    temperature : °C to take a thermal calibration at, or None for its reference temperature.
+    largest_loss : of the true vector's length, beyond which nothing is written.
+    instance : which IMU of the vehicle, from 0.
+    per_count : m/s² and rad/s that the driver makes of one count, for calibrations in counts.
+    correlation_time : s, of consumers whose biases are Gauss-Markov processes.
+    topic : name of the ROS topic.
+    """
+
+    frame: str | None = None
+    temperature: float | None = None
+    largest_loss: float = LARGEST_LOSS
+    instance: int = 0
+    per_count: tuple[float, float] | None = None
+    correlation_time: float = 3600.0
+    topic: str = "/imu0"
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """What a target writes.
+
+    Attributes
+    ----------
+    model : raw numbers in `units`; both triads are there, and only terms that the target holds or that are in `losses`.
+    units : of raw specific force and angular rate.
+    frame, frame_words : of corrected vectors.
+    calibration : where it is from, or None for noise alone.
+    thermal : the same in `units` and frame for targets that hold temperature, or None.
+    noise : or None.
+    losses : what the target does not hold, with its size.
+    """
+
+    model: ImuModel
+    units: tuple[str, str]
+    frame: str
+    frame_words: str
+    calibration: Calibration | None
+    wishes: Wishes
+    thermal: ThermalModel | None = None
+    noise: SensorNoise | None = None
+    losses: tuple[Loss, ...] = ()
+    remarks: tuple[str, ...] = field(default=())
+
+    @property
+    def accelerometer(self) -> Triad:
+        """The accelerometers."""
+        assert self.model.accelerometer is not None
+        return self.model.accelerometer
+
+    @property
+    def gyroscope(self) -> Triad:
+        """The gyros."""
+        assert self.model.gyroscope is not None
+        return self.model.gyroscope
+
+    def vectors(self) -> tuple[Vectors, Vectors, Vectors, Vectors]:
+        """Return three raw specific forces and angular rates in `units`, round numbers, and both corrected (SI)."""
+        force = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, -1.0], [3.0, -4.0, 9.0]])
+        rate = np.array([[0.1, 0.0, 0.0], [0.0, 0.2, -0.1], [0.3, -0.4, 0.5]])
+        raw_force, raw_rate = self.model.distort(force, rate)
+        raw_force, raw_rate = rounded(raw_force), rounded(raw_rate)
+        force, rate = self.model.correct(raw_force, raw_rate)
+        return raw_force, raw_rate, force, rate
+
+
+def rounded(values: Vectors) -> Vectors:
+    """Return numbers of four digits, which a person can type."""
+    return np.array([[float(f"{v:.4g}") for v in row] for row in values])
+
+
+def prepare(
+    calibration: Calibration | None,
+    target: Target,
+    wishes: Wishes | None = None,
+    noise: SensorNoise | None = None,
+) -> Subject:
+    """Return the calibration in a target's units and frame, with what gets lost.
+
+    Parameters
+    ----------
+    calibration : None for a target that holds noise alone.
+    target : whose form it is to get.
+    wishes : of the user.
+    noise : coefficients, for targets that hold them.
+
+    Raises
+    ------
+    UsageError
+        If something that the target needs is missing, the units cannot be had, or more would be lost than
+        the wishes allow.
+    CalibrationFileError
+        If the calibration has no matrix of either triad.
+    """
+    wishes = wishes or Wishes()
+    if target.needs_noise and noise is None:
+        raise UsageError(
+            f"{target.title} wants noise: give the noise.json that `tumble noise -o` wrote with --noise."
+        )
+    if calibration is None:
+        if target.needs_calibration:
+            raise UsageError(f"{target.title} holds a calibration: name its calibration.json first.")
+        return Subject(ImuModel.ideal(), ("m/s^2", "rad/s"), "", "", None, wishes, noise=noise)
+    found: list[Loss] = []
+    model, thermal, said = _one_model(calibration, target, wishes, found)
+    model, thermal, units = _in_units(model, thermal, calibration, target, wishes)
+    model = _both_triads(model, found, units)
+    model, thermal, frame = _in_frame(model, thermal, calibration, target, wishes)
+    if frame != calibration.frame.name:
+        said.append(
+            f"corrected vectors are in the frame {frame}, not in the calibration's {calibration.frame.name}"
+        )
+    model = _without_terms(model, target, found)
+    subject = Subject(
+        model,
+        units,
+        frame,
+        FRAMES.get(frame, calibration.frame.description),
+        calibration,
+        wishes,
+        thermal,
+        noise,
+        tuple(found),
+        tuple(said),
+    )
+    _refuse_large(subject, target)
+    return subject
+
+
+def _one_model(
+    calibration: Calibration, target: Target, wishes: Wishes, found: list[Loss]
+) -> tuple[ImuModel, ThermalModel | None, list[str]]:
+    """One model of all stages; what changes with temperature is kept for targets that hold it."""
+    models: list[ImuModel] = []
+    said: list[str] = []
+    kept: ThermalModel | None = None
+    for stage in calibration.stages:
+        thermal = stage.thermal_model
+        if thermal is None:
+            models.append(stage.own_model)
+            continue
+        if TEMPERATURE in target.holds and len(calibration.stages) == 1 and wishes.temperature is None:
+            kept = thermal
+            models.append(stage.own_model)
+            continue
+        celsius = thermal.basis.reference_celsius if wishes.temperature is None else wishes.temperature
+        low, high = thermal.span_celsius
+        if not low - 2.0 <= celsius <= high + 2.0:
+            raise UsageError(
+                f"The calibration is of {low:g} to {high:g} °C: it cannot be taken at {celsius:g} °C (--temperature)."
+            )
+        there = thermal.at(celsius)
+        models.append(there)
+        found.append(losses.of_temperature(thermal, there, celsius))
+    model = models[0]
+    for later in models[1:]:
+        model = merge_models(model, later)
+    if len(models) > 1:
+        said.append(f"{len(models)} calibrations one after another, as one matrix and bias")
+    return model, kept, said
+
+
+def _in_units(
+    model: ImuModel, thermal: ThermalModel | None, calibration: Calibration, target: Target, wishes: Wishes
+) -> tuple[ImuModel, ThermalModel | None, tuple[str, str]]:
+    given = calibration.stages[0].raw_units
+    own = (given.specific_force, given.angular_rate)
+    if target.units is None:
+        return model, thermal, own
+    ours = (specific_force_factor(own[0]), angular_rate_factor(own[1]))
+    theirs = (specific_force_factor(target.units[0]), angular_rate_factor(target.units[1]))
+    scale: list[float] = []
+    for number, (from_si, to_si, triad) in enumerate(
+        zip(ours, theirs, (model.accelerometer, model.gyroscope), strict=True)
+    ):
+        assert to_si is not None
+        if from_si is None and triad is not None:
+            if wishes.per_count is None:
+                raise UsageError(
+                    f"The calibration takes counts, and {target.title} works on {target.units[number]}: say what the "
+                    "driver makes of one count, in m/s² and rad/s, with --per-count ACC,GYRO."
+                )
+            from_si = wishes.per_count[number]
+        scale.append((from_si or 1.0) / to_si)
+    return scaled(model, scale), None if thermal is None else _scaled_thermal(thermal, scale), target.units
+
+
+def scaled(model: ImuModel, scale: Sequence[float]) -> ImuModel:
+    """Return a model whose raw numbers are larger by `scale`, of specific force and of angular rate."""
+    return ImuModel(
+        None if model.accelerometer is None else model.accelerometer.in_raw_unit(scale[0]),
+        None if model.gyroscope is None else model.gyroscope.in_raw_unit(scale[1]),
+        None if model.g_sensitivity is None else scale[1] * model.g_sensitivity,
+    )
+
+
+def _scaled_thermal(thermal: ThermalModel, scale: Sequence[float]) -> ThermalModel:
+    def of(name: str) -> float:
+        return scale[0] if name.startswith("acc") else scale[1]
+
+    return replace(
+        thermal,
+        reference=scaled(thermal.reference, scale),
+        coefficients={name: of(name) * values for name, values in thermal.coefficients.items()},
+        rate_coefficients={name: of(name) * values for name, values in thermal.rate_coefficients.items()},
+        hysteresis={name: of(name) * values for name, values in thermal.hysteresis.items()},
+    )
+
+
+def _both_triads(model: ImuModel, found: list[Loss], units: tuple[str, str]) -> ImuModel:
+    """A triad that is not calibrated is nominal: one raw unit is one unit."""
+    accelerometer, gyroscope = model.accelerometer, model.gyroscope
+    if accelerometer is None:
+        factor = specific_force_factor(units[0])
+        found.append(Loss("the accelerometers are not calibrated: nominal numbers stand in their place"))
+        accelerometer = Triad(np.eye(3) / (factor or 1.0), np.zeros(3))
+    if gyroscope is None:
+        factor = angular_rate_factor(units[1])
+        found.append(Loss("the gyros are not calibrated: nominal numbers stand in their place"))
+        gyroscope = Triad(np.eye(3) / (factor or 1.0), np.zeros(3))
+    return ImuModel(accelerometer, gyroscope, model.g_sensitivity)
+
+
+def _in_frame(
+    model: ImuModel, thermal: ThermalModel | None, calibration: Calibration, target: Target, wishes: Wishes
+) -> tuple[ImuModel, ThermalModel | None, str]:
+    frame = target.frame or wishes.frame or calibration.frame.name
+    if target.frame is not None and wishes.frame not in (None, target.frame):
+        raise UsageError(
+            f"{target.title} can only be in the frame {target.frame}, not in {wishes.frame}: leave --frame out."
+        )
+    if frame == calibration.frame.name:
+        return model, thermal, frame
+    if thermal is not None:
+        raise UsageError(
+            f"A calibration with temperature is written in its own frame: leave --frame {frame} out."
+        )
+    return change_frame(model, frame), thermal, frame
+
+
+def _without_terms(model: ImuModel, target: Target, found: list[Loss]) -> ImuModel:
+    """Take out what the target does not hold, and note its size."""
+    accelerometer, gyroscope = model.accelerometer, model.gyroscope
+    assert accelerometer is not None
+    assert gyroscope is not None
+    sensitivity = model.g_sensitivity
+    if BIAS not in target.holds and MATRIX not in target.holds:
+        return model
+    if NONLINEAR not in target.holds:
+        found += losses.of_nonlinearity(accelerometer, "accelerometers")
+        found += losses.of_nonlinearity(gyroscope, "gyros")
+        accelerometer = Triad(accelerometer.matrix, accelerometer.bias)
+        gyroscope = Triad(gyroscope.matrix, gyroscope.bias)
+    if sensitivity is not None and G_SENSITIVITY not in target.holds:
+        found.append(losses.of_g_sensitivity(gyroscope, sensitivity))
+        sensitivity = None
+    return ImuModel(accelerometer, gyroscope, sensitivity)
+
+
+def with_losses(subject: Subject, model: ImuModel, more: Sequence[Loss], target_title: str) -> Subject:
+    """Return the subject with a model that says less, and what that loses.
+
+    Raises
+    ------
+    UsageError
+        If more is lost than the wishes allow.
+    """
+    changed = replace(subject, model=model, losses=(*subject.losses, *more))
+    _refuse(changed, target_title)
+    return changed
+
+
+def _refuse_large(subject: Subject, target: Target) -> None:
+    _refuse(subject, target.title)
+
+
+def _refuse(subject: Subject, title: str) -> None:
+    limit = subject.wishes.largest_loss
+    large = [loss for loss in subject.losses if loss.size is not None and loss.size > limit]
+    if large:
+        raise UsageError(
+            f"{title} cannot hold this calibration: {large[0].text}. That is above the limit of {1e6 * limit:.0f} ppm; "
+            "take another target, or accept it with --largest-loss PPM."
+        )

@@ -1,0 +1,241 @@
+"""A calibration to another tool's form, and from it."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+
+from tumble.calibration import Calibration, read_calibration
+from tumble.calibration.imported import calibration_from_model
+from tumble.calibration.result import RecordingName, write_text
+from tumble.errors import CalibrationFileError, UsageError
+from tumble.export.noise import read_noise
+from tumble.export.registry import TARGETS, find_target
+from tumble.export.subject import Subject, Wishes, prepare
+from tumble.export.target import (
+    BIAS,
+    G_SENSITIVITY,
+    MATRIX,
+    NOISE,
+    NONLINEAR,
+    SCALE,
+    TEMPERATURE,
+    Target,
+)
+from tumble.units import angular_rate_factor, find_unit, specific_force_factor
+
+# What a folder is given for.
+_INPUTS = ("calibration.json", "noise.json")
+_HOLDABLE = (MATRIX, SCALE, BIAS, G_SENSITIVITY, NONLINEAR, TEMPERATURE, NOISE)
+
+
+@dataclass(frozen=True, slots=True)
+class Converted:
+    """What was written, and sentences on what it does not hold."""
+
+    files: list[Path]
+    remarks: list[str]
+
+
+@dataclass(frozen=True, slots=True)
+class TargetRow:
+    """A target as it is listed: its name, what it is, which way, what it holds."""
+
+    name: str
+    title: str
+    directions: str
+    holds: str
+
+
+def list_targets() -> list[TargetRow]:
+    """Return all targets with directions and what each can hold."""
+    return [
+        TargetRow(target.name, target.title, target.directions, ", ".join(what_it_holds(target)))
+        for target in TARGETS.values()
+    ]
+
+
+def what_it_holds(target: Target) -> list[str]:
+    """Return what a target holds, in words; a full matrix covers scale factors."""
+    kept = [what for what in _HOLDABLE if what in target.holds]
+    return [what for what in kept if not (what == SCALE and MATRIX in kept)]
+
+
+def convert_to(
+    calibration: str | os.PathLike[str] | Calibration | None,
+    target: str,
+    *,
+    output: str | os.PathLike[str] | None = None,
+    noise: str | os.PathLike[str] | None = None,
+    inflate: tuple[float, float] = (1.0, 1.0),
+    rate: float | None = None,
+    wishes: Wishes | None = None,
+) -> Converted:
+    """Write a calibration in another tool's form.
+
+    Parameters
+    ----------
+    calibration : a ``calibration.json``, its folder, a `Calibration`, or None for a target of noise alone.
+    target : its name.
+    output : the file, or the folder of a target of several files; by default the target's own name for it.
+    noise : a ``noise.json``, for targets that hold noise.
+    inflate : factors for white noise and random walk.
+    rate : Hz that the consumer samples at, where it is not the recording's.
+    wishes : frame, temperature, limit and others.
+
+    Raises
+    ------
+    UsageError
+        If the target is unknown, lacks something that it needs, or would lose more than allowed.
+    CalibrationFileError
+        If the calibration cannot be read.
+    OutputError
+        If the file cannot be written; an earlier one is intact.
+    """
+    chosen = find_target(target)
+    if noise is not None and NOISE not in chosen.holds:
+        raise UsageError(f"{chosen.title} holds no noise: leave --noise out.")
+    if noise is None and (inflate != (1.0, 1.0) or rate is not None):
+        raise UsageError("--inflate and --rate are about noise: give --noise too.")
+    document = calibration
+    if document is not None and not isinstance(document, Calibration):
+        document = read_calibration(document)
+    coefficients = None if noise is None else read_noise(Path(noise), inflate=inflate, rate=rate)
+    subject = prepare(document, chosen, wishes, coefficients)
+    texts = chosen.write(subject)
+    files = _places(
+        texts, chosen, output, [p for p in (calibration, noise) if isinstance(p, str | os.PathLike)]
+    )
+    for path, text in zip(files, texts.values(), strict=True):
+        write_text(path, text)
+    return Converted(files, _remarks(subject, chosen, texts))
+
+
+def _places(
+    texts: dict[str, str],
+    target: Target,
+    output: str | os.PathLike[str] | None,
+    inputs: Sequence[str | os.PathLike[str]],
+) -> list[Path]:
+    if len(texts) > 1:
+        folder = Path(output) if output is not None else Path(target.file)
+        if folder.exists() and not folder.is_dir():
+            raise UsageError(f"{target.title} is {len(texts)} files: {folder} must be a folder.")
+        files = [folder / name for name in texts]
+    else:
+        file = Path(output) if output is not None else Path(target.file)
+        files = [file / next(iter(texts))] if file.is_dir() else [file]
+    for given in inputs:
+        places = [Path(given) / name for name in _INPUTS] if Path(given).is_dir() else [Path(given)]
+        for place, file in product(places, files):
+            if place.exists() and file.exists() and file.samefile(place):
+                raise UsageError(f"{file} is the input itself: give another file with -o.")
+    return files
+
+
+def _remarks(subject: Subject, target: Target, texts: dict[str, str]) -> list[str]:
+    """What the file says in its comments too, where it has some; losses of the writer are in the text."""
+    said = list(subject.remarks)
+    lost = [loss.text for loss in subject.losses]
+    if target.comment:
+        for line in "".join(texts.values()).splitlines():
+            _, mark, text = line.partition("not in this file: ")
+            if mark and text not in lost:
+                lost.append(text)
+    if subject.noise is not None:
+        said += subject.noise.remarks
+    return [_sentence(text) for text in (*(f"not in the file: {text}" for text in lost), *said)]
+
+
+def _sentence(text: str) -> str:
+    return text[0].upper() + text[1:] + ("" if text.endswith(".") else ".")
+
+
+def convert_from(
+    path: str | os.PathLike[str],
+    source: str,
+    *,
+    output: str | os.PathLike[str] = "calibration.json",
+    units: str | None = None,
+) -> Converted:
+    """Read another tool's calibration and write it as ``calibration.json``, without uncertainties.
+
+    Parameters
+    ----------
+    path : the file, or a folder of several.
+    source : name of the target that it is of.
+    output : the file.
+    units : raw units of specific force and angular rate, for forms that do not say them.
+
+    Raises
+    ------
+    UsageError
+        If the target is unknown or written only, or the units are wrong.
+    CalibrationFileError
+        If the file is not of that tool, or damaged.
+    OutputError
+        If the file cannot be written; an earlier one is intact.
+    """
+    chosen = find_target(source, reading=True)
+    assert chosen.read is not None
+    found = chosen.read(Path(path))
+    raw_units = found.units
+    if units is not None:
+        if chosen.units is not None:
+            raise UsageError(
+                f"{chosen.title} works on {chosen.units[0]} and {chosen.units[1]}: leave --units out."
+            )
+        raw_units = _two_units(units)
+        found = replace(found, remarks=tuple(r for r in found.remarks if "--units" not in r))
+    for unit, factor in zip(raw_units, (specific_force_factor, angular_rate_factor), strict=True):
+        factor(unit)
+    target_file = Path(output) / "calibration.json" if Path(output).is_dir() else Path(output)
+    if any(target_file.exists() and target_file.samefile(file) for file in found.files):
+        raise UsageError(f"{target_file} is the input itself: give another file with -o.")
+    model = found.model
+    for name, triad in (("accelerometer", model.accelerometer), ("gyroscope", model.gyroscope)):
+        if triad is not None and not abs(float(_determinant(triad.matrix))) > 0.0:
+            raise CalibrationFileError(f"The {name}'s matrix in {path} cannot be inverted.")
+    document = calibration_from_model(
+        model,
+        raw_units,
+        (found.frame, found.frame_words),
+        [RecordingName(name=file.name, sha256=_hash(file)) for file in found.files],
+        procedure=f"imported from {chosen.title}",
+        remarks=[_sentence(remark) for remark in found.remarks],
+    )
+    document.write(target_file)
+    return Converted(
+        [target_file], [*document.remarks, "The file holds no uncertainties, so the document has none."]
+    )
+
+
+def _determinant(matrix: object) -> float:
+    import numpy as np
+
+    return float(np.linalg.det(np.asarray(matrix)))
+
+
+def _hash(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _two_units(text: str) -> tuple[str, str]:
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) == 1:
+        parts *= 2
+    if len(parts) != 2:
+        raise UsageError(
+            f"--units {text} is no pair: give those of specific force and angular rate, as g,deg/s."
+        )
+    force, rate = find_unit("specific force", parts[0]), find_unit("angular rate", parts[1])
+    if force is None or rate is None:
+        wrong = parts[0] if force is None else parts[1]
+        raise UsageError(
+            f"{wrong!r} in --units is not known: give specific force and angular rate, as g,deg/s or counts."
+        )
+    return force, rate
