@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.arrays import Vector, Vectors
+from tumble.arrays import Series, Vector, Vectors
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.free_inertial import (
     CalibratedUnit,
@@ -149,7 +149,7 @@ def _position(unit: CalibratedUnit, seconds: float, up: Vector) -> float:
 
 def _nominal_positions(
     unit: CalibratedUnit, factors: _Factors, seconds: float, ups: Vectors
-) -> Vector | None:
+) -> Series | None:
     made: list[float] = []
     for up in ups:
         force = unit.gravity * up
@@ -203,7 +203,7 @@ def _sorted(shares: dict[str, float]) -> dict[str, float]:
     return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
 
-def _rms(values: Vector) -> float:
+def _rms(values: Series) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
