@@ -173,6 +173,15 @@ def add_time_lag(estimate: Estimate, data: HoldsAndTurns) -> None:
     correlations = np.eye(size + 1)
     correlations[:size, :size] = estimate.correlations
     estimate.correlations = correlations
+    if estimate.budget:
+        # The turns tell the lag, and nothing else of the budget does.
+        cause = (
+            "gyros while turning" if "gyros while turning" in estimate.budget else next(iter(estimate.budget))
+        )
+        estimate.budget = {
+            name: np.append(part, found.sigma if name == cause else 0.0)
+            for name, part in estimate.budget.items()
+        }
     later = "later" if found.lag > 0 else "earlier"
     estimate.remarks.append(
         f"The accelerometer's samples belong to instants {abs(1e3 * found.lag):.1f} ms "
