@@ -76,18 +76,23 @@ def cells(answer: Answer, *, with_sheet: bool = False) -> list[str]:
     elif answer.before is not None:
         factor, unit = practical(answer.kind, answer.before)
         scale = factor / answer.before if answer.before > 0.0 else 1.0
-        before = f"{with_uncertainty(factor, scale * answer.after)} {unit}"
+        before = f"{with_uncertainty(factor, scale * answer.after)}{_spaced(unit)}"
     value, unit = practical(answer.kind, answer.after)
-    made = [answer.question, before, f"0 ± {two_digits(value)} {unit}", _causes(answer)]
+    made = [answer.question, before, f"0 ± {two_digits(value)}{_spaced(unit)}", _causes(answer)]
     if with_sheet:
         sheet = "–"
         if answer.sheet is not None and not math.isfinite(answer.sheet):
             sheet = "attitude lost"
         elif answer.sheet is not None:
             promised, of = practical(answer.kind, answer.sheet)
-            sheet = f"0 ± {two_digits(promised)} {of}"
+            sheet = f"0 ± {two_digits(promised)}{_spaced(of)}"
         made.insert(2, sheet)
     return made
+
+
+def _spaced(unit: str) -> str:
+    """Return a unit as it follows a number: degrees and seconds of arc without a space."""
+    return unit if unit in "°″" else f" {unit}"
 
 
 def _causes(answer: Answer) -> str:

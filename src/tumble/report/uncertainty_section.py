@@ -201,11 +201,11 @@ def global_test_words(test: GlobalTest) -> list[str]:
         if test.alone > 0.05
         else "The noise seen at rest alone does not explain the residuals"
     )
-    said = [f"{alone} (global test, both sides: p = {_probability(test.alone)})."]
+    said = [f"{alone} (global test, both sides: p {_probability(test.alone)})."]
     if test.components:
         said.append(
             f"With {test.components} variance component{'s' if test.components > 1 else ''} found in them the square "
-            f"sum is {test.statistic:.0f} with {test.degrees} degrees of freedom (p = {_probability(test.probability)})"
+            f"sum is {test.statistic:.0f} with {test.degrees} degrees of freedom (p {_probability(test.probability)})"
             + (
                 ": they fit, which after such an estimate they nearly have to."
                 if test.probability > 0.01
@@ -229,7 +229,7 @@ def model_choice_words(choice: ModelChoice, sigmas: np.ndarray, rows: list[Param
     row = rows[worst]
     return (
         f"Model choice, not included: the term {choice.name.replace('_', '-')} was "
-        f"{'kept' if choice.kept else 'left out'} near its limit (p = {_probability(choice.probability)}, limit "
+        f"{'kept' if choice.kept else 'left out'} near its limit (p {_probability(choice.probability)}, limit "
         f"{choice.limit:g}). {'Without' if choice.kept else 'With'} it {row.group}: {row.label} would move by "
         f"{two_digits(float(size[worst]))} of its standard uncertainties, the most of all."
     )
@@ -275,7 +275,7 @@ def _detectable_row(found: Detectable, rows: list[ParameterRow]) -> str:
 
 
 def _probability(p: float) -> str:
-    return "below 0.0001" if p < 1e-4 else f"{p:.2g}"
+    return "< 0.0001" if p < 1e-4 else f"= {p:.2g}"
 
 
 def _table(heads: tuple[str, ...], lines: list[str]) -> str:
