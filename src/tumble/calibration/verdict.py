@@ -37,6 +37,7 @@ _REMEDIES = {
     "modified-multi-position": "spin faster or longer, both ways in more different poses",
     "turntable": "hold longer and in more poses, above all edges; turn further, both ways about each axis",
     "laboratory": "align the table better, or hold longer and turn further; the turntable procedure needs no alignment",
+    "thermal": "hold nine poses or more at more temperatures",
     "strapdown-rotation": "repeat the sequences, and turn faster: gyros with less noise are what would help most",
 }
 
@@ -198,6 +199,21 @@ def _too_much_left_out(estimate: Estimate) -> list[str]:
     return against
 
 
+def _without_gyro_matrix(estimate: Estimate) -> str:
+    """Return what a calibration is that has no matrix of the gyros."""
+    if estimate.thermal is None:
+        return "This is the accelerometers' calibration: of the gyro only the bias at rest is known."
+    if any(name.startswith("accelerometer") for name in estimate.names):
+        return (
+            "This is the accelerometers' calibration over temperature: of the gyros the biases are known over "
+            "temperature, and not their scale factors."
+        )
+    return (
+        "This is a calibration of how the biases of both triads change with temperature, and of no scale factors: a "
+        "calibration at one temperature, of recordings that this one has corrected (tumble apply), completes it."
+    )
+
+
 def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
     """Return what can be said for the calibration, in numbers."""
     words: list[str] = []
@@ -220,7 +236,7 @@ def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
     if estimate.model.gyroscope is not None and not any(
         name.startswith("gyroscope.matrix") for name in estimate.names
     ):
-        words.append("This is the accelerometers' calibration: of the gyro only the bias at rest is known.")
+        words.append(_without_gyro_matrix(estimate))
     turns = estimate.turn_angles[np.isfinite(estimate.turn_angles)]
     if turns.size:
         angle = float(np.degrees(np.sqrt(np.mean(turns**2))))

@@ -70,7 +70,11 @@ def _array_lines(name: str, rows: Any) -> list[str]:
 
 
 def python_snippet(calibration: Calibration) -> str:
-    """Return a few lines of Python that correct raw samples (rows of three) with numpy alone."""
+    """Return a few lines of Python that correct raw samples (rows of three); with a temperature where it matters."""
+    if calibration.thermal is not None and calibration.composed_with is None:
+        from tumble.report.thermal_snippet import thermal_snippet
+
+        return thermal_snippet(calibration)
     force, gyro = calibration.accelerometer, calibration.gyroscope
     lines = ["import numpy as np"]
     blocks = [block for block in (force, gyro) if block is not None and block.matrix is not None]

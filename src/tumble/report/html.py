@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tumble.report.advice import next_steps
+from tumble.report.beside_section import beside_section, beside_table
 from tumble.report.figure import Section
 from tumble.report.formula import formula_text, python_snippet
 from tumble.report.parameter_figures import correlation_section, interval_section
@@ -114,6 +115,7 @@ def render_report(
         rotation_table(estimate),
         sequence_tables(estimate),
         *(_figures(section) for section in sections),
+        beside_table(estimate, rows),
         budget_table(estimate, rows),
         reliability_table(estimate, rows),
         _terms(calibration),
@@ -316,9 +318,9 @@ def _sections(
         if turns is not None:
             sections.append(turns)
     sections.append(interval_section(rows, calibration.quality.coverage_factor))
-    shares = budget_section(estimate, rows)
-    if shares is not None:
-        sections.append(shares)
+    for made in (beside_section(estimate, rows), budget_section(estimate, rows)):
+        if made is not None:
+            sections.append(made)
     sections.append(correlation_section(rows[: len(estimate.correlations)], estimate.correlations))
     return sections
 
@@ -404,11 +406,23 @@ def _digits(value: float) -> str:
     return f"{float(f'{value:.2g}'):.10g}"
 
 
+def _at_what(calibration: Calibration) -> str:
+    """Return at which temperature the numbers hold, where they change with it."""
+    if calibration.thermal is None:
+        return ""
+    celsius = calibration.thermal.basis.reference_celsius
+    return (
+        f" These numbers hold at {celsius:g} °C; at another temperature use the lines below, or "
+        "<code>tumble apply</code>."
+    )
+
+
 def _formulas(calibration: Calibration) -> str:
     parts = [
         (
             "<h2>The formula, both ways</h2>\n<p>True values are in frame b and SI; raw values are in the recording's "
-            f"own units. At rest the specific force points up.</p><pre>{_text(formula_text(calibration))}</pre>"
+            f"own units. At rest the specific force points up.{_at_what(calibration)}</p>"
+            f"<pre>{_text(formula_text(calibration))}</pre>"
         ),
     ]
     if calibration.test_vectors:
