@@ -29,18 +29,18 @@ from tumble.calibration.joint_poses import MOUNTING_SIGMA
 from tumble.calibration.joint_start import gather_what_there_is, rough_start, rough_variances
 from tumble.calibration.joint_system import JointProblem, JointState, Masks, linearise_joint, start_state
 from tumble.calibration.joint_terms import Extra
-from tumble.calibration.joint_unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED
+from tumble.calibration.joint_unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED, force_matrix
 from tumble.calibration.joint_wide import FIXTURE, is_wide, widened
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.term_tests import wald_test
-from tumble.calibration.triad_unknowns import ANGLE, QUADRATIC, SCALE, unknowns_from_triad
+from tumble.calibration.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE, unknowns_from_triad
 from tumble.calibration.turn_conditions import HoldsAndTurns
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
 from tumble.estimation import Prior
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline
-from tumble.segmentation.rotations import Rotation
+from tumble.segmentation.rotations import LONGEST_GAP, Rotation
 from tumble.sensor import ImuModel
 from tumble.sensor.gauge import change_frame
 
@@ -53,6 +53,8 @@ TERM_FALSE_ALARM = 0.02
 TERMS_TRIED = len(OPTIONAL_TERMS) + 1
 # Both triads without optional terms.
 PLAIN = np.concatenate([np.arange(0, 9), np.arange(GYRO_MATRIX.start, GYRO_BIAS.stop)])
+# An axis that leans by less than this is upright; a window may then turn so far.
+UPRIGHT, UPRIGHT_ANGLE = 0.1, 3.0  # rad
 # Accelerometers without a gyro.
 FORCE_ALONE = np.arange(0, 9)
 
@@ -106,7 +108,8 @@ def calibrate_joint(
             f"No pose is believed, so that nothing tells the frame {frame!r}: give a protocol whose holds have poses "
             "with a small sigma, or leave the frame as it is."
         )
-    data = joint_data(base, values, _spins(base, values, rotations))
+    broken: list[str] = []
+    data = joint_data(base, values, _spins(base, values, rotations, broken))
     data.poses = poses
     masks = Masks.everything(data.holds)
     masks.rate[:] = has_gyro
@@ -141,6 +144,7 @@ def calibrate_joint(
     )
     if optional_terms and has_gyro and not data.spins:
         add_time_lag(estimate, base)
+    estimate.remarks += broken
     if has_gyro:
         add_bias_step(estimate, base, recording)
     return estimate
@@ -168,13 +172,24 @@ def unknowns_of(model: ImuModel) -> Series:
     return values
 
 
-def _spins(base: HoldsAndTurns, values: Series, rotations: Sequence[Rotation]) -> list[JointSpin]:
+def _spins(
+    base: HoldsAndTurns, values: Series, rotations: Sequence[Rotation], broken: list[str]
+) -> list[JointSpin]:
     inverse = inverted(values[GYRO_MATRIX].reshape(3, 3))
     made: list[JointSpin] = []
     for rotation in rotations:
-        before, after = rotation.before, rotation.after
+        before, after = _beside(base, rotation)
         if before is None or after != before + 1:
             continue
+        if _has_gap(base, before):
+            # Nothing is known of the attitude after it: a new section begins.
+            base.turn_start[before] = base.turn_stop[before] = -1
+            broken.append(
+                f"In rotation {rotation.row + 1} (step {rotation.step + 1} of the protocol) samples are missing: "
+                "it was not used, and what follows has a heading of its own."
+            )
+            continue
+        at_rate = not rotation.is_from_rest
         # The search does not take a table's slow rotation for a turn where it cannot be told from a hold.
         if base.turn_start[before] < 0:
             base.turn_start[before] = base.tail[before, 1] - 1
@@ -187,13 +202,42 @@ def _spins(base: HoldsAndTurns, values: Series, rotations: Sequence[Rotation]) -
                 rotation.start,
                 rotation.stop,
                 rate,
-                angle=rotation.angle,
-                angle_sigma=rotation.angle_sigma,
+                angle=None if at_rate else rotation.angle,
+                angle_sigma=0.0 if at_rate else rotation.angle_sigma,
+                turn_rate=rotation.angle / rotation.seconds if at_rate else None,
+                rate_sigma=rotation.angle_sigma / rotation.seconds if at_rate else 0.0,
+                **_window_sizes(values, base, before, rate),
                 row=rotation.row,
                 name=f"rotation {rotation.row + 1}",
             )
         )
     return made
+
+
+def _beside(base: HoldsAndTurns, rotation: Rotation) -> tuple[int | None, int | None]:
+    """The holds beside a rotation; of one at a constant rate those that are nearest."""
+    if rotation.before is not None:
+        return rotation.before, rotation.after
+    before = np.flatnonzero(base.tail[:, 1] <= rotation.start)
+    after = np.flatnonzero(base.head[:, 0] >= rotation.stop)
+    if not before.size or not after.size:
+        return None, None
+    return int(before[-1]), int(after[0])
+
+
+def _has_gap(base: HoldsAndTurns, before: int) -> bool:
+    """Whether samples are missing between a hold and the next one."""
+    steps = np.diff(base.time[base.tail[before, 1] - 1 : base.head[before + 1, 0] + 1])
+    return bool(np.any(steps > max(LONGEST_GAP, 1.5 * float(np.median(np.diff(base.time))))))
+
+
+def _window_sizes(values: Series, base: HoldsAndTurns, before: int, rate: Series) -> dict[str, float]:
+    """How far a window may turn: gravity that stands on the axis does not go round, and wants few windows."""
+    up = inverted(force_matrix(values)) @ (base.force_mean[before] - values[BIAS])
+    leaning = float(
+        np.linalg.norm(np.cross(up, rate)) / max(np.linalg.norm(up) * np.linalg.norm(rate), 1e-30)
+    )
+    return {"largest_angle": UPRIGHT_ANGLE} if leaning < UPRIGHT else {}
 
 
 def _prior(values: Series, prior: StableKnowledge | None) -> Prior | None:
@@ -221,7 +265,15 @@ def _start_values(
     model = None if start is None or start.frame != "accelerometer-x" else start.model
     if model is not None and model.accelerometer is not None and model.gyroscope is not None:
         return unknowns_of(model)
-    return rough_start(recording, timeline, means, site)
+    values = rough_start(recording, timeline, means, site)
+    if start is not None and start.model.gyroscope is not None and _tells_gyros(start):
+        values[GYRO_MATRIX] = start.model.gyroscope.matrix.ravel()
+        values[GYRO_BIAS] = start.model.gyroscope.bias
+    return values
+
+
+def _tells_gyros(start: Estimate) -> bool:
+    return sum(name.startswith("gyroscope.matrix") for name in start.names) == 9
 
 
 def _refuse_nothing_told(untold: Untold) -> None:

@@ -43,6 +43,8 @@ class JointSpin:
     seconds : s from the first window's start to the last one's end.
     angle, angle_sigma : rad that the table says it turned from rest to rest, with the gyros' own sign about
         their own axis; None if nobody read it.
+    turn_rate, rate_sigma : rad/s against the Earth at which it is believed to turn over all windows; None if nobody
+        says so.
     row : which of the matched spins it is; -1 for none.
     name : in words.
     """
@@ -60,6 +62,8 @@ class JointSpin:
     seconds: float
     angle: float | None = None
     angle_sigma: float = 0.0
+    turn_rate: float | None = None
+    rate_sigma: float = 0.0
     row: int = -1
     name: str = ""
 
@@ -195,6 +199,8 @@ def window_spin(
     angle_sigma: float,
     largest_angle: float = 0.3,
     longest: float = 2.0,
+    turn_rate: float | None = None,
+    rate_sigma: float = 0.0,
     row: int = -1,
     name: str = "",
 ) -> JointSpin:
@@ -209,6 +215,7 @@ def window_spin(
     angle, angle_sigma : rad, the table's own; None if nobody read it.
     largest_angle, longest : rad and s that a window may turn and last: a mean over 0.3 rad has lost 0.4 % of
         what turns, which the model follows exactly and its derivatives neglect.
+    turn_rate, rate_sigma : rad/s, the table's own; None if nobody says.
     row, name : which spin it is.
     """
     time = base.time
@@ -237,6 +244,8 @@ def window_spin(
         seconds=whole,
         angle=angle,
         angle_sigma=angle_sigma,
+        turn_rate=turn_rate,
+        rate_sigma=rate_sigma,
         row=row,
         name=name,
     )

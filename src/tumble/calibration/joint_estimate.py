@@ -256,6 +256,10 @@ def _spins(outcome: JointOutcome) -> tuple[Series, Vectors, Vectors, list[str]]:
             rates[at] = told.angle / spin.duration
             residuals[at] = axis_b * spin.angle_residual / spin.duration
             sigmas[at] = max(told.angle_sigma, 1e-9) / spin.duration
+        elif told.turn_rate is not None:
+            rates[at] = told.turn_rate
+            residuals[at] = axis_b * spin.rate_residual
+            sigmas[at] = max(told.rate_sigma, 1e-9)
     return rates, residuals, sigmas, names
 
 
@@ -299,6 +303,11 @@ def _remarks(outcome: JointOutcome) -> list[str]:
             f"{len(data.spins)} rotations of the table show gravity in {windows} windows while it turns, and "
             f"{sum(s.angle is not None for s in data.spins.values())} angles that were read."
         )
+        rated = sum(s.turn_rate is not None for s in data.spins.values())
+        if rated:
+            told.append(
+                f"Of {rated} rotations the rate is believed, over as many whole revolutions as there are."
+            )
     shaken = [k for k, factor in outcome.problem.spin_noise.items() if factor > 1.1]
     if shaken:
         worst = max(outcome.problem.spin_noise[k] for k in shaken)

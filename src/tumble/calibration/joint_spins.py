@@ -50,6 +50,8 @@ START, END = slice(0, 3), slice(3, 6)
 LEVER_SIGMA = 1.0  # m
 # A good table's axis wobbles by an arcsecond or so; more is found from the residuals.
 LEAST_WOBBLE = 5e-6  # rad
+# Two copies of one attitude agree to this, and an exact rate is one to a microradian over the whole.
+SAME, LEAST_RATE_ANGLE = 1e-6, 1e-6  # rad
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +59,13 @@ class Layout:
     """Where a rotation's own unknowns stand in its border, after start and end.
 
     First the lever arm (3), then how the axis leans in the unit and in the room (2 and 2), then what the
-    accelerometers' biases wander (constant and modes, 3 each), then the gyros', then the shared border.
+    accelerometers' biases wander (constant and modes, 3 each), then the gyros', then
+    the first window's attitude once more where a rate is believed (3), then the shared border.
     """
 
     modes: int
     border: int = BORDER
+    rated: bool = False
 
     @property
     def wander(self) -> int:
@@ -71,7 +75,7 @@ class Layout:
     @property
     def own(self) -> int:
         """How many unknowns are the rotation's own."""
-        return 7 + 2 * self.wander
+        return 7 + 2 * self.wander + (3 if self.rated else 0)
 
     @property
     def size(self) -> int:
@@ -99,6 +103,10 @@ class Layout:
         """Of the gyros' wander, in the border."""
         return slice(13 + self.wander, 13 + 2 * self.wander)
 
+    def anchor(self) -> slice:
+        """Of the first window's attitude, in the border; of nothing where no rate is believed."""
+        return slice(13 + 2 * self.wander, self.shared)
+
     def inner(self, border: slice) -> slice:
         """The same place among the rotation's own unknowns."""
         return slice(border.start - 6, border.stop - 6)
@@ -106,7 +114,8 @@ class Layout:
     @staticmethod
     def of(spin: JointSpin, unknowns: Series | None = None) -> Layout:
         """Return the layout of a rotation whose border has the Earth rate and the unknowns (33 if not given)."""
-        return Layout(spin.modes.shape[1], BORDER if unknowns is None else 3 + unknowns.size)
+        border = BORDER if unknowns is None else 3 + unknowns.size
+        return Layout(spin.modes.shape[1], border, spin.turn_rate is not None)
 
     def bases(self, values: AnyArray) -> AnyArray:
         """Return (rows, 3, wander) what the constant and the modes (rows, modes) add to each axis."""
@@ -124,12 +133,14 @@ class SpinState:
     axis_b, axis_w : (3,) unit vectors, the axis in the unit and in the room, along the turn.
     own : lever arm, axis, wander of the accelerometers and of the gyros, see `Layout`; the axis's place in it
         stays zero, for it is moved itself.
+    anchor : (3, 3) the first window's attitude once more, where a rate is believed; else None.
     """
 
     C_wb: Matrices
     axis_b: Vector
     axis_w: Vector
     own: Series
+    anchor: AnyArray | None = None
 
     def move(self, attitudes: Table, own: Series) -> None:
         """Move by steps of the windows' attitudes and of the own unknowns."""
@@ -139,6 +150,9 @@ class SpinState:
         self.axis_w = _leaned(self.axis_w, leaning_w)
         self.own = self.own + own
         self.own[3:7] = 0.0
+        if self.anchor is not None:
+            self.anchor = matrix_from_rotation_vector(own[-3:]) @ self.anchor
+            self.own[-3:] = 0.0
 
 
 def _leaned(axis: Vector, by: Series) -> Vector:
@@ -159,6 +173,7 @@ class SpinEquations:
     own_root, own_gain, own_step : to find the own unknowns again.
     force_residual : (windows, 3) raw, predicted minus observed.
     angle_residual : rad, of the table's angle; NaN without.
+    rate_residual : rad/s, of the table's rate; NaN without.
     axis : (3,) unit vector in w about which it turned.
     wobbled : mean square of the axis's whitened residuals.
     duration : s from rest to rest.
@@ -175,6 +190,7 @@ class SpinEquations:
     own_gradient: Series
     force_residual: Table
     angle_residual: float
+    rate_residual: float
     axis: Vector
     wobbled: float
     duration: float
@@ -197,7 +213,8 @@ def start_spin(
         made.append(matrix_from_rotation_vector(-t * earth_w) @ made[-1] @ rotation)
     C_wb = np.array(made[1:])
     axis = _axis(C_wb)
-    return SpinState(C_wb, np.asarray(C_tail.T @ axis), axis, np.zeros(Layout.of(spin).own))
+    anchor = None if spin.turn_rate is None else C_wb[0].copy()
+    return SpinState(C_wb, np.asarray(C_tail.T @ axis), axis, np.zeros(Layout.of(spin).own), anchor)
 
 
 def spin_equations(
@@ -240,13 +257,14 @@ def spin_equations(
         corner=made.corner[np.ix_(outer, outer)] - gain.T @ inverse @ gain,
         gradient=made.corner_gradient[outer] - gain.T @ inverse @ right,
         square_sum=square_sum,
-        observations=3 * (windows + 1) + added.leaning - 4 + (0 if np.isnan(angle) else 1),
+        observations=3 * (windows + 1) + added.leaning - 4 + int(not np.isnan(angle)) + int(layout.rated),
         chain=made,
         own_inverse=inverse,
         own_gain=gain,
         own_gradient=right,
         force_residual=added.force_residual,
         angle_residual=angle,
+        rate_residual=added.rate_residual,
         axis=state.axis_w,
         wobbled=added.wobbled,
         duration=added.duration,
@@ -260,6 +278,7 @@ class SpinResiduals:
 
     force_residual: Table
     angle_residual: float
+    rate_residual: float
     wobbled: float
     leaning: int
     duration: float
@@ -296,11 +315,13 @@ def add_spin_terms(
     axis = state.axis_w
     chain.source("angle")
     angle_sum, angle = _add_angle(chain, spin, axis, edges, layout)
+    chain.source("table rate")
+    rate_sum, rate = _add_rate(chain, data, spin, state, layout)
     chain.source("own")
     own_sum = _add_own_prior(chain, data, spin, state, unknowns, extra)
-    square_sum = force[1] + link_sum + axis_sum + angle_sum + own_sum
+    square_sum = force[1] + link_sum + axis_sum + angle_sum + rate_sum + own_sum
     wobbled = axis_sum / max(leaning - 4, 1)
-    return SpinResiduals(force[0], angle, wobbled, leaning, duration, square_sum)
+    return SpinResiduals(force[0], angle, rate, wobbled, leaning, duration, square_sum)
 
 
 def _ranges(data: JointData, spin: JointSpin) -> np.ndarray:
@@ -446,6 +467,30 @@ def _add_angle(
     return (missed / sigma) ** 2, missed
 
 
+def _add_rate(
+    chain: BorderedChain, data: JointData, spin: JointSpin, state: SpinState, layout: Layout
+) -> tuple[float, float]:
+    """Add that the table turns at its rate from the first window to the last; return square and residual (rad/s).
+
+    The two are no neighbours in the chain: the first one's attitude stands in the border once more.
+    """
+    if spin.turn_rate is None or state.anchor is None or len(spin.windows) < 2:
+        return 0.0, float("nan")
+    tie = rotation_vector_from_matrix(state.C_wb[0] @ state.anchor.T) / SAME
+    by_node, by_border = np.eye(3)[None] / SAME, np.zeros((1, 3, layout.size))
+    by_border[0, :, layout.anchor()] = -np.eye(3) / SAME
+    chain.add_unary(np.array([0]), tie[None], by_node, by_border)
+    seconds = float(data.base.time[spin.centres[-1]] - data.base.time[spin.centres[0]])
+    axis, sigma = state.axis_w, max(spin.rate_sigma * seconds, LEAST_RATE_ANGLE)
+    turned = matrix_from_rotation_vector(axis * abs(spin.turn_rate) * seconds) @ state.anchor
+    missed = float(axis @ rotation_vector_from_matrix(state.C_wb[-1] @ turned.T))
+    by_last, by_border = axis[None, None] / sigma, np.zeros((1, 1, layout.size))
+    by_border[0, 0, layout.anchor()] = -axis / sigma
+    last = np.array([len(spin.windows) - 1])
+    chain.add_unary(last, np.array([[missed / sigma]]), by_last, by_border)
+    return float(tie @ tie) + (missed / sigma) ** 2, missed / seconds
+
+
 def _add_own_prior(
     chain: BorderedChain, data: JointData, spin: JointSpin, state: SpinState, unknowns: Series, extra: Extra
 ) -> float:
@@ -461,7 +506,14 @@ def _add_own_prior(
     force = force + 1e-6 * data.base.force_sample_variance
     rate = rate + 1e-10 * data.base.rate_random_walk / step
     # Of the axis nothing is known beforehand.
-    known = (np.full(3, LEVER_SIGMA), np.full(4, np.inf), np.sqrt(force).ravel(), np.sqrt(rate).ravel())
+    anchor = np.full(3 if layout.rated else 0, np.inf)
+    known = (
+        np.full(3, LEVER_SIGMA),
+        np.full(4, np.inf),
+        np.sqrt(force).ravel(),
+        np.sqrt(rate).ravel(),
+        anchor,
+    )
     sigma = np.concatenate(known)
     by_border = np.zeros((1, layout.own, layout.size))
     by_border[0, :, 6 : layout.shared] = np.diag(1.0 / sigma)

@@ -315,9 +315,7 @@ def _joint(task: Task, start: Estimate | None = None) -> Estimate:
         task.means,
         task.site,
         first,
-        rotations=_rotations(task)
-        if first is not None and first.procedure in ("turntable", "laboratory")
-        else (),
+        rotations=_rotations_if_any(task),
         poses=_poses(task),
         prior=task.knowledge,
         optional_terms=task.optional_terms,
@@ -353,6 +351,11 @@ def _rotations(task: Task) -> list[Rotation]:
 
     protocol, matching, spins = _spins(task)
     return observe_rotations(protocol, task.recording, task.timeline, matching, task.means, spins)
+
+
+def _rotations_if_any(task: Task) -> list[Rotation]:
+    has_spins = task.matching is not None and len(task.matching.spins) > 0
+    return _rotations(task) if has_spins and task.recording.angular_rate is not None else []
 
 
 def _thermal(task: Task) -> Estimate:

@@ -1,0 +1,115 @@
+"""Rates of a table that are believed, through the joint estimator: gyro scales and the angle to the accelerometers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from scipy.stats import chi2
+
+from tumble.attitude.directions import twenty_six_directions
+from tumble.calibration.estimate import Estimate
+from tumble.calibration.joint import calibrate_joint
+from tumble.calibration.joint_believed import believed_poses
+from tumble.earth import Site
+from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
+from tumble.segmentation import find_timeline, observe_holds
+from tumble.segmentation.matching import match_protocol, observe_matched_spins
+from tumble.segmentation.rotations import observe_rotations
+from tumble.sensor import ImuModel
+from tumble.sensor.gauge import change_frame
+from tumble.simulation import find_grade, simulate_protocol
+
+SITE = Site.from_latitude(0.8)
+RATE = np.radians(60.0)
+
+
+def _protocol() -> Protocol:
+    """Each face up on a table, half of them spun one way and half the other."""
+    steps: list[Step] = []
+    for k, up_b in enumerate(twenty_six_directions()[:6]):
+        pose = Pose(up_b, None, np.radians(0.5))
+        steps += [TurnStep(2.0)] if steps else []
+        spin = SpinStep(12.0, RATE * (-1.0) ** (k // 2), ramp=1.0)
+        steps += [HoldStep(6.0, pose), spin, HoldStep(6.0, pose)]
+    return Protocol("mine", "rate-table", tuple(steps))
+
+
+@cache
+def _run(*, noise: bool, seed: int = 5) -> tuple[Estimate, ImuModel]:
+    protocol = _protocol()
+    (recording, truth), (noisy, _) = (
+        simulate_protocol(
+            *(protocol, 100.0, np.random.default_rng(seed)),
+            site=SITE,
+            grade=find_grade("tactical"),
+            noise=with_noise,
+            placement=noise,
+        )
+        for with_noise in (noise, True)
+    )
+    # Without noise a table that turns about the vertical looks like one at rest: the motion is the same in both.
+    timeline = find_timeline(noisy)
+    seen, exact = observe_holds(noisy, timeline), observe_holds(recording, timeline)
+    means = replace(seen, specific_force=exact.specific_force, angular_rate=exact.angular_rate)
+    matching = match_protocol(protocol, noisy, timeline, seen)
+    spins = observe_matched_spins(protocol, recording, timeline, matching)
+    rotations = observe_rotations(protocol, recording, timeline, matching, means, spins)
+    poses = believed_poses(protocol, matching)
+    estimate = calibrate_joint(
+        *(recording, timeline, means, SITE), rotations=rotations, poses=poses, optional_terms=False
+    )
+    assert truth.model is not None
+    return estimate, change_frame(truth.model, "accelerometer-x")
+
+
+def test_without_noise_the_gyros_whole_matrix_comes_out_of_spins_about_the_vertical() -> None:
+    estimate, model = _run(noise=False)
+    assert estimate.model.gyroscope is not None
+    assert model.gyroscope is not None
+    assert len(estimate.spin_names) == 6
+    # The rates are exact to a microradian over 12 s at 60°/s, 1e-7 of the angle; the rest is the digits of a sample.
+    np.testing.assert_allclose(
+        np.diag(estimate.model.gyroscope.matrix), np.diag(model.gyroscope.matrix), atol=2e-7
+    )
+    np.testing.assert_allclose(estimate.model.gyroscope.matrix, model.gyroscope.matrix, atol=2e-6)
+    np.testing.assert_allclose(estimate.spin_rates, [RATE, RATE, -RATE, -RATE, RATE, RATE], rtol=1e-6)
+
+
+def test_with_noise_scale_factors_are_within_their_sigma_and_better_than_the_turns_alone_make_them() -> None:
+    estimate, model = _run(noise=True)
+    assert estimate.model.gyroscope is not None
+    assert model.gyroscope is not None
+    names = [f"gyroscope.matrix[{i},{j}]" for i in range(3) for j in range(3)]
+    at = [estimate.names.index(name) for name in names]
+    error = (estimate.model.gyroscope.matrix - model.gyroscope.matrix).ravel()
+    covariance = estimate.covariance[np.ix_(at, at)]
+    # One in a thousand on either side.
+    assert chi2.ppf(1e-3, 9) < error @ np.linalg.solve(covariance, error) < chi2.ppf(1.0 - 1e-3, 9)
+    # A random walk of 4e-5 rad/√s over the spin, of 12.6 rad.
+    assert np.sqrt(covariance[0, 0]) < 3e-5
+
+
+def test_a_spin_with_a_gap_breaks_the_section_and_gives_no_rate() -> None:
+    protocol = _protocol()
+    recording, _ = simulate_protocol(
+        *(protocol, 100.0, np.random.default_rng(5)), site=SITE, grade=find_grade("tactical")
+    )
+    timeline = find_timeline(recording)
+    means = observe_holds(recording, timeline)
+    matching = match_protocol(protocol, recording, timeline, means)
+    spins = observe_matched_spins(protocol, recording, timeline, matching)
+    rotations = observe_rotations(protocol, recording, timeline, matching, means, spins)
+    after = rotations[1].start + 300
+    late = recording.time.copy()
+    late[after:] += 1.0
+    gapped = replace(recording, time=late)
+    estimate = calibrate_joint(
+        *(gapped, timeline, means, SITE),
+        rotations=rotations,
+        poses=believed_poses(protocol, matching),
+        optional_terms=False,
+    )
+    assert len(estimate.spin_names) == 5
+    assert any("rotation 2" in remark and "missing" in remark for remark in estimate.remarks)
