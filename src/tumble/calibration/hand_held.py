@@ -8,7 +8,7 @@ the gyro's bias and g-sensitivity. Start values need no knowledge of scale, sign
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -182,6 +182,16 @@ def add_time_lag(estimate: Estimate, data: HoldsAndTurns) -> None:
             name: np.append(part, found.sigma if name == cause else 0.0)
             for name, part in estimate.budget.items()
         }
+    if estimate.statement is not None:
+        told = estimate.statement
+        estimate.statement = replace(
+            told,
+            effective_degrees=np.append(told.effective_degrees, float(found.turns - 1)),
+            coverage_factors=np.append(told.coverage_factors, coverage_factor(found.turns - 1)),
+            model_choice=[
+                replace(choice, change=np.append(choice.change, 0.0)) for choice in told.model_choice
+            ],
+        )
     later = "later" if found.lag > 0 else "earlier"
     estimate.remarks.append(
         f"The accelerometer's samples belong to instants {abs(1e3 * found.lag):.1f} ms "
