@@ -34,6 +34,9 @@ KINDS = ("force", "rate", "rest", "turn", "tilt", "pose", "parts")
 # Eigenvalues of a redundancy below this are directions that nothing checks.
 CHECKED = 0.05
 LEAST_SWAY = 1e-16  # rad²: 10 nrad, far below what any unit sees
+# A hundredth of what a hold's mean tells of its tilt is nothing, too; a smaller sway would weigh so much more than
+# anything else that round-off takes the Earth rate's place.
+SWAY_SHARE = 1e-4
 # Where the search for the sway begins, and down to where round-off lets it go; below, the holds' parts decide.
 START_SWAY, SMALLEST_SWAY = 1e-8, 1e-12  # rad²
 # Of each component: its name in `Extra`, the kind of residual that shows it, and its least value.
@@ -118,7 +121,7 @@ def balance_joint(problem: JointProblem, state: JointState, *, false_alarm: floa
         # A component that chance explains is no component.
         kept = float(getattr(problem.extra, name))
         # Whether a hold is still, its parts say: a sway that is all but nothing leaves no residual of its own.
-        witness, nothing = ("parts", LEAST_SWAY) if kind == "rest" else (kind, nothing)
+        witness, nothing = ("parts", _still(problem, state)) if kind == "rest" else (kind, nothing)
         if kept > nothing and witness in joint_tests(problem, solution):
             setattr(problem.extra, name, nothing)
             before = deepcopy(state)
@@ -132,6 +135,14 @@ def balance_joint(problem: JointProblem, state: JointState, *, false_alarm: floa
                 state.unknowns, state.sections, state.spins = before.unknowns, before.sections, before.spins
                 solution = solve_joint(problem, state)
     return BalancedJoint(solution, outliers, dict(problem.spin_noise), joint_tests(problem, solution))
+
+
+def _still(problem: JointProblem, state: JointState) -> float:
+    """Return the sway (rad²) that is none for these accelerometers."""
+    base = problem.data.base
+    scale = np.sum(force_matrix(state.unknowns) ** 2, axis=1)
+    mean = np.min(base.force_sample_variance / scale) / max(float(np.max(base.hold_samples)), 1.0)
+    return float(np.clip(SWAY_SHARE * mean / problem.site.gravity**2, LEAST_SWAY, SMALLEST_SWAY))
 
 
 def joint_tests(problem: JointProblem, solution: JointSolution) -> dict[str, KindTests]:
