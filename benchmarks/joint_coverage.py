@@ -24,6 +24,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
+from unittest.mock import patch
 
 import numpy as np
 from uncertainty import GROUPS, true_values, without_wander
@@ -39,7 +40,8 @@ from tumble.segmentation import find_timeline, observe_holds
 from tumble.segmentation.matching import match_protocol, observe_matched_spins
 from tumble.segmentation.rotations import observe_rotations
 from tumble.sensor import ImuModel
-from tumble.simulation import find_grade, simulate_protocol
+from tumble.simulation import find_grade, recordings, simulate_protocol
+from tumble.simulation.noise import simulate_wander
 
 PROTOCOLS = {"hand-held": "hand-held", "turntable": "turntable-9"}
 PLAIN = GROUPS[:-1]
@@ -73,13 +75,19 @@ def simulate(procedure: str, grade_name: str, rate: float, white: bool, seed: in
         )
     protocol = replace(named_protocol(PROTOCOLS[procedure]), site=site)
     rng = np.random.default_rng([1000, seed])
-    recording, truth = simulate_protocol(protocol, rate, rng, site=site, grade=grade)
+    wanders: list[np.ndarray] = []
+
+    def kept(*arguments):
+        wanders.append(simulate_wander(*arguments))
+        return wanders[-1]
+
+    with patch.object(recordings, "simulate_wander", kept):
+        recording, truth = simulate_protocol(protocol, rate, rng, site=site, grade=grade)
     model = truth.model
-    # The bias of a session is the bias that it had on average: what wandered belongs to it.
-    seconds = np.diff(truth.hold_edges, axis=1)[:, 0]
-    share = seconds / seconds.sum()
-    force = replace(model.accelerometer, bias=model.accelerometer.bias + share @ truth.force_wander)
-    gyro = replace(model.gyroscope, bias=model.gyroscope.bias + share @ truth.rate_wander)
+    # The bias of a session is the bias that it had on average, over all that was recorded: what wandered
+    # belongs to it.
+    force = replace(model.accelerometer, bias=model.accelerometer.bias + wanders[0].mean(axis=0))
+    gyro = replace(model.gyroscope, bias=model.gyroscope.bias + wanders[1].mean(axis=0))
     return recording, protocol, replace(model, accelerometer=force, gyroscope=gyro)
 
 
