@@ -103,7 +103,7 @@ def _words(found: list[Beside], name: str) -> str:
     told = (
         f"Both are made from the same recording: {name} as its paper or page has it, the joint estimate from every "
         f"sample at once. Joint standard uncertainties are {fixed(typical, 2)} times {name}'s in the (geometric) mean. "
-        f"± is one standard uncertainty, and differences are in those of {name}: where the model is right, less than about "
+        f"± is one standard uncertainty; differences are in those of {name}: where the model is right, below about "
         "two. The last column is the joint uncertainty over the other."
     )
     if not far:
