@@ -54,6 +54,9 @@ def one_run(seed: int, grade: str, rate: float):
     told = estimate.statement
     assert told is not None
     model = change_frame(truth.model, "accelerometer-x")
+    # A session's biases are what they were on average, wander included.
+    model.accelerometer.bias[:] = model.accelerometer.bias + np.mean(truth.force_wander, axis=0)
+    model.gyroscope.bias[:] = model.gyroscope.bias + np.mean(truth.rate_wander, axis=0)
     kept = frozenset(term.name for term in estimate.terms if term.kept)
     values = np.concatenate([unknowns_of(model), np.zeros(3)])
     units = recording.specific_force_unit, recording.angular_rate_unit
