@@ -24,7 +24,12 @@ from tumble.calibration.joint_believed import BelievedPoses
 from tumble.calibration.joint_data import JointSpin, joint_data, window_spin
 from tumble.calibration.joint_estimate import JointOutcome, joint_estimate
 from tumble.calibration.joint_noise import BalancedJoint, balance_joint
-from tumble.calibration.joint_observability import Untold, find_untold, name_plate_prior, together
+from tumble.calibration.joint_observability import (
+    Untold,
+    find_untold,
+    name_plate_prior,
+    together,
+)
 from tumble.calibration.joint_poses import MOUNTING_SIGMA
 from tumble.calibration.joint_start import gather_what_there_is, rough_start, rough_variances
 from tumble.calibration.joint_system import JointProblem, JointState, Masks, linearise_joint, start_state
