@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Annotated
 
 import typer
@@ -33,11 +34,14 @@ def units_command(
         import json
         from dataclasses import asdict
 
-        typer.echo(json.dumps(asdict(answer), indent=2, ensure_ascii=False))
+        content = asdict(answer)
+        content["si"] = answer.si if isfinite(answer.si) else None
+        typer.echo(json.dumps(content, indent=2, ensure_ascii=False))
         return
     typer.echo(answer.meaning)
-    typer.echo("")
-    names = max(len(line.name) for line in answer.equals)
+    if answer.equals:
+        typer.echo("")
+    names = max((len(line.name) for line in answer.equals), default=0)
     for line in answer.equals:
         note = f"   if {line.assumption}" if line.assumption else ""
         typer.echo(f"  {line.name:<{names}}  {line.value:<12.6g} {line.unit}{note}")

@@ -23,6 +23,10 @@ _USUAL: dict[tuple[str, str], tuple[str, ...]] = {
     (ACCELEROMETER, "K"): ("m/s^2/√s", "m/s^3/√Hz", "ug/√h", "mg/√s"),
     (ACCELEROMETER, "R"): ("m/s^2/s", "mg/h", "ug/h"),
 }
+_NO_WALK = (
+    "No K, and nothing else, follows from it: run `tumble noise` on the recording that it was found from, which gives "
+    "K with its interval, or the limit below which it lies."
+)
 _SENSOR = {GYRO: "gyro", ACCELEROMETER: "accelerometer"}
 _NAMES = {
     "Q": "quantisation (Q): the root of the variance of what rounding leaves in the integral of the output",
@@ -40,9 +44,9 @@ _KEYS: dict[str, tuple[str, str, str]] = {
     "kalibr:accelerometer_noise_density": (ACCELEROMETER, "N", ""),
     "kalibr:accelerometer_random_walk": (ACCELEROMETER, "K", ""),
     "allan_variance_ros:gyroscope_noise_density": (GYRO, "N", "worst"),
-    "allan_variance_ros:gyroscope_random_walk": (GYRO, "K", "worst"),
+    "allan_variance_ros:gyroscope_random_walk": (GYRO, "K", "line"),
     "allan_variance_ros:accelerometer_noise_density": (ACCELEROMETER, "N", "worst"),
-    "allan_variance_ros:accelerometer_random_walk": (ACCELEROMETER, "K", "worst"),
+    "allan_variance_ros:accelerometer_random_walk": (ACCELEROMETER, "K", "line"),
     "imu_utils:gyr_n": (GYRO, "N", "sample"),
     "imu_utils:acc_n": (ACCELEROMETER, "N", "sample"),
     "imu_utils:gyr_w": (GYRO, "B", "floor"),
@@ -79,9 +83,9 @@ class UnitExplanation:
     ----------
     said : the number as it was given.
     meaning : what it is, a sentence.
-    letter : of IEEE Std 952.
+    letter : of IEEE Std 952; empty for a number that is no coefficient.
     sensor : "gyro" or "accelerometer".
-    si : the coefficient in SI, under the first of the assumptions where there are some.
+    si : the coefficient in SI, under the first of the assumptions where there are some; nan for no coefficient.
     equals : the same otherwise.
     not_convertible : what does not follow from it, one sentence each.
     """
@@ -147,6 +151,8 @@ def _of_key(value: float, key: str, rate: float | None) -> UnitExplanation:
     quantity, letter, how = _KEYS[key]
     unit, sensor = _USUAL[quantity, letter][0], _SENSOR[quantity]
     said = f"{value:g} {key}"
+    if how == "line":
+        return _of_whole_curve(said, quantity)
     if how == "sample":
         if rate is None:
             raise UsageError(
@@ -177,6 +183,22 @@ def _of_key(value: float, key: str, rate: float | None) -> UnitExplanation:
         # what a floor is, has been said: the other readings of a bare number are none of it
         tuple(line for line in _equals(quantity, letter, si, rate) if how != "floor" or not line.assumption),
         tuple(_refusals(letter, rate)),
+    )
+
+
+def _of_whole_curve(said: str, quantity: str) -> UnitExplanation:
+    """A line through the whole Allan curve, which users take for a rate random walk."""
+    sensor, unit = _SENSOR[quantity], _USUAL[quantity, "K"][0]
+    return UnitExplanation(
+        said,
+        f"{said} is called {_article(sensor)} {sensor}'s rate random walk, and is none: it is the height at 3 s of a "
+        f"line of slope +1/2 through the whole Allan curve, in {unit}, of the worst axis. Where the curve falls over "
+        "most of its length, white noise lifts the line: even a unit without a random walk has such a number.",
+        "",
+        sensor,
+        float("nan"),
+        (),
+        (_NO_WALK,),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import log, pi, sqrt
+from math import isnan, log, pi, sqrt
 
 import pytest
 
@@ -48,3 +48,12 @@ def test_without_a_rate_a_sample_s_sigma_is_refused_in_a_sentence() -> None:
 def test_what_is_no_noise_is_refused(value: float, unit: str, rate: float | None) -> None:
     with pytest.raises(UsageError):
         explain_unit(value, unit, rate)
+
+
+@pytest.mark.parametrize("sensor", ["gyroscope", "accelerometer"])
+def test_a_line_through_the_whole_curve_is_no_random_walk(sensor: str) -> None:
+    answer = explain_unit(2e-5, f"allan_variance_ros:{sensor}_random_walk")
+    assert "is none" in answer.meaning
+    assert (answer.letter, answer.equals) == ("", ())
+    assert isnan(answer.si)
+    assert "`tumble noise`" in answer.not_convertible[0]
