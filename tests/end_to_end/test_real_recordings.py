@@ -102,7 +102,7 @@ def imu_tk(reference_data: Path) -> ImuModel:
 @pytest.mark.parametrize("name", ["xsens", "imu0", "imu1"])
 def test_it_is_calibrated_and_fit_without_any_further_word(name: str, request: pytest.FixtureRequest) -> None:
     run: CalibrationRun = request.getfixturevalue(name)
-    assert run.calibration.procedure == "joint"
+    assert run.calibration.procedure == "hand-held"
     assert run.calibration.verdict.fit, run.calibration.verdict.reasons
     assert [file.name for file in run.files] == ["calibration.json", "report.html"]
     assert read_calibration(run.files[0]) == run.calibration
