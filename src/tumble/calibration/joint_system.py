@@ -43,8 +43,10 @@ HEADING_SIGMA = 1e-4  # rad
 # Of the Earth rate, for a latitude given to a hundredth of a degree.
 LATITUDE_SIGMA = 1e-4
 ITERATIONS = 30
+# Share of its own information that holds an attitude that nothing else does.
+FLOATING = 1e-12
 # Factor on the variance of an observation that is left out.
-LEFT_OUT = 1e10
+LEFT_OUT = 1e7
 # A thousandth of a sigma: the step itself is still taken, and the next would be a millionth.
 TOLERANCE = 1e-3
 # Below this share of its size the horizontal Earth rate's own sigma lets its known size help: the square of it,
@@ -328,6 +330,9 @@ def _section_equations(
             observations += made.observations
     if not sees_heading(data.poses, section):
         _add_heading(chain)
+    # A hold without force, in no chain, would float: held where it is, to what round-off leaves of its stillness.
+    for node in np.flatnonzero(~problem.masks.force[section.first : section.last]):
+        chain.diagonal[node] += FLOATING * np.diag(np.diag(chain.diagonal[node]))
     square_sum += _add_earth(problem, section, chain)
     eliminated = chain.eliminated()
     return SectionEquations(
