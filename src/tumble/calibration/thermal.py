@@ -22,7 +22,7 @@ from tumble.calibration.poses import distinct_poses
 from tumble.calibration.singular_poses import describe_untold
 from tumble.calibration.start_values import rough_triad
 from tumble.calibration.term_tests import wald_test
-from tumble.calibration.thermal_conditions import ThermalTerms
+from tumble.calibration.thermal_conditions import Layout, ThermalTerms
 from tumble.calibration.thermal_coverage import Coverage, find_coverage, require_time_base
 from tumble.calibration.thermal_evidence import BiasCurve, SeparateBias, ThermalEvidence
 from tumble.calibration.thermal_fit import (
@@ -34,8 +34,14 @@ from tumble.calibration.thermal_fit import (
     name_of,
     soaks_of,
 )
-from tumble.calibration.thermal_model import ThermalSolution, bias_curve, thermal_solution
+from tumble.calibration.thermal_model import (
+    ThermalSolution,
+    bias_curve,
+    thermal_solution,
+    with_turned_matrix,
+)
 from tumble.calibration.thermal_points import ThermalPoints, find_points
+from tumble.calibration.thermal_turns import TurnedMatrix, estimate_turned_matrix
 from tumble.calibration.thermal_words import not_determined_words, thermal_parameters, thermal_remarks
 from tumble.calibration.triad_unknowns import BIAS, SCALE
 from tumble.earth import EARTH_RATE, Site
@@ -110,20 +116,40 @@ def calibrate_thermal(
     say("adjusting")
     fit, tests = _with_path(kept, terms, where, coverage)
     lag, width = fit.conditions.lag_and_width(fit.values)
-    solution = thermal_solution(
-        fit.values,
-        fit.covariance,
-        fit.layout,
-        lag=lag,
-        width=width,
-        factors=factors,
-        span=coverage.span,
-        largest_rate=coverage.largest_rate,
-    )
+
+    def solved(values: Series, covariance: Square, layout: Layout) -> ThermalSolution:
+        return thermal_solution(
+            values,
+            covariance,
+            layout,
+            lag=lag,
+            width=width,
+            factors=factors,
+            span=coverage.span,
+            largest_rate=coverage.largest_rate,
+        )
+
+    solution = solved(fit.values, fit.covariance, fit.layout)
+    turned = None
+    if told == 9 and fit.layout.has_rate:
+        say("turns")
+        turned = estimate_turned_matrix(
+            recording,
+            timeline,
+            solution.model,
+            fit.values,
+            fit.covariance,
+            fit.layout,
+            factors=factors,
+            gravity=site.gravity,
+            wander=fit.levels.single["rate"] + fit.levels.flicker["rate"],
+        )
+    if turned is not None:
+        solution = solved(*with_turned_matrix(fit.values, fit.covariance, fit.layout, turned))
     evidence = _evidence(everything, kept, fit, solution, coverage, factors, soaks, site)
     evidence.candidates = candidates
     evidence.poses = len(np.unique(poses[coverage.keep]))
-    return _estimate(recording, site, fit, solution, coverage, evidence, tests, kept)
+    return _estimate(recording, site, fit, solution, coverage, evidence, tests, kept, turned)
 
 
 def _in_near_si(
@@ -403,9 +429,10 @@ def _estimate(
     evidence: ThermalEvidence,
     tests: list[TermTest],
     kept: ThermalPoints,
+    turned: TurnedMatrix | None,
 ) -> Estimate:
     terms, layout = fit.layout.terms, fit.layout
-    gyro = "bias" if layout.has_rate else "none"
+    gyro = "none" if not layout.has_rate else ("bias" if turned is None else "full")
     optional = frozenset({"g_sensitivity"}) if terms.g_sensitivity else frozenset[str]()
     described = describe_unknowns(
         solution.unknowns, solution.unknowns_covariance, site, recording, terms=optional, gyro=gyro
@@ -466,8 +493,8 @@ def _estimate(
             for o in fit.outliers
         ],
         terms=tests,
-        not_determined=not_determined_words(terms, layout, coverage, recording),
-        remarks=[*thermal_remarks(fit, solution, coverage, evidence), *coverage.remarks],
+        not_determined=not_determined_words(terms, layout, coverage, recording, turned),
+        remarks=[*thermal_remarks(fit, solution, coverage, evidence, turned), *coverage.remarks],
         cautions=list(coverage.cautions),
         thermal=solution.model,
         thermal_names=solution.names,

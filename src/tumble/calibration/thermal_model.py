@@ -12,6 +12,7 @@ from tumble.arrays import AnyArray, Series, Square, Table
 from tumble.calibration.canonical import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX
 from tumble.calibration.thermal_conditions import ENTRIES, Layout, ThermalTerms
 from tumble.calibration.thermal_evidence import BiasCurve
+from tumble.calibration.thermal_turns import TurnedMatrix
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, SCALE
 from tumble.calibration.turn_conditions import TOTAL
 from tumble.sensor import ImuModel, Triad
@@ -86,6 +87,31 @@ def thermal_solution(
     )
 
 
+def with_turned_matrix(
+    values: Series, covariance: Square, layout: Layout, turned: TurnedMatrix
+) -> tuple[Series, Table, Layout]:
+    """Return the unknowns that the placements share, with the gyros' matrix behind them.
+
+    Parameters
+    ----------
+    values, covariance, layout : of the rests' adjustment.
+    turned : from the turns.
+    """
+    shared = layout.shared
+    added = np.concatenate([turned.nominal.ravel(), turned.changes.ravel()])
+    whole = np.zeros((shared + added.size, shared + added.size))
+    whole[:shared, :shared] = covariance[:shared, :shared]
+    whole[shared:, shared:] = turned.covariance
+    whole[shared:, :shared], whole[:shared, shared:] = turned.shared, turned.shared.T
+    longer = Layout(layout.terms, layout.has_force, layout.has_rate, 0)
+    longer.places["N0"] = slice(shared, shared + 9)
+    longer.places["N"] = slice(shared + 9, shared + added.size)
+    for name in ("directions", "earth"):
+        longer.places.pop(name, None)
+    longer.size = shared + added.size
+    return np.concatenate([values[:shared], added]), whole, longer
+
+
 def _reference(x: Complex, layout: Layout, factors: tuple[float, float]) -> Complex:
     """Return the 36 unknowns of the reference, raw (analytic)."""
     places, terms = layout.places, layout.terms
@@ -99,7 +125,10 @@ def _reference(x: Complex, layout: Layout, factors: tuple[float, float]) -> Comp
         if terms.poses:
             result[BIAS] = x[places["b0"]] / factors[0]
     if layout.has_rate:
-        result[GYRO_MATRIX] = (np.eye(3) / factors[1]).ravel()
+        gyro = np.eye(3, dtype=x.dtype)
+        if "N0" in places:
+            gyro = gyro + x[places["N0"]].reshape(3, 3)
+        result[GYRO_MATRIX] = (gyro / factors[1]).ravel()
         result[GYRO_BIAS] = x[places["gb0"]] / factors[1]
         if terms.g_sensitivity:
             result[G_SENSITIVITY] = x[places["G"]] / factors[1]
@@ -116,6 +145,8 @@ def _names(layout: Layout) -> list[tuple[str, str, int]]:
             found.append(("accelerometer.matrix", "M", 0))
     if layout.has_rate:
         found.append(("gyroscope.bias", "gb", 1))
+        if "N" in layout.places and layout.places["N"].stop > layout.places["N"].start:
+            found.append(("gyroscope.matrix", "N", 1))
     for used, force, rate in ((terms.rate, "r", "gr"), (terms.hysteresis, "h", "gh")):
         if used:
             found += [("accelerometer.bias", force, 0)] if layout.has_force else []
@@ -129,7 +160,12 @@ def _thermal_matrix(layout: Layout, factors: tuple[float, float]) -> Table:
     size, functions = layout.shared, layout.terms.basis.size
     for name, kind, triad in _names(layout):
         place = layout.places[kind]
-        if name.endswith("matrix"):
+        if kind == "N":
+            block = np.zeros((9 * functions, size))
+            count = place.stop - place.start
+            block[:count, place] = np.eye(count) / factors[triad]
+            rows.append(block)
+        elif name.endswith("matrix"):
             block = np.zeros((functions, 3, 3, size))
             for f in range(layout.terms.matrix_functions):
                 for k, (i, j) in enumerate(ENTRIES[: layout.entries]):

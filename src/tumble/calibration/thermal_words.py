@@ -10,6 +10,7 @@ from tumble.calibration.thermal_coverage import Coverage
 from tumble.calibration.thermal_evidence import ThermalEvidence
 from tumble.calibration.thermal_fit import ThermalFit
 from tumble.calibration.thermal_model import ThermalSolution
+from tumble.calibration.thermal_turns import TurnedMatrix
 from tumble.recording.recording import Recording
 
 
@@ -56,12 +57,17 @@ def _words(name: str, terms: ThermalTerms, recording: Recording) -> tuple[str, s
     divided = f"/{per}" if per else ""
     by = f"by {label}" if per else f"at {label}"
     if ".matrix." in head:
-        return f"thermal {triad} matrix {by} {'xyz'[at[1]]}{'xyz'[at[2]]}", f"{raw}/(m/s^2){divided}"
+        true = "m/s^2" if triad == "accelerometer" else "rad/s"
+        return f"thermal {triad} matrix {by} {'xyz'[at[1]]}{'xyz'[at[2]]}", f"{raw}/({true}){divided}"
     return f"thermal {triad} bias {by} {'xyz'[at[1]]}", f"{raw}{divided}"
 
 
 def not_determined_words(
-    terms: ThermalTerms, layout: Layout, coverage: Coverage, recording: Recording
+    terms: ThermalTerms,
+    layout: Layout,
+    coverage: Coverage,
+    recording: Recording,
+    turned: TurnedMatrix | None,
 ) -> list[str]:
     """Return what rests at these temperatures cannot tell, a sentence each."""
     words: list[str] = []
@@ -86,11 +92,16 @@ def not_determined_words(
         )
     if recording.angular_rate is not None and terms.poses == 0:
         words.append("A g-sensitivity of the gyros: from so few poses it looks like a bias, and is in it.")
-    if recording.angular_rate is not None:
+    if recording.angular_rate is not None and turned is not None and not turned.changes.size:
+        words.append(
+            "How the gyros' scale factors and misalignments change with temperature: there are too few turns for it; "
+            "the matrix is one for all temperatures."
+        )
+    elif recording.angular_rate is not None and turned is None:
         words.append(
             "The gyros' scale factors, misalignments and their change with temperature: rests show the Earth's "
-            "rotation only. Turns by hand between the poses, or a table in the chamber, would tell them; the matrix is "
-            "the nominal one, without a stated uncertainty."
+            "rotation only. Nine turns by hand or more between poses at each of several temperatures, recorded with 20 "
+            "samples a turn or more, tell them; the matrix is the nominal one, without a stated uncertainty."
         )
     if not coverage.both_branches:
         words.append("Hysteresis: the temperatures were come to from one side only.")
@@ -108,7 +119,11 @@ def not_determined_words(
 
 
 def thermal_remarks(
-    fit: ThermalFit, solution: ThermalSolution, coverage: Coverage, evidence: ThermalEvidence
+    fit: ThermalFit,
+    solution: ThermalSolution,
+    coverage: Coverage,
+    evidence: ThermalEvidence,
+    turned: TurnedMatrix | None,
 ) -> list[str]:
     """Return how the model was made, a sentence each."""
     low, high = coverage.span
@@ -135,6 +150,19 @@ def thermal_remarks(
                 if terms.basis.kind != "polynomial"
                 else f"to the order {terms.matrix_functions}."
             )
+        )
+    if turned is not None:
+        orders = "one for all temperatures"
+        if turned.changes.size:
+            orders = (
+                "as the biases do"
+                if terms.basis.kind != "polynomial"
+                else f"to the order {len(turned.changes)}"
+            )
+            orders = f"changing with temperature {orders}"
+        remarks.append(
+            f"The gyros' matrix is from {turned.turns} turns between the rests, {orders}: their scale factors, "
+            "non-orthogonalities and the rotation between the triads."
         )
     if np.isfinite(solution.lag_sigma):
         remarks.append(
