@@ -1,0 +1,68 @@
+"""The joint estimate and the procedure's own, side by side: numbers worked out by hand."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from tumble.calibration.estimate import NamedValue
+from tumble.report.beside_section import beside_section, beside_table, parameters_beside
+from tumble.report.parameters import Measure, ParameterRow
+
+
+def row(name: str, value: float, sigma: float) -> ParameterRow:
+    """Shown in thousandths of the parameter's unit."""
+    shown = Measure(1e3 * value, 1e3 * sigma, "mrad")
+    return ParameterRow(name, "Gyro", "angle", name, name, shown, None, shown)
+
+
+@pytest.fixture
+def joint() -> Any:
+    """Angle a is better known by half, b worse; the procedure has no c, and d is exact."""
+    other = SimpleNamespace(
+        procedure="hand-<held>",
+        parameters=[
+            NamedValue("a", 0.010, 0.002, "rad"),
+            NamedValue("b", 0.020, 0.001, "rad"),
+            NamedValue("d", 0.0, 0.0, "rad"),
+        ],
+    )
+    own = [
+        NamedValue("a", 0.013, 0.001, "rad"),
+        NamedValue("b", 0.016, 0.002, "rad"),
+        NamedValue("c", 0.5, 0.1, "rad"),
+        NamedValue("d", 0.0, 0.0, "rad"),
+    ]
+    return SimpleNamespace(parameters=own, beside=other)
+
+
+def rows(joint: Any) -> list[ParameterRow]:
+    return [row(p.name, p.value, p.standard_uncertainty) for p in joint.parameters]
+
+
+def test_differences_are_in_the_procedure_s_uncertainties_and_units_are_the_reader_s(joint: Any) -> None:
+    a, b = parameters_beside(joint, rows(joint))
+    assert (a.value, a.sigma) == (pytest.approx(10.0), pytest.approx(2.0))
+    assert (a.difference, a.ratio) == (pytest.approx(1.5), pytest.approx(0.5))
+    assert (b.difference, b.ratio) == (pytest.approx(-4.0), pytest.approx(2.0))
+
+
+def test_the_table_names_what_is_far_apart_and_escapes_names(joint: Any) -> None:
+    table = beside_table(joint, rows(joint))
+    assert "hand-&lt;held&gt;" in table
+    assert "hand-<held>" not in table
+    assert "Farther apart are gyro b:" in table
+    assert "<td>+1.5</td><td>0.50</td>" in table
+    assert "<td>−4.0</td><td>2.00</td>" in table
+    assert "1.00 times" in table  # the root of 0.5 times 2
+
+
+def test_the_figure_has_a_bar_for_each_and_none_is_drawn_with_nothing_beside(joint: Any) -> None:
+    section = beside_section(joint, rows(joint))
+    assert section is not None
+    assert section.figures[0].data[0]["x"] == [0.5, 2.0]
+    joint.beside = None
+    assert beside_section(joint, rows(joint)) is None
+    assert beside_table(joint, rows(joint)) == ""
