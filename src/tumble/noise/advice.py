@@ -40,15 +40,12 @@ def advise(channels: tuple[Channel, ...], curve: Deviation) -> tuple[str, ...]:
 
 def _on_fits(channels: tuple[Channel, ...]) -> list[str]:
     """Say which curves have no model, or one that does not fit."""
-    none = [channel.name for channel in channels if channel.fit is None]
+    reasons: dict[str, list[str]] = {}
+    for channel in channels:
+        if channel.fit is None:
+            reasons.setdefault(channel.without_fit, []).append(channel.name)
     bad = [c.name for c in channels if c.fit is not None and c.fit.probability < _MISFIT]
-    said = (
-        [
-            f"{', '.join(none)}: no model could be fitted, mostly for too few averaging times; the curve stands alone."
-        ]
-        if none
-        else []
-    )
+    said = [f"{', '.join(names)}: no model, the curve stands alone. {why}" for why, names in reasons.items()]
     if bad:
         words = f"{', '.join(bad)}: the curve has a shape that the model does not make (by chance in less than one of "
         said.append(

@@ -68,9 +68,10 @@ class Channel:
     unit : "m/s²" or "rad/s"; "counts" where the recording is in counts.
     curve : deviation of the kind and at the averaging times that were asked for, in that unit.
     allan : overlapping Allan deviation, averaging times an octave apart, which the model is fitted to.
-    fit : the model of its noise, or None where there is too little for one.
+    fit : the model of its noise, or None where there is none.
     terms : what the curve shows.
     floor, floor_tau : lowest point of the Allan deviation where it is known to a fifth, and its averaging time in s.
+    without_fit : why there is no model, a sentence; empty where there is one.
     """
 
     name: str
@@ -81,6 +82,7 @@ class Channel:
     terms: tuple[Term, ...]
     floor: float
     floor_tau: float
+    without_fit: str = ""
 
     @property
     def is_gyro(self) -> bool:
@@ -511,7 +513,7 @@ def _channel(
     lines: tuple[FoundLine, ...],
     shortest: float,
 ) -> Channel:
-    fit = _fit(octaves.from_tau(shortest), lines)
+    fit, why = _fit(octaves.from_tau(shortest), lines)
     # The finer curve, where it is an Allan deviation too.
     allan = curve if curve.kind == "overlapping" and len(curve) > len(octaves) else octaves
     known = (allan.edf[:, 0] >= _WELL_KNOWN) & (allan.tau >= shortest)
@@ -526,19 +528,31 @@ def _channel(
         () if fit is None else _terms(fit),
         float(allan.deviation[lowest, 0]),
         float(allan.tau[lowest]),
+        why,
     )
 
 
-def _fit(octaves: Deviation, lines: tuple[FoundLine, ...]) -> NoiseFit | None:
-    """The model, with more than one Gauss-Markov process only where one does not fit."""
+def _fit(octaves: Deviation, lines: tuple[FoundLine, ...]) -> tuple[NoiseFit | None, str]:
+    """The model, with more than one Gauss-Markov process only where one does not fit; or why there is none."""
     try:
         fit = fit_curve(octaves, lines=lines)
-        if fit.probability >= _MISFIT:
-            return fit
+    except UsageError as error:
+        return None, str(error)
+    except np.linalg.LinAlgError as error:
+        return None, f"{_NO_WEIGHTS} ({error})."
+    if fit.probability >= _MISFIT:
+        return fit, ""
+    try:
         richer = fit_curve(octaves, lines=lines, gauss_markov=3)
-    except (UsageError, np.linalg.LinAlgError):
-        return None
-    return richer if richer.probability > fit.probability else fit
+    except np.linalg.LinAlgError:
+        return fit, ""
+    return (richer if richer.probability > fit.probability else fit), ""
+
+
+_NO_WEIGHTS = (
+    "There are averaging times enough, but the curve could not be weighed: the covariance between them, of a model "
+    "as near to this curve as any, has no inverse in double precision"
+)
 
 
 def _terms(fit: NoiseFit) -> tuple[Term, ...]:

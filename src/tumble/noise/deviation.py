@@ -26,7 +26,7 @@ from tumble.noise.freedom import EXPONENTS, chi_square_interval, degrees_of_free
 
 Kind: TypeAlias = Literal["overlapping", "modified", "hadamard", "haar"]
 NamedTaus: TypeAlias = Literal["octave", "decade", "log", "all"]
-Taus: TypeAlias = "NamedTaus | Series | Sequence[float]"
+Taus: TypeAlias = "NamedTaus | str | Series | Sequence[float]"
 KINDS: tuple[Kind, ...] = ("overlapping", "modified", "hadamard", "haar")
 NAMED_TAUS: tuple[NamedTaus, ...] = ("octave", "decade", "log", "all")
 Pieces: TypeAlias = Sequence[tuple[int, int]]
@@ -121,7 +121,7 @@ def allan_deviation(
     signal: AnyArray,
     rate: float,
     *,
-    kind: Kind = "overlapping",
+    kind: Kind | str = "overlapping",
     taus: Taus = "octave",
     gaps: Sequence[int] = (),
     noise: int | None = None,
@@ -156,15 +156,15 @@ def allan_deviation(
     1.4142135623730951
     """
     columns = _columns(signal)
-    _check(rate, kind, noise, confidence)
+    which = _check(rate, kind, noise, confidence)
     pieces = find_pieces(columns, gaps)
-    order, _ = _form(kind)
+    order, _ = _form(which)
     longest = max((stop - start for start, stop in pieces), default=0)
     averaging = choose_averaging(taus, rate, longest // order)
     _refuse_endless(columns, averaging)
-    sums, counts = _pooled(columns, pieces, averaging, kind)
+    sums, counts = _pooled(columns, pieces, averaging, which)
     lengths = tuple(stop - start for start, stop in pieces)
-    return finish(sums, counts, averaging, kind, rate, lengths, noise, confidence)
+    return finish(sums, counts, averaging, which, rate, lengths, noise, confidence)
 
 
 def finish(
@@ -294,16 +294,20 @@ def _columns(signal: AnyArray) -> Table:
     return np.asarray(signal, dtype=np.float64).reshape(signal.shape[0], -1)
 
 
-def _check(rate: float, kind: str, noise: int | None, confidence: float) -> None:
+def _check(rate: float, kind: str, noise: int | None, confidence: float) -> Kind:
+    """The kind by its name."""
     if not (np.isfinite(rate) and rate > 0.0):
         raise UsageError(f"A sampling rate of {rate} Hz cannot be.")
-    if kind not in KINDS:
+    named: dict[str, Kind] = {known: known for known in KINDS}
+    which = named.get(kind)
+    if which is None:
         raise UsageError(f"{kind!r} is no kind of deviation: overlapping, modified, hadamard or haar.")
     if not 0.0 < confidence < 1.0:
         raise UsageError(f"A confidence of {confidence} cannot be: give a probability between 0 and 1.")
     if noise is not None and noise not in _exponents(kind):
         known = ", ".join(str(exponent) for exponent in _exponents(kind))
         raise UsageError(f"{noise} is no exponent of noise that this deviation can see: {known}.")
+    return which
 
 
 def _form(kind: Kind) -> tuple[int, bool]:
