@@ -1,6 +1,6 @@
 """Fitted noise models are as good as they say: intervals cover, nothing is biased, moments are efficient.
 
-200 short recordings (55 min at 10 Hz) with all of Q, N, B and K that show. A share p of T trials may be off
+120 short recordings (55 min at 10 Hz) with all of Q, N, B and K that show. A share p of T trials may be off
 by z = 3.3 of its own √(p (1 − p) / T): one false alarm in a thousand for each comparison.
 """
 
@@ -16,7 +16,7 @@ from tumble.noise.fit import FALSE_ALARM, NoiseFit, fit_curve, fit_moments_of
 from tumble.noise.terms import GaussMarkov, NoiseModel
 
 TRUE = NoiseModel(0.02, 0.05, 0.05, 0.01)
-RATE, SAMPLES, TRIALS, Z = 10.0, 2**15, 200, 3.3
+RATE, SAMPLES, TRIALS, Z = 10.0, 2**15, 120, 3.3
 METHODS = ("curve", "moments")
 
 
@@ -61,7 +61,7 @@ def test_coefficients_are_not_biased(method: str, letter: str, least: float) -> 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("letter", "QNBK")
 def test_the_stated_uncertainty_is_the_spread(method: str, letter: str) -> None:
-    """Of the middle half, which a term missed in a trial does not spread: known to 8 %, 3.3 times that."""
+    """Of the middle half, which a term missed in a trial does not spread: known to 11 %, 3.3 times that."""
     stated = []
     for fit in fits(method):
         names = [term.name for term in fit.terms]
@@ -69,7 +69,7 @@ def test_the_stated_uncertainty_is_the_spread(method: str, letter: str) -> None:
             k = names.index(letter)
             stated.append(np.sqrt(fit.covariance[k, k]))
     low, high = np.quantile(values(method, letter), [0.25, 0.75])
-    assert np.median(stated) == pytest.approx((high - low) / 1.349, rel=0.27)
+    assert np.median(stated) == pytest.approx((high - low) / 1.349, rel=0.36)
 
 
 @pytest.mark.parametrize("letter", "QNBK")

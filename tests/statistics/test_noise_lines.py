@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from tumble.noise.deviation import allan_deviation
 from tumble.noise.fit import fit_curve, fit_moments_of
@@ -43,3 +44,28 @@ def test_vibration_does_not_pass_for_noise(fit_with: type) -> None:
     assert fit.model.random_walk == pytest.approx(0.05, rel=0.05)
     assert fit.probability > 0.001
     assert fit_with(curve, gauss_markov=0).probability < 0.001
+
+
+def test_a_line_that_wanders_has_the_power_of_its_whole_band() -> None:
+    """Its frequency wanders by 0.03 Hz within 5 s: at the finest resolution, 0.0008 Hz, it is in splinters."""
+    rng = np.random.default_rng(8)
+    kept = np.exp(-1.0 / 500.0)
+    off = lfilter([0.03 * np.sqrt(1.0 - kept**2)], [1.0, -kept], rng.standard_normal(2**17))
+    signal = 0.3 * np.sin(2.0 * np.pi * np.cumsum(12.3 + off) / 100.0) + rng.standard_normal(2**17)
+    [line] = find_lines(signal, 100.0)
+    assert line.amplitude == pytest.approx(0.3, abs=4.0 * line.amplitude_sigma)
+    assert line.amplitude_sigma < 0.02
+    assert line.frequency == pytest.approx(12.3, abs=4.0 * line.frequency_sigma)
+    assert 0.03 < line.resolution < 0.2
+
+
+def test_a_weak_steady_line_is_known_as_well_as_a_sine_can_be() -> None:
+    """Cramér-Rao (Rife and Boorstyn): 12 σ² / ((2πA)² T² n) · 2; the window makes it 1.39 times as large."""
+    rng = np.random.default_rng(9)
+    model = NoiseModel(random_walk=0.05, lines=(Line(0.05, 1.37),))
+    line = find_lines(model.simulate(2**15, RATE, rng), RATE)[0]
+    sigma = 0.05 * np.sqrt(RATE)
+    bound = np.sqrt(6.0 / 2**15) * sigma / (np.pi * 0.05 * 2**15 / RATE)
+    # the level around is known to a tenth, the amplitude to some percent
+    assert line.frequency_sigma == pytest.approx(1.39 * bound, rel=0.15)
+    assert line.amplitude_sigma == pytest.approx(np.sqrt(1.5 * 2.0 / 2**15) * sigma, rel=0.12)
