@@ -21,10 +21,12 @@ CHECKED_ROOMS = (
     "sensor",
     "recording",
     "estimation",
+    "noise",
     "segmentation",
     "simulation",
     "navigation",
     "calibration",
+    "design",
 )
 
 
