@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tumble.cli.options import Json
+from tumble.errors import UsageError
 
 if TYPE_CHECKING:
     from tumble.calibration.predictions import Answer
@@ -30,13 +31,56 @@ def predict_command(
             help="Beside it, what a kind of unit (consumer-mems, tactical, ...) promises without calibration.",
         ),
     ] = None,
+    trajectory: Annotated[
+        str | None,
+        typer.Option(
+            metavar="rest|straight|cart|FILE",
+            help="Navigate along this instead, noise and all, each parameter by itself; FILE: positions of a drive.",
+        ),
+    ] = None,
+    noise: Annotated[
+        Path | None,
+        typer.Option(help="With --trajectory: noise.json of this unit, instead of the data sheet's."),
+    ] = None,
+    turn_on: Annotated[
+        str | None,
+        typer.Option(
+            "--turn-on",
+            metavar="MG,DEG_PER_H",
+            help="With --trajectory: by how much the biases may have moved since the calibration, one sigma.",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="With --trajectory: file or folder for filter.json, a filter's states."
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Say what a calibration is worth: position error without satellites, attitude error after a turn.
 
     From the calibration's covariance in closed form, one sigma, beside the error of the same unit with nominal
-    scale factors and no bias. Noise and the wander of biases come on top: `tumble noise` tells those.
+    scale factors and no bias. Noise and the wander of biases come on top: `tumble noise` tells those. With
+    --trajectory they are in, and a filter is told which states to carry.
     """
+    if trajectory is not None:
+        from tumble.cli.predict_navigation import show_navigation
+
+        show_navigation(
+            calibration,
+            seconds=tuple(seconds) if seconds else (10.0, 60.0, 300.0),
+            trajectory=trajectory,
+            noise=noise,
+            data_sheet=data_sheet,
+            turn_on=turn_on,
+            output=output,
+            as_json=as_json,
+        )
+        return
+    for name, value in (("--noise", noise), ("--turn-on", turn_on), ("--output", output)):
+        if value is not None:
+            raise UsageError(f"{name} is for a trajectory: give --trajectory rest, straight, cart or a file.")
     from tumble.workflows.predict import predict
 
     told = predict(

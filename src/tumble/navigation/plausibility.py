@@ -37,6 +37,19 @@ def refuse_wrong_scale(samples: InertialSamples, track: GnssTrack) -> None:
     slope = course_rate_slope(samples, track)
     if 1.0 / _LARGEST_SLOPE < slope < _LARGEST_SLOPE:
         return
+    vertical = int(np.argmax(np.abs(samples.specific_force_b.mean(axis=0))))
+    for axis in range(3):
+        level = np.zeros((len(samples), 3))
+        level[:, axis] = 1.0
+        turned = InertialSamples(samples.time, level, samples.angular_rate_ib_b, samples.means)
+        if (
+            axis != vertical
+            and 1.0 / _LARGEST_SLOPE < course_rate_slope(turned, track, either=True) < _LARGEST_SLOPE
+        ):
+            raise RecordingError(
+                f"The course goes with gyro {'xyz'[axis]}, but gravity lies along {'xyz'[vertical]}: axes of one triad "
+                "are swapped. Check which column is which."
+            )
     guess = ""
     for factor, words in (
         (np.degrees(1.0), "rad/s were read as deg/s"),

@@ -137,13 +137,14 @@ def check_axes(samples: InertialSamples, track: GnssTrack) -> AxisAgreement:
     return AxisAgreement(correlations, about, down, _axis_problem(correlations, about, down))
 
 
-def course_rate_slope(samples: InertialSamples, track: GnssTrack) -> float:
+def course_rate_slope(samples: InertialSamples, track: GnssTrack, *, either: bool = False) -> float:
     """Return by how much the course turns faster than the gyros say about the vertical: 1 with the right unit.
 
     Parameters
     ----------
     samples : taken to be in SI.
     track : on the IMU's clock.
+    either : whether the gyros may also turn against the course.
 
     Raises
     ------
@@ -156,13 +157,13 @@ def course_rate_slope(samples: InertialSamples, track: GnssTrack) -> float:
     seen = np.interp(times[inside], grid, yaw_rate)
     seen = seen - seen.mean()
     turned = course_rate[inside] - course_rate[inside].mean()
-    # each on the other and the mean of both: noise of neither draws it to zero or away
     strength, other = float(seen @ turned), float(seen @ seen)
+    strength = abs(strength) if either else strength
     if not other > 0.0 or not strength > 0.0:
         raise RecordingError(
             "The gyros do not turn with the course at all: check that the files belong together."
         )
-    return float(np.sqrt((strength / other) * (float(turned @ turned) / strength)))
+    return strength / other
 
 
 def _axis_problem(correlations: Vector, about: float, down: Vector) -> str:
@@ -258,7 +259,13 @@ def _correlation(
         return float("nan")
     rate = np.interp(times[inside], grid, yaw_rate)
     course = course_rate[inside]
-    return float((rate @ course) / np.sqrt((rate @ rate) * (course @ course) + 1e-30))
+    # less their means too: a gyro's bias would drown the turns of a unit that is not calibrated
+    found = [_cosine(rate, course), _cosine(rate - rate.mean(), course - course.mean())]
+    return max(found, key=abs)
+
+
+def _cosine(one: Series, other: Series) -> float:
+    return float((one @ other) / np.sqrt((one @ one) * (other @ other) + 1e-30))
 
 
 def _refined(

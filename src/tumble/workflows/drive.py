@@ -121,7 +121,7 @@ def verify_drive(
     say("comparing the clocks")
     drive, words = _prepared(parts[-1], track, offset)
     remarks += words
-    setup, setting = drive_filter(parts[-1], recording, grade, noise, np.array(lever_arm_b, dtype=float))
+    setup, setting = drive_filter(parts[-1], grade, noise, np.array(lever_arm_b, dtype=float))
     moved = turn_on or (
         min(TURN_ON[0], grade.accelerometer.bias / 4.0),
         min(TURN_ON[1], grade.gyroscope.bias / 4.0),
@@ -139,7 +139,7 @@ def verify_drive(
     say("smoothing")
     own = setup.with_sensor_covariance(start_covariance(parts[-1], setup.states, document, moved))
     reference = smooth(drive.run(own, keep_covariances=True)).trajectory
-    seconds = _seconds(lengths)
+    seconds = _seconds(lengths, float(reference.time[-1] - reference.time[0]))
     for part in parts:
         say(part.part)
         told = setup.with_sensor_covariance(start_covariance(part, setup.states, document, moved))
@@ -231,8 +231,9 @@ def _every(drive: Drive) -> float:
     return max(3.0, (float(drive.track.time[-1]) - drive.start.time) / 150.0)
 
 
-def _seconds(lengths: Sequence[float]) -> Series:
-    longest = max(lengths)
+def _seconds(lengths: Sequence[float], drive: float) -> Series:
+    """Lengths of the free drift: to a minute where the drive has some, whatever the outages."""
+    longest = max(*lengths, 61.0 if drive > 90.0 else 0.0)
     usual = [1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0, 60.0]
     return np.array(sorted({*(t for t in usual if t < longest), *lengths}), dtype=float)
 

@@ -11,7 +11,6 @@ from tumble.arrays import Series
 from tumble.errors import UsageError
 from tumble.navigation import FilterSetup, TriadSpread, plan_filter
 from tumble.noise.terms import NoiseModel
-from tumble.recording import Recording
 from tumble.simulation import Grade, TriadGrade
 from tumble.workflows.calibration_parts import CorrectedBy, scatter
 
@@ -21,7 +20,6 @@ _WANDER = 100.0
 
 def drive_filter(
     part: CorrectedBy,
-    recording: Recording,
     grade: Grade,
     noise: str | os.PathLike[str] | None,
     lever_arm_b: Series,
@@ -31,7 +29,6 @@ def drive_filter(
     Parameters
     ----------
     part : the samples by the whole calibration.
-    recording : they are of.
     grade : the data sheet.
     noise : what `tumble noise` wrote, or None for the data sheet's.
     lever_arm_b : (3,) m.
@@ -44,7 +41,7 @@ def drive_filter(
     forces, rates = ([sheet_noise(triad)] * 3 for triad in (grade.accelerometer, grade.gyroscope))
     source = f"the data sheet's ({grade.name})"
     if noise is not None:
-        forces, rates = noise_in_si(noise, recording)
+        forces, rates = noise_of_document(noise)
         source = f"those in {Path(noise).name}"
     interval = part.samples.interval
     shaken = [scatter(x, interval) for x in (part.samples.specific_force_b, part.samples.angular_rate_ib_b)]
@@ -71,15 +68,12 @@ def drive_filter(
     return setup, words
 
 
-def noise_in_si(
-    noise: str | os.PathLike[str], recording: Recording
-) -> tuple[list[NoiseModel], list[NoiseModel]]:
+def noise_of_document(noise: str | os.PathLike[str]) -> tuple[list[NoiseModel], list[NoiseModel]]:
     """Return the models of `noise.json` for each triad in SI.
 
     Parameters
     ----------
     noise : what `tumble noise` wrote.
-    recording : of the same unit.
 
     Raises
     ------
@@ -122,4 +116,4 @@ def _louder(model: NoiseModel, floor: float) -> NoiseModel:
     return NoiseModel(random_walk=max(model.random_walk, floor), rate_random_walk=float(walk))
 
 
-__all__ = ["drive_filter", "noise_in_si", "sheet_noise"]
+__all__ = ["drive_filter", "noise_of_document", "sheet_noise"]

@@ -126,7 +126,7 @@ class DriveVerification:
         return (
             Statistic(rms.value * least, rms.sigma * least),
             Statistic(rms.value * most, rms.sigma * most),
-            accuracy_class(rms.value * least),
+            _class_between(rms.value * least, rms.value * most),
         )
 
     @property
@@ -155,6 +155,11 @@ def hourly_drift(seconds: float) -> tuple[float, float]:
     """
     force, rate = 2.0 / seconds**2, 6.0 / (_GRAVITY * seconds**3)
     return force * 2.0 * _EARTH_RADIUS / _GRAVITY * 1e-3, rate * _EARTH_RADIUS * 3.6
+
+
+def _class_between(least: float, most: float) -> str:
+    best, worst = accuracy_class(least), accuracy_class(most)
+    return best if best == worst else f"{best} at best"
 
 
 def accuracy_class(kilometres_per_hour: float) -> str:

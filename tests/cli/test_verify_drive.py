@@ -1,0 +1,242 @@
+"""`tumble verify --gnss` and `tumble predict --trajectory` as a user meets them, with good files and bad ones."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tumble.earth import curvature_radii
+from tumble.simulation import find_grade, simulate_drive
+
+GNSS = "gpstime,latitude,longitude,height,sdn,sde,sdu,vn,ve,vd,q"
+CLOCK = 3.2
+RATE = 50.0
+DURATION = 150.0
+
+
+class Files:
+    """A drive's recording and positions as rows, and what a test makes of them."""
+
+    def __init__(self, folder: Path, written: Callable[..., Path], *, unit: int = 100) -> None:
+        self.folder, self.written = folder, written
+        rng = np.random.default_rng(1)
+        grade = find_grade("consumer-mems")
+        # the unit that the fixture `calibrated` calibrates
+        model = grade.simulate_model(np.random.default_rng(unit))
+        time = np.arange(int(DURATION * RATE) + 1) / RATE
+        states = simulate_drive(rng, DURATION + 1.0).states(time)
+        force, rate = model.distort(states.specific_force_b, states.angular_rate_ib_b)
+        force = force + grade.accelerometer.noise.random_walk * np.sqrt(RATE) * rng.standard_normal(
+            force.shape
+        )
+        rate = rate + grade.gyroscope.noise.random_walk * np.sqrt(RATE) * rng.standard_normal(rate.shape)
+        self.imu = np.column_stack([time, force, rate])
+        rows = np.arange(0, len(time), int(RATE / 2))
+        noise = rng.normal(0.0, 0.02, (len(rows), 3))
+        meridian, across = curvature_radii(states.latitude[rows])
+        cosine = np.cos(states.latitude[rows])
+        self.gnss = np.column_stack(
+            [
+                time[rows] + CLOCK,
+                np.degrees(states.latitude[rows] + noise[:, 0] / meridian),
+                np.degrees(states.longitude[rows] + noise[:, 1] / across / cosine),
+                states.height[rows] - noise[:, 2],
+                np.full((len(rows), 3), 0.02),
+                states.velocity_n[rows] + rng.normal(0.0, 0.03, (len(rows), 3)),
+                np.ones(len(rows)),
+            ]
+        )
+
+    def write(self, imu: np.ndarray | None = None, gnss: np.ndarray | None = None) -> tuple[Path, Path]:
+        recording = self.written(self.folder / "drive.csv", self.imu if imu is None else imu)
+        track = self.folder / "track.csv"
+        rows = self.gnss if gnss is None else gnss
+        track.write_text(GNSS + "\n" + "\n".join(",".join(f"{x:.10f}" for x in row) for row in rows) + "\n")
+        return recording, track
+
+
+@pytest.fixture
+def files(tmp_path: Path, written: Callable[..., Path]) -> Files:
+    return Files(tmp_path, written)
+
+
+@pytest.fixture
+def verify(tumble: Callable[..., Any], calibrated: Path) -> Callable[..., Any]:
+    def run(recording: Path, track: Path, *options: object) -> Any:
+        return tumble("verify", calibrated, recording, "--gnss", track, "--outages", "2,10", *options)
+
+    return run
+
+
+def sentence(answer: Any, *words: str) -> None:
+    """One sentence on stderr, exit status 2, nothing else."""
+    assert answer.status == 2, answer
+    assert answer.out == ""
+    assert len(answer.err.splitlines()) == 1, answer.err
+    for word in ("^tumble: ", *words):
+        assert re.search(word, answer.err), (word, answer.err)
+    assert "fault of tumble" not in answer.err
+
+
+def test_a_drive_tells_what_a_calibration_is_worth(files: Files, verify: Callable[..., Any]) -> None:
+    """With an outlier among the positions and a second of missing samples, which are told and do no harm."""
+    gnss = files.gnss.copy()
+    gnss[100:102, 1] += 5e-4
+    keep = (files.imu[:, 0] < 90.0) | (files.imu[:, 0] > 91.0)
+    recording, track = files.write(files.imu[keep], gnss)
+    answer = verify(recording, track, "-o", files.folder / "verified", "--json")
+    assert answer.status == 0, answer
+    found = json.loads(answer.out)
+    assert found == json.loads((files.folder / "verified" / "verify.json").read_text(encoding="utf-8"))
+    offset = found["time_offset"]
+    # the offset is found to a few of its standard uncertainties
+    assert abs(offset["value"] + CLOCK) < 5.0 * offset["standard_uncertainty"]
+    parts = {part["name"]: part for part in found["variants"]}
+    drift = {name: part["drift"][-1]["horizontal_rms"] for name, part in parts.items()}
+    assert drift["all"]["value"] < 0.1 * drift["uncalibrated"]["value"]
+    assert drift["all"]["value"] < drift["gyro biases only"]["value"] < drift["uncalibrated"]["value"]
+    assert parts["all"]["positions_refused"] >= 1
+    # squared innovations over their degrees of freedom: the outliers are refused, and not in the noise
+    assert parts["uncalibrated"]["accuracy_class"].startswith("low")
+    assert any("Samples are missing in 1 stretch" in text for text in found["remarks"])
+    page = (files.folder / "verified" / "verify.html").read_text(encoding="utf-8")
+    assert page.index('id="drift"') < page.index("Which error costs how many metres")
+
+
+def test_another_unit_s_calibration_does_not_serve(
+    tmp_path: Path, written: Callable[..., Path], verify: Callable[..., Any]
+) -> None:
+    recording, track = Files(tmp_path, written, unit=7).write()
+    answer = verify(recording, track, "-q")
+    assert answer.status == 1, answer
+    assert "DOES NOT SERVE" in answer.out
+    assert re.search(r"off by|times that without", answer.out)
+
+
+def test_clocks_that_are_leap_seconds_apart_are_noticed(files: Files, verify: Callable[..., Any]) -> None:
+    imu, gnss = files.imu.copy(), files.gnss.copy()
+    imu[:, 0] += 1.4e9 - 18.0
+    gnss[:, 0] += 1.4e9 - CLOCK
+    imu = np.round(imu, 9)
+    path = files.folder / "drive.csv"
+    path.write_text(
+        "t,ax,ay,az,gx,gy,gz\n" + "\n".join(",".join(f"{x:.12g}" for x in row) for row in imu) + "\n"
+    )
+    _, track = files.folder, files.folder / "track.csv"
+    track.write_text(GNSS + "\n" + "\n".join(",".join(f"{x:.10f}" for x in row) for row in gnss) + "\n")
+    answer = verify(path, track)
+    assert answer.status == 0, answer
+    assert re.search(r"18 leap\s+seconds", answer.out)
+    sentence(verify(path, track, "--gnss-time", "0"), "do not agree", "18 leap seconds", "--gnss-time")
+
+
+def test_files_that_do_not_overlap_are_refused(files: Files, verify: Callable[..., Any]) -> None:
+    recording, track = files.write()
+    sentence(verify(recording, track, "--gnss-time", "5000"), "do not overlap", r"from 0\.0 to 150\.0 s")
+
+
+def test_positions_of_another_drive_are_refused(files: Files, verify: Callable[..., Any]) -> None:
+    gnss = files.gnss.copy()
+    gnss[:, 1:4], gnss[:, 7:10] = gnss[::-1, 1:4], -gnss[::-1, 7:10]
+    recording, track = files.write(gnss=gnss)
+    sentence(verify(recording, track), "same motion|go with the course|against the course")
+
+
+def swapped(columns: list[int], order: list[int]) -> Callable[[np.ndarray], np.ndarray]:
+    def change(rows: np.ndarray) -> np.ndarray:
+        other = rows.copy()
+        other[:, columns] = rows[:, order]
+        return other
+
+    return change
+
+
+def scaled(columns: list[int], factor: float) -> Callable[[np.ndarray], np.ndarray]:
+    def change(rows: np.ndarray) -> np.ndarray:
+        other = rows.copy()
+        other[:, columns] *= factor
+        return other
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (swapped([4, 6], [6, 4]), "swapped"),
+        (swapped([1, 2], [2, 1]), "mirror image|do not fit the course"),
+        (scaled([6], -1.0), "against the course|right-handed"),
+        (scaled([4, 5, 6], float(np.degrees(1.0))), "unit"),
+        (scaled([1, 2, 3], 2.0), "unit|gravity"),
+    ],
+    ids=[
+        "gyro x and z swapped",
+        "accelerometer x and y swapped",
+        "gyro z reversed",
+        "deg/s as rad/s",
+        "twice g",
+    ],
+)
+def test_axes_and_units_are_compared_with_the_course(
+    files: Files, verify: Callable[..., Any], change: Callable[[np.ndarray], np.ndarray], words: str
+) -> None:
+    recording, track = files.write(change(files.imu))
+    sentence(verify(recording, track, "--units", "m/s^2,rad/s,s"), words)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--lever-arm", "1,2"), "--lever-arm takes 3 numbers"),
+        (("--outages", "long"), "--outages takes numbers"),
+        (("--outages", "0"), "--outages takes lengths"),
+        (("--outages", "400"), "too short"),
+        (("--turn-on", "1"), "--turn-on takes 2 numbers"),
+        (("--turn-on", "1,-2"), "not negative"),
+        (("--data-sheet", "gold"), "gold"),
+        (("--gravity", "9.8"), "--gravity says nothing"),
+        (("--noise", "nothing.json"), "nothing.json"),
+    ],
+)
+def test_options_that_cannot_be_are_refused(
+    files: Files, verify: Callable[..., Any], options: tuple[str, ...], words: str
+) -> None:
+    recording, track = files.write()
+    sentence(verify(recording, track, *options), words)
+
+
+def test_options_of_a_drive_take_a_drive(
+    tumble: Callable[..., Any], calibrated: Path, recording: Path
+) -> None:
+    sentence(tumble("verify", calibrated, recording, "--outages", "2"), "--outages is for a drive")
+    sentence(tumble("verify", calibrated, recording, "--gnss", "none.pos"), "none.pos")
+    sentence(tumble("predict", calibrated, "--turn-on", "1,2"), "--turn-on is for a trajectory")
+    sentence(tumble("predict", calibrated, "--trajectory", "zigzag"), "neither rest, straight, cart")
+    sentence(tumble("predict", calibrated, "--trajectory", "rest", "--seconds", "9999"), "--seconds")
+
+
+def test_a_prediction_names_the_states_of_a_filter(
+    tumble: Callable[..., Any], calibrated: Path, files: Files
+) -> None:
+    folder = files.folder
+    answer = tumble("predict", calibrated, "--trajectory", "cart", "--seconds", "60", "-o", folder, "--json")
+    assert answer.status == 0, answer
+    told = json.loads(answer.out)
+    error = told["errors"][0]
+    parts = error["horizontal_of_calibration"], error["horizontal_of_noise"]
+    # independent of one another; the digits are of round-off
+    assert error["horizontal"] == pytest.approx(np.hypot(*parts), rel=1e-9)
+    states = json.loads((folder / "filter.json").read_text(encoding="utf-8"))["states"]
+    carried = {state["name"]: state for state in states if state["carry"]}
+    assert {"gyroscope bias x", "gyroscope bias y"} <= set(carried)
+    assert all(state["sigma"] > 0.0 for state in carried.values())
+    _, track = files.write()
+    answer = tumble("predict", calibrated, "--trajectory", track, "--seconds", "60", "--turn-on", "5,100")
+    assert answer.status == 0, answer
+    assert "States for a filter" in answer.out
