@@ -45,6 +45,8 @@ LATITUDE_SIGMA = 1e-4
 ITERATIONS = 30
 # Share of its own information that holds an attitude that nothing else does.
 FLOATING = 1e-12
+# By how much a step may turn a hold of which nobody tells the attitude.
+LOOSE_SIGMA = 0.1  # rad
 # Factor on the variance of an observation that is left out.
 LEFT_OUT = 1e7
 # A thousandth of a sigma: the step itself is still taken, and the next would be a millionth.
@@ -330,6 +332,7 @@ def _section_equations(
             observations += made.observations
     if not sees_heading(data.poses, section):
         _add_heading(chain)
+    _hold_loosely(chain, ~problem.masks.force[section.holds])
     # A hold without force, in no chain, would float: held where it is, to what round-off leaves of its stillness.
     for node in np.flatnonzero(~problem.masks.force[section.first : section.last]):
         chain.diagonal[node] += FLOATING * np.diag(np.diag(chain.diagonal[node]))
@@ -367,6 +370,11 @@ def _add_spin(
     chain.corner += made.corner[rest, rest]
     chain.corner_gradient += made.gradient[rest]
     return made
+
+
+def _hold_loosely(chain: BorderedChain, gone: np.ndarray) -> None:
+    """Keep the steps of holds whose force is left out finite, where nothing else tells their attitude."""
+    chain.diagonal[gone] += np.eye(NODE) / LOOSE_SIGMA**2
 
 
 def _add_heading(chain: BorderedChain) -> None:
