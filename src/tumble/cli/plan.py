@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from tumble.workflows.plan import Plan
 
 _UNIT, _FIXTURE, _TEST, _POSES = "Unit", "Fixture", "Test", "Poses (multi-position, hand-held, six-position)"
+_JOINT = "Any protocol"
+# What only a whole protocol understands.
+_OF_PROTOCOLS = ["noise", "recorded", "steps"]
 # What only a test of poses, and only an error budget, understands.
 _OF_POSES = [
     "data_sheet",
@@ -33,6 +36,7 @@ _OF_POSES = [
     "given",
     "targets",
 ]
+_OF_SEARCHES = ["poses", "minutes", "turn", "criterion", "wanted", "reach", "outer", "inner", "hold"]
 _OF_BUDGETS = [
     "gyro_walk_deg_per_root_hour",
     "gyro_pulse_arcsec",
@@ -55,7 +59,10 @@ def plan_command(
     procedure: Annotated[
         str,
         typer.Argument(
-            help="What is planned: multi-position, hand-held, six-position or strapdown-rotation."
+            metavar="PROTOCOL",
+            help="What is planned. Poses are searched: multi-position, hand-held, six-position. An error budget: "
+            "strapdown-rotation. Any other protocol, by name (turntable-9, multi-position-26, …) or as a file, is "
+            "judged as it is.",
         ),
     ],
     output: Annotated[
@@ -63,7 +70,7 @@ def plan_command(
         typer.Option(
             "--output",
             "-o",
-            help="Of poses: a folder for protocol.yaml, plan.html, sheet.html and plan.json. "
+            help="Of poses and protocols: a folder for protocol.yaml, plan.json, sheet.html (and plan.html). "
             "Of strapdown-rotation: a file for the whole budget, as JSON.",
         ),
     ] = None,
@@ -156,18 +163,44 @@ def plan_command(
         Path | None,
         typer.Option(
             metavar="RECORDING|CALIBRATION",
-            help="What is there already: the next poses to record are said, and when to stop.",
-            rich_help_panel=_POSES,
+            help="What is there already: the next poses, turns or rotations are said, and when to stop.",
+            rich_help_panel=_TEST,
         ),
     ] = None,
     targets: Annotated[
         str | None,
         typer.Option(
             metavar="bias=50,scale=100,misalignment=20",
-            help="Wished-for standard uncertainties in µg, ppm and ″.",
-            rich_help_panel=_POSES,
+            help="Wished-for standard uncertainties in µg, ppm and ″; of protocols also gyro-bias (°/h), gyro-scale, "
+            "gyro-misalignment, rotation and g-sensitivity.",
+            rich_help_panel=_TEST,
         ),
     ] = None,
+    noise: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="NOISE.JSON",
+            help="The unit's own noise, by tumble noise, in place of the grade's.",
+            rich_help_panel=_JOINT,
+        ),
+    ] = None,
+    recorded: Annotated[
+        str | None,
+        typer.Option(
+            "--protocol",
+            metavar="FILE",
+            help="With --given RECORDING: the protocol that it was recorded with, which has the table's angles.",
+            rich_help_panel=_JOINT,
+        ),
+    ] = None,
+    steps: Annotated[
+        bool,
+        typer.Option(
+            "--steps/--no-steps",
+            help="Judge what each step is worth.",
+            rich_help_panel=_JOINT,
+        ),
+    ] = True,
     turn: Annotated[
         float | None,
         typer.Option(help="Seconds from one pose to the next (3; hand-held 2).", rich_help_panel=_POSES),
@@ -261,6 +294,10 @@ def plan_command(
 ) -> None:
     """Tell how accurate a test will be before it is done, and find a better one.
 
+    Of any protocol: both triads foretold, what it does not tell, what each step is worth, what to add:
+
+    tumble plan turntable-9 --imu tactical --site 48.1
+
     Of poses: which poses, for how long, in which order; a protocol to simulate and to calibrate with, and
     a sheet to print for the operator:
 
@@ -272,11 +309,38 @@ def plan_command(
 
     All numbers are one sigma.
     """
+    from tumble.workflows.plan import PROCEDURES as BUDGETS
     from tumble.workflows.plan import plan
     from tumble.workflows.pose_plan import PROCEDURES
     from tumble.workflows.site import choose_site
 
     place = choose_site(site, gravity)
+    if procedure not in (*PROCEDURES, *BUDGETS):
+        from tumble.cli.plan_joint import print_joint
+        from tumble.workflows.joint_plan import find_protocol, plan_any_protocol
+
+        find_protocol(procedure)
+        others = ["fixture_mrad", "accelerometer_noise_ug"]
+        _refuse(context, [*_OF_SEARCHES, *_OF_BUDGETS, *others], procedure, "a protocol as it is")
+        with progress(quiet or as_json) as say:
+            judged = plan_any_protocol(
+                procedure,
+                imu=imu,
+                data_sheet=data_sheet,
+                noise=noise,
+                given=given,
+                recorded=recorded,
+                targets=targets,
+                site=place,
+                seed=seed,
+                steps=steps and not quiet,
+                output=output,
+                progress=say,
+            )
+        results_stand()
+        print_joint(judged, as_json=as_json, quiet=quiet, verbose=verbose)
+        return
+    _refuse(context, _OF_PROTOCOLS, procedure)
     if procedure in PROCEDURES:
         _refuse(context, _OF_BUDGETS, procedure)
         from tumble.cli.plan_poses import print_poses
@@ -348,12 +412,13 @@ def plan_command(
     _print(done, quiet, verbose)
 
 
-def _refuse(context: typer.Context, names: list[str], procedure: str) -> None:
+def _refuse(context: typer.Context, names: list[str], procedure: str, what: str | None = None) -> None:
     """Refuse options that this procedure would not understand, rather than ignore them."""
+    test = f"a {procedure} test" if what is None else what
     for parameter in context.command.params:
         source = context.get_parameter_source(parameter.name or "")
         if parameter.name in names and source is not None and source.name == "COMMANDLINE":
-            raise UsageError(f"{parameter.opts[0]} says nothing to a {procedure} test: leave it out.")
+            raise UsageError(f"{parameter.opts[0]} says nothing to {test}: leave it out.")
 
 
 def _print(done: Plan, quiet: bool, verbose: bool) -> None:

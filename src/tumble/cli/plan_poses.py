@@ -58,6 +58,10 @@ def print_poses(done: PosesPlanned, *, as_json: bool, quiet: bool, verbose: bool
                 )
             ]
             console.print(_table(("", "pose", "rest"), poses, (2,)))
+        if done.joint is not None:
+            from tumble.cli.plan_joint import print_prediction
+
+            print_prediction(console, done.joint)
     for sentence in (*done.given, *_next_words(done)):
         console.print(sentence, style="bold yellow" if not done.stop else "bold green", markup=False)
     if not quiet:

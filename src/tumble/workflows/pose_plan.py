@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tumble.design.pose_plan import PosePlan, PoseTask, Reach
     from tumble.protocol import Protocol
     from tumble.simulation import Grade
+    from tumble.workflows.joint_plan import JointPlanned
 
 PROCEDURES = ("multi-position", "hand-held", "six-position")
 """Procedures whose poses can be planned."""
@@ -64,6 +65,7 @@ class PosesPlanned:
     given : sentences about what was recorded already; `following` the poses to record next, `stop` whether to.
     remarks : what was assumed.
     files : what was written.
+    joint : of a hand-held test, what holds and turns together tell of both triads.
     """
 
     procedure: str
@@ -81,6 +83,7 @@ class PosesPlanned:
     stop: bool = False
     remarks: list[str] = field(default_factory=list[str])
     files: list[Path] = field(default_factory=list[Path])
+    joint: JointPlanned | None = None
 
 
 def plan_pose_test(
@@ -196,6 +199,11 @@ def plan_pose_test(
             *_unmet(plan, place, wished),
         ],
     )
+    if procedure == "hand-held" and given is None:
+        from tumble.workflows.joint_plan import judge_protocol
+
+        say("holds and turns together")
+        done.joint = judge_protocol(done.protocol, grade, place, seed, say)
     if folder is not None:
         say("writing")
         done.files = _write(done, folder)
@@ -279,6 +287,8 @@ def document_of(done: PosesPlanned) -> dict[str, Any]:
     ----------
     done : what was planned.
     """
+    from tumble.workflows.joint_plan import joint_parameters
+
     plan = done.plan
 
     def scheme(one: PosePlan | str) -> dict[str, Any]:
@@ -313,6 +323,7 @@ def document_of(done: PosesPlanned) -> dict[str, Any]:
         "plan_rms": _finite(group_means(plan)),
         "schemes": {name: scheme(one) for name, one in done.schemes.items()},
         "given": done.given,
+        "both_triads": None if done.joint is None else joint_parameters(done.joint),
         "stop": done.stop,
         "next": [
             {"up": [float(v) for v in one.up_b], "name": one.name, "criterion_gain": one.gain}
@@ -505,8 +516,8 @@ def _about_turns(procedure: str) -> list[str]:
         return []
     return [
         (
-            "Predicted is what the holds tell of the accelerometers; the turns add to it, and tell the gyros, of which "
-            "nothing is predicted. Turn about all axes of the unit, and about no two the same way one after the other."
+            "The first table is what the holds tell of the accelerometers, the last one what holds and turns tell of "
+            "both triads. Turn about all axes of the unit, and about no two the same way one after the other."
         )
     ]
 

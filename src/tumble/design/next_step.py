@@ -1,0 +1,243 @@
+"""Which hold, turn or rotation to add next: each played by itself, and what it adds to what is known.
+
+A candidate is a short protocol of its own: the unit rests, is turned, rests. Its attitudes are its own, so that its
+information simply adds to that of everything else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tumble.arrays import Series, Vector
+from tumble.attitude.directions import twenty_six_directions
+from tumble.calibration.poses import describe_direction
+from tumble.design.joint_information import NAMES, TOLD, JointInformation, planned_problem
+from tumble.design.joint_plan import PlanTask, Weakness, mean_log_sigma
+from tumble.design.planned_motion import planned_data, play_plan
+from tumble.protocol.library import BY_HAND
+from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
+
+# Seconds of a hold, of the turn to it, and of a rest beside a turn by hand.
+HOLD, TURN, REST = 10.0, 3.0, 4.0
+# A hand's turn by an angle of which nobody reads anything.
+HAND_ANGLE = 30.0 * np.pi / 180.0
+# One more step that takes less than this off every sigma is not worth its time.
+WORTH = 0.02
+_AXES = (
+    ("x", (1, 0, 0), (0, 0, 1)),
+    ("y", (0, 1, 0), (1, 0, 0)),
+    ("z", (0, 0, 1), (0, 1, 0)),
+    ("the edge between x and y", (1, 1, 0), (0, 0, 1)),
+    ("the edge between x and z", (1, 0, 1), (0, 1, 0)),
+    ("the edge between y and z", (0, 1, 1), (1, 0, 0)),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class StepCandidate:
+    """Something that may be added to a test.
+
+    Attributes
+    ----------
+    name : as an operator is told.
+    seconds : that it takes, getting there included.
+    information : what it tells.
+    steps : of a protocol.
+    """
+
+    name: str
+    seconds: float
+    information: JointInformation
+    steps: tuple[Step, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class NextStep:
+    """A step to add, with what is known after it.
+
+    Attributes
+    ----------
+    candidate : what to do.
+    sigmas : (30,) after it.
+    gain : by how much the sigmas fall, the geometric mean, as a share.
+    most, most_gain : the parameter that gains most, and by what share its sigma falls.
+    open_left : how many parameters are then still not told.
+    """
+
+    candidate: StepCandidate
+    sigmas: Series
+    gain: float
+    most: str
+    most_gain: float
+    open_left: int
+
+
+def step_candidates(task: PlanTask, *, table: bool, span: float) -> list[StepCandidate]:
+    """Return holds in all 26 directions, turns by hand about six axes, and a table's rotations about them.
+
+    Parameters
+    ----------
+    task : unit, place, and the protocol whose times and table are taken.
+    table : whether there is a table whose angles are read.
+    span : s over which biases wander.
+    """
+    holds = [step.duration for step in task.protocol.steps if isinstance(step, HoldStep)]
+    turns = [step.duration for step in task.protocol.steps if isinstance(step, TurnStep)]
+    hold = float(np.median(holds)) if holds else HOLD
+    turn = float(np.median(turns)) if turns else TURN
+    plans: list[tuple[str, tuple[Step, ...]]] = [
+        (f"hold {describe_direction(up)} for {hold:.0f} s", (HoldStep(hold, Pose(up, None, BY_HAND)),))
+        for up in twenty_six_directions()
+    ]
+    for name, axis, up in _AXES:
+        for degrees in (180, 360):
+            words = (
+                f"turn by hand by {degrees}° about {name}, held level, {hold:.0f} s at rest before and after"
+            )
+            plans.append((words, _by_hand(_unit(axis), _unit(up), np.radians(degrees), hold, turn)))
+    if table:
+        for name, axis, up in _AXES:
+            plans += _rotations(task.protocol, name, _unit(axis), _unit(up))
+    return [_candidate(task, name, steps, turn, span) for name, steps in plans]
+
+
+def _unit(direction: tuple[int, int, int]) -> Vector:
+    vector = np.array(direction, dtype=np.float64)
+    return np.asarray(vector / np.linalg.norm(vector), dtype=np.float64)
+
+
+def _by_hand(axis: Vector, up: Vector, angle: float, hold: float, turn: float) -> tuple[Step, ...]:
+    slow = turn * max(1.0, angle / np.pi)
+    return (
+        HoldStep(hold, Pose(up, None, BY_HAND)),
+        TurnStep(slow, axis, float(angle), HAND_ANGLE),
+        HoldStep(hold),
+    )
+
+
+def _rotations(protocol: Protocol, name: str, axis: Vector, up: Vector) -> list[tuple[str, tuple[Step, ...]]]:
+    known = [s for s in protocol.steps if isinstance(s, SpinStep) and s.angle is not None]
+    like = known[0] if known else _plain_rotation()
+    rest = HoldStep(20.0, Pose(up, None, BY_HAND))
+    found: list[tuple[str, tuple[Step, ...]]] = []
+    for sign, way in ((1.0, "counter-clockwise"), (-1.0, "clockwise")):
+        angle = sign * abs(like.angle or 0.0)
+        spin = replace(like, rate=sign * abs(like.rate), axis_b=axis, angle=angle, name="")
+        turned = f"{abs(angle) / (2.0 * np.pi):.3g} turns"
+        found.append((f"rotate the table by {turned} about {name}, level, {way}", (rest, spin, rest)))
+    return found
+
+
+def _plain_rotation() -> SpinStep:
+    from tumble.protocol.library import TABLE_RAMP, TABLE_SIGMA, TABLE_SPEED, TABLE_TURN
+
+    seconds = TABLE_TURN / TABLE_SPEED - TABLE_RAMP
+    return SpinStep(
+        seconds,
+        TABLE_SPEED,
+        np.array([1.0, 0.0, 0.0]),
+        ramp=TABLE_RAMP,
+        angle=TABLE_TURN,
+        angle_sigma=TABLE_SIGMA,
+    )
+
+
+def _candidate(task: PlanTask, name: str, steps: tuple[Step, ...], turn: float, span: float) -> StepCandidate:
+    protocol = Protocol(name, "joint", steps)
+    played = play_plan(protocol, task.site, np.random.default_rng([task.seed, 17]))
+    data = planned_data(played, task.noise, span=max(span, protocol.duration))
+    information = planned_problem(data, task.site, task.sizes).information()
+    return StepCandidate(name, protocol.duration + turn, information, steps)
+
+
+def find_next_steps(
+    task: PlanTask, known: JointInformation, candidates: Sequence[StepCandidate], count: int = 3
+) -> list[NextStep]:
+    """Return the steps that tell most for their time, one after the other.
+
+    Parameters
+    ----------
+    task : which parameters matter; its own `known` is added.
+    known : information so far.
+    candidates : to choose from.
+    count : how many.
+    """
+    found: list[NextStep] = []
+    at = task.parameters()
+    for _ in range(count):
+        covariance = task.covariance(known)
+        before, sigma = mean_log_sigma(task, covariance), np.sqrt(np.diag(covariance))
+        after = [task.covariance(known.plus(one.information)) for one in candidates]
+        gains = np.array([before - mean_log_sigma(task, one) for one in after])
+        best = int(np.argmax(gains / np.array([one.seconds for one in candidates])))
+        known = known.plus(candidates[best].information)
+        sigmas = np.sqrt(np.diag(after[best]))
+        falls = 1.0 - sigmas[at] / sigma[at]
+        most = int(np.argmax(falls))
+        found.append(
+            NextStep(
+                candidates[best],
+                sigmas,
+                -float(np.expm1(-gains[best])),
+                NAMES[int(at[most])],
+                float(falls[most]),
+                int(np.count_nonzero(sigmas[at] >= TOLD * task.sizes[at])),
+            )
+        )
+    return found
+
+
+def what_would_tell(
+    task: PlanTask, known: JointInformation, weak: Weakness, candidates: Sequence[StepCandidate]
+) -> tuple[StepCandidate, float] | None:
+    """Return the step that tells a weak combination best, and its sigma then in data-sheet spreads; None if none does.
+
+    Parameters
+    ----------
+    task, known : what is there.
+    weak : a combination that is not told.
+    candidates : to choose from.
+    """
+    best: tuple[StepCandidate, float] | None = None
+    for one in candidates:
+        covariance = task.covariance(known.plus(one.information))
+        direction = weak.direction / task.sizes
+        # The combination's own variance, of parameters in spreads.
+        sigma = float(np.sqrt(max(direction @ covariance @ direction, 0.0)))
+        if sigma < min(TOLD, weak.sigma) and (best is None or sigma < best[1]):
+            best = (one, sigma)
+    return best
+
+
+def judge_stop(
+    task: PlanTask, known: JointInformation, following: Sequence[NextStep], limits: Series | None
+) -> tuple[bool, list[str]]:
+    """Return whether to stop, and why, in sentences.
+
+    Parameters
+    ----------
+    task, known : what is there.
+    following : of `find_next_steps`.
+    limits : (30,) wished-for sigmas, SI, infinite where nothing is wished; None for none at all.
+    """
+    at: list[int] = task.parameters().tolist()
+    sigmas = np.sqrt(np.diag(task.covariance(known)))
+    untold = [NAMES[i] for i in at if sigmas[i] >= TOLD * task.sizes[i]]
+    if untold:
+        return False, [f"Not told yet: {', '.join(untold)}."]
+    words: list[str] = []
+    if limits is not None:
+        off = [NAMES[i] for i in at if sigmas[i] > limits[i]]
+        if not off:
+            return True, ["All targets are reached: stop here."]
+        words.append(f"The target is not reached by {', '.join(off)}.")
+    if following and following[0].most_gain < WORTH:
+        words.append(
+            f"One more step would take at most {100.0 * following[0].most_gain:.1f} % off any standard uncertainty: it "
+            "is hardly worth its time."
+        )
+        return limits is None, words
+    return False, words

@@ -1,0 +1,174 @@
+"""What a recording or a calibration that is there already tells of both triads."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tumble.errors import ConvergenceError, ObservabilityError, UsageError
+
+if TYPE_CHECKING:
+    from tumble.calibration import Calibration
+    from tumble.design.joint_information import JointInformation
+    from tumble.design.joint_plan import PlanTask
+
+# Of a correlation matrix, what is round-off.
+_FLAT = 1e-10
+
+
+def read_given_information(
+    given: str | os.PathLike[str], recorded: str | os.PathLike[str] | None, task: PlanTask
+) -> tuple[JointInformation, list[str]]:
+    """Return the information of a recording or of a calibration, with words about it.
+
+    Parameters
+    ----------
+    given : a calibration.json, a folder with one, or a recording.
+    recorded : the protocol that it was recorded with; None for none.
+    task : the plan that it is for: site and spreads.
+
+    Raises
+    ------
+    UsageError, CalibrationFileError, RecordingError, SegmentationError, ProtocolError
+        If it is neither, or cannot be read.
+    """
+    path = Path(given)
+    if not path.exists():
+        raise UsageError(f"--given {path}: there is no such file; give a calibration.json or a recording.")
+    if path.is_dir() or path.suffix.lower() == ".json":
+        from tumble.calibration.result import read_calibration
+
+        calibration = read_calibration(path)
+        words = f"{path} is a {calibration.procedure} calibration from {calibration.quality.holds} holds."
+        return information_of(calibration, task), [words]
+    from tumble.workflows.calibrate import calibrate
+
+    try:
+        run = calibrate(path, protocol=recorded, site=task.site)
+    except (ObservabilityError, ConvergenceError):
+        return _of_few_holds(path, task)
+    quality = run.calibration.quality
+    words = f"{path} has {quality.holds} holds and {quality.turns} turns, a {run.calibration.procedure} calibration."
+    return information_of(run.calibration, task), [words]
+
+
+def information_of(calibration: Calibration, task: PlanTask) -> JointInformation:
+    """Return the information that a calibration states of the thirty parameters.
+
+    Parameters
+    ----------
+    calibration : with its covariance; what it does not state counts as not told.
+    task : the spreads by which nothing is known.
+
+    Raises
+    ------
+    UsageError
+        If its axes are those of a fixture, or it states no accelerometer matrix.
+    """
+    from tumble.design.joint_information import PARAMETERS, JointInformation
+
+    if calibration.frame.name != "accelerometer-x":
+        raise UsageError(
+            f"The calibration's axes are those of {calibration.frame.name}, and a plan's are the accelerometers': give "
+            "the recording itself."
+        )
+    values = _values(calibration)
+    names = list(calibration.covariance_parameters)
+    where = [index for index, name in enumerate(names) if name in values]
+    slopes = np.array([_slope(values, names[index]) for index in where]).T
+    covariance = slopes @ calibration.covariance_matrix[np.ix_(where, where)] @ slopes.T
+    spread = np.diag(covariance)
+    told = np.flatnonzero(spread > 0.0)
+    if not told.size:
+        raise UsageError("The calibration states no uncertainties: it cannot say what is missing.")
+    information = np.zeros((PARAMETERS, PARAMETERS))
+    size = np.sqrt(spread[told])
+    correlation = covariance[np.ix_(told, told)] / np.outer(size, size) + _FLAT * np.eye(told.size)
+    information[np.ix_(told, told)] = np.linalg.inv(correlation) / np.outer(size, size)
+    return JointInformation(information)
+
+
+def _values(calibration: Calibration) -> dict[str, complex]:
+    """Canonical entries by name, divided by each triad's own mean scale factor."""
+    values: dict[str, complex] = {}
+    for kind, triad in (("accelerometer", calibration.accelerometer), ("gyroscope", calibration.gyroscope)):
+        if triad is None or triad.matrix is None:
+            continue
+        matrix = np.array(triad.matrix, dtype=float)
+        for i in range(3):
+            for j in range(3):
+                values[f"{kind}.matrix[{i},{j}]"] = matrix[i, j]
+                if triad.g_sensitivity is not None:
+                    values[f"{kind}.g_sensitivity[{i},{j}]"] = triad.g_sensitivity[i][j]
+            values[f"{kind}.bias[{i}]"] = triad.bias[i]
+    if "accelerometer.matrix[0,0]" not in values:
+        raise UsageError("The calibration states no accelerometer matrix: calibrate in more poses first.")
+    return values
+
+
+def _slope(values: dict[str, complex], name: str) -> Any:
+    """(30,) derivative of the parameters by one canonical entry, by a complex step."""
+    step = 1e-30
+    moved = dict(values)
+    moved[name] = moved[name] + 1j * step
+    return np.imag(_parameters(moved)) / step
+
+
+def _parameters(values: dict[str, complex]) -> Any:
+    """The thirty parameters; those of a gyro that is not there are zero."""
+    from tumble.design.joint_information import parameters_of
+
+    def block(name: str, default: Any) -> Any:
+        return np.array(
+            [[values.get(f"{name}[{i},{j}]", default[i, j]) for j in range(3)] for i in range(3)],
+            dtype=complex,
+        )
+
+    force, gyro = block("accelerometer.matrix", np.eye(3)), block("gyroscope.matrix", np.eye(3))
+    biases = [
+        np.array([values.get(f"{kind}.bias[{i}]", 0.0) for i in range(3)], dtype=complex)
+        for kind in ("accelerometer", "gyroscope")
+    ]
+    sensitivity = block("gyroscope.g_sensitivity", np.zeros((3, 3)))
+    scales = [float(np.mean(np.real(np.diag(matrix)))) for matrix in (force, gyro)]
+    return parameters_of(
+        force / scales[0],
+        biases[0] / scales[0],
+        gyro / scales[1],
+        biases[1] / scales[1],
+        sensitivity / scales[1],
+    )
+
+
+def _of_few_holds(path: Path, task: PlanTask) -> tuple[JointInformation, list[str]]:
+    """The information of a recording that determines too little for a calibration."""
+    from tumble.calibration.gathering import gather
+    from tumble.calibration.joint import unknowns_of
+    from tumble.calibration.joint_data import joint_data
+    from tumble.design.joint_information import planned_problem
+    from tumble.recording import read_recording
+    from tumble.segmentation import find_timeline, observe_holds
+    from tumble.sensor import ImuModel
+    from tumble.units import angular_rate_factor, specific_force_factor
+
+    recording = read_recording(path)
+    factors = (
+        specific_force_factor(recording.specific_force_unit),
+        angular_rate_factor(recording.angular_rate_unit),
+    )
+    if factors != (1.0, 1.0) or recording.specific_force is None or recording.angular_rate is None:
+        raise UsageError(
+            f"--given {path} does not tell enough for a calibration, and so early it has to have both triads in m/s² "
+            "and rad/s for the next step to be found: record more poses and turns first."
+        )
+    timeline = find_timeline(recording)
+    means = observe_holds(recording, timeline)
+    values = unknowns_of(ImuModel.ideal())
+    data = joint_data(gather(recording, timeline, means), values, [])
+    problem = planned_problem(data, task.site, task.sizes)
+    turns = int(data.turns.size)
+    words = f"{path} has {data.holds} holds and {turns} turns that can be followed: too few for a calibration yet."
+    return problem.information(), [words]

@@ -1,0 +1,217 @@
+"""What a planned protocol is worth, in words and rows."""
+
+from __future__ import annotations
+
+import math
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from tumble.design.step_worth import StepWorth
+    from tumble.workflows.joint_plan import JointPlanned
+
+_SECOND = math.pi / 648000.0
+# Practical unit of each group, and its size in SI.
+UNITS_OF_GROUPS: dict[str, tuple[str, float]] = {
+    "accelerometer bias": ("µg", 9.80665e-6),
+    "accelerometer scale": ("ppm", 1e-6),
+    "accelerometer misalignment": ("″", _SECOND),
+    "gyro bias": ("°/h", _SECOND),
+    "gyro scale": ("ppm", 1e-6),
+    "gyro misalignment": ("″", _SECOND),
+    "rotation between the triads": ("″", _SECOND),
+    "g-sensitivity": ("(°/h)/g", _SECOND / 9.80665),
+}
+# Without the step nothing grows by more than this: it can be spared.
+SPARED = 0.05
+# So many times as large, and a parameter rests on one step.
+RESTS_ON = 2.0
+# Performances that differ by more are worth a word.
+DIFFERS = 1.2
+
+
+def prediction_rows(done: JointPlanned) -> list[list[str]]:
+    """Return a row for each group: its name, three numbers (x, y, z; or yz, zx, zy) and the unit.
+
+    Parameters
+    ----------
+    done : a plan.
+    """
+    from tumble.design.joint_information import GROUPS
+
+    rows: list[list[str]] = []
+    for group, part in GROUPS.items():
+        unit, size = UNITS_OF_GROUPS[group]
+        if group == "g-sensitivity":
+            if not done.plan.task.g_sensitivity:
+                continue
+            # A gyro's three elements as one.
+            sigmas = np.sqrt(np.mean(done.plan.sigmas[part].reshape(3, 3) ** 2, axis=1))
+            told = np.all(done.plan.told[part].reshape(3, 3), axis=1)
+        else:
+            sigmas, told = done.plan.sigmas[part], done.plan.told[part]
+        values: list[float] = sigmas.tolist()
+        known = [bool(one) for one in np.asarray(told, dtype=np.float64).tolist()]
+        axes = "  (yz, zx, zy)" if group.endswith("misalignment") else ""
+        shown = [
+            f"{sigma / size:.3g}" if is_told else "not told"
+            for sigma, is_told in zip(values, known, strict=True)
+        ]
+        rows.append([group + axes, *shown, unit])
+    return rows
+
+
+def step_rows(done: JointPlanned, *, each: bool = False) -> list[list[str]]:
+    """Return rows of what steps are worth: kinds of steps, or each by itself.
+
+    Parameters
+    ----------
+    done : a plan.
+    each : do not join steps of a kind.
+    """
+    rows: list[list[str]] = []
+    for title, members in _kinds(done, each=each):
+        worst = max(members, key=lambda one: one.most_growth)
+        rows.append(
+            [
+                title,
+                f"{100.0 * sum(one.share_of_time for one in members):.1f} %",
+                f"{100.0 * sum(one.share_of_information for one in members):.1f} %",
+                f"{_growth(worst.most_growth)} {worst.most}",
+                f"{100.0 * max(float(np.mean([one.longer_per_minute for one in members])), 0.0):.2g} %",
+            ]
+        )
+    return rows
+
+
+STEP_HEADS = ("step", "of the time", "of what is told", "without it, at worst", "a minute more: all fall by")
+
+
+def _kinds(done: JointPlanned, *, each: bool) -> list[tuple[str, list[StepWorth]]]:
+    if each:
+        return [(f"{one.step + 1}. {_named(one)}", [one]) for one in done.worths]
+    ordered = sorted(done.worths, key=lambda one: (one.kind, -one.seconds))
+    kinds: list[tuple[str, list[StepWorth]]] = []
+    for (kind, seconds), members in groupby(ordered, key=lambda one: (one.kind, round(one.seconds, 3))):
+        found = list(members)
+        many = f"{len(found)} {kind}s" if len(found) > 1 else f"1 {kind}"
+        kinds.append((f"{many} of {seconds:.4g} s", found))
+    return kinds
+
+
+def _named(one: StepWorth) -> str:
+    return f"{one.kind} {one.name}, {one.seconds:.4g} s"
+
+
+def _growth(factor: float) -> str:
+    if factor > 100.0:
+        return "loses"
+    return f"× {factor:.2f}"
+
+
+def describe_plan(done: JointPlanned) -> list[str]:
+    """Return what is not told and what would tell it, which steps carry the result, and what to change.
+
+    Parameters
+    ----------
+    done : a plan with everything found.
+    """
+    return [*_about_weak(done), *_about_steps(done), *_about_hands(done)]
+
+
+def _about_weak(done: JointPlanned) -> list[str]:
+    words: list[str] = []
+    for weak, helping in zip(done.plan.weak, done.helping, strict=True):
+        names = weak.parameters[:4]
+        what = names[0] if len(names) == 1 else f"a combination of {', '.join(names)}"
+        if len(weak.parameters) > 4:
+            what += " and others"
+        if helping is None:
+            words.append(
+                f"Not told better than the data sheet does: {what}. No single hold, turn by hand or rotation of a "
+                "table would tell it."
+            )
+        else:
+            words.append(
+                f"Not told better than the data sheet does: {what}. Add this: {helping[0].name} "
+                f"({helping[0].seconds:.0f} s)."
+            )
+    return words
+
+
+def _about_steps(done: JointPlanned) -> list[str]:
+    worths = done.worths
+    if not worths:
+        return []
+    words: list[str] = []
+    pillars = [one for one in worths if one.most_growth > RESTS_ON]
+    if pillars:
+        found = [f"{one.most} on {one.name}" for one in sorted(pillars, key=lambda one: -one.most_growth)[:3]]
+        words.append(f"It rests on single steps: {'; '.join(found)}.")
+    least = min(worths, key=lambda one: one.most_growth - 1.0)
+    if least.most_growth - 1.0 < SPARED:
+        spared = sum(one.most_growth - 1.0 < SPARED for one in worths)
+        words.append(
+            f"Any one of {spared} of {len(worths)} steps could be dropped and no uncertainty would grow by more than "
+            f"{100.0 * SPARED:.0f} %; least is lost without the {_named(least)} "
+            f"({100.0 * (least.most_growth - 1.0):.1f} %)."
+        )
+    best = max(worths, key=lambda one: one.longer_per_minute)
+    worst = min(worths, key=lambda one: one.longer_per_minute)
+    if best.longer_per_minute > 2.0 * max(worst.longer_per_minute, 0.0) and best.longer_per_minute > 1e-4:
+        words.append(
+            f"Time is best spent on the {_named(best)}: a minute more takes {100.0 * best.longer_per_minute:.2g} % off "
+            f"the uncertainties, of the {_named(worst)} {100.0 * max(worst.longer_per_minute, 0.0):.2g} %."
+        )
+    return words
+
+
+def _about_hands(done: JointPlanned) -> list[str]:
+    from tumble.design.joint_information import NAMES
+
+    spread = np.where(done.plan.told, done.plan.spread, 1.0)
+    worst = int(np.argmax(spread))
+    if spread[worst] < DIFFERS:
+        return []
+    words = (
+        "Hands do it differently each time: of several performances the best and the worst differ by "
+        f"{spread[worst]:.2g} times in {NAMES[worst]}. Predicted is their root mean square."
+    )
+    return [words]
+
+
+def next_words(done: JointPlanned) -> list[str]:
+    """Return which steps to add next, one sentence each.
+
+    Parameters
+    ----------
+    done : a plan.
+    """
+    words: list[str] = []
+    for number, one in enumerate(done.following):
+        after = (
+            f"{one.open_left} parameters are then still open"
+            if one.open_left
+            else f"the uncertainties fall by {100.0 * one.gain:.2g} %, of {one.most} by {100.0 * one.most_gain:.2g} %"
+        )
+        words.append(f"{'Next' if number == 0 else 'Then'}: {one.candidate.name}; {after}.")
+    return words
+
+
+def steps_in_words(done: JointPlanned) -> str:
+    """Return how many holds, rotations and turns there are.
+
+    Parameters
+    ----------
+    done : a plan.
+    """
+    from tumble.protocol import HoldStep, SpinStep, TurnStep
+
+    steps = done.plan.task.protocol.steps
+    counted = [
+        (sum(isinstance(s, kind) for s in steps), words)
+        for kind, words in ((HoldStep, "holds"), (SpinStep, "rotations of the table"), (TurnStep, "turns"))
+    ]
+    return ", ".join(f"{count} {words}" for count, words in counted if count)

@@ -1,0 +1,222 @@
+"""Predictions of whole protocols: their information, steps, and what to add, against first principles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tumble.calibration.joint_system import linearise_joint
+from tumble.design.joint_information import (
+    GROUPS,
+    NAMES,
+    JointInformation,
+    information_in_names,
+    parameter_sizes,
+    parameters_of,
+    planned_problem,
+)
+from tumble.design.joint_plan import JointPlan, PlanTask, plan_protocol, true_covariance
+from tumble.design.next_step import find_next_steps, judge_stop, step_candidates, what_would_tell
+from tumble.design.planned_motion import PlannedNoise, planned_data, play_plan
+from tumble.design.step_worth import find_step_worths, with_longer_step
+from tumble.earth import Site
+from tumble.errors import UsageError
+from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep, named_protocol
+from tumble.simulation import TriadNoise, find_grade
+
+SITE = replace(Site.from_latitude(0.8), gravity_sigma=0.0)
+TACTICAL = find_grade("tactical")
+
+
+def faces(*ups: tuple[int, int, int], seconds: float = 10.0) -> Protocol:
+    steps: list[HoldStep | TurnStep] = []
+    for up in ups:
+        steps += [TurnStep(2.0)] if steps else []
+        vector = np.array(up, dtype=float)
+        steps.append(HoldStep(seconds, Pose(vector / np.linalg.norm(vector), None, 0.05), str(up)))
+    return Protocol("faces", "hand-held", tuple(steps))
+
+
+@pytest.fixture(scope="module")
+def hand_held() -> JointPlan:
+    return plan_protocol(PlanTask.of_grade(named_protocol("hand-held"), TACTICAL, SITE, draws=2))
+
+
+@pytest.fixture(scope="module")
+def table() -> JointPlan:
+    """Two holds, and one turn of a table both ways about x."""
+    up = Pose(np.array([0.0, 0.0, 1.0]), None, 0.05)
+    rate, ramp = np.radians(10.0), 1.0
+    spins = [
+        SpinStep(
+            35.0,
+            sign * rate,
+            np.array([1.0, 0.0, 0.0]),
+            ramp=ramp,
+            angle=sign * 36.0 * rate,
+            angle_sigma=1e-5,
+        )
+        for sign in (1.0, -1.0)
+    ]
+    steps = (HoldStep(8.0, up), spins[0], HoldStep(8.0, up), spins[1], HoldStep(8.0, up))
+    return plan_protocol(PlanTask.of_grade(Protocol("both ways", "joint", steps), TACTICAL, SITE, draws=1))
+
+
+@pytest.mark.parametrize("name", ["hand_held", "table"])
+def test_the_information_is_that_of_the_estimator_itself(name: str, request: pytest.FixtureRequest) -> None:
+    """The plan assembles the estimator's equations its own way, to eliminate a rotation only once."""
+    problem = request.getfixturevalue(name).problem
+    _, normal, _ = linearise_joint(problem.problem, problem.state)
+    wanted = information_in_names(normal, problem.state.unknowns)
+    size = np.sqrt(np.outer(np.diag(wanted), np.diag(wanted)))
+    # the same sums in the same order
+    assert np.max(np.abs(problem.information().matrix - wanted) / np.maximum(size, 1e-30)) < 1e-9
+
+
+def test_four_times_the_time_of_white_noise_halves_what_holds_tell() -> None:
+    noise = PlannedNoise(TriadNoise(random_walk=1e-3), TriadNoise(random_walk=1e-5), 100.0)
+    task = replace(PlanTask.of_grade(named_protocol("hand-held"), TACTICAL, SITE, draws=1), noise=noise)
+    played = play_plan(task.protocol, SITE, np.random.default_rng([0, 0]))
+    sigmas: list[np.ndarray] = []
+    for factor in (1.0, 4.0):
+        stretch = np.full(len(played.holds), factor)
+        data = planned_data(played, noise, stretch=stretch)
+        covariance = task.covariance(planned_problem(data, SITE, task.sizes).information())
+        sigmas.append(np.sqrt(np.diag(covariance)))
+    ratio = sigmas[1][GROUPS["accelerometer bias"]] / sigmas[0][GROUPS["accelerometer bias"]]
+    # the turns tell a little, too, and last as long as before
+    assert np.all((ratio > 0.49) & (ratio < 0.56))
+    # gyro biases are what holds of 4 s are told by: N / sqrt(26 * 4 s), and the edges that are cut off
+    expected = 1e-5 / np.sqrt(np.sum((played.holds[:, 1] - played.holds[:, 0]) / played.recording.rate))
+    assert sigmas[0][GROUPS["gyro bias"]] == pytest.approx(np.full(3, expected), rel=0.1)
+
+
+def test_a_bias_that_wanders_is_told_by_its_mean_over_the_holds() -> None:
+    """Where nearly all is flicker of the gyros, equal holds tell their common mean far better than each is known."""
+    flicker = TriadNoise(random_walk=1e-7, bias_instability=1e-4)
+    noise = PlannedNoise(TriadNoise(random_walk=1e-4), flicker, 100.0)
+    task = replace(PlanTask.of_grade(named_protocol("hand-held"), TACTICAL, SITE, draws=1), noise=noise)
+    played = play_plan(task.protocol, SITE, np.random.default_rng([0, 0]))
+    problem = planned_problem(planned_data(played, noise), SITE, task.sizes)
+    stated = task.covariance(problem.information())
+    part = GROUPS["gyro bias"]
+    true = np.sqrt(np.diag(true_covariance(task, played, problem, stated))[part])
+    # of 26 holds the common part of flicker is half of it or more, and turns wander on their own
+    assert np.all(true < 0.7 * np.sqrt(np.diag(stated)[part]))
+
+
+def test_hold_responses_are_the_slopes_of_the_estimate(hand_held: JointPlan) -> None:
+    """Moving what a hold shows moves the gradient of `linearise_joint` by the response, in the parameters' names."""
+    problem = hand_held.problem
+    responses = problem.hold_responses()
+    _, normal, before = linearise_joint(problem.problem, problem.state)
+    data = problem.problem.data
+    for kind, moved in (("force", data.parts), ("rate", data.base.rate_mean)):
+        step = 1e-3 if kind == "force" else 1e-6
+        moved[1, ..., 2] += step
+        _, _, after = linearise_joint(problem.problem, problem.state)
+        moved[1, ..., 2] -= step
+        covariance = np.linalg.inv(normal)
+        unknowns = -covariance @ (after - before) / step
+        named = np.linalg.solve(problem.information().matrix, responses[kind][:, 1, 2])
+        # biases are unknowns and parameters alike, and the data enter linearly
+        for of_unknowns, of_parameters in ((slice(0, 3), slice(0, 3)), (slice(18, 21), slice(9, 12))):
+            assert named[of_parameters] == pytest.approx(unknowns[of_unknowns], rel=1e-6)
+
+
+def test_the_sensors_errors_stand_under_their_names() -> None:
+    force = np.array([[1.01, 0.0, 0.0], [0.002, 0.99, 0.0], [-0.003, 0.004, 1.02]])
+    gyro = np.diag([1.0, 1.1, 0.9])
+    values = np.real(parameters_of(force, np.array([1.0, 2.0, 3.0]), gyro, np.zeros(3), np.eye(3)))
+    found = dict(zip(NAMES, values, strict=True))
+    assert found["accelerometer bias y"] == 2.0
+    assert found["gyro scale factor error y"] == pytest.approx(0.1)
+    assert found["g-sensitivity of gyro x to force x"] == 1.0
+    # a row of the matrix is its scale along a tilted axis: to the second order in the tilt
+    assert found["accelerometer scale factor error x"] == pytest.approx(0.01, abs=1e-9)
+
+
+def test_turns_about_the_vertical_tell_no_gyro_and_a_level_turn_does() -> None:
+    """Gravity stays where it is: the z gyro is not told, and a turn by hand about level z tells it."""
+    level = tuple(
+        replace(step, pose=Pose(np.array([0.0, 0.0, 1.0]))) for step in faces(*[(0, 0, 1)] * 4).steps[::2]
+    )
+    turn = TurnStep(3.0, np.array([0.0, 0.0, 1.0]), np.pi / 2.0)
+    steps = (level[0], turn, replace(level[1], pose=None), turn, replace(level[2], pose=None))
+    task = PlanTask.of_grade(Protocol("vertical", "hand-held", steps), TACTICAL, SITE, draws=1)
+    plan = plan_protocol(task)
+    scale = GROUPS["gyro scale"]
+    assert not plan.told[scale][2]
+    assert plan.weak
+    candidates = step_candidates(task, table=False, span=plan.duration)
+    following = find_next_steps(task, plan.information, candidates, count=8)
+    left = [one.open_left for one in following]
+    assert left == sorted(left, reverse=True)
+    assert left[-1] < 21 - int(plan.told[:21].sum())
+    stop, words = judge_stop(task, plan.information, following, None)
+    assert not stop
+    assert "Not told yet" in words[0]
+
+
+def test_what_would_tell_a_weak_direction_makes_it_told(hand_held: JointPlan) -> None:
+    """Take all knowledge of the z gyro's scale away: a turn about z brings it back."""
+    task = hand_held.task
+    at = NAMES.index("gyro scale factor error z")
+    covariance = task.covariance(hand_held.information)
+    keep = [i for i in task.parameters().tolist() if i != at]
+    matrix = np.zeros((30, 30))
+    matrix[np.ix_(keep, keep)] = np.linalg.inv(covariance[np.ix_(keep, keep)])
+    from tumble.design.joint_plan import find_weaknesses
+
+    known = JointInformation(matrix)
+    weak = find_weaknesses(task, known)
+    assert [one.parameters for one in weak] == [("gyro scale factor error z",)]
+    found = what_would_tell(task, known, weak[0], step_candidates(task, table=False, span=200.0))
+    assert found is not None
+    assert "about z" in found[0].name
+    assert found[1] < 0.9
+
+
+def test_leaving_a_step_out_loses_and_lengthening_it_gains(table: JointPlan) -> None:
+    worths = find_step_worths(replace(table, weak=[]))
+    assert [one.kind for one in worths] == ["hold", "rotation", "hold", "rotation", "hold"]
+    assert sum(one.share_of_time for one in worths) == pytest.approx(1.0)
+    assert sum(one.share_of_information for one in worths) == pytest.approx(1.0)
+    assert all(one.loss > 0.0 and one.most_growth > 1.0 for one in worths)
+    assert all(one.longer > 0.0 for one in worths)
+
+
+def test_a_longer_rotation_turns_further_at_its_rate(table: JointPlan) -> None:
+    longer = with_longer_step(table.task.protocol, 1, 2.0).steps[1]
+    assert isinstance(longer, SpinStep)
+    assert longer.angle == pytest.approx(2.0 * 36.0 * np.radians(10.0))
+    assert longer.angle == pytest.approx(longer.rate * (longer.duration + longer.ramp))
+
+
+def test_information_of_two_tests_adds(hand_held: JointPlan) -> None:
+    task = replace(hand_held.task, known=hand_held.information)
+    twice = np.sqrt(np.diag(task.covariance(hand_held.information)))[:21]
+    once = np.sqrt(np.diag(hand_held.task.covariance(hand_held.information)))[:21]
+    # the bound by which what is not told is kept finite is a ten-thousandth of it at most
+    assert twice * np.sqrt(2.0) == pytest.approx(once, rel=1e-4)
+
+
+def test_what_cannot_be_planned_is_said() -> None:
+    for protocol, words in (
+        (named_protocol("thermal-fridge"), "temperature"),
+        (faces((1, 0, 0)), "fewer than two holds"),
+        (faces((1, 0, 0), (0, 1, 0), seconds=1e5), "lasts"),
+    ):
+        with pytest.raises(UsageError, match=words):
+            plan_protocol(PlanTask.of_grade(protocol, TACTICAL, SITE))
+
+
+def test_sizes_are_the_data_sheets_spreads() -> None:
+    sizes = parameter_sizes(TACTICAL)
+    assert sizes[GROUPS["gyro bias"]] == pytest.approx(np.full(3, TACTICAL.gyroscope.bias))
+    assert sizes[GROUPS["accelerometer misalignment"]] == pytest.approx(
+        np.full(3, np.sqrt(2.0) * TACTICAL.accelerometer.misalignment)
+    )
+    assert np.all(sizes > 0.0)
