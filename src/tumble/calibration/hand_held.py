@@ -64,6 +64,7 @@ OPTIONAL_TERMS: dict[str, np.ndarray] = {
 TERM_FALSE_ALARM = 0.02
 # With the time lag, which is tested apart because nothing else depends on it.
 TERMS_TRIED = len(OPTIONAL_TERMS) + 1
+LAG_LIMIT = TERM_FALSE_ALARM / TERMS_TRIED
 SMALLEST_TURNS = 5
 
 _FORCE_NINE = np.arange(0, 9)
@@ -162,9 +163,10 @@ def add_time_lag(estimate: Estimate, data: HoldsAndTurns) -> None:
         return
     ratio = found.lag / max(found.sigma, 1e-12)
     probability = 2.0 * float(stdtr(found.turns - 1, -abs(ratio)))
-    limit = TERM_FALSE_ALARM / TERMS_TRIED
-    kept = probability < limit
-    estimate.terms.append(TermTest("time_lag", kept, ratio**2, 1, probability, limit, f"{ratio:+.1f} sigma"))
+    kept = probability < LAG_LIMIT
+    estimate.terms.append(
+        TermTest("time_lag", kept, ratio**2, 1, probability, LAG_LIMIT, f"{ratio:+.1f} sigma")
+    )
     if not kept:
         return
     name = "lag of the accelerometer behind the gyro"

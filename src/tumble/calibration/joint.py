@@ -19,7 +19,7 @@ import numpy as np
 
 from tumble.arrays import Series, inverted
 from tumble.calibration.estimate import Estimate, TermTest
-from tumble.calibration.hand_held import add_bias_step, add_time_lag
+from tumble.calibration.hand_held import LAG_LIMIT, add_bias_step, add_time_lag
 from tumble.calibration.joint_believed import BelievedPoses
 from tumble.calibration.joint_data import JointSpin, joint_data, window_spin
 from tumble.calibration.joint_estimate import JointOutcome, joint_estimate
@@ -35,7 +35,7 @@ from tumble.calibration.joint_start import gather_what_there_is, rough_start, ro
 from tumble.calibration.joint_system import JointProblem, JointState, Masks, linearise_joint, start_state
 from tumble.calibration.joint_terms import Extra
 from tumble.calibration.joint_unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED, force_matrix
-from tumble.calibration.joint_wide import FIXTURE, is_wide, widened
+from tumble.calibration.joint_wide import FIXTURE, FORCE_ASYMMETRY, RATE_ASYMMETRY, is_wide, widened
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.term_tests import wald_test
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE, unknowns_from_triad
@@ -52,10 +52,14 @@ from tumble.sensor.gauge import change_frame
 OPTIONAL_TERMS = {
     "g_sensitivity": np.arange(G_SENSITIVITY.start, G_SENSITIVITY.stop),
     "quadratic": np.arange(QUADRATIC.start, QUADRATIC.stop),
+    "accelerometer_asymmetry": np.arange(FORCE_ASYMMETRY.start, FORCE_ASYMMETRY.stop),
+    "gyro_asymmetry": np.arange(RATE_ASYMMETRY.start, RATE_ASYMMETRY.stop),
 }
+OF_GYROS = ("g_sensitivity", "gyro_asymmetry")
 # A term that is not there is kept in fewer than this share of recordings, all terms together, the time lag too.
 TERM_FALSE_ALARM = 0.02
-TERMS_TRIED = len(OPTIONAL_TERMS) + 1
+# What the test of the time lag takes of it, each of the others gets an equal share of the rest.
+TERM_LIMIT = (TERM_FALSE_ALARM - LAG_LIMIT) / len(OPTIONAL_TERMS)
 # Both triads without optional terms.
 PLAIN = np.concatenate([np.arange(0, 9), np.arange(GYRO_MATRIX.start, GYRO_BIAS.stop)])
 # An axis that leans by less than this is upright; a window may then turn so far.
@@ -91,7 +95,7 @@ def calibrate_joint(
     poses : of holds, that are believed.
     frame : of the result: "accelerometer-x", or "fixture" where poses tell it.
     prior : what an earlier calibration knows of the accelerometers' angles.
-    optional_terms : try g-sensitivity and quadratic terms, keep what the data want.
+    optional_terms : try g-sensitivity, quadratic terms and asymmetries, keep what the data want.
     unused_holds : holds whose force and rate are kept out of the estimate, for cross-validation.
     progress : is told in words what is being done.
 
@@ -126,9 +130,10 @@ def calibrate_joint(
     problem = JointProblem(
         data, site, plain, Extra(), masks, together(_prior(values, prior), _mounting(values))
     )
-    known = {name: unknowns for name, unknowns in OPTIONAL_TERMS.items() if np.any(values[unknowns])}
+    known = {name: OPTIONAL_TERMS[name] for name in ("g_sensitivity", "quadratic")}
+    known = {name: unknowns for name, unknowns in known.items() if np.any(values[unknowns])}
     if not optional_terms:
-        values[np.concatenate(list(OPTIONAL_TERMS.values()))] = 0.0
+        values[QUADRATIC] = values[G_SENSITIVITY] = 0.0
         known = {}
     problem.free = plain
     state = start_state(data, values, site)
@@ -291,8 +296,11 @@ def _with_terms(
     problem: JointProblem, state: JointState, base: BalancedJoint, plain: np.ndarray
 ) -> tuple[JointProblem, JointState, BalancedJoint, list[TermTest]]:
     """Try all optional terms at once, drop the least significant until every one left is wanted."""
-    names = list(OPTIONAL_TERMS)
-    limit = TERM_FALSE_ALARM / TERMS_TRIED
+    narrow = None if is_wide(state.unknowns) else SHARED
+    before = (problem, state, base)
+    problem, state = _widened(problem, state)
+    has_gyro = bool(np.any(plain >= GYRO_MATRIX.start))
+    names = [name for name in OPTIONAL_TERMS if has_gyro or name not in OF_GYROS]
     tests: dict[str, TermTest] = {}
     while names:
         free = np.sort(np.concatenate([plain, *(OPTIONAL_TERMS[name] for name in names)]))
@@ -304,16 +312,42 @@ def _with_terms(
             names.pop()
             continue
         for name in names:
-            tests[name] = _test_term(balanced, name, limit)
+            tests[name] = _test_term(balanced, name, TERM_LIMIT)
         weakest = max(names, key=lambda name: tests[name].probability)
         if tests[weakest].kept:
+            if free[-1] < (narrow or 0):
+                trial, moved, balanced = _settled_again(trial, moved, free, narrow)
             return trial, moved, balanced, list(tests.values())
         names.remove(weakest)
     if base.solution.free.size > plain.size:
-        problem = _fresh(problem, plain)
-        state = _copy(state, plain)
-        base = balance_joint(problem, state)
-    return problem, state, base, list(tests.values())
+        before = _settled_again(problem, state, plain, narrow)
+    return *before, list(tests.values())
+
+
+def _settled_again(
+    problem: JointProblem, state: JointState, free: np.ndarray, size: int | None
+) -> tuple[JointProblem, JointState, BalancedJoint]:
+    """Adjust once more with these unknowns only, in a vector of `size`, or as long as it is."""
+    problem = _fresh(problem, free)
+    state = _copy(state, free)
+    if size is not None:
+        state.unknowns = state.unknowns[:size].copy()
+        if problem.prior is not None:
+            problem.prior = Prior(problem.prior.mean[:size], problem.prior.precision[:size, :size])
+    return problem, state, balance_joint(problem, state)
+
+
+def _widened(problem: JointProblem, state: JointState) -> tuple[JointProblem, JointState]:
+    """Return both with room for every term; copies, the former stay as they are."""
+    wide = _copy(state, np.arange(state.unknowns.size))
+    wide.unknowns = widened(state.unknowns)
+    problem = _fresh(problem, problem.free)
+    if problem.prior is not None:
+        size = problem.prior.mean.size
+        precision = np.zeros((wide.unknowns.size, wide.unknowns.size))
+        precision[:size, :size] = problem.prior.precision
+        problem.prior = Prior(widened(problem.prior.mean), precision)
+    return problem, wide
 
 
 def _fresh(problem: JointProblem, free: np.ndarray) -> JointProblem:

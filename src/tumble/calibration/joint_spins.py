@@ -30,6 +30,7 @@ from tumble.calibration.joint_terms import (
     BORDER,
     Extra,
     Link,
+    integrate_magnitudes,
     integrate_ranges,
     link_covariance,
     link_residuals,
@@ -41,6 +42,7 @@ from tumble.calibration.joint_unknowns import (
     force_matrix,
     gyro_matrix,
     raw_force,
+    without_asymmetry,
 )
 from tumble.calibration.triad_unknowns import BIAS
 from tumble.estimation.bordered import BorderedChain, EliminatedChain, whiten
@@ -366,7 +368,11 @@ def _add_force(
 def _window_rates(spin: JointSpin, unknowns: Series) -> Table:
     """(windows, 3) rad/s, without bias and g-sensitivity."""
     force = (spin.force - unknowns[FORCE][BIAS]) @ inverted(force_matrix(unknowns)).T
-    seen = spin.rate - unknowns[GYRO_BIAS] - force @ unknowns[G_SENSITIVITY].reshape(3, 3).T
+    seen = (
+        without_asymmetry(unknowns, spin.rate)
+        - unknowns[GYRO_BIAS]
+        - force @ unknowns[G_SENSITIVITY].reshape(3, 3).T
+    )
     return np.asarray(seen @ inverted(gyro_matrix(unknowns)).T, dtype=np.float64)
 
 
@@ -381,7 +387,8 @@ def _add_links(
 ) -> tuple[float, float]:
     """Add the gyros from the hold before through all windows to the hold after."""
     ranges = _ranges(data, spin)
-    link = Link(*integrate_ranges(data, unknowns, ranges[:, 0], ranges[:, 1]))
+    made = integrate_ranges(data, unknowns, ranges[:, 0], ranges[:, 1])
+    link = Link(*made, integrate_magnitudes(data, unknowns, ranges[:, 0], ranges[:, 1]))
     # A gyro whose bias has wandered turns on by it: as the bias itself would.
     C = np.concatenate([edges[0][None], state.C_wb, edges[1][None]])
     residual, by_node, by_next, of_border = link_residuals(C[:-1], C[1:], earth_w, link, unknowns)

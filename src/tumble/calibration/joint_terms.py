@@ -16,7 +16,7 @@ the level frame turns with the Earth.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,11 +29,13 @@ from tumble.calibration.joint_unknowns import (
     G_SENSITIVITY,
     GYRO_BIAS,
     GYRO_MATRIX,
+    RATE_ASYMMETRY,
     SHARED,
     force_matrix,
     gyro_matrix,
     raw_force,
     raw_rate,
+    without_asymmetry,
 )
 from tumble.calibration.triad_unknowns import BIAS
 
@@ -124,11 +126,18 @@ class Carried:
     C_se : (holds, 3, 3) from the head of the next hold to the tail of this one; zeros where no turn follows.
     sums : (holds, 3, 3, 7) see `integrate_turns`.
     duration : (holds,) s.
+    magnitudes : (holds, 3, 3, 3) the same sums of each gyro's own |input|; None where nobody asks for asymmetry.
     """
 
     C_se: Matrices
     sums: AnyArray
     duration: Series
+    magnitudes: AnyArray | None = None
+
+    def link(self, k: np.ndarray) -> Link:
+        """Return the links after holds `k`."""
+        of_k = None if self.magnitudes is None else self.magnitudes[k]
+        return Link(self.C_se[k], self.sums[k], self.duration[k], of_k)
 
 
 def carry(data: JointData, unknowns: Series) -> Carried:
@@ -143,9 +152,15 @@ def carry(data: JointData, unknowns: Series) -> Carried:
     carried = Carried(np.zeros((data.holds, 3, 3)), np.zeros((data.holds, 3, 3, 7)), np.zeros(data.holds))
     if not turns.size:
         return carried
-    made = integrate_ranges(data, unknowns, data.base.turn_start[turns], data.base.turn_stop[turns])
+    start, stop = data.base.turn_start[turns], data.base.turn_stop[turns]
+    made = integrate_ranges(data, unknowns, start, stop)
     carried.C_se[turns], carried.sums[turns], carried.duration[turns] = made
-    return carried
+    seen = integrate_magnitudes(data, unknowns, start, stop)
+    if seen is None:
+        return carried
+    magnitudes = np.zeros((data.holds, 3, 3, 3))
+    magnitudes[turns] = seen
+    return replace(carried, magnitudes=magnitudes)
 
 
 def integrate_ranges(
@@ -155,7 +170,7 @@ def integrate_ranges(
     base = data.base
     made = integrate_turns(
         base.time,
-        base.raw_rate,
+        without_asymmetry(unknowns, base.raw_rate),
         base.raw_force,
         starts,
         stops,
@@ -166,6 +181,35 @@ def integrate_ranges(
         g_sensitivity=unknowns[G_SENSITIVITY].reshape(3, 3),
     )
     return made.C_start_end, made.sums, made.duration
+
+
+def integrate_magnitudes(
+    data: JointData, unknowns: Series, starts: np.ndarray, stops: np.ndarray
+) -> AnyArray | None:
+    """Return (ranges, 3, 3, 3) the integral of the rotation to the start times each gyro's own |input|.
+
+    None where the unknowns have no asymmetry.
+
+    Parameters
+    ----------
+    data, unknowns, starts, stops : as for `integrate_ranges`.
+    """
+    if unknowns.size < RATE_ASYMMETRY.stop:
+        return None
+    rate = without_asymmetry(unknowns, data.base.raw_rate)
+    made = integrate_turns(
+        data.base.time,
+        rate,
+        np.abs(rate - unknowns[GYRO_BIAS]),
+        starts,
+        stops,
+        gyro_inverse=inverted(gyro_matrix(unknowns)),
+        gyro_bias=unknowns[GYRO_BIAS],
+        force_inverse=np.eye(3),
+        force_bias=np.zeros(3),
+        g_sensitivity=np.zeros((3, 3)),
+    )
+    return made.sums[..., 4:7]
 
 
 def hold_terms(
@@ -262,7 +306,7 @@ def turn_terms(
         return None
     node = k - section.first
     tail, head = section.C_wb[node, 2], section.C_wb[node + 1, 0]
-    link = Link(carried.C_se[k], carried.sums[k], carried.duration[k])
+    link = carried.link(k)
     residual, by_tail, by_head, by_border = link_residuals(tail, head, section.earth_w, link, unknowns)
     by_node, by_next = np.zeros((k.size, 3, NODE)), np.zeros((k.size, 3, NODE))
     by_node[:, :, TAIL], by_next[:, :, HEAD] = by_tail, by_head
@@ -280,6 +324,7 @@ class Link:
     C_se: Matrices
     sums: AnyArray
     duration: Series
+    magnitudes: AnyArray | None = None
 
 
 def link_residuals(
@@ -311,6 +356,8 @@ def link_residuals(
     by_border[:, :, at[GYRO_MATRIX]] = -moves[..., 0:3].reshape(count, 3, 9)
     by_border[:, :, at[GYRO_BIAS]] = -moves[..., 3]
     by_border[:, :, at[G_SENSITIVITY]] = -moves[..., 4:7].reshape(count, 3, 9)
+    if link.magnitudes is not None:
+        by_border[:, :, at[RATE_ASYMMETRY]] = -np.einsum("tab,tbcj,cj->taj", outer, link.magnitudes, inverse)
     return residual, earth, np.broadcast_to(-np.eye(3), (count, 3, 3)), by_border
 
 

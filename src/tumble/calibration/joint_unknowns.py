@@ -21,6 +21,8 @@ GYRO_MATRIX = slice(12, 21)
 GYRO_BIAS = slice(21, 24)
 G_SENSITIVITY = slice(24, 33)
 SHARED = 33
+# Further ones, see `joint_wide`; a shorter vector has none of them.
+FORCE_ASYMMETRY, RATE_ASYMMETRY = slice(36, 39), slice(39, 42)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,14 +45,21 @@ def raw_force(unknowns: Series, true: Vectors) -> RawForce:
     matrix = force_matrix(unknowns)
     quadratic = unknowns[QUADRATIC]
     own = true @ matrix.T
-    slope = 1.0 + 2.0 * quadratic * own
+    asymmetry = _asymmetry(unknowns, FORCE_ASYMMETRY)
+    slope = 1.0 + asymmetry * np.sign(own) + 2.0 * quadratic * own
     by_unknowns = np.zeros((true.shape[0], 3, unknowns.size))
     by_unknowns[:, range(3), range(BIAS.start, BIAS.stop)] = 1.0
     by_unknowns[:, range(3), range(QUADRATIC.start, QUADRATIC.stop)] = own**2
+    if unknowns.size >= FORCE_ASYMMETRY.stop:
+        by_unknowns[:, range(3), range(FORCE_ASYMMETRY.start, FORCE_ASYMMETRY.stop)] = np.abs(own)
     moves = jacobian(lambda p: matrix_from_shin(p[:3], p[3:6]).ravel(), unknowns[SCALE.start : ANGLE.stop])
     turned = np.einsum("abp,nb->nap", moves.reshape(3, 3, 6), true)
     by_unknowns[:, :, SCALE.start : ANGLE.stop] = slope[:, :, None] * turned
-    return RawForce(own + quadratic * own**2 + unknowns[BIAS], slope[:, :, None] * matrix, by_unknowns)
+    return RawForce(
+        own + asymmetry * np.abs(own) + quadratic * own**2 + unknowns[BIAS],
+        slope[:, :, None] * matrix,
+        by_unknowns,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +80,36 @@ def raw_rate(unknowns: Series, true: Vectors, force: Vectors) -> RawRate:
     """
     matrix, sensitivity = gyro_matrix(unknowns), unknowns[G_SENSITIVITY].reshape(3, 3)
     by_unknowns = np.zeros((true.shape[0], 3, unknowns.size))
+    own, asymmetry = true @ matrix.T, _asymmetry(unknowns, RATE_ASYMMETRY)
+    if unknowns.size >= RATE_ASYMMETRY.stop:
+        by_unknowns[:, range(3), range(RATE_ASYMMETRY.start, RATE_ASYMMETRY.stop)] = np.abs(own)
     for i in range(3):
         by_unknowns[:, i, GYRO_MATRIX.start + 3 * i : GYRO_MATRIX.start + 3 * i + 3] = true
         by_unknowns[:, i, GYRO_BIAS.start + i] = 1.0
         by_unknowns[:, i, G_SENSITIVITY.start + 3 * i : G_SENSITIVITY.start + 3 * i + 3] = force
-    return RawRate(true @ matrix.T + force @ sensitivity.T + unknowns[GYRO_BIAS], by_unknowns)
+    value = own + asymmetry * np.abs(own) + force @ sensitivity.T + unknowns[GYRO_BIAS]
+    return RawRate(value, by_unknowns)
+
+
+def without_asymmetry(unknowns: Series, raw: Vectors) -> Vectors:
+    """Return what the gyros would show if they were symmetric, their own sign taken from the output.
+
+    Parameters
+    ----------
+    unknowns : all.
+    raw : (samples, 3).
+    """
+    asymmetry = _asymmetry(unknowns, RATE_ASYMMETRY)
+    if not np.any(asymmetry):
+        return raw
+    output = raw - unknowns[GYRO_BIAS]
+    return unknowns[GYRO_BIAS] + output / (1.0 + asymmetry * np.sign(output))
+
+
+def _asymmetry(unknowns: Series, place: slice) -> Series:
+    if unknowns.size < place.stop:
+        return np.zeros(3)
+    return np.asarray(unknowns[place], dtype=np.float64)
 
 
 def force_matrix(unknowns: Series) -> Matrix:

@@ -9,14 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.calibration.joint_unknowns import SHARED
+from tumble.calibration.joint_unknowns import FORCE_ASYMMETRY, RATE_ASYMMETRY, SHARED
 
 FIXTURE = slice(33, 36)
 """Rotation vector (rad) of C_bf, from the fixture's axes to the sensors' frame b."""
-FORCE_ASYMMETRY = slice(36, 39)
-"""Of each accelerometer, dimensionless."""
-RATE_ASYMMETRY = slice(39, 42)
-"""Of each gyro, dimensionless."""
 LEVER_ARMS = slice(42, 51)
 """Of each accelerometer, m in b, sensor by sensor; the x sensor's stays zero, for it is where the force is."""
 WIDE = 51
@@ -39,3 +35,15 @@ def part_of(unknowns: Series, place: slice) -> Series:
 def is_wide(unknowns: Series) -> bool:
     """Whether there is more than the 33."""
     return unknowns.size > SHARED
+
+
+__all__ = [
+    "FIXTURE",
+    "FORCE_ASYMMETRY",
+    "LEVER_ARMS",
+    "RATE_ASYMMETRY",
+    "WIDE",
+    "is_wide",
+    "part_of",
+    "widened",
+]

@@ -1,0 +1,113 @@
+"""Asymmetry in the joint estimator: found where it is, not where it is not, derivatives held against differences."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tumble.calibration.estimate import Estimate
+from tumble.calibration.joint import TERM_LIMIT, calibrate_joint
+from tumble.calibration.joint_unknowns import (
+    FORCE_ASYMMETRY,
+    G_SENSITIVITY,
+    GYRO_BIAS,
+    GYRO_MATRIX,
+    RATE_ASYMMETRY,
+    raw_force,
+    raw_rate,
+    without_asymmetry,
+)
+from tumble.calibration.joint_wide import WIDE
+from tumble.earth import Site
+from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
+from tumble.sensor import ImuModel, Triad
+from tumble.simulation import Motion, simulate_recording
+
+SITE = Site(9.81, 0.0, float(np.radians(48.0)), 300.0, "as simulated")
+OF_FORCE, OF_RATE = np.array([1e-3, -2e-3, 1.5e-3]), np.array([2e-3, -1e-3, 1.5e-3])
+NOISE = (0.005, 5e-4)
+
+
+@cache
+def _run(*, asymmetric: bool) -> Estimate:
+    """24 poses of chance for 3 s each, turns of 2 s between them, 50 Hz, white noise."""
+    model = ImuModel(
+        Triad(
+            np.array([[1.01, 0.0, 0.0], [-0.011, 0.99, 0.0], [0.013, -0.009, 1.02]]),
+            np.array([0.11, -0.13, 0.09]),
+            OF_FORCE if asymmetric else None,
+        ),
+        Triad(
+            np.array([[0.99, 0.011, -0.013], [-0.014, 1.01, 0.006], [0.007, -0.018, 0.98]]),
+            np.array([0.011, -0.013, 0.014]),
+            OF_RATE if asymmetric else None,
+        ),
+    )
+    poses = Rotation.random(24, np.random.default_rng(5))
+    motion = Motion.between_poses(poses, np.full(24, 3.0), np.full(23, 2.0))
+    rng = np.random.default_rng(8)
+    recording, _ = simulate_recording(motion, 50.0, rng, site=SITE, distort=model.distort)
+    assert recording.specific_force is not None
+    assert recording.angular_rate is not None
+    recording.specific_force[:] += NOISE[0] * rng.standard_normal(recording.specific_force.shape)
+    recording.angular_rate[:] += NOISE[1] * rng.standard_normal(recording.angular_rate.shape)
+    holds = tuple(Hold(250 * k, 250 * k + 150) for k in range(24))
+    turns = tuple(Turn(k, k + 1, 250 * k + 150, 250 * (k + 1)) for k in range(23))
+    floor = NoiseFloor(np.full(3, NOISE[0]), np.full(3, NOISE[1]), 1.0, "as simulated")
+    timeline = Timeline(holds, turns, (), floor)
+    return calibrate_joint(recording, timeline, observe_holds(recording, timeline), SITE)
+
+
+def test_asymmetries_of_both_triads_are_found_and_within_four_sigma() -> None:
+    estimate = _run(asymmetric=True)
+    kept = {test.name for test in estimate.terms if test.kept}
+    assert kept == {"accelerometer_asymmetry", "gyro_asymmetry"}
+    sigma = dict(zip(estimate.names, np.sqrt(np.diag(estimate.covariance)).tolist(), strict=True))
+    for kind, true in (("accelerometer", OF_FORCE), ("gyroscope", OF_RATE)):
+        found = getattr(estimate.model, kind).asymmetry
+        for i in range(3):
+            # Six of them in four sigma: once in 2600 recordings one is beyond.
+            assert abs(found[i] - true[i]) < 4.0 * sigma[f"{kind}.asymmetry[{i}]"]
+            assert sigma[f"{kind}.asymmetry[{i}]"] < 2e-4
+
+
+def test_where_there_is_none_none_is_kept_and_all_terms_share_two_per_cent() -> None:
+    estimate = _run(asymmetric=False)
+    assert not any(test.kept for test in estimate.terms)
+    assert {test.limit for test in estimate.terms if "asymmetry" in test.name} == {TERM_LIMIT}
+    assert sum(test.limit for test in estimate.terms) <= 0.02 + 1e-12
+
+
+def test_derivatives_of_asymmetric_sensors_are_those_of_differences() -> None:
+    rng = np.random.default_rng(3)
+    unknowns = np.zeros(WIDE)
+    unknowns[:12] = [0.1, -0.2, 0.3, 1.01, 0.98, 1.03, 0.01, -0.02, 0.03, 1e-4, -2e-4, 3e-4]
+    unknowns[GYRO_MATRIX] = (np.eye(3) + 0.02 * rng.standard_normal((3, 3))).ravel()
+    unknowns[GYRO_BIAS], unknowns[G_SENSITIVITY] = 0.01, 1e-4 * rng.standard_normal(9)
+    unknowns[FORCE_ASYMMETRY], unknowns[RATE_ASYMMETRY] = OF_FORCE, OF_RATE
+    force, rate = 9.0 * rng.standard_normal((4, 3)), rng.standard_normal((4, 3))
+    step = 1e-6
+    for index in range(WIDE):
+        moved = unknowns.copy()
+        moved[index] += step
+        for here, there in (
+            (raw_force(unknowns, force), raw_force(moved, force)),
+            (raw_rate(unknowns, rate, force), raw_rate(moved, rate, force)),
+        ):
+            # Second order in 1e-6 over 1e-6, of forces squared.
+            np.testing.assert_allclose(
+                (there.value - here.value) / step, here.by_unknowns[:, :, index], atol=3e-4
+            )
+
+
+def test_without_asymmetry_a_gyro_shows_what_a_symmetric_one_would() -> None:
+    unknowns = np.zeros(WIDE)
+    unknowns[GYRO_MATRIX] = np.array([[0.99, 0.02, 0.0], [0.01, 1.02, -0.03], [0.0, 0.02, 0.98]]).ravel()
+    unknowns[GYRO_BIAS] = [0.01, -0.02, 0.03]
+    rate = np.array([[1.0, -2.0, 0.5], [-0.3, 0.4, -1.5]])
+    symmetric = raw_rate(unknowns, rate, np.zeros((2, 3))).value
+    unknowns[RATE_ASYMMETRY] = OF_RATE
+    shown = raw_rate(unknowns, rate, np.zeros((2, 3))).value
+    np.testing.assert_allclose(without_asymmetry(unknowns, shown), symmetric, rtol=1e-14)
