@@ -81,10 +81,13 @@ def raw_rate(unknowns: Series, true: Vectors, force: Vectors) -> RawRate:
     matrix, sensitivity = gyro_matrix(unknowns), unknowns[G_SENSITIVITY].reshape(3, 3)
     by_unknowns = np.zeros((true.shape[0], 3, unknowns.size))
     own, asymmetry = true @ matrix.T, _asymmetry(unknowns, RATE_ASYMMETRY)
+    slope = 1.0 + asymmetry * np.sign(own)
     if unknowns.size >= RATE_ASYMMETRY.stop:
         by_unknowns[:, range(3), range(RATE_ASYMMETRY.start, RATE_ASYMMETRY.stop)] = np.abs(own)
     for i in range(3):
-        by_unknowns[:, i, GYRO_MATRIX.start + 3 * i : GYRO_MATRIX.start + 3 * i + 3] = true
+        by_unknowns[:, i, GYRO_MATRIX.start + 3 * i : GYRO_MATRIX.start + 3 * i + 3] = (
+            slope[:, i : i + 1] * true
+        )
         by_unknowns[:, i, GYRO_BIAS.start + i] = 1.0
         by_unknowns[:, i, G_SENSITIVITY.start + 3 * i : G_SENSITIVITY.start + 3 * i + 3] = force
     value = own + asymmetry * np.abs(own) + force @ sensitivity.T + unknowns[GYRO_BIAS]
