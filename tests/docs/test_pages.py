@@ -16,6 +16,7 @@ EXECUTED = {
     "docs/conventions.md": 10,
     "docs/denoising.md": 7,
     "docs/file-format.md": 10,
+    "docs/joint.md": 4,
     "docs/navigation.md": 2,
     "docs/plan.md": 2,
     "docs/noise.md": 3,
