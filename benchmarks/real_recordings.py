@@ -1,6 +1,7 @@
 """The real recordings: our calibration beside imu_tk's, on data each has and has not seen.
 
     python benchmarks/real_recordings.py
+    python benchmarks/real_recordings.py --joint    only what the joint estimator adds
 
 The yardstick: at each hold the norm of the mean specific force against gravity; over each turn the
 angle between gravity carried along by the corrected gyro and gravity seen at the next hold (windows of
@@ -12,6 +13,7 @@ after it belong to fold k mod 5; each fold is scored with the calibration of the
 from __future__ import annotations
 
 import os
+import sys
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -23,6 +25,7 @@ import numpy as np
 from tumble.calibration import calibrate_hand_held
 from tumble.calibration.canonical import named_values
 from tumble.calibration.gathering import gather
+from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.multi_position import fit_norms
 from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.calibration.start_values import rough_triad
@@ -64,7 +67,7 @@ def line(name: str, norms: np.ndarray, angles: np.ndarray) -> None:
     )
 
 
-def held_out(recording, timeline, means, site: Site):
+def held_out(recording, timeline, means, site: Site, *, joint: bool = False):
     """Return norms and angles of holds and turns that the estimate has not seen."""
     data = gather(recording, timeline, means)
     norms, angles = np.full(data.holds, np.nan), np.full(data.holds, np.nan)
@@ -73,9 +76,10 @@ def held_out(recording, timeline, means, site: Site):
         turns = tuple(
             replace(turn, usable=turn.usable and turn.before % FOLDS != fold) for turn in timeline.turns
         )
-        estimate = calibrate_hand_held(
-            recording, replace(timeline, turns=turns), means, site, unused_holds=mine
-        )
+        seen = replace(timeline, turns=turns)
+        estimate = calibrate_hand_held(recording, seen, means, site, unused_holds=mine)
+        if joint:
+            estimate = calibrate_joint(recording, seen, means, site, estimate, unused_holds=mine)
         scored = score(estimate.model, data, site.gravity)
         norms[mine], angles[mine] = scored[0][mine], scored[1][mine]
     return norms, angles
@@ -95,6 +99,23 @@ def held_out_plain_norms(data, gravity: float) -> np.ndarray:
         model = ImuModel(triad_from_unknowns(fit.unknowns), None)
         norms[mine] = hold_norm_errors(model, data.force_mean[mine], gravity)
     return norms
+
+
+def show_joint(recording, timeline, means, site: Site, start) -> None:
+    """Print what the joint estimator makes of a recording: its terms, components and scores."""
+    estimate = calibrate_joint(recording, timeline, means, site, start)
+    data = gather(recording, timeline, means)
+    for term in estimate.terms:
+        kept = "kept" if term.kept else "not wanted"
+        print(
+            f"  joint, {term.name}: {kept}, F({term.degrees}) = {term.statistic:.1f}, p = {term.probability:.2g}"
+        )
+    told = "; ".join(f"{name}: {sigma:.2g}" for name, sigma in estimate.variance_components.items())
+    print(f"  joint, components: {told}")
+    for left in estimate.left_out:
+        print(f"  joint, {left.kind} {left.index + 1} left out: {left.reason}")
+    line("joint, on all of the recording", *score(estimate.model, data, site.gravity))
+    line("joint, held out (5 interleaved folds)", *held_out(recording, timeline, means, site, joint=True))
 
 
 def compare(model: ImuModel, estimate) -> None:
@@ -125,6 +146,7 @@ def compare(model: ImuModel, estimate) -> None:
 
 
 def main() -> None:
+    only_joint = "--joint" in sys.argv[1:]
     mpu = {"columns": "ax,ay,az,gx,gy,gz", "units": "m/s^2,rad/s", "rate": 100.0}
     folder = REFERENCE / "xsens_mti_hand"
     cases = (
@@ -141,6 +163,9 @@ def main() -> None:
         print(
             f"{name}: {len(timeline.holds)} holds, {len(timeline.turns)} turns; sigma0 {estimate.sigma0:.2f}"
         )
+        if only_joint:
+            show_joint(recording, timeline, means, site, estimate)
+            continue
         for term in estimate.terms:
             print(
                 f"  {term.name}: {'kept' if term.kept else 'not wanted'}, F({term.degrees}) = {term.statistic:.1f}, "
@@ -152,6 +177,7 @@ def main() -> None:
         without = calibrate_hand_held(recording, timeline, means, site, optional_terms=False)
         line("tumble, without optional terms", *score(without.model, data, gravity))
         line("tumble, held out (5 interleaved folds)", *held_out(recording, timeline, means, site))
+        show_joint(recording, timeline, means, site, estimate)
         plain = held_out_plain_norms(data, gravity)
         rms = 1e3 * np.sqrt(np.mean(plain**2))
         print(f"  {'norms alone, alike weights, held out':44s}{rms:8.2f} mm/s²")
