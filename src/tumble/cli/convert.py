@@ -76,6 +76,8 @@ def convert_command(
 ) -> None:
     """Write a calibration as another tool's file, or read one. Without arguments: the list of targets.
 
+    With --frame alone the calibration is written anew in another frame, its covariance too.
+
     Each file says its formula and a test vector in its comments. What a form cannot hold is said with its
     size; too large a loss is refused.
     """

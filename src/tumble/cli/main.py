@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 import tumble
+from tumble.cli.algebra import compose_command, diff_command, invert_command
 from tumble.cli.apply import apply_command
 from tumble.cli.calibrate import calibrate_command
 from tumble.cli.convert import convert_command
@@ -53,6 +54,9 @@ app.command("apply")(apply_command)
 app.command("verify")(verify_command)
 app.command("predict")(predict_command)
 app.command("convert")(convert_command)
+app.command("compose")(compose_command)
+app.command("diff")(diff_command)
+app.command("invert")(invert_command)
 app.command("mount")(mount_command)
 app.command("noise")(noise_command)
 app.command("denoise")(denoise_command)

@@ -20,7 +20,7 @@ def _triad(numbers, raw):
     own_input = []
     for value, bias, asymmetry, quadratic in zip(raw, numbers["bias"], numbers["asymmetry"], numbers["quadratic"]):
         output = value - bias
-        slope = 1.0 + asymmetry * ((output > 0.0) - (output < 0.0))
+        slope = 1.0 + (asymmetry if output > 0.0 else -asymmetry if output < 0.0 else 0.0)
         if quadratic == 0.0:
             own_input.append(output / slope)
         else:

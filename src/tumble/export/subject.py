@@ -266,7 +266,17 @@ def _in_frame(
         raise UsageError(
             f"A calibration with temperature is written in its own frame: leave --frame {frame} out."
         )
-    return change_frame(model, frame), thermal, frame
+    return _with_zeros(change_frame(model, frame), frame), thermal, frame
+
+
+def _with_zeros(model: ImuModel, frame: str) -> ImuModel:
+    """What is zero by the frame's definition is zero exactly, not to round-off."""
+    triangle = {"accelerometer-x": np.tril, "accelerometer-z": np.triu}.get(frame)
+    if triangle is None or model.accelerometer is None:
+        return model
+    return replace(
+        model, accelerometer=replace(model.accelerometer, matrix=triangle(model.accelerometer.matrix))
+    )
 
 
 def _without_terms(model: ImuModel, target: Target, found: list[Loss]) -> ImuModel:

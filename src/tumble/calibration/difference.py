@@ -1,0 +1,269 @@
+"""What changed between two calibrations of one unit, in sigmas, and what that does to corrected numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.arrays import AnyArray, Series, Table
+from tumble.calibration.algebra import (
+    SIZE,
+    model_of_vector,
+    named_parameters,
+    part,
+    stacked,
+    turned_to,
+)
+from tumble.calibration.result import Calibration
+from tumble.errors import UsageError
+from tumble.sensor import FRAMES
+from tumble.sensor.gauge import inverse
+from tumble.sensor.propagation import jacobian
+from tumble.units import STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
+
+Complex = npt.NDArray[Any]
+
+# Farther apart in temperature two calibrations are of different states of the unit.
+_FAR = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterChange:
+    """A parameter in both calibrations; `sigmas` is the change over its standard uncertainty, NaN without one."""
+
+    name: str
+    first: float
+    second: float
+    standard_uncertainty: float
+    sigmas: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class GroupChange:
+    """Several parameters together: chi-square of their change with its probability by chance."""
+
+    name: str
+    chi_square: float
+    degrees_of_freedom: int
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """How far apart corrected numbers of one raw sample are, SI, at the worst place, with its standard uncertainty."""
+
+    name: str
+    value: float
+    standard_uncertainty: float
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Two calibrations compared.
+
+    Attributes
+    ----------
+    parameters, groups : what changed, in the frame `frame`, one by one and together.
+    force : m/s², largest change of a corrected specific force of 1 g.
+    rest_rate : rad/s, change of the corrected rate at rest, worst pose.
+    rate_scale : change of a corrected rate over the rate, largest.
+    remarks : sentences.
+    """
+
+    frame: str
+    parameters: list[ParameterChange]
+    groups: list[GroupChange]
+    force: Effect | None
+    rest_rate: Effect | None
+    rate_scale: Effect | None
+    remarks: list[str]
+
+    @property
+    def significant(self) -> bool:
+        """Whether any group changed by more than chance, at 5 % over all groups."""
+        return any(group.probability < 0.05 / len(self.groups) for group in self.groups)
+
+
+def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
+    """Return what changed from `first` to `second`.
+
+    Both are brought into the first one's frame and raw units. Their errors are taken as independent; what they
+    share (the same gravity, fixture or noise model) makes true differences look smaller in sigmas than they are.
+
+    Raises
+    ------
+    UsageError
+        If a frame or the units cannot be matched, they are composed, or have no triad in common.
+    CalibrationFileError
+        If one has no matrix of either triad.
+    """
+    remarks: list[str] = []
+    if first.composed_with is not None or second.composed_with is not None:
+        raise UsageError(
+            "Composed calibrations are compared stage by stage, or merged first (`tumble compose --merge`)."
+        )
+    first, second = _same_frame(first, second, remarks)
+    scale = _unit_factors(first, second)
+    one, spread_one = stacked(first)
+    two, spread_two = stacked(second)
+    change = _scaling(scale)
+    two, spread_two = change * two, spread_two * np.outer(change, change)
+    models = (model_of_vector(one, first.own_model), model_of_vector(two, second.own_model))
+    for kind in ("accelerometer", "gyroscope"):
+        if (getattr(models[0], kind) is None) != (getattr(models[1], kind) is None):
+            remarks.append(f"Only one of the two has a calibrated {kind}: it is left out.")
+    has = [
+        all(getattr(model, kind) is not None for model in models) for kind in ("accelerometer", "gyroscope")
+    ]
+    if not any(has):
+        raise UsageError("The two calibrations have no triad in common.")
+    _about_temperature(first, second, remarks)
+    if not first.covariance_parameters or not second.covariance_parameters:
+        remarks.append(
+            "One of the two has no uncertainties: the sigmas are those of the other alone, or missing."
+        )
+    table = [
+        {p.name: p for p in named_parameters(model, spread, first.raw_units)}
+        for model, spread in zip(models, (spread_one, spread_two), strict=True)
+    ]
+    changes = [_changed(table[0][name], table[1][name]) for name in table[0] if name in table[1]]
+    joint = np.block([[spread_one, np.zeros((SIZE, SIZE))], [np.zeros((SIZE, SIZE)), spread_two]])
+    both = np.concatenate([one, two])
+    return Difference(
+        frame=first.frame.name,
+        parameters=changes,
+        groups=_groups(one, two, spread_one + spread_two, has),
+        force=_worst("specific force of 1 g", _force_change, both, joint) if has[0] else None,
+        rest_rate=_worst("rate at rest", _rest_change(has[0]), both, joint) if has[1] else None,
+        rate_scale=_worst("rate, relative", _rate_change, both, joint) if has[1] else None,
+        remarks=remarks,
+    )
+
+
+def _same_frame(
+    first: Calibration, second: Calibration, remarks: list[str]
+) -> tuple[Calibration, Calibration]:
+    if first.frame.name == second.frame.name:
+        return first, second
+    if first.frame.name in FRAMES:
+        remarks.append(f"The second calibration was turned to the first one's frame, {first.frame.name}.")
+        return first, turned_to(second, first.frame.name)
+    if second.frame.name in FRAMES:
+        remarks.append(f"The first calibration was turned to the second one's frame, {second.frame.name}.")
+        return turned_to(first, second.frame.name), second
+    frame = "accelerometer-x"
+    remarks.append(
+        f"The frames {first.frame.name} and {second.frame.name} are fixed from outside: both were turned to {frame}."
+    )
+    return turned_to(first, frame), turned_to(second, frame)
+
+
+def _unit_factors(first: Calibration, second: Calibration) -> tuple[float, float]:
+    """What the second one's raw numbers are multiplied by to be the first one's."""
+    factors: list[float] = []
+    for name, of in (("specific_force", specific_force_factor), ("angular_rate", angular_rate_factor)):
+        units = getattr(first.raw_units, name), getattr(second.raw_units, name)
+        ours, theirs = of(units[0]), of(units[1])
+        if (ours is None) != (theirs is None):
+            raise UsageError(
+                f"One calibration takes {units[0]}, the other {units[1]}: they cannot be compared."
+            )
+        factors.append(1.0 if ours is None or theirs is None else theirs / ours)
+    return factors[0], factors[1]
+
+
+def _scaling(scale: tuple[float, float]) -> Series:
+    change = np.ones(SIZE)
+    change[:12] = scale[0]
+    change[15:18] = 1.0 / scale[0]
+    change[18:30] = scale[1]
+    change[33:36] = 1.0 / scale[1]
+    change[36:] = scale[1]
+    return change
+
+
+def _about_temperature(first: Calibration, second: Calibration, remarks: list[str]) -> None:
+    celsius = (first.temperature_celsius, second.temperature_celsius)
+    if first.thermal is not None or second.thermal is not None:
+        remarks.append(
+            "What changes with temperature is not compared: the numbers are those at the reference temperature."
+        )
+    if celsius[0] is not None and celsius[1] is not None and abs(celsius[0] - celsius[1]) > _FAR:
+        remarks.append(
+            f"They are of {celsius[0]:.1f} °C and {celsius[1]:.1f} °C: part of the change may be the temperature's."
+        )
+
+
+def _changed(one: Any, two: Any) -> ParameterChange:
+    sigma = float(np.hypot(one.standard_uncertainty, two.standard_uncertainty))
+    moved = two.value - one.value
+    return ParameterChange(
+        one.name, one.value, two.value, sigma, moved / sigma if sigma > 0.0 else float("nan"), one.unit
+    )
+
+
+def _groups(one: Series, two: Series, spread: Table, has: list[bool]) -> list[GroupChange]:
+    """Biases, and matrices, of each triad together; directions without uncertainty are left out."""
+    from scipy.stats import chi2
+
+    found: list[GroupChange] = []
+    for present, short, start in ((has[0], "accelerometers", 0), (has[1], "gyros", 18)):
+        if not present:
+            continue
+        for what, place in (("biases", slice(start + 9, start + 12)), ("matrix", slice(start, start + 9))):
+            values, vectors = np.linalg.eigh(spread[place, place])
+            seen = values > 1e-12 * max(float(values[-1]), 1e-300)
+            if not seen.any():
+                continue
+            moved = vectors[:, seen].T @ (two - one)[place]
+            statistic = float(np.sum(moved**2 / values[seen]))
+            count = int(seen.sum())
+            found.append(GroupChange(f"{short}: {what}", statistic, count, float(chi2.sf(statistic, count))))
+    return found
+
+
+def _directions() -> Table:
+    """26 directions: axes, edges and corners of a cube."""
+    grid = np.array(
+        [[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)]
+    )
+    return grid / np.linalg.norm(grid, axis=1, keepdims=True)
+
+
+def _force_change(x: Complex, direction: AnyArray) -> Complex:
+    one, two = x[:SIZE], x[SIZE:]
+    raw = part(one, "accelerometer.matrix") @ (STANDARD_GRAVITY * direction) + part(one, "accelerometer.bias")
+    corrected = inverse(part(two, "accelerometer.matrix")) @ (raw - part(two, "accelerometer.bias"))
+    return corrected - STANDARD_GRAVITY * direction
+
+
+def _rest_change(has_force: bool) -> Any:
+    def change(x: Complex, direction: AnyArray) -> Complex:
+        one, two = x[:SIZE], x[SIZE:]
+        force = STANDARD_GRAVITY * direction
+        seen = _force_change(x, direction) + force if has_force else force
+        raw = part(one, "gyroscope.bias") + part(one, "gyroscope.g_sensitivity") @ force
+        rest = raw - part(two, "gyroscope.bias") - part(two, "gyroscope.g_sensitivity") @ seen
+        return inverse(part(two, "gyroscope.matrix")) @ rest
+
+    return change
+
+
+def _rate_change(x: Complex, direction: AnyArray) -> Complex:
+    one, two = x[:SIZE], x[SIZE:]
+    return inverse(part(two, "gyroscope.matrix")) @ (part(one, "gyroscope.matrix") @ direction) - direction
+
+
+def _worst(name: str, change: Any, both: Series, joint: Table) -> Effect:
+    """The largest change over directions, with the uncertainty of its component along itself."""
+    directions = _directions()
+    changes = [np.real(change(both.astype(complex), direction)) for direction in directions]
+    sizes = [float(np.linalg.norm(vector)) for vector in changes]
+    at = int(np.argmax(sizes))
+    along = changes[at] / sizes[at] if sizes[at] > 0.0 else np.array([1.0, 0.0, 0.0])
+    effect = jacobian(lambda x: np.array([along @ change(x, directions[at])]), both)
+    return Effect(name, sizes[at], float(np.sqrt(max(float((effect @ joint @ effect.T)[0, 0]), 0.0))))

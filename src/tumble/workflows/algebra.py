@@ -1,0 +1,142 @@
+"""Calibrations from calibrations: composed, compared, inverted, turned to another frame."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from tumble.calibration import Calibration, read_calibration
+from tumble.calibration.algebra import inverted, merged, turned_to
+from tumble.calibration.composed import compose_calibrations
+from tumble.calibration.difference import Difference, compare_calibrations
+from tumble.errors import UsageError
+from tumble.units import STANDARD_GRAVITY
+
+PathLike = str | os.PathLike[str]
+
+
+def compose(
+    first: PathLike, second: PathLike, output: PathLike, *, merge: bool = False, unmarked: bool = False
+) -> tuple[Path, Calibration]:
+    """Write the calibration that corrects by `first` and then by `second`.
+
+    Parameters
+    ----------
+    first, second : of raw numbers; of recordings that the first has corrected.
+    output : the file, or a folder.
+    merge : as one matrix and bias a triad with the covariance of both, where that is exact.
+    unmarked : the second was made on corrected recordings that did not say so.
+
+    Raises
+    ------
+    UsageError
+        If the second is not of the first one's output, or they do not merge.
+    CalibrationFileError, OutputError
+        If a file cannot be read, or the result not be written.
+    """
+    document = compose_calibrations(read_calibration(first), read_calibration(second), unmarked=unmarked)
+    if merge:
+        document = merged(document)
+    return _write(document, output, (first, second)), document
+
+
+def invert(calibration: PathLike, output: PathLike) -> tuple[Path, Calibration]:
+    """Write the calibration that makes raw numbers of corrected ones.
+
+    Raises
+    ------
+    UsageError
+        If it has no inverse of this form.
+    CalibrationFileError, OutputError
+        If the file cannot be read, or the result not be written.
+    """
+    document = inverted(read_calibration(calibration))
+    return _write(document, output, (calibration,)), document
+
+
+def turn(calibration: PathLike, frame: str, output: PathLike) -> tuple[Path, Calibration]:
+    """Write the calibration in another frame.
+
+    Raises
+    ------
+    UsageError
+        If the frame is unknown or cannot be had.
+    CalibrationFileError, OutputError
+        If the file cannot be read, or the result not be written.
+    """
+    document = turned_to(read_calibration(calibration), frame)
+    return _write(document, output, (calibration,)), document
+
+
+def difference(first: PathLike, second: PathLike) -> Difference:
+    """Return what changed from one calibration to another.
+
+    Raises
+    ------
+    UsageError
+        If they cannot be compared.
+    CalibrationFileError
+        If a file cannot be read.
+    """
+    return compare_calibrations(read_calibration(first), read_calibration(second))
+
+
+def verdict(found: Difference, allowed: tuple[float, float] | None) -> tuple[bool, list[str]]:
+    """Return whether the change matters, and why, in sentences.
+
+    Parameters
+    ----------
+    found : the change.
+    allowed : m/s² at 1 g and rad/s at rest that do no harm; None: whatever is more than its uncertainty matters.
+    """
+    sentences: list[str] = []
+    matters = False
+    for effect, limit, text in (
+        (found.force, None if allowed is None else allowed[0], _force_text),
+        (found.rest_rate, None if allowed is None else allowed[1], _rate_text),
+    ):
+        if effect is None:
+            continue
+        seen = effect.value > 2.0 * effect.standard_uncertainty
+        large = seen if limit is None else effect.value > limit
+        matters = matters or (large and seen)
+        said = "more than its uncertainty" if seen else "not more than its uncertainty explains"
+        allowance = "" if limit is None else f", {'above' if large else 'within'} what is allowed"
+        sentences.append(f"{text(effect.value, effect.standard_uncertainty)}: {said}{allowance}.")
+    if found.groups:
+        sentences.insert(
+            0,
+            "The parameters differ by more than chance (5 %, all groups together)."
+            if found.significant
+            else "The parameters differ by no more than chance (5 %, all groups together).",
+        )
+    return matters, sentences
+
+
+def _force_text(value: float, sigma: float) -> str:
+    ug = 1e6 / STANDARD_GRAVITY
+    metres = 0.5 * value * 60.0**2
+    return (
+        f"Corrected specific forces of 1 g differ by up to {ug * value:.0f} µg ± {ug * sigma:.0f}, a tilt of "
+        f"{1e3 * value / STANDARD_GRAVITY:.3f} mrad or {metres:.1f} m after a minute of dead reckoning"
+    )
+
+
+def _rate_text(value: float, sigma: float) -> str:
+    per_hour = np.degrees(1.0) * 3600.0
+    return (
+        f"Corrected rates at rest differ by up to {per_hour * value:.3g} deg/h ± {per_hour * sigma:.2g}, "
+        f"{np.degrees(value) * 60.0:.3g}° a minute"
+    )
+
+
+def _write(document: Calibration, output: PathLike, inputs: tuple[PathLike, ...]) -> Path:
+    file = Path(output) / "calibration.json" if Path(output).is_dir() else Path(output)
+    for given in inputs:
+        place = Path(given) / "calibration.json" if Path(given).is_dir() else Path(given)
+        if file.exists() and place.exists() and file.samefile(place):
+            raise UsageError(f"{file} is the input itself: give another file with -o.")
+    document.write(file)
+    return file

@@ -1,0 +1,524 @@
+"""What every target has to do.
+
+Its own formula, read from its source's documentation and written here by hand, gives the calibration's corrected
+numbers from the file; what it reads back corrects alike; what is damaged is refused in a sentence.
+
+The matrices are asymmetric, so that a transposed or an inverted one fails.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from tumble.calibration import read_calibration
+from tumble.calibration.imported import calibration_from_model
+from tumble.calibration.result import Calibration
+from tumble.errors import CalibrationFileError, UsageError
+from tumble.export.noise import SensorNoise, TriadNoise
+from tumble.export.registry import TARGETS
+from tumble.export.subject import Wishes, prepare
+from tumble.export.target import G_SENSITIVITY, MATRIX, NOISE, Target
+from tumble.sensor import ImuModel, Triad
+from tumble.workflows.convert import convert_from, convert_to
+
+GRAVITY_UNIT = 9.80665
+M_A = np.array([[1.012, 0.004, -0.007], [-0.009, 0.991, 0.006], [0.003, -0.012, 1.021]])
+M_G = np.array([[0.985, -0.011, 0.008], [0.006, 1.017, -0.004], [-0.013, 0.005, 1.008]])
+B_A, B_G = np.array([0.11, -0.23, 0.34]), np.array([0.012, -0.034, 0.021])
+G = np.array([[1.1e-3, -4e-4, 2e-4], [3e-4, -9e-4, 6e-4], [-7e-4, 5e-4, 8e-4]])
+RAW_A = np.array([[1.0, 2.0, 9.5], [-8.0, 3.0, -4.0], [0.3, -9.9, 1.2], [5.0, 5.0, 5.0]])
+RAW_G = np.array([[0.1, -0.2, 0.3], [-1.5, 0.7, 0.2], [0.0, 2.0, -1.0], [0.4, 0.4, 0.4]])
+RATE = 200.0
+NOISE_NUMBERS = SensorNoise(
+    TriadNoise(2e-3, 3e-5, np.array([1.8e-3, 1.9e-3, 2e-3])),
+    TriadNoise(1.7e-4, 2e-6, np.array([1.7e-4, 1.5e-4, 1.6e-4])),
+    RATE,
+    "noise.json",
+)
+
+
+def document(model: ImuModel, units: tuple[str, str] = ("m/s^2", "rad/s")) -> Calibration:
+    return calibration_from_model(
+        model, units, ("fixture", "the axes of the fixture"), [], procedure="by hand", remarks=[]
+    )
+
+
+def model_for(target: Target) -> ImuModel:
+    """All that the target can hold, so that nothing is lost: a diagonal matrix for those without off-diagonals."""
+    if MATRIX in target.holds:
+        return ImuModel(Triad(M_A, B_A), Triad(M_G, B_G), G if G_SENSITIVITY in target.holds else None)
+    gyro = np.diag(np.diag(M_G)) if target.name == "kf-gins" else np.eye(3)
+    return ImuModel(Triad(np.diag(np.diag(M_A)), B_A), Triad(gyro, B_G))
+
+
+def truth(model: ImuModel, target: Target) -> tuple[np.ndarray, np.ndarray]:
+    """Corrected by hand with the inverse formula, then turned to the frame that the target's zeros ask for (QR)."""
+    assert model.accelerometer is not None
+    assert model.gyroscope is not None
+    force = np.linalg.solve(model.accelerometer.matrix, (RAW_A - B_A).T).T
+    sensitivity = np.zeros((3, 3)) if model.g_sensitivity is None else model.g_sensitivity
+    rate = np.linalg.solve(model.gyroscope.matrix, (RAW_G - B_G - force @ sensitivity.T).T).T
+    C = frame_of(model.accelerometer.matrix, target.frame)
+    return force @ C.T, rate @ C.T
+
+
+def frame_of(matrix: np.ndarray, frame: str | None) -> np.ndarray:
+    """C with ``matrix @ C.T`` triangular of positive diagonal, by numpy's QR."""
+    if frame is None:
+        return np.eye(3)
+    if frame == "accelerometer-x":  # matrix.T = Q R, matrix = R^T Q^T, R^T is lower triangular
+        q, r = np.linalg.qr(matrix.T)
+        return np.diag(np.sign(np.diag(r))) @ q.T
+    assert frame == "accelerometer-z"
+    flip = np.eye(3)[::-1]
+    return flip @ frame_of(flip @ matrix @ flip, "accelerometer-x") @ flip
+
+
+# The targets' own formulas, each from its tool's source or manual. They take the files' texts and raw m/s², rad/s.
+
+Texts = dict[str, str]
+Evaluated = tuple[np.ndarray, np.ndarray]
+
+
+def keys(texts: Texts) -> Any:
+    return yaml.safe_load(re.sub(r"^%YAML.*\n", "", next(iter(texts.values()))))
+
+
+def by_kalibr(texts: Texts) -> Evaluated:
+    """a_m = M_a f + b; w_m = M_g (C w) + A (C f) + b, solved for f and w one after another."""
+    imu = keys(texts)["imu0"]
+    acc, gyr = imu["accelerometers"], imu["gyroscopes"]
+    Ma, Mg, A, C = (np.array(x) for x in (acc["M"], gyr["M"], gyr["A"], gyr["C_gyro_i"]))
+    assert np.array_equal(Ma, np.tril(Ma))
+    assert np.allclose(Mg, np.tril(Mg), atol=0)
+    f = np.array([np.linalg.solve(Ma, a - acc["bias"]) for a in RAW_A])
+    w = np.array(
+        [
+            np.linalg.solve(Mg @ C, g - np.array(gyr["bias"]) - A @ (C @ x))
+            for g, x in zip(RAW_G, f, strict=True)
+        ]
+    )
+    return f, w
+
+
+def by_openvins(texts: Texts) -> Evaluated:
+    imu = keys(texts)["imu0"]
+    assert imu["model"] == "kalibr"
+    Tw, Ta, Tg, Rg, Ra = (np.array(imu[k]) for k in ("Tw", "Ta", "Tg", "R_IMUtoGYRO", "R_IMUtoACC"))
+    assert np.allclose(Rg @ Rg.T, np.eye(3), atol=1e-12)
+    f = np.array([Ra.T @ np.linalg.inv(Ta) @ (a - imu["bias_acc"]) for a in RAW_A])
+    pairs = zip(RAW_G, f, strict=True)
+    return f, np.array(
+        [Rg.T @ np.linalg.inv(Tw) @ (g - np.array(imu["bias_gyro"]) - Tg @ x) for g, x in pairs]
+    )
+
+
+def by_imu_tk(texts: Texts) -> Evaluated:
+    out: list[np.ndarray] = []
+    for name, raw in (("accelerometer.calib", RAW_A), ("gyroscope.calib", RAW_G)):
+        n = np.array(texts[name].split(), dtype=float)
+        T, K, B = n[:9].reshape(3, 3), n[9:18].reshape(3, 3), n[18:]
+        assert np.array_equal(np.diag(T), np.ones(3))
+        if name.startswith("acc"):
+            assert T[1, 0] == T[2, 0] == T[2, 1] == 0.0
+        out.append(np.array([T @ K @ (r - B) for r in raw]))
+    return out[0], out[1]
+
+
+def by_openicc(texts: Texts) -> Evaluated:
+    d = json.loads(texts["static_calib_result.json"])
+    out: list[np.ndarray] = []
+    for name, raw in (("accelerometer", RAW_A), ("gyroscope", RAW_G)):
+        T, K, B = (np.array(d[name][k]) for k in ("misalignment_matrix", "scale_matrix", "bias"))
+        out.append(np.array([T @ (K @ (r - B)) for r in raw]))
+    return out[0], out[1]
+
+
+def by_px4(texts: Texts) -> Evaluated:
+    p = {w[2]: float(w[3]) for line in texts["px4.params"].splitlines() if len(w := line.split("\t")) == 5}
+    off = np.array([p[f"CAL_ACC0_{x}OFF"] for x in "XYZ"])
+    scale = np.array([p[f"CAL_ACC0_{x}SCALE"] for x in "XYZ"])
+    return (RAW_A - off) * scale, RAW_G - np.array([p[f"CAL_GYRO0_{x}OFF"] for x in "XYZ"])
+
+
+def by_ardupilot(texts: Texts) -> Evaluated:
+    lines = [line.split(",") for line in texts["ardupilot.parm"].splitlines() if not line.startswith("#")]
+    p = {name: float(value) for name, value in lines}
+    off = np.array([p[f"INS_ACCOFFS_{x}"] for x in "XYZ"])
+    scale = np.array([p[f"INS_ACCSCAL_{x}"] for x in "XYZ"])
+    return (RAW_A - off) * scale, RAW_G - np.array([p[f"INS_GYROFFS_{x}"] for x in "XYZ"])
+
+
+def by_basalt(texts: Texts) -> Evaluated:
+    """(I + S) raw - bias; accelerometer S is [p3 0 0; p4 p6 0; p5 p7 p8], gyro S by columns from p3."""
+    v = json.loads(texts["basalt_imu.json"])["value0"]
+    a, g = v["calib_accel_bias"], v["calib_gyro_bias"]
+    Sa = np.array([[a[3], 0, 0], [a[4], a[6], 0], [a[5], a[7], a[8]]])
+    Sg = np.array([[g[3], g[6], g[9]], [g[4], g[7], g[10]], [g[5], g[8], g[11]]])
+    force = np.array([r + Sa @ r - a[:3] for r in RAW_A])
+    return force, np.array([r + Sg @ r - g[:3] for r in RAW_G])
+
+
+def by_kf_gins(texts: Texts) -> Evaluated:
+    d = keys(texts)
+    gyr = np.array(d["initgyrbias"]) * np.pi / 180 / 3600
+    acc = np.array(d["initaccbias"]) * 1e-5
+    force = (RAW_A - acc) / (1 + 1e-6 * np.array(d["initaccscale"]))
+    return force, (RAW_G - gyr) / (1 + 1e-6 * np.array(d["initgyrscale"]))
+
+
+def by_fusion(texts: Texts) -> Evaluated:
+    """misalignment (sensitivity * (uncalibrated - offset)), single precision, g and deg/s."""
+    text = texts["fusion_calibration.h"]
+
+    def values(name: str) -> np.ndarray:
+        found = re.search(name + r" = \{\.array = \{(.*?)\}\};", text)
+        assert found
+        parts = found[1].split(", ")
+        assert all(re.fullmatch(r"-?\d+(\.\d+)?(e[-+]\d+)?f", part) for part in parts)
+        return np.array([float(part[:-1]) for part in parts])
+
+    out: list[np.ndarray] = []
+    for name, raw, unit in (("accelerometer", RAW_A, GRAVITY_UNIT), ("gyroscope", RAW_G, np.pi / 180)):
+        M = values(name + "Misalignment").reshape(3, 3)
+        s, b = values(name + "Sensitivity"), values(name + "Offset")
+        out.append(unit * np.array([M @ (s * (r / unit - b)) for r in raw]))
+    return out[0], out[1]
+
+
+def by_vectornav(texts: Texts) -> Evaluated:
+    out: list[np.ndarray] = []
+    for register, raw in ((25, RAW_A), (84, RAW_G)):
+        found = re.search(rf"^\$(VNWRG,{register},(.*))\*([0-9A-F]{{2}})$", texts["vectornav.txt"], re.M)
+        assert found
+        check = 0
+        for byte in found[1].encode():
+            check ^= byte
+        assert f"{check:02X}" == found[3]
+        n = np.array([float(x) for x in found[2].split(",")])
+        out.append(np.array([n[:9].reshape(3, 3) @ (r - n[9:]) for r in raw]))
+    return out[0], out[1]
+
+
+def by_matlab(texts: Texts) -> Evaluated:
+    """C = U*A + b with samples in rows; MATLAB's rows are parted by semicolons."""
+    text = texts["imu_calibration.m"]
+    out: list[np.ndarray] = []
+    for name, raw in (("accel", RAW_A), ("gyro", RAW_G)):
+        parts = {}
+        for what in "Ab":
+            found = re.search(rf"^{name}_{what} = \[(.*)\];$", text, re.M)
+            assert found
+            parts[what] = np.array([[float(x) for x in line.split()] for line in found[1].split(";")])
+        out.append(raw @ parts["A"] + parts["b"])
+    return out[0], out[1]
+
+
+def by_imucal(texts: Texts) -> Evaluated:
+    d = json.loads(texts["imucal.json"])
+    assert (d["acc_unit"], d["gyr_unit"], d["_format_version"]) == ("m/s^2", "deg/s", "2.0")
+    m = {k: np.array(d[k]) for k in ("K_a", "R_a", "b_a", "K_g", "R_g", "K_ga", "b_g")}
+    assert np.allclose(np.linalg.norm(m["R_a"], axis=1), 1.0, atol=1e-12)
+    a = np.array([np.linalg.inv(m["R_a"]) @ np.linalg.inv(m["K_a"]) @ (r - m["b_a"]) for r in RAW_A])
+    w = [
+        np.linalg.inv(m["R_g"]) @ np.linalg.inv(m["K_g"]) @ (r - m["K_ga"] @ x - m["b_g"])
+        for r, x in zip(RAW_G, a, strict=True)
+    ]
+    return a, np.radians(w)
+
+
+def by_realsense(texts: Texts) -> Evaluated:
+    """Rows: [raw, -1] X with X[:3] the nine numbers by rows and X[3] the bias."""
+    imu = json.loads(texts["calibration.json"])["imus"][0]
+    out: list[np.ndarray] = []
+    for name, raw in (("accelerometer", RAW_A), ("gyroscope", RAW_G)):
+        X = np.vstack([np.array(imu[name]["scale_and_alignment"]).reshape(3, 3), imu[name]["bias"]])
+        out.append(np.hstack([raw, -np.ones((len(raw), 1))]) @ X)
+    return out[0], out[1]
+
+
+def by_ikalibr(texts: Texts) -> Evaluated:
+    d = keys(texts)["Intrinsics"]
+
+    def matrix(v: list[float]) -> np.ndarray:
+        return np.array([[v[0], v[3], v[4]], [0, v[1], v[5]], [0, 0, v[2]]])
+
+    x, y, z, w = (d["SO3_AtoG"][k] for k in ("qx", "qy", "qz", "qw"))
+    C = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    force = np.array([np.linalg.solve(matrix(d["ACCE"]["MAP_COEFF"]), r - d["ACCE"]["BIAS"]) for r in RAW_A])
+    gyro = matrix(d["GYRO"]["MAP_COEFF"]) @ C
+    return force, np.array([np.linalg.solve(gyro, r - d["GYRO"]["BIAS"]) for r in RAW_G])
+
+
+def by_python(texts: Texts) -> Evaluated:
+    text = texts["tumble_calibration.py"]
+    assert "numpy" not in text.partition("\nimport math")[2]
+    names: dict[str, Any] = {"__name__": "tumble_calibration"}
+    exec(compile(text, "tumble_calibration.py", "exec"), names)
+    assert names["self_test"]() < 1e-14
+    pairs = [names["correct"](list(a), list(g)) for a, g in zip(RAW_A, RAW_G, strict=True)]
+    return np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])
+
+
+# Single precision of parameters, and nine digits of text: 6e-8 of 10 m/s² and of offsets.
+SINGLE = 3e-6
+EVALUATORS: dict[str, tuple[Callable[[Texts], Evaluated], float]] = {
+    "kalibr": (by_kalibr, 1e-12),
+    "openvins": (by_openvins, 1e-12),
+    "imu-tk": (by_imu_tk, 1e-12),
+    "openicc": (by_openicc, 1e-12),
+    "px4": (by_px4, SINGLE),
+    "ardupilot": (by_ardupilot, SINGLE),
+    "python": (by_python, 1e-12),
+    "basalt": (by_basalt, 1e-12),
+    "kf-gins": (by_kf_gins, 1e-12),
+    "fusion": (by_fusion, 1e-7),
+    "vectornav": (by_vectornav, 1e-7),
+    "matlab": (by_matlab, 1e-12),
+    "imucal": (by_imucal, 1e-12),
+    "realsense": (by_realsense, 1e-12),
+    "ikalibr": (by_ikalibr, 1e-12),
+}
+COMPILED = ("c", "cpp")  # tests/unit/export/test_source_code.py compiles them
+NOISE_ONLY = ("kalibr-noise", "ros", "vins", "okvis", "svo")
+READABLE = sorted(name for name, target in TARGETS.items() if target.read is not None)
+
+
+def written(name: str, model: ImuModel | None = None) -> Texts:
+    target = TARGETS[name]
+    noise = NOISE_NUMBERS if NOISE in target.holds else None
+    return target.write(prepare(document(model or model_for(target)), target, None, noise))
+
+
+def test_every_target_is_tested() -> None:
+    assert {*EVALUATORS, *COMPILED, *NOISE_ONLY} == set(TARGETS)
+
+
+@pytest.mark.parametrize("name", sorted(EVALUATORS))
+class TestCalibrationTarget:
+    """Every target that holds a calibration."""
+
+    def test_its_own_formula_gives_the_corrected_numbers(self, name: str) -> None:
+        evaluate, tolerance = EVALUATORS[name]
+        force, rate = evaluate(written(name))
+        expected_force, expected_rate = truth(model_for(TARGETS[name]), TARGETS[name])
+        assert np.allclose(force, expected_force, rtol=0, atol=tolerance)
+        assert np.allclose(rate, expected_rate, rtol=0, atol=tolerance)
+
+    def test_a_transposed_matrix_would_show(self, name: str) -> None:
+        if MATRIX not in TARGETS[name].holds:
+            pytest.skip("it has no matrix")
+        evaluate, _ = EVALUATORS[name]
+        turned = ImuModel(Triad(M_A.T.copy(), B_A), Triad(M_G.T.copy(), B_G))
+        force, rate = evaluate(written(name, turned))
+        expected_force, expected_rate = truth(model_for(TARGETS[name]), TARGETS[name])
+        assert np.abs(rate - expected_rate).max() > 1e-3
+        assert np.abs(force - expected_force).max() > 1e-3
+
+    def test_the_comment_says_formula_and_a_test_vector(self, name: str) -> None:
+        texts = written(name)
+        text = "".join(texts.values())
+        if not TARGETS[name].comment and name != "imucal":
+            return
+        assert "test vector: raw specific force [" in text
+        assert "corrected to [" in text
+
+    def test_it_is_listed_with_what_it_holds_on_its_page(self, name: str) -> None:
+        page = (Path(__file__).parents[2] / "docs" / "convert.md").read_text(encoding="utf-8")
+        assert f"| `{name}` |" in page
+
+    def test_nothing_is_written_over_the_calibration(self, name: str, tmp_path: Path) -> None:
+        file = tmp_path / "calibration.json"
+        document(model_for(TARGETS[name])).write(file)
+        before = file.read_bytes()
+        with pytest.raises(UsageError, match=r"input itself|must be a folder"):
+            convert_to(file, name, output=file)
+        assert file.read_bytes() == before
+
+
+@pytest.mark.parametrize("name", READABLE)
+class TestReadableTarget:
+    """Every target that is read."""
+
+    @staticmethod
+    def files(name: str, folder: Path) -> Path:
+        folder.mkdir()
+        texts = written(name)
+        for file, text in texts.items():
+            (folder / file).write_text(text, encoding="utf-8")
+        return folder if len(texts) > 1 else folder / next(iter(texts))
+
+    def test_what_is_read_back_corrects_alike(self, name: str, tmp_path: Path) -> None:
+        target = TARGETS[name]
+        units = "m/s^2,rad/s" if target.units is None and name != "imucal" else None
+        if name == "imucal":
+            with pytest.raises(UsageError):
+                convert_from(
+                    self.files(name, tmp_path / "a"), name, output=tmp_path / "c.json", units="nonsense"
+                )
+        done = convert_from(
+            self.files(name, tmp_path / "in"), name, output=tmp_path / "back.json", units=units
+        )
+        back = read_calibration(done.files[0])
+        raw_force, raw_rate = RAW_A, RAW_G
+        if name == "fusion":
+            assert back.raw_units.specific_force == "g"
+            raw_force, raw_rate = RAW_A / GRAVITY_UNIT, np.degrees(RAW_G)
+        force, rate = back.correct(raw_force, raw_rate)
+        expected_force, expected_rate = truth(model_for(target), target)
+        tolerance = max(EVALUATORS[name][1], 1e-12)
+        assert force is not None
+        assert rate is not None
+        assert np.allclose(force, expected_force, rtol=0, atol=10 * tolerance)
+        assert np.allclose(rate, expected_rate, rtol=0, atol=10 * tolerance)
+        assert not back.verdict.fit
+        assert back.covariance_parameters == []
+        for vector in back.test_vectors:
+            one, other = back.correct(
+                np.array([vector.raw_specific_force]), np.array([vector.raw_angular_rate])
+            )
+            assert np.allclose(one, [vector.specific_force], rtol=0, atol=1e-12)
+            assert np.allclose(other, [vector.angular_rate], rtol=0, atol=1e-12)
+
+    @pytest.mark.parametrize("damage", ["empty", "cut", "binary", "words", "nan", "missing", "another's"])
+    def test_a_damaged_file_is_refused_in_one_sentence(self, name: str, damage: str, tmp_path: Path) -> None:
+        place = self.files(name, tmp_path / "in")
+        for file in sorted(place.iterdir()) if place.is_dir() else [place]:
+            text = file.read_text(encoding="utf-8")
+            numbers = list(re.finditer(r"-?\d+\.\d{4,}(?:[eE][-+]?\d+)?", text))
+            body = [
+                m
+                for m in numbers
+                if not re.match(r"^\s*(#|//|%)", text[text.rfind("\n", 0, m.start()) + 1 :])
+            ]
+            if damage == "empty":
+                file.write_text("")
+            elif damage == "cut":
+                file.write_text(
+                    text[: body[2].start()].rpartition("\n")[0] if name != "basalt" else text[:60]
+                )
+            elif damage == "binary":
+                file.write_bytes(bytes(range(256)) * 4)
+            elif damage == "words":
+                file.write_text("this is a diary, not a calibration\n")
+            elif damage == "nan":
+                at = body[len(body) // 2]
+                file.write_text(text[: at.start()] + "nan" + text[at.end() :])
+            elif damage == "missing":
+                file.unlink()
+            else:
+                file.write_text('{"format": "tumble calibration"}')
+        with pytest.raises((CalibrationFileError, UsageError)) as told:
+            convert_from(place, name, output=tmp_path / "out.json")
+        assert "\n" not in str(told.value)
+        assert str(told.value).endswith(".")
+        assert not (tmp_path / "out.json").exists()
+
+
+@pytest.mark.parametrize("name", NOISE_ONLY)
+class TestNoiseTarget:
+    """Targets of noise alone."""
+
+    def test_the_numbers_have_the_consumer_s_meaning(self, name: str) -> None:
+        target = TARGETS[name]
+        text = next(iter(target.write(prepare(None, target, None, NOISE_NUMBERS)).values()))
+        d = keys({"": text})
+        N_a, K_a, N_g, K_g, root = 2e-3, 3e-5, 1.7e-4, 2e-6, np.sqrt(RATE)
+        expected: dict[str, dict[str, float]] = {
+            "kalibr-noise": {
+                "accelerometer_noise_density": N_a,
+                "accelerometer_random_walk": K_a,
+                "gyroscope_noise_density": N_g,
+                "gyroscope_random_walk": K_g,
+                "update_rate": RATE,
+            },
+            "vins": {"acc_n": N_a * root, "gyr_n": N_g * root, "acc_w": K_a * root, "gyr_w": K_g * root},
+            "okvis": {
+                "sigma_g_c": N_g,
+                "sigma_a_c": N_a,
+                "sigma_gw_c": K_g,
+                "sigma_aw_c": K_a,
+                "imu_rate": RATE,
+            },
+            "svo": {
+                "sigma_omega_c": N_g,
+                "sigma_acc_c": N_a,
+                "sigma_omega_bias_c": K_g,
+                "sigma_acc_bias_c": K_a,
+            },
+            "ros": {},
+        }
+        d = d.get("imu_params", d)
+        for key, value in expected[name].items():
+            assert d[key] == pytest.approx(value, rel=1e-12)
+        if name == "ros":
+            cov = np.array(d["linear_acceleration_covariance"]).reshape(3, 3)
+            assert np.allclose(cov, np.diag([1.8e-3**2, 1.9e-3**2, 2e-3**2]) * RATE, rtol=1e-12)
+            assert d["orientation_covariance"][0] == -1.0
+
+    def test_without_noise_it_is_refused(self, name: str) -> None:
+        with pytest.raises(UsageError, match="--noise"):
+            prepare(None, TARGETS[name])
+
+
+def test_kf_gins_walk_is_a_gauss_markov_process_of_the_same_driving_density() -> None:
+    """KF-GINS: q = 2 sigma² / corrtime; of a random walk q = K²."""
+    d = keys(written("kf-gins"))["imunoise"]
+    seconds = 3600.0 * d["corrtime"]
+    gyro = np.array(d["gbstd"]) * np.pi / 180 / 3600
+    assert np.allclose(2 * gyro**2 / seconds, (2e-6) ** 2, rtol=1e-12)
+    assert np.allclose(2 * (1e-5 * np.array(d["abstd"])) ** 2 / seconds, (3e-5) ** 2, rtol=1e-12)
+    assert np.allclose(np.radians(d["arw"]) / 60, 1.7e-4, rtol=1e-12)
+    assert np.allclose(np.array(d["vrw"]) / 60, 2e-3, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["px4", "ardupilot", "kf-gins"])
+def test_a_diagonal_target_says_what_it_loses_and_refuses_too_much(name: str) -> None:
+    """The size is the spectral norm of what correction by the diagonal leaves, here worked out by hand."""
+    target = TARGETS[name]
+    calibration = document(ImuModel(Triad(M_A, B_A), Triad(M_G, B_G)))
+    kept = np.diag(np.diag(M_A))
+    size = np.linalg.svd(np.linalg.inv(kept) @ M_A - np.eye(3))[1][0]
+    with pytest.raises(UsageError, match="--largest-loss"):
+        target.write(prepare(calibration, target, Wishes(largest_loss=0.9 * size)))
+    text = "".join(target.write(prepare(calibration, target, Wishes(largest_loss=0.1))).values())
+    assert f"up to {1e6 * size:.0f} ppm, {1e6 * size:.0f} µg in 1 g" in text
+
+
+@pytest.mark.parametrize("units", [("g", "deg/s"), ("mg", "mdeg/s")])
+def test_other_raw_units_come_out_in_the_target_s(units: tuple[str, str]) -> None:
+    """A calibration of raw g and deg/s is the same unit for Kalibr, which takes m/s² and rad/s."""
+    scale = {"g": 1 / GRAVITY_UNIT, "mg": 1e3 / GRAVITY_UNIT, "deg/s": 180 / np.pi, "mdeg/s": 180e3 / np.pi}
+    s, r = scale[units[0]], scale[units[1]]
+    other = document(ImuModel(Triad(s * M_A, s * B_A), Triad(r * M_G, r * B_G), r * G), units)
+    force, rate = by_kalibr(TARGETS["kalibr"].write(prepare(other, TARGETS["kalibr"])))
+    expected = truth(ImuModel(Triad(M_A, B_A), Triad(M_G, B_G), G), TARGETS["kalibr"])
+    assert np.allclose(force, expected[0], rtol=0, atol=1e-11)
+    assert np.allclose(rate, expected[1], rtol=0, atol=1e-11)
+
+
+def test_counts_need_the_driver_s_factor() -> None:
+    counts = document(
+        ImuModel(Triad(1000 * M_A, 1000 * B_A), Triad(5000 * M_G, 5000 * B_G)), ("counts", "counts")
+    )
+    with pytest.raises(UsageError, match="--per-count"):
+        prepare(counts, TARGETS["kalibr"])
+    wishes = Wishes(per_count=(1e-3, 2e-4))
+    force, _ = by_kalibr(TARGETS["kalibr"].write(prepare(counts, TARGETS["kalibr"], wishes)))
+    assert np.allclose(
+        force, truth(ImuModel(Triad(M_A, B_A), Triad(M_G, B_G)), TARGETS["kalibr"])[0], atol=1e-11
+    )
