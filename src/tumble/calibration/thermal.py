@@ -209,7 +209,7 @@ def _require_changes(points: ThermalPoints, recording: Recording) -> None:
 
 def _reference(coverage: Coverage) -> float:
     low, high = coverage.span
-    return USUAL_REFERENCE if low <= USUAL_REFERENCE <= high else round(0.5 * (low + high))
+    return USUAL_REFERENCE if low <= USUAL_REFERENCE <= high else float(round(0.5 * (low + high)))
 
 
 def _earth(site: Site, recording: Recording) -> tuple[float, float, float]:

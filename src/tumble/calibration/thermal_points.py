@@ -119,7 +119,7 @@ def find_points(recording: Recording, timeline: Timeline) -> ThermalPoints:
     """Cut the rests of a recording into points.
 
     A rest that lasts longer than ten minutes, or over which the temperature changes by more than 1 K, is cut into
-    equal parts that do not. Means are those of all samples; their covariance is found after a straight line
+    parts that do not. Means are those of all samples; their covariance is found after a straight line
     in time is taken off each point, so that what temperature does within it is not taken for noise.
 
     Raises
@@ -194,13 +194,18 @@ def _cut(
         for first, last in hold.stretches():
             if last - first < least:
                 continue
-            inside = np.interp(recording.time[np.linspace(first, last - 1, 64).astype(int)], time, smooth)
-            # Up and down within one rest both count.
-            travelled = float(np.sum(np.abs(np.diff(inside))))
+            at = np.linspace(first, last - 1, 64)
+            inside = np.interp(recording.time[at.astype(int)], time, smooth)
+            # Up and down within one rest both count; where temperature goes fast, points are short.
             seconds = float(recording.time[last - 1] - recording.time[first])
-            parts = int(max(np.ceil(travelled / CUT_KELVINS), np.ceil(seconds / CUT_SECONDS), 1))
-            parts = max(1, min(parts, (last - first) // least))
-            cuts = np.linspace(first, last, parts + 1).astype(int)
+            passed = np.abs(np.diff(inside)) / CUT_KELVINS + seconds / CUT_SECONDS / 63.0
+            measure = np.concatenate([np.zeros(1), np.cumsum(passed)])
+            parts = max(1, min(int(np.ceil(measure[-1])), (last - first) // least))
+            cuts = np.interp(np.linspace(0.0, measure[-1], parts + 1), measure, at).astype(int)
+            cuts[-1] = last
+            cuts = cuts[np.concatenate([np.diff(cuts) >= least, [True]])] if parts > 1 else cuts
+            cuts[0] = first
+            parts = len(cuts) - 1
             stretches += list(zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True))
             holds += [number] * parts
     return stretches, holds

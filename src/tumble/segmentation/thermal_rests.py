@@ -18,6 +18,8 @@ ORDER, PASSES = 3, 20
 # Stretches of so many seconds without motion are levelled; motion is a change of gravity by this share within two
 # seconds, or a rate so many sigmas off.
 LEAST_STRETCH, MOVING_SHARE, MOVING_SIGMAS = 60, 0.02, 30.0
+LOCAL = 121  # s
+LARGEST_DRIFT = 0.02  # rad/s
 
 
 def find_thermal_timeline(
@@ -27,9 +29,10 @@ def find_thermal_timeline(
 
     A cubic in the recorded temperature, fitted to medians of ten seconds by least absolute values, is taken off
     the gyros first: a warming gyro would else look as if it turned slowly. Within each stretch that shows no
-    motion over seconds, what a cubic in temperature explains of the accelerometers is taken off, too: it would
-    look as if the pose crept. The timeline is that of the recording as it was given; means are to be taken from
-    it, not from what was taken off. A pose that really creeps with temperature is not told from a bias that does.
+    motion over seconds, what a cubic in temperature explains of both triads is taken off, too (lag and rate are
+    not in the first one): it would look as if the pose crept. The timeline is that of the recording as it was
+    given; means are to be taken from it, not from what was taken off. A pose that really creeps with temperature
+    is not told from a bias that does.
 
     Parameters
     ----------
@@ -46,7 +49,8 @@ def find_thermal_timeline(
         drift = _drift(recording.time, recording.temperature, recording.angular_rate)
         flat = replace(recording, angular_rate=recording.angular_rate - drift)
     if recording.temperature is not None and recording.specific_force is not None:
-        flat = replace(flat, specific_force=_level(flat, recording.temperature))
+        force, rate = _level(flat, recording.temperature)
+        flat = replace(flat, specific_force=force, angular_rate=rate)
     return find_timeline(flat, intervals=intervals)
 
 
@@ -74,34 +78,53 @@ def _drift(time: Series, celsius: Series, rate: Vectors) -> Vectors:
     return drift
 
 
-def _level(recording: Recording, celsius: Series) -> Vectors:
-    """Return the specific force without what temperature does to it while nothing moves."""
-    force = recording.specific_force
+def _level(recording: Recording, celsius: Series) -> tuple[Vectors, Vectors | None]:
+    """Return specific force and angular rate without what temperature does to them while nothing moves."""
+    force, rate = recording.specific_force, recording.angular_rate
     assert force is not None
     step = max(1, round(recording.rate))
     blocks = len(force) // step
     known = np.isfinite(celsius)
     if blocks < 2 * LEAST_STRETCH or np.count_nonzero(known) < 100:
-        return force
+        return force, rate
     filled = _smoothed(np.interp(recording.time, recording.time[known], celsius[known]), 5 * step)
+    moving = _moving(force, rate, step, blocks)
+    level = force.copy()
+    calm = None if rate is None else rate.copy()
+    usual = None if rate is None else np.median(rate, axis=0)
+    edges = np.flatnonzero(np.diff(np.concatenate([[1], moving.astype(int), [1]])))
+    for first, last in edges.reshape(-1, 2).tolist():
+        if last - first < LEAST_STRETCH:
+            continue
+        part = slice(first * step, last * step)
+        level[part] = force[part] - _explained(filled[part], force[part])
+        if rate is not None and calm is not None and usual is not None:
+            off = rate[part].mean(axis=0) - usual
+            # A slow spin of a table is no drift: what temperature leaves after the cubic is small.
+            if float(np.linalg.norm(off)) < LARGEST_DRIFT:
+                calm[part] = rate[part] - _explained(filled[part], rate[part]) - off
+    return level, calm
+
+
+def _moving(force: Vectors, rate: Vectors | None, step: int, blocks: int) -> np.ndarray:
+    """Return (blocks,) whether it moves in each second: gravity or the rates change faster than a drift does."""
+    from scipy.ndimage import median_filter
+
     means = force[: blocks * step].reshape(blocks, step, 3).mean(axis=1)
     gravity = float(np.median(np.linalg.norm(means, axis=1)))
     # Over two seconds a pose that changes moves gravity; a warming sensor does not.
     change = np.zeros(blocks)
     change[1:-1] = np.linalg.norm(means[2:] - means[:-2], axis=1)
     moving = change > MOVING_SHARE * gravity
-    if recording.angular_rate is not None:
-        rates = recording.angular_rate[: blocks * step].reshape(blocks, step, 3).mean(axis=1)
-        off = np.linalg.norm(rates - np.median(rates, axis=0), axis=1)
+    if rate is not None:
+        rates = rate[: blocks * step].reshape(blocks, step, 3).mean(axis=1)
+        # Against the median of two minutes: a drift stays with it, a turn does not.
+        followed: Vectors = np.empty_like(rates)
+        median_filter(rates, size=(LOCAL, 1), output=followed, mode="nearest")
+        off = np.linalg.norm(rates - followed, axis=1)
         usual = float(np.median(off))
         moving |= off > usual + MOVING_SIGMAS * 1.4826 * float(np.median(np.abs(off - usual)))
-    level = force.copy()
-    edges = np.flatnonzero(np.diff(np.concatenate([[1], moving.astype(int), [1]])))
-    for first, last in edges.reshape(-1, 2).tolist():
-        if last - first >= LEAST_STRETCH:
-            part = slice(first * step, last * step)
-            level[part] = force[part] - _explained(filled[part], force[part])
-    return level
+    return moving
 
 
 def _explained(celsius: Series, force: Vectors) -> Vectors:
