@@ -1,0 +1,49 @@
+"""`tumble calibrate --noise`: what is no noise document of the unit is refused in a sentence."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+RATE = 50.0
+
+
+@pytest.fixture(scope="module")
+def noise(tumble: Any, written: Any, rows: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What `tumble noise` writes for two minutes of the noise that the first hold of the good recording has."""
+    folder = tmp_path_factory.mktemp("noise")
+    rng = np.random.default_rng(5)
+    count = 6000
+    still = rows[5:100, 1:]
+    signal = still.mean(axis=0) + still.std(axis=0, ddof=1) * rng.standard_normal((count, 6))
+    path = written(folder / "still.csv", np.column_stack([np.arange(count) / RATE, signal]))
+    assert tumble("noise", path, "-o", folder / "noise").status == 0
+    return folder / "noise" / "noise.json"
+
+
+def test_what_is_no_noise_document_is_refused_and_nothing_is_written(
+    tumble: Any, recording: Path, noise: Path, tmp_path: Path
+) -> None:
+    content = json.loads(noise.read_text(encoding="utf-8"))
+    wrong = {
+        "missing.json": None,
+        "words.json": "no json",
+        "other.json": json.dumps({"format": "tumble calibration"}),
+        "rate.json": json.dumps({**content, "rate_hz": 200.0}),
+        "axis.json": json.dumps(
+            {**content, "channels": {k: v for k, v in content["channels"].items() if k != "gz"}}
+        ),
+    }
+    expected = ("cannot be read", "no JSON document", "no noise document", "200 Hz", "no channel gz")
+    for (name, text), words in zip(wrong.items(), expected, strict=True):
+        if text is not None:
+            (tmp_path / name).write_text(text, encoding="utf-8")
+        answer = tumble("calibrate", recording, "--noise", tmp_path / name, "-o", tmp_path / "results")
+        assert answer.status == 2
+        assert words in " ".join(answer.err.split())
+        assert "Traceback" not in answer.err
+        assert not (tmp_path / "results").exists()
