@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import Matrices, Series
+from tumble.arrays import AnyArray, Matrices, Series
 from tumble.noise.terms import NoiseModel
 from tumble.recording.recording import Recording
 from tumble.segmentation.averages import EXCESS_FALSE_ALARM
@@ -79,7 +79,7 @@ def model_means(
     return ModelledMeans(changed, tuple(said))
 
 
-def _with_own(between: Matrices, own: np.ndarray) -> tuple[Matrices, np.ndarray, float]:
+def _with_own(between: AnyArray, own: np.ndarray) -> tuple[AnyArray, np.ndarray, float]:
     """The models' covariances with disturbed holds' own variances, which holds those are, and the usual excess."""
     from scipy.special import gammaincinv
 
@@ -107,7 +107,7 @@ def _in_words(name: str, disturbed: np.ndarray, ratio: float) -> list[str]:
     return [found + "its own scatter counts."]
 
 
-def correlation_between(between: Matrices) -> Series:
+def correlation_between(between: AnyArray) -> Series:
     """Return the mean correlation of neighbouring holds for each axis, (3,).
 
     Parameters

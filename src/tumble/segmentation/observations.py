@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Matrices, Series, Vectors
+from tumble.arrays import AnyArray, Matrices, Series, Vectors
 from tumble.errors import SegmentationError
 from tumble.recording.recording import Recording
 from tumble.segmentation.averages import MeanCovariance, mean_covariance
@@ -40,8 +40,8 @@ class HoldMeans:
     time: Series
     count: Series
     temperature: Series | None
-    specific_force_between: Matrices | None = None
-    angular_rate_between: Matrices | None = None
+    specific_force_between: AnyArray | None = None
+    angular_rate_between: AnyArray | None = None
 
     def __len__(self) -> int:
         return int(self.duration.shape[0])
