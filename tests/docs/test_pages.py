@@ -14,6 +14,7 @@ PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 EXECUTED = {
     "README.md": 1,
     "docs/conventions.md": 10,
+    "docs/convert.md": 5,
     "docs/denoising.md": 7,
     "docs/file-format.md": 10,
     "docs/joint.md": 4,
@@ -27,6 +28,11 @@ EXECUTED = {
     "docs/real-recordings.md": 2,
     "docs/reproduce.md": 1,
     "docs/simulation.md": 3,
+    "docs/targets/autopilots.md": 3,
+    "docs/targets/backward.md": 6,
+    "docs/targets/forward.md": 6,
+    "docs/targets/noise.md": 3,
+    "docs/targets/source-code.md": 3,
     "docs/thermal.md": 5,
 }
 

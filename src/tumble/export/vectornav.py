@@ -30,7 +30,7 @@ def write(subject: Subject) -> dict[str, str]:
     lines: list[str] = []
     for register, triad in ((25, subject.accelerometer), (84, subject.gyroscope)):
         numbers = [*inverse(triad.matrix).ravel(), *triad.bias]
-        body = f"VNWRG,{register}," + ",".join(f"{v:.9g}" for v in numbers)
+        body = f"VNWRG,{register}," + ",".join(f"{v + 0.0:.9g}" for v in numbers)
         lines.append(f"${body}*{checksum(body):02X}")
     return {"vectornav.txt": commented(head(subject, TARGET.title, formula)) + "\n".join(lines) + "\n"}
 
