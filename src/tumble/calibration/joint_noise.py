@@ -33,6 +33,8 @@ from tumble.estimation.bordered import NodeCovariance
 KINDS = ("force", "rate", "rest", "turn", "tilt", "pose", "parts")
 # Eigenvalues of a redundancy below this are directions that nothing checks.
 CHECKED = 0.05
+# An angle that is read ten times better than gyros turn is checked by them all the same.
+CHECKED_ANGLE = 1e-4
 LEAST_SWAY = 1e-16  # rad²: 10 nrad, far below what any unit sees
 # A hundredth of what a hold's mean tells of its tilt is nothing, too; a smaller sway would weigh so much more than
 # anything else that round-off takes the Earth rate's place.
@@ -363,7 +365,11 @@ def _misread_angles(problem: JointProblem, solution: JointSolution, false_alarm:
             sigma2 = max(problem.data.spins[k].angle_sigma, 1e-9) ** 2
             left = max(1.0 - float(spin.axis @ spread @ spin.axis) / sigma2, 1e-9)
             normalised = abs(spin.angle_residual) / np.sqrt(sigma2 * left)
-            if left > CHECKED and normalised > limit and (worst is None or normalised > worst.normalised):
+            if (
+                left > CHECKED_ANGLE
+                and normalised > limit
+                and (worst is None or normalised > worst.normalised)
+            ):
                 worst = Outlier("angle", k, float(normalised))
     return [] if worst is None else [worst]
 
@@ -371,6 +377,9 @@ def _misread_angles(problem: JointProblem, solution: JointSolution, false_alarm:
 def _leave_out(problem: JointProblem, outlier: Outlier) -> None:
     if outlier.kind == "angle":
         problem.data.spins[outlier.group].angle = None
+        # What was raised to bear it goes with it.
+        problem.spin_noise.clear()
+        problem.wobble.clear()
         return
     name = "pose" if outlier.kind == "tilt" else outlier.kind
     getattr(problem.masks, name)[outlier.group] = False
