@@ -81,9 +81,15 @@ def convert_command(
     Each file says its formula and a test vector in its comments. What a form cannot hold is said with its
     size; too large a loss is refused.
     """
-    from tumble.workflows.convert import convert_from, convert_to
+    from tumble.workflows.convert import Converted, convert_from, convert_to
 
     if to is None and source is None:
+        if calibration is not None and frame is not None:
+            from tumble.workflows.algebra import turn
+
+            file, document = turn(calibration, frame, output or Path("turned.json"))
+            _say(Converted([file], document.remarks[-1:]), as_json, quiet)
+            return
         if calibration is not None:
             raise UsageError(
                 "Say where to: --to TARGET or --from TARGET; `tumble convert` alone lists the targets."

@@ -1,0 +1,150 @@
+"""`tumble convert`, `compose`, `diff` and `invert` as a user meets them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tumble.calibration import read_calibration
+from tumble.calibration.imported import calibration_from_model
+from tumble.export.registry import TARGETS
+from tumble.sensor import ImuModel, Triad
+
+MATRIX = np.array([[1.01, 0.002, -0.003], [-0.001, 0.99, 0.004], [0.003, -0.002, 1.02]])
+
+
+def written(path: Path, bias: float = 0.1, **update: Any) -> Path:
+    triad = Triad(MATRIX, np.array([bias, -0.2, 0.05]))
+    document = calibration_from_model(
+        ImuModel(triad, triad), ("m/s^2", "rad/s"), ("fixture", "axes"), [], procedure="by hand", remarks=[]
+    )
+    names = [f"{t}.bias[{i}]" for t in ("accelerometer", "gyroscope") for i in range(3)]
+    known = {"covariance_parameters": names, "covariance": (1e-6 * np.eye(6)).tolist()}
+    document.model_copy(update={**known, **update}).write(path)
+    return path
+
+
+@pytest.fixture
+def calibration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return written(tmp_path / "calibration.json")
+
+
+def is_told(answer: Any, *words: str) -> None:
+    assert answer.status == 2, answer
+    assert len(answer.err.splitlines()) == 1, answer.err
+    assert "fault of tumble" not in answer.err
+    for word in words:
+        assert word in answer.err
+
+
+def test_without_arguments_all_targets_are_listed(tumble: Any) -> None:
+    answer = tumble("convert", "--json")
+    rows = {row["name"]: row for row in json.loads(answer.out)}
+    assert set(rows) == set(TARGETS)
+    assert rows["px4"]["holds"] == "scale factors, biases, temperature"
+    assert rows["c"]["directions"] == "to"
+    assert "imu-tk" in tumble("convert").out
+
+
+def test_a_calibration_goes_out_and_comes_back(tumble: Any, calibration: Path, tmp_path: Path) -> None:
+    out = tumble("convert", calibration, "--to", "realsense", "-o", "rs.json")
+    assert out.status == 0
+    assert (tmp_path / "rs.json").exists()
+    assert tumble("convert", "rs.json", "--from", "realsense", "-o", "back.json").status == 0
+    back, before = read_calibration("back.json"), read_calibration(calibration)
+    assert np.allclose(back.accelerometer.matrix, before.accelerometer.matrix, rtol=0, atol=1e-14)  # type: ignore[union-attr]
+
+
+def test_a_change_of_frame_is_said(tumble: Any, calibration: Path) -> None:
+    answer = tumble("convert", calibration, "--to", "kalibr")
+    assert "frame accelerometer-x, not in the calibration's fixture" in answer.out
+    assert tumble("convert", calibration, "--frame", "accelerometer-z", "-o", "z.json").status == 0
+    matrix = np.array(read_calibration("z.json").accelerometer.matrix)  # type: ignore[union-attr]
+    assert np.allclose(matrix, np.triu(matrix), atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("calibration.json",), ("--to TARGET",)),
+        (("calibration.json", "--to", "kalibur"), ("kalibur", "choose one of")),
+        (("calibration.json", "--to", "px4", "--from", "px4"), ("exclude",)),
+        (("calibration.json", "--to", "px4", "--largest-loss", "10"), ("ppm", "--largest-loss")),
+        (("calibration.json", "--to", "px4", "--instance", "7"), ("0 to 3",)),
+        (("calibration.json", "--to", "px4", "--noise", "n.json"), ("holds no noise",)),
+        (("calibration.json", "--to", "kalibr", "--noise", "n.json"), ("no noise file n.json",)),
+        (("calibration.json", "--to", "kalibr", "--noise", "calibration.json"), ("no noise.json",)),
+        (("calibration.json", "--to", "kalibr", "--frame", "accelerometer-z"), ("only be in the frame",)),
+        (("calibration.json", "--to", "kalibr", "--inflate", "2,10"), ("--noise",)),
+        (("calibration.json", "--to", "kalibr", "--per-count", "2"), ("pair",)),
+        (("calibration.json", "--to", "kalibr", "-o", "calibration.json"), ("input itself",)),
+        (("calibration.json", "--frame", "sideways"), ("sideways",)),
+        (("calibration.json", "--from", "c"), ("written only",)),
+        (("calibration.json", "--from", "kalibr"), ("imu0",)),
+        (("--to", "kalibr"), ("calibration.json first",)),
+        (("--from", "kalibr"), ("Name the file",)),
+        (("nowhere.yaml", "--from", "kalibr"), ("no file nowhere.yaml",)),
+    ],
+)
+def test_wrong_usage_is_one_sentence(
+    tumble: Any, calibration: Path, arguments: tuple[str, ...], words: tuple[str, ...]
+) -> None:
+    before = sorted(Path.cwd().iterdir())
+    is_told(tumble("convert", *arguments), *words)
+    assert sorted(Path.cwd().iterdir()) == before
+
+
+def test_compose_and_invert(tumble: Any, calibration: Path, tmp_path: Path) -> None:
+    first = read_calibration(calibration)
+    written(tmp_path / "second.json", 0.02, input_corrected_by=[first.identity])
+    assert tumble("compose", calibration, "second.json", "-o", "both.json").status == 0
+    assert tumble("compose", calibration, "second.json", "--merge", "-o", "one.json").status == 0
+    raw = np.array([[1.0, 2.0, 9.5]])
+    both, one = (read_calibration(name).correct(raw, raw) for name in ("both.json", "one.json"))
+    assert np.allclose(both[0], one[0], rtol=0, atol=1e-12)
+    assert tumble("invert", "one.json", "-o", "back.json").status == 0
+    assert np.allclose(read_calibration("back.json").correct(*one)[0], raw, rtol=0, atol=1e-12)
+    is_told(
+        tumble("compose", calibration, written(tmp_path / "raw.json", 0.3), "-o", "no.json"), "raw recordings"
+    )
+    is_told(tumble("compose", calibration, calibration, "-o", "no.json"), "same")
+    is_told(tumble("invert", "both.json", "-o", "no.json"), "composed")
+    is_told(tumble("invert", calibration, "-o", calibration), "input itself")
+    assert not Path("no.json").exists()
+
+
+def test_diff_says_what_changed_and_whether_it_matters(
+    tumble: Any, calibration: Path, tmp_path: Path
+) -> None:
+    """0.02 m/s² with 1.4 mm/s² uncertainty: 14 sigmas, some 2,000 µg."""
+    other = written(tmp_path / "other.json", 0.12)
+    answer = tumble("diff", calibration, other)
+    assert answer.status == 1
+    assert "+14.1" in answer.out
+    assert "more than its uncertainty" in answer.out
+    assert tumble("diff", calibration, other, "--allowed", "5000,5000").status == 0
+    told = json.loads(tumble("diff", calibration, other, "--json").out)
+    assert told["matters"]
+    assert told["force"]["value"] == pytest.approx(0.02 / 1.01, rel=0.01)
+    same = tumble("diff", calibration, calibration)
+    assert same.status == 0
+    assert "no more than chance" in same.out
+    is_told(tumble("diff", calibration, other, "--allowed", "few"), "pair")
+
+
+def test_an_inverse_undoes_what_apply_did(tumble: Any, calibration: Path, tmp_path: Path) -> None:
+    rows = np.column_stack([np.arange(300) / 100, np.random.default_rng(3).normal(0.0, 0.02, (300, 6))])
+    rows[:, 3] += 9.8
+    text = "t,ax,ay,az,gx,gy,gz\n" + "\n".join(",".join(map(repr, r)) for r in rows.tolist()) + "\n"
+    (tmp_path / "raw.csv").write_text(text)
+    assert tumble("apply", calibration, "raw.csv", "--units", "m/s^2,rad/s", "-o", "once.csv").status == 0
+    assert tumble("invert", calibration, "-o", "back.json").status == 0
+    answer = tumble("apply", "back.json", "once.csv", "--units", "m/s^2,rad/s", "-o", "again.csv")
+    assert answer.status == 0, answer.err
+    again = np.loadtxt(tmp_path / "again.csv", delimiter=",", skiprows=1)
+    assert np.allclose(again[:, 1:7], rows[:, 1:], rtol=0, atol=1e-7)

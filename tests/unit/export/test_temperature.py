@@ -1,0 +1,125 @@
+"""Temperature for autopilots: their own polynomials, evaluated as their sources do, follow the thermal model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tumble.calibration.imported import calibration_from_model
+from tumble.calibration.result import Calibration
+from tumble.calibration.thermal_block import thermal_block
+from tumble.errors import UsageError
+from tumble.export.registry import TARGETS
+from tumble.export.subject import Wishes, prepare
+from tumble.sensor import ImuModel, Triad
+from tumble.sensor.thermal import TemperatureBasis, ThermalModel
+
+REFERENCE = ImuModel(
+    Triad(np.diag([1.01, 0.99, 1.02]), np.array([0.1, -0.2, 0.05])),
+    Triad(np.eye(3), np.array([0.01, 0.0, -0.02])),
+)
+CUBIC = {
+    "accelerometer.bias": np.array([[2e-3, -1e-3, 5e-4], [1e-5, 2e-5, -3e-5], [4e-7, -3e-7, 1e-7]]),
+    "gyroscope.bias": np.array([[3e-4, 1e-4, -2e-4], [-2e-6, 3e-6, 1e-6], [5e-8, 0.0, -4e-8]]),
+}
+RAW_A, RAW_G = np.array([1.0, 2.0, 9.5]), np.array([0.1, -0.2, 0.3])
+
+
+def document(model: ThermalModel) -> Calibration:
+    block = thermal_block(model, model.names, 1e-12 * np.eye(len(model.names)))
+    bare = calibration_from_model(
+        model.reference, ("m/s^2", "rad/s"), ("fixture", "axes"), [], procedure="by hand", remarks=[]
+    )
+    return bare.model_copy(update={"thermal": block, "temperature_celsius": model.basis.reference_celsius})
+
+
+def cubic(**more: object) -> Calibration:
+    basis = TemperatureBasis("polynomial", 22.0, order=3)
+    return document(ThermalModel(REFERENCE, basis, CUBIC, span_celsius=(-20.0, 60.0), **more))  # type: ignore[arg-type]
+
+
+def truth(calibration: Calibration, celsius: float) -> tuple[np.ndarray, np.ndarray]:
+    thermal = calibration.thermal_model
+    assert thermal is not None
+    there = thermal.at(celsius)
+    force, rate = there.correct(RAW_A[None], RAW_G[None])
+    return force[0], rate[0]
+
+
+def by_px4(text: str, celsius: float) -> tuple[np.ndarray, np.ndarray]:
+    """TemperatureCompensation.h: offset by Horner in the clipped difference; then offset and scale."""
+    p = {w[2]: float(w[3]) for line in text.splitlines() if len(w := line.split("\t")) == 5}
+    assert p["TC_A_ENABLE"] == p["TC_G_ENABLE"] == 1
+    out = []
+    for letter, raw, off, scale in (("A", RAW_A, "CAL_ACC0", True), ("G", RAW_G, "CAL_GYRO0", False)):
+        t = min(max(celsius, p[f"TC_{letter}0_TMIN"]), p[f"TC_{letter}0_TMAX"]) - p[f"TC_{letter}0_TREF"]
+        x = [np.array([p[f"TC_{letter}0_X{k}_{axis}"] for axis in range(3)]) for k in range(4)]
+        offset = ((x[3] * t + x[2]) * t + x[1]) * t + x[0]
+        value = raw - offset - np.array([p[f"{off}_{axis}OFF"] for axis in "XYZ"])
+        out.append(value * np.array([p[f"{off}_{axis}SCALE"] for axis in "XYZ"]) if scale else value)
+    return out[0], out[1]
+
+
+def by_ardupilot(text: str, celsius: float) -> tuple[np.ndarray, np.ndarray]:
+    """AP_InertialSensor_tempcal.cpp: v -= P(T - 35), v += P(T_cal - 35), P(d) = (c1 + (c2 + c3 d) d) d 1e-6."""
+    p = {n: float(v) for n, v in (line.split(",") for line in text.splitlines() if not line.startswith("#"))}
+    assert p["INS_TCAL1_ENABLE"] == 1
+    out = []
+    for kind, raw, off in (("ACC", RAW_A, "INS_ACCOFFS"), ("GYR", RAW_G, "INS_GYROFFS")):
+        c = [np.array([p[f"INS_TCAL1_{kind}{k}_{axis}"] for axis in "XYZ"]) for k in (1, 2, 3)]
+
+        def P(T: float, c: list[np.ndarray] = c) -> np.ndarray:
+            d = min(max(T, p["INS_TCAL1_TMIN"]), p["INS_TCAL1_TMAX"]) - 35.0
+            return (c[0] + (c[1] + c[2] * d) * d) * d * 1e-6
+
+        value = (
+            raw - P(celsius) + P(p[f"INS_{kind}1_CALTEMP"]) - np.array([p[f"{off}_{axis}"] for axis in "XYZ"])
+        )
+        out.append(value * np.array([p[f"INS_ACCSCAL_{axis}"] for axis in "XYZ"]) if kind == "ACC" else value)
+    return out[0], out[1]
+
+
+@pytest.mark.parametrize("celsius", [-20.0, 3.0, 22.0, 41.0, 60.0])
+@pytest.mark.parametrize(("name", "evaluate"), [("px4", by_px4), ("ardupilot", by_ardupilot)])
+def test_the_autopilot_s_polynomials_follow_the_model(name: str, evaluate: object, celsius: float) -> None:
+    """Single precision of parameters: 6e-8 of terms up to 10 m/s² (scale) and of their sums."""
+    calibration = cubic()
+    target = TARGETS[name]
+    text = "".join(target.write(prepare(calibration, target)).values())
+    force, rate = evaluate(text, celsius)  # type: ignore[operator]
+    expected = truth(calibration, celsius)
+    assert np.allclose(force, expected[0], rtol=0, atol=3e-6)
+    assert np.allclose(rate, expected[1], rtol=0, atol=1e-7)
+
+
+def test_other_targets_take_one_temperature_and_say_what_that_loses() -> None:
+    calibration = cubic()
+    target = TARGETS["matlab"]
+    subject = prepare(calibration, target, Wishes(temperature=40.0))
+    force, rate = subject.model.correct(RAW_A[None], RAW_G[None])
+    expected = truth(calibration, 40.0)
+    assert np.allclose(force[0], expected[0], rtol=0, atol=1e-13)
+    assert np.allclose(rate[0], expected[1], rtol=0, atol=1e-13)
+    assert any(
+        "changes with temperature is left out" in loss.text and "40 °C" in loss.text
+        for loss in subject.losses
+    )
+    with pytest.raises(UsageError, match="cannot be taken at 90"):
+        prepare(calibration, target, Wishes(temperature=90.0))
+
+
+def test_hysteresis_rate_and_lag_are_said_to_be_left_out() -> None:
+    calibration = cubic(hysteresis={"accelerometer.bias": np.array([5e-3, 0.0, -2e-3])}, lag=30.0)
+    text = "".join(TARGETS["px4"].write(prepare(calibration, TARGETS["px4"])).values())
+    assert f"hysteresis of temperature is left out: up to {5e-3 / 9.80665 * 1e6:.0f} µg" in text
+    assert "lag are left out" in text
+
+
+def test_lines_are_fitted_by_a_cubic_whose_misfit_is_said() -> None:
+    basis = TemperatureBasis("linear", 20.0, np.array([-20.0, 20.0, 60.0]))
+    terms = {"accelerometer.bias": np.array([[0.1, 0.0, 0.0], [0.1, 0.0, 0.0]])}
+    calibration = document(ThermalModel(REFERENCE, basis, terms, span_celsius=(-20.0, 60.0)))
+    text = "".join(TARGETS["ardupilot"].write(prepare(calibration, TARGETS["ardupilot"])).values())
+    found = text.partition("off by up to ")[2].partition(" µg")[0]
+    # |t| on [-1, 1] by a parabola in least squares: 15/16 t² + 3/16, off by 3/16 at the kink.
+    assert abs(float(found) - 0.1 * 3 / 16 / 9.80665 * 1e6) < 60
