@@ -127,13 +127,17 @@ def _print(found: Difference, sentences: list[str], quiet: bool) -> None:
     console = Console(highlight=False)
     if not quiet:
         table = Table(box=SIMPLE, pad_edge=False)
-        for name in ("parameter", "first", "second", "change", "± one sigma", "sigmas", "unit"):
-            table.add_column(name, justify="left" if name in ("parameter", "unit") else "right")
+        for name in ("parameter", "first", "change", "± one sigma", "sigmas", "unit"):
+            table.add_column(name, justify="left" if name in ("parameter", "unit") else "right", no_wrap=True)
+        before = ""
         for p in found.parameters:
-            digits = [f"{v:+.6g}" for v in (p.first, p.second)]
+            triad, _, name = p.name.partition(" ")
+            if triad != before:
+                table.add_row(f"[bold]{triad}[/]")
+                before = triad
             sigmas = "-" if math.isnan(p.sigmas) else f"{p.sigmas:+.1f}"
             change = f"{p.second - p.first:+.2g}"
-            table.add_row(p.name, *digits, change, f"{p.standard_uncertainty:.2g}", sigmas, p.unit)
+            table.add_row(name, f"{p.first:+.6g}", change, f"{p.standard_uncertainty:.2g}", sigmas, p.unit)
         console.print(table)
         for group in found.groups:
             console.print(

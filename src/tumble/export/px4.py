@@ -54,7 +54,7 @@ def write(subject: Subject) -> dict[str, str]:
     rows += _thermal_rows(thermal, n)
     said = head(reduced, TARGET.title, FORMULA, _test(reduced, thermal))
     said.append(
-        f"CAL_ACC{n}_ID and CAL_GYRO{n}_ID are not in this file: PX4 takes these numbers for the "
+        f"CAL_ACC{n}_ID and CAL_GYRO{n}_ID are for you to keep: PX4 takes these numbers for the "
         "sensor whose ID it has, so calibrate once on the vehicle, then load them"
     )
     lines = [f"1\t1\t{name}\t{_value(value, kind)}\t{kind}" for name, value, kind in rows]

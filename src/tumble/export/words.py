@@ -62,7 +62,7 @@ def head(
     lines += [f"note: {remark}" for remark in subject.remarks]
     if subject.noise is not None:
         lines += [f"note: {remark}" for remark in subject.noise.remarks]
-    lines += [f"not in this file: {loss.text}" for loss in subject.losses]
+    lines += [f"loss: {loss.text}" for loss in subject.losses]
     return lines
 
 

@@ -143,12 +143,12 @@ def _remarks(subject: Subject, target: Target, texts: dict[str, str]) -> list[st
     lost = [loss.text for loss in subject.losses]
     if target.comment:
         for line in "".join(texts.values()).splitlines():
-            _, mark, text = line.partition("not in this file: ")
+            _, mark, text = line.partition("loss: ")
             if mark and text not in lost:
                 lost.append(text)
     if subject.noise is not None:
         said += subject.noise.remarks
-    return [_sentence(text) for text in (*(f"not in the file: {text}" for text in lost), *said)]
+    return [_sentence(text) for text in (*(text for text in lost), *said)]
 
 
 def _sentence(text: str) -> str:
