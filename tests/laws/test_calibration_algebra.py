@@ -59,15 +59,15 @@ def samples_of(calibration: Calibration, count: int, seed: int) -> np.ndarray:
 
 
 def assert_covariances_agree(stated: np.ndarray, drawn: np.ndarray) -> None:
-    """300 draws know a standard deviation to 4 % and a correlation to 0.06 (one sigma): five of these."""
+    """150 draws know a standard deviation to 6 % and a correlation to 0.08 (one sigma): five of these."""
     scale = np.sqrt(np.diag(stated))
     kept = scale > 1e-9
     found = np.cov(drawn.T)
     ratio = np.sqrt(np.diag(found)[kept]) / scale[kept]
-    assert np.all(np.abs(ratio - 1) < 0.2)
+    assert np.all(np.abs(ratio - 1) < 0.3)
     correlation = (found / np.outer(np.maximum(scale, 1e-30), np.maximum(scale, 1e-30)))[np.ix_(kept, kept)]
     expected = (stated / np.outer(np.maximum(scale, 1e-30), np.maximum(scale, 1e-30)))[np.ix_(kept, kept)]
-    assert np.allclose(correlation, expected, atol=0.3)
+    assert np.allclose(correlation, expected, atol=0.4)
 
 
 @pytest.mark.parametrize("frame", FRAMES)
@@ -92,7 +92,7 @@ def test_a_change_of_frame_turns_corrected_vectors_and_nothing_else(frame: str) 
 def test_the_covariance_in_another_frame_is_that_of_turned_draws(frame: str) -> None:
     calibration = document(MODEL)
     drawn = []
-    for values in samples_of(calibration, 300, 3):
+    for values in samples_of(calibration, 150, 3):
         drawn.append(vector_of_model(change_frame(model_of_vector(values, MODEL), frame)))
     assert_covariances_agree(stacked(turned_to(calibration, frame))[1], np.array(drawn))
 
@@ -131,7 +131,7 @@ def test_merged_calibrations_correct_as_one_after_another() -> None:
     for got, wanted in zip(one.correct(RAW_A, RAW_G), composed.correct(RAW_A, RAW_G), strict=True):
         assert np.allclose(got, wanted, rtol=0, atol=1e-12)
     drawn = []
-    for a, b in zip(samples_of(first, 300, 5), samples_of(second, 300, 6), strict=True):
+    for a, b in zip(samples_of(first, 150, 5), samples_of(second, 150, 6), strict=True):
         drawn.append(vector_of_model(merge_models(model_of_vector(a, MODEL), model_of_vector(b, OTHER))))
     assert_covariances_agree(stacked(one)[1], np.array(drawn))
 
