@@ -7,18 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.calibration.algebra import (
-    entry_names,
-    inverted,
-    merged,
-    model_of_vector,
-    polar_rotation,
-    stacked,
-    turned_to,
-    vector_of_model,
-)
+from tumble.calibration.algebra import inverted, merged, polar_rotation, turned_to
 from tumble.calibration.composed import compose_calibrations
 from tumble.calibration.difference import compare_calibrations
+from tumble.calibration.entries import entry_names, model_of_vector, stacked, vector_of_model
 from tumble.calibration.imported import calibration_from_model
 from tumble.calibration.merging import merge_models
 from tumble.calibration.result import Calibration

@@ -9,14 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Series, Table
-from tumble.calibration.algebra import (
-    SIZE,
-    model_of_vector,
-    named_parameters,
-    part,
-    stacked,
-    turned_to,
-)
+from tumble.calibration.algebra import turned_to
+from tumble.calibration.entries import SIZE, model_of_vector, named_parameters, part, stacked
 from tumble.calibration.result import Calibration
 from tumble.errors import UsageError
 from tumble.sensor import FRAMES
