@@ -339,7 +339,10 @@ def _terms(
     ):
         factor = float(np.exp(min(z * sigma, 50.0)))
         terms.append(FittedTerm(name, time, time / factor, time * factor))
-    slopes = np.concatenate([scale * 0.5 / values, solution.times])
+    # Of a coefficient that came out as nothing, the root has no slope: its own uncertainty stands for its size.
+    spread = np.sqrt(np.sqrt(np.maximum(np.diag(of_squares)[: len(values)], 0.0)))
+    sizes = np.where(values > 0.0, values, np.maximum(spread, 1e-300))
+    slopes = np.concatenate([scale * 0.5 / sizes, solution.times])
     return tuple(terms), of_squares * np.outer(slopes, slopes)
 
 

@@ -60,7 +60,9 @@ def triad_terms(channels: Sequence[Channel]) -> tuple[TriadTerm, ...]:
         values = np.array([term.value for term in shown.values()])
         sigmas = np.array([term.sigma for term in shown.values()])
         mean = float(np.sqrt(np.sum(values**2) / len(channels)))
-        spread = float(np.sqrt(np.sum((values * sigmas) ** 2)) / (len(channels) * mean))
+        spread = float(np.sqrt(np.sum(sigmas**2) / len(channels)))
+        if mean > 0.0:
+            spread = float(np.sqrt(np.sum((values * sigmas) ** 2)) / (len(channels) * mean))
         worst = max(shown, key=lambda name: shown[name].value)
         found.append(
             TriadTerm(
