@@ -347,11 +347,20 @@ def check_triads(recording: Recording, name: str) -> None:
     if force is None or rates is None:
         return
     order = find_accelerometer(force, rates, recording.rate)
-    if order.swapped and order.sure:
+    if order.swapped and order.sure and not _shows_gravity(force, recording.specific_force_unit):
         raise RecordingError(
             f"{name}: the triads seem exchanged: the columns given as the gyro hold the accelerometer "
             f"({order.reason}). Name them rightly with --columns, for example t,gx,gy,gz,ax,ay,az."
         )
+
+
+def _shows_gravity(force: Vectors, unit: str) -> bool:
+    """Whether the declared accelerometer's norm is gravity most of the time: then no bias of a gyro says otherwise."""
+    factor = specific_force_factor(unit)
+    if factor is None:
+        return False
+    norm = factor * float(np.median(np.linalg.norm(force[:: max(1, len(force) // 20_000)], axis=1)))
+    return abs(norm / STANDARD_GRAVITY - 1.0) < _GUESS_TOLERANCE
 
 
 def whole_numbers(values: Vectors) -> bool:
