@@ -201,7 +201,8 @@ def _cut(
             passed = np.abs(np.diff(inside)) / CUT_KELVINS + seconds / CUT_SECONDS / 63.0
             measure = np.concatenate([np.zeros(1), np.cumsum(passed)])
             parts = max(1, min(int(np.ceil(measure[-1])), (last - first) // least))
-            cuts = np.interp(np.linspace(0.0, measure[-1], parts + 1), measure, at).astype(int)
+            whole: Series = np.linspace(0.0, float(measure[-1]), parts + 1)
+            cuts: np.ndarray = np.asarray(np.interp(whole, measure, at), dtype=np.int64)
             cuts[-1] = last
             cuts = cuts[np.concatenate([np.diff(cuts) >= least, [True]])] if parts > 1 else cuts
             cuts[0] = first

@@ -342,7 +342,7 @@ def _terms(
     # Of a coefficient that came out as nothing, the root has no slope: its own uncertainty stands for its size.
     spread = np.sqrt(np.sqrt(np.maximum(np.diag(of_squares)[: len(values)], 0.0)))
     sizes = np.where(values > 0.0, values, np.maximum(spread, 1e-300))
-    slopes = np.concatenate([scale * 0.5 / sizes, solution.times])
+    slopes = np.concatenate([scale * 0.5 / sizes, np.array(solution.times, dtype=np.float64)])
     return tuple(terms), of_squares * np.outer(slopes, slopes)
 
 

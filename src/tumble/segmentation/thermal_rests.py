@@ -135,8 +135,10 @@ def _explained(celsius: Series, force: Vectors) -> Vectors:
     scaled = (celsius - 0.5 * float(celsius.max() + celsius.min())) / (0.5 * span)
     powers = scaled[:, None] ** np.arange(1, (ORDER if span > 3.0 else 1) + 1)
     powers = powers - powers.mean(axis=0)
-    solution: AnyArray = np.asarray(np.linalg.lstsq(powers, force - force.mean(axis=0), rcond=None)[0])
-    return powers @ solution
+    normal = np.asarray(powers.T @ powers, dtype=np.float64)
+    right = np.asarray(powers.T @ (force - force.mean(axis=0)), dtype=np.float64)
+    solution: AnyArray = np.asarray(np.linalg.solve(normal, right), dtype=np.float64)
+    return np.asarray(powers @ solution, dtype=np.float64)
 
 
 def _smoothed(values: Series, width: int) -> Series:
