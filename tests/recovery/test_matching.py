@@ -82,7 +82,8 @@ def assert_in_place(
 
 
 @pytest.mark.parametrize("units", ["SI", "counts"])
-@pytest.mark.parametrize("name", PROTOCOLS)
+# Soaks and sweeps are played by a chamber: tests/unit/calibration/test_thermal.py has them.
+@pytest.mark.parametrize("name", [name for name in PROTOCOLS if not name.startswith("thermal-")])
 def test_every_named_protocol_is_found_whole(name: str, units: str) -> None:
     protocol = named_protocol(name)
     recording, truth = simulated(protocol, units=units)

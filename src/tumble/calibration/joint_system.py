@@ -42,10 +42,8 @@ from tumble.estimation.gauss_helmert import invert_normal_matrix
 HEADING_SIGMA = 1e-4  # rad
 # Of the Earth rate, for a latitude given to a hundredth of a degree.
 LATITUDE_SIGMA = 1e-4
-ITERATIONS = 30
-# Share of its own information that holds an attitude that nothing else does.
-FLOATING = 1e-12
-# By how much a step may turn a hold of which nobody tells the attitude.
+ITERATIONS = 100
+# What holds the attitudes of a hold whose force is left out, where nothing else does.
 LOOSE_SIGMA = 0.1  # rad
 # Factor on the variance of an observation that is left out.
 LEFT_OUT = 1e7
@@ -333,9 +331,6 @@ def _section_equations(
     if not sees_heading(data.poses, section):
         _add_heading(chain)
     _hold_loosely(chain, ~problem.masks.force[section.holds])
-    # A hold without force, in no chain, would float: held where it is, to what round-off leaves of its stillness.
-    for node in np.flatnonzero(~problem.masks.force[section.first : section.last]):
-        chain.diagonal[node] += FLOATING * np.diag(np.diag(chain.diagonal[node]))
     square_sum += _add_earth(problem, section, chain)
     eliminated = chain.eliminated()
     return SectionEquations(
