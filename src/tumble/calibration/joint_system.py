@@ -46,7 +46,7 @@ ITERATIONS = 100
 # What holds the attitudes of a hold whose force is left out, where nothing else does.
 LOOSE_SIGMA = 0.1  # rad
 # Factor on the variance of an observation that is left out.
-LEFT_OUT = 1e7
+LEFT_OUT = 1e10
 # A thousandth of a sigma: the step itself is still taken, and the next would be a millionth.
 TOLERANCE = 1e-3
 # Below this share of its size the horizontal Earth rate's own sigma lets its known size help: the square of it,
