@@ -80,7 +80,8 @@ def test_the_shares_of_all_sources_add_up_to_the_covariance() -> None:
     whole = sum(influences.shares().values())
     sigma = np.sqrt(np.diag(influences.covariance)[problem.free])
     missed = (whole - influences.covariance)[np.ix_(problem.free, problem.free)] / np.outer(sigma, sigma)
-    assert np.max(np.abs(missed)) < 1e-9
+    # A hold that is left out is held to 0.1 rad so that nothing floats: no source's share, 2e-5 of the covariance.
+    assert np.max(np.abs(missed)) < 1e-4
 
 
 def test_the_shares_of_a_tables_rotations_add_up_too() -> None:
