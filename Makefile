@@ -23,7 +23,7 @@ demo: $(RUN) bytecode  ## Calibrate the recording that ships with the package
 
 .PHONY: test
 test: $(DEV) bytecode  ## Run every test; `make test ARGS="tests/laws -x"` runs some
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)
 
 .PHONY: lint
 lint: $(DEV)  ## Check style and layout of the code (ruff)

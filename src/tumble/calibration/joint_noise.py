@@ -310,12 +310,12 @@ def _raise_shaking(problem: JointProblem, solution: JointSolution) -> bool:
                 problem.wobble[k] = wobble * float(np.sqrt(spin.wobbled))
                 moved = True
                 continue
-            degrees = max(spin.observations - 6, 1)
-            if float(chdtrc(degrees, spin.left)) < SHAKING_FALSE_ALARM:
-                # of all residuals of the rotation, half are the windows'
-                factor = 1.0 + 2.0 * (spin.left / degrees - 1.0)
-                problem.spin_noise[k] = problem.spin_noise.get(k, 1.0) * factor
-                moved = moved or factor > 1.0 + SETTLED
+            # By the windows' own residuals alone: what the gyros leave over is no noise of the accelerometers, and
+            # raising theirs for it would never end.
+            count = spin.force_residual.size
+            if float(chdtrc(count, count * spin.shaken)) < SHAKING_FALSE_ALARM:
+                problem.spin_noise[k] = problem.spin_noise.get(k, 1.0) * spin.shaken
+                moved = moved or spin.shaken > 1.0 + SETTLED
     return moved
 
 

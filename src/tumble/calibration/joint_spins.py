@@ -178,6 +178,7 @@ class SpinEquations:
     rate_residual : rad/s, of the table's rate; NaN without.
     axis : (3,) unit vector in w about which it turned.
     wobbled : mean square of the axis's whitened residuals.
+    shaken : mean square of the windows' whitened specific force; below 1, for their attitudes take a share of it.
     duration : s from rest to rest.
     left : `square_sum` less what the windows and its own unknowns take, with start, end and border as they are.
     """
@@ -195,6 +196,7 @@ class SpinEquations:
     rate_residual: float
     axis: Vector
     wobbled: float
+    shaken: float
     duration: float
     left: float
 
@@ -269,6 +271,7 @@ def spin_equations(
         rate_residual=added.rate_residual,
         axis=state.axis_w,
         wobbled=added.wobbled,
+        shaken=added.shaken,
         duration=added.duration,
         left=square_sum - made.decrease(np.zeros(layout.size)) - float(right @ inverse @ right),
     )
@@ -282,6 +285,7 @@ class SpinResiduals:
     angle_residual: float
     rate_residual: float
     wobbled: float
+    shaken: float
     leaning: int
     duration: float
     square_sum: float
@@ -323,7 +327,8 @@ def add_spin_terms(
     own_sum = _add_own_prior(chain, data, spin, state, unknowns, extra)
     square_sum = force[1] + link_sum + axis_sum + angle_sum + rate_sum + own_sum
     wobbled = axis_sum / max(leaning - 4, 1)
-    return SpinResiduals(force[0], angle, rate, wobbled, leaning, duration, square_sum)
+    shaken = force[1] / force[0].size
+    return SpinResiduals(force[0], angle, rate, wobbled, shaken, leaning, duration, square_sum)
 
 
 def _ranges(data: JointData, spin: JointSpin) -> np.ndarray:

@@ -170,10 +170,11 @@ def test_to_another_frame_and_back_nothing_is_lost(values: list[float], frame: s
     errors = SavageErrors.from_vector(np.array(values), GYRO_BIAS)
     away = change_frame(errors.model(), frame)
     found, U = savage_from_model(away)
-    np.testing.assert_allclose(found.vector, values, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(U @ U.T, np.eye(3), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(found.vector, values, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(U @ U.T, np.eye(3), rtol=0, atol=1e-13)
     _, gyro = matrices(change_frame(away, "mean-gyro"))
-    np.testing.assert_allclose(gyro, gyro.T, rtol=0, atol=1e-14)
+    # an SVD of three matrix products: some tens of roundings of numbers near 1
+    np.testing.assert_allclose(gyro, gyro.T, rtol=0, atol=1e-13)
 
 
 # What is refused -------------------------------------------------------------------------------------
