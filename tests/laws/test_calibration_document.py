@@ -199,7 +199,13 @@ def test_what_the_contract_promises_stands_in_the_file(example: Calibration) -> 
     assert (document["format"], document["version"]) == ("tumble calibration", 1)
     assert {"latitude_deg", "height_m", "gravity", "earth_rate"} <= set(document["site"])
     assert document["recordings"] == [{"name": "tumbled.csv", "sha256": "0" * 64}]
-    assert set(document["parameters"][0]) == {"name", "value", "standard_uncertainty", "coverage_factor", "unit"}
+    assert set(document["parameters"][0]) == {
+        "name",
+        "value",
+        "standard_uncertainty",
+        "coverage_factor",
+        "unit",
+    }
     # A number that is none is null: JSON knows no NaN.
     assert document["quality"]["sigma0_with_variance_components"] is None
 
