@@ -13,7 +13,6 @@ arm, and how both biases wander. Optional terms are kept if the data want them.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -34,6 +33,12 @@ from tumble.calibration.joint_poses import MOUNTING_SIGMA
 from tumble.calibration.joint_start import gather_what_there_is, rough_start, rough_variances
 from tumble.calibration.joint_system import JointProblem, JointState, Masks, linearise_joint, start_state
 from tumble.calibration.joint_terms import Extra
+from tumble.calibration.joint_trials import (
+    copied_state,
+    fresh_problem,
+    narrowed_problem,
+    widened_problem,
+)
 from tumble.calibration.joint_unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED, force_matrix
 from tumble.calibration.joint_wide import FIXTURE, FORCE_ASYMMETRY, RATE_ASYMMETRY, is_wide, widened
 from tumble.calibration.prior import StableKnowledge
@@ -82,6 +87,7 @@ def calibrate_joint(
     optional_terms: bool = True,
     unused_holds: Sequence[int] = (),
     progress: Callable[[str], None] | None = None,
+    keep: Callable[[JointOutcome], None] | None = None,
 ) -> Estimate:
     """Calibrate both triads from everything that was recorded.
 
@@ -98,6 +104,7 @@ def calibrate_joint(
     optional_terms : try g-sensitivity, quadratic terms and asymmetries, keep what the data want.
     unused_holds : holds whose force and rate are kept out of the estimate, for cross-validation.
     progress : is told in words what is being done.
+    keep : is handed the settled solution with everything behind it, for adjustments that go on from there.
 
     Raises
     ------
@@ -149,9 +156,12 @@ def calibrate_joint(
     if optional_terms:
         say("optional terms")
         problem, state, balanced, tests = _with_terms(problem, state, balanced, plain)
-    estimate = joint_estimate(
-        JointOutcome(recording, data, site, problem, state, balanced, tests, start, untold, frame, has_gyro)
+    outcome = JointOutcome(
+        recording, data, site, problem, state, balanced, tests, start, untold, frame, has_gyro
     )
+    if keep is not None:
+        keep(outcome)
+    estimate = joint_estimate(outcome)
     if optional_terms and has_gyro and not data.spins:
         add_time_lag(estimate, base)
     estimate.remarks += broken
@@ -298,14 +308,14 @@ def _with_terms(
     """Try all optional terms at once, drop the least significant until every one left is wanted."""
     narrow = None if is_wide(state.unknowns) else SHARED
     before = (problem, state, base)
-    problem, state = _widened(problem, state)
+    problem, state = widened_problem(problem, state)
     has_gyro = bool(np.any(plain >= GYRO_MATRIX.start))
     names = [name for name in OPTIONAL_TERMS if has_gyro or name not in OF_GYROS]
     tests: dict[str, TermTest] = {}
     while names:
         free = np.sort(np.concatenate([plain, *(OPTIONAL_TERMS[name] for name in names)]))
-        trial = _fresh(problem, free)
-        moved = _copy(state, free)
+        trial = fresh_problem(problem, free)
+        moved = copied_state(state, free)
         try:
             balanced = balance_joint(trial, moved)
         except ObservabilityError:
@@ -328,47 +338,11 @@ def _settled_again(
     problem: JointProblem, state: JointState, free: np.ndarray, size: int | None
 ) -> tuple[JointProblem, JointState, BalancedJoint]:
     """Adjust once more with these unknowns only, in a vector of `size`, or as long as it is."""
-    problem = _fresh(problem, free)
-    state = _copy(state, free)
+    problem = fresh_problem(problem, free)
+    state = copied_state(state, free)
     if size is not None:
-        state.unknowns = state.unknowns[:size].copy()
-        if problem.prior is not None:
-            problem.prior = Prior(problem.prior.mean[:size], problem.prior.precision[:size, :size])
+        narrowed_problem(problem, state, size)
     return problem, state, balance_joint(problem, state)
-
-
-def _widened(problem: JointProblem, state: JointState) -> tuple[JointProblem, JointState]:
-    """Return both with room for every term; copies, the former stay as they are."""
-    wide = _copy(state, np.arange(state.unknowns.size))
-    wide.unknowns = widened(state.unknowns)
-    problem = _fresh(problem, problem.free)
-    if problem.prior is not None:
-        size = problem.prior.mean.size
-        precision = np.zeros((wide.unknowns.size, wide.unknowns.size))
-        precision[:size, :size] = problem.prior.precision
-        problem.prior = Prior(widened(problem.prior.mean), precision)
-    return problem, wide
-
-
-def _fresh(problem: JointProblem, free: np.ndarray) -> JointProblem:
-    return replace(
-        problem,
-        free=free,
-        extra=replace(problem.extra),
-        masks=problem.masks.copy(),
-        spin_noise=dict(problem.spin_noise),
-    )
-
-
-def _copy(state: JointState, free: np.ndarray) -> JointState:
-    """Return a copy in which unknowns that are not free are zero."""
-    unknowns = np.zeros(state.unknowns.size)
-    unknowns[free] = state.unknowns[free]
-    return JointState(
-        unknowns,
-        [replace(s, C_wb=s.C_wb.copy(), earth_w=s.earth_w.copy()) for s in state.sections],
-        {k: replace(s, C_wb=s.C_wb.copy(), own=s.own.copy()) for k, s in state.spins.items()},
-    )
 
 
 def _test_term(balanced: BalancedJoint, name: str, limit: float) -> TermTest:
