@@ -130,11 +130,12 @@ def _triad(
                 f"{file} is in counts: say the units of its recording (`tumble noise --units`), for these "
                 "numbers are SI."
             )
-        if any("N" not in channel["terms"] for channel in channel_list):
+        white = [channel.get("random_walk") or channel["terms"].get("N") for channel in channel_list]
+        if any(each is None for each in white):
             raise UsageError(
                 f"{file} shows no white noise (N) on every axis of the {name}: record for longer."
             )
-        densities = np.array([float(channel["terms"]["N"]["value"]) for channel in channel_list])
+        densities = np.array([float(each["value"]) for each in white])
         walks = [float(c["terms"]["K"]["value"]) for c in channel_list if "K" in c["terms"]]
         limits = [
             float(c["upper_limits_of_unseen"]["K"]["value"])

@@ -10,6 +10,8 @@ from tumble.noise.deviation import Deviation
 from tumble.noise.fit import NoiseFit
 from tumble.noise.recording_length import seconds_for
 from tumble.noise.terms import NoiseModel
+from tumble.noise.units import ACCELEROMETER, GYRO, practical_noise_unit
+from tumble.noise.white_part import slower_part
 
 if TYPE_CHECKING:
     from tumble.noise.characterisation import Channel
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
 _MISFIT = 0.01
 _SHORT = 5000  # samples, of which N is known to 2 %
 _MOST_LINES = 3  # of a channel that are told
+_MORE = 1.2  # times N, from which what a slower process adds is told
 _SHARP = 50.0  # degrees of freedom of a deviation known to 10 %
 
 
@@ -32,6 +35,7 @@ def advise(channels: tuple[Channel, ...], curve: Deviation) -> tuple[str, ...]:
     return (
         *_on_fits(channels),
         *_on_lines(channels),
+        *_on_processes(channels),
         *_on_length(curve),
         *_advice(channels, seconds),
         *(f"{c.name}: {text}" for c in channels if c.fit is not None for text in c.fit.remarks),
@@ -64,6 +68,31 @@ def _on_lines(channels: tuple[Channel, ...]) -> list[str]:
         return []
     each = "; ".join(f"{frequency} in {', '.join(names)}" for frequency, names in where.items())
     return [f"Lines in the spectrum, as of a motor or the mains: {each}. They are part of the model."]
+
+
+def _on_processes(channels: tuple[Channel, ...]) -> list[str]:
+    """Say where N holds a process' white part, and where a slower one is left to the reader."""
+    said: list[str] = []
+    short = {c.name: c.white for c in channels if c.white is not None}
+    if short:
+        longest = max(time for part in short.values() for time in part.times)
+        said.append(
+            f"{', '.join(short)}: the noise is filtered before it is sampled, as by a low-pass filter in the sensor "
+            f"(Gauss-Markov processes of up to {longest:.2g} s). N is what it is over longer times, the processes "
+            "counted in; a single sample scatters less than N √rate."
+        )
+    for channel in channels:
+        slower = None if channel.fit is None else slower_part(channel.fit)
+        alone = channel.random_walk
+        if slower is not None and (alone is None or slower.value > _MORE * alone.value):
+            unit = practical_noise_unit(GYRO if channel.is_gyro else ACCELEROMETER, "N")
+            factor, sign = (1.0, "counts/√Hz") if channel.unit == "counts" else (1.0 / unit.factor, unit.sign)
+            said.append(
+                f"{channel.name}: over times longer than {max(slower.times):.2g} s, the correlation time of its "
+                f"Gauss-Markov process, it is as noisy as white noise of N = {factor * slower.value:.3g} {sign}: what "
+                "a filter takes that has no state for the process."
+            )
+    return said
 
 
 def _on_length(curves: Deviation) -> list[str]:

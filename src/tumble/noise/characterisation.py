@@ -23,6 +23,7 @@ from tumble.noise.lines import FoundLine, find_lines
 from tumble.noise.spectrum import PowerSpectrum, StreamedSpectrum, power_spectrum, segment_of
 from tumble.noise.streaming import StreamedDeviation
 from tumble.noise.suitability import Suitability, judge_rest
+from tumble.noise.white_part import WhitePart, white_beyond
 from tumble.recording import Recording, Source
 from tumble.recording.doctor import channels_of
 from tumble.units import angular_rate_factor, specific_force_factor
@@ -72,6 +73,7 @@ class Channel:
     terms : what the curve shows.
     floor, floor_tau : lowest point of the Allan deviation where it is known to a fifth, and its averaging time in s.
     without_fit : why there is no model, a sentence; empty where there is one.
+    white : N over times longer than those of short Gauss-Markov processes; None where there are none.
     """
 
     name: str
@@ -83,6 +85,7 @@ class Channel:
     floor: float
     floor_tau: float
     without_fit: str = ""
+    white: WhitePart | None = None
 
     @property
     def is_gyro(self) -> bool:
@@ -102,6 +105,12 @@ class Channel:
     def term(self, letter: str) -> Term | None:
         """Return a term by its letter, or None if the curve does not show it."""
         return next((term for term in self.terms if term.letter == letter), None)
+
+    @property
+    def random_walk(self) -> Term | None:
+        """N as a filter wants it: with what short Gauss-Markov processes are over longer times, or as fitted."""
+        part = self.white
+        return self.term("N") if part is None else Term("N", part.value, part.sigma, part.low, part.high)
 
     def fitted(self, tau: Series) -> Series:
         """Return the deviation of the fitted model at averaging times in s; nan without one.
@@ -529,6 +538,7 @@ def _channel(
         float(allan.deviation[lowest, 0]),
         float(allan.tau[lowest]),
         why,
+        None if fit is None else white_beyond(fit, octaves, _MISFIT),
     )
 
 

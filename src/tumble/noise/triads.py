@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from tumble.noise.characterisation import Channel
+    from tumble.noise.characterisation import Channel, Term
 
 COLLAPSE = (
     "mean of variances: the root of the mean of the axes' squared coefficients, an axis that does not show the term "
-    "counted as zero; worst axis: the largest coefficient, and whose it is"
+    "counted as zero; worst axis: the largest coefficient, and whose it is. N is that of `random_walk`, with the white "
+    "part of short Gauss-Markov processes"
 )
 """How three axes become one, in words."""
 
@@ -54,7 +55,7 @@ def triad_terms(channels: Sequence[Channel]) -> tuple[TriadTerm, ...]:
     """
     found: list[TriadTerm] = []
     for letter in _LETTERS:
-        shown = {channel.name: term for channel in channels if (term := channel.term(letter)) is not None}
+        shown = {channel.name: term for channel in channels if (term := _term(channel, letter)) is not None}
         if not shown:
             continue
         values = np.array([term.value for term in shown.values()])
@@ -77,6 +78,10 @@ def triad_terms(channels: Sequence[Channel]) -> tuple[TriadTerm, ...]:
             )
         )
     return tuple(found)
+
+
+def _term(channel: Channel, letter: str) -> Term | None:
+    return channel.random_walk if letter == "N" else channel.term(letter)
 
 
 __all__ = ["COLLAPSE", "TriadTerm", "triad_terms"]

@@ -106,6 +106,22 @@ class LineBlock(_Strict):
     unit: str = Field(description="of the amplitude, which is the peak's")
 
 
+class RandomWalkBlock(_Strict):
+    """N with the white part of short Gauss-Markov processes, which a filter that has no state for them takes."""
+
+    letter: Literal["N"]
+    definition: str
+    value: float
+    standard_uncertainty: float | None
+    low: float
+    high: float
+    unit: str = Field(description="of value, standard_uncertainty, low and high: SI, or counts")
+    correlation_times_s: list[float] = Field(
+        description="of the processes in it; it holds for times a good deal longer. Empty where it is N alone"
+    )
+    practical: Practical
+
+
 class FloorBlock(_Strict):
     """Lowest point of the Allan deviation where it is known to a fifth; some call it bias instability."""
 
@@ -136,6 +152,10 @@ class ChannelBlock(_Strict):
     lines: list[LineBlock] = Field(description="strongest first; they are part of the fitted model")
     fit: FitBlock | None
     upper_limits_of_unseen: dict[str, LimitBlock]
+    random_walk: RandomWalkBlock | None = Field(
+        default=None,
+        description="N as a filter without states for short processes takes it; null where none is seen",
+    )
     lowest_allan_deviation: FloorBlock
     allan_deviation: CurveBlock = Field(description="overlapping, octaves: what the model is fitted to")
     curve: CurveBlock = Field(description="of the kind and at the averaging times that were asked for")
@@ -261,9 +281,30 @@ def _channel(channel: Channel) -> ChannelBlock:
             for letter, limit in channel.unseen.items()
             if np.isfinite(limit)
         },
+        random_walk=_random_walk(channel),
         lowest_allan_deviation=FloorBlock(value=channel.floor, unit=channel.unit, tau_s=channel.floor_tau),
         allan_deviation=_curve(channel.allan, channel.unit),
         curve=_curve(channel.curve, channel.unit),
+    )
+
+
+def _random_walk(channel: Channel) -> RandomWalkBlock | None:
+    term = channel.random_walk
+    if term is None:
+        return None
+    factor, unit = practical_unit(channel, "N")
+    return RandomWalkBlock(
+        letter="N",
+        definition=DEFINITIONS["random walk"],
+        value=term.value,
+        standard_uncertainty=_number(term.sigma),
+        low=term.low,
+        high=term.high,
+        unit=si_unit(channel, "N"),
+        correlation_times_s=[] if channel.white is None else list(channel.white.times),
+        practical=Practical(
+            value=factor * term.value, standard_uncertainty=_number(factor * term.sigma), unit=unit
+        ),
     )
 
 

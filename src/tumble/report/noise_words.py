@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from tumble.arrays import Series
     from tumble.noise.characterisation import Channel
     from tumble.noise.lines import FoundLine
+    from tumble.noise.white_part import WhitePart
 
 NAMES = {
     "Q": "quantisation",
@@ -36,6 +37,10 @@ DEFINITIONS = {
     ),
     "K": "rate random walk: Allan variance K² τ/3; the bias is the integral of white noise of two-sided density K².",
     "R": "ramp: Allan variance R² τ²/2; a steady drift of the bias.",
+    "random walk": (
+        "N as a filter takes it: √(N² + Σ 2 σ² T) over the Gauss-Markov processes of up to 0.1 s (or four samples), "
+        "which over longer times are white noise; where they do not make the curve's shape, N of the curve beyond them."
+    ),
     "line": "sine in the signal, a vibration or the mains: its peak amplitude and its frequency.",
     "sigma": "first-order Gauss-Markov process: autocovariance σ² exp(-|t|/T); tried where the letters do not fit.",
     "correlation time": "T of the same process.",
@@ -210,20 +215,34 @@ def noise_rows(channel: Channel) -> list[NoiseRow]:
     """
     rows: list[NoiseRow] = []
     others = {term.letter: term.letter for term in channel.terms if term.letter not in NAMES}
+    part = channel.white
+    if part is not None:
+        rows.append(_whole_row(channel, part))
     for letter, name in {**NAMES, **others}.items():
         factor, unit = practical_unit(channel, letter)
         term, label = channel.term(letter), _label(channel, letter, name)
+        key = letter
+        if letter == "N" and part is not None:
+            key, label = "N alone", "of it white from sample to sample"
         if term is not None:
             text = f"{_rounded(factor * term.value, factor * term.sigma)} {unit}"
             si = f"{_rounded(term.value, term.sigma)} {si_unit(channel, letter)}"
-            rows.append(NoiseRow(channel.name, letter, label, text, si, True))
+            rows.append(NoiseRow(channel.name, key, label, text, si, True))
         elif letter in channel.unseen and letter in _ASKED_FOR:
             limit = channel.unseen[letter]
             text = f"not seen, < {_upwards(factor * limit)} {unit}"
             si = f"< {_upwards(limit)} {si_unit(channel, letter)}"
-            rows.append(NoiseRow(channel.name, letter, label, text, si, False))
+            rows.append(NoiseRow(channel.name, key, label, text, si, False))
     rows += [_line_row(channel, line) for line in channel.lines[:_MOST_LINES]]
     return rows
+
+
+def _whole_row(channel: Channel, part: WhitePart) -> NoiseRow:
+    """N with what is white but for the shortest times."""
+    factor, unit = practical_unit(channel, "N")
+    text = f"{_rounded(factor * part.value, factor * part.sigma)} {unit}"
+    si = f"{_rounded(part.value, part.sigma)} {si_unit(channel, 'N')}"
+    return NoiseRow(channel.name, "N", _label(channel, "N", ""), text, si, True)
 
 
 def _line_row(channel: Channel, line: FoundLine) -> NoiseRow:

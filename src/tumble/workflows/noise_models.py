@@ -86,10 +86,15 @@ def read_noise_models(path: str | os.PathLike[str]) -> NoiseModels:
 def _model(channel: dict[str, Any]) -> NoiseModel:
     """The model of one channel in its unit."""
     values = {str(name): float(term["value"]) for name, term in channel["terms"].items()}
+    # Short processes are in the N that a filter takes; as states they would be of no use.
+    whole: dict[str, Any] = channel.get("random_walk") or {}
+    white = [float(time) for time in whole.get("correlation_times_s", ())]
+    if white:
+        values["N"] = float(whole["value"])
     processes = [
         GaussMarkov(values[f"sigma{mark}"], values[f"correlation time{mark}"])
         for mark in ("", " 2", " 3")
-        if f"sigma{mark}" in values
+        if f"sigma{mark}" in values and values[f"correlation time{mark}"] not in white
     ]
     entries = cast("list[dict[str, Any]]", channel.get("lines") or [])
     lines = [_line(entry) for entry in entries]
