@@ -83,12 +83,21 @@ _ANGLE: _Table = {
     "arcsec": (_DEGREE / 3600.0, ("as", '"', "arcsecond", "arcseconds")),
 }
 
+# Factor to K of a difference; where zero is, `_ZERO_CELSIUS` says.
+_TEMPERATURE: _Table = {
+    "degC": (1.0, ("c", "celsius", "deg c", "degree celsius", "degrees celsius", "℃")),
+    "K": (1.0, ("kelvin", "kelvins", "degk")),
+    "degF": (5.0 / 9.0, ("f", "fahrenheit", "deg f", "degree fahrenheit", "degrees fahrenheit", "℉")),
+}
+_ZERO_CELSIUS = {"degC": 0.0, "K": -273.15, "degF": -160.0 / 9.0}  # °C; SI Brochure, 2.3.1
+
 _KINDS: dict[str, _Table] = {
     "specific force": _SPECIFIC_FORCE,
     "angular rate": _ANGULAR_RATE,
     "time": _TIME,
     "velocity increment": _VELOCITY,
     "angle increment": _ANGLE,
+    "temperature": _TEMPERATURE,
 }
 
 
@@ -121,7 +130,7 @@ def find_unit(kind: str, name: str) -> str | None:
 
     Parameters
     ----------
-    kind : "specific force", "angular rate", "time", "velocity increment" or "angle increment".
+    kind : "specific force", "angular rate", "time", "velocity increment", "angle increment" or "temperature".
     name : the unit as the user or a file's header spells it.
     """
     return _INDEX[kind].get(_plain(name))
@@ -204,3 +213,16 @@ def angle_increment_factor(unit: str) -> float:
     factor = _factor("angle increment", unit)
     assert factor is not None
     return factor
+
+
+def celsius_from(unit: str) -> tuple[float, float]:
+    """Return (factor, offset) with ``celsius = factor * number + offset`` for a unit of temperature.
+
+    Raises
+    ------
+    UsageError
+        If the unit is not known; the message lists those that are.
+    """
+    factor = _factor("temperature", unit)
+    assert factor is not None  # no unit of temperature is counts
+    return factor, _ZERO_CELSIUS[find_unit("temperature", unit) or "degC"]

@@ -88,10 +88,11 @@ def calibrate_thermal(
     """
     say = progress or _silent
     say("temperatures")
-    require_time_base(recording)
+    cautions = require_time_base(recording, protocol)
     everything = find_points(recording, timeline)
     points, factors, poses, told = _in_near_si(everything, recording)
     coverage = find_coverage(points, protocol, poses)
+    coverage.cautions += cautions
     kept = points.only(coverage.keep)
     told = _told_by(kept, poses[coverage.keep], told)
     if told == 0:

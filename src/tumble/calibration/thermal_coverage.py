@@ -9,9 +9,11 @@ import numpy as np
 
 from tumble.arrays import Series
 from tumble.calibration.thermal_points import ThermalPoints
+from tumble.calibration.thermal_scale import check_unit
 from tumble.errors import ObservabilityError
 from tumble.protocol.steps import Protocol, RampStep, SoakStep
 from tumble.recording.recording import Recording
+from tumble.recording.temperature import TemperatureColumn
 
 # Less than this is no sweep: a unit's own warming up goes as far.
 LEAST_SPAN = 5.0  # K
@@ -21,6 +23,8 @@ SETTLED_RATE, FASTEST_RATE = 0.1 / 60.0, 5.0 / 60.0  # K/s
 LARGEST_GAP = 0.35
 # No unit with a mass changes its temperature faster than this: a jump of the column or of the clock.
 FASTEST_UNIT = 1.0  # K/s
+# A thermometer may be silent for so long without a word, and for so long at all.
+USUAL_SILENCE, LONGEST_SILENCE = 5.0, 600.0  # s
 # Heating and cooling have to share this part of the span for their difference to be told.
 SHARED_BRANCHES = 0.25
 # A unit that changed by this much within fewer seconds than its own time constants did not.
@@ -53,11 +57,20 @@ class Coverage:
     cautions: list[str] = field(default_factory=list[str])
 
 
-def require_time_base(recording: Recording) -> None:
+def require_time_base(recording: Recording, protocol: Protocol | None = None) -> list[str]:
     """Refuse a recording whose stamps or thermometer cannot be those of a temperature sweep.
 
     Lag, rate and hysteresis are functions of time: with a clock that stood still or began anew, or samples
     numbered at a nominal rate while most of them are missing, they would come out as numbers all the same.
+
+    Parameters
+    ----------
+    recording : with its thermometer.
+    protocol : whose soaks and ramps say at what temperatures it was to be, where somebody said.
+
+    Returns
+    -------
+    cautions : sentences on what the column lacks, or on a unit that nobody said and the numbers do not show.
 
     Raises
     ------
@@ -79,7 +92,7 @@ def require_time_base(recording: Recording) -> None:
             f"The temperature column is constant ({values[0]:g} °C in all {values.size} samples): the thermometer was "
             "not read. Record it with every sample, or leave the thermal procedure out."
         )
-    _refuse_unit(values)
+    unsure = check_unit(values, recording.temperature_unit, protocol)
     _refuse_jumps(recording, time, values)
     _refuse_clock(recording, time, values)
     span = float(np.ptp(_smoothed(time, values)))
@@ -88,15 +101,25 @@ def require_time_base(recording: Recording) -> None:
             f"The temperature changes by {span:.1f} K only: at least {LEAST_SPAN:g} K are needed to tell what it does "
             "(from the fridge to the room are 15 to 20)."
         )
+    return [*unsure, *_check_missing(recording, celsius)]
 
 
-def _refuse_unit(values: Series) -> None:
-    middle = float(np.median(values))
-    if middle > 200.0 or middle < -100.0:
-        meant = " (kelvins?)" if 200.0 < middle < 400.0 else " (raw counts?)"
+def _check_missing(recording: Recording, celsius: Series) -> list[str]:
+    """Refuse a thermometer that was silent for so long that nobody knows the temperature; say shorter gaps."""
+    column = TemperatureColumn()
+    column.add(recording.time, celsius)
+    seconds, _ = column.longest_gap
+    if seconds > LONGEST_SILENCE:
         raise ObservabilityError(
-            f"The temperature is about {middle:.4g}, which is no temperature in °C{meant}: convert the column to °C."
+            f"{column.missing_words()}: for more than {LONGEST_SILENCE / 60:.0f} minutes nobody knows the sensor's "
+            "temperature. Cut that part away, or record again."
         )
+    if not column.missing:
+        return []
+    # A thermometer that is read at a lower rate than the sensors has gaps of a second or so, and no doubt.
+    if seconds <= USUAL_SILENCE:
+        return []
+    return [f"{column.missing_words()}; there it is taken along a straight line between its neighbours."]
 
 
 def _refuse_clock(recording: Recording, time: Series, values: Series) -> None:

@@ -46,7 +46,7 @@ class ColumnPlan:
     ----------
     time, temperature : indices of the columns, or None.
     specific_force, angular_rate : three (index, sign) each, or None.
-    time_unit, specific_force_unit, angular_rate_unit : as declared in the names, or None.
+    time_unit, specific_force_unit, angular_rate_unit, temperature_unit : as declared in the names, or None.
     said_by : "option", "header" or "content": who says so.
     """
 
@@ -57,6 +57,7 @@ class ColumnPlan:
     time_unit: str | None = None
     specific_force_unit: str | None = None
     angular_rate_unit: str | None = None
+    temperature_unit: str | None = None
     said_by: str = "header"
 
     def swapped(self) -> ColumnPlan:
@@ -176,6 +177,19 @@ def role_of(name: str) -> tuple[str, str | None] | None:
     return None
 
 
+def temperature_unit_in(name: str) -> str | None:
+    """Return the unit of temperature that a column's name ends with or has in brackets, None for none.
+
+    Examples
+    --------
+    >>> temperature_unit_in("temperature [°F]"), temperature_unit_in("temp_K"), temperature_unit_in("degC")
+    ('degF', 'K', 'degC')
+    """
+    bare, unit = _unit_in(name)
+    last = {"tempc": "c"}.get(name.lower(), _words(bare)[-1] if _words(bare) else "")
+    return find_unit("temperature", unit or last)
+
+
 def _kind(words: list[str]) -> str | None:
     """Return "a", "g" or None for the words of a name without its axis."""
     kept = [w for w in words if w and w not in _FILLERS]
@@ -236,6 +250,7 @@ def plan_from_names(names: tuple[str, ...]) -> ColumnPlan | None:
         time_unit=unit,
         specific_force_unit=_declared_unit(slots, "a", "specific force"),
         angular_rate_unit=_declared_unit(slots, "g", "angular rate"),
+        temperature_unit=None if temperature is None else temperature_unit_in(names[temperature[0]]),
     )
 
 

@@ -332,8 +332,13 @@ def check_angular_rate_unit(recording: Recording, unit: str, name: str) -> list[
     )
 
 
-def check_triads(recording: Recording, name: str) -> None:
+def check_triads(recording: Recording, name: str, unit: str | None = None) -> None:
     """Refuse declared triads whose numbers show that they are exchanged, or that hold nothing.
+
+    Parameters
+    ----------
+    recording, name : with raw numbers, and what its file is called.
+    unit : of the accelerometer, as header or user say; None if nobody does.
 
     Raises
     ------
@@ -347,20 +352,23 @@ def check_triads(recording: Recording, name: str) -> None:
     if force is None or rates is None:
         return
     order = find_accelerometer(force, rates, recording.rate)
-    if order.swapped and order.sure and not _shows_gravity(force, recording.specific_force_unit):
+    # A gyro's bias, large and steady over hours, says nothing against an accelerometer that shows gravity.
+    gravity_is_seen = _shows_gravity(force, unit) and not _shows_gravity(rates, unit)
+    if order.swapped and order.sure and not gravity_is_seen:
         raise RecordingError(
             f"{name}: the triads seem exchanged: the columns given as the gyro hold the accelerometer "
             f"({order.reason}). Name them rightly with --columns, for example t,gx,gy,gz,ax,ay,az."
         )
 
 
-def _shows_gravity(force: Vectors, unit: str) -> bool:
-    """Whether the declared accelerometer's norm is gravity most of the time: then no bias of a gyro says otherwise."""
-    factor = specific_force_factor(unit)
-    if factor is None:
-        return False
-    norm = factor * float(np.median(np.linalg.norm(force[:: max(1, len(force) // 20_000)], axis=1)))
-    return abs(norm / STANDARD_GRAVITY - 1.0) < _GUESS_TOLERANCE
+def _shows_gravity(force: Vectors, unit: str | None) -> bool:
+    """Whether a triad's norm is gravity most of the time, in the unit that is declared or else in m/s² or g."""
+    norm = float(np.median(np.linalg.norm(force[:: max(1, len(force) // 20_000)], axis=1)))
+    factors = [specific_force_factor(name) for name in (("m/s^2", "g") if unit is None else (unit,))]
+    return any(
+        factor is not None and abs(factor * norm / STANDARD_GRAVITY - 1.0) < _GUESS_TOLERANCE
+        for factor in factors
+    )
 
 
 def whole_numbers(values: Vectors) -> bool:

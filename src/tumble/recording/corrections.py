@@ -16,18 +16,8 @@ from tumble.recording.formats.header import header_names
 
 PREFIX = "corrected_by_"
 _MARK = re.compile(PREFIX + r"([0-9a-f]{12})$")
-# Names of temperature's units in headers that are not degrees Celsius.
-_OTHER_SCALES = {
-    "k": "kelvin",
-    "kelvin": "kelvin",
-    "f": "degrees Fahrenheit",
-    "degf": "degrees Fahrenheit",
-    "°f": "degrees Fahrenheit",
-    "fahrenheit": "degrees Fahrenheit",
-    "counts": "counts",
-    "raw": "counts",
-    "lsb": "counts",
-}
+# Names of temperature's units in headers that nobody can convert.
+_COUNTS = ("counts", "raw", "lsb")
 
 
 def corrections_of(paths: Iterable[Path]) -> tuple[str, ...]:
@@ -36,13 +26,13 @@ def corrections_of(paths: Iterable[Path]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(mark.group(1) for mark in marks if mark is not None))
 
 
-def temperature_scale(paths: Iterable[Path]) -> str | None:
-    """Return what the header says the temperature is in, if it is not degrees Celsius; else None."""
+def temperature_in_counts(paths: Iterable[Path]) -> bool:
+    """Tell whether a header says that the temperature is in raw counts (other units are converted on reading)."""
     for path in paths:
         for name in header_names(path):
             role = role_of(name)
             if role is not None and role[0] == "temperature":
                 words = re.split(r"[^a-z°]+", name.lower())
                 said = (role[1] or words[-1]).lower().strip()
-                return _OTHER_SCALES.get(said)
-    return None
+                return said in _COUNTS
+    return False

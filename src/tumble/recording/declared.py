@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from tumble.errors import UsageError
 from tumble.units import find_unit, known_units
 
-_KINDS = ("specific force", "angular rate", "time", "velocity increment", "angle increment")
+_KINDS = ("specific force", "angular rate", "time", "velocity increment", "angle increment", "temperature")
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,10 +20,11 @@ class DeclaredUnits:
     time: str | None = None
     velocity_increment: str | None = None
     angle_increment: str | None = None
+    temperature: str | None = None
 
 
 def read_units_option(option: str | Sequence[str] | None) -> DeclaredUnits:
-    """Return the units that an option such as ``g,deg/s,ms``, ``counts`` or ``m/s,rad`` declares.
+    """Return the units that an option such as ``g,deg/s,ms``, ``counts``, ``m/s,rad`` or ``degF`` declares.
 
     The words may stand in any order, for each says what it is a unit of; ``counts`` (or ``si``) alone
     stands for both triads, as the first word for the accelerometer and as the second for the gyro.

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from tumble.arrays import AnyArray, Series
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import content, stamps
-from tumble.recording.columns import ColumnPlan, plan_from_names, plan_from_option
+from tumble.recording.columns import ColumnPlan, plan_from_names, plan_from_option, temperature_unit_in
 from tumble.recording.declared import DeclaredUnits
 from tumble.recording.formats.table import RawTable
 from tumble.recording.recording import Recording, Remark, Source
@@ -22,6 +22,7 @@ from tumble.recording.signals import Signals, pick_signals
 from tumble.units import (
     COUNTS,
     angle_increment_factor,
+    celsius_from,
     find_unit,
     time_factor,
     velocity_increment_factor,
@@ -67,7 +68,10 @@ def choose_columns(table: RawTable, option: str | None) -> tuple[ColumnPlan, lis
     """
     name = table.path.name
     if option is not None:
-        return plan_from_option(option, len(table.columns), name), []
+        plan = plan_from_option(option, len(table.columns), name)
+        if plan.temperature is not None and table.names is not None:
+            plan = replace(plan, temperature_unit=temperature_unit_in(table.names[plan.temperature]))
+        return plan, []
     if table.names is not None:
         plan = plan_from_names(table.names)
         if plan is not None:
@@ -158,6 +162,7 @@ def interpret(
     if rate is not None and not (np.isfinite(rate) and rate > 0.0):
         raise UsageError(f"--rate {rate:g}: give a positive number of samples a second.")
     remarks = [*table.remarks, *remarks]
+    plan = replace(plan, temperature_unit=units.temperature or plan.temperature_unit)
     declared_rate = rate if rate is not None or plan.time is not None else table.rate
     signals, ordered = _ordered(
         table,
@@ -174,11 +179,17 @@ def interpret(
         specific_force_unit=COUNTS,
         angular_rate_unit=COUNTS,
         rate=ordered.rate,
-        temperature=signals.temperature,
+        temperature=_in_celsius(signals.temperature, plan),
         sources=sources,
         gaps=ordered.gaps,
+        temperature_unit=plan.temperature_unit,
     )
-    content.check_triads(recording, table.path.name)
+    remarks += _about_temperature(recording)
+    declared_force = units.specific_force or plan.specific_force_unit
+    increments = units.velocity_increment or (
+        declared_force and find_unit("velocity increment", declared_force)
+    )
+    content.check_triads(recording, table.path.name, None if increments else declared_force)
     decided = Interpretation(plan, None if plan.time is None else ordered.unit, COUNTS, COUNTS, ordered.rate)
     decided, more = _decide_force(recording, decided, units, table)
     recording = _rescaled(recording, decided)
@@ -192,6 +203,21 @@ def interpret(
         angular_rate_unit=decided.angular_rate_unit,
         remarks=every,
     )
+
+
+def _in_celsius(temperature: Series | None, plan: ColumnPlan) -> Series | None:
+    """Return the column in °C, as it is where nobody says what it is in."""
+    if temperature is None or plan.temperature_unit in (None, "degC"):
+        return temperature
+    factor, offset = celsius_from(plan.temperature_unit)
+    return factor * temperature + offset
+
+
+def _about_temperature(recording: Recording) -> list[Remark]:
+    unit = recording.temperature_unit
+    if recording.temperature is None or unit in (None, "degC"):
+        return []
+    return [Remark("found", f"The temperature is said to be in {unit}, and is converted to °C.")]
 
 
 def _unchecked(recording: Recording) -> list[Remark]:
@@ -365,10 +391,13 @@ def interpret_block(
         specific_force_unit=decided.specific_force_unit,
         angular_rate_unit=decided.angular_rate_unit,
         rate=decided.rate,
-        temperature=None if signals.temperature is None else signals.temperature[keep],
+        temperature=None
+        if signals.temperature is None
+        else _in_celsius(signals.temperature[keep], decided.plan),
         sources=sources,
         remarks=tuple(remarks),
         gaps=stamps.find_gaps(time, decided.rate),
+        temperature_unit=decided.plan.temperature_unit,
     )
     return _rescaled_rate(_rescaled(block, decided), decided)
 

@@ -50,6 +50,7 @@ class Recording:
     sources : the files, with their SHA-256.
     remarks : what was found, assumed or mended on reading.
     gaps : indices i where samples are missing between i - 1 and i.
+    temperature_unit : what the file or the user says that the temperature was in, None if nobody does.
     """
 
     time: Series
@@ -62,6 +63,7 @@ class Recording:
     sources: tuple[Source, ...] = ()
     remarks: tuple[Remark, ...] = field(default=())
     gaps: tuple[int, ...] = ()
+    temperature_unit: str | None = None
 
     def __len__(self) -> int:
         return int(self.time.shape[0])
@@ -93,6 +95,7 @@ class Recording:
             sources=self.sources,
             remarks=self.remarks,
             gaps=tuple(i - start for i in self.gaps if start < i < stop),
+            temperature_unit=self.temperature_unit,
         )
 
     def without_rows(self, keep: np.ndarray) -> Recording:
@@ -110,4 +113,5 @@ class Recording:
             sources=self.sources,
             remarks=self.remarks,
             gaps=tuple(int(i) for i in np.unique(moved) if 0 < i < index.size),
+            temperature_unit=self.temperature_unit,
         )

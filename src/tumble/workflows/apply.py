@@ -18,9 +18,11 @@ from tumble.errors import UsageError
 from tumble.recording import Recording, read_blocks
 from tumble.recording.corrections import PREFIX, corrections_of
 from tumble.recording.formats.output import write_blocks
+from tumble.recording.temperature import TemperatureColumn
 from tumble.units import angular_rate_factor, specific_force_factor
 from tumble.workflows.temperature import (
     about_temperature,
+    check_column,
     check_outside,
     check_temperature,
     needs_temperature,
@@ -93,23 +95,28 @@ def apply(
         )
     target = _target(output, calibration, paths)
 
-    done, coldest, warmest = 0, np.nan, np.nan
+    done, column = 0, TemperatureColumn()
+    told: list[str] = []
     corrector = Corrector(document, beyond)
 
     def corrected():
-        nonlocal done, coldest, warmest
+        nonlocal done
         for block in chain([first], blocks):
             celsius = block.temperature if temperature is None else temperature
             yield _corrected(corrector, block, factors, celsius)
             done += len(block)
-            if celsius is not None and np.isfinite(celsius).any():
-                coldest, warmest = np.fmin(coldest, np.nanmin(celsius)), np.fmax(warmest, np.nanmax(celsius))
+            if block.temperature is not None and temperature is None:
+                column.add(block.time, block.temperature)
             if progress is not None:
                 progress(done)
+        # Before the file takes its place: what cannot be is refused.
+        if needs_temperature(document):
+            told.extend(check_column(column))
 
     marks = [PREFIX + identity for identity in (*done_before, *(s.identity for s in document.stages))]
     write_blocks(corrected(), target, marks)
-    remarks += about_temperature(document, corrector, (float(coldest), float(warmest)))
+    span = (column.lowest, column.highest) if temperature is None else (temperature, temperature)
+    remarks += [*told, *about_temperature(document, corrector, span)]
     return Applied(target, done, remarks)
 
 

@@ -249,7 +249,7 @@ def _prepare(
     if is_thermal:
         from tumble.calibration.thermal_coverage import require_time_base
 
-        require_time_base(recording)
+        require_time_base(recording, protocol)
     timeline = (find_thermal_timeline if is_thermal else find_timeline)(recording, intervals=given)
     means = observe_holds(recording, timeline)
     matching = None

@@ -13,11 +13,13 @@ from tumble.calibration import Calibration
 from tumble.calibration.corrector import Corrector
 from tumble.earth import Site
 from tumble.recording import Recording
+from tumble.recording.temperature import TemperatureColumn
 from tumble.segmentation import Timeline
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import Outside
 from tumble.workflows.temperature import (
     about_temperature,
+    check_column,
     check_temperature,
     needs_temperature,
     recorded_span,
@@ -55,8 +57,13 @@ def corrected_whole(
         If it leaves the calibrated span and `outside` is ``refuse``.
     """
     celsius = scaled.temperature if temperature is None else temperature
+    told: list[str] = []
     if needs_temperature(document):
         check_temperature(document, scaled, files, temperature, outside)
+        if temperature is None and scaled.temperature is not None:
+            column = TemperatureColumn()
+            column.add(scaled.time, scaled.temperature)
+            told = check_column(column)
     corrector = Corrector(document, outside)
     force, rate = corrector.correct(scaled.specific_force, scaled.angular_rate, scaled.time, celsius)
     corrected = replace(
@@ -67,7 +74,8 @@ def corrected_whole(
         angular_rate_unit="rad/s",
     )
     model = ImuModel(Triad(np.eye(3), np.zeros(3)), None if rate is None else Triad(np.eye(3), np.zeros(3)))
-    return corrected, model, about_temperature(document, corrector, recorded_span(scaled, temperature))
+    words = about_temperature(document, corrector, recorded_span(scaled, temperature))
+    return corrected, model, [*told, *words]
 
 
 def conditions(

@@ -89,5 +89,6 @@ def _concatenated(recordings: list[Recording]) -> tuple[Recording, list[Span]]:
         sources=tuple(source for recording in recordings for source in recording.sources),
         remarks=tuple(dict.fromkeys(remarks)),
         gaps=tuple(sorted(gaps)),
+        temperature_unit=first.temperature_unit,
     )
     return whole, spans

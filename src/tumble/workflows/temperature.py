@@ -11,7 +11,8 @@ from tumble.calibration import Calibration
 from tumble.calibration.corrector import NO_TEMPERATURE, Corrector
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import Recording
-from tumble.recording.corrections import temperature_scale
+from tumble.recording.corrections import temperature_in_counts
+from tumble.recording.temperature import LONG_GAP, TemperatureColumn
 from tumble.sensor.thermal import SPAN_MARGIN, Outside
 
 # Consumer units drift by up to 1 mg and 0.03 °/s in this much (data sheets of 2015 to 2020).
@@ -19,6 +20,8 @@ FAR_FROM_CALIBRATION = 5.0  # K
 ABSOLUTE_ZERO = -273.15  # °C
 # No inertial sensor works beyond this: higher numbers are another scale.
 HOTTEST = 200.0  # °C
+# Beyond this without a thermometer a straight line is no temperature: the unit may have been anywhere.
+LONGEST_GAP = 600.0  # s
 
 
 def needs_temperature(calibration: Calibration) -> bool:
@@ -101,16 +104,64 @@ def check_temperature(
     known = celsius[np.isfinite(celsius)]
     if not known.size:
         raise UsageError("The temperature holds no number: name another column with --columns.")
-    scale = temperature_scale(files) if stated is None else None
     low, high = float(known.min()), float(known.max())
-    trusted = stated is not None or outside != "refuse"
-    scale = scale or _scale_of(calibration, float(np.median(known)), low, high, trusted=trusted)
+    trusted = stated is not None or outside != "refuse" or recording.temperature_unit is not None
+    counts = stated is None and recording.temperature_unit is None and temperature_in_counts(files)
+    middle = float(np.median(known))
+    scale = "counts" if counts else _scale_of(calibration, middle, low, high, trusted=trusted)
     if scale is not None:
         raise RecordingError(
             f"The temperature ({low:.6g} to {high:.6g}) is in {scale}, as it looks, and the calibration takes degrees "
-            "Celsius: convert the column, or skip it with --columns and give --temperature CELSIUS"
-            + (" (if it is in °C: --outside)." if scale == "degrees Fahrenheit" else ".")
+            f"Celsius: {_advice(scale)}"
         )
+
+
+def _advice(scale: str) -> str:
+    unit = {"kelvin": "K", "degrees Fahrenheit": "degF"}.get(scale)
+    if unit is None:
+        return "convert the column, or skip it with --columns and give --temperature CELSIUS."
+    return (
+        f"say so with {unit} among the --units (such as --units m/s^2,rad/s,{unit}), or degC if it is in °C."
+    )
+
+
+def check_column(column: TemperatureColumn) -> list[str]:
+    """Return sentences on what a column of temperature lacks, for a calibration that follows it.
+
+    Parameters
+    ----------
+    column : of the whole recording.
+
+    Raises
+    ------
+    RecordingError
+        If it is missing for so long that nobody knows the temperature, or was never read.
+    """
+    if not column.samples:
+        return []
+    seconds = column.longest_gap[0]
+    missing = column.missing_words()
+    if missing and seconds > LONGEST_GAP:
+        raise RecordingError(
+            f"{missing}: for more than {LONGEST_GAP / 60:.0f} minutes nobody knows the sensor's temperature. Cut that "
+            "part away, or skip the column with --columns and give --temperature CELSIUS for the whole recording."
+        )
+    if column.is_constant and column.lowest in (0.0, ABSOLUTE_ZERO):
+        raise RecordingError(
+            f"The temperature is {column.lowest:g} °C in all {column.samples - column.missing} samples: the "
+            "thermometer was not read. Skip the column with --columns and give --temperature CELSIUS instead."
+        )
+    words: list[str] = []
+    if missing:
+        doubt = ": what it did in between is not known" if seconds > LONG_GAP else ""
+        words.append(f"{missing}; there it is taken along a straight line between its neighbours{doubt}.")
+    if column.is_constant:
+        words.append(
+            f"The temperature is {column.lowest:g} °C in all {column.samples - column.missing} samples "
+            f"({column.duration / 60:.3g} min), as if the thermometer had been read once: everything was corrected at "
+            "that temperature, and nothing of warming or cooling. If it is not so, give the column that was read."
+        )
+    return words
 
 
 def about_temperature(

@@ -223,12 +223,75 @@ def test_a_temperature_that_cannot_serve_is_one_sentence_and_no_file(
     assert not (tmp_path / "out.csv").exists()
 
 
-def test_a_header_that_names_another_scale_is_believed(tmp_path: Path) -> None:
-    file = saved(RAW, tmp_path)
-    text = file.read_text(encoding="utf-8").replace("temperature", "temperature [degF]", 1)
+@pytest.mark.parametrize(
+    ("header", "option"), [("temperature [degF]", ""), ("temp_F", ""), ("temperature", ",degF")]
+)
+def test_degrees_fahrenheit_that_the_header_or_the_user_says_are_converted(
+    tmp_path: Path, header: str, option: str
+) -> None:
+    assert RAW.temperature is not None
+    file = saved(with_temperature(RAW, 1.8 * RAW.temperature + 32.0), tmp_path)
+    text = file.read_text(encoding="utf-8").replace("temperature", header, 1)
     file.write_text(text, encoding="utf-8")
-    with pytest.raises(RecordingError, match="degrees Fahrenheit"):
+    apply(DOCUMENT, file, output=tmp_path / "out.csv", units=OPTIONS["units"] + option)
+    again = read_recording(tmp_path / "out.csv", **OPTIONS)
+    assert again.temperature is not None
+    # Seventeen digits in the file, and one multiplication.
+    np.testing.assert_allclose(again.temperature, RAW.temperature, atol=1e-9)
+    np.testing.assert_allclose(again.specific_force, TRUE.specific_force, atol=1e-6)
+
+
+def test_counts_that_the_header_names_are_refused(tmp_path: Path) -> None:
+    file = saved(RAW, tmp_path)
+    text = file.read_text(encoding="utf-8").replace("temperature", "temperature [counts]", 1)
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(RecordingError, match="is in counts"):
         apply(DOCUMENT, file, output=tmp_path / "out.csv", units=OPTIONS["units"])
+
+
+def holes(first: float, last: float) -> np.ndarray:
+    """RAW's temperature without numbers from `first` to `last` seconds."""
+    assert RAW.temperature is not None
+    return np.where((first <= RAW.time) & (last > RAW.time), np.nan, RAW.temperature)
+
+
+def test_missing_temperatures_are_counted_and_said(tmp_path: Path) -> None:
+    file = saved(with_temperature(RAW, holes(300.0, 380.0)), tmp_path)
+    applied = apply(DOCUMENT, file, output=tmp_path / "out.csv", units=OPTIONS["units"])
+    told = next(remark for remark in applied.remarks if "missing" in remark)
+    assert "in 800 of 12000 samples, at the longest for 80.1 s from 299.9 s on" in told
+    assert "straight line between its neighbours: what it did in between is not known" in told
+    reasons = verify(DOCUMENT, file, units=OPTIONS["units"], intervals=_holds(tmp_path))[0].reasons
+    assert any("in 800 of 12000 samples" in reason for reason in reasons)
+
+
+@pytest.mark.parametrize(
+    ("celsius", "words"),
+    [
+        (holes(300.0, 950.0), "nobody knows the sensor's temperature"),
+        (holes(590.0, 1300.0), "nobody knows the sensor's temperature"),
+        (np.zeros(len(RAW)), "0 °C in all 12000 samples: the thermometer was not read"),
+    ],
+)
+def test_a_temperature_that_is_none_is_refused_and_no_file_is_left(
+    tmp_path: Path, celsius: np.ndarray, words: str
+) -> None:
+    file = saved(with_temperature(RAW, celsius), tmp_path)
+    with pytest.raises(RecordingError, match=words):
+        apply(DOCUMENT, file, output=tmp_path / "out.csv", units=OPTIONS["units"])
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_a_constant_temperature_is_said(tmp_path: Path) -> None:
+    file = saved(with_temperature(RAW, np.full(len(RAW), 25.0)), tmp_path)
+    applied = apply(DOCUMENT, file, output=tmp_path / "out.csv", units=OPTIONS["units"])
+    assert any("25 °C in all 12000 samples (20 min), as if" in remark for remark in applied.remarks)
+
+
+def _holds(folder: Path) -> Path:
+    file = folder / "holds.csv"
+    file.write_text("0,100\n200,300\n400,500\n", encoding="utf-8")
+    return file
 
 
 def test_beyond_the_span_the_user_may_hold_or_extrapolate_and_is_told(tmp_path: Path) -> None:
