@@ -29,7 +29,7 @@ from tumble.calibration.joint_observability import (
     name_plate_prior,
     together,
 )
-from tumble.calibration.joint_poses import MOUNTING_SIGMA
+from tumble.calibration.joint_poses import mounting_prior
 from tumble.calibration.joint_start import gather_what_there_is, rough_start, rough_variances
 from tumble.calibration.joint_system import JointProblem, JointState, Masks, linearise_joint, start_state
 from tumble.calibration.joint_terms import Extra
@@ -135,7 +135,7 @@ def calibrate_joint(
     if poses is not None:
         plain = np.concatenate([plain, np.arange(FIXTURE.start, FIXTURE.stop)])
     problem = JointProblem(
-        data, site, plain, Extra(), masks, together(_prior(values, prior), _mounting(values))
+        data, site, plain, Extra(), masks, together(_prior(values, prior), mounting_prior(values))
     )
     known = {name: OPTIONAL_TERMS[name] for name in ("g_sensitivity", "quadratic")}
     known = {name: unknowns for name, unknowns in known.items() if np.any(values[unknowns])}
@@ -267,15 +267,6 @@ def _prior(values: Series, prior: StableKnowledge | None) -> Prior | None:
     mean[ANGLE] = prior.angles
     precision[ANGLE, ANGLE] = inverted(prior.angle_covariance)
     return Prior(mean, precision)
-
-
-def _mounting(values: Series) -> Prior | None:
-    """What is known of how the unit sits in its fixture; None where no fixture is believed."""
-    if not is_wide(values):
-        return None
-    precision = np.zeros((values.size, values.size))
-    precision[FIXTURE, FIXTURE] = np.eye(3) / MOUNTING_SIGMA**2
-    return Prior(np.zeros(values.size), precision)
 
 
 def _start_values(

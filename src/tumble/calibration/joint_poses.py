@@ -23,7 +23,8 @@ from tumble.attitude.rotations import (
 from tumble.calibration.joint_believed import BelievedPoses
 from tumble.calibration.joint_spins import SpinState
 from tumble.calibration.joint_terms import MIDDLE, NODE, Extra, Section, Terms
-from tumble.calibration.joint_wide import FIXTURE
+from tumble.calibration.joint_wide import FIXTURE, is_wide
+from tumble.estimation import Prior
 
 # How far the unit's axes may be off the fixture's, one sigma.
 MOUNTING_SIGMA = 0.2  # rad
@@ -99,6 +100,20 @@ def left_jacobian(rotation_vector: Series) -> Matrix:
     one = (1.0 - np.cos(angle)) / angle**2
     two = (angle - np.sin(angle)) / angle**3
     return np.asarray(np.eye(3) + one * cross + two * (cross @ cross), dtype=np.float64)
+
+
+def mounting_prior(unknowns: Series) -> Prior | None:
+    """Return what is known of how the unit sits in its fixture; None where no fixture is believed.
+
+    Parameters
+    ----------
+    unknowns : all of them.
+    """
+    if not is_wide(unknowns):
+        return None
+    precision = np.zeros((unknowns.size, unknowns.size))
+    precision[FIXTURE, FIXTURE] = np.eye(3) / MOUNTING_SIGMA**2
+    return Prior(np.zeros(unknowns.size), precision)
 
 
 def sees_heading(poses: BelievedPoses | None, section: Section) -> bool:
