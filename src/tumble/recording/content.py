@@ -19,6 +19,9 @@ from tumble.units import COUNTS, STANDARD_GRAVITY, angular_rate_factor, specific
 
 _GUESS_TOLERANCE = 0.15  # of the norm at rest when guessing; an uncalibrated MEMS is off by a few per cent
 _REFUSE_FACTOR = 1.3  # a declared unit is refused when gravity comes out wrong by more than this
+_RESTLESS = 0.05  # scatter within a quarter second over the norm: half a m/s² is motion, not noise
+_MOST_MOTION = 4.0  # times gravity that shaking makes of the norm; beyond it is the unit
+_MOST_SHAKEN = 10.0  # times gravity that the norm of an accelerometer is in any motion
 _STEADY = 0.99  # share of steps that go up in a column of time
 _GUESS_RATE = 100.0  # Hz, only to choose the length of blocks when the rate is not known yet
 
@@ -167,11 +170,12 @@ def _could_be_temperature(column: Series) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """Norm of the accelerometer at rest: its median and relative spread, and whether rest was seen."""
+    """Norm of the accelerometer at rest: its median and relative spread, whether rest was seen, and motion in it."""
 
     norm: float
     spread: float
     at_rest: bool
+    moves: bool = False
 
 
 def rest_level(recording: Recording) -> Level:
@@ -186,7 +190,9 @@ def rest_level(recording: Recording) -> Level:
     norms = np.linalg.norm(quiet.means[:, :3] if len(quiet) else force, axis=1)
     middle = float(np.median(norms))
     low, high = np.quantile(norms, [0.05, 0.95])
-    return Level(middle, float(high - low) / middle if middle > 0.0 else np.inf, bool(len(quiet)))
+    # What is quietest in a recording that never rests is no rest.
+    moves = bool(np.max(quiet.floor[:3]) > _RESTLESS * middle)
+    return Level(middle, float(high - low) / middle if middle > 0.0 else np.inf, bool(len(quiet)), moves)
 
 
 def guess_specific_force_unit(level: Level, whole_numbers: bool, rate: float) -> tuple[str, str]:
@@ -225,6 +231,8 @@ def check_specific_force_unit(level: Level, unit: str, rate: float, name: str) -
     if factor is None or (level.spread > 0.5 and not level.at_rest):
         return
     ratio = level.norm * factor / STANDARD_GRAVITY
+    if level.moves and 1.0 < ratio < _MOST_MOTION:
+        return  # motion adds to gravity
     allowed = _REFUSE_FACTOR if level.at_rest else 2.0
     if 1.0 / allowed < ratio < allowed:
         return
@@ -354,6 +362,8 @@ def check_triads(recording: Recording, name: str, unit: str | None = None) -> No
     order = find_accelerometer(force, rates, recording.rate)
     # A gyro's bias, large and steady over hours, says nothing against an accelerometer that shows gravity.
     gravity_is_seen = _shows_gravity(force, unit) and not _shows_gravity(rates, unit)
+    # Nor is anything proved where nothing rests: shaking adds to gravity.
+    gravity_is_seen = gravity_is_seen or _is_shaken(recording, unit)
     if order.swapped and order.sure and not gravity_is_seen:
         raise RecordingError(
             f"{name}: the triads seem exchanged: the columns given as the gyro hold the accelerometer "
@@ -369,6 +379,14 @@ def _shows_gravity(force: Vectors, unit: str | None) -> bool:
         factor is not None and abs(factor * norm / STANDARD_GRAVITY - 1.0) < _GUESS_TOLERANCE
         for factor in factors
     )
+
+
+def _is_shaken(recording: Recording, unit: str | None) -> bool:
+    """Whether an accelerometer moves all the time about gravity, in the unit declared or else in m/s² or g."""
+    level = rest_level(recording)
+    factors = [specific_force_factor(name) for name in (("m/s^2", "g") if unit is None else (unit,))]
+    sizes = [factor * level.norm / STANDARD_GRAVITY for factor in factors if factor is not None]
+    return level.moves and any(1.0 - _GUESS_TOLERANCE < size < _MOST_SHAKEN for size in sizes)
 
 
 def whole_numbers(values: Vectors) -> bool:

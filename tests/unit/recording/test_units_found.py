@@ -156,6 +156,19 @@ def test_swapped_triads_at_rest_are_refused_too(csv) -> None:
         read_recording(csv(rows))
 
 
+@pytest.mark.parametrize(("shaken", "bias"), [(30.0, 0.0), (30.0, 3.0), (15.0, 3.0)])
+def test_a_unit_that_is_shaken_all_the_time_is_neither_exchanged_nor_in_counts(csv, shaken, bias) -> None:
+    rng = np.random.default_rng(8)
+    noise = rng.normal(size=(3000, 6))
+    force = [0.0, 0.0, G] + shaken * noise[:, :3]
+    rate = [bias, 0.0, 0.0] + 0.3 * noise[:, 3:]
+    recording = read_recording(
+        csv(np.column_stack([np.arange(3000) / 100, force, rate])), units="m/s^2,rad/s"
+    )
+    assert recording.specific_force is not None
+    assert recording.specific_force == pytest.approx(force, rel=1e-4)
+
+
 @pytest.mark.parametrize("columns", [slice(1, 4), slice(4, 7), slice(1, 7)])
 def test_all_zeros_are_refused(tumbled, csv, columns) -> None:
     rows = tumbled.rows().copy()
