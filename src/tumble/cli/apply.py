@@ -16,6 +16,7 @@ from tumble.cli.options import (
     Rate,
     Recordings,
     TemperatureOption,
+    Topics,
     Units,
 )
 from tumble.cli.progress import progress, results_stand
@@ -33,6 +34,7 @@ def apply_command(
     units: Units = None,
     columns: Columns = None,
     rate: Rate = None,
+    topic: Topics = None,
     temperature: TemperatureOption = None,
     outside: OutsideOption = "refuse",
     as_json: Json = False,
@@ -54,6 +56,7 @@ def apply_command(
             columns=columns,
             units=units,
             rate=rate,
+            topics=topic,
             temperature=temperature,
             outside=outside,
             progress=lambda samples: say(f"{samples:,} samples corrected"),

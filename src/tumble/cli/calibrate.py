@@ -17,6 +17,7 @@ from tumble.cli.options import (
     Quiet,
     Rate,
     SiteOption,
+    Topics,
     Units,
     Verbose,
 )
@@ -48,6 +49,7 @@ def calibrate_command(
     units: Units = None,
     columns: Columns = None,
     rate: Rate = None,
+    topic: Topics = None,
     prior: Annotated[
         Path | None,
         typer.Option(
@@ -127,6 +129,7 @@ def calibrate_command(
             columns=columns,
             units=units,
             rate=rate,
+            topics=topic,
             prior=prior,
             data_sheet=data_sheet,
             intervals=intervals,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tumble.cli.options import Columns, Json, Quiet, Rate, Recordings, Units
+from tumble.cli.options import Columns, Json, Quiet, Rate, Recordings, Topics, Units
 from tumble.cli.progress import progress, results_stand
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ def denoise_command(
     units: Units = None,
     columns: Columns = None,
     rate: Rate = None,
+    topic: Topics = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -91,6 +92,7 @@ def denoise_command(
             columns=columns,
             units=units,
             rate=rate,
+            topics=topic,
             progress=say,
         )
     results_stand()

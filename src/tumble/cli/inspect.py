@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tumble.cli.options import Columns, Json, Rate, Recordings, Units
+from tumble.cli.options import Columns, Json, Rate, Recordings, Topics, Units
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -23,6 +23,7 @@ def inspect_command(
     columns: Columns = None,
     units: Units = None,
     rate: Rate = None,
+    topic: Topics = None,
     save: Annotated[
         Path | None, typer.Option(help="Convert to this file: .csv or .parquet, raw numbers, time in s.")
     ] = None,
@@ -35,7 +36,7 @@ def inspect_command(
     """Say what a recording holds: streams, units, rate, gaps, rest and motion, and what it is good for."""
     from tumble.workflows.inspect import inspect
 
-    inspection = inspect(recording, columns=columns, units=units, rate=rate, save=save)
+    inspection = inspect(recording, columns=columns, units=units, rate=rate, topics=topic, save=save)
     if as_json:
         typer.echo(json.dumps(inspection.to_dict(), indent=2, ensure_ascii=False))
         return

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tumble.cli.options import Columns, Gravity, Json, Quiet, Rate, SiteOption, Units
+from tumble.cli.options import Columns, Gravity, Json, Quiet, Rate, SiteOption, Topics, Units
 from tumble.cli.progress import progress, results_stand
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def mount_command(
     units: Units = None,
     columns: Columns = None,
     rate: Rate = None,
+    topic: Topics = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -56,6 +57,7 @@ def mount_command(
             columns=columns,
             units=units,
             rate=rate,
+            topics=topic,
             progress=say,
         )
     results_stand()

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tumble.cli.options import Columns, Json, Quiet, Rate, Recordings, Units
+from tumble.cli.options import Columns, Json, Quiet, Rate, Recordings, Topics, Units
 from tumble.cli.progress import progress, results_stand
 
 _LETTERS = (
@@ -51,6 +51,7 @@ def noise_command(
     units: Units = None,
     columns: Columns = None,
     rate: Rate = None,
+    topic: Topics = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -68,6 +69,7 @@ def noise_command(
             columns=columns,
             units=units,
             rate=rate,
+            topics=topic,
             skip=skip,
             remove_temperature=remove_temperature,
             kind=kind,

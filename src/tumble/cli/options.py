@@ -38,6 +38,14 @@ Units: TypeAlias = Annotated[
 Rate: TypeAlias = Annotated[
     float | None, typer.Option(help="Sampling rate in Hz, for a file without time stamps.")
 ]
+Topics: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--topic",
+        metavar="NAME",
+        help="Topic, message or data set of a bag or log; twice for an accelerometer and a gyro apart.",
+    ),
+]
 SiteOption: TypeAlias = Annotated[
     str | None,
     typer.Option(

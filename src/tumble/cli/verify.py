@@ -21,6 +21,7 @@ from tumble.cli.options import (
     Recordings,
     SiteOption,
     TemperatureOption,
+    Topics,
     Units,
 )
 from tumble.cli.progress import progress
@@ -39,6 +40,7 @@ def verify_command(
     units: Units = None,
     columns: Columns = None,
     rate: Rate = None,
+    topic: Topics = None,
     intervals: Intervals = None,
     temperature: TemperatureOption = None,
     outside: OutsideOption = "refuse",
@@ -127,6 +129,7 @@ def verify_command(
                 columns=columns,
                 units=units,
                 rate=rate,
+                topics=topic,
                 temperature=temperature,
                 outside=outside,
                 progress=say,
@@ -152,6 +155,7 @@ def verify_command(
             columns=columns,
             units=units,
             rate=rate,
+            topics=topic,
             intervals=intervals,
             temperature=temperature,
             outside=outside,

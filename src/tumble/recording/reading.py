@@ -11,8 +11,8 @@ from typing import TypeAlias
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.columns import ColumnPlan
 from tumble.recording.declared import DeclaredUnits, read_units_option
-from tumble.recording.formats import read_table, read_table_blocks
-from tumble.recording.formats.table import RawTable, hash_file
+from tumble.recording.formats import read_table, read_table_blocks, source_of
+from tumble.recording.formats.table import RawTable
 from tumble.recording.interpretation import (
     BlockState,
     Interpretation,
@@ -41,6 +41,7 @@ def read_recording(
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
     rate: float | None = None,
+    topics: Sequence[str] | None = None,
     parted: bool = False,
 ) -> Recording:
     """Read a recording from one file, or from two files with one triad each.
@@ -56,6 +57,7 @@ def read_recording(
         for a pair the two lists with ``;`` between.
     units : units as ``g,deg/s,ms`` in any order, ``counts``, or ``m/s,rad`` for increments.
     rate : sampling rate in Hz, for files without stamps.
+    topics : which topics or streams of a bag or log are read: one, or one of each triad.
     parted : whether a clock that begins anew, and long runs of rows without numbers, part the recording instead
         of being refused: for what takes pieces, such as noise.
 
@@ -69,7 +71,9 @@ def read_recording(
     listed = _path_list(paths)
     _refuse_many(listed)
     declared = read_units_option(units)
-    return _recording_of([read_table(p) for p in listed], columns, declared, rate, parted=parted)
+    return _recording_of(
+        [read_table(p, topics or ()) for p in listed], columns, declared, rate, parted=parted
+    )
 
 
 def read_recordings(
@@ -78,6 +82,7 @@ def read_recordings(
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
     rate: float | None = None,
+    topics: Sequence[str] | None = None,
 ) -> list[Recording]:
     """Read files that are one recording each, or one pair; the parameters are `read_recording`'s.
 
@@ -89,7 +94,7 @@ def read_recordings(
         If an option is malformed.
     """
     declared = read_units_option(units)
-    tables = [read_table(p) for p in _path_list(paths)]
+    tables = [read_table(p, topics or ()) for p in _path_list(paths)]
     if is_pair(tables):
         return [_recording_of(tables, columns, declared, rate)]
     return [_recording_of([t], columns, declared, rate) for t in tables]
@@ -141,6 +146,7 @@ def read_blocks(
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
     rate: float | None = None,
+    topics: Sequence[str] | None = None,
     parted: bool = False,
 ) -> Iterator[Recording]:
     """Read a recording of any length as consecutive blocks of bounded size.
@@ -152,7 +158,7 @@ def read_blocks(
 
     Parameters
     ----------
-    paths, columns, units, rate, parted : as for `read_recording`.
+    paths, columns, units, rate, topics, parted : as for `read_recording`.
 
     Yields
     ------
@@ -172,9 +178,9 @@ def read_blocks(
     decided: Interpretation | None = None
     state = BlockState()
     sources = tuple[Source, ...]()
-    for table, plan, remarks in _planned_blocks(listed, columns):
+    for table, plan, remarks in _planned_blocks(listed, columns, topics or ()):
         if decided is None:
-            sources = tuple(hash_file(p) for p in listed)
+            sources = tuple(source_of(p) for p in listed)
             decided, _ = interpret(table, plan, declared, rate, sources, remarks, parted=parted)
             block = interpret_block(table, decided, state, sources, parted=parted)
             block = None if block is None else replace(block, remarks=decided.remarks)
@@ -187,19 +193,19 @@ def read_blocks(
 
 
 def _planned_blocks(
-    paths: list[Path], columns: str | None
+    paths: list[Path], columns: str | None, topics: Sequence[str]
 ) -> Iterator[tuple[RawTable, ColumnPlan, list[Remark]]]:
     """Yield tables with their columns chosen; the choice of the first one holds for all."""
     plan: ColumnPlan | None = None
     if len(paths) == 1:
-        for table in read_table_blocks(paths[0]):
+        for table in read_table_blocks(paths[0], topics):
             remarks = list[Remark]()
             if plan is None:
                 plan, remarks = choose_columns(table, columns)
             yield table, plan, remarks
         return
     pairing: Pairing | None = None
-    for first, second in _in_step(paths):
+    for first, second in _in_step(paths, topics):
         remarks = []
         if pairing is None:
             _refuse_no_pair([first, second], columns)
@@ -208,9 +214,9 @@ def _planned_blocks(
         yield merge_pair(first, second, pairing), pairing.plan, remarks
 
 
-def _in_step(paths: list[Path]) -> Iterator[tuple[RawTable, RawTable]]:
+def _in_step(paths: list[Path], topics: Sequence[str]) -> Iterator[tuple[RawTable, RawTable]]:
     """Yield the tables of two files cut to the same rows."""
-    readers = [iter(read_table_blocks(p)) for p in paths]
+    readers = [iter(read_table_blocks(p, topics)) for p in paths]
     held: list[RawTable | None] = [None, None]
     rows = [0, 0]
     while True:

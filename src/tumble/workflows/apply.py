@@ -47,6 +47,7 @@ def apply(
     columns: str | None = None,
     units: str | None = None,
     rate: float | None = None,
+    topics: Sequence[str] | None = None,
     temperature: float | None = None,
     outside: str = "refuse",
     progress: Callable[[int], None] | None = None,
@@ -59,7 +60,7 @@ def apply(
     Parameters
     ----------
     calibration : a ``calibration.json``, its folder, or a `Calibration`.
-    paths, columns, units, rate : the recording, as for `tumble.read_recording`.
+    paths, columns, units, rate, topics : the recording, as for `tumble.read_recording`.
     output : ``.csv`` or ``.parquet``; by default the recording's name with ``-corrected.csv``.
     temperature : °C of the whole recording, for a calibration with a thermal model and a recording without a
         column of temperature.
@@ -81,7 +82,7 @@ def apply(
     files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
     done_before = corrections_of(files)
     refuse_twice(document, done_before)
-    blocks = iter(read_blocks(paths, columns=columns, units=units, rate=rate))
+    blocks = iter(read_blocks(paths, columns=columns, units=units, rate=rate, topics=topics))
     first = next(blocks)
     if needs_temperature(document):
         check_temperature(document, first, files, temperature, beyond)

@@ -69,6 +69,7 @@ def calibrate(
     columns: str | None = None,
     units: str | None = None,
     rate: float | None = None,
+    topics: Sequence[str] | None = None,
     prior: str | os.PathLike[str] | None = None,
     data_sheet: str | None = None,
     intervals: str | os.PathLike[str] | None = None,
@@ -91,7 +92,7 @@ def calibrate(
     protocol : a protocol file, or the name of one of `tumble.protocol.PROTOCOLS`: what was done.
     site : gravity and latitude; None takes the protocol's, or else assumes standard gravity with an
         uncertainty of 0.015 m/s².
-    columns, units, rate : what the files do not say, as for `tumble.read_recording`.
+    columns, units, rate, topics : what the files do not say, as for `tumble.read_recording`.
     prior : an earlier calibration of the unit, whose non-orthogonalities are kept.
     data_sheet : name of one of `tumble.simulation.GRADES`, whose spreads are a prior of all nine unknowns of both
         triads; for the multi-position procedure only.
@@ -130,7 +131,7 @@ def calibrate(
 
         # What the protocol says against itself would else look like a fault of the recording.
         refuse_contradicting_turns(given.protocol)
-    recording, told = _read(paths, given, columns, units, rate)
+    recording, told = _read(paths, given, columns, units, rate, topics)
     knowledge = _knowledge(prior, imu[1])
     modelled = None if noise is None else NoiseOfHolds.read(noise, recording)
     clock.lap("reading")
@@ -179,7 +180,12 @@ def _draw(estimate: Estimate, runs: int, say: Callable[[str], None]) -> None:
 
 
 def _read(
-    paths: Paths, given: GivenProtocol | None, columns: str | None, units: str | None, rate: float | None
+    paths: Paths,
+    given: GivenProtocol | None,
+    columns: str | None,
+    units: str | None,
+    rate: float | None,
+    topics: Sequence[str] | None,
 ) -> tuple[Recording, Protocol | None]:
     """Read the recordings named, or the protocol's own; options go before what the protocol says."""
     named = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
@@ -189,7 +195,8 @@ def _read(
                 "Name a recording, or a protocol file that names its recordings (--protocol FILE): "
                 "see `tumble calibrate --help`."
             )
-        return join_recordings(read_recordings(named, columns=columns, units=units, rate=rate))[0], None
+        recordings = read_recordings(named, columns=columns, units=units, rate=rate, topics=topics)
+        return join_recordings(recordings)[0], None
     if not named:
         named = [*given.files()]
         if not named:
@@ -202,6 +209,7 @@ def _read(
         columns=columns or protocol.columns,
         units=units or protocol.units,
         rate=rate or protocol.rate,
+        topics=topics,
     )
     recording, spans = join_recordings(recordings)
     return recording, given.on_clock_of(recordings, spans)

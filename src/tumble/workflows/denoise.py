@@ -101,13 +101,14 @@ def denoise(
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
     rate: float | None = None,
+    topics: Sequence[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Denoised:
     """De-noise a recording and write it with a statement of what was done; nothing is written over.
 
     Parameters
     ----------
-    paths, columns, units, rate : as for `tumble.recording.read_recording`.
+    paths, columns, units, rate, topics : as for `tumble.recording.read_recording`.
     output : ``.csv`` or ``.parquet``; the statement stands beside with ``.denoise.json``. By default the
         recording's name with ``-denoised.csv``.
     method : "wavelet", or "ar": an autoregression of the noise at rest and a filter of the level through it.
@@ -130,7 +131,7 @@ def denoise(
     target, statement = _targets(output, paths)
     say = progress or _silent
     say("reading")
-    recording = read_recording(paths, columns=columns, units=units, rate=rate)
+    recording = read_recording(paths, columns=columns, units=units, rate=rate, topics=topics)
     say("looking for rest")
     result = denoise_recording(
         recording,

@@ -67,6 +67,7 @@ def verify_drive(
     columns: str | None = None,
     units: str | None = None,
     rate: float | None = None,
+    topics: Sequence[str] | None = None,
     temperature: float | None = None,
     outside: str = "refuse",
     progress: Callable[[str], None] | None = None,
@@ -80,7 +81,7 @@ def verify_drive(
     Parameters
     ----------
     calibration : a ``calibration.json``, its folder, or a `Calibration`.
-    paths, columns, units, rate : the recording of the drive, as for `tumble.read_recording`.
+    paths, columns, units, rate, topics : the recording of the drive, as for `tumble.read_recording`.
     gnss : file of satellite positions (`tumble.navigation.read_track`).
     lever_arm_b : m, from the IMU to the antenna, in b.
     offset : s to add to the positions' times; None to find it.
@@ -107,7 +108,7 @@ def verify_drive(
     for file in files:
         refuse_twice(document, corrections_of([file]))
     say("reading")
-    recordings = read_recordings(paths, columns=columns, units=units, rate=rate)
+    recordings = read_recordings(paths, columns=columns, units=units, rate=rate, topics=topics)
     if len(recordings) != 1:
         raise UsageError(
             f"A drive is one recording, and {len(recordings)} were given: verify them one by one."

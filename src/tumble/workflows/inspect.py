@@ -54,13 +54,14 @@ def inspect(
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
     rate: float | None = None,
+    topics: Sequence[str] | None = None,
     save: str | os.PathLike[str] | None = None,
 ) -> Inspection:
     """Read a recording, examine it, and save it as CSV or Parquet if `save` names a file.
 
     Parameters
     ----------
-    paths, columns, units, rate : as for `tumble.recording.read_recording`.
+    paths, columns, units, rate, topics : as for `tumble.recording.read_recording`.
     save : file to convert to; its ending says whether CSV or Parquet.
 
     Raises
@@ -74,7 +75,7 @@ def inspect(
     """
     if save is not None:
         _refuse_own_file(paths, Path(save))
-    recording = read_recording(paths, columns=columns, units=units, rate=rate)
+    recording = read_recording(paths, columns=columns, units=units, rate=rate, topics=topics)
     findings = inspect_recording(recording)
     saved = None if save is None else write_recording(recording, save)
     return Inspection(recording, findings, saved)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -78,6 +78,7 @@ def mount(
     columns: str | None = None,
     units: str | None = None,
     rate: float | None = None,
+    topics: Sequence[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Mounted:
     """Find the rotation from a unit's axes to its mount's, and write it.
@@ -90,7 +91,7 @@ def mount(
     output : the file; ``mount.json`` by default.
     mount_sigma : rad, how well the mount was levelled, and turned about its y; one sigma of each angle.
     site : for its gravity, which is a check alone; by default the calibration's own.
-    columns, units, rate : of both recordings, as for `tumble.read_recording`.
+    columns, units, rate, topics : of both recordings, as for `tumble.read_recording`.
     progress : is told what is being done.
 
     Raises
@@ -126,7 +127,7 @@ def mount(
     remarks: list[str] = []
     for path in (level, pitched):
         say(f"reading {Path(path).name}")
-        rests.append(_rest(path, document, remarks, columns=columns, units=units, rate=rate))
+        rests.append(_rest(path, document, remarks, columns=columns, units=units, rate=rate, topics=topics))
     triad = document.model.accelerometer
     assert triad is not None
     forces = [np.asarray(triad.correct(rest.mean[None, :])[0], dtype=np.float64) for rest in rests]
@@ -163,9 +164,10 @@ def _rest(
     columns: str | None,
     units: str | None,
     rate: float | None,
+    topics: Sequence[str] | None,
 ) -> _Rest:
     """Read a recording and average its rest, in the calibration's raw units."""
-    recording = read_recordings(path, columns=columns, units=units, rate=rate)[0]
+    recording = read_recordings(path, columns=columns, units=units, rate=rate, topics=topics)[0]
     if recording.specific_force is None:
         raise RecordingError(f"{Path(path).name} has no accelerometer columns: gravity is what tells.")
     refuse_twice(document, corrections_of([Path(path)]))

@@ -43,6 +43,7 @@ def analyse_noise(
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
     rate: float | None = None,
+    topics: Sequence[str] | None = None,
     skip: float = 0.0,
     remove_temperature: bool = False,
     kind: str = "overlapping",
@@ -54,7 +55,7 @@ def analyse_noise(
 
     Parameters
     ----------
-    paths, columns, units, rate : as for `tumble.recording.read_recording`.
+    paths, columns, units, rate, topics : as for `tumble.recording.read_recording`.
     output : folder for the two files; None writes nothing.
     skip : s at the start to leave out.
     remove_temperature : take a straight line in the temperature off first.
@@ -84,7 +85,7 @@ def analyse_noise(
     listed = [Path(p) for p in ([paths] if isinstance(paths, str | os.PathLike) else paths)]
     if stream or (stream is None and sum(map(_numbers_in, listed)) > STREAMED_ABOVE):
         noise = characterise_blocks(
-            lambda: read_blocks(listed, columns=columns, units=units, rate=rate, parted=True),
+            lambda: read_blocks(listed, columns=columns, units=units, rate=rate, topics=topics, parted=True),
             skip=skip,
             remove_temperature=remove_temperature,
             kind=which,
@@ -93,7 +94,9 @@ def analyse_noise(
         )
     else:
         say("reading")
-        recording = read_recording(listed, columns=columns, units=units, rate=rate, parted=True)
+        recording = read_recording(
+            listed, columns=columns, units=units, rate=rate, topics=topics, parted=True
+        )
         say("averaging")
         noise = characterise(
             recording, skip=skip, remove_temperature=remove_temperature, kind=which, taus=wanted

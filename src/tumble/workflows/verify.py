@@ -87,6 +87,7 @@ def verify(
     columns: str | None = None,
     units: str | None = None,
     rate: float | None = None,
+    topics: Sequence[str] | None = None,
     intervals: str | os.PathLike[str] | None = None,
     temperature: float | None = None,
     outside: str = "refuse",
@@ -97,7 +98,7 @@ def verify(
     Parameters
     ----------
     calibration : a ``calibration.json``, its folder, or a `Calibration`.
-    paths, columns, units, rate : recordings, as for `tumble.read_recording`.
+    paths, columns, units, rate, topics : recordings, as for `tumble.read_recording`.
     site : where they were made; by default the calibration's own site.
     intervals : file of the holds, instead of finding them.
     temperature, outside : as for `tumble.workflows.apply.apply`.
@@ -123,7 +124,7 @@ def verify(
         refuse_twice(document, corrections_of([file]))
     say("reading")
     results: list[Verification] = []
-    recordings = read_recordings(paths, columns=columns, units=units, rate=rate)
+    recordings = read_recordings(paths, columns=columns, units=units, rate=rate, topics=topics)
     for number, recording in enumerate(recordings):
         own_files = [files[number]] if len(recordings) == len(files) else files
         scaled = in_calibration_units(recording, raw_factors(document, recording))

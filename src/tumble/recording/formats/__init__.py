@@ -3,20 +3,28 @@
 Each module has `NAME`, `ENDINGS`, `SUMMARY`, ``recognises(head) -> bool`` on the first bytes of a
 file, ``read_table(path) -> RawTable`` and, where the format allows it in bounded memory,
 ``read_table_blocks(path) -> Iterator[RawTable]``. The content decides, never the ending alone.
+
+A format of several topics or streams says so by `HAS_TOPICS`; both functions then take their names as a
+second argument. One that reads folders has ``recognises_folder(path) -> bool`` and ``source(path)``,
+which says what of a folder is read.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
-from tumble.errors import RecordingError
-from tumble.recording.formats import matlab, npy, npz, parquet, text
-from tumble.recording.formats.table import RawTable
+from tumble.errors import RecordingError, UsageError
+from tumble.recording.formats import matlab, mcap, npy, npz, parquet, rosbag1, rosbag2, text
+from tumble.recording.formats.table import RawTable, hash_file
+from tumble.recording.recording import Source
 
-FORMATS: tuple[ModuleType, ...] = (parquet, npy, npz, matlab, text)
+FORMATS: tuple[ModuleType, ...] = (parquet, npy, npz, matlab, rosbag1, rosbag2, mcap, text)
 """All formats, in the order in which they are asked; text recognises almost anything and comes last."""
+
+HEAD = 4096
+"""Bytes at the beginning of a file that tell its format."""
 
 _BLOCK_ROWS = 500_000
 
@@ -27,13 +35,13 @@ def find_format(path: Path) -> ModuleType:
     Raises
     ------
     RecordingError
-        If the file is missing, a folder, unreadable, empty or in no known format.
+        If the file is missing, unreadable, empty or in no known format.
     """
     try:
         if path.is_dir():
-            raise RecordingError(f"{path} is a folder; name the recording's file in it.")
+            return _format_of_folder(path)
         with path.open("rb") as file:
-            head = file.read(4096)
+            head = file.read(HEAD)
     except FileNotFoundError as error:
         raise RecordingError(f"{path} does not exist.") from error
     except PermissionError as error:
@@ -51,39 +59,84 @@ def find_format(path: Path) -> ModuleType:
     )
 
 
-def read_table(path: Path) -> RawTable:
+def _format_of_folder(path: Path) -> ModuleType:
+    for format_ in FORMATS:
+        if hasattr(format_, "recognises_folder") and format_.recognises_folder(path):
+            return format_
+    raise RecordingError(f"{path} is a folder; name the recording's file in it.")
+
+
+def _arguments(
+    format_: ModuleType, path: Path, topics: Sequence[str]
+) -> tuple[Path] | tuple[Path, Sequence[str]]:
+    """Return what a format's functions are called with."""
+    if getattr(format_, "HAS_TOPICS", False):
+        return path, topics
+    if topics:
+        raise UsageError(
+            f"--topic {topics[0]}: {path.name} is {format_.NAME}, which has no topics; leave it out."
+        )
+    return (path,)
+
+
+def source_of(path: Path) -> Source:
+    """Return the name and the SHA-256 of a recording, a file or a folder.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be read.
+    """
+    if path.is_dir():
+        source: Source = find_format(path).source(path)
+        return source
+    return hash_file(path)
+
+
+def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     """Read a file of any known format as a table.
 
+    Parameters
+    ----------
+    path : the file.
+    topics : names of the topics or streams to read, for formats that have several.
+
     Raises
     ------
     RecordingError
         If the file cannot be read as a table of numbers.
     UsageError
-        If an optional library that the format needs is not installed.
+        If an optional library that the format needs is not installed, or a topic is not there.
     """
     format_ = find_format(path)
     try:
-        return format_.read_table(path)
+        table: RawTable = format_.read_table(*_arguments(format_, path, topics))
     except OSError as error:
         raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
+    return table
 
 
-def read_table_blocks(path: Path) -> Iterator[RawTable]:
+def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
     """Read a file of any known format block by block; formats that cannot are read whole first.
+
+    Parameters
+    ----------
+    path, topics : as for `read_table`.
 
     Raises
     ------
     RecordingError
         If the file cannot be read as a table of numbers.
     UsageError
-        If an optional library that the format needs is not installed.
+        If an optional library that the format needs is not installed, or a topic is not there.
     """
     format_ = find_format(path)
+    arguments = _arguments(format_, path, topics)
     try:
         if hasattr(format_, "read_table_blocks"):
-            yield from format_.read_table_blocks(path)
+            yield from format_.read_table_blocks(*arguments)
             return
-        table = format_.read_table(path)
+        table = format_.read_table(*arguments)
     except OSError as error:
         raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
     for start in range(0, len(table), _BLOCK_ROWS):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -72,6 +72,25 @@ def hash_file(path: Path) -> Source:
     """
     with path.open("rb") as file:
         return Source(path.name, hashlib.file_digest(file, "sha256").hexdigest())
+
+
+def hash_files(path: Path, parts: Sequence[Path]) -> Source:
+    """Return a folder's name, and one SHA-256 over the names and SHA-256 of its files.
+
+    Parameters
+    ----------
+    path : the folder.
+    parts : its files that are read, in order.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be read.
+    """
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(f"{hash_file(part).sha256}  {part.relative_to(path).as_posix()}\n".encode())
+    return Source(path.name, digest.hexdigest())
 
 
 def as_columns(matrix: npt.NDArray[np.float64]) -> list[Series]:

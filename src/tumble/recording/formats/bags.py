@@ -1,0 +1,318 @@
+"""What bags have in common, whatever file they are in: topics, the choice among them, messages as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+from tumble.errors import RecordingError, UsageError
+from tumble.recording.formats.ros_messages import READABLE, decode, holds, samples_of
+from tumble.recording.formats.streams import (
+    BLOCK_ROWS,
+    Merging,
+    Samples,
+    Units,
+    join_samples,
+    table_of_samples,
+)
+from tumble.recording.formats.table import RawTable
+from tumble.recording.recording import Remark, Source
+
+_PEEKED = 16  # messages of each topic that show which triads it has
+_MOST_PEEKED = 200_000
+_BATCH = 4096  # messages that are decoded together
+_LISTED = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A topic of a bag.
+
+    Attributes
+    ----------
+    name, kind : its name, and the type of its messages as ROS 1 writes it.
+    count : number of its messages, or None where the file does not say.
+    cdr : whether the messages are serialised as CDR (ROS 2).
+    rate : messages a second, or None.
+    """
+
+    name: str
+    kind: str
+    count: int | None
+    cdr: bool
+    rate: float | None = None
+
+    def words(self) -> str:
+        """Return name, type, count and rate in words."""
+        count = "" if self.count is None else f", {self.count} messages"
+        rate = "" if self.rate is None else f", {self.rate:.4g} Hz"
+        return f"{self.name} ({self.kind}{count}{rate})"
+
+
+@runtime_checkable
+class Bag(Protocol):
+    """A file of messages with topics."""
+
+    @property
+    def path(self) -> Path:
+        """The file, or the folder."""
+        ...
+
+    @property
+    def topics(self) -> list[Topic]:
+        """What it holds."""
+        ...
+
+    @property
+    def remarks(self) -> list[Remark]:
+        """What was noticed, or mended, so far."""
+        ...
+
+    def messages(self, names: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, time of recording in ns, and bytes of the messages of some topics."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Which topics are read: of the accelerometer, of the gyro; the same, or one of them None."""
+
+    force: str | None
+    rates: str | None
+
+    def names(self) -> list[str]:
+        """Return the topics' names, each once."""
+        return list(dict.fromkeys(n for n in (self.force, self.rates) if n is not None))
+
+
+def choose_topics(bag: Bag, wanted: Sequence[str]) -> Choice:
+    """Return the topics that are read: the wanted ones, or those of the one IMU that the bag holds.
+
+    Raises
+    ------
+    RecordingError
+        If the bag holds no IMU, or several of which none was wanted.
+    UsageError
+        If a wanted topic is not there, or more than two are wanted.
+    """
+    known = {t.name: t for t in bag.topics}
+    if not any(t.count for t in bag.topics):
+        raise RecordingError(
+            f"{bag.path.name} holds no message that could be read: it is empty, cut short or damaged."
+        )
+    if wanted:
+        names = [_named(known, name, bag.path.name) for name in wanted]
+    else:
+        imus = [t.name for t in bag.topics if t.kind == READABLE[0] and t.count != 0]
+        vectors = [t.name for t in bag.topics if t.kind in READABLE and t.count != 0]
+        names = imus or vectors
+        if not names:
+            raise RecordingError(
+                f"{bag.path.name} holds no topic of sensor_msgs/Imu; it holds {list_topics(bag.topics)}."
+            )
+    return _chosen(bag, known, names, asked=bool(wanted))
+
+
+def _named(known: dict[str, Topic], name: str, file: str) -> str:
+    for spelling in (name, "/" + name.strip("/"), name.strip("/")):
+        if spelling in known:
+            if known[spelling].kind not in READABLE:
+                raise RecordingError(
+                    f"{file}: {spelling} is {known[spelling].kind}; read are {' and '.join(READABLE)}. "
+                    f"The file holds {list_topics(list(known.values()))}."
+                )
+            return spelling
+    raise UsageError(
+        f"--topic {name}: {file} has no such topic; it holds {list_topics(list(known.values()))}."
+    )
+
+
+def list_topics(topics: Sequence[Topic]) -> str:
+    """Return the topics in words, those of IMUs first."""
+    if not topics:
+        return "no topic at all"
+    ordered = sorted(topics, key=lambda t: (t.kind not in READABLE, t.name))
+    more = f" and {len(ordered) - _LISTED} more" if len(ordered) > _LISTED else ""
+    return ", ".join(t.words() for t in ordered[:_LISTED]) + more
+
+
+def _chosen(bag: Bag, known: dict[str, Topic], names: list[str], *, asked: bool) -> Choice:
+    """Find out which triads the topics hold, and which of them are one recording."""
+    if len(names) > 2 and asked:
+        raise UsageError(f"--topic names {len(names)} topics; give one, or one of each triad.")
+    found = _peek(bag, known, names)
+    full = [n for n, (force, rate) in found.items() if force and rate]
+    forces = [n for n, (force, _) in found.items() if force]
+    rates = [n for n, (_, rate) in found.items() if rate]
+    lone_forces, lone_rates = [n for n in forces if n not in full], [n for n in rates if n not in full]
+    if len(full) == 1 and not (asked and len(names) == 2):
+        return Choice(full[0], full[0])
+    if not full and len(lone_forces) <= 1 and len(lone_rates) <= 1 and (lone_forces or lone_rates):
+        return Choice(next(iter(lone_forces), None), next(iter(lone_rates), None))
+    if asked and len(names) == 2 and len(full) == 1 and (lone_forces or lone_rates):
+        other = (lone_forces or lone_rates)[0]
+        return Choice(other, full[0]) if lone_forces else Choice(full[0], other)
+    if not found or not (forces or rates):
+        raise RecordingError(
+            f"{bag.path.name}: {' and '.join(names)} hold(s) no message with an acceleration or a rate; "
+            f"the file holds {list_topics(bag.topics)}."
+        )
+    several = ", ".join(known[n].words() for n in names)
+    advice = "name one of them" if full else "name one accelerometer and one gyro"
+    raise RecordingError(f"{bag.path.name} holds several sensors: {several}; {advice} with --topic.")
+
+
+def _peek(bag: Bag, known: dict[str, Topic], names: list[str]) -> dict[str, tuple[bool, bool]]:
+    """Return for each topic with messages whether it holds specific force, and whether angular rate."""
+    heads: dict[str, list[bytes]] = {n: [] for n in names}
+    for seen, (name, _, data) in enumerate(bag.messages(names)):
+        if len(heads[name]) < _PEEKED:
+            heads[name].append(data)
+        if seen > _MOST_PEEKED or all(len(h) >= _PEEKED for h in heads.values()):
+            break
+    found: dict[str, tuple[bool, bool]] = {}
+    for name, messages in heads.items():
+        if messages:
+            topic = known[name]
+            decoded = decode(topic.kind, messages, [0] * len(messages), name, cdr=topic.cdr)
+            found[name] = holds(decoded, topic.kind, name)
+    return found
+
+
+@dataclass(slots=True)
+class _Batches:
+    """Messages on their way to arrays, topic by topic."""
+
+    topics: dict[str, Topic]
+    choice: Choice
+    unstamped: set[str] = field(default_factory=set[str])
+    _messages: dict[str, list[bytes]] = field(default_factory=dict[str, list[bytes]])
+    _times: dict[str, list[int]] = field(default_factory=dict[str, list[int]])
+
+    def add(self, name: str, time: int, data: bytes) -> bool:
+        """Take in a message; returns whether a batch is full."""
+        messages = self._messages.setdefault(name, [])
+        messages.append(data)
+        self._times.setdefault(name, []).append(time)
+        return len(messages) >= _BATCH
+
+    def drain(self) -> dict[str, Samples]:
+        """Return what has come in as samples by topic."""
+        drained: dict[str, Samples] = {}
+        for name, messages in self._messages.items():
+            if messages:
+                topic = self.topics[name]
+                decoded = decode(topic.kind, messages, self._times[name], name, cdr=topic.cdr)
+                if decoded.unstamped:
+                    self.unstamped.add(name)
+                drained[name] = samples_of(decoded, name == self.choice.force, name == self.choice.rates)
+        self._messages.clear()
+        self._times.clear()
+        return drained
+
+    def pieces(self, bag: Bag) -> Iterator[dict[str, Samples]]:
+        """Yield all messages of the chosen topics, some thousands at a time."""
+        for name, time, data in bag.messages(self.choice.names()):
+            if self.add(name, time, data):
+                yield self.drain()
+        if rest := self.drain():
+            yield rest
+
+
+def bag_blocks(bag: Bag, wanted: Sequence[str], source: Source) -> Iterator[RawTable]:
+    """Yield the table of a bag in blocks of half a million rows; its remarks stand on the last one too.
+
+    Parameters
+    ----------
+    bag : opened.
+    wanted : names of topics, or none.
+    source : the file, for provenance.
+
+    Raises
+    ------
+    RecordingError
+        If the bag holds no IMU, several, or damaged messages.
+    UsageError
+        If a wanted topic is not there.
+    """
+    choice = choose_topics(bag, wanted)
+    batches = _Batches({t.name: t for t in bag.topics}, choice)
+    first = [
+        Remark("found", f"{bag.path.name} holds {list_topics(bag.topics)}."),
+        _choice_remark(bag, choice),
+    ]
+    split = choice.force is not None and choice.rates is not None and choice.force != choice.rates
+    merging = Merging(bag.path.name, choice.force or "", choice.rates or "") if split else None
+    held: Samples | None = None
+    gathered = _merged(batches.pieces(bag), merging) if merging else _single(batches.pieces(bag))
+    for samples in gathered:
+        if held is not None:
+            yield table_of_samples(bag.path, held, Units(), source, first)
+            first = []
+        held = samples
+    if held is None:
+        raise RecordingError(
+            f"{bag.path.name}: {' and '.join(choice.names())} hold(s) no message that could be read."
+        )
+    last = [*first, *bag.remarks, *(merging.remarks() if merging else [])]
+    last += [_unstamped_remark(bag, name) for name in sorted(batches.unstamped)]
+    yield table_of_samples(bag.path, held, Units(), source, last)
+
+
+def _single(pieces: Iterator[dict[str, Samples]]) -> Iterator[Samples]:
+    held: list[Samples] = []
+    for piece in pieces:
+        held += piece.values()
+        if sum(map(len, held)) >= BLOCK_ROWS:
+            yield join_samples(held)
+            held = []
+    if held:
+        yield join_samples(held)
+
+
+def _merged(pieces: Iterator[dict[str, Samples]], merging: Merging) -> Iterator[Samples]:
+    for piece in pieces:
+        merging.add(piece.get(merging.force_name), piece.get(merging.rate_name))
+        if merging.waiting() >= BLOCK_ROWS and (block := merging.take()) is not None:
+            yield block
+    if (block := merging.take(last=True)) is not None:
+        yield block
+
+
+def bag_table(bag: Bag, wanted: Sequence[str], source: Source) -> RawTable:
+    """Return the whole table of a bag; the parameters are those of `bag_blocks`.
+
+    Raises
+    ------
+    RecordingError
+        If the bag holds no IMU, several, or damaged messages.
+    UsageError
+        If a wanted topic is not there.
+    """
+    import numpy as np
+
+    tables = list(bag_blocks(bag, wanted, source))
+    if len(tables) == 1:
+        return tables[0]
+    columns = [np.concatenate([t.columns[i] for t in tables]) for i in range(len(tables[0].columns))]
+    remarks = [r for t in tables for r in t.remarks]
+    return RawTable(tables[0].path, tables[0].names, columns, source, remarks)
+
+
+def _choice_remark(bag: Bag, choice: Choice) -> Remark:
+    if choice.force == choice.rates:
+        return Remark("found", f"{bag.path.name}: {choice.force} is read.")
+    parts = [
+        f"{n} as the {what}" for n, what in ((choice.force, "accelerometer"), (choice.rates, "gyro")) if n
+    ]
+    return Remark("found", f"{bag.path.name}: read are {' and '.join(parts)}.")
+
+
+def _unstamped_remark(bag: Bag, name: str) -> Remark:
+    return Remark(
+        "assumed",
+        f"{bag.path.name}: the headers of {name} have no stamps; the times at which the messages were recorded are "
+        "taken, which jitter.",
+    )

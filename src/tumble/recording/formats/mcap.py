@@ -1,0 +1,282 @@
+"""MCAP files with ROS 1 or ROS 2 messages, chunk by chunk, without ROS; also unfinished ones.
+
+References
+----------
+MCAP file format specification, version 0.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+from tumble.errors import RecordingError
+from tumble.recording.formats.bags import Topic, bag_blocks, bag_table
+from tumble.recording.formats.compression import decompress_lz4, decompress_zstd
+from tumble.recording.formats.ros_messages import plain_type
+from tumble.recording.formats.table import RawTable, hash_file
+from tumble.recording.recording import Remark, Source
+
+NAME = "MCAP"
+ENDINGS = (".mcap",)
+SUMMARY = "MCAP with topics of sensor_msgs/Imu, also split ones (lz4 and zstd with the extra `ros`)"
+HAS_TOPICS = True
+
+_MAGIC = b"\x89MCAP0\r\n"
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 0x02, 0x03, 0x04, 0x05, 0x06
+_CHUNK_INDEX, _STATISTICS, _DATA_END = 0x08, 0x0B, 0x0F
+_RECORD = struct.Struct("<BQ")
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+
+
+def recognises(head: bytes) -> bool:
+    """Say whether a file that begins so is MCAP."""
+    return head.startswith(_MAGIC)
+
+
+def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
+    """Read an MCAP file whole.
+
+    Parameters
+    ----------
+    path : the file.
+    topics : one topic, or one of each triad; none where the file holds one IMU.
+
+    Raises
+    ------
+    RecordingError
+        If the file is damaged or holds no IMU, or several.
+    UsageError
+        If a topic is not there, or a library is missing.
+    OSError
+        If the file cannot be read.
+    """
+    return bag_table(McapFile(path), topics, hash_file(path))
+
+
+def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
+    """Read an MCAP file in blocks of half a million rows (without SHA-256).
+
+    Parameters
+    ----------
+    path, topics : as for `read_table`.
+
+    Raises
+    ------
+    RecordingError
+        If the file is damaged or holds no IMU, or several.
+    UsageError
+        If a topic is not there, or a library is missing.
+    OSError
+        If the file cannot be read.
+    """
+    return bag_blocks(McapFile(path), topics, Source(path.name, ""))
+
+
+class _CutShort(Exception):
+    """The file ends inside a record."""
+
+
+def _string(data: bytes, position: int) -> tuple[str, int]:
+    (size,) = struct.unpack_from("<I", data, position)
+    end = position + 4 + size
+    return data[position + 4 : end].decode("utf-8", "replace"), end
+
+
+def _exactly(file: BinaryIO, size: int) -> bytes:
+    data = file.read(size)
+    if len(data) < size:
+        raise _CutShort
+    return data
+
+
+@dataclass(slots=True)
+class McapFile:
+    """An MCAP file: its channels and where its chunks are.
+
+    Attributes
+    ----------
+    path : the file.
+    topics, remarks : as found.
+    """
+
+    path: Path
+    topics: list[Topic] = field(default_factory=list[Topic])
+    remarks: list[Remark] = field(default_factory=list[Remark])
+    _schemas: dict[int, str] = field(default_factory=dict[int, str])
+    _channels: dict[int, tuple[str, int, str]] = field(default_factory=dict[int, tuple[str, int, str]])
+    _chunks: list[tuple[int, frozenset[int]]] = field(default_factory=list[tuple[int, frozenset[int]]])
+    _counts: Counter[int] = field(default_factory=Counter[int])
+    _span: tuple[int, int] = (0, 0)
+    _end: int = 0
+
+    def __post_init__(self) -> None:
+        with self.path.open("rb") as file:
+            try:
+                if not self._read_summary(file):
+                    self._scan(file)
+            except (struct.error, IndexError) as error:
+                raise RecordingError(f"{self.path.name} is a damaged MCAP file.") from error
+        duration = 1e-9 * (self._span[1] - self._span[0])
+        for number, (name, schema, encoding) in self._channels.items():
+            count = self._counts[number]
+            kind = plain_type(self._schemas.get(schema, "")) or encoding
+            if encoding not in ("cdr", "ros1") and kind.startswith(("sensor_msgs/", "geometry_msgs/")):
+                kind = f"{kind} as {encoding}"
+            rate = (count - 1) / duration if duration > 0.0 and count > 1 else None
+            self.topics.append(Topic(name, kind, count, cdr=encoding == "cdr", rate=rate))
+
+    def _read_summary(self, file: BinaryIO) -> bool:
+        """Read channels and chunks from the summary; False if there is none that is whole."""
+        file.seek(0, 2)
+        size = file.tell()
+        self._end = size
+        if size < 45:
+            return False
+        file.seek(size - 37)
+        footer = file.read(37)
+        if footer[-8:] != _MAGIC or footer[0] != _FOOTER:
+            return False
+        (start,) = struct.unpack_from("<Q", footer, 9)
+        if not 0 < start < size:
+            return False
+        file.seek(start)
+        summary = file.read(size - 37 - start)
+        position, said = 0, False
+        while position + 9 <= len(summary):
+            code, length = _RECORD.unpack_from(summary, position)
+            record = summary[position + 9 : position + 9 + length]
+            position += 9 + length
+            self._take_summary(code, record)
+            said = said or code == _STATISTICS
+        return bool(said and self._channels and self._chunks)
+
+    def _take_summary(self, code: int, record: bytes) -> None:
+        if code in (_SCHEMA, _CHANNEL):
+            self._describe(code, record)
+        elif code == _STATISTICS:
+            self._span = struct.unpack_from("<QQ", record, 26)
+            self._counts = Counter(dict(struct.iter_unpack("<HQ", record[46:])))
+        elif code == _CHUNK_INDEX:
+            (offset,) = struct.unpack_from("<Q", record, 16)
+            (size,) = struct.unpack_from("<I", record, 32)
+            channels = frozenset(c for c, _ in struct.iter_unpack("<HQ", record[36 : 36 + size]))
+            self._chunks.append((offset, channels))
+
+    def _describe(self, code: int, record: bytes) -> None:
+        """Take in a schema or a channel."""
+        if code == _SCHEMA:
+            (number,) = struct.unpack_from("<H", record)
+            self._schemas[number] = _string(record, 2)[0]
+            return
+        number, schema = struct.unpack_from("<HH", record)
+        topic, end = _string(record, 4)
+        self._channels[number] = (topic, schema, _string(record, end)[0])
+
+    def _scan(self, file: BinaryIO) -> None:
+        """Find channels and count messages where there is no summary."""
+        self._schemas.clear()
+        self._channels.clear()
+        self._chunks.clear()
+        self._counts = Counter()
+        low, high = 2**64, 0
+        for channel, time, _ in self._every_message(file, None):
+            self._counts[channel] += 1
+            low, high = min(low, time), max(high, time)
+        self._span = (min(low, high), high)
+
+    def _every_message(self, file: BinaryIO, wanted: set[int] | None) -> Iterator[tuple[int, int, bytes]]:
+        """Yield the messages of the whole file from its beginning; a file that is cut short ends early."""
+        file.seek(len(_MAGIC))
+        self.remarks.clear()
+        try:
+            while True:
+                code, length = _RECORD.unpack(_exactly(file, 9))
+                if code in (_FOOTER, _DATA_END):
+                    return
+                if code == _CHUNK:
+                    yield from self._chunk_messages(_exactly(file, length), wanted)
+                elif code in (_SCHEMA, _CHANNEL):
+                    self._describe(code, _exactly(file, length))
+                elif code == _MESSAGE:
+                    record = _exactly(file, length)
+                    channel, _, time, _ = _MESSAGE_HEAD.unpack_from(record)
+                    if wanted is None or channel in wanted:
+                        yield channel, time, record[22:]
+                elif code == 0 or file.tell() + length > self._end:
+                    raise _CutShort
+                else:
+                    file.seek(length, 1)
+        except _CutShort:
+            self.remarks.append(
+                Remark("mended", f"{self.path.name} is not finished or cut short; what is there is read.")
+            )
+
+    def _chunk_messages(self, chunk: bytes, wanted: set[int] | None) -> Iterator[tuple[int, int, bytes]]:
+        """Yield channel, time and bytes of a chunk's messages."""
+        body = self._body(chunk)
+        position, stop = 0, len(body)
+        unpack, head = _RECORD.unpack_from, _MESSAGE_HEAD.unpack_from
+        while position + 9 <= stop:
+            code, length = unpack(body, position)
+            start = position + 9
+            position = start + length
+            if position > stop:
+                raise RecordingError(f"{self.path.name}: a chunk is damaged.")
+            if code == _MESSAGE:
+                channel, _, time, _ = head(body, start)
+                if wanted is None or channel in wanted:
+                    yield channel, time, body[start + 22 : position]
+            elif code in (_SCHEMA, _CHANNEL):
+                self._describe(code, body[start:position])
+
+    def _body(self, chunk: bytes) -> bytes:
+        """Return the records of a chunk, decompressed and checked."""
+        size, checksum = struct.unpack_from("<QI", chunk, 16)
+        compression, position = _string(chunk, 28)
+        data = chunk[position + 8 :]
+        name = self.path.name
+        if compression == "zstd":
+            data = decompress_zstd(data, name)
+        elif compression == "lz4":
+            try:
+                data = decompress_lz4(data, name)
+            except RuntimeError as error:
+                raise RecordingError(f"{name}: a chunk is damaged ({error}).") from error
+        elif compression:
+            raise RecordingError(
+                f"{name}: chunks are compressed as {compression!r}, which is not known; known are lz4 and zstd."
+            )
+        if len(data) != size or (checksum and zlib.crc32(data) != checksum):
+            raise RecordingError(f"{name}: a chunk is damaged: its content does not agree with its checksum.")
+        return data
+
+    def messages(self, names: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, time of recording in ns, and bytes of the messages of some topics."""
+        chosen = set(names)
+        topics = {n: topic for n, (topic, _, _) in self._channels.items() if topic in chosen}
+        wanted = set(topics)
+        with self.path.open("rb") as file:
+            if not self._chunks:
+                yield from ((topics[c], time, data) for c, time, data in self._every_message(file, wanted))
+                return
+            for offset, channels in sorted(self._chunks):
+                if channels and not channels & wanted:
+                    continue
+                for channel, time, data in self._chunk_messages(self._chunk_at(file, offset), wanted):
+                    yield topics[channel], time, data
+
+    def _chunk_at(self, file: BinaryIO, offset: int) -> bytes:
+        file.seek(offset)
+        try:
+            code, length = _RECORD.unpack(_exactly(file, 9))
+            if code == _CHUNK and offset + length <= self._end:
+                return _exactly(file, length)
+        except _CutShort:
+            pass
+        raise RecordingError(f"{self.path.name} is a damaged MCAP file: its index leads nowhere.")

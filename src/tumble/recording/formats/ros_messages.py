@@ -1,0 +1,148 @@
+"""What ROS messages of inertial sensors look like, serialised by ROS 1 or as CDR by ROS 2.
+
+Layouts are those of the message definitions `sensor_msgs/Imu`, `geometry_msgs/Vector3Stamped` and
+`std_msgs/Header`: their numbers have fixed places after the frame's name, so that messages of one length
+are decoded together. A stamp is the header's, or the recorder's where the header has none.
+
+References
+----------
+ROS common_interfaces, message definitions; OMG, *DDS-XTypes 1.3*, section 7.4 (CDR).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.arrays import Series
+from tumble.errors import RecordingError
+from tumble.recording.formats.streams import Samples
+
+_IMU = "sensor_msgs/Imu"
+_VECTOR = "geometry_msgs/Vector3Stamped"
+# Numbers of float64 after the header, and where the triads begin among them.
+_LAYOUTS = {_IMU: (37, 25, 13), _VECTOR: (3, 0, 0)}
+_FORCE_COVARIANCE, _RATE_COVARIANCE = 28, 16
+READABLE = tuple(_LAYOUTS)
+"""The types of message that are read."""
+
+
+def plain_type(name: str) -> str:
+    """Return a type's name as ROS 1 writes it.
+
+    Examples
+    --------
+    >>> plain_type("sensor_msgs/msg/Imu")
+    'sensor_msgs/Imu'
+    """
+    return name.replace("/msg/", "/").replace("::msg::dds_::", "/").rstrip("_")
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """Messages of one topic as arrays.
+
+    Attributes
+    ----------
+    time : (n,) seconds, of the header or of the recorder.
+    force, rate : (n, 3), or None.
+    unstamped : whether the headers have no time.
+    """
+
+    time: Series
+    force: npt.NDArray[np.float64]
+    rate: npt.NDArray[np.float64]
+    unstamped: bool
+
+
+def decode(kind: str, messages: list[bytes], log_times: list[int], topic: str, *, cdr: bool) -> Decoded:
+    """Decode messages of one topic.
+
+    Parameters
+    ----------
+    kind : type of the messages, as `plain_type` gives it.
+    messages, log_times : their bytes, and when they were recorded, in ns.
+    topic : its name, for messages.
+    cdr : whether they are serialised as CDR (ROS 2) and not as ROS 1 does it.
+
+    Raises
+    ------
+    RecordingError
+        If a message is too short to be of that type.
+    """
+    count = len(messages)
+    numbers = np.empty((count, _LAYOUTS[kind][0]))
+    stamps = np.empty((count, 2))
+    lengths = np.array([len(m) for m in messages])
+    for length in np.unique(lengths):
+        index = np.flatnonzero(lengths == length)
+        body = b"".join([messages[i] for i in index] if index.size < count else messages)
+        rows = np.frombuffer(body, np.uint8).reshape(index.size, int(length))
+        _decode_rows(rows, index, numbers, stamps, kind, topic, cdr)
+    unstamped = not stamps.any()
+    if unstamped:
+        stamps = np.column_stack(np.divmod(np.array(log_times, np.int64), 1_000_000_000)).astype(np.float64)
+    _, force, rate = _LAYOUTS[kind]
+    # Seconds and the rest apart: nanoseconds since 1970 have more digits than a float64 holds.
+    return Decoded(
+        stamps[:, 0] + stamps[:, 1] / 1e9,
+        numbers[:, force : force + 3],
+        numbers[:, rate : rate + 3],
+        unstamped,
+    )
+
+
+def _decode_rows(
+    rows: npt.NDArray[np.uint8],
+    index: npt.NDArray[np.intp],
+    numbers: npt.NDArray[np.float64],
+    stamps: npt.NDArray[np.float64],
+    kind: str,
+    topic: str,
+    cdr: bool,
+) -> None:
+    """Decode messages of one length into the rows `index` of `numbers` and `stamps`."""
+    length = rows.shape[1]
+    order = ">" if cdr and length > 1 and rows[0, 1] % 2 == 0 else "<"
+    start = 4  # after the encapsulation of CDR, or the sequence number of ROS 1
+    if length < start + 12:
+        raise _too_short(topic, kind, length)
+    head = rows[:, start : start + 12].copy().view(order + "u4")
+    for name_length in np.unique(head[:, 2]):
+        same = head[:, 2] == name_length
+        begin = start + 12 + int(name_length)
+        if cdr:
+            begin = 4 + (begin - 4 + 7) // 8 * 8
+        size = 8 * numbers.shape[1]
+        if begin + size > length:
+            raise _too_short(topic, kind, length)
+        numbers[index[same]] = rows[same, begin : begin + size].copy().view(order + "f8")
+    stamps[index] = head[:, :2]
+
+
+def _too_short(topic: str, kind: str, length: int) -> RecordingError:
+    return RecordingError(
+        f"A message of {topic} has {length} bytes, too few for {kind}, which the file says that it is: "
+        "the file is damaged, or the topic was recorded with another definition of the type."
+    )
+
+
+def holds(decoded: Decoded, kind: str, topic: str) -> tuple[bool, bool]:
+    """Say whether messages hold specific force, and whether angular rate.
+
+    A driver with one topic a sensor leaves the other's numbers zero. A lone vector is what its topic's
+    name says.
+    """
+    if kind == _VECTOR:
+        from tumble.recording.columns import kind_of_file
+
+        said = kind_of_file(topic.replace("_", " ").replace("/", " "))
+        return said == "a", said == "g"
+    return bool(decoded.force.any()), bool(decoded.rate.any())
+
+
+def samples_of(decoded: Decoded, force: bool, rate: bool) -> Samples:
+    """Return decoded messages as samples of what is wanted of them."""
+    return Samples(decoded.time, decoded.force if force else None, decoded.rate if rate else None)

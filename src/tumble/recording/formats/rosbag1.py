@@ -1,0 +1,281 @@
+"""ROS 1 bags (version 2.0), chunk by chunk, without ROS; also bags without an index or cut short.
+
+References
+----------
+ROS wiki, *Bags/Format/2.0*.
+"""
+
+from __future__ import annotations
+
+import bz2
+import struct
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+from tumble.errors import RecordingError
+from tumble.recording.formats.bags import Topic, bag_blocks, bag_table
+from tumble.recording.formats.compression import decompress_lz4
+from tumble.recording.formats.ros_messages import plain_type
+from tumble.recording.formats.table import RawTable, hash_file
+from tumble.recording.recording import Remark, Source
+
+NAME = "ROS 1 bag"
+ENDINGS = (".bag",)
+SUMMARY = "ROS 1 bag: topics of sensor_msgs/Imu, also split ones (lz4 with the extra `ros`)"
+HAS_TOPICS = True
+
+_MAGIC = b"#ROSBAG V2.0\n"
+_MESSAGE, _BAG_HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
+_U32, _U64 = struct.Struct("<I"), struct.Struct("<Q")
+
+
+def recognises(head: bytes) -> bool:
+    """Say whether a file that begins so is a ROS bag."""
+    return head.startswith(b"#ROSBAG V")
+
+
+def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
+    """Read a bag whole.
+
+    Parameters
+    ----------
+    path : the bag.
+    topics : one topic, or one of each triad; none where the bag holds one IMU.
+
+    Raises
+    ------
+    RecordingError
+        If the bag is damaged or holds no IMU, or several.
+    UsageError
+        If a topic is not there, or a library is missing.
+    OSError
+        If the file cannot be read.
+    """
+    return bag_table(_Rosbag(path), topics, hash_file(path))
+
+
+def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
+    """Read a bag in blocks of half a million rows (without SHA-256).
+
+    Parameters
+    ----------
+    path, topics : as for `read_table`.
+
+    Raises
+    ------
+    RecordingError
+        If the bag is damaged or holds no IMU, or several.
+    UsageError
+        If a topic is not there, or a library is missing.
+    OSError
+        If the file cannot be read.
+    """
+    return bag_blocks(_Rosbag(path), topics, Source(path.name, ""))
+
+
+class _CutShort(Exception):
+    """The file ends inside a record."""
+
+
+def _fields(header: bytes) -> dict[bytes, bytes]:
+    """Return the fields of a record's header."""
+    fields: dict[bytes, bytes] = {}
+    position = 0
+    while position + 4 <= len(header):
+        (size,) = _U32.unpack_from(header, position)
+        name, _, value = header[position + 4 : position + 4 + size].partition(b"=")
+        fields[name] = value
+        position += 4 + size
+    return fields
+
+
+def _exactly(file: BinaryIO, size: int) -> bytes:
+    data = file.read(size)
+    if len(data) < size:
+        raise _CutShort
+    return data
+
+
+def _header(file: BinaryIO) -> dict[bytes, bytes] | None:
+    """Read a record's header; None at the end of the file."""
+    start = file.read(4)
+    if not start:
+        return None
+    if len(start) < 4:
+        raise _CutShort
+    return _fields(_exactly(file, _U32.unpack(start)[0]))
+
+
+def _size(file: BinaryIO) -> int:
+    return int(_U32.unpack(_exactly(file, 4))[0])
+
+
+@dataclass(slots=True)
+class _Rosbag:
+    """A bag: its connections and where its chunks are."""
+
+    path: Path
+    topics: list[Topic] = field(default_factory=list[Topic])
+    remarks: list[Remark] = field(default_factory=list[Remark])
+    _connections: dict[int, tuple[str, str]] = field(default_factory=dict[int, tuple[str, str]])
+    _chunks: list[tuple[int, frozenset[int] | None]] = field(
+        default_factory=list[tuple[int, frozenset[int] | None]]
+    )
+    _counts: Counter[int] = field(default_factory=Counter[int])
+    _span: float = 0.0
+
+    def __post_init__(self) -> None:
+        with self.path.open("rb") as file:
+            if file.read(len(_MAGIC)) != _MAGIC:
+                raise RecordingError(
+                    f"{self.path.name} is a ROS bag of another version than 2.0; convert it with rosbag fix."
+                )
+            try:
+                indexed = self._read_index(file)
+            except (_CutShort, struct.error, KeyError, ValueError):
+                indexed = False
+            if not indexed:
+                self._scan(file)
+        self._list_topics()
+
+    def _read_index(self, file: BinaryIO) -> bool:
+        """Read connections and chunks from the end of the file; False if there is no index."""
+        header = _header(file)
+        position = 0 if header is None else int(_U64.unpack(header[b"index_pos"])[0])
+        file.seek(0, 2)
+        if not position or position >= file.tell():
+            return False
+        file.seek(position)
+        times: list[bytes] = []
+        while (header := _header(file)) is not None:
+            data = _exactly(file, _size(file))
+            if header[b"op"][0] == _CONNECTION:
+                self._connect(header, data)
+            elif header[b"op"][0] == _CHUNK_INFO:
+                pairs = list(struct.iter_unpack("<II", data))
+                self._counts.update(dict(pairs))
+                self._chunks.append(
+                    (int(_U64.unpack(header[b"chunk_pos"])[0]), frozenset(c for c, _ in pairs))
+                )
+                times += [header[b"start_time"], header[b"end_time"]]
+        seconds = [s + 1e-9 * ns for s, ns in (struct.unpack("<II", t) for t in times)]
+        self._span = max(seconds) - min(seconds) if seconds else 0.0
+        self._chunks.sort(key=lambda c: c[0])
+        return bool(self._chunks and self._connections)
+
+    def _scan(self, file: BinaryIO) -> None:
+        """Find chunks and connections where the recorder wrote no index, or the file is cut short."""
+        self._connections.clear()
+        self._chunks.clear()
+        self._counts.clear()
+        self.remarks.append(
+            Remark("mended", f"{self.path.name} has no index (the recording was not closed, or is cut short); "
+                   "what is there is read.")
+        )  # fmt: skip
+        file.seek(len(_MAGIC))
+        try:
+            while True:
+                position = file.tell()
+                header = _header(file)
+                if header is None:
+                    return
+                size = _size(file)
+                if header[b"op"][0] == _CHUNK:
+                    self._scan_chunk(header, _exactly(file, size))
+                    self._chunks.append((position, None))
+                elif header[b"op"][0] == _CONNECTION:
+                    self._connect(header, _exactly(file, size))
+                else:
+                    file.seek(size, 1)
+        except _CutShort:
+            return
+        except (KeyError, IndexError, struct.error) as error:
+            if not self._chunks:
+                raise RecordingError(f"{self.path.name} is a damaged ROS bag.") from error
+
+    def _scan_chunk(self, header: dict[bytes, bytes], data: bytes) -> None:
+        for inner, start, stop in self._records(self._body(header, data)):
+            if inner[b"op"][0] == _CONNECTION:
+                self._connect(inner, self._body(header, data)[start:stop])
+            elif inner[b"op"][0] == _MESSAGE:
+                self._counts[int(_U32.unpack(inner[b"conn"])[0])] += 1
+
+    def _connect(self, header: dict[bytes, bytes], data: bytes) -> None:
+        said = _fields(data)
+        kind = plain_type(said.get(b"type", b"?").decode("utf-8", "replace"))
+        number = int(_U32.unpack(header[b"conn"])[0])
+        self._connections[number] = (header[b"topic"].decode("utf-8", "replace"), kind)
+
+    def _list_topics(self) -> None:
+        counts: Counter[tuple[str, str]] = Counter()
+        for number, topic in self._connections.items():
+            counts[topic] += self._counts[number]
+        for (name, kind), count in counts.items():
+            rate = (count - 1) / self._span if self._span > 0.0 and count > 1 else None
+            self.topics.append(Topic(name, kind, count, cdr=False, rate=rate))
+
+    def _body(self, header: dict[bytes, bytes], data: bytes) -> bytes:
+        """Return a chunk's records, decompressed."""
+        compression = header.get(b"compression", b"none")
+        try:
+            if compression == b"none":
+                return data
+            if compression == b"bz2":
+                return bz2.decompress(data)
+            if compression == b"lz4":
+                return decompress_lz4(data, self.path.name)
+        except (OSError, ValueError, RuntimeError, EOFError) as error:
+            raise RecordingError(f"{self.path.name}: a chunk of the bag is damaged ({error}).") from error
+        raise RecordingError(
+            f"{self.path.name}: chunks are compressed as {compression.decode('utf-8', 'replace')!r}, which is "
+            "not known; known are bz2 and lz4."
+        )
+
+    def _records(self, body: bytes) -> Iterator[tuple[dict[bytes, bytes], int, int]]:
+        """Yield header, start and stop of the data of a chunk's records."""
+        position = 0
+        try:
+            while position < len(body):
+                (size,) = _U32.unpack_from(body, position)
+                start = position + 4 + size
+                (length,) = _U32.unpack_from(body, start)
+                position = start + 4 + length
+                if position > len(body):
+                    raise RecordingError(f"{self.path.name}: a chunk of the bag is damaged.")
+                yield _fields(body[start - size : start]), start + 4, position
+        except struct.error as error:
+            raise RecordingError(f"{self.path.name}: a chunk of the bag is damaged.") from error
+
+    def messages(self, names: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, time of recording in ns, and bytes of the messages of some topics."""
+        wanted = set(names)
+        numbers = {n: topic for n, (topic, _) in self._connections.items() if topic in wanted}
+        with self.path.open("rb") as file:
+            for position, connections in self._chunks:
+                if connections is not None and not connections & numbers.keys():
+                    continue
+                file.seek(position)
+                try:
+                    header = _header(file)
+                    data = _exactly(file, _size(file))
+                except _CutShort as error:
+                    raise RecordingError(
+                        f"{self.path.name} is a damaged ROS bag: a chunk is missing."
+                    ) from error
+                if header is None or header.get(b"op") != bytes([_CHUNK]):
+                    raise RecordingError(f"{self.path.name} is a damaged ROS bag: its index leads nowhere.")
+                yield from self._messages_of(self._body(header, data), numbers)
+
+    def _messages_of(self, body: bytes, numbers: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
+        try:
+            for header, start, stop in self._records(body):
+                if header[b"op"][0] == _MESSAGE:
+                    topic = numbers.get(_U32.unpack(header[b"conn"])[0])
+                    if topic is not None:
+                        seconds, rest = struct.unpack("<II", header[b"time"])
+                        yield topic, seconds * 1_000_000_000 + rest, body[start:stop]
+        except (KeyError, IndexError, struct.error) as error:
+            raise RecordingError(f"{self.path.name}: a chunk of the bag is damaged.") from error

@@ -1,0 +1,248 @@
+"""Streams of one sensor each, with stamps of their own, put onto one time base.
+
+Bags, flight logs and phones hold the accelerometer and the gyro as messages of their own kinds and rates.
+The gyro's stamps are the time base, because angles are integrated from them; the specific force between
+two of its samples is interpolated linearly. Nothing is interpolated over a gap, nor beyond either end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from tumble.arrays import Series, Vectors
+from tumble.errors import RecordingError
+from tumble.recording.formats.table import RawTable
+from tumble.recording.recording import Remark, Source
+
+BLOCK_ROWS = 500_000
+"""Rows of a block of a recording that is read in bounded memory."""
+
+_GAP = 2.5  # median steps between two samples, above which nothing is interpolated between them
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """A piece of one stream: seconds, and what was sampled then, in time order.
+
+    Attributes
+    ----------
+    time : (n,) seconds.
+    specific_force, angular_rate : (n, 3), or None where the stream has none.
+    temperature : (n,) or None.
+    """
+
+    time: Series
+    specific_force: Vectors | None = None
+    angular_rate: Vectors | None = None
+    temperature: Series | None = None
+
+    def __len__(self) -> int:
+        return int(self.time.shape[0])
+
+    def cut(self, keep: slice | np.ndarray) -> Samples:
+        """Return the samples that an index picks."""
+        return Samples(
+            self.time[keep],
+            None if self.specific_force is None else self.specific_force[keep],
+            None if self.angular_rate is None else self.angular_rate[keep],
+            None if self.temperature is None else self.temperature[keep],
+        )
+
+
+def join_samples(pieces: list[Samples]) -> Samples:
+    """Return consecutive pieces of one stream as one.
+
+    Parameters
+    ----------
+    pieces : at least one, all with the same quantities.
+    """
+    if len(pieces) == 1:
+        return pieces[0]
+
+    def joined(name: str) -> np.ndarray | None:
+        parts: list[np.ndarray] = [getattr(p, name) for p in pieces]
+        return None if getattr(pieces[0], name) is None else np.concatenate(parts)
+
+    time = joined("time")
+    assert time is not None
+    return Samples(time, joined("specific_force"), joined("angular_rate"), joined("temperature"))
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """Names of the units that a stream's numbers are in, None where nothing says so."""
+
+    specific_force: str | None = "m/s^2"
+    angular_rate: str | None = "rad/s"
+
+
+def table_of_samples(
+    path: Path, samples: Samples, units: Units, source: Source, remarks: Iterable[Remark] = ()
+) -> RawTable:
+    """Return samples as a table whose columns say what they are and in which unit.
+
+    Parameters
+    ----------
+    path : the file, for messages.
+    samples : with the time in seconds.
+    units : of the two triads.
+    source : the file with its SHA-256.
+    remarks : what was found so far.
+    """
+    names, columns = ["t [s]"], [samples.time]
+    for letter, triad, unit in (
+        ("a", samples.specific_force, units.specific_force),
+        ("g", samples.angular_rate, units.angular_rate),
+    ):
+        if triad is not None:
+            names += [f"{letter}{axis}" + (f" [{unit}]" if unit else "") for axis in "xyz"]
+            columns += [triad[:, axis] for axis in range(3)]
+    if samples.temperature is not None:
+        names.append("temperature")
+        columns.append(samples.temperature)
+    return RawTable(path, tuple(names), columns, source, list(remarks))
+
+
+@dataclass(slots=True)
+class Merging:
+    """Two streams on their way to one: the accelerometer's samples are interpolated at the gyro's stamps.
+
+    Attributes
+    ----------
+    name : of the file, for messages.
+    force_name, rate_name : of the two streams, for messages.
+    left_out : gyro samples so far without an accelerometer's sample on both sides.
+    """
+
+    name: str
+    force_name: str
+    rate_name: str
+    left_out: int = 0
+    _force: list[Samples] = field(default_factory=list[Samples])
+    _rates: list[Samples] = field(default_factory=list[Samples])
+    _step: float | None = None
+    _interpolated: int = 0
+
+    def add(self, force: Samples | None, rates: Samples | None) -> None:
+        """Take in what comes next of either stream."""
+        if force is not None and len(force):
+            self._force.append(force)
+        if rates is not None and len(rates):
+            self._rates.append(rates)
+
+    def waiting(self) -> int:
+        """Return the number of gyro samples that are not handed over yet."""
+        return sum(len(r) for r in self._rates)
+
+    def take(self, *, last: bool = False) -> Samples | None:
+        """Return the gyro's samples up to the accelerometer's last one, with the specific force there.
+
+        Parameters
+        ----------
+        last : whether nothing more comes, so that what has no partner is left out.
+
+        Raises
+        ------
+        RecordingError
+            If the accelerometer's stamps step back.
+        """
+        if not self._force or not self._rates:
+            self.left_out += self.waiting() if last else 0
+            return None
+        force, rates = _without_repeats(join_samples(self._force)), join_samples(self._rates)
+        self._refuse_backwards(force)
+        stop = len(rates) if last else int(np.searchsorted(rates.time, float(force.time[-1]), side="right"))
+        ready, rest = rates.cut(slice(0, stop)), rates.cut(slice(stop, None))
+        merged = self._interpolate(force, ready)
+        self._rates = [rest] if len(rest) else []
+        # The accelerometer's sample before the next stamp is still needed.
+        first = int(np.searchsorted(force.time, float(ready.time[-1]), side="right")) - 1 if len(ready) else 0
+        self._force = [force.cut(slice(max(first, 0), None))]
+        return merged if len(merged) else None
+
+    def _refuse_backwards(self, force: Samples) -> None:
+        back = np.flatnonzero(np.diff(force.time) < 0.0)
+        if back.size:
+            row = int(back[0])
+            raise RecordingError(
+                f"{self.name}: the stamps of {self.force_name} step back from {force.time[row]:.6f} s to "
+                f"{force.time[row + 1]:.6f} s; cut the recording there, for the order of its samples is unknown."
+            )
+
+    def _interpolate(self, force: Samples, rates: Samples) -> Samples:
+        """Return the specific force at the gyro's stamps; stamps without neighbours are left out."""
+        assert force.specific_force is not None
+        if self._step is None and len(force) > 1:
+            self._step = float(np.median(np.diff(force.time)))
+        before = np.searchsorted(force.time, rates.time, side="right") - 1
+        left = np.maximum(before, 0)
+        right = np.minimum(left + 1, len(force) - 1)
+        width = force.time[right] - force.time[left]
+        behind = rates.time - force.time[left]
+        between = (width > 0.0) & (width <= _GAP * (self._step or 0.0))
+        keep = (before >= 0) & (between | (behind == 0.0))
+        self.left_out += int(keep.size - keep.sum())
+        left, right, kept = left[keep], right[keep], rates.cut(keep)
+        share: Series = np.zeros(left.size)
+        np.divide(behind[keep], width[keep], out=share, where=behind[keep] > 0.0)
+        self._interpolated += int(np.count_nonzero(share))
+        low, high = force.specific_force[left], force.specific_force[right]
+        return Samples(kept.time, low + share[:, None] * (high - low), kept.angular_rate, kept.temperature)
+
+    def remarks(self) -> list[Remark]:
+        """Say what was done, once everything is merged."""
+        both = f"{self.name}: {self.force_name} and {self.rate_name}"
+        alike = Remark("found", f"{both} have the same stamps and stand side by side.")
+        between = "have stamps of their own: the specific force is interpolated at the gyro's stamps"
+        said = [Remark("mended", f"{both} {between}.") if self._interpolated else alike]
+        if self.left_out:
+            said.append(
+                Remark(
+                    "mended",
+                    f"{self.name}: {self.left_out} gyro sample(s) before, after or in a gap of the accelerometer's "
+                    "are left out.",
+                )
+            )
+        return said
+
+
+def _without_repeats(samples: Samples) -> Samples:
+    """Leave out samples whose stamp is that of the one before."""
+    keep = np.concatenate([[True], np.diff(samples.time) != 0.0])
+    return samples if keep.all() else samples.cut(keep)
+
+
+def merge_streams(
+    name: str, force: tuple[str, Samples], rates: tuple[str, Samples]
+) -> tuple[Samples, list[Remark]]:
+    """Return two whole streams as one, and what was done.
+
+    Parameters
+    ----------
+    name : of the file, for messages.
+    force, rates : name and samples of the accelerometer and the gyro.
+
+    Raises
+    ------
+    RecordingError
+        If the stamps of the accelerometer step back, or the two streams do not overlap in time.
+    """
+    merging = Merging(name, force[0], rates[0])
+    merging.add(force[1], rates[1])
+    merged = merging.take(last=True)
+    if merged is None:
+        raise RecordingError(no_overlap(name, force, rates))
+    return merged, merging.remarks()
+
+
+def no_overlap(name: str, force: tuple[str, Samples], rates: tuple[str, Samples]) -> str:
+    """Say that two streams have no time in common."""
+    spans = [
+        f"{n} from {s.time[0]:.3f} to {s.time[-1]:.3f} s" if len(s) else f"{n} empty"
+        for n, s in (force, rates)
+    ]
+    return f"{name}: the two streams have no time in common ({spans[0]}, {spans[1]}); they are of no one recording."

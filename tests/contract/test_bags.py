@@ -1,0 +1,194 @@
+"""Bags of ROS 1 and ROS 2: topics are listed, chosen and merged; what is damaged or foreign is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tumble.errors import RecordingError, UsageError
+from tumble.recording import read_blocks, read_recording
+
+rosbag1 = pytest.importorskip("rosbags.rosbag1", reason="rosbags writes the samples")
+rosbag2 = pytest.importorskip("rosbags.rosbag2")
+typesys = pytest.importorskip("rosbags.typesys")
+
+STORE = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+STORE1 = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
+IMU = "sensor_msgs/msg/Imu"
+ZEROS = np.zeros(9)
+
+
+def message(
+    store: Any, seconds: float, force: np.ndarray, rate: np.ndarray, stamp: float | None = None
+) -> Any:
+    kinds = store.types
+    nanoseconds = round((seconds if stamp is None else stamp) * 1e9)
+    more = {"seq": 0} if store is STORE1 else {}
+    header = kinds["std_msgs/msg/Header"](
+        stamp=kinds["builtin_interfaces/msg/Time"](*divmod(nanoseconds, 10**9)), frame_id="imu", **more
+    )
+    vector = kinds["geometry_msgs/msg/Vector3"]
+    quaternion = kinds["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+    return kinds[IMU](header, quaternion, ZEROS, vector(*rate), ZEROS, vector(*force), ZEROS)
+
+
+FORCE = np.array([0.5, -1.0, 9.7])
+RATE = np.array([0.01, 0.02, -0.03])
+
+
+def samples(count: int = 300) -> list[tuple[float, np.ndarray, np.ndarray]]:
+    rng = np.random.default_rng(4)
+    return [
+        (1000.0 + k / 128, FORCE + 0.01 * rng.normal(size=3), RATE + 0.001 * rng.normal(size=3))
+        for k in range(count)
+    ]
+
+
+def write_ros1(path: Path, topics: dict[str, str], count: int = 300, compression: str | None = None) -> None:
+    """Topics hold "both" triads, "force" or "rate" alone, or "none" of them."""
+    writer = rosbag1.Writer(path)
+    if compression:
+        writer.set_compression(getattr(writer.CompressionFormat, compression))
+    with writer:
+        connections = {t: writer.add_connection(t, IMU, typestore=STORE1) for t in topics}
+        for seconds, force, rate in samples(count):
+            for topic, what in topics.items():
+                parts = force * (what in ("both", "force")), rate * (what in ("both", "rate"))
+                made = message(STORE1, seconds, *parts)
+                writer.write(connections[topic], round(seconds * 1e9), STORE1.serialize_ros1(made, IMU))
+
+
+def write_ros2(
+    folder: Path, *, storage: str = "SQLITE3", mode: str | None = None, stamp: float | None = None
+) -> None:
+    writer = rosbag2.Writer(folder, version=8, storage_plugin=getattr(rosbag2.StoragePlugin, storage))
+    if mode:
+        writer.set_compression(getattr(rosbag2.CompressionMode, mode), rosbag2.CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection("/imu", IMU, typestore=STORE)
+        for seconds, force, rate in samples():
+            made = message(STORE, seconds, force, rate, stamp)
+            writer.write(connection, round(seconds * 1e9), STORE.serialize_cdr(made, IMU))
+
+
+def texts(recording: Any) -> str:
+    return " ".join(r.text for r in recording.remarks)
+
+
+@pytest.mark.parametrize("compression", ["BZ2", "LZ4"])
+def test_compressed_chunks_hold_the_same_numbers(tmp_path: Path, compression: str) -> None:
+    write_ros1(tmp_path / "a.bag", {"/imu": "both"}, compression=compression)
+    recording = read_recording(tmp_path / "a.bag")
+    assert np.array_equal(recording.specific_force, [f for _, f, _ in samples()])
+    assert recording.specific_force_unit == "m/s^2"
+
+
+@pytest.mark.parametrize(("storage", "mode"), [("SQLITE3", "MESSAGE"), ("MCAP", "STORAGE"), ("MCAP", None)])
+def test_a_folder_of_a_ros_2_bag_is_one_recording(tmp_path: Path, storage: str, mode: str | None) -> None:
+    write_ros2(tmp_path / "bag", storage=storage, mode=mode)
+    recording = read_recording(tmp_path / "bag")
+    assert np.array_equal(recording.angular_rate, [w for _, _, w in samples()])
+    assert recording.sources[0].name == "bag"
+    (block,) = read_blocks(tmp_path / "bag")
+    assert block.sources == recording.sources
+
+
+def test_split_topics_are_merged(tmp_path: Path) -> None:
+    write_ros1(tmp_path / "a.bag", {"/accel/sample": "force", "/gyro/sample": "rate"})
+    recording = read_recording(tmp_path / "a.bag")
+    assert np.array_equal(recording.specific_force, [f for _, f, _ in samples()])
+    assert np.array_equal(recording.angular_rate, [w for _, _, w in samples()])
+    assert "/accel/sample as the accelerometer and /gyro/sample as the gyro" in texts(recording)
+
+
+def test_topics_are_listed_with_type_number_and_rate(tmp_path: Path) -> None:
+    write_ros1(tmp_path / "a.bag", {"/imu": "both"})
+    assert "/imu (sensor_msgs/Imu, 300 messages, 128 Hz)" in texts(read_recording(tmp_path / "a.bag"))
+
+
+def test_two_sensors_are_not_mixed_unless_one_is_named(tmp_path: Path) -> None:
+    write_ros1(tmp_path / "a.bag", {"/left": "both", "/right": "both"})
+    with pytest.raises(
+        RecordingError, match=r"several sensors: /left .*, /right .*; name one of them with --topic"
+    ):
+        read_recording(tmp_path / "a.bag")
+    assert len(read_recording(tmp_path / "a.bag", topics=["right"])) == 300
+    with pytest.raises(RecordingError, match="name one of them"):
+        read_recording(tmp_path / "a.bag", topics=["/left", "/right"])
+
+
+def test_an_unknown_topic_is_refused_with_those_that_there_are(tmp_path: Path) -> None:
+    write_ros1(tmp_path / "a.bag", {"/imu": "both"})
+    with pytest.raises(UsageError, match=r"--topic /imu0: a.bag has no such topic; it holds /imu "):
+        read_recording(tmp_path / "a.bag", topics=["/imu0"])
+    with pytest.raises(UsageError, match="3 topics"):
+        read_recording(tmp_path / "a.bag", topics=["/imu"] * 3)
+
+
+def test_topics_of_another_type_are_refused_and_listed(tmp_path: Path) -> None:
+    with rosbag1.Writer(tmp_path / "a.bag") as writer:
+        connection = writer.add_connection("/said", "std_msgs/msg/String", typestore=STORE1)
+        data = STORE1.serialize_ros1(STORE1.types["std_msgs/msg/String"]("word"), connection.msgtype)
+        writer.write(connection, 1, data)
+    with pytest.raises(
+        RecordingError, match=r"holds no topic of sensor_msgs/Imu; it holds /said \(std_msgs/String"
+    ):
+        read_recording(tmp_path / "a.bag")
+    with pytest.raises(RecordingError, match=r"/said is std_msgs/String; read are sensor_msgs/Imu"):
+        read_recording(tmp_path / "a.bag", topics=["/said"])
+
+
+def test_messages_without_stamps_take_the_time_of_recording(tmp_path: Path) -> None:
+    write_ros2(tmp_path / "bag", stamp=0.0)
+    recording = read_recording(tmp_path / "bag")
+    assert recording.time[0] == 1000.0
+    assert "have no stamps" in texts(recording)
+
+
+def test_a_message_that_is_too_short_is_refused(tmp_path: Path) -> None:
+    with rosbag1.Writer(tmp_path / "a.bag") as writer:
+        connection = writer.add_connection("/imu", IMU, typestore=STORE1)
+        for k in range(20):
+            writer.write(connection, k, bytes(40))
+    with pytest.raises(RecordingError, match="has 40 bytes, too few for sensor_msgs/Imu"):
+        read_recording(tmp_path / "a.bag")
+
+
+def test_a_bag_that_was_not_closed_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
+    write_ros2(tmp_path / "bag", storage="MCAP")
+    (path,) = (tmp_path / "bag").glob("*.mcap")
+    raw = path.read_bytes()
+    # Without the footer, the summary and the end of the data section.
+    path.write_bytes(raw[: raw.rindex(b"\x0f\x04" + bytes(7))])
+    recording = read_recording(path)
+    assert np.array_equal(recording.specific_force, [f for _, f, _ in samples()])
+    assert "not finished or cut short" in texts(recording)
+
+
+def test_a_missing_library_is_named_with_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    write_ros1(tmp_path / "a.bag", {"/imu": "both"}, compression="LZ4")
+    monkeypatch.setitem(sys.modules, "lz4.frame", None)
+    with pytest.raises(UsageError, match=r'pip install "tumble\[ros\]"'):
+        read_recording(tmp_path / "a.bag")
+
+
+def test_a_database_of_something_else_is_refused(tmp_path: Path) -> None:
+    import sqlite3
+
+    connection = sqlite3.connect(tmp_path / "a.db3")
+    connection.execute("CREATE TABLE songs (name TEXT)")
+    connection.commit()
+    connection.close()
+    with pytest.raises(RecordingError, match="foreign database"):
+        read_recording(tmp_path / "a.db3")
+
+
+def test_topics_of_a_format_without_topics_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t,ax,ay,az\n0,0,0,9.8\n0.01,0,0,9.8\n")
+    with pytest.raises(UsageError, match=r"a\.csv is text, which has no topics"):
+        read_recording(tmp_path / "a.csv", topics=["/imu"])
