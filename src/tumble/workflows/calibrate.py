@@ -122,8 +122,8 @@ def calibrate(
         )
     folder = None if output is None else Path(output)
     if folder is not None:
-        _require_writable(folder)
-    clock = _Clock()
+        require_writable(folder)
+    clock = Clock()
     say("reading")
     given = None if protocol is None else read_given_protocol(protocol)
     if given is not None:
@@ -131,13 +131,13 @@ def calibrate(
 
         # What the protocol says against itself would else look like a fault of the recording.
         refuse_contradicting_turns(given.protocol)
-    recording, told = _read(paths, given, columns, units, rate, topics)
+    recording, told = read_as_told(paths, given, columns, units, rate, topics)
     knowledge = _knowledge(prior, imu[1])
     modelled = None if noise is None else NoiseOfHolds.read(noise, recording)
     clock.lap("reading")
 
     is_thermal = "thermal" in (procedure, None if told is None or procedure is not None else told.procedure)
-    task = _prepare(recording, told, site, intervals, clock, say, is_thermal=is_thermal)
+    task = prepare_task(recording, told, site, intervals, clock, say, is_thermal=is_thermal)
     if modelled is not None:
         task.means = modelled.means_of(task)
     task.knowledge, task.optional_terms, task.unknowns = knowledge, optional_terms, unknowns
@@ -149,7 +149,7 @@ def calibrate(
     if knowledge is not None:
         check_prior(task, estimate)
     if site is None and (told is None or told.site is None):
-        estimate.remarks.append(_about_gravity(task.site))
+        estimate.remarks.append(about_gravity(task.site))
     if monte_carlo is not None:
         _draw(estimate, monte_carlo, say)
     clock.lap("solving")
@@ -158,7 +158,7 @@ def calibrate(
 
     remarks = (reason, *(r.text for r in recording.remarks))
     calibration = calibration_from_estimate(estimate, recording, task.site, remarks=remarks, imu=imu)
-    earlier = _corrected_by(paths, given)
+    earlier = corrected_by_before(paths, given)
     if earlier:
         calibration = calibration.model_copy(update={"input_corrected_by": earlier})
     run = CalibrationRun(
@@ -167,7 +167,7 @@ def calibrate(
     run.seconds = clock.seconds
     if folder is not None:
         say("writing the report")
-        _write(run, folder)
+        write_run(run, folder)
         clock.lap("reporting")
     return run
 
@@ -179,7 +179,7 @@ def _draw(estimate: Estimate, runs: int, say: Callable[[str], None]) -> None:
     draw_distributions(estimate, runs, np.random.default_rng(101), say)
 
 
-def _read(
+def read_as_told(
     paths: Paths,
     given: GivenProtocol | None,
     columns: str | None,
@@ -187,7 +187,18 @@ def _read(
     rate: float | None,
     topics: Sequence[str] | None,
 ) -> tuple[Recording, Protocol | None]:
-    """Read the recordings named, or the protocol's own; options go before what the protocol says."""
+    """Read the recordings named, or the protocol's own; options go before what the protocol says.
+
+    Parameters
+    ----------
+    paths, given : as named, and the protocol that was given, if one was.
+    columns, units, rate, topics : as for `calibrate`.
+
+    Raises
+    ------
+    UsageError
+        If nothing is named, or the recordings are not of one unit with the same columns.
+    """
     named = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
     if given is None:
         if not named:
@@ -215,8 +226,12 @@ def _read(
     return recording, given.on_clock_of(recordings, spans)
 
 
-def _corrected_by(paths: Paths, given: GivenProtocol | None) -> list[str]:
+def corrected_by_before(paths: Paths, given: GivenProtocol | None) -> list[str]:
     """Return the identities of the calibrations that all recordings were corrected by before.
+
+    Parameters
+    ----------
+    paths, given : as named, and the protocol that was given, if one was.
 
     Raises
     ------
@@ -238,17 +253,24 @@ def _corrected_by(paths: Paths, given: GivenProtocol | None) -> list[str]:
     return list(marks.pop()) if marks else []
 
 
-def _prepare(
+def prepare_task(
     recording: Recording,
     protocol: Protocol | None,
     site: Site | None,
     intervals: str | os.PathLike[str] | None,
-    clock: _Clock,
+    clock: Clock,
     say: Callable[[str], None],
     *,
     is_thermal: bool = False,
 ) -> Task:
-    """Find holds and turns, and which step of the protocol each of them is."""
+    """Find holds and turns, and which step of the protocol each of them is.
+
+    Parameters
+    ----------
+    recording, protocol, site, intervals : as for `calibrate`.
+    clock, say : are told what is being done.
+    is_thermal : whether temperatures tell the steps, and not poses.
+    """
     say("finding holds and turns")
     from tumble.segmentation import find_thermal_timeline, find_timeline, observe_holds, read_intervals
 
@@ -272,7 +294,13 @@ def _prepare(
     return Task(recording, timeline, means, place, protocol, matching, say=say)
 
 
-def _about_gravity(place: Site) -> str:
+def about_gravity(place: Site) -> str:
+    """Return what it costs that nobody said where the recording was made.
+
+    Parameters
+    ----------
+    place : with the gravity that was assumed.
+    """
     return (
         f"Gravity was not given and is taken as {place.gravity:.5f} ± {place.gravity_sigma:.3f} m/s², which makes "
         f"every accelerometer scale factor uncertain by {100 * place.gravity_sigma / place.gravity:.2f} %: "
@@ -280,8 +308,20 @@ def _about_gravity(place: Site) -> str:
     )
 
 
-def _require_writable(folder: Path) -> None:
-    """Refuse early what would fail after minutes of work."""
+def require_writable(folder: Path) -> None:
+    """Refuse early what would fail after minutes of work.
+
+    Parameters
+    ----------
+    folder : for the results.
+
+    Raises
+    ------
+    UsageError
+        If it is a file.
+    OutputError
+        If it cannot be made or written to.
+    """
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"-o {folder} is a file: give a folder for calibration.json and report.html.")
     existing = folder
@@ -319,8 +359,18 @@ def _knowledge(prior: str | os.PathLike[str] | None, serial: str | None) -> Stab
     return stable_knowledge(np.array(earlier.accelerometer.matrix, dtype=float), covariance)
 
 
-def _write(run: CalibrationRun, folder: Path) -> None:
-    """Write both files beside their places, then rename both."""
+def write_run(run: CalibrationRun, folder: Path) -> None:
+    """Write both files beside their places, then rename both.
+
+    Parameters
+    ----------
+    run, folder : what was made, and where it goes; the run is told its files.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be made or written to.
+    """
     from tumble.recording.writing import uninterrupted, written_beside
     from tumble.report.html import render_report
 
@@ -351,7 +401,7 @@ def _write(run: CalibrationRun, folder: Path) -> None:
     run.files = [document, page]
 
 
-class _Clock:
+class Clock:
     """Seconds by stage."""
 
     def __init__(self) -> None:
@@ -359,6 +409,7 @@ class _Clock:
         self._last = time.perf_counter()
 
     def lap(self, stage: str) -> None:
+        """Count the time since the last lap to a stage."""
         now = time.perf_counter()
         self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
         self._last = now

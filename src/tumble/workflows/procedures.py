@@ -18,6 +18,7 @@ from tumble.recording import (
 if TYPE_CHECKING:
     from tumble.calibration import Estimate
     from tumble.calibration.joint_believed import BelievedPoses
+    from tumble.calibration.joint_estimate import JointOutcome
     from tumble.calibration.prior import StableKnowledge
     from tumble.protocol import Protocol
     from tumble.segmentation import HoldMeans, SpinMeans, Timeline
@@ -156,7 +157,7 @@ def _improved(task: Task, estimate: Estimate, reason: str) -> tuple[Estimate, st
     if estimate.procedure not in JOINT_IS_BETTER:
         return estimate, f"{reason}."
     try:
-        joint = _joint(task, estimate)
+        joint = run_joint(task, estimate)
     except (ObservabilityError, ConvergenceError) as error:
         estimate.remarks.append(f"The joint estimator does not settle on this recording: {error}")
         return estimate, f"{reason}."
@@ -305,8 +306,17 @@ def _strapdown_rotation(task: Task) -> Estimate:
     )
 
 
-def _joint(task: Task, start: Estimate | None = None) -> Estimate:
-    """Everything in one adjustment, from the start that the recording's own procedure gives."""
+def run_joint(
+    task: Task, start: Estimate | None = None, *, keep: Callable[[JointOutcome], None] | None = None
+) -> Estimate:
+    """Adjust everything at once, from the start that the recording's own procedure gives.
+
+    Parameters
+    ----------
+    task : what is known of the recording.
+    start : another procedure's estimate; None runs the recording's own first.
+    keep : is handed the settled solution, see `calibrate_joint`.
+    """
     from tumble.calibration.joint import calibrate_joint
 
     first = _start_of_joint(task) if start is None else start
@@ -321,6 +331,7 @@ def _joint(task: Task, start: Estimate | None = None) -> Estimate:
         prior=task.knowledge,
         optional_terms=task.optional_terms,
         progress=task.say,
+        keep=keep,
     )
 
 
@@ -390,7 +401,7 @@ _PROCEDURES: dict[str, Callable[[Task], Estimate]] = {
     "laboratory": _laboratory,
     "strapdown-rotation": _strapdown_rotation,
     "thermal": _thermal,
-    "joint": _joint,
+    "joint": run_joint,
 }
 
 
