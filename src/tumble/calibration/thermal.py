@@ -22,8 +22,16 @@ from tumble.calibration.poses import distinct_poses
 from tumble.calibration.singular_poses import describe_untold
 from tumble.calibration.start_values import rough_triad
 from tumble.calibration.term_tests import wald_test
-from tumble.calibration.thermal_conditions import Layout, ThermalTerms
+from tumble.calibration.thermal_conditions import LEAST_WIDTH, Layout, ThermalTerms
 from tumble.calibration.thermal_coverage import Coverage, find_coverage, require_time_base
+from tumble.calibration.thermal_doubt import (
+    RATE_SECONDS,
+    Doubts,
+    changes_per_kelvin,
+    pull_sigma,
+    with_hysteresis_doubt,
+    with_pull,
+)
 from tumble.calibration.thermal_evidence import BiasCurve, SeparateBias, ThermalEvidence
 from tumble.calibration.thermal_fit import (
     Surroundings,
@@ -105,16 +113,17 @@ def calibrate_thermal(
     # What is not modelled is taken for wander, against which every candidate would look good.
     coupled = told == 9 and kept.force is not None and kept.rate is not None
     terms = replace(terms, hysteresis=coverage.both_branches, g_sensitivity=coupled)
-    if coverage.kind == "ramp":
+    if coverage.kind == "ramp" and coverage.both_branches:
         say("lag and hysteresis")
         where = _first_path(kept, terms, where)
     say("functions of temperature")
     terms, candidates = choose_terms(kept, terms, where, soaks)
     terms = _enriched(kept, terms, where, soaks)
-    if coverage.kind == "soak":
-        terms = replace(terms, doubt=_doubt(kept, terms, where))
+    if coverage.kind == "soak" or not coverage.both_branches:
+        terms = replace(terms, doubt=_doubt(kept, terms, where, coverage))
     say("adjusting")
     fit, tests = _with_path(kept, terms, where, coverage)
+    fit, doubts = _with_doubts(fit, where, coverage)
     lag, width = fit.conditions.lag_and_width(fit.values)
 
     def solved(values: Series, covariance: Square, layout: Layout) -> ThermalSolution:
@@ -129,14 +138,14 @@ def calibrate_thermal(
             largest_rate=coverage.largest_rate,
         )
 
-    solution = solved(fit.values, fit.covariance, fit.layout)
+    solution = solved(fit.values, with_pull(fit, doubts.pull), fit.layout)
     # The turns between rests could tell the gyros' matrix (`thermal_turns`), but with rests cut where temperature goes
     # fast it comes out wrong by many sigmas: until that is mended it is not asked, and named as not determined.
     turned: TurnedMatrix | None = None
     evidence = _evidence(everything, kept, fit, solution, coverage, factors, soaks, site)
     evidence.candidates = candidates
     evidence.poses = len(np.unique(poses[coverage.keep]))
-    return _estimate(recording, site, fit, solution, coverage, evidence, tests, kept, turned)
+    return _estimate(recording, site, fit, solution, coverage, evidence, tests, kept, turned, doubts)
 
 
 def _in_near_si(
@@ -228,23 +237,29 @@ def _first_path(points: ThermalPoints, terms: ThermalTerms, where: Surroundings)
     return where
 
 
-def _doubt(points: ThermalPoints, terms: ThermalTerms, where: Surroundings) -> tuple[float, float]:
-    """Return how uncertain the biases are per K/s while soaks settle: their slope over temperature times a minute."""
-    fit = fit_thermal(points, terms, where, robust=False)
-    slopes = terms.basis.derivatives(points.celsius)
-    sigma = [0.0, 0.0]
-    for k, name in enumerate(("b", "gb")):
-        if name in fit.layout.places:
-            by_kelvin = slopes @ fit.values[fit.layout.places[name]].reshape(-1, 3)
-            sigma[k] = UNSETTLED_SECONDS * float(np.sqrt(np.mean(by_kelvin**2)))
-    return sigma[0], sigma[1]
+def _doubt(
+    points: ThermalPoints, terms: ThermalTerms, where: Surroundings, coverage: Coverage
+) -> tuple[float, float]:
+    """Return how uncertain the biases are per K/s: their slope over temperature times a minute or so."""
+    seconds = UNSETTLED_SECONDS if coverage.kind == "soak" else RATE_SECONDS
+    first, second = changes_per_kelvin(fit_thermal(points, terms, where, robust=False))
+    return seconds * first, seconds * second
+
+
+def _with_doubts(fit: ThermalFit, where: Surroundings, coverage: Coverage) -> tuple[ThermalFit, Doubts]:
+    """Return the fit with what one branch cannot show in its covariance, and what that was."""
+    loops = None
+    if not coverage.both_branches:
+        fit, loops = with_hysteresis_doubt(fit)
+    rate = coverage.kind == "ramp" and not coverage.both_branches
+    return fit, Doubts(loops, rate, pull_sigma(fit), where.earth[1])
 
 
 def _with_path(
     points: ThermalPoints, terms: ThermalTerms, where: Surroundings, coverage: Coverage
 ) -> tuple[ThermalFit, list[TermTest]]:
     """Adjust with what the way of the temperature tells: hysteresis, lag, rate, as far as the data want them."""
-    swept = coverage.kind == "ramp"
+    swept = coverage.kind == "ramp" and coverage.both_branches
     terms = replace(terms, lag=swept, width=swept and terms.hysteresis)
     fit = _adjusted(points, terms, where)
     tests: list[TermTest] = []
@@ -254,7 +269,7 @@ def _with_path(
         if not test.kept:
             terms = replace(terms, hysteresis=False, width=False)
             fit = _adjusted(points, terms, where)
-    if swept and coverage.both_branches:
+    if swept:
         # On one branch alone a dependence on the rate cannot be told from one on temperature.
         try:
             richer = _adjusted(points, replace(terms, rate=True), where)
@@ -295,10 +310,18 @@ def _enriched(
 
 
 def _adjusted(points: ThermalPoints, terms: ThermalTerms, where: Surroundings) -> ThermalFit:
-    """Adjust; where the lag runs against its lowest value, without one."""
-    fit = fit_thermal(points, terms, where)
+    """Adjust; without lag or width where these do not settle, or run against what they can be at least."""
+    try:
+        fit = fit_thermal(points, terms, where)
+    except ConvergenceError:
+        if not (terms.lag or terms.width):
+            raise
+        return fit_thermal(points, replace(terms, lag=False, width=False), where)
     if terms.lag and fit.values[fit.layout.places["lag"]][0] <= 0.0:
-        return fit_thermal(points, replace(terms, lag=False), replace(where, lag=0.0))
+        terms, where = replace(terms, lag=False), replace(where, lag=0.0)
+        fit = _adjusted(points, terms, where)
+    if terms.width and fit.values[fit.layout.places["width"]][0] <= LEAST_WIDTH:
+        fit = _adjusted(points, replace(terms, width=False), replace(where, width=LEAST_WIDTH))
     return fit
 
 
@@ -417,6 +440,7 @@ def _estimate(
     tests: list[TermTest],
     kept: ThermalPoints,
     turned: TurnedMatrix | None,
+    doubts: Doubts,
 ) -> Estimate:
     terms, layout = fit.layout.terms, fit.layout
     gyro = "none" if not layout.has_rate else ("bias" if turned is None else "full")
@@ -480,7 +504,7 @@ def _estimate(
             for o in fit.outliers
         ],
         terms=tests,
-        not_determined=not_determined_words(terms, layout, coverage, recording, turned),
+        not_determined=not_determined_words(terms, layout, coverage, recording, turned, doubts),
         remarks=[*thermal_remarks(fit, solution, coverage, evidence, turned), *coverage.remarks],
         cautions=list(coverage.cautions),
         thermal=solution.model,

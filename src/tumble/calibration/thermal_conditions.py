@@ -29,6 +29,10 @@ ENTRIES = ((0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1))
 LAG_PRIOR, LAG_SIGMA = 60.0, 60.0  # s
 WIDTH_PRIOR, WIDTH_SIGMA = 5.0, 3.0  # K
 LEAST_WIDTH = 0.5
+HELD = 1e-3  # s, K: of lag and width where they are not to move
+# One sigma of an element of the g-sensitivity of consumer units, 0.1 °/s in 1 g.
+G_SENSITIVITY = 1.8e-4  # (rad/s)/(m/s²)
+SAME_POSE = np.radians(10.0)
 # Steps of the numerical derivatives by lag and width: small against what they are known to.
 LAG_STEP, WIDTH_STEP = 10.0, 0.5
 
@@ -161,6 +165,10 @@ class ThermalConditions:
             for k in range(several.size):
                 mean = points.force[self.own == k].mean(axis=0)
                 self._point_along(k, mean / np.linalg.norm(mean))
+        # The pose that most points have, where one has several.
+        self.main: Series | None = None
+        if points.force is not None and several.size:
+            self.main = self.directions[int(np.argmax(np.bincount(self.own[self.own >= 0])))]
 
     def _point_along(self, k: int, direction: Series) -> None:
         self.directions[k] = direction
@@ -196,21 +204,47 @@ class ThermalConditions:
             values[place] = np.array(means).ravel()
         return values
 
-    def prior(self) -> Prior:
-        """Return what is known beforehand: of the lag, of the loop's width, of the Earth rate's size."""
+    def prior(self, *, held: bool = False) -> Prior:
+        """Return what is known beforehand: of the lag, of the loop's width, of the Earth rate's size.
+
+        Parameters
+        ----------
+        held : hold lag and width where they are.
+        """
         layout = self.layout
         mean, precision = np.zeros(layout.size), np.zeros(layout.size)
         if self.terms.lag:
             mean[layout.places["lag"]], precision[layout.places["lag"]] = LAG_PRIOR, LAG_SIGMA**-2
         if self.terms.width:
             mean[layout.places["width"]], precision[layout.places["width"]] = WIDTH_PRIOR, WIDTH_SIGMA**-2
+        for name, at in (("lag", self.lag), ("width", self.width)):
+            if held:
+                mean[layout.places[name]], precision[layout.places[name]] = at, HELD**-2
         if self.terms.doubt is not None:
             for name, sigma in zip(("r", "gr"), self.terms.doubt, strict=True):
                 if name in layout.places:
                     precision[layout.places[name]] = max(sigma, 1e-12) ** -2
         if self.points.rate is not None:
-            precision[layout.places["earth"]] = max(self.earth[1], 1e-9) ** -2
+            precision[layout.places["earth"]] = np.repeat(self._offsets(), 3) ** -2.0
         return Prior(mean, np.diag(precision))
+
+    def _offsets(self) -> Series:
+        """Return one sigma of what each placement adds to the gyros' biases: the Earth rate, and g-sensitivity."""
+        across = np.full(self.directions.shape[0], max(self.earth[1], 1e-9))
+        return np.hypot(across, self._pulled(self.directions))
+
+    def _pulled(self, directions: Vectors) -> Series:
+        """Return one sigma of what a g-sensitivity that poses do not tell adds in these, beside that of the main one.
+
+        Biases are then those of the pose that most points have, g-sensitivity included.
+        """
+        if self.terms.poses == 9 or self.main is None:
+            return np.zeros(directions.shape[0])
+        # In counts nobody knows what a g-sensitivity comes to: a pose then tells nothing of another's.
+        usual = G_SENSITIVITY * self.gravity if self.earth[1] > 0.0 else 1e6
+        apart = np.linalg.norm(directions - self.main, axis=1)
+        pulled: Series = usual * np.where(apart > SAME_POSE, apart, 0.0)
+        return pulled
 
     def functions(self, values: Series) -> Table:
         """Return (points, functions + 2): the line in lag and width about where they were last centred."""
@@ -459,6 +493,8 @@ class ThermalConditions:
         if up is not None:
             level = level - np.einsum("ni,nj->nij", up, up)
         spread[alone] += across**2 * level[alone]
+        if up is not None:
+            spread[alone] += self._pulled(up[alone])[:, None, None] ** 2 * np.eye(3)
         covariance[:, 3:, 3:] = spread
 
 

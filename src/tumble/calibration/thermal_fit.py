@@ -8,7 +8,7 @@ import numpy as np
 
 from tumble.arrays import Series, Square
 from tumble.calibration.snooping import Kind, Outlier, balance
-from tumble.calibration.thermal_conditions import Layout, ThermalConditions, ThermalTerms
+from tumble.calibration.thermal_conditions import LEAST_WIDTH, Layout, ThermalConditions, ThermalTerms
 from tumble.calibration.thermal_evidence import Candidate
 from tumble.calibration.thermal_points import ThermalPoints
 from tumble.calibration.thermal_wander import Levels, WanderingConditions, find_levels
@@ -22,8 +22,9 @@ WORSE = 0.1
 SAME_SOAK = 3.0  # K
 # Parts of a sweep that are left out one by one, and nodes of its interpolations.
 BANDS, NODES = 8, 6
-# Lag and width are centred anew until they move by less than this share of the step of their derivatives.
-CENTRED, MOST_CENTRES = 0.05, 8
+# Lag and width go in steps of at most so much, until nothing moves by more than this share of its sigma.
+LARGEST_LAG_STEP, LARGEST_WIDTH_STEP = 30.0, 1.5  # s, K
+SETTLED, MOST_STEPS = 0.02, 60
 _FORCE, _RATE = slice(0, 3), slice(3, 6)
 
 
@@ -94,6 +95,8 @@ def fit_thermal(
     """
     conditions = ThermalConditions(points, terms, where.gravity, where.earth, where.lag, where.width)
     prior, values = conditions.prior(), [conditions.start()]
+    # With weights that are too large lag and width would run away: they are free in the last adjustment only.
+    held = conditions.prior(held=True)
     conditions.centre(values[0])
     rows = int(np.count_nonzero(conditions.active)) + prior.rank
     if rows < conditions.layout.size:
@@ -103,11 +106,7 @@ def fit_thermal(
 
     def solve(extra: dict[str, float], active: np.ndarray, *, once: bool) -> Adjustment:
         conditions.extra, conditions.active = extra, active
-        adjustment = adjust(conditions, values[-1], prior=prior, once=once)
-        for _ in range(0 if once or not (terms.lag or terms.width) else MOST_CENTRES):
-            if conditions.centre(adjustment.parameters) < CENTRED:
-                break
-            adjustment = adjust(conditions, adjustment.parameters, prior=prior)
+        adjustment = adjust(conditions, values[-1], prior=held, once=once)
         values.append(adjustment.parameters)
         return adjustment
 
@@ -130,12 +129,37 @@ def fit_thermal(
 def _wandering(conditions: ThermalConditions, start: Series, prior: Prior, levels: Levels) -> ThermalFit:
     """Adjust with biases that wander by known levels."""
     whitened = WanderingConditions(conditions, levels)
-    adjustment = adjust(whitened, start, prior=prior)
-    for _ in range(MOST_CENTRES if conditions.terms.lag or conditions.terms.width else 0):
-        if conditions.centre(adjustment.parameters) < CENTRED:
-            break
-        adjustment = adjust(whitened, adjustment.parameters, prior=prior)
+    if conditions.terms.lag or conditions.terms.width:
+        adjustment = _settled(whitened, start, prior)
+    else:
+        adjustment = adjust(whitened, start, prior=prior)
     return ThermalFit(conditions, adjustment, adjustment.cofactor, adjustment.sigma0, levels)
+
+
+def _settled(whitened: WanderingConditions, start: Series, prior: Prior) -> Adjustment:
+    """Adjust with lag and width free, in steps that their lines are good for, centred anew before each."""
+    conditions, values = whitened.inner, start.copy()
+    limited = [
+        (conditions.layout.places[name].start, largest, least)
+        for name, largest, least in (
+            ("lag", LARGEST_LAG_STEP, -1.0),
+            ("width", LARGEST_WIDTH_STEP, LEAST_WIDTH),
+        )
+        if conditions.layout.places[name].stop > conditions.layout.places[name].start
+    ]
+    for _ in range(MOST_STEPS):
+        conditions.centre(values)
+        adjustment = adjust(whitened, values, prior=prior, once=True)
+        step = adjustment.parameters - values
+        share = min([1.0, *(largest / max(abs(step[at]), 1e-12) for at, largest, _ in limited)])
+        moved = values + share * step
+        for at, _, least in limited:
+            moved[at] = max(moved[at], least)
+        size = np.abs(moved - values) / np.sqrt(np.diag(adjustment.cofactor))
+        values = moved
+        if float(size.max()) < SETTLED:
+            return adjustment
+    raise ConvergenceError(f"Lag and width of the hysteresis did not settle within {MOST_STEPS} steps.")
 
 
 def soaks_of(celsius: Series) -> Series:

@@ -7,11 +7,13 @@ import numpy as np
 from tumble.calibration.estimate import NamedValue
 from tumble.calibration.thermal_conditions import Layout, ThermalTerms
 from tumble.calibration.thermal_coverage import Coverage
+from tumble.calibration.thermal_doubt import LOOP_KELVINS, PULL_FACTOR, RATE_SECONDS, Doubts
 from tumble.calibration.thermal_evidence import ThermalEvidence
 from tumble.calibration.thermal_fit import ThermalFit
 from tumble.calibration.thermal_model import ThermalSolution
 from tumble.calibration.thermal_turns import TurnedMatrix
 from tumble.recording.recording import Recording
+from tumble.units import angular_rate_factor, specific_force_factor
 
 
 def thermal_parameters(
@@ -68,6 +70,7 @@ def not_determined_words(
     coverage: Coverage,
     recording: Recording,
     turned: TurnedMatrix | None,
+    doubts: Doubts,
 ) -> list[str]:
     """Return what rests at these temperatures cannot tell, a sentence each."""
     words: list[str] = []
@@ -91,7 +94,7 @@ def not_determined_words(
             "theirs did not predict what was left out any better."
         )
     if recording.angular_rate is not None and terms.poses == 0:
-        words.append("A g-sensitivity of the gyros: from so few poses it looks like a bias, and is in it.")
+        words.append(_about_pull(doubts, recording))
     if recording.angular_rate is not None and turned is not None and not turned.changes.size:
         words.append(
             "How the gyros' scale factors and misalignments change with temperature: there are too few turns for it; "
@@ -104,8 +107,15 @@ def not_determined_words(
             "samples a turn or more, tell them; the matrix is the nominal one, without a stated uncertainty."
         )
     if not coverage.both_branches:
-        words.append("Hysteresis: the temperatures were come to from one side only.")
-    if coverage.kind == "soak":
+        words.append(_about_loop(doubts, recording))
+    if doubts.rate:
+        words.append(
+            "Lag between the sensors and the thermometer, and the biases' dependence on the rate of temperature: while "
+            "the temperature goes one way they look like a dependence on it. A lag of 30 s is taken, and what "
+            f"{RATE_SECONDS:.0f} s of lag or the like would do is in the standard uncertainties. Sweep there and back "
+            "(thermal-ramp) to tell them."
+        )
+    elif coverage.kind == "soak":
         words.append(
             "Lag between the sensors and the thermometer, and the biases' dependence on the rate of temperature: they "
             "show where the temperature moves, and rests at settled temperatures were used alone. A sweep "
@@ -115,7 +125,51 @@ def not_determined_words(
         words.append(
             "A dependence of the biases on the rate of temperature beside the lag: the recording does not tell it."
         )
+    if coverage.kind == "ramp" and not doubts.rate and not terms.lag:
+        words.append(
+            "Lag between the sensors and the thermometer: the sweep does not tell it apart from what else it does; "
+            "none is in the model."
+        )
     return words
+
+
+def _about_loop(doubts: Doubts, recording: Recording) -> str:
+    """Return what one branch leaves open, with what was added for it."""
+    parts: list[str] = []
+    if doubts.loops is not None:
+        if recording.specific_force is not None:
+            factor = specific_force_factor(recording.specific_force_unit)
+            parts.append("" if factor is None else f"± {1e3 * doubts.loops[0]:.2g} mm/s²")
+        if recording.angular_rate is not None:
+            factor = angular_rate_factor(recording.angular_rate_unit)
+            parts.append("" if factor is None else f"± {np.degrees(doubts.loops[1]):.2g} °/s")
+    added = " and ".join(part for part in parts if part) or "as much"
+    return (
+        "Hysteresis: the temperatures were come to from one side only, and a single branch cannot show it. "
+        f"{added[0].upper() + added[1:]} (what {LOOP_KELVINS:g} K of temperature do in this unit) was believed of half "
+        "the loop, and is in the standard uncertainties of the biases."
+    )
+
+
+def _about_pull(doubts: Doubts, recording: Recording) -> str:
+    """Return what poses too few to tell a g-sensitivity leave in the gyros' biases."""
+    in_si = angular_rate_factor(recording.angular_rate_unit) is not None
+    size = (
+        f"± {np.degrees(doubts.pull):.2g} °/s"
+        if in_si
+        else f"± {doubts.pull:.2g} {recording.angular_rate_unit}"
+    )
+    earth = (
+        f"the part of the Earth rate across the vertical, whose heading is not known (± {np.degrees(doubts.earth):.2g} "
+        "°/s)"
+        if doubts.earth > 0.0
+        else "the Earth rate, which cannot be taken off numbers in counts (up to 0.0042 °/s)"
+    )
+    return (
+        "The gyros' biases apart from what the pose of the test adds to them: a g-sensitivity, believed to be "
+        f"{PULL_FACTOR:g} times what they are unsteady by ({size}), and {earth}. Both are in the standard "
+        "uncertainties of the biases, and not in those of their changes with temperature."
+    )
 
 
 def thermal_remarks(
