@@ -303,6 +303,7 @@ def _document(
             "test_vectors": test_vectors(model, (units.specific_force, units.angular_rate)),
             "remarks": [*calibration.remarks, remark[0].upper() + remark[1:] + "."],
             "thermal": thermal,
+            "turn_ons": None,
         }
     )
 

@@ -57,7 +57,7 @@ def describe_wide(
     names = _canonical_names(terms, gyro)
     numbers, own = propagate(_canonical(terms, gyro, frame), values, spread)
     keep = _worth_naming(names, numbers, own, values, all_told=all_told)
-    labels, evaluate = _named(terms, gyro, frame, units, factors)
+    labels, evaluate = named_function(terms, gyro, frame, units, factors)
     shown, told = propagate(evaluate, values, spread)
     sigmas = np.sqrt(np.maximum(np.diag(told), 0.0))
     rows = [i for i in range(len(labels)) if all_told or _is_told(labels[i], shown[i], sigmas[i], values)]
@@ -157,13 +157,20 @@ def _is_told(label: tuple[str, str], value: float, sigma: float, values: Series)
     return bool(sigma < WORTH_NAMING * promise)
 
 
-def _named(
+def named_function(
     terms: frozenset[str],
     gyro: str,
     frame: str,
     units: tuple[str, str],
     factors: tuple[float | None, float | None],
 ) -> tuple[list[tuple[str, str]], Callable[[Complex], Complex]]:
+    """Return names and units of the parameters, and the (analytic) function of all unknowns that gives them.
+
+    Parameters
+    ----------
+    terms, gyro, frame : as for `describe_wide`.
+    units, factors : raw units, and SI per raw unit or None for counts.
+    """
     more = [(name, place) for name, place in _ASYMMETRY if name in terms]
     extra = [
         (f"{'accelerometer' if name.startswith('acc') else 'gyro'} asymmetry {axis}", "1")

@@ -83,8 +83,7 @@ class TurnOn:
     @property
     def given(self) -> Prior | None:
         """What is believed of it without the others, and without any name plate."""
-        believes = self.problem.data.poses is not None
-        return mounting_prior(self.state.unknowns) if believes else None
+        return None if self.problem.data.poses is None else mounting_prior(self.state.unknowns)
 
     @property
     def outliers(self) -> list[Outlier]:
@@ -219,7 +218,7 @@ def tell(part: TurnOn, stable: np.ndarray) -> Told:
     ObservabilityError
         If its own unknowns are not determined even with the others known.
     """
-    normal, gradient = _own_equations(part)
+    normal, gradient = own_equations(part)
     at, own = np.isin(part.problem.free, part.stable), np.isin(part.problem.free, part.own)
     across = normal[np.ix_(at, own)] @ invert_normal_matrix(normal[np.ix_(own, own)])
     reduced = normal[np.ix_(at, at)] - across @ normal[np.ix_(own, at)]
@@ -251,19 +250,37 @@ def with_free(part: TurnOn, free: np.ndarray) -> TurnOn:
     part : stays as it is.
     free : indices of the unknowns to adjust, those beyond the 33 too.
     """
-    problem, state = fresh_problem(part.problem, free), copied_state(part.state, free)
-    problem.prior = part.given
+    problem, state = part.problem, part.state
     if not is_wide(state.unknowns) and free[-1] >= SHARED:
         problem, state = widened_problem(problem, state)
-    elif is_wide(state.unknowns) and free[-1] < SHARED:
+    problem, state = fresh_problem(problem, free), copied_state(state, free)
+    if is_wide(state.unknowns) and free[-1] < SHARED:
         narrowed_problem(problem, state, SHARED)
+    problem.prior = part.given
     return TurnOn(part.name, part.outcome, problem, state, part.solution, part.balanced)
 
 
-def _own_equations(part: TurnOn) -> tuple[Square, Series]:
-    """The recording's normal equations without what the others know."""
+def own_equations(part: TurnOn) -> tuple[Square, Series]:
+    """Return a recording's normal matrix and gradient without what the others know.
+
+    Parameters
+    ----------
+    part : the recording, at its state.
+    """
     _, normal, gradient = linearise_joint(replace(part.problem, prior=part.given), part.state)
     return normal, gradient
+
+
+def others_prior(part: TurnOn, stable: np.ndarray, others: Sequence[Told]) -> Prior:
+    """Return what other recordings know as a prior of a recording's unknowns, with what is believed of it anyway.
+
+    Parameters
+    ----------
+    part : the recording.
+    stable : indices of the unknowns that all share.
+    others : what the others tell.
+    """
+    return _prior(part, stable, _sum(others))
 
 
 def _step(part: TurnOn, stable: np.ndarray, others: Told) -> float:
@@ -276,7 +293,6 @@ def _step(part: TurnOn, stable: np.ndarray, others: Told) -> float:
 
 
 def _prior(part: TurnOn, stable: np.ndarray, others: Told) -> Prior:
-    """What the others know as a prior of the recording's unknowns, with what is believed of it anyway."""
     size, at = part.state.unknowns.size, part.stable
     place = np.searchsorted(stable, at)
     told = _marginal(others, place)
@@ -328,7 +344,7 @@ def _solution(parts: list[TurnOn], stable: np.ndarray) -> SeveralSolution:
     normal = np.zeros((stop, stop))
     square_sum, left = 0.0, -stop
     for part, place in zip(parts, places, strict=True):
-        normal[np.ix_(place, place)] += _own_equations(part)[0]
+        normal[np.ix_(place, place)] += own_equations(part)[0]
         solution, prior, given = part.solution, part.problem.prior, part.given
         square_sum += solution.square_sum
         left += solution.redundancy + part.problem.free.size
@@ -358,6 +374,8 @@ __all__ = [
     "Told",
     "TurnOn",
     "balance_several",
+    "others_prior",
+    "own_equations",
     "solve_several",
     "stable_values",
     "tell",

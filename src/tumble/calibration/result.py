@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from tumble.arrays import Series, Square, Vectors
 from tumble.calibration.thermal_block import ThermalBlock
 from tumble.calibration.thermal_block import contradiction as thermal_contradiction
+from tumble.calibration.turn_ons_block import TurnOnsBlock
 from tumble.errors import CalibrationFileError, OutputError, TumbleError
 from tumble.recording.writing import written_beside
 from tumble.sensor import ImuModel, Triad
@@ -170,6 +171,7 @@ class Calibration(_Strict):
     covariance, covariance_parameters : over the entries of matrices and biases, in their units.
     temperature_celsius : that the triads hold at; with a `thermal` block its reference temperature.
     thermal : how the triads change with temperature, or None.
+    turn_ons : what several recordings of the unit tell, if it was made from several turn-ons, or None.
     input_corrected_by : identities of the calibrations that its raw numbers were corrected by already, first
         one first: it is right for such recordings only.
     composed_with : a calibration to correct by first, with temperature and all; this one takes its output.
@@ -199,6 +201,7 @@ class Calibration(_Strict):
     remarks: list[str] = Field(default_factory=list)
     test_vectors: list[TestVector]
     thermal: ThermalBlock | None = None
+    turn_ons: TurnOnsBlock | None = None
     input_corrected_by: list[str] = Field(default_factory=list)
     composed_with: Calibration | None = None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
@@ -99,6 +99,14 @@ def calibrate_command(
             "stated intervals hold.",
         ),
     ] = None,
+    turn_ons: Annotated[
+        bool,
+        typer.Option(
+            "--turn-ons",
+            help="Each RECORDING (a file, acc.csv,gyro.csv, or a protocol file) is the same unit switched on anew: "
+            "biases are each one's own, what is stable is common to all (procedure joint).",
+        ),
+    ] = False,
     imu_model: Annotated[str | None, typer.Option(help="Model of the unit, noted in the file.")] = None,
     imu_serial: Annotated[
         str | None, typer.Option(help="Serial number of the unit, noted in the file.")
@@ -115,11 +123,37 @@ def calibrate_command(
     report.html, prints the parameters with their standard uncertainties, and says whether the result
     is fit for use (exit status 0) or not (1).
     """
+    from tumble.cli.turn_ons import calibrate_each_turn_on
     from tumble.workflows.calibrate import calibrate
     from tumble.workflows.site import choose_site
 
     folder = output or _default_folder(recordings or [], protocol)
     with progress(quiet or as_json) as say:
+        if turn_ons:
+            run = calibrate_each_turn_on(
+                recordings or [],
+                output=folder,
+                procedure=procedure,
+                alien={
+                    "--prior": prior,
+                    "--data-sheet": data_sheet,
+                    "--intervals": intervals,
+                    "--unknowns": unknowns,
+                    "--noise": noise,
+                    "--monte-carlo": monte_carlo,
+                    "--no-noise-correction": None if noise_correction else False,
+                },
+                protocol=protocol,
+                site=choose_site(site, gravity),
+                columns=columns,
+                units=units,
+                rate=rate,
+                topics=topic,
+                optional_terms=optional_terms,
+                imu=(imu_model, imu_serial),
+                progress=say,
+            )
+            _end(run, as_json=as_json, quiet=quiet, verbose=verbose)
         run = calibrate(
             recordings or [],
             output=folder,
@@ -141,6 +175,11 @@ def calibrate_command(
             imu=(imu_model, imu_serial),
             progress=say,
         )
+    _end(run, as_json=as_json, quiet=quiet, verbose=verbose)
+
+
+def _end(run: CalibrationRun, *, as_json: bool, quiet: bool, verbose: bool) -> NoReturn:
+    """Print what was found, and leave with the status of its verdict."""
     results_stand()
     print_run(run, as_json=as_json, quiet=quiet, verbose=verbose)
     raise typer.Exit(0 if run.calibration.verdict.fit else 1)
@@ -148,9 +187,10 @@ def calibrate_command(
 
 def _default_folder(recordings: list[Path], protocol: str | None) -> Path:
     """Return where the results go when nobody says: beside what they were made from, by its name."""
-    if recordings:
-        return Path(f"{recordings[0].stem}-calibration")
-    given = Path(protocol or "protocol")
+    first = recordings[0] if recordings else None
+    if first is not None and first.suffix.lower() not in (".yaml", ".yml"):
+        return Path(f"{first.stem}-calibration")
+    given = first or Path(protocol or "protocol")
     return Path(f"{given.parent.resolve().name if given.is_file() else given.name}-calibration")
 
 

@@ -31,6 +31,7 @@ from tumble.report.rotation_section import rotation_section, rotation_table
 from tumble.report.sequence_section import sequence_tables
 from tumble.report.thermal_section import thermal_sections
 from tumble.report.timeline_figure import timeline_section
+from tumble.report.turn_ons_section import turn_ons_section, turn_ons_table
 from tumble.report.uncalibrated import nominal_hold_norms, nominal_turn_angles
 from tumble.report.uncertainty_section import budget_section, budget_table, reliability_table
 from tumble.report.words import (
@@ -108,6 +109,7 @@ def render_report(
         _verdict(calibration),
         *(_figures(section) for section in first),
         _parameters(calibration, rows),
+        turn_ons_table(calibration),
         prediction_table(calibration),
         ""
         if protocol is None or matching is None
@@ -318,7 +320,11 @@ def _sections(
         if turns is not None:
             sections.append(turns)
     sections.append(interval_section(rows, calibration.quality.coverage_factor))
-    for made in (beside_section(estimate, rows), budget_section(estimate, rows)):
+    for made in (
+        turn_ons_section(calibration),
+        beside_section(estimate, rows),
+        budget_section(estimate, rows),
+    ):
         if made is not None:
             sections.append(made)
     sections.append(correlation_section(rows[: len(estimate.correlations)], estimate.correlations))

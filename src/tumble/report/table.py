@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tumble.report.parameters import ParameterRow, parameter_rows
+from tumble.report.turn_ons_section import bias_table
 from tumble.report.words import (
     left_out_sentences,
     quality_sentences,
@@ -80,6 +81,10 @@ def print_calibration(
     if not quiet:
         console.print(parameter_table(calibration, width=console.width))
         console.print()
+        biases = bias_table(calibration, width=console.width)
+        if biases is not None:
+            console.print(biases)
+            console.print()
         for sentence in [
             *quality_sentences(calibration),
             *terms_sentences(calibration),

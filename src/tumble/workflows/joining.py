@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from tumble.errors import UsageError
 from tumble.recording import Recording, Remark
+
+if TYPE_CHECKING:
+    from tumble.segmentation import Hold, HoldMeans, Rejection, Timeline, Turn
 
 # Between recordings of separate poses: long enough that no hold and no turn goes across.
 PAUSE = 10.0
@@ -31,6 +38,95 @@ def join_recordings(recordings: list[Recording]) -> tuple[Recording, list[Span]]
     _require_different(recordings)
     _require_same_columns(recordings)
     return _concatenated(recordings)
+
+
+def require_one_unit(recordings: list[Recording]) -> None:
+    """Refuse recordings that cannot be of one unit with the same columns, and one that is given twice.
+
+    Parameters
+    ----------
+    recordings : to be calibrated together.
+
+    Raises
+    ------
+    UsageError
+        If they differ in units or sensors, or one is given twice, under another name too.
+    """
+    _require_different(recordings)
+    for number, recording in enumerate(recordings):
+        for earlier in recordings[:number]:
+            if _same_samples(recording, earlier):
+                raise UsageError(
+                    f"{recording.sources[0].name} and {earlier.sources[0].name} hold the same samples: the same "
+                    "recording tells nothing more a second time."
+                )
+    _require_same_columns(recordings)
+
+
+def _same_samples(one: Recording, other: Recording) -> bool:
+    """Whether two files hold the same samples, stamps aside."""
+    pairs = ((one.specific_force, other.specific_force), (one.angular_rate, other.angular_rate))
+    return all(
+        (a is None and b is None) or (a is not None and b is not None and np.array_equal(a, b))
+        for a, b in pairs
+    )
+
+
+def join_timelines(
+    recording: Recording, timelines: Sequence[Timeline], means: Sequence[HoldMeans], starts: Sequence[int]
+) -> tuple[Timeline, HoldMeans]:
+    """Return holds, turns and means of several recordings as those of the joined one.
+
+    Parameters
+    ----------
+    recording : the joined one.
+    timelines, means : of each recording by itself.
+    starts : index of each one's first sample in the joined recording.
+    """
+    from tumble.segmentation import Timeline
+
+    holds: list[Hold] = []
+    turns: list[Turn] = []
+    rejections: list[Rejection] = []
+    for timeline, start in zip(timelines, starts, strict=True):
+        turns += [
+            replace(
+                t,
+                before=t.before + len(holds),
+                after=t.after + len(holds),
+                start=t.start + start,
+                stop=t.stop + start,
+            )
+            for t in timeline.turns
+        ]
+        rejections += [replace(r, start=r.start + start, stop=r.stop + start) for r in timeline.rejections]
+        holds += [
+            replace(
+                h,
+                start=h.start + start,
+                stop=h.stop + start,
+                excluded=tuple((a + start, b + start) for a, b in h.excluded),
+            )
+            for h in timeline.holds
+        ]
+    whole = Timeline(tuple(holds), tuple(turns), tuple(rejections), timelines[0].noise_floor)
+    return whole, _joined_means(recording, whole, means)
+
+
+def _joined_means(recording: Recording, timeline: Timeline, means: Sequence[HoldMeans]) -> HoldMeans:
+    def every(name: str) -> Any:
+        parts = [getattr(own, name) for own in means]
+        return None if any(part is None for part in parts) else np.concatenate(parts)
+
+    middle = [0.5 * (recording.time[h.start] + recording.time[h.stop - 1]) for h in timeline.holds]
+    names = [f.name for f in fields(means[0]) if not f.name.endswith("_between") and f.name != "time"]
+    return replace(
+        means[0],
+        **{name: every(name) for name in names},
+        time=np.array(middle),
+        specific_force_between=None,
+        angular_rate_between=None,
+    )
 
 
 def _require_different(recordings: list[Recording]) -> None:

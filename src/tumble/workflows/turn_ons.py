@@ -1,0 +1,251 @@
+"""From several recordings of one unit, each a turn-on of its own, to one calibration."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.earth import Site
+from tumble.errors import TumbleError, UsageError
+from tumble.recording import Recording
+from tumble.workflows.calibrate import (
+    CalibrationRun,
+    Clock,
+    about_gravity,
+    corrected_by_before,
+    prepare_task,
+    read_as_told,
+    require_writable,
+    write_run,
+)
+from tumble.workflows.joining import join_recordings, join_timelines, require_one_unit
+from tumble.workflows.procedures import Task, add_objections, run_joint
+from tumble.workflows.protocols import GivenProtocol, read_given_protocol
+
+if TYPE_CHECKING:
+    from tumble.calibration import Calibration, Estimate
+    from tumble.calibration.joint_estimate import JointOutcome
+    from tumble.calibration.turn_ons_estimate import SeveralEstimate
+    from tumble.protocol import Protocol
+    from tumble.segmentation import HoldMeans, Timeline
+
+ProtocolName = str | os.PathLike[str] | None
+SUFFIXES = (".yaml", ".yml")
+REASON = "Procedure joint: {count} recordings of one unit, each a turn-on of its own, in one adjustment."
+
+
+@dataclass(frozen=True, slots=True)
+class _Named:
+    """A recording as it was named: its files, what was done, and a name for words."""
+
+    files: tuple[Path, ...]
+    given: GivenProtocol | None
+    name: str
+
+
+def calibrate_turn_ons(
+    recordings: Sequence[str | os.PathLike[str]],
+    *,
+    output: str | os.PathLike[str] | None = None,
+    protocol: ProtocolName = None,
+    site: Site | None = None,
+    columns: str | None = None,
+    units: str | None = None,
+    rate: float | None = None,
+    topics: Sequence[str] | None = None,
+    optional_terms: bool = True,
+    imu: tuple[str | None, str | None] = (None, None),
+    progress: Callable[[str], None] | None = None,
+) -> CalibrationRun:
+    """Calibrate one unit from several recordings of it, by the joint estimator.
+
+    What is stable is common to all recordings; biases are each recording's own, and how they scatter is told.
+
+    Parameters
+    ----------
+    recordings : two or more; each a file, two files with one triad each (``acc.csv,gyro.csv``), or a protocol file
+        that names its recording.
+    output : folder for ``calibration.json`` and ``report.html``; None writes nothing.
+    protocol : what was done in the recordings that are no protocol files themselves; None for tumbling by hand.
+    site, columns, units, rate, topics, optional_terms, imu, progress : as for `calibrate`, for all recordings.
+
+    Raises
+    ------
+    RecordingError, SegmentationError, ObservabilityError, ConvergenceError
+        If a recording cannot serve; the message names it.
+    UsageError, ProtocolError
+        If the recordings are not of one unit, or an option is wrong.
+    OutputError
+        If the results cannot be written; earlier ones are intact.
+    """
+    say = progress or _silent
+    folder = None if output is None else Path(output)
+    if folder is not None:
+        require_writable(folder)
+    named = _named(recordings, protocol)
+    clock = Clock()
+    read = [(one, *_read(one, columns, units, rate, topics)) for one in named]
+    require_one_unit([recording for _, recording, _ in read])
+    clock.lap("reading")
+    tasks: list[Task] = []
+    settled: list[tuple[Estimate, JointOutcome]] = []
+    for one, recording, told in read:
+        with_name = _saying(say, one.name)
+        with_name("reading")
+        try:
+            task = prepare_task(recording, told, site, None, clock, with_name)
+            task.optional_terms = optional_terms
+            settled.append(_settle(task))
+        except TumbleError as error:
+            raise type(error)(f"{one.name} cannot take part: {error}") from error
+        tasks.append(task)
+        clock.lap("solving")
+    say("all recordings together")
+    several = _together([one.name for one in named], settled, _one_site(tasks), optional_terms=optional_terms)
+    if site is None and all(task.protocol is None or task.protocol.site is None for task in tasks):
+        several.estimate.remarks.append(about_gravity(tasks[0].site))
+    clock.lap("solving")
+    run = _run(tasks, several, imu)
+    before = corrected_by_before([file for one in named for file in one.files], None)
+    if before:
+        run.calibration = run.calibration.model_copy(update={"input_corrected_by": before})
+    run.seconds = clock.seconds
+    if folder is not None:
+        say("writing the report")
+        write_run(run, folder)
+        clock.lap("reporting")
+    return run
+
+
+def _named(recordings: Sequence[str | os.PathLike[str]], protocol: ProtocolName) -> list[_Named]:
+    """Resolve what was named: files, pairs of files, and protocol files with their own recordings."""
+    if len(recordings) < 2:
+        count = "one recording was" if recordings else "none was"
+        raise UsageError(
+            f"--turn-ons takes two recordings of the unit or more, each made after it was switched on anew; {count} "
+            "given. Without --turn-ons a single one is calibrated."
+        )
+    default = None if protocol is None else read_given_protocol(protocol)
+    made: list[_Named] = []
+    for text, label in zip(recordings, _labels([str(r) for r in recordings]), strict=True):
+        path = Path(text)
+        if path.suffix.lower() in SUFFIXES or (path / "protocol.yaml").is_file():
+            given = read_given_protocol(path)
+            files = given.files()
+            if not files:
+                raise UsageError(f"The protocol {path} names no recording: list it in the file.")
+            made.append(_Named(tuple(files), given, label))
+            continue
+        pair = str(text).split(",")
+        files = [path] if path.exists() or len(pair) != 2 else [Path(part.strip()) for part in pair]
+        made.append(_Named(tuple(files), default, label))
+    return made
+
+
+def _labels(names: Sequence[str]) -> list[str]:
+    """The shortest names that tell the recordings apart: file names, or with folders before them."""
+    parts = [Path(name).parts for name in names]
+    for length in range(1, max(len(own) for own in parts) + 1):
+        short = ["/".join(own[-length:]) for own in parts]
+        if len(set(short)) == len(short):
+            return short
+    return [f"{name} ({number})" for number, name in enumerate(names, 1)]
+
+
+def _read(
+    one: _Named, columns: str | None, units: str | None, rate: float | None, topics: Sequence[str] | None
+) -> tuple[Recording, Protocol | None]:
+    return read_as_told([str(file) for file in one.files], one.given, columns, units, rate, topics)
+
+
+def _settle(task: Task) -> tuple[Estimate, JointOutcome]:
+    """Adjust a recording by itself, as far as it goes."""
+    kept: list[JointOutcome] = []
+    estimate = run_joint(task, keep=kept.append)
+    add_objections(task, estimate, "joint", "")
+    if task.matching is not None:
+        estimate.remarks += [r for r in task.matching.remarks if r not in estimate.remarks]
+    return estimate, kept[0]
+
+
+def _together(
+    names: Sequence[str],
+    settled: Sequence[tuple[Estimate, JointOutcome]],
+    site: Site,
+    *,
+    optional_terms: bool,
+) -> SeveralEstimate:
+    from tumble.calibration.joint_turn_ons import adjust_several
+    from tumble.calibration.turn_ons_estimate import several_estimate
+
+    outcome = adjust_several(names, [kept for _, kept in settled], optional_terms=optional_terms)
+    return several_estimate(outcome, [estimate for estimate, _ in settled], site)
+
+
+def _one_site(tasks: Sequence[Task]) -> Site:
+    """The site whose gravity is least certain: its error is taken to be the same in all recordings."""
+    return max((task.site for task in tasks), key=lambda site: site.gravity_sigma / site.gravity)
+
+
+def _run(
+    tasks: Sequence[Task], several: SeveralEstimate, imu: tuple[str | None, str | None]
+) -> CalibrationRun:
+    recording, timeline, means = _joined(tasks)
+    reason = REASON.format(count=len(tasks))
+    calibration = _document(recording, several, _one_site(tasks), reason, imu)
+    return CalibrationRun(calibration, several.estimate, recording, timeline, means, reason)
+
+
+def _joined(tasks: Sequence[Task]) -> tuple[Recording, Timeline, HoldMeans]:
+    recording, _ = join_recordings([task.recording for task in tasks])
+    starts = np.cumsum([0, *(len(task.recording) for task in tasks)])
+    timeline, means = join_timelines(
+        recording, [task.timeline for task in tasks], [task.means for task in tasks], starts[:-1].tolist()
+    )
+    return recording, timeline, means
+
+
+def _document(
+    recording: Recording,
+    several: SeveralEstimate,
+    site: Site,
+    reason: str,
+    imu: tuple[str | None, str | None],
+) -> Calibration:
+    """The document: judged by what was measured, with the biases' uncertainty that of the next turn-on."""
+    from tumble.calibration import calibration_from_estimate
+    from tumble.calibration.turn_ons_block import turn_ons_block
+
+    estimate, measured = several.estimate, {b.parameter: b.mean_sigma for b in several.turn_ons.biases}
+    judged = replace(
+        estimate,
+        parameters=[
+            replace(p, standard_uncertainty=measured.get(p.name, p.standard_uncertainty))
+            for p in estimate.parameters
+        ],
+    )
+    remarks = (reason, *dict.fromkeys(remark.text for remark in recording.remarks))
+    made = calibration_from_estimate(judged, recording, site, remarks=remarks, imu=imu)
+    parameters = [
+        block.model_copy(update={"standard_uncertainty": p.standard_uncertainty, "coverage_factor": factor})
+        for block, p, factor in zip(
+            made.parameters, estimate.parameters, several.coverage_factors, strict=True
+        )
+    ]
+    return made.model_copy(update={"parameters": parameters, "turn_ons": turn_ons_block(several.turn_ons)})
+
+
+def _saying(say: Callable[[str], None], name: str) -> Callable[[str], None]:
+    return lambda words: say(f"{name}: {words}")
+
+
+def _silent(_: str) -> None:
+    """Tell nobody."""
+
+
+__all__ = ["calibrate_turn_ons"]
