@@ -19,6 +19,7 @@ from tumble.noise.bridging import BridgedBlocks, bridge, say_bridged
 from tumble.noise.deviation import Deviation, Kind, Taus, allan_deviation
 from tumble.noise.evidence import Survey, WholeEvidence
 from tumble.noise.fit import NoiseFit, fit_curve
+from tumble.noise.held import Held, blocks_without_repeats, find_held, say_held, without_repeats
 from tumble.noise.lines import FoundLine, find_lines
 from tumble.noise.spectrum import PowerSpectrum, StreamedSpectrum, power_spectrum, segment_of
 from tumble.noise.streaming import StreamedDeviation
@@ -39,6 +40,7 @@ _WELL_KNOWN = 10.0
 _MISFIT = 0.01  # probability below which a second and a third Gauss-Markov process are tried
 _LINE_SAMPLES = 1 << 19  # of the longest rest, in which vibration lines are looked for
 _TOLD = ("assumed", "mended")  # remarks of the reader that noise depends on
+_COLUMNS = ": time "  # in the reader's remark on what the columns are
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +139,7 @@ class Characterisation:
     sources : files that the recording was read from.
     rate, duration : Hz, and s from the first to the last sample.
     streamed : whether it was read block by block.
+    held : how its values were written several times over, or None; the rate is then that of new values.
     """
 
     suitability: Suitability
@@ -149,6 +152,7 @@ class Characterisation:
     rate: float
     duration: float
     streamed: bool = False
+    held: Held | None = None
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -200,6 +204,10 @@ def characterise(
     """
     said = _told(recording)
     recording = _after(recording, skip)
+    held = find_held(recording)
+    if held is not None:
+        said.append(say_held(held))
+        recording = without_repeats(recording, held) or recording
     recording, filled, places = bridge(recording)
     said += [say_bridged(filled, places, len(recording))] if filled else []
     if remove_temperature:
@@ -216,7 +224,7 @@ def characterise(
         *_levels(recording.time, signals),
     )
     return _gathered(
-        suitability, units, averages, said, recording.sources, recording.rate, recording.duration
+        suitability, units, averages, said, recording.sources, recording.rate, recording.duration, held=held
     )
 
 
@@ -251,15 +259,19 @@ def characterise_blocks(
     say = progress or _silent
     # What cannot be had is told before anything is read.
     StreamedDeviation(1.0, 1, kind, taus if isinstance(taus, str) else "octave")
-    blocks = BridgedBlocks(read, skip)
+    held = next((find_held(block) for block in read()), None)
+    blocks = BridgedBlocks(read if held is None else blocks_without_repeats(read, held), skip)
     survey, said, first = _surveyed(blocks, say)
+    said += [] if held is None else [say_held(held)]
     said += [say_bridged(blocks.filled, blocks.places, survey.samples)] if blocks.filled else []
     slopes = _slopes(survey, said) if remove_temperature else None
     suitability = _usable(judge_rest(survey))
     factors, units = _factors(first, suitability.channels)
     averages = _averaged(blocks, survey, suitability, factors, slopes, kind, taus, say)
     duration = survey.stop_time - survey.start_time
-    return _gathered(suitability, units, averages, said, first.sources, survey.rate, duration, streamed=True)
+    return _gathered(
+        suitability, units, averages, said, first.sources, survey.rate, duration, held=held, streamed=True
+    )
 
 
 def _silent(stage: str) -> None:
@@ -267,7 +279,20 @@ def _silent(stage: str) -> None:
 
 
 def _told(recording: Recording) -> list[str]:
-    return [remark.text for remark in recording.remarks if remark.kind in _TOLD]
+    said = [remark.text for remark in recording.remarks if remark.kind in _TOLD]
+    missing = [
+        name
+        for name, triad in (("accelerometer", recording.specific_force), ("gyro", recording.angular_rate))
+        if triad is None
+    ]
+    found = [
+        remark.text for remark in recording.remarks if remark.kind == "found" and _COLUMNS in remark.text
+    ]
+    if missing and found:
+        said.append(
+            f"There is no {missing[0]}: what was found is {found[0].rstrip('.')}. Name others by `--columns`."
+        )
+    return said
 
 
 def _usable(suitability: Suitability) -> Suitability:
@@ -288,6 +313,7 @@ def _gathered(
     rate: float,
     duration: float,
     *,
+    held: Held | None,
     streamed: bool = False,
 ) -> Characterisation:
     """Fit the channels' models, and put everything together."""
@@ -313,6 +339,7 @@ def _gathered(
         rate,
         duration,
         streamed,
+        held,
     )
 
 

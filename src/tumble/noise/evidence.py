@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Table
 from tumble.noise.deviation import find_pieces
+from tumble.noise.held import beyond_chance, equal_rows
 from tumble.recording import Recording
 from tumble.recording.doctor import channels_of
 from tumble.recording.rest import block_statistics, sample_pieces, smallest_step
@@ -56,7 +57,7 @@ class RestEvidence(Protocol):
     pieces : ranges of samples without gap.
     step : (channels,) smallest step of each; rough : (channels,) scatter that neighbouring samples show.
     jitter : (channels,) standard deviation of a sample as its changes show it.
-    repeats : share of rows that repeat the row before.
+    repeats : share of rows that repeat the row before, beyond chance.
     """
 
     rate: float
@@ -111,7 +112,7 @@ class WholeEvidence:
         self.rough = _roughness(cuts)
         start, stop = max(self.pieces, key=lambda piece: piece[1] - piece[0], default=(0, 0))
         self.jitter = _jitter([self._signals[start : min(stop, start + 100_000)]])
-        self.repeats = _repeats(lively) / max(len(lively) - 1, 1)
+        self.repeats = beyond_chance(*equal_rows(lively), len(lively) - 1)
 
     def blocks(self, piece: Piece, size: int) -> Blocks:
         """Return the statistics of a piece's blocks of `size` samples."""
@@ -154,7 +155,7 @@ class Survey:
         self._rest = np.zeros((0, 0))
         self._heads: list[Table] = []
         self._blocks = 0
-        self._equal = 0
+        self._equal, self._each = 0, np.zeros(0)
         self._low, self._high = np.zeros(0), np.zeros(0)
         self._steady = [0.0, 0.0]  # steps between stamps outside gaps, and the time that they take
 
@@ -178,7 +179,9 @@ class Survey:
             self.start_time = float(block.time[0])
         self._low = np.minimum(self._low, signals.min(axis=0))
         self._high = np.maximum(self._high, signals.max(axis=0))
-        self._equal += _repeats(signals)
+        rows_equal, each_equal = equal_rows(signals)
+        self._equal += rows_equal
+        self._each = each_equal if not len(self._each) else self._each + each_equal
         if self._blocks & (self._blocks - 1) == 0 and len(self._heads) < _MOST_HEADS:
             self._heads.append(signals[:_HEAD].copy())
         self._blocks += 1
@@ -211,7 +214,7 @@ class Survey:
         self.step = np.array([smallest_step(self._heads[0][:, k]) for k in range(len(self.names))])
         self.rough = _roughness(self._heads)
         self.jitter = _jitter(self._heads)
-        self.repeats = self._equal / max(self.samples - 1, 1)
+        self.repeats = beyond_chance(self._equal, self._each, self.samples - 1)
         if self._steady[1] > 0.0:
             self.rate = self._steady[0] / self._steady[1]
         self._starts = np.array([start for start, _ in self.pieces], dtype=np.int64)
@@ -314,10 +317,6 @@ def units_of(recording: Recording, names: tuple[str, ...]) -> tuple[str, ...]:
 def _changes(values: Series) -> bool:
     good = values if np.isfinite(values.sum()) else values[np.isfinite(values)]
     return bool(good.size) and float(np.ptp(good)) > 0.0
-
-
-def _repeats(signals: Table) -> int:
-    return int(np.count_nonzero(np.all(signals[1:] == signals[:-1], axis=1)))
 
 
 def _roughness(parts: list[Table]) -> Series:

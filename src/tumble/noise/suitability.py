@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Table
 from tumble.noise.evidence import Blocks, Piece, RestEvidence
+from tumble.noise.held import REPEATS
 from tumble.units import angular_rate_factor, specific_force_factor
 
 _BLOCK = 1.0  # s, blocks whose scatter tells motion
@@ -27,7 +28,6 @@ _MOST_RATE = 0.05  # rad/s
 _LEVELS = 200  # means that a step or a trend is looked for in
 _STEP = 10.0  # robust standard deviations of the change from one mean to the next
 _TREND = 6.0
-_REPEATS = 0.02  # share of rows like the one before that makes a resolution or a slow sensor
 _TEMPERATURE_SPAN = 0.5  # degrees Celsius
 _EXPLAINED = 0.5  # share of the slow variation that makes a temperature trend
 _MOST_SAID = 3  # steps that are told one by one
@@ -126,14 +126,13 @@ def _longest(pieces: list[Piece]) -> int:
 def _repeated_rows(task: _Judgement) -> float:
     """Say where rows only repeat the row before; return the averaging time from which that averages out."""
     share = task.evidence.repeats
-    if share < _REPEATS or len(task.names) < 2:
+    if share < REPEATS or len(task.names) < 2:
         return 0.0
     update = task.rate * (1.0 - share)
     shortest = 5.0 / update
     task.remarks.append(
-        f"{100.0 * share:.0f} % of the rows repeat the row before in every channel: the sensor gave new values at "
-        f"{update:.4g} Hz only, and averaging times below {shortest:.2g} s are not fitted. Record at the sensor's "
-        "own rate."
+        f"{100.0 * share:.0f} % of the rows repeat the row before in every channel, in no order, as where lost rows "
+        f"were replaced by the row before: averaging times below {shortest:.2g} s are not fitted."
     )
     return shortest
 

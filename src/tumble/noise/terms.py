@@ -3,13 +3,15 @@
 The terms are those of IEEE Std 952 (Q, N, B, K, R), first-order Gauss-Markov processes and sinusoidal
 lines. Of a signal in u (rad/s or m/s²), with two-sided densities S(f) and Allan variances σ²(τ):
 
-| letter | term | unit | S(f) | σ²(τ) |
-|---|---|---|---|---|
-| Q | quantisation | u·s | (2πf)² Q²/rate | 3Q²/τ² |
-| N | angle or velocity random walk | u/√Hz | N² | N²/τ |
-| B | bias instability (flicker) | u | B²/(2πf) | (2 ln 2/π) B² |
-| K | rate random walk | u/√s | K²/(2πf)² | K²τ/3 |
-| R | ramp | u/s | R²/(2πf)³ | R²τ²/2 |
+====== ============================== ====== ================ ==============
+letter term                           unit   S(f)             σ²(τ)
+====== ============================== ====== ================ ==============
+Q      quantisation                   u·s    (2πf)² Q²/rate   3Q²/τ²
+N      angle or velocity random walk  u/√Hz  N²               N²/τ
+B      bias instability (flicker)     u      B²/(2πf)         (2 ln 2/π) B²
+K      rate random walk               u/√s   K²/(2πf)²        K²τ/3
+R      ramp                           u/s    R²/(2πf)³        R²τ²/2
+====== ============================== ====== ================ ==============
 """
 
 from __future__ import annotations

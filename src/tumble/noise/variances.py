@@ -149,7 +149,7 @@ def phase_covariance_of(letter: str, lag: AnyArray) -> AnyArray:
 
 
 def markov_phase_covariance(lag: AnyArray, correlation_time: float) -> AnyArray:
-    """Return s(t) of a Gauss-Markov process of variance 1, -T² (e^-x + x - 1 - x²/2), x = |t|/T."""
+    """Return s(t) of a Gauss-Markov process of variance 1, -T² (e^-x + x - 1 - x²/2), x = abs(t)/T."""
     x = np.abs(lag) / correlation_time
     near = np.minimum(x, 0.05)
     series = -(near**3) / 6.0 * (1.0 - near / 4.0 * (1.0 - near / 5.0 * (1.0 - near / 6.0)))

@@ -32,7 +32,7 @@ class Solution:
     ----------
     letters, times : of the terms; correlation times in s of the Gauss-Markov processes.
     squares : of the coefficients, R² last of the letters, then σ² of each process.
-    misfit : |root (observed - expected)|².
+    misfit : square of the length of root (observed - expected).
     root : of the weights.
     """
 

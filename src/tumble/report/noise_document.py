@@ -201,6 +201,10 @@ class NoiseDocument(_Strict):
     created: str
     recordings: list[RecordingName]
     rate_hz: float
+    recorded_rate_hz: float | None = Field(
+        default=None,
+        description="of the rows, where each value stands in several of them; rate_hz is that of values",
+    )
     samples_at_rest: int
     pieces: list[list[int]] = Field(description="first sample and the one after the last of each rest")
     read: Literal["whole", "block by block"]
@@ -241,6 +245,7 @@ def noise_document(noise: Characterisation) -> dict[str, Any]:
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         recordings=[RecordingName(name=s.name, sha256=s.sha256) for s in noise.sources],
         rate_hz=noise.rate,
+        recorded_rate_hz=None if noise.held is None else noise.held.recorded,
         samples_at_rest=noise.suitability.samples,
         pieces=[list(piece) for piece in noise.suitability.pieces],
         read="block by block" if noise.streamed else "whole",

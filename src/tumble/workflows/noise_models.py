@@ -32,7 +32,7 @@ class NoiseModels:
     Attributes
     ----------
     source : the file's name.
-    rate : Hz that the noise was recorded at.
+    rate : Hz that the noise was recorded at, rows that repeat a value counted.
     channels : by name, ax to gz: the unit ("m/s²", "rad/s" or "counts") and the model in it.
     """
 
@@ -65,7 +65,7 @@ def read_noise_models(path: str | os.PathLike[str]) -> NoiseModels:
         raise UsageError(f"--noise {place} is no noise document: {how}.")
     try:
         content = cast("dict[str, Any]", document)
-        rate = float(content["rate_hz"])
+        rate = float(content.get("recorded_rate_hz") or content["rate_hz"])
         channels = {
             str(name): (str(channel["unit"]), _model(channel))
             for name, channel in content["channels"].items()
