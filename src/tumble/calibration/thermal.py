@@ -46,9 +46,10 @@ from tumble.calibration.thermal_model import (
     ThermalSolution,
     bias_curve,
     thermal_solution,
+    with_turned_matrix,
 )
 from tumble.calibration.thermal_points import ThermalPoints, find_points
-from tumble.calibration.thermal_turns import TurnedMatrix
+from tumble.calibration.thermal_turns import TurnedMatrix, estimate_turned_matrix
 from tumble.calibration.thermal_words import not_determined_words, thermal_parameters, thermal_remarks
 from tumble.calibration.triad_unknowns import BIAS, SCALE
 from tumble.earth import EARTH_RATE, Site
@@ -139,9 +140,22 @@ def calibrate_thermal(
         )
 
     solution = solved(fit.values, with_pull(fit, doubts.pull), fit.layout)
-    # The turns between rests could tell the gyros' matrix (`thermal_turns`), but with rests cut where temperature goes
-    # fast it comes out wrong by many sigmas: until that is mended it is not asked, and named as not determined.
-    turned: TurnedMatrix | None = None
+    turned = None
+    if told == 9 and fit.layout.has_rate:
+        say("turns")
+        turned = estimate_turned_matrix(
+            recording,
+            timeline,
+            solution.model,
+            fit.values,
+            fit.covariance,
+            fit.layout,
+            factors=factors,
+            gravity=site.gravity,
+            wander=fit.levels.single["rate"] + fit.levels.flicker["rate"],
+        )
+    if turned is not None:
+        solution = solved(*with_turned_matrix(fit.values, fit.covariance, fit.layout, turned))
     evidence = _evidence(everything, kept, fit, solution, coverage, factors, soaks, site)
     evidence.candidates = candidates
     evidence.poses = len(np.unique(poses[coverage.keep]))

@@ -231,7 +231,8 @@ class ThermalConditions:
     def _offsets(self) -> Series:
         """Return one sigma of what each placement adds to the gyros' biases: the Earth rate, and g-sensitivity."""
         across = np.full(self.directions.shape[0], max(self.earth[1], 1e-9))
-        return np.hypot(across, self._pulled(self.directions))
+        pulled = self._pulled(self.directions)
+        return np.sqrt(across**2 + pulled**2)
 
     def _pulled(self, directions: Vectors) -> Series:
         """Return one sigma of what a g-sensitivity that poses do not tell adds in these, beside that of the main one.

@@ -17,7 +17,8 @@ from tumble.estimation import Adjustment, Prior, adjust
 from tumble.sensor.thermal import TemperatureBasis
 
 HIGHEST_ORDER = 5
-WORSE = 0.1
+# A twentieth more in the mean square is within its own scatter over some hundred rests, a tenth is not.
+ALIKE, WORSE = 0.05, 0.1
 # Temperatures nearer to one another than this are one soak.
 SAME_SOAK = 3.0  # K
 # Parts of a sweep that are left out one by one, and nodes of its interpolations.
@@ -334,8 +335,8 @@ def _simplest(tried: list[tuple[Candidate, ThermalTerms]]) -> ThermalTerms:
         # Folds differ more than candidates do: what counts is the difference in the same folds.
         worse = np.array(candidate.folds) - np.array(best.folds)
         slack = float(np.std(worse, ddof=1) / np.sqrt(worse.size)) if worse.size > 1 else 0.0
-        # Three folds hardly tell their own scatter: more than a tenth worse is worse.
-        return float(worse.mean()) <= min(slack, WORSE * best.score)
+        # Two or three folds hardly tell their own scatter, which may come out as nothing or as much.
+        return float(worse.mean()) <= min(max(slack, ALIKE * best.score), WORSE * best.score)
 
     good = [pair for pair in tried if as_good(pair[0])]
     return min(good, key=lambda pair: pair[0].unknowns)[1]
