@@ -75,6 +75,6 @@ def _print_list() -> None:
     for name, entry in ITEMS.items():
         typer.echo(f"{name:<{width}}  {entry.title:<{title}}  {entry.effort}")
     typer.echo(
-        "\n`tumble reproduce hayal`, `zhang` or `savage` makes all of a paper. Hayal's tables 5.5 to 5.7 and "
-        "Zhang's figures 5 to 10 need navigation, which is not there yet."
+        "\n`tumble reproduce hayal`, `zhang` or `savage` makes all of a paper; of what takes hours then no more than "
+        "its own number of runs."
     )

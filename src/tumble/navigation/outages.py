@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
-from tumble.errors import RecordingError
+from tumble.errors import ConvergenceError, RecordingError
 from tumble.navigation.drive import Drive
 from tumble.navigation.filter import FilterRun, FilterSetup, run_filter
 from tumble.navigation.mechanisation import navigate
@@ -89,6 +89,8 @@ def outages(
     ------
     RecordingError
         If the drive is too short for an outage of one of the lengths.
+    ConvergenceError
+        If the filter is lost, so that its states are no numbers any more.
     """
     first = drive.start.time + settle
     last = min(float(drive.samples.time[-1]), float(drive.track.time[-1]))
@@ -101,6 +103,7 @@ def outages(
     if repeated:
         return [_gaps(drive, setup, duration, interval, first) for duration in durations]
     run = drive.run(setup, interval=interval)
+    _refuse_lost(run)
     chosen = _spaced(run, first, every)
     found: dict[float, list[tuple[float, Vector]]] = {duration: [] for duration in durations}
     for row in chosen:
@@ -183,10 +186,20 @@ def _gaps(drive: Drive, setup: FilterSetup, duration: float, interval: float, fi
             next_one = aid.time[row] + duration
     track = aid.rows(kept)
     run = run_filter(drive.samples, track, drive.start, drive.setup(setup))
+    _refuse_lost(run)
     time = track.time[run.fixes]
     after = (time > first) & (np.concatenate([[0.0], np.diff(time)]) > 0.9 * duration)
     after &= track.quality[run.fixes] == np.min(track.quality)
     return OutageErrors(duration, time[after] - duration, run.innovations[after, :3])
+
+
+def _refuse_lost(run: FilterRun) -> None:
+    lost = ~(np.isfinite(run.sensors).all(axis=1) & np.isfinite(run.trajectory.velocity_n).all(axis=1))
+    if lost.any():
+        raise ConvergenceError(
+            f"The filter is lost {run.time[lost.argmax()]:.0f} s into the drive: its states are no numbers any more. "
+            "Sensor errors at its start are off by far more than the standard deviations that it was given for them."
+        )
 
 
 def _spaced(run: FilterRun, first: float, every: float) -> list[int]:

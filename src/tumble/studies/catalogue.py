@@ -11,6 +11,8 @@ from tumble.errors import UsageError
 from tumble.studies.hayal_contradictions import reproduce_contradictions
 from tumble.studies.hayal_estimators import reproduce_convergence, reproduce_norm_bias
 from tumble.studies.hayal_figures import reproduce_figure
+from tumble.studies.hayal_position_figures import reproduce_outage_figure, reproduce_scenario_figure
+from tumble.studies.hayal_positions import reproduce_scenario_positions, reproduce_sub_scenarios
 from tumble.studies.hayal_scenarios import TABLES, reproduce_scenario_table
 from tumble.studies.hayal_tables import reproduce_table
 from tumble.studies.outcome import Outcome
@@ -43,6 +45,7 @@ class Item:
     run : makes it from repetitions and a seed.
     repetitions : by default; None for an item that has none.
     seconds : that 500 repetitions take, about, on one core; what they took is in the outcome.
+    dear : of which hundreds of runs take hours: as one of a paper's items it makes no more than its own number.
     """
 
     name: str
@@ -50,6 +53,7 @@ class Item:
     run: Callable[[int, int], Outcome]
     repetitions: int | None = 1
     seconds: float = 0.2
+    dear: bool = False
 
     @property
     def effort(self) -> str:
@@ -58,6 +62,17 @@ class Item:
             return "no runs; at once"
         runs = "1 run" if self.repetitions == 1 else f"{self.repetitions} runs"
         return f"{runs}; 500 take about {self.seconds:g} s"
+
+    def runs_among_others(self, asked: int | None) -> int | None:
+        """Return how many runs it makes where all of a paper was asked for with so many.
+
+        Parameters
+        ----------
+        asked : None for the item's own number.
+        """
+        if asked is None or not self.dear or self.repetitions is None:
+            return asked
+        return min(asked, self.repetitions)
 
 
 def _hayal_items() -> list[Item]:
@@ -99,6 +114,7 @@ def _hayal_items() -> list[Item]:
         )
         for t in TABLES
     ]
+    items += _position_items()
     items.append(
         Item(
             "hayal-contradictions",
@@ -108,6 +124,49 @@ def _hayal_items() -> list[Item]:
         )
     )
     return items
+
+
+def _position_items() -> list[Item]:
+    tables = hayal()["position_tables"]
+    items = [
+        Item(
+            f"hayal-{t}",
+            f"table {t}: {tables[t]['title']}",
+            partial(reproduce_scenario_positions, t),
+            8,
+            1200.0,
+            dear=True,
+        )
+        for t in ("5.5", "5.6")
+    ]
+    title = f"table 5.7: {tables['5.7']['title']}"
+    wandering = partial(reproduce_sub_scenarios, wandering=True)
+    items += [
+        Item("hayal-5.7", title, reproduce_sub_scenarios, 6, 3100.0, dear=True),
+        Item("hayal-5.7-wandering", "the same with biases that wander", wandering, 4, 3100.0, dear=True),
+    ]
+    items += [
+        Item(
+            f"hayal-figure-{f}",
+            f"figure {f}: table {f} as a picture",
+            partial(reproduce_scenario_figure, f),
+            8,
+            1200.0,
+            dear=True,
+        )
+        for f in ("5.5", "5.6")
+    ]
+    return items + [
+        Item(
+            f"hayal-figure-{f}",
+            f"figure {f}: table 5.7 as a picture, {imu}",
+            partial(reproduce_outage_figure, f),
+            6,
+            1600.0,
+            dear=True,
+        )
+        for f, imu in (("5.7", "HG1700"), ("5.8", "HG1900"))
+    ]
 
 
 def _zhang_items() -> list[Item]:
@@ -184,10 +243,7 @@ ITEMS: dict[str, Item] = {item.name: item for item in (*_hayal_items(), *_zhang_
 
 
 # What a paper shows of positions and velocities, by the name it would have here.
-NEED_NAVIGATION = (
-    *(f"hayal-5.{number}" for number in (5, 6, 7)),
-    *(f"zhang-figure-{number}" for number in range(5, 11)),
-)
+NEED_NAVIGATION = tuple(f"zhang-figure-{number}" for number in range(5, 11))
 
 
 def find_items(name: str) -> list[Item]:

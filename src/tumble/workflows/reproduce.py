@@ -31,7 +31,8 @@ def reproduce(
     Parameters
     ----------
     name : of an item, or of a paper ("hayal", "zhang", "savage").
-    repetitions : how many runs; None for each item's own number.
+    repetitions : how many runs; None for each item's own number, which items that take hours do not exceed where
+        all of a paper is asked for.
     seed : of all random numbers; the same seed gives the same numbers.
     output : folder for a page, data and pictures of each item; None writes nothing.
     progress : is told in words what is being done.
@@ -53,10 +54,12 @@ def reproduce(
     if folder is not None and folder.exists() and not folder.is_dir():
         raise UsageError(f"-o {folder} is a file: give a folder.")
     outcomes: list[Outcome] = []
-    for item in find_items(name):
+    items = find_items(name)
+    for item in items:
         if progress is not None:
             progress(item.title)
-        outcomes.append(run_item(item, repetitions, seed))
+        runs = repetitions if len(items) == 1 else item.runs_among_others(repetitions)
+        outcomes.append(run_item(item, runs, seed))
     return outcomes, [] if folder is None else _write(folder, outcomes)
 
 
