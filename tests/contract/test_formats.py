@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import tempfile
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -15,8 +16,10 @@ from tumble.errors import RecordingError, UsageError
 from tumble.recording import read_blocks, read_recording
 from tumble.recording.formats import (
     FORMATS,
+    dataflash,
     find_format,
     matlab,
+    mavlink,
     mcap,
     npy,
     npz,
@@ -26,6 +29,7 @@ from tumble.recording.formats import (
     rosbag1,
     rosbag2,
     text,
+    ulog,
 )
 
 NAMES = ("t", "ax", "ay", "az", "gx", "gy", "gz")
@@ -33,11 +37,15 @@ NAMES = ("t", "ax", "ay", "az", "gx", "gy", "gz")
 
 @cache
 def example() -> np.ndarray:
-    """Rest in one pose with noise: 1,200 rows of numbers that are no round decimals."""
+    """Rest in one pose with noise: 1,200 rows of numbers that are no round decimals.
+
+    They are numbers of float32, which is what logs hold, at stamps of whole microseconds.
+    """
     rng = np.random.default_rng(17)
     force = np.array([1.0, -2.0, 9.55]) + 0.02 * rng.normal(size=(1200, 3))
     rate = np.array([0.01, -0.02, 0.03]) + 0.001 * rng.normal(size=(1200, 3))
-    return np.column_stack([np.arange(1200) / 128, force, rate])
+    numbers = np.hstack([force, rate]).astype(np.float32).astype(np.float64)
+    return np.column_stack([np.arange(1, 1201) / 64, numbers])
 
 
 def write_csv(path: Path, rows: np.ndarray) -> None:
@@ -140,6 +148,48 @@ def write_rosbag2(storage: str) -> Callable[[Path, np.ndarray], None]:
     return write
 
 
+def write_ulog(path: Path, rows: np.ndarray) -> None:
+    """Definitions, a subscription and data, each with its size and type before it; pyulog reads it."""
+
+    def message(kind: bytes, body: bytes) -> bytes:
+        return struct.pack("<H", len(body)) + kind + body
+
+    fields = "uint64_t timestamp;float[3] gyro_rad;uint32_t gyro_integral_dt;"
+    fields += "int32_t accelerometer_timestamp_relative;float[3] accelerometer_m_s2;"
+    parts = [b"ULog\x01\x12\x35\x01" + bytes(8), message(b"B", bytes(40))]
+    parts.append(message(b"F", f"sensor_combined:{fields}".encode()))
+    parts.append(message(b"A", b"\0" + struct.pack("<H", 7) + b"sensor_combined"))
+    for row in rows.tolist():
+        body = struct.pack("<HQ3fIi3f", 7, round(row[0] * 1e6), *row[4:], 15625, 0, *row[1:4])
+        parts.append(message(b"D", body))
+    path.write_bytes(b"".join(parts))
+
+
+def write_dataflash(path: Path, rows: np.ndarray) -> None:
+    """A description of the descriptions, one of IMU, and the messages."""
+
+    def described(kind: int, length: int, name: bytes, form: bytes, labels: bytes) -> bytes:
+        return b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", kind, length, name, form, labels)
+
+    parts = [described(128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")]
+    parts.append(described(9, 36, b"IMU", b"QBffffff", b"TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"))
+    for row in rows.tolist():
+        parts.append(b"\xa3\x95\x09" + struct.pack("<QB6f", round(row[0] * 1e6), 0, *row[4:], *row[1:4]))
+    path.write_bytes(b"".join(parts))
+
+
+def write_mavlink(path: Path, rows: np.ndarray) -> None:
+    dialect = pytest.importorskip("pymavlink.dialects.v20.common", reason="pymavlink writes the sample")
+    link = dialect.MAVLink(None, srcSystem=1)
+    parts: list[bytes] = []
+    for row in rows.tolist():
+        microseconds = round(row[0] * 1e6)
+        message = dialect.MAVLink_highres_imu_message(microseconds, *row[1:], *[0.0] * 7, 63)
+        parts += [struct.pack(">Q", 1_700_000_000_000_000 + microseconds), message.pack(link)]
+        link.seq = (link.seq + 1) % 256
+    path.write_bytes(b"".join(parts))
+
+
 MEMBERS = {
     "CSV": (text, write_csv),
     "spaces": (text, write_spaces),
@@ -153,6 +203,9 @@ MEMBERS = {
     "ROS 1 bag": (rosbag1, write_rosbag1),
     "ROS 2 bag": (rosbag2, write_rosbag2("SQLITE3")),
     "MCAP": (mcap, write_rosbag2("MCAP")),
+    "ULog": (ulog, write_ulog),
+    "DataFlash": (dataflash, write_dataflash),
+    "MAVLink": (mavlink, write_mavlink),
 }
 
 

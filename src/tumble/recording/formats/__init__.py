@@ -16,11 +16,35 @@ from pathlib import Path
 from types import ModuleType
 
 from tumble.errors import RecordingError, UsageError
-from tumble.recording.formats import matlab, mcap, npy, npz, parquet, rosbag1, rosbag2, text
+from tumble.recording.formats import (
+    dataflash,
+    matlab,
+    mavlink,
+    mcap,
+    npy,
+    npz,
+    parquet,
+    rosbag1,
+    rosbag2,
+    text,
+    ulog,
+)
 from tumble.recording.formats.table import RawTable, hash_file
 from tumble.recording.recording import Source
 
-FORMATS: tuple[ModuleType, ...] = (parquet, npy, npz, matlab, rosbag1, rosbag2, mcap, text)
+FORMATS: tuple[ModuleType, ...] = (
+    parquet,
+    npy,
+    npz,
+    matlab,
+    rosbag1,
+    rosbag2,
+    mcap,
+    ulog,
+    dataflash,
+    mavlink,
+    text,
+)
 """All formats, in the order in which they are asked; text recognises almost anything and comes last."""
 
 HEAD = 4096

@@ -26,7 +26,7 @@ def recognises(head: bytes) -> bool:
     return head.startswith(b"PAR1")
 
 
-def _columns(frame: pl.DataFrame) -> tuple[tuple[str, ...], list[Series]]:
+def numeric_columns(frame: pl.DataFrame) -> tuple[tuple[str, ...], list[Series]]:
     """Return the columns of numbers; dates become seconds of the Unix epoch."""
     import polars as pl
 
@@ -55,7 +55,7 @@ def read_table(path: Path) -> RawTable:
     import polars as pl
 
     try:
-        names, columns = _columns(pl.read_parquet(path))
+        names, columns = numeric_columns(pl.read_parquet(path))
     except pl.exceptions.PolarsError as error:
         raise _damaged(path, error) from error
     _need_columns(path, columns)
@@ -79,7 +79,7 @@ def read_table_blocks(path: Path, rows: int = 500_000) -> Iterator[RawTable]:
     try:
         total = int(lazy.select(pl.len()).collect().item())
         while start < total:
-            names, columns = _columns(lazy.slice(start, rows).collect())
+            names, columns = numeric_columns(lazy.slice(start, rows).collect())
             _need_columns(path, columns)
             yield RawTable(
                 path, names, columns, Source(path.name, ""), place=lambda row, at=start: f"row {at + row + 1}"

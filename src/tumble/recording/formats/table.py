@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import mmap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -72,6 +73,18 @@ def hash_file(path: Path) -> Source:
     """
     with path.open("rb") as file:
         return Source(path.name, hashlib.file_digest(file, "sha256").hexdigest())
+
+
+def mapped(path: Path) -> mmap.mmap:
+    """Return a file's bytes, mapped from the disk; the map is closed when nothing refers to it any more.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    with path.open("rb") as file:
+        return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
 
 
 def hash_files(path: Path, parts: Sequence[Path]) -> Source:

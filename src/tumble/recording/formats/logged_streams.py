@@ -1,0 +1,123 @@
+"""What logs of autopilots and folders have in common: named streams, the choice among them, one table."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tumble.errors import RecordingError, UsageError
+from tumble.recording.formats.streams import Samples, Units, merge_streams, table_of_samples
+from tumble.recording.formats.table import RawTable
+from tumble.recording.recording import Remark, Source
+
+_LISTED = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """A named stream of a log.
+
+    Attributes
+    ----------
+    name : as the user names it with ``--topic``; an instance follows after a colon.
+    samples : in time order.
+    units : of its triads.
+    note : a sentence about its numbers, or nothing.
+    """
+
+    name: str
+    samples: Samples
+    units: Units = field(default_factory=Units)
+    note: str = ""
+
+    @property
+    def rate(self) -> float:
+        """Samples a second on average, 0 for fewer than two."""
+        time = self.samples.time
+        span = float(time[-1] - time[0]) if len(time) > 1 else 0.0
+        return (len(time) - 1) / span if span > 0.0 else 0.0
+
+    def words(self) -> str:
+        """Return name, number and rate in words."""
+        return f"{self.name} ({len(self.samples)} samples, {self.rate:.4g} Hz)"
+
+
+def list_streams(streams: Sequence[Stream]) -> str:
+    """Return the streams in words."""
+    more = f" and {len(streams) - _LISTED} more" if len(streams) > _LISTED else ""
+    return ", ".join(s.words() for s in streams[:_LISTED]) + more
+
+
+def table_of_streams(
+    path: Path,
+    streams: Sequence[Stream],
+    wanted: Sequence[str],
+    automatic: Sequence[str],
+    source: Source,
+    remarks: Sequence[Remark] = (),
+) -> RawTable:
+    """Return the table of the wanted streams, or of those that are chosen by themselves.
+
+    Parameters
+    ----------
+    path : the file, for messages.
+    streams : all that hold a triad.
+    wanted : names of one stream, or of one for each triad; none for `automatic`.
+    automatic : names of the streams that are read where none was wanted.
+    source : the file with its SHA-256.
+    remarks : what was found so far.
+
+    Raises
+    ------
+    RecordingError
+        If two streams hold no accelerometer and gyro, or have no time in common.
+    UsageError
+        If a wanted stream is not there, or more than two are wanted.
+    """
+    said = [*remarks, Remark("found", f"{path.name} holds {list_streams(streams)}.")]
+    chosen = [_named(path, streams, name) for name in (wanted or automatic)]
+    if len(chosen) > 2:
+        raise UsageError(f"--topic names {len(chosen)} streams; give one, or one of each triad.")
+    said.append(Remark("found", f"{path.name}: {' and '.join(s.name for s in chosen)} is read."))
+    said += [Remark("found", f"{path.name}: {s.name} {s.note}.") for s in chosen if s.note]
+    if len(chosen) == 1:
+        return table_of_samples(path, chosen[0].samples, chosen[0].units, source, said)
+    force, rates = _triads(path, chosen)
+    merged, more = merge_streams(
+        path.name, (force.name, _only_force(force)), (rates.name, _only_rates(rates))
+    )
+    units = Units(force.units.specific_force, rates.units.angular_rate)
+    return table_of_samples(path, merged, units, source, [*said, *more])
+
+
+def _only_force(stream: Stream) -> Samples:
+    return Samples(stream.samples.time, stream.samples.specific_force)
+
+
+def _only_rates(stream: Stream) -> Samples:
+    return Samples(stream.samples.time, None, stream.samples.angular_rate, stream.samples.temperature)
+
+
+def _named(path: Path, streams: Sequence[Stream], name: str) -> Stream:
+    known = {s.name: s for s in streams}
+    plain = re.sub(r"\[(\d+)\]$", r":\1", name)
+    for spelling in (plain, f"{plain}:0", f"{plain}:1"):
+        if spelling in known:
+            return known[spelling]
+    there = f"it holds {list_streams(streams)}" if streams else "it holds none that is read"
+    raise UsageError(f"--topic {name}: {path.name} has no such message or stream with a triad; {there}.")
+
+
+def _triads(path: Path, chosen: list[Stream]) -> tuple[Stream, Stream]:
+    """Return which of two streams is the accelerometer's and which the gyro's."""
+    first, second = chosen
+    for force, rates in ((first, second), (second, first)):
+        lone = force.samples.angular_rate is None or rates.samples.specific_force is None
+        if force.samples.specific_force is not None and rates.samples.angular_rate is not None and lone:
+            return force, rates
+    raise RecordingError(
+        f"{path.name}: {first.name} and {second.name} are not an accelerometer and a gyro apart; name one of them, "
+        "or one of each."
+    )

@@ -1,0 +1,207 @@
+"""ULog, the log of PX4, by the library pyulog.
+
+References
+----------
+PX4 user guide, *ULog File Format*; message definitions `SensorCombined`, `SensorAccel`, `SensorGyro`,
+`SensorAccelFifo`, `SensorGyroFifo` and `VehicleImu`.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.arrays import Series, Vectors
+from tumble.errors import RecordingError, UsageError
+from tumble.recording.formats.logged_streams import Stream, table_of_streams
+from tumble.recording.formats.streams import Samples, Units, merge_streams
+from tumble.recording.formats.table import RawTable, hash_file, mapped
+from tumble.recording.recording import Remark
+
+NAME = "ULog"
+ENDINGS = (".ulg",)
+SUMMARY = "PX4 ULog: raw sensors, sensor_combined, vehicle_imu (with the extra `px4`)"
+HAS_TOPICS = True
+
+_MAGIC = b"ULog\x01\x12\x35"
+_HEADER = 16  # bytes
+_LEAST_RATE = 20.0  # Hz; most logs have the raw sensors once a second only
+_NO_STAMP = 2**31 - 1  # accelerometer_timestamp_relative of a message without an accelerometer's sample
+_CORRECTED = (
+    "is what the autopilot's own calibration (CAL_ACC*, CAL_GYRO*) left; reset it to calibrate the sensor"
+)
+
+Columns = Mapping[str, npt.NDArray[Any]]
+
+
+def recognises(head: bytes) -> bool:
+    """Say whether a file that begins so is ULog."""
+    return head.startswith(_MAGIC)
+
+
+def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
+    """Read a ULog file.
+
+    Parameters
+    ----------
+    path : the file.
+    topics : one message, or one of each triad, as ``sensor_combined`` or ``sensor_accel:1``.
+
+    Raises
+    ------
+    RecordingError
+        If the file is damaged or holds no inertial message.
+    UsageError
+        If a message is not there, or pyulog is not installed.
+    OSError
+        If the file cannot be read.
+    """
+    try:
+        library: Any = import_module("pyulog")
+    except ImportError as error:
+        raise UsageError(
+            f'{path.name} is a ULog; reading it needs pyulog: pip install "tumble[px4]".'
+        ) from error
+    try:
+        with path.open("rb") as file:  # opened here: pyulog leaves a damaged file open
+            log = library.ULog(file, list(_MESSAGES), disable_str_exceptions=True)
+        streams = _streams(log, path.name)
+    except (struct.error, IndexError, KeyError, TypeError, ValueError, AttributeError) as error:
+        raise RecordingError(f"{path.name} is a damaged ULog ({error}).") from error
+    except (RecordingError, OSError):
+        raise
+    except Exception as error:  # pyulog's own exception derives from Exception
+        raise RecordingError(f"{path.name} is a damaged ULog ({error}).") from error
+    if not streams:
+        names = sorted({d.name for d in log.data_list} | set(log.message_formats))
+        raise RecordingError(
+            f"{path.name} holds none of the messages {', '.join(_MESSAGES)}; log sensor_combined at full rate. "
+            f"It knows {', '.join(names[:12])}{' and more' if len(names) > 12 else ''}."
+        )
+    remarks = _damage(log, path)
+    return table_of_streams(path, streams, topics, _automatic(streams), hash_file(path), remarks)
+
+
+def _damage(log: Any, path: Path) -> list[Remark]:
+    """Say what is missing of a log."""
+    said: list[Remark] = []
+    if log.file_corruption or _is_cut(path):
+        said.append(Remark("mended", f"{path.name} is damaged or cut short; what could be read is used."))
+    if log.dropouts:
+        lost = sum(d.duration for d in log.dropouts) / 1000.0
+        said.append(
+            Remark("found", f"{path.name}: the logger lost {lost:.3g} s in {len(log.dropouts)} dropout(s).")
+        )
+    return said
+
+
+def _is_cut(path: Path) -> bool:
+    """Whether the last message does not end where the file ends."""
+    data = mapped(path)
+    position, stop = _HEADER, len(data)
+    while position + 3 <= stop:
+        position += 3 + data[position] + 256 * data[position + 1]
+    return position != stop
+
+
+def _streams(log: Any, name: str) -> list[Stream]:
+    """Return the streams that the log's messages make, raw ones first."""
+    streams: list[Stream] = []
+    for kind, make in _MESSAGES.items():
+        for data in sorted((d for d in log.data_list if d.name == kind), key=lambda d: d.multi_id):
+            if len(data.data["timestamp"]) > 1:
+                streams.append(make(f"{kind}:{data.multi_id}", data.data, name))
+    return streams
+
+
+def _automatic(streams: Sequence[Stream]) -> list[str]:
+    """Return the raw sensors of the first instance if they were logged at a useful rate, else what there is."""
+    useful = [s for s in streams if s.rate >= _LEAST_RATE] or list(streams)
+    for pair in (("sensor_accel_fifo", "sensor_gyro_fifo"), ("sensor_accel", "sensor_gyro")):
+        found = [next((s.name for s in useful if s.name.startswith(p + ":")), None) for p in pair]
+        if None not in found:
+            return [str(n) for n in found]
+    whole = [s for s in useful if s.samples.specific_force is not None and s.samples.angular_rate is not None]
+    return [(whole or useful)[0].name]
+
+
+def _seconds(columns: Columns) -> Series:
+    """Return when the samples were taken, or where that is not said when they were published."""
+    stamps = columns.get("timestamp_sample", columns["timestamp"])
+    return np.asarray(stamps if np.any(stamps) else columns["timestamp"], dtype=np.float64) / 1e6
+
+
+def _triad(columns: Columns, name: str) -> Vectors:
+    names = [f"{name}[{i}]" for i in range(3)] if name else list("xyz")
+    return np.column_stack([np.asarray(columns[n], dtype=np.float64) for n in names])
+
+
+def _combined(name: str, columns: Columns, file: str) -> Stream:
+    """The accelerometer's stamp is relative to the gyro's; rows without a sample of it have none."""
+    time = np.asarray(columns["timestamp"], dtype=np.float64)
+    relative = np.asarray(columns["accelerometer_timestamp_relative"], dtype=np.float64)
+    force, rate = _triad(columns, "accelerometer_m_s2"), _triad(columns, "gyro_rad")
+    if not np.any(relative):
+        return Stream(name, Samples(time / 1e6, force, rate), Units(), _CORRECTED)
+    there = relative != _NO_STAMP
+    accelerometer = Samples((time + relative)[there] / 1e6, force[there])
+    merged, _ = merge_streams(file, (name, accelerometer), (name, Samples(time / 1e6, None, rate)))
+    return Stream(name, merged, Units(), _CORRECTED)
+
+
+def _vehicle(name: str, columns: Columns, file: str) -> Stream:
+    """Increments are divided by the interval that each was summed over: the mean rate, exactly."""
+    spans = [
+        np.asarray(columns[f"delta_{what}_dt"], dtype=np.float64) / 1e6 for what in ("angle", "velocity")
+    ]
+    whole = (spans[0] > 0.0) & (spans[1] > 0.0)
+    rate, force = (
+        _triad(columns, f"delta_{what}")[whole] / span[whole, None]
+        for what, span in zip(("angle", "velocity"), spans, strict=True)
+    )
+    note = f"holds increments, which are divided by the interval that stands beside each; it {_CORRECTED}"
+    return Stream(name, Samples(_seconds(columns)[whole], force, rate), Units(), note)
+
+
+def _lone(name: str, columns: Columns, file: str) -> Stream:
+    """One raw sensor, in the sensor's own axes."""
+    values, temperature = _triad(columns, ""), columns.get("temperature")
+    known = temperature is not None and bool(np.all(np.isfinite(temperature)) and np.any(temperature))
+    celsius = np.asarray(temperature, dtype=np.float64) if known else None
+    return _of_one_triad(name, _seconds(columns), values, celsius)
+
+
+def _of_one_triad(name: str, time: Series, values: Vectors, celsius: Series | None = None) -> Stream:
+    if "accel" in name:
+        return Stream(name, Samples(time, values, None, celsius), Units())
+    return Stream(name, Samples(time, None, values, celsius), Units())
+
+
+def _fifo(name: str, columns: Columns, file: str) -> Stream:
+    """Up to 32 samples a message, the last of them at the message's stamp."""
+    counts = np.asarray(columns["samples"], dtype=np.intp)
+    width = 1 + max(int(n[2:-1]) for n in columns if n.startswith("x["))
+    behind = counts[:, None] - 1 - np.arange(width)
+    there = behind >= 0
+    step = np.asarray(columns["dt"], dtype=np.float64)[:, None]
+    time = _seconds(columns)[:, None] - step * behind / 1e6
+    scale = np.asarray(columns["scale"], dtype=np.float64)[:, None]
+    axes = [np.column_stack([columns[f"{a}[{i}]"] for i in range(width)]) * scale for a in "xyz"]
+    return _of_one_triad(name, time[there], np.column_stack([a[there] for a in axes]))
+
+
+_MESSAGES: dict[str, Callable[[str, Columns, str], Stream]] = {
+    "sensor_accel_fifo": _fifo,
+    "sensor_gyro_fifo": _fifo,
+    "sensor_accel": _lone,
+    "sensor_gyro": _lone,
+    "sensor_combined": _combined,
+    "vehicle_imu": _vehicle,
+}
+"""Messages that are read, and what makes streams of them."""

@@ -1,0 +1,308 @@
+"""Logs of autopilots: instances, increments and raw sensors by their own intervals; what is not there is said."""
+
+from __future__ import annotations
+
+import struct
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tumble.errors import RecordingError, UsageError
+from tumble.recording import read_recording
+
+RNG = np.random.default_rng(8)
+FORCE = (np.array([0.3, -0.4, -9.8]) + 0.01 * RNG.normal(size=(200, 3))).astype(np.float32).astype(float)
+RATE = (np.array([0.01, 0.02, -0.03]) + 0.001 * RNG.normal(size=(200, 3))).astype(np.float32).astype(float)
+STAMPS = 5_000_000 + 4000 * np.arange(200)  # µs
+
+
+def texts(recording: Any) -> str:
+    return " ".join(r.text for r in recording.remarks)
+
+
+# -- PX4 ---------------------------------------------------------------------------------------------
+
+Message = tuple[str, int, str, str, list[tuple[Any, ...]]]
+
+
+def write_ulog(path: Path, *messages: Message) -> None:
+    """Each message: name, instance, fields, format of struct, rows."""
+
+    def part(kind: bytes, body: bytes) -> bytes:
+        return struct.pack("<H", len(body)) + kind + body
+
+    parts = [b"ULog\x01\x12\x35\x01" + bytes(8), part(b"B", bytes(40))]
+    for name in dict.fromkeys(m[0] for m in messages):
+        fields = next(m[2] for m in messages if m[0] == name)
+        parts.append(part(b"F", f"{name}:uint64_t timestamp;{fields}".encode()))
+    for number, (name, instance, _, form, rows) in enumerate(messages):
+        parts.append(part(b"A", struct.pack("<BH", instance, number) + name.encode()))
+        parts += [part(b"D", struct.pack("<H", number) + struct.pack("<Q" + form, *row)) for row in rows]
+    path.write_bytes(b"".join(parts))
+
+
+def raw_sensor(kind: str, instance: int, values: np.ndarray, step: int = 1) -> Message:
+    fields = "uint64_t timestamp_sample;float x;float y;float z;float temperature;"
+    rows = [(int(t) + 300, int(t), *v, 31.5) for t, v in zip(STAMPS[::step], values[::step], strict=True)]
+    return f"sensor_{kind}", instance, fields, "Q4f", rows
+
+
+def combined(relative: int = 0) -> Message:
+    fields = "float[3] gyro_rad;int32_t accelerometer_timestamp_relative;float[3] accelerometer_m_s2;"
+    rows = [(int(t), *w, relative, *f) for t, w, f in zip(STAMPS, RATE, FORCE, strict=True)]
+    return "sensor_combined", 0, fields, "3fi3f", rows
+
+
+@pytest.fixture(autouse=True)
+def _needs_pyulog(request: pytest.FixtureRequest) -> None:
+    if "ulog" in request.node.name:
+        pytest.importorskip("pyulog", reason="the extra px4 is not installed")
+
+
+def test_ulog_raw_sensors_are_read_where_they_are_fast(tmp_path: Path) -> None:
+    write_ulog(tmp_path / "a.ulg", raw_sensor("accel", 0, FORCE), raw_sensor("gyro", 0, RATE), combined())
+    recording = read_recording(tmp_path / "a.ulg")
+    assert np.array_equal(recording.specific_force, FORCE)
+    assert np.array_equal(recording.angular_rate, RATE)
+    assert np.array_equal(recording.time, STAMPS / 1e6)  # of the sample, not of its publication
+    assert np.all(recording.temperature == 31.5)
+    assert "own calibration" not in texts(recording)
+
+
+def test_ulog_slow_raw_sensors_are_passed_over(tmp_path: Path) -> None:
+    """Most logs have them once a second."""
+    slow = raw_sensor("accel", 0, FORCE, 100), raw_sensor("gyro", 0, RATE, 100)
+    write_ulog(tmp_path / "a.ulg", *slow, combined())
+    recording = read_recording(tmp_path / "a.ulg")
+    assert len(recording) == 200
+    assert "sensor_combined:0 is read" in texts(recording)
+    assert "own calibration (CAL_ACC*, CAL_GYRO*)" in texts(recording)
+
+
+def test_ulog_an_instance_is_named_after_a_colon(tmp_path: Path) -> None:
+    messages = [raw_sensor(k, i, v + i) for k, v in (("accel", FORCE), ("gyro", RATE)) for i in (0, 1)]
+    write_ulog(tmp_path / "a.ulg", *messages)
+    recording = read_recording(tmp_path / "a.ulg", topics=["sensor_accel:1", "sensor_gyro[1]"])
+    # Added to in float64 and written in float32.
+    np.testing.assert_allclose(recording.specific_force, FORCE + 1, rtol=1e-6)
+    with pytest.raises(UsageError, match=r"--topic sensor_accel:7: a\.ulg has no such message"):
+        read_recording(tmp_path / "a.ulg", topics=["sensor_accel:7"])
+    with pytest.raises(RecordingError, match="not an accelerometer and a gyro apart"):
+        read_recording(tmp_path / "a.ulg", topics=["sensor_accel:0", "sensor_accel:1"])
+
+
+def test_ulog_increments_become_rates_by_their_own_intervals(tmp_path: Path) -> None:
+    """Intervals alternate: their mean would be wrong by a quarter."""
+    spans = np.where(np.arange(200) % 2, 5000, 3000)
+    fields = "uint64_t timestamp_sample;float[3] delta_angle;float[3] delta_velocity;"
+    fields += "uint16_t delta_angle_dt;uint16_t delta_velocity_dt;"
+    rows = [
+        (int(t), int(t), *(w * s / 1e6), *(f * s / 1e6), int(s), int(s))
+        for t, w, f, s in zip(np.cumsum(spans), RATE, FORCE, spans, strict=True)
+    ]
+    write_ulog(tmp_path / "a.ulg", ("vehicle_imu", 0, fields, "Q6fHH", rows))
+    recording = read_recording(tmp_path / "a.ulg")
+    # Increments are written in float32, whose half unit in the last place is 6e-8 of a number.
+    np.testing.assert_allclose(recording.angular_rate, RATE, rtol=1e-7)
+    np.testing.assert_allclose(recording.specific_force, FORCE, rtol=1e-7)
+
+
+def test_ulog_the_accelerometer_s_stamp_is_relative(tmp_path: Path) -> None:
+    write_ulog(tmp_path / "a.ulg", combined(-2000))
+    recording = read_recording(tmp_path / "a.ulg")
+    between = 0.5 * (FORCE[:-1] + FORCE[1:])  # half a step later than its samples
+    np.testing.assert_allclose(recording.specific_force, between, rtol=1e-12)
+    assert np.array_equal(recording.angular_rate, RATE[:-1])
+
+
+def test_ulog_fifo_messages_hold_many_samples(tmp_path: Path) -> None:
+    axes = "int16_t[4] x;int16_t[4] y;int16_t[4] z;"
+    fields = f"uint64_t timestamp_sample;float dt;float scale;uint8_t samples;{axes}"
+    counts = np.round(FORCE / 0.0005).astype(int)
+    rates = np.round(RATE / 0.0005).astype(int)
+
+    def rows(values: np.ndarray) -> list[tuple[Any, ...]]:
+        made = []
+        for start in range(0, 198, 3):  # three of four places are filled
+            triples = [[*values[start : start + 3, axis].tolist(), 0] for axis in range(3)]
+            stamp = 5_000_000 + 1000 * (start + 2)
+            made.append((stamp + 50, stamp, 1000.0, 0.0005, 3, *triples[0], *triples[1], *triples[2]))
+        return made
+
+    form = "QffB12h"
+    write_ulog(
+        tmp_path / "a.ulg",
+        ("sensor_accel_fifo", 0, fields, form, rows(counts)),
+        ("sensor_gyro_fifo", 0, fields, form, rows(rates)),
+    )
+    recording = read_recording(tmp_path / "a.ulg")
+    assert len(recording) == 198
+    np.testing.assert_allclose(np.diff(recording.time), 0.001, rtol=1e-6)
+    np.testing.assert_allclose(recording.specific_force, 0.0005 * counts[:198], rtol=1e-7)
+
+
+def test_ulog_without_inertial_messages_is_refused(tmp_path: Path) -> None:
+    write_ulog(tmp_path / "a.ulg", ("battery_status", 0, "float voltage;", "f", [(1, 12.0), (2, 12.0)]))
+    with pytest.raises(RecordingError, match=r"holds none of the messages .* It knows battery_status"):
+        read_recording(tmp_path / "a.ulg")
+
+
+def test_the_extra_of_a_ulog_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyulog", None)
+    write_ulog(tmp_path / "a.ulg", combined())
+    with pytest.raises(UsageError, match=r'pip install "tumble\[px4\]"'):
+        read_recording(tmp_path / "a.ulg")
+
+
+# -- ArduPilot ---------------------------------------------------------------------------------------
+
+
+def described(kind: int, length: int, name: bytes, form: bytes, labels: bytes) -> bytes:
+    return b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", kind, length, name, form, labels)
+
+
+FMT = described(128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
+
+
+def write_dataflash(path: Path, *, middle: bytes = b"") -> None:
+    """Two units, the second with ten times the noise; `middle` stands between two messages."""
+    labels = b"TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"
+    parts = [FMT, described(9, 36, b"IMU", b"QBffffff", labels), described(10, 11, b"MODE", b"Q", b"TimeUS")]
+    for number, (t, w, f) in enumerate(zip(STAMPS, RATE, FORCE, strict=True)):
+        for unit in (0, 1):
+            parts.append(b"\xa3\x95\x09" + struct.pack("<QB6f", int(t), unit, *(w + unit), *f))
+        parts.append(b"\xa3\x95\x0a" + struct.pack("<Q", int(t)))
+        parts.append(middle if number == 100 else b"")
+    path.write_bytes(b"".join(parts))
+
+
+def test_dataflash_the_first_unit_is_read_and_the_others_are_listed(tmp_path: Path) -> None:
+    write_dataflash(tmp_path / "a.bin")
+    recording = read_recording(tmp_path / "a.bin")
+    assert np.array_equal(recording.angular_rate, RATE)
+    assert "IMU:0 (200 samples, 250 Hz), IMU:1 (200 samples, 250 Hz)" in texts(recording)
+    second = read_recording(tmp_path / "a.bin", topics=["IMU[1]"])
+    np.testing.assert_allclose(second.angular_rate, RATE + 1, rtol=1e-6)  # float32
+
+
+def test_dataflash_is_read_as_pymavlink_reads_it(tmp_path: Path) -> None:
+    reader = pytest.importorskip("pymavlink.DFReader", reason="pymavlink is not installed")
+    write_dataflash(tmp_path / "a.bin")
+    log = reader.DFReader_binary(str(tmp_path / "a.bin"))
+    rows = []
+    while (message := log.recv_match(type="IMU")) is not None:
+        if message.I == 0:
+            rows.append([message.AccX, message.AccY, message.AccZ])
+    log.close()
+    assert np.array_equal(read_recording(tmp_path / "a.bin").specific_force, rows)
+
+
+def test_dataflash_bytes_between_messages_are_left_out(tmp_path: Path) -> None:
+    write_dataflash(tmp_path / "a.bin", middle=b"\x00\xa3\x95\xee\x00")
+    recording = read_recording(tmp_path / "a.bin")
+    assert np.array_equal(recording.specific_force, FORCE)
+    assert "5 bytes that are no message" in texts(recording)
+
+
+def test_dataflash_raw_sensors_and_increments(tmp_path: Path) -> None:
+    parts = [
+        FMT,
+        described(20, 32, b"ACC", b"QBQfff", b"TimeUS,I,SampleUS,AccX,AccY,AccZ"),
+        described(21, 32, b"GYR", b"QBQfff", b"TimeUS,I,SampleUS,GyrX,GyrY,GyrZ"),
+        described(
+            22, 48, b"IMT", b"QBfffffffff", b"TimeUS,I,DelT,DelvT,DelaT,DelAX,DelAY,DelAZ,DelVX,DelVY,DelVZ"
+        ),
+    ]
+    for t, w, f in zip(STAMPS, RATE, FORCE, strict=True):
+        parts.append(b"\xa3\x95\x14" + struct.pack("<QBQ3f", int(t) + 90, 0, int(t), *f))
+        parts.append(b"\xa3\x95\x15" + struct.pack("<QBQ3f", int(t) + 90, 0, int(t), *w))
+        parts.append(b"\xa3\x95\x16" + struct.pack("<QB9f", int(t), 0, 0.1, 0.25, 0.5, *(w / 2), *(f / 4)))
+    (tmp_path / "a.bin").write_bytes(b"".join(parts))
+    raw = read_recording(tmp_path / "a.bin")
+    assert np.array_equal(raw.specific_force, FORCE)
+    assert np.array_equal(raw.time, STAMPS / 1e6)
+    increments = read_recording(tmp_path / "a.bin", topics=["IMT"])
+    assert np.array_equal(increments.specific_force, FORCE)  # halves and quarters are exact
+    assert np.array_equal(increments.angular_rate, RATE)
+
+
+def test_dataflash_without_inertial_messages_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.bin").write_bytes(FMT + described(10, 11, b"MODE", b"Q", b"TimeUS") + bytes(20))
+    with pytest.raises(
+        RecordingError, match=r"holds no message IMU, ACC, GYR or IMT; .* It describes FMT, MODE"
+    ):
+        read_recording(tmp_path / "a.bin")
+
+
+# -- MAVLink -----------------------------------------------------------------------------------------
+
+
+def write_tlog(path: Path, version: str, name: str, *, order: list[int] | None = None, **fields: Any) -> None:
+    """Messages of one name by pymavlink, in the order given; fields that are callable take the number."""
+    dialect = pytest.importorskip(
+        f"pymavlink.dialects.{version}.common", reason="pymavlink writes the sample"
+    )
+    link = dialect.MAVLink(None, srcSystem=1)
+    parts: list[bytes] = []
+    for k in order or range(200):
+        values = {n: v(k) if callable(v) else v for n, v in fields.items()}
+        message = getattr(dialect, f"MAVLink_{name}_message")(**values)
+        parts += [struct.pack(">Q", 1_700_000_000_000_000 + int(STAMPS[k])), message.pack(link)]
+        link.seq = (link.seq + 1) % 256
+    path.write_bytes(b"".join(parts))
+
+
+def scaled() -> dict[str, Any]:
+    fields: dict[str, Any] = {"time_boot_ms": lambda k: int(STAMPS[k] // 1000)}
+    for axis, letter in enumerate("xyz"):
+        fields[letter + "acc"] = lambda k, axis=axis: round(FORCE[k, axis] / 9.80665e-3)
+        fields[letter + "gyro"] = lambda k, axis=axis: round(RATE[k, axis] * 1e3)
+        fields[letter + "mag"] = 0
+    return fields
+
+
+@pytest.mark.parametrize("version", ["v10", "v20"])
+def test_mavlink_scaled_numbers_have_their_units(tmp_path: Path, version: str) -> None:
+    """Version 2 leaves out zeros at the end of a message, here the magnetometer."""
+    write_tlog(tmp_path / "a.tlog", version, "scaled_imu2", **scaled())
+    recording = read_recording(tmp_path / "a.tlog")
+    assert (recording.specific_force_unit, recording.angular_rate_unit) == ("mg", "mrad/s")
+    assert np.array_equal(recording.specific_force, np.round(FORCE / 9.80665e-3))
+    assert np.array_equal(recording.time, STAMPS // 1000 / 1e3)
+
+
+def test_mavlink_raw_numbers_have_none(tmp_path: Path) -> None:
+    fields = scaled()
+    fields["time_usec"] = lambda k: int(STAMPS[k])
+    del fields["time_boot_ms"]
+    write_tlog(tmp_path / "a.tlog", "v20", "raw_imu", **fields)
+    assert "--units mg,mrad/s" in texts(read_recording(tmp_path / "a.tlog"))
+    said = read_recording(tmp_path / "a.tlog", units="mg,mrad/s")
+    assert said.specific_force_unit == "mg"
+
+
+def test_mavlink_late_messages_are_put_in_their_place(tmp_path: Path) -> None:
+    order = [*range(50), 51, 50, *range(52, 120), 119, *range(120, 200)]
+    write_tlog(tmp_path / "a.tlog", "v20", "scaled_imu", order=order, **scaled())
+    recording = read_recording(tmp_path / "a.tlog")
+    assert np.array_equal(recording.time, STAMPS // 1000 / 1e3)
+    assert "2 message(s) that arrived late or twice" in texts(recording)
+
+
+def test_mavlink_a_wrong_checksum_leaves_a_message_out(tmp_path: Path) -> None:
+    write_tlog(tmp_path / "a.tlog", "v20", "scaled_imu", **scaled())
+    raw = bytearray((tmp_path / "a.tlog").read_bytes())
+    raw[8 + 10 + 100 * (len(raw) // 200) + 5] ^= 0xFF  # in the payload of a message in the middle
+    (tmp_path / "a.tlog").write_bytes(bytes(raw))
+    recording = read_recording(tmp_path / "a.tlog")
+    assert len(recording) == 199
+    assert "1 messages with a wrong checksum" in texts(recording)
+
+
+def test_mavlink_without_inertial_messages_is_refused(tmp_path: Path) -> None:
+    write_tlog(tmp_path / "a.tlog", "v20", "system_time", time_unix_usec=1, time_boot_ms=lambda k: k)
+    with pytest.raises(RecordingError, match=r"200 MAVLink message\(s\) and none of HIGHRES_IMU"):
+        read_recording(tmp_path / "a.tlog")
