@@ -50,6 +50,7 @@ from tumble.calibration.thermal_model import (
 )
 from tumble.calibration.thermal_points import ThermalPoints, find_points
 from tumble.calibration.thermal_turns import TurnedMatrix, estimate_turned_matrix
+from tumble.calibration.thermal_wander import wander_variance
 from tumble.calibration.thermal_words import not_determined_words, thermal_parameters, thermal_remarks
 from tumble.calibration.triad_unknowns import BIAS, SCALE
 from tumble.earth import EARTH_RATE, Site
@@ -375,6 +376,8 @@ def _evidence(
     left = np.where(linear.active, linear.misclosure, np.nan)
     misclosure = np.where(linear.active, linear.misclosure, np.nan)
     variance = np.diagonal(linear.covariance, axis1=1, axis2=2)
+    # What a rest is off by has its own noise in it, and the wander that neighbours have in common.
+    expected = np.sqrt(variance + wander_variance(conditions, fit.levels))
     grid = np.linspace(*coverage.span, CURVE)
     curves: dict[str, BiasCurve] = {}
     if layout.has_force and kept.force_covariance is not None:
@@ -400,7 +403,7 @@ def _evidence(
         force_sigma,
         rate,
         rate_sigma,
-        left / np.sqrt(variance),
+        left / expected,
         curves,
         everything.path.time[::step],
         everything.path.recorded[::step],

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from tumble.arrays import Series, Square
+from tumble.arrays import Series, Square, Table
 from tumble.sensor import ImuModel
 from tumble.sensor.thermal import SPAN_MARGIN, TemperatureBasis, ThermalModel
 from tumble.sensor.thermal_basis import KINDS
@@ -137,12 +137,7 @@ class ThermalBlock(_Strict):
         """
         return ThermalModel(
             reference=reference,
-            basis=TemperatureBasis(
-                self.basis.kind,
-                self.basis.reference_celsius,
-                np.array(self.basis.nodes_celsius, dtype=float),
-                self.basis.order,
-            ),
+            basis=self._basis(),
             coefficients=_of_known(_arrays(self.coefficients), reference),
             rate_coefficients=_of_known(_arrays(self.rate_coefficients), reference),
             hysteresis=_of_known(_arrays(self.hysteresis), reference),
@@ -153,6 +148,18 @@ class ThermalBlock(_Strict):
             smoothing=self.smoothing,
             dead_band=self.dead_band,
             start_hysteresis=self.start_hysteresis,
+        )
+
+    def basis_values(self, temperature_celsius: Series) -> Table:
+        """Return (temperatures, functions) of the functions of temperature, °C."""
+        return self._basis().values(temperature_celsius)
+
+    def _basis(self) -> TemperatureBasis:
+        return TemperatureBasis(
+            self.basis.kind,
+            self.basis.reference_celsius,
+            np.array(self.basis.nodes_celsius, dtype=float),
+            self.basis.order,
         )
 
 

@@ -230,9 +230,9 @@ class ThermalConditions:
 
     def _offsets(self) -> Series:
         """Return one sigma of what each placement adds to the gyros' biases: the Earth rate, and g-sensitivity."""
-        across = np.full(self.directions.shape[0], max(self.earth[1], 1e-9))
         pulled = self._pulled(self.directions)
-        return np.sqrt(across**2 + pulled**2)
+        offsets: Series = np.sqrt(max(self.earth[1], 1e-9) ** 2 + pulled**2)
+        return offsets
 
     def _pulled(self, directions: Vectors) -> Series:
         """Return one sigma of what a g-sensitivity that poses do not tell adds in these, beside that of the main one.
@@ -240,7 +240,7 @@ class ThermalConditions:
         Biases are then those of the pose that most points have, g-sensitivity included.
         """
         if self.terms.poses == 9 or self.main is None:
-            return np.zeros(directions.shape[0])
+            return np.zeros(len(directions))
         # In counts nobody knows what a g-sensitivity comes to: a pose then tells nothing of another's.
         usual = G_SENSITIVITY * self.gravity if self.earth[1] > 0.0 else 1e6
         apart = np.linalg.norm(directions - self.main, axis=1)

@@ -172,6 +172,22 @@ def blocks_of(conditions: ThermalConditions, linear: Linearisation, name: str) -
     return found
 
 
+def wander_variance(conditions: ThermalConditions, levels: Levels) -> AnyArray:
+    """Return (points, 6) the variance of flicker alone in each equation, rows of specific force first.
+
+    Parameters
+    ----------
+    conditions : whose noise goes into a norm as it does in the last linearisation.
+    levels : of the flicker.
+    """
+    points = conditions.points
+    whole = max(float(points.path.time[-1] - points.path.time[0]), 1e-9)
+    own = np.diag(flicker_kernel(points.start, points.stop, whole))[:, None]
+    force = np.sum(conditions.force_noise**2, axis=2) * levels.flicker["force"]
+    rate = np.full((len(points), 3), levels.flicker["rate"])
+    return np.concatenate([own * force, own * rate], axis=1)
+
+
 def find_levels(
     conditions: ThermalConditions, values: Series, prior: Prior, start: dict[str, float]
 ) -> Levels:

@@ -64,6 +64,12 @@ def _words(name: str, terms: ThermalTerms, recording: Recording) -> tuple[str, s
     return f"thermal {triad} bias {by} {'xyz'[at[1]]}", f"{raw}{divided}"
 
 
+def _rests(evidence: ThermalEvidence) -> str:
+    """Return how many stretches of rest there were, and in how many poses."""
+    poses = "one pose" if evidence.poses == 1 else f"{evidence.poses} poses"
+    return f"{evidence.celsius.size} stretches of rest, each within a kelvin or so, in {poses}"
+
+
 def not_determined_words(
     terms: ThermalTerms,
     layout: Layout,
@@ -185,10 +191,10 @@ def thermal_remarks(
     what = "soaks" if coverage.kind == "soak" else "a sweep"
     remarks = [
         f"Biases are a {evidence.basis} in the sensors' temperature about {terms.basis.reference_celsius:g} °C, from "
-        f"{what} between {low:.1f} and {high:.1f} °C ({evidence.celsius.size} rests in {evidence.poses} poses)."
+        f"{what} between {low:.1f} and {high:.1f} °C ({_rests(evidence)})."
         if evidence.basis.startswith(("polynomial", "natural"))
         else f"Biases are interpolated linearly between {terms.basis.nodes.size} temperatures, from {what} between "
-        f"{low:.1f} and {high:.1f} °C ({evidence.celsius.size} rests in {evidence.poses} poses)."
+        f"{low:.1f} and {high:.1f} °C ({_rests(evidence)})."
     ]
     if evidence.candidates:
         left = "soaks" if coverage.kind == "soak" else "bands of temperature"
@@ -226,8 +232,8 @@ def thermal_remarks(
     ratios = [float(np.mean(s.joint_sigma / s.sigma)) for s in evidence.separate]
     if ratios:
         remarks.append(
-            f"The accelerometers' biases are known {np.mean(ratios):.2f} times as uncertainly by the one adjustment of "
-            f"all temperatures as by each of its {len(ratios)} soaks alone."
+            f"The standard uncertainty of the accelerometers' biases is {np.mean(ratios):.2f} times what each of the "
+            f"{len(ratios)} soaks alone gives: one adjustment of all temperatures."
         )
     for name, kind, unit in (("accelerometers", "force", "m/s²"), ("gyros", "rate", "rad/s")):
         if (flicker := fit.levels.flicker[kind]) > 0.0:

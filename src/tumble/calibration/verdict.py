@@ -226,8 +226,9 @@ def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
         )
     if holds and estimate.degrees_of_freedom > 0:
         what = _EXPECTED_FROM.get(estimate.procedure, "the noise found")
+        counted = f"{holds} {'holds' if estimate.thermal is None else 'stretches of rest'}"
         words.append(
-            f"Over {holds} holds the corrected specific force has the norm of gravity within "
+            f"Over {counted} the corrected specific force has the norm of gravity within "
             f"{two_digits(1e3 * rms)} mm/s² rms (expected with {what}: {two_digits(1e3 * noise)} mm/s²)."
         )
     words += _about_spins(estimate)

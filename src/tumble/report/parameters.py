@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from tumble.calibration.result import Calibration, ParameterBlock, TriadBlock
 
 ACCELEROMETER, GYRO, BETWEEN, OPTIONAL = "Accelerometer", "Gyro", "Between the triads", "Optional terms"
-GROUPS = (ACCELEROMETER, GYRO, BETWEEN, OPTIONAL)
+TEMPERATURE = "Changes with temperature"
+GROUPS = (ACCELEROMETER, GYRO, BETWEEN, OPTIONAL, TEMPERATURE)
 
 _DEGREE = math.pi / 180.0
 _AXES = {"x": 0, "y": 1, "z": 2}
@@ -93,6 +94,8 @@ def plain_unit(unit: str) -> str:
 
 
 def _group(name: str) -> str:
+    if name.startswith("thermal "):
+        return TEMPERATURE
     if "quadratic" in name or "g-sensitivity" in name or "asymmetry" in name:
         return OPTIONAL
     if name.startswith("accelerometer "):
@@ -108,13 +111,17 @@ def _family(name: str) -> str:
     words = name.split()
     if len(words[-1]) <= 2 and set(words[-1]) <= set("xyz"):
         words = words[:-1]
-    if words[0] in ("accelerometer", "gyro") and _group(name) != OPTIONAL:
+    if words[0] in ("accelerometer", "gyro") and _group(name) not in (OPTIONAL, TEMPERATURE):
         words = words[1:]
     return " ".join(words)
 
 
 def _label(name: str, group: str) -> str:
-    name = name.removeprefix(f"{group.lower()} ").replace("rotation between the triads", "rotation")
+    name = (
+        name.removeprefix("thermal ")
+        .removeprefix(f"{group.lower()} ")
+        .replace("rotation between the triads", "rotation")
+    )
     return name.replace("g-sensitivity of gyro", "g-sens. of gyro")
 
 
@@ -158,7 +165,7 @@ def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> lis
     elif "quadratic" in family:
         shown = measures
         other = drawn = _quadratics(calibration, members)
-    elif unit == "s":
+    elif unit == "s" and group != TEMPERATURE:
         shown = drawn = [m.times(1e3, "ms") for m in measures]
         other = _nothing(shown)
     else:

@@ -7,7 +7,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tumble.report.parameters import ParameterRow, parameter_rows
+from tumble.report.parameters import TEMPERATURE, ParameterRow, parameter_rows
+from tumble.report.thermal_table import thermal_lines, thermal_table
 from tumble.report.turn_ons_section import bias_table
 from tumble.report.words import (
     left_out_sentences,
@@ -39,7 +40,9 @@ def parameter_table(calibration: Calibration, *, width: int = WIDE_TERMINAL) -> 
     for heading in _HEADINGS[:columns]:
         table.add_column(heading, overflow="fold")
     factor = calibration.quality.coverage_factor
-    for number, (group, rows) in enumerate(_grouped(calibration)):
+    # Dozens of coefficients tell a reader nothing: what they come to has a table of its own.
+    listed = [(group, rows) for group, rows in _grouped(calibration) if group != TEMPERATURE]
+    for number, (group, rows) in enumerate(listed):
         if number:
             table.add_section()
         table.add_row(f"[bold]{group}[/bold]")
@@ -81,6 +84,10 @@ def print_calibration(
     if not quiet:
         console.print(parameter_table(calibration, width=console.width))
         console.print()
+        changes = thermal_table(calibration, width=console.width)
+        if changes is not None:
+            console.print(changes)
+            console.print()
         biases = bias_table(calibration, width=console.width)
         if biases is not None:
             console.print(biases)
@@ -89,6 +96,7 @@ def print_calibration(
             *quality_sentences(calibration),
             *terms_sentences(calibration),
             *left_out_sentences(calibration),
+            *thermal_lines(calibration),
             *(f"Not determined: {sentence}" for sentence in calibration.not_determined),
         ]:
             console.print(f"- {sentence}", markup=False)

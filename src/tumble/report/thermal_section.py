@@ -116,9 +116,10 @@ def _bias_section(evidence: ThermalEvidence, triad: str, unit: str, factor: floa
     ]
     caption = (
         f"{title}' biases against the sensors' temperature. Above or left, the whole of them; the other figure has the "
-        "settled curve taken off, so that heating (red) and cooling (blue) stand apart by the hysteresis and what the "
-        "rate does. Points should scatter about the lines of their colour within the noise; a trend that both "
-        "branches share is a curve that bends more than the model. The grey band is twice the standard uncertainty."
+        "settled curve taken off, so that heating (red) and cooling (blue) stand apart by the hysteresis, which is the "
+        "lines of their colours, and by what the rate of temperature does: in a sweep of one speed that is a constant "
+        "distance from them. A trend that both branches share is a curve that bends more than the model. The grey band "
+        "is twice the standard uncertainty."
     )
     if triad == "accelerometer" and not np.any(np.isfinite(seen)):
         caption = (
@@ -223,8 +224,8 @@ def _sigma_section(evidence: ThermalEvidence, units: dict[str, tuple[str, float]
         )
         figures.append(Figure(f"{triad}-sigma", f"Standard uncertainty of the {triad} bias", data, layout))
     caption = (
-        "Standard uncertainty of the bias over the span that was calibrated. Beyond its ends the calibration is not "
-        "used, unless asked to."
+        "Standard uncertainty of the bias over the span that was calibrated, in the pose of the test where there was "
+        "one alone. Beyond its ends the calibration is not used, unless asked to."
     )
     if "accelerometer" in evidence.curves and float(
         evidence.curves["accelerometer"].sigma.min()
@@ -244,9 +245,8 @@ def _residual_section(evidence: ThermalEvidence) -> Section:
             if np.any(np.isfinite(residuals[:, k])):
                 alone = name == "specific force" and not np.any(np.isfinite(residuals[:, 1]))
                 marker = {"color": GREY if alone else AXIS_COLOURS[axis], "size": 5, "opacity": 0.7}
-                label = (
-                    "norm" if alone else ("x, or the norm" if k == 0 and name == "specific force" else axis)
-                )
+                mixed = k == 0 and name == "specific force" and np.any(~np.isfinite(residuals[:, 1]))
+                label = "norm" if alone else ("x, or the norm" if mixed else axis)
                 data.append(
                     _points(evidence.celsius, residuals[:, k], {"name": label, "marker": marker}, "σ")
                 )
@@ -257,9 +257,10 @@ def _residual_section(evidence: ThermalEvidence) -> Section:
         )
         figures.append(Figure(f"residuals-{columns.start}", f"Residuals of {name}", data, layout))
     caption = (
-        "What each rest shows beyond the model, in standard deviations: they should scatter between −3 and 3 without "
-        "a trend over temperature. A wave is a curve that the functions of temperature do not follow; two levels are "
-        "branches that the hysteresis does not describe."
+        "What each rest shows beyond the model, in standard deviations of its own noise and of the wander of biases "
+        "that was found: nearly all lie between −3 and 3. Neighbours stay together where biases wander, which is in "
+        "the stated uncertainties. A wave that comes on both branches alike is a curve that the functions of "
+        "temperature do not follow; two levels are branches that the hysteresis does not describe."
     )
     return Section("Residuals over temperature", figures, caption)
 
@@ -306,8 +307,8 @@ def _span_section(evidence: ThermalEvidence) -> Section:
     )
     ends = float(np.min(evidence.celsius)), float(np.max(evidence.celsius))
     caption = (
-        f"The way of the temperature, and the {evidence.celsius.size} rests that were used, from {ends[0]:.1f} to "
-        f"{ends[1]:.1f} °C. Gaps between the green points are temperatures that nothing was measured at."
+        f"The way of the temperature, and the {evidence.celsius.size} stretches of rest that were used, from "
+        f"{ends[0]:.1f} to {ends[1]:.1f} °C. At temperatures between the green points nothing was measured."
     )
     notes = [f"Left out: {why}." for _, _, why in evidence.rejected[:8]]
     return Section(

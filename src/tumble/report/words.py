@@ -41,7 +41,11 @@ def quality_sentences(calibration: Calibration) -> list[str]:
     counted = [f"{quality.holds} holds"] if quality.holds else []
     counted += [f"{quality.turns} turns"] if quality.turns or not quality.spins else []
     counted += [f"{quality.spins} spins"] if quality.spins else []
-    words = [f"{' and '.join(counted)}, {quality.degrees_of_freedom} degrees of freedom."]
+    if calibration.thermal is not None:
+        # What counts are the stretches of rest at their temperatures; the remarks say how many, and which turns.
+        counted = []
+    counts = [" and ".join(counted)] if counted else []
+    words = [", ".join([*counts, f"{quality.degrees_of_freedom} degrees of freedom."])]
     # Without a degree of freedom it is round-off, and not a quality.
     if quality.rms_hold_norm is not None and quality.degrees_of_freedom > 0:
         text = f"Rms of the corrected holds' norm against gravity {1e3 * quality.rms_hold_norm:.2g} mm/s²"
