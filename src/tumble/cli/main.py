@@ -63,7 +63,8 @@ app.command("denoise")(denoise_command)
 app.command("simulate")(simulate_command)
 app.command("plan")(plan_command)
 app.command("reproduce")(reproduce_command)
-app.command("units")(units_command)
+# A number below zero is to reach the command, which says what is wrong with it.
+app.command("units", context_settings={"ignore_unknown_options": True})(units_command)
 app.command("demo")(demo_command)
 
 

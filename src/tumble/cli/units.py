@@ -13,12 +13,11 @@ from tumble.errors import UsageError
 
 def units_command(
     action: Annotated[str, typer.Argument(metavar="explain", help="The word explain.")],
-    value: Annotated[float, typer.Argument(metavar="VALUE", help="The number.")],
-    unit: Annotated[
-        str,
+    number: Annotated[
+        list[str],
         typer.Argument(
-            metavar="UNIT",
-            help="Its unit, as deg/√h or 'ug/sqrt(Hz)', or the key of a file, as imu_utils:gyr_n.",
+            metavar="VALUE UNIT",
+            help="The number, and its unit, as 0.3 deg/√h or '60 ug/sqrt(Hz)', or a file's key, as imu_utils:gyr_n.",
         ),
     ],
     rate: Annotated[float | None, typer.Option(help="Sampling rate in Hz, for numbers per sample.")] = None,
@@ -29,7 +28,7 @@ def units_command(
         raise UsageError(f"tumble units {action}: it is `tumble units explain VALUE UNIT`.")
     from tumble.workflows.unit_words import explain_unit
 
-    answer = explain_unit(value, unit, rate)
+    answer = explain_unit(*_value_and_unit(number), rate)
     if as_json:
         import json
         from dataclasses import asdict
@@ -49,6 +48,30 @@ def units_command(
         typer.echo("")
     for sentence in answer.not_convertible:
         typer.echo(sentence)
+
+
+def _value_and_unit(words: list[str]) -> tuple[float, str]:
+    """The number and the unit of words, in one argument or several.
+
+    Raises
+    ------
+    UsageError
+        If there is no number, no unit, or an option that the command has not.
+    """
+    first, *rest = " ".join(words).split()
+    try:
+        value = float(first)
+    except ValueError:
+        what = "No such option" if first.startswith("-") else "No number"
+        raise UsageError(
+            f"{what}: {first}. It is `tumble units explain VALUE UNIT`, as 0.3 deg/√h."
+        ) from None
+    unknown = [word for word in rest if word.startswith("-")]
+    if unknown:
+        raise UsageError(f"No such option: {unknown[0]}: see `tumble units --help`.")
+    if not rest:
+        raise UsageError(f"{first} has no unit: it is `tumble units explain VALUE UNIT`, as 0.3 deg/√h.")
+    return value, "".join(rest)
 
 
 __all__ = ["units_command"]

@@ -31,13 +31,12 @@ def advise(channels: tuple[Channel, ...], curve: Deviation) -> tuple[str, ...]:
     channels : with their fits.
     curve : overlapping Allan deviation of all of them.
     """
-    seconds = curve.samples / curve.rate
     return (
         *_on_fits(channels),
         *_on_lines(channels),
         *_on_processes(channels),
         *_on_length(curve),
-        *_advice(channels, seconds),
+        *_advice(channels, curve),
         *(f"{c.name}: {text}" for c in channels if c.fit is not None for text in c.fit.remarks),
     )
 
@@ -97,32 +96,59 @@ def _on_processes(channels: tuple[Channel, ...]) -> list[str]:
 
 def _on_length(curves: Deviation) -> list[str]:
     """Say how long an averaging time is known, and what a longer one takes."""
-    sharp = curves.tau[np.min(curves.edf, axis=1) >= _SHARP]
+    sharp = _known_to(curves)
     total = _words(curves.samples / curves.rate)
-    if not sharp.size or curves.samples < _SHORT:
+    if _is_short(curves):
         said = f"The recording is very short ({total} at rest): "
         said += f"for N to 2 % record {_words(_SHORT / curves.rate)}; bias instability takes hours."
     else:
-        said = f"{total} at rest: the curve is known to 10 % up to averaging times of {_words(float(sharp[-1]))}, "
+        said = f"{total} at rest: the curve is known to 10 % up to averaging times of {_words(sharp)}, "
         said += "and up to longer ones in proportion to the length of a recording."
     return [said]
 
 
-def _advice(channels: tuple[Channel, ...], seconds: float) -> list[str]:
+def _is_short(curves: Deviation) -> bool:
+    return _known_to(curves) == 0.0 or curves.samples < _SHORT
+
+
+def _known_to(curves: Deviation) -> float:
+    """Averaging time up to which every channel's deviation is known to 10 %; 0 if none."""
+    edf = np.min(curves.edf, axis=1)
+    known = np.flatnonzero(edf >= _SHARP)
+    if not known.size:
+        return 0.0
+    last = int(known[-1])
+    if last + 1 == len(edf) or edf[last + 1] >= edf[last]:
+        return float(curves.tau[last])
+    # degrees of freedom fall as a power of the averaging time
+    share = np.log(edf[last] / _SHARP) / np.log(edf[last] / edf[last + 1])
+    return float(curves.tau[last] * (curves.tau[last + 1] / curves.tau[last]) ** share)
+
+
+def _advice(channels: tuple[Channel, ...], curves: Deviation) -> list[str]:
     """Say how long to record for 10 % on B and K, by the channel of each triad that needs longest."""
+    if _is_short(curves):
+        # limits are then so high that to reach them would take no time
+        return []
     said: list[str] = []
+    seconds = curves.samples / curves.rate
     for letter, title in (("a", "Accelerometers"), ("g", "Gyros")):
         fits = [c.fit for c in channels if c.name.startswith(letter) and c.fit is not None]
         parts: list[str] = []
+        hidden: list[str] = []
         for term in "BK":
-            needs = [_need(fit, term) for fit in fits]
-            longest = max(needs, default=0.0)
+            longest = max((_need(fit, term) for fit in fits), default=0.0)
             if longest > 1.1 * seconds and np.isfinite(longest):
                 seen = all(term in fit.chosen for fit in fits)
-                where = "" if seen else " (where it is not seen: if it is at its limit)"
-                parts.append(f"{_words(longest)} for {term}{where}")
+                parts.append(f"{'' if seen else 'at least '}{_words(longest)} for {term}")
+                hidden += [] if seen else [term]
         if parts:
-            said.append(f"{title}: ± 10 % takes a recording of {' and '.join(parts)}.")
+            unseen = (
+                f"; {' and '.join(hidden)}, not seen in all axes, take longer the further below their limits"
+            )
+            one = unseen.replace(" take ", " takes ").replace("their limits", "its limit")
+            tail = ("", one, unseen)[len(hidden)]
+            said.append(f"{title}: for ± 10 % record {' and '.join(parts)}{tail}.")
     return said
 
 

@@ -27,7 +27,7 @@ from tumble.arrays import AnyArray, Series, Square
 from tumble.errors import UsageError
 from tumble.noise.allan_covariance import allan_covariance
 from tumble.noise.deviation import Deviation, Integers, allan_deviation
-from tumble.noise.identifiability import remarks_on
+from tumble.noise.identifiability import remarks_on, stand_ins
 from tumble.noise.intervals import letter_interval, process_interval
 from tumble.noise.lines import FoundLine, allan_variance_of_lines, find_lines
 from tumble.noise.selection import (
@@ -253,9 +253,11 @@ def _fit(
     if most:
         solution = with_processes(logarithms, solution, most)
     solution = without_the_unseen(logarithms, solution)
+    alike = stand_ins(logarithms, solution, terms_of(solution), tried)
     if method == "moments":
         solution = in_moments(task, solution)
-    return _gather(task, solution, tried, scale, lengths, tuple(lines), confidence)
+    fit = _gather(task, solution, tried, scale, lengths, tuple(lines), confidence)
+    return replace(fit, remarks=(*alike, *fit.remarks))
 
 
 def _gather(

@@ -5,12 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Square
-from tumble.noise.weighted_fit import Solution
+from tumble.noise.variances import LETTERS
+from tumble.noise.weighted_fit import AllanTask, Solution
 
 # Two estimates that are correlated by more than this are one number more than two.
 _ALIKE = 0.95
 # A correlation time that may be this many times longer or shorter (one sigma) is hardly known.
 _VAGUE = 2.0
+# Terms of the long averaging times, of which a short recording shows that there is one, and hardly which.
+_LONG = "BKR"
+# A curve that is this many times less probable with another term in the place of one excludes it.
+_EXCLUDED = 100.0
 
 
 def remarks_on(solution: Solution, covariance: Square, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -44,6 +49,47 @@ def remarks_on(solution: Solution, covariance: Square, names: tuple[str, ...]) -
     return tuple(said)
 
 
+def stand_ins(
+    task: AllanTask, solution: Solution, names: tuple[str, ...], tried: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Return a sentence for each term of the long averaging times in whose place another fits nearly as well.
+
+    Parameters
+    ----------
+    task, solution, names : the curve, the fit with the terms that were kept, and their names.
+    tried : all letters that might have been kept.
+    """
+    said: list[str] = []
+    others = [letter for letter in _LONG if letter in tried and letter not in solution.letters]
+    slow = [k for k, time in enumerate(solution.times) if 4.0 * time > task.tau[len(task.tau) // 2]]
+    for gone in (*(x for x in solution.letters if x in _LONG), *slow):
+        letters = [x for x in solution.letters if x != gone]
+        times = tuple(time for k, time in enumerate(solution.times) if k != gone)
+        alike: list[tuple[float, str]] = []
+        for other in others:
+            again = task.settle(tuple(x for x in LETTERS if x in letters or x == other), times)
+            if np.all(again.squares > 0.0):
+                alike.append((_improbability(again) - _improbability(solution), other))
+        worse, other = min(alike, default=(np.inf, ""))
+        if worse < 2.0 * np.log(_EXCLUDED):
+            word = gone if isinstance(gone, str) else _words(names[len(solution.letters) + gone], solution)
+            said.append(_as_well(word, other, float(np.exp(0.5 * worse))))
+    return tuple(said)
+
+
+def _as_well(word: str, other: str, factor: float) -> str:
+    how = f"{factor:.2g} times less probable, too little to exclude it" if factor > 1.1 else "as probable"
+    return (
+        f"{word[0].upper() + word[1:]} may be {other} instead: with {other} in its place the curve is {how}. A longer "
+        "recording tells them apart."
+    )
+
+
+def _improbability(solution: Solution) -> float:
+    """Minus twice the logarithm of the probability of the curve's logarithms, up to a constant."""
+    return solution.misfit - 2.0 * float(np.sum(np.log(np.abs(np.diag(solution.root)))))
+
+
 def _words(name: str, solution: Solution) -> str:
     if not name.startswith("sigma"):
         return name
@@ -51,4 +97,4 @@ def _words(name: str, solution: Solution) -> str:
     return f"the Gauss-Markov process of {solution.times[place]:.3g} s"
 
 
-__all__ = ["remarks_on"]
+__all__ = ["remarks_on", "stand_ins"]

@@ -21,6 +21,7 @@ Method: TypeAlias = Literal["curve", "moments"]
 
 _ROUNDS = 5
 _SETTLED = 0.01
+_LEAST_SPREAD = 1e-6  # relative, of an Allan variance
 _LEAST_EIGENVALUE = 1e-9  # of a matrix of correlations, of the largest
 
 
@@ -104,7 +105,9 @@ class AllanTask:
 
     def covariance(self, model: NoiseModel) -> Square:
         """Return the covariance of the variances that follows from a model."""
-        return self.spread.of(model) + self.lines_covariance
+        # A ramp alone has no spread at all, and numbers have that of their digits at least.
+        least = np.diag((_LEAST_SPREAD * self.variance) ** 2)
+        return np.asarray(self.spread.of(model) + self.lines_covariance + least)
 
     def root(self, model: NoiseModel, expected: Series, method: Method) -> Square:
         """Return the root of the weights that follow from a model."""

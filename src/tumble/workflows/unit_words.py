@@ -132,13 +132,21 @@ def explain_unit(value: float, unit: str, rate: float | None = None) -> UnitExpl
     walk = f" or {_WALK[found.quantity]}" if letter == "N" else ""
     meaning = f"{said} is {_article(sensor)} {sensor}'s {_NAMES[letter].replace(' (N)', f'{walk} (N)')}."
     si = value * found.factor
+    one_sided: list[Equal] = []
+    if letter == "N" and found.name.endswith("/rtHz"):
+        meaning = f"{meaning[:-1]}; or, as most data sheets state a noise density, one-sided, which is √2 N."
+        name = _USUAL[found.quantity, "N"]
+        one_sided = [
+            Equal("N", si / sqrt(2.0) / _factor(each), each, "the number is one-sided: over √2")
+            for each in name[:3]
+        ]
     return UnitExplanation(
         said,
         meaning,
         letter,
         sensor,
         si,
-        tuple(_equals(found.quantity, letter, si, rate)),
+        (*_equals(found.quantity, letter, si, rate), *one_sided),
         tuple(_refusals(letter, rate)),
     )
 
@@ -212,7 +220,7 @@ def _equals(quantity: str, letter: str, si: float, rate: float | None) -> list[E
                 "a sheet's noise density",
                 si * sqrt(2.0) / _factor(_USUAL[quantity, "N"][2]),
                 _USUAL[quantity, "N"][2],
-                "the sheet's density is one-sided (rms = density √bandwidth): √2 N",
+                "the sheet's density is one-sided (rms = density √bandwidth) and the number is not: √2 N",
             )
         )
         found.append(Equal(_kalibr(gyro, "noise_density"), si, si_unit, "continuous, as Kalibr has it"))

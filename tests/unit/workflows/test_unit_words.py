@@ -57,3 +57,12 @@ def test_a_line_through_the_whole_curve_is_no_random_walk(sensor: str) -> None:
     assert (answer.letter, answer.equals) == ("", ())
     assert isnan(answer.si)
     assert "`tumble noise`" in answer.not_convertible[0]
+
+
+def test_a_density_may_be_a_sheets_one_sided_one_and_both_readings_are_shown() -> None:
+    answer = explain_unit(60.0, "ug/√Hz")
+    assert "one-sided" in answer.meaning
+    readings = [line for line in answer.equals if line.name == "N" and line.unit == "ug/√Hz"]
+    assert [line.value for line in readings] == pytest.approx([60.0, 60.0 / sqrt(2.0)])
+    assert "one-sided" in readings[1].assumption
+    assert "one-sided" not in explain_unit(0.3, "deg/√h").meaning
