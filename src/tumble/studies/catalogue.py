@@ -31,6 +31,7 @@ from tumble.studies.savage_section_9 import (
 from tumble.studies.zhang_comparison import reproduce_figure as reproduce_norm_errors
 from tumble.studies.zhang_comparison import reproduce_table_6
 from tumble.studies.zhang_contradictions import reproduce_contradictions as reproduce_zhang_contradictions
+from tumble.studies.zhang_navigation import reproduce_measurements, reproduce_positions
 from tumble.studies.zhang_sensitivity import reproduce_designs, reproduce_sensitivity
 from tumble.studies.zhang_tables import reproduce_scatter_table, reproduce_table_2, reproduce_table_5
 
@@ -193,6 +194,7 @@ def _zhang_items() -> list[Item]:
         )
         for f in figures
     ]
+    items += _zhang_navigation_items()
     items += [
         Item("zhang-sensitivity", "where a norm tells most of each parameter", reproduce_sensitivity, None),
         Item(
@@ -209,6 +211,21 @@ def _zhang_items() -> list[Item]:
             None,
         ),
     ]
+    return items
+
+
+def _zhang_navigation_items() -> list[Item]:
+    items: list[Item] = []
+    for name, entry in zhang()["navigation_tests"].items():
+        for sensor, figure in entry["measurements"].items():
+            words = "specific forces" if sensor == "accelerometer" else "angular rates"
+            title = f"figure {figure}: {words} in navigation test {name}"
+            run = partial(reproduce_measurements, figure)
+            items.append(Item(f"zhang-figure-{figure}", title, run, 1, 1.0))
+        figure = entry["positions"]
+        title = f"figure {figure}: errors of position in navigation test {name}, three methods"
+        run = partial(reproduce_positions, figure)
+        items.append(Item(f"zhang-figure-{figure}", title, run, 20, 600.0, dear=True))
     return items
 
 
@@ -242,10 +259,6 @@ ITEMS: dict[str, Item] = {item.name: item for item in (*_hayal_items(), *_zhang_
 """Every item by name, a paper after the other, each in its own order."""
 
 
-# What a paper shows of positions and velocities, by the name it would have here.
-NEED_NAVIGATION = tuple(f"zhang-figure-{number}" for number in range(5, 11))
-
-
 def find_items(name: str) -> list[Item]:
     """Return the item of that name, or all of a paper.
 
@@ -262,13 +275,6 @@ def find_items(name: str) -> list[Item]:
     if name in ITEMS:
         return [ITEMS[name]]
     found = [item for key, item in ITEMS.items() if key.startswith((f"{name}-", f"{name}."))]
-    if name in NEED_NAVIGATION:
-        paper, _, which = name.partition("-")
-        table = which.replace("-", " ") if which.startswith("figure") else f"table {which}"
-        raise UsageError(
-            f"{paper.capitalize()}'s {table} needs navigation with the calibrated unit, which is not built yet: "
-            "`tumble reproduce` lists what there is."
-        )
     if not found:
         import difflib
 
