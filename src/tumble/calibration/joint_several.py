@@ -4,7 +4,7 @@ Each recording keeps its own joint problem (`joint_system`): its attitudes, Eart
 the unknowns that all share is its normal equations with everything of its own eliminated, bias and fixture included.
 The others' sum is a prior of each recording's adjustment, so that one step of it is the step of the adjustment of all:
 repeated from where all are, it ends where the gradients of all recordings add up to nothing. Variance components and
-outliers of a recording are found with what the others know of the unit.
+outliers of a recording are its own.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class TurnOn:
     outcome : of its own joint adjustment, without the others.
     problem, state : its equations; `problem.prior` holds what the others know.
     solution : of the last step.
-    balanced : its variances and outliers, found with the others' knowledge; None before that.
+    balanced : its variances and outliers with these unknowns; None before they were found.
     """
 
     name: str
@@ -87,7 +87,7 @@ class TurnOn:
 
     @property
     def outliers(self) -> list[Outlier]:
-        """What was left out of it, alone and with the others."""
+        """What was left out of it, with its first unknowns and with these."""
         return [*self.outcome.balanced.outliers, *(self.balanced.outliers if self.balanced else [])]
 
 
@@ -187,7 +187,10 @@ def solve_several(parts: Sequence[TurnOn]) -> SeveralSolution:
 
 
 def balance_several(solution: SeveralSolution) -> SeveralSolution:
-    """Find each recording's variances and outliers anew, with what the others know, and adjust all once more.
+    """Find variances and outliers anew of recordings whose unknowns are no longer those of their own adjustment.
+
+    Each by itself, so that a recording that contradicts the others is not made to agree by larger variances; with what
+    the others know only where it does not tell the unit alone.
 
     Parameters
     ----------
@@ -198,11 +201,16 @@ def balance_several(solution: SeveralSolution) -> SeveralSolution:
     ObservabilityError, ConvergenceError
         From the adjustment.
     """
+    moved = False
     for part, own in zip(solution.parts, solution.told, strict=True):
-        others = _sum(solution.told) - own
-        part.problem.prior = _prior(part, solution.stable, others)
+        alone = part.outcome.untold is None
+        if alone and np.array_equal(part.problem.free, part.outcome.problem.free):
+            part.balanced = replace(part.outcome.balanced, outliers=[])
+            continue
+        part.problem.prior = part.given if alone else _prior(part, solution.stable, _sum(solution.told) - own)
         part.balanced = balance_joint(part.problem, part.state)
-    return solve_several(solution.parts)
+        moved = True
+    return solve_several(solution.parts) if moved else _solution(solution.parts, solution.stable)
 
 
 def tell(part: TurnOn, stable: np.ndarray) -> Told:

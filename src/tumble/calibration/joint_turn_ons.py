@@ -79,15 +79,23 @@ def adjust_several(
         If the adjustment does not settle.
     """
     parts = [TurnOn.of(name, outcome) for name, outcome in zip(names, outcomes, strict=True)]
-    plain = [with_free(part, _free(part, ())) for part in parts]
-    refuse_another_unit(plain)
-    _refuse_untold(plain)
+    # Terms that are left out go into scale factors and angles, by the way that each recording was turned.
+    found = {name for name in OPTIONAL_TERMS if any(_has(outcome, name) for outcome in outcomes)}
+    refuse_another_unit([with_free(part, _free(part, [*(found | {"g_sensitivity"})])) for part in parts])
+    chosen = [*found] if optional_terms else []
+    adjusted = [with_free(part, _free(part, chosen)) for part in parts]
+    _refuse_untold(adjusted)
     tests: list[TermTest] = []
     if optional_terms:
         chosen, tests = _wanted(parts)
-        plain = [with_free(part, _free(part, chosen)) for part in parts]
-    solution = balance_several(solve_several(plain))
+        adjusted = [with_free(part, _free(part, chosen)) for part in parts]
+    solution = balance_several(solve_several(adjusted))
     return SeveralOutcome(solution, tests, _estimates(solution.parts, solution.stable, solution.told))
+
+
+def _has(outcome: JointOutcome, term: str) -> bool:
+    """Whether a recording by itself was adjusted with an optional term."""
+    return bool(np.all(np.isin(OPTIONAL_TERMS[term], outcome.problem.free)))
 
 
 def _free(part: TurnOn, terms: Sequence[str]) -> np.ndarray:
@@ -161,7 +169,7 @@ def refuse_another_unit(parts: Sequence[TurnOn]) -> None:
     _, k, unknown, change = worst
     rest = [part.name for i, part in enumerate(parts) if i != k]
     raise UsageError(
-        f"{parts[k].name} and {' and '.join(rest[:2])}{' …' if len(rest) > 2 else ''} are not of one unit: the "
+        f"{parts[k].name} and {' and '.join(rest[:2])}{' …' if len(rest) > 2 else ''} are not of one unit: "
         f"{name_of(unknown)} differs by {100.0 * change:.2g} %, which no unit's does from one day to the next. "
         "Calibrate each unit by itself."
     )

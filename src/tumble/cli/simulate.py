@@ -79,6 +79,14 @@ def simulate_command(
     asymmetry_ppm: Annotated[
         float, typer.Option(help="Standard deviation of each sensor's scale-factor asymmetry, in ppm.")
     ] = 0.0,
+    turn_on: Annotated[
+        str | None,
+        typer.Option(
+            "--turn-on",
+            metavar="MG,DEG/H",
+            help="By how much biases move when the unit is switched on, one sigma; drawn with the session.",
+        ),
+    ] = None,
     angle_pulse_arcsec: Annotated[
         float, typer.Option(help="The gyros send whole pulses of so many arc-seconds.")
     ] = 0.0,
@@ -241,6 +249,7 @@ def simulate_command(
     DIR/protocol.yaml` needs nothing else; the truth, with the keys of calibration.json, is for you to
     compare. The same seed gives the same files, bit for bit.
     """
+    from tumble.cli.verify_drive import turn_on_of
     from tumble.errors import UsageError
     from tumble.simulation import Imperfections
     from tumble.workflows.simulate import simulate
@@ -300,6 +309,7 @@ def simulate_command(
             nonlinear=nonlinear,
             wander=wander,
             asymmetry=1e-6 * asymmetry_ppm,
+            turn_on=(0.0, 0.0) if turn_on is None else turn_on_of(turn_on),
             imperfections=Imperfections(
                 jitter=1e-3 * jitter,
                 sampling_jitter=1e-3 * sampling_jitter,

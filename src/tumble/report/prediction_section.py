@@ -18,6 +18,11 @@ FOOTNOTE = (
     "alone: the sensors' noise, the wander of their biases and how far these move until the unit is next switched on "
     "come on top."
 )
+OF_SEVERAL = (
+    "Horizontal position from a known start; attitude in all three components. From the calibration's covariance "
+    "alone, with biases as uncertain as they are when the unit is next switched on: the sensors' noise and the wander "
+    "of their biases come on top."
+)
 _GROUPS = {
     "accelerometer.bias": "accelerometer bias",
     "accelerometer.matrix": "accelerometer scale and angles",
@@ -56,7 +61,7 @@ def prediction_table(calibration: Calibration) -> str:
         "satellites or other aiding, and in attitude after a turn, beside that of the same unit with nominal scale "
         f"factors and no bias.</p>"
         f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table></div>'
-        f'<p class="note">{html.escape(FOOTNOTE)}</p>'
+        f'<p class="note">{html.escape(FOOTNOTE if calibration.turn_ons is None else OF_SEVERAL)}</p>'
     )
 
 

@@ -6,7 +6,7 @@ import html
 from typing import TYPE_CHECKING
 
 from tumble.report.figure import AXIS_COLOURS, GREY, Figure, Plot, Section, base_layout, plain
-from tumble.report.parameters import Measure, ParameterRow, parameter_rows
+from tumble.report.parameters import OPTIONAL, Measure, ParameterRow, parameter_rows
 from tumble.report.rounding import fixed, with_uncertainty
 
 if TYPE_CHECKING:
@@ -48,9 +48,9 @@ def turn_ons_table(calibration: Calibration) -> str:
             [_bias_cells(bias, rows[bias.parameter]) for bias in told.biases],
         )
         + "<p>What should be stable, as each recording tells it by itself. Chance makes differences as large with the "
-        "probability in the last column but one.</p>"
+        "probability given.</p>"
         + _table(
-            ["parameter", *(r.name for r in told.recordings), "chi-square", "probability", ""],
+            ["parameter", "chi-square", "probability", "", *(r.name for r in told.recordings)],
             [_stable_cells(one, rows[one.parameter]) for one in told.stable],
         )
     )
@@ -96,10 +96,11 @@ def bias_table(calibration: Calibration, *, width: int) -> Table | None:
         return None
     rows = {row.name: row for row in parameter_rows(calibration)}
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, highlight=False)
-    for heading in ("bias", *(r.name for r in told.recordings), "scatter"):
+    for heading in ("bias", "for the next turn-on", *(r.name for r in told.recordings)):
         table.add_column(heading.replace("[", r"\["), overflow="fold")
     for bias in told.biases:
-        table.add_row(*(cell.replace("[", r"\[") for cell in _bias_cells(bias, rows[bias.parameter])[:-2]))
+        name, following, _, _, *each = _bias_cells(bias, rows[bias.parameter])
+        table.add_row(name, following, *each)
     return table
 
 
@@ -128,10 +129,10 @@ def _bias_cells(bias: BiasBlock, row: ParameterRow) -> list[str]:
     following = with_uncertainty(factor * bias.mean, factor * bias.next_standard_uncertainty)
     return [
         f"{row.group.lower()} {bias.parameter[-1]} / {unit}",
-        *each,
+        following,
         scatter,
         f"{factor * bias.expected_scatter:.2g}",
-        following,
+        *each,
     ]
 
 
@@ -152,11 +153,11 @@ def _stable_cells(one: StableBlock, row: ParameterRow) -> list[str]:
         words = "told by one recording only"
     unit = f" / {row.shown.unit}" if row.shown.unit else ""
     return [
-        f"{row.group.lower()} {row.label}{unit}",
-        *each,
+        f"{row.label if row.group == OPTIONAL else f'{row.group.lower()} {row.label}'}{unit}",
         f"{one.chi_square:.1f} of {one.degrees_of_freedom}",
         f"{one.probability:.2g}",
         words,
+        *each,
     ]
 
 

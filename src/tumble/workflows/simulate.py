@@ -68,6 +68,7 @@ def simulate(
     nonlinear: bool = False,
     wander: bool = False,
     asymmetry: float = 0.0,
+    turn_on: tuple[float, float] = (0.0, 0.0),
     imperfections: Imperfections | None = None,
     table: TableErrors | None = None,
     fixture: FixtureErrors | None = None,
@@ -98,6 +99,7 @@ def simulate(
     nonlinear : draw quadratic terms of the sheet's linearity, where it states one.
     wander : let biases wander within the run as the sheet's in-run stability says, where it states one.
     asymmetry : one sigma of every sensor's scale-factor asymmetry.
+    turn_on : m/s² and rad/s, one sigma by which biases move when the unit is switched on; drawn with the session.
     imperfections : what the recording chain does.
     table : what is wrong with the table; the protocol that is written then has its display's angles.
     fixture : quality of a two-axis fixture that makes the protocol's sequences: one sigma of each error, from
@@ -149,6 +151,7 @@ def simulate(
     model = chosen.simulate_model(
         _generator(unit, "unit"), nonlinear=nonlinear, case_axes=axes == "case", asymmetry=asymmetry
     )
+    model = _switched_on(model, turn_on, _generator(seed, "turn-on"))
     inside = None
     if has_chamber(given):
         recording, truth, inside = _in_chamber(
@@ -238,8 +241,24 @@ def _in_chamber(
 
 def _generator(seed: int, what: str) -> np.random.Generator:
     """A stream of its own for unit, session and fixture; SFC64 is the fastest that numpy has."""
-    number = {"unit": 0, "session": 1, "fixture": 2, "thermal": 3}[what]
+    number = {"unit": 0, "session": 1, "fixture": 2, "thermal": 3, "turn-on": 4}[what]
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(number,))))
+
+
+def _switched_on(model: ImuModel, sigmas: tuple[float, float], rng: np.random.Generator) -> ImuModel:
+    """The unit with the biases of this session."""
+    if not all(0.0 <= sigma < math.inf for sigma in sigmas):
+        raise UsageError("--turn-on takes two numbers that are not negative: mg and °/h.")
+    if sigmas == (0.0, 0.0):
+        return model
+    force, rate = model.accelerometer, model.gyroscope
+    assert force is not None
+    assert rate is not None
+    return replace(
+        model,
+        accelerometer=replace(force, bias=force.bias + rng.normal(0.0, sigmas[0], 3)),
+        gyroscope=replace(rate, bias=rate.bias + rng.normal(0.0, sigmas[1], 3)),
+    )
 
 
 def _aimed(protocol: Protocol, azimuth: float | None) -> Protocol:

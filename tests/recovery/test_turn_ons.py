@@ -1,0 +1,190 @@
+"""Several recordings of one unit: what is stable comes back better, biases are each one's own, strangers are named.
+
+Fourteen poses by hand at 50 Hz, a minute and a quarter each; the unit's biases are other ones every time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tumble.calibration import Estimate
+from tumble.calibration.joint import calibrate_joint, unknowns_of
+from tumble.calibration.joint_estimate import JointOutcome
+from tumble.calibration.joint_several import TurnOn, solve_several, with_free
+from tumble.calibration.joint_turn_ons import SeveralOutcome, adjust_several
+from tumble.calibration.turn_ons_estimate import SeveralEstimate, several_estimate
+from tumble.earth import Site
+from tumble.errors import UsageError
+from tumble.segmentation import find_timeline, observe_holds
+from tumble.sensor import ImuModel, Triad, change_frame
+from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
+
+SITE = replace(Site.from_latitude(np.radians(48.0), 300.0), gravity_sigma=0.0)
+# Every element differs from its mirror image; no rotation joins the triads' axes but their own.
+UNIT = ImuModel(
+    Triad(
+        np.array([[1.02, 0.003, -0.004], [0.0031, 0.97, 0.002], [-0.0012, 0.0045, 1.05]]),
+        np.array([0.02, -0.03, 0.05]),
+    ),
+    Triad(
+        np.array([[0.99, 0.0021, -0.0033], [-0.0014, 1.03, 0.0026], [0.0037, -0.0018, 0.97]]),
+        np.array([1e-3, -2e-3, 3e-3]),
+    ),
+)
+MOVES = (np.array([0.03, -0.02, 0.01]), np.array([-2e-3, 1e-3, 3e-3]))
+# Of a hundred parameters or so, one in ten thousand tests beyond it.
+LARGEST_Z = 5.0
+
+
+@dataclass(frozen=True)
+class Played:
+    """One turn-on: what its own adjustment made, and what was true."""
+
+    estimate: Estimate
+    outcome: JointOutcome
+    model: ImuModel
+
+
+def switched_on(unit: ImuModel, times: float) -> ImuModel:
+    force, rate = unit.accelerometer, unit.gyroscope
+    assert force is not None
+    assert rate is not None
+    return replace(
+        unit,
+        accelerometer=replace(force, bias=force.bias + times * MOVES[0]),
+        gyroscope=replace(rate, bias=rate.bias + times * MOVES[1]),
+    )
+
+
+def settled(model: ImuModel, seed: int, *, noise: bool = True, rate: float = 50.0) -> Played:
+    rng = np.random.default_rng(seed)
+    headings = Rotation.from_rotvec(np.outer(rng.uniform(0.0, 6.28, 14), [0.0, 0.0, 1.0]))
+    attitudes = headings * poses_26()[rng.permutation(26)[:14]]
+    motion = Motion.between_poses(attitudes, np.full(14, 3.0), np.full(13, 2.0))
+    grade = find_grade("consumer-mems") if noise else None
+    recording, _ = simulate_recording(motion, rate, rng, site=SITE, grade=grade, distort=model.distort)
+    timeline = find_timeline(recording)
+    means = observe_holds(recording, timeline)
+    kept: list[JointOutcome] = []
+    estimate = calibrate_joint(recording, timeline, means, SITE, optional_terms=False, keep=kept.append)
+    return Played(estimate, kept[0], model)
+
+
+@cache
+def turn_on(number: int) -> Played:
+    """The unit for the first, second and third time; the second at another rate."""
+    return settled(switched_on(UNIT, number - 1.0), 20 + number, rate=80.0 if number == 1 else 50.0)
+
+
+def together(*played: Played) -> tuple[SeveralOutcome, SeveralEstimate]:
+    names = [f"recording {k}.csv" for k in range(1, len(played) + 1)]
+    outcome = adjust_several(names, [p.outcome for p in played], optional_terms=False)
+    return outcome, several_estimate(outcome, [p.estimate for p in played], SITE)
+
+
+@cache
+def of_three() -> tuple[SeveralOutcome, SeveralEstimate]:
+    return together(*(turn_on(number) for number in range(3)))
+
+
+def own_frame(model: ImuModel) -> npt.NDArray[np.float64]:
+    return unknowns_of(change_frame(model, "accelerometer-x"))
+
+
+def test_without_noise_the_unit_and_each_turn_ons_biases_come_back() -> None:
+    """To the coning that 50 Hz leave of a turn, as of one recording."""
+    played = [settled(switched_on(UNIT, times), 3, noise=False) for times in (0.0, 1.0)]
+    parts = [with_free(TurnOn.of("", p.outcome), np.r_[0:9, 12:24]) for p in played]
+    solution = solve_several(parts)
+    true = own_frame(UNIT)
+    np.testing.assert_allclose(solution.values, true[solution.stable], rtol=0, atol=2e-6)
+    for part, one in zip(solution.parts, played, strict=True):
+        np.testing.assert_allclose(part.state.unknowns[part.own], own_frame(one.model)[part.own], atol=2e-6)
+
+
+def test_what_is_stable_is_within_its_uncertainty_and_better_known_than_from_one() -> None:
+    """Three recordings alike: the root of three, within what their different poses make of it."""
+    solution = of_three()[0].solution
+    sigma = np.sqrt(np.diag(solution.covariance))[: solution.stable.size]
+    z = (solution.values - own_frame(UNIT)[solution.stable]) / sigma
+    assert np.max(np.abs(z)) < LARGEST_Z
+    alone = turn_on(0).outcome.balanced.solution
+    single = np.sqrt(np.diag(alone.cofactor))[np.isin(alone.free, solution.stable)]
+    gain = single / sigma
+    assert 1.4 < np.median(gain) < 2.2
+
+
+def test_it_is_the_adjustment_of_all_normal_equations_at_once() -> None:
+    """At the solution the recordings' pulls on what they share add up to nothing: a millionth of a sigma is left."""
+    solution = of_three()[0].solution
+    told = solution.told[0] + solution.told[1] + solution.told[2]
+    left = np.linalg.solve(told.precision, told.right - told.precision @ solution.values)
+    assert np.max(np.abs(left) / np.sqrt(np.diag(np.linalg.inv(told.precision)))) < 1e-3
+    for part in solution.parts:
+        np.testing.assert_allclose(
+            part.state.unknowns[solution.stable], solution.values, rtol=1e-9, atol=1e-12
+        )
+
+
+def test_each_recording_has_its_own_biases_and_they_are_seen_to_change() -> None:
+    _, several = of_three()
+    assert [b.parameter for b in several.turn_ons.biases] == [
+        f"{kind} bias {axis}" for kind in ("accelerometer", "gyro") for axis in "xyz"
+    ]
+    for scatter, move in zip(several.turn_ons.biases, np.concatenate(MOVES), strict=True):
+        # -1, 0 and 1 times the move: its standard deviation is the move itself, but for the wander of a recording.
+        assert scatter.degrees == 2
+        assert scatter.scatter == pytest.approx(abs(move), rel=0.15)
+        assert scatter.changes
+        assert scatter.scatter_sigma == pytest.approx(scatter.scatter / 2.0)
+        assert scatter.next_sigma == pytest.approx(scatter.scatter * np.sqrt(4.0 / 3.0))
+        assert scatter.coverage_factor == pytest.approx(4.303, abs=1e-3)  # Student's, two degrees of freedom
+
+
+def test_the_estimate_has_the_mean_bias_with_the_uncertainty_of_the_next_turn_on() -> None:
+    _, several = of_three()
+    for scatter in several.turn_ons.biases:
+        named = next(p for p in several.estimate.parameters if p.name == scatter.parameter)
+        assert named.value == pytest.approx(float(np.mean(scatter.values)))
+        assert named.standard_uncertainty == pytest.approx(scatter.next_sigma)
+    at = several.estimate.names.index("gyroscope.bias[2]")
+    assert several.estimate.covariance[at, at] == pytest.approx(several.turn_ons.biases[5].next_sigma ** 2)
+    assert np.all(np.linalg.eigvalsh(several.estimate.covariance) > -1e-15)
+
+
+def test_recordings_of_one_unit_agree() -> None:
+    _, several = of_three()
+    assert not several.turn_ons.changing
+    assert several.turn_ons.probability > 1e-3
+    assert several.turn_ons.degrees == 2 * len(several.turn_ons.agreements)
+    assert any("agree between the recordings" in said for said in several.estimate.remarks)
+
+
+def test_a_scale_factor_that_changed_is_named_and_its_uncertainty_enlarged() -> None:
+    """By 0.15 %, some fifteen standard uncertainties of one recording, and below what says another unit."""
+    assert UNIT.gyroscope is not None
+    matrix = np.diag([1.0, 1.0015, 1.0]) @ UNIT.gyroscope.matrix
+    moved = replace(UNIT, gyroscope=replace(UNIT.gyroscope, matrix=matrix))
+    _, several = together(turn_on(0), turn_on(1), settled(moved, 23))
+    worst = several.turn_ons.changing[0]
+    assert worst.parameter == "gyro scale factor error y"
+    assert worst.largest == pytest.approx(0.0015 * 1.03, rel=0.3)
+    assert worst.enlarged > 3.0
+    named = next(p for p in several.estimate.parameters if p.name == worst.parameter)
+    assert named.standard_uncertainty == pytest.approx(worst.enlarged * worst.sigma, rel=1e-6)
+    assert "is not stable" in several.estimate.cautions[0]
+    assert "recording 3.csv" in several.estimate.cautions[0]
+
+
+def test_another_unit_among_three_is_named_and_refused() -> None:
+    assert UNIT.accelerometer is not None
+    skewed = UNIT.accelerometer.matrix + np.array([[0.0, 0.0, 0.0], [0.008, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    other = replace(UNIT, accelerometer=replace(UNIT.accelerometer, matrix=skewed))
+    with pytest.raises(UsageError, match=r"recording 3\.csv and recording 1\.csv and .* are not of one unit"):
+        together(turn_on(0), turn_on(1), settled(other, 24))
