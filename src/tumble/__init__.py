@@ -45,7 +45,11 @@ if TYPE_CHECKING:
     from tumble.recording import Recording, read_recording
     from tumble.segmentation import find_timeline
     from tumble.sensor import ImuModel
+    from tumble.workflows.apply import apply
     from tumble.workflows.calibrate import calibrate
+    from tumble.workflows.convert import convert_to
+    from tumble.workflows.noise import analyse_noise
+    from tumble.workflows.simulate import simulate
     from tumble.workflows.verify import verify
 
 __version__ = "0.1.0"
@@ -57,10 +61,14 @@ __all__ = [
     "Site",
     "TumbleError",
     "__version__",
+    "analyse_noise",
+    "apply",
     "calibrate",
+    "convert_to",
     "find_timeline",
     "read_calibration",
     "read_recording",
+    "simulate",
     "verify",
 ]
 
@@ -70,11 +78,15 @@ _ROOMS = {
     "Recording": "recording",
     "Site": "earth",
     "TumbleError": "errors",
+    "analyse_noise": "workflows.noise",
     # A workflow has its module's name: the room itself would give the module.
+    "apply": "workflows.apply",
     "calibrate": "workflows.calibrate",
+    "convert_to": "workflows.convert",
     "find_timeline": "segmentation",
     "read_calibration": "calibration",
     "read_recording": "recording",
+    "simulate": "workflows.simulate",
     "verify": "workflows.verify",
 }
 

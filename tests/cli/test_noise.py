@@ -108,7 +108,9 @@ def test_a_clock_whose_two_sides_do_not_agree_is_refused_with_the_place(
     answer = tumble("noise", written(tmp_path / "reset.csv", reset), how)
     assert answer.status == 2
     assert "time steps back" in answer.err
-    assert len(answer.err.splitlines()) == 1
+    # above it, on a slow machine, stands how far the reading had come
+    assert "Traceback" not in answer.err
+    assert "time steps back" in answer.err.splitlines()[-1]
 
 
 @pytest.mark.parametrize(

@@ -316,6 +316,12 @@ class Calibration(_Strict):
             raw_specific_force, raw_angular_rate, time, temperature_celsius
         )
 
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows."""
+        from tumble.calibration.display import calibration_html
+
+        return calibration_html(self)
+
     def to_json(self) -> str:
         """Return the document as JSON text, numbers with all their digits."""
         return json.dumps(self.model_dump(mode="json"), indent=1, ensure_ascii=False) + "\n"

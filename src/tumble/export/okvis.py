@@ -1,4 +1,4 @@
-"""TARGET: ``imu_params``, continuous-time densities and the accelerometers' bias.
+"""OKVIS: ``imu_params``, continuous-time densities and the accelerometers' bias.
 
 Read in its configuration files.
 """
@@ -39,7 +39,7 @@ def write(subject: Subject) -> dict[str, str]:
 
 TARGET = Target(
     "okvis",
-    "TARGET imu_params",
+    "OKVIS imu_params",
     frozenset({NOISE, BIAS}),
     "okvis_imu.yaml",
     write,

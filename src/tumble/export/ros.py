@@ -1,4 +1,4 @@
-"""TARGET: the covariances of ``sensor_msgs/Imu``.
+"""ROS: the covariances of ``sensor_msgs/Imu``.
 
 Read in common_interfaces: 3x3 by rows, the variance of one sample, N² times the rate; -1 first: absent.
 """
@@ -40,7 +40,7 @@ def write(subject: Subject) -> dict[str, str]:
 
 TARGET = Target(
     "ros",
-    "TARGET sensor_msgs/Imu covariances",
+    "ROS sensor_msgs/Imu covariances",
     frozenset({NOISE}),
     "imu_covariances.yaml",
     write,

@@ -1,4 +1,4 @@
-"""TARGET: ``imu_params`` and ``imu_initialization``, continuous-time densities and initial biases.
+"""SVO: ``imu_params`` and ``imu_initialization``, continuous-time densities and initial biases.
 
 Read on its pages and in its imu_handler.cpp.
 """
@@ -43,7 +43,7 @@ def write(subject: Subject) -> dict[str, str]:
 
 TARGET = Target(
     "svo",
-    "TARGET imu_params",
+    "SVO imu_params",
     frozenset({NOISE, BIAS}),
     "svo_imu.yaml",
     write,

@@ -1,4 +1,4 @@
-"""TARGET-Mono and TARGET-Fusion: the noise of the IMU.
+"""VINS-Mono and VINS-Fusion: the noise of the IMU.
 
 Read in integration_base.h: it adds (acc_w dt)² to a bias's variance each sample, so acc_w = K sqrt(rate);
 acc_n is the sigma of a sample, N sqrt(rate).
@@ -39,7 +39,7 @@ def write(subject: Subject) -> dict[str, str]:
 
 TARGET = Target(
     "vins",
-    "TARGET-Mono and TARGET-Fusion (IMU noise)",
+    "VINS-Mono and VINS-Fusion (IMU noise)",
     frozenset({NOISE}),
     "vins_imu.yaml",
     write,

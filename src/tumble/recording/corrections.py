@@ -13,6 +13,7 @@ from pathlib import Path
 
 from tumble.recording.columns import role_of
 from tumble.recording.formats.header import header_names
+from tumble.recording.frames import Frame, frame_names
 
 PREFIX = "corrected_by_"
 _MARK = re.compile(PREFIX + r"([0-9a-f]{12})$")
@@ -20,16 +21,20 @@ _MARK = re.compile(PREFIX + r"([0-9a-f]{12})$")
 _COUNTS = ("counts", "raw", "lsb")
 
 
-def corrections_of(paths: Iterable[Path]) -> tuple[str, ...]:
-    """Return the identities of the calibrations that files were corrected by, first one first."""
-    marks = [_MARK.match(name) for path in paths for name in header_names(path)]
+def corrections_of(inputs: Iterable[Path | Frame]) -> tuple[str, ...]:
+    """Return the identities of the calibrations that files or data frames were corrected by, first one first."""
+    marks = [_MARK.match(name) for one in inputs for name in _names(one)]
     return tuple(dict.fromkeys(mark.group(1) for mark in marks if mark is not None))
 
 
-def temperature_in_counts(paths: Iterable[Path]) -> bool:
+def _names(one: Path | Frame) -> list[str]:
+    return header_names(one) if isinstance(one, Path) else frame_names(one)
+
+
+def temperature_in_counts(inputs: Iterable[Path | Frame]) -> bool:
     """Tell whether a header says that the temperature is in raw counts (other units are converted on reading)."""
-    for path in paths:
-        for name in header_names(path):
+    for one in inputs:
+        for name in _names(one):
             role = role_of(name)
             if role is not None and role[0] == "temperature":
                 words = re.split(r"[^a-z°]+", name.lower())

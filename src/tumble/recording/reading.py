@@ -13,6 +13,7 @@ from tumble.recording.columns import ColumnPlan
 from tumble.recording.declared import DeclaredUnits, read_units_option
 from tumble.recording.formats import read_table, read_table_blocks, source_of
 from tumble.recording.formats.table import RawTable
+from tumble.recording.frames import Frame, frame_table, input_name
 from tumble.recording.interpretation import (
     BlockState,
     Interpretation,
@@ -23,16 +24,41 @@ from tumble.recording.interpretation import (
 from tumble.recording.pair import Pairing, find_pairing, is_pair, merge_pair
 from tumble.recording.recording import Recording, Remark, Source
 
-Paths: TypeAlias = str | PathLike[str] | Sequence[str | PathLike[str]]
+Input: TypeAlias = str | PathLike[str] | Frame
+Paths: TypeAlias = Input | Sequence[Input]
 
 
-def _path_list(paths: Paths) -> list[Path]:
-    if isinstance(paths, str | PathLike):
-        return [Path(fspath(paths))]
-    listed = [Path(fspath(p)) for p in paths]
-    if not listed:
+def recording_inputs(paths: Paths) -> list[Path | Frame]:
+    """Return what was named as recordings as a list: of files, or of data frames of pandas or polars.
+
+    Raises
+    ------
+    UsageError
+        If nothing was named.
+    """
+    named = [paths] if isinstance(paths, str | PathLike | Frame) else list(paths)
+    if not named:
         raise UsageError("No recording was named.")
-    return listed
+    return [Path(fspath(one)) if isinstance(one, str | PathLike) else one for one in named]
+
+
+def _table(one: Path | Frame, topics: Sequence[str]) -> RawTable:
+    if isinstance(one, Path):
+        return read_table(one, topics)
+    _refuse_topics(topics)
+    return frame_table(one)
+
+
+def _tables(one: Path | Frame, topics: Sequence[str]) -> Iterator[RawTable]:
+    if isinstance(one, Path):
+        yield from read_table_blocks(one, topics)
+    else:
+        yield _table(one, topics)
+
+
+def _refuse_topics(topics: Sequence[str]) -> None:
+    if topics:
+        raise UsageError(f"A data frame has no topics ({topics[0]}); leave them out.")
 
 
 def read_recording(
@@ -52,7 +78,7 @@ def read_recording(
 
     Parameters
     ----------
-    paths : one file, or the two files of a pair.
+    paths : one file, or the two files of a pair; a data frame of pandas or polars stands for a file.
     columns : what the columns are, as ``t,ax,ay,az,gx,gy,gz``; ``-`` skips one, ``-ay`` reverses one;
         for a pair the two lists with ``;`` between.
     units : units as ``g,deg/s,ms`` in any order, ``counts``, or ``m/s,rad`` for increments.
@@ -68,11 +94,11 @@ def read_recording(
     UsageError
         If an option is malformed, or the files are not one recording.
     """
-    listed = _path_list(paths)
+    listed = recording_inputs(paths)
     _refuse_many(listed)
     declared = read_units_option(units)
     return _recording_of(
-        [read_table(p, topics or ()) for p in listed], columns, declared, rate, parted=parted
+        [_table(one, topics or ()) for one in listed], columns, declared, rate, parted=parted
     )
 
 
@@ -94,7 +120,7 @@ def read_recordings(
         If an option is malformed.
     """
     declared = read_units_option(units)
-    tables = [read_table(p, topics or ()) for p in _path_list(paths)]
+    tables = [_table(one, topics or ()) for one in recording_inputs(paths)]
     if is_pair(tables):
         return [_recording_of(tables, columns, declared, rate)]
     return [_recording_of([t], columns, declared, rate) for t in tables]
@@ -122,7 +148,7 @@ def _recording_of(
     return interpret(merged, pairing.plan, declared, rate, sources, list(pairing.remarks), parted=parted)[1]
 
 
-def _refuse_many(paths: list[Path]) -> None:
+def _refuse_many(paths: list[Path | Frame]) -> None:
     if len(paths) > 2:
         raise UsageError(
             f"{len(paths)} files were named as one recording; it is one file, or two with one triad each "
@@ -172,7 +198,7 @@ def read_blocks(
     UsageError
         If an option is malformed, or the files are not one recording.
     """
-    listed = _path_list(paths)
+    listed = recording_inputs(paths)
     _refuse_many(listed)
     declared = read_units_option(units)
     decided: Interpretation | None = None
@@ -180,7 +206,7 @@ def read_blocks(
     sources = tuple[Source, ...]()
     for table, plan, remarks in _planned_blocks(listed, columns, topics or ()):
         if decided is None:
-            sources = tuple(source_of(p) for p in listed)
+            sources = tuple(source_of(p) if isinstance(p, Path) else frame_table(p).source for p in listed)
             decided, _ = interpret(table, plan, declared, rate, sources, remarks, parted=parted)
             block = interpret_block(table, decided, state, sources, parted=parted)
             block = None if block is None else replace(block, remarks=decided.remarks)
@@ -189,16 +215,16 @@ def read_blocks(
         if block is not None:
             yield block
     if decided is None:
-        raise RecordingError(f"{listed[0].name} has no rows.")
+        raise RecordingError(f"{input_name(listed[0])} has no rows.")
 
 
 def _planned_blocks(
-    paths: list[Path], columns: str | None, topics: Sequence[str]
+    paths: list[Path | Frame], columns: str | None, topics: Sequence[str]
 ) -> Iterator[tuple[RawTable, ColumnPlan, list[Remark]]]:
     """Yield tables with their columns chosen; the choice of the first one holds for all."""
     plan: ColumnPlan | None = None
     if len(paths) == 1:
-        for table in read_table_blocks(paths[0], topics):
+        for table in _tables(paths[0], topics):
             remarks = list[Remark]()
             if plan is None:
                 plan, remarks = choose_columns(table, columns)
@@ -214,9 +240,9 @@ def _planned_blocks(
         yield merge_pair(first, second, pairing), pairing.plan, remarks
 
 
-def _in_step(paths: list[Path], topics: Sequence[str]) -> Iterator[tuple[RawTable, RawTable]]:
+def _in_step(paths: list[Path | Frame], topics: Sequence[str]) -> Iterator[tuple[RawTable, RawTable]]:
     """Yield the tables of two files cut to the same rows."""
-    readers = [iter(read_table_blocks(p, topics)) for p in paths]
+    readers = [_tables(p, topics) for p in paths]
     held: list[RawTable | None] = [None, None]
     rows = [0, 0]
     while True:
@@ -229,7 +255,7 @@ def _in_step(paths: list[Path], topics: Sequence[str]) -> Iterator[tuple[RawTabl
         if first is None or second is None:
             short = 0 if first is None else 1
             raise RecordingError(
-                f"{paths[short].name} ends after {rows[short]} rows and {paths[1 - short].name} goes on: "
+                f"{input_name(paths[short])} ends after {rows[short]} rows and {input_name(paths[1 - short])} goes on: "
                 "the two "
                 "triads need the same stamps. Cut one of them."
             )

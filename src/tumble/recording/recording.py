@@ -73,6 +73,12 @@ class Recording:
         """Seconds from the first to the last sample."""
         return float(self.time[-1] - self.time[0]) if len(self) else 0.0
 
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows."""
+        from tumble.recording.display import recording_html
+
+        return recording_html(self)
+
     def between(self, start: int, stop: int) -> Recording:
         """Return the samples from index `start` up to `stop` as a recording (views, no copies).
 

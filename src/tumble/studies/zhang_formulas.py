@@ -180,7 +180,7 @@ def _above(value: float) -> str:
 
 
 def squared_norm(parameters: npt.NDArray[np.complex128], raw: Series) -> np.complex128:
-    """Return |s|² of (27), T as printed, of scales, angles yz, zy, zx and biases; analytic, for complex steps.
+    """Return the squared norm of s of (27), T as printed; analytic, so that complex steps differentiate it.
 
     Parameters
     ----------

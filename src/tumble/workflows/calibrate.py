@@ -8,13 +8,16 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from tumble.calibration.display import calibration_html
 from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
 from tumble.recording import Recording, read_recordings
+from tumble.recording.frames import Frame
+from tumble.recording.reading import Paths, recording_inputs
 from tumble.workflows.joining import join_recordings
 from tumble.workflows.noise_models import NoiseOfHolds
 from tumble.workflows.procedures import (
@@ -36,7 +39,7 @@ if TYPE_CHECKING:
 # An interval's ends need a thousand draws; a million take a minute or two.
 FEWEST_DRAWS, MOST_DRAWS = 1_000, 1_000_000
 
-Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
+Given: TypeAlias = Paths | Recording
 
 
 @dataclass(slots=True)
@@ -58,9 +61,17 @@ class CalibrationRun:
     files: list[Path] = field(default_factory=list[Path])
     seconds: dict[str, float] = field(default_factory=dict[str, float])
 
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the calibration, and where its files are."""
+        from html import escape
+
+        written = "".join(f"<li>{escape(str(path))}</li>" for path in self.files)
+        shown = f"<p>{escape(self.reason)}</p>{calibration_html(self.calibration)}"
+        return f"{shown}<p>Written:</p><ul>{written}</ul>" if written else shown
+
 
 def calibrate(
-    paths: Paths = (),
+    paths: Given = (),
     *,
     output: str | os.PathLike[str] | None = None,
     procedure: str | None = None,
@@ -85,8 +96,9 @@ def calibrate(
 
     Parameters
     ----------
-    paths : one recording (a file, or a pair of files with one triad each), or several of one unit;
-        empty for those that the protocol names.
+    paths : one recording (a file, or a pair of files with one triad each), or several of one unit; a data frame
+        of pandas or polars stands for a file, and a `Recording` for what was read; empty for those
+        that the protocol names.
     output : folder for ``calibration.json`` and ``report.html``; None writes nothing.
     procedure : one of `PROCEDURES`; None lets the protocol decide, or else the recording.
     protocol : a protocol file, or the name of one of `tumble.protocol.PROTOCOLS`: what was done.
@@ -180,7 +192,7 @@ def _draw(estimate: Estimate, runs: int, say: Callable[[str], None]) -> None:
 
 
 def read_as_told(
-    paths: Paths,
+    paths: Given,
     given: GivenProtocol | None,
     columns: str | None,
     units: str | None,
@@ -199,7 +211,9 @@ def read_as_told(
     UsageError
         If nothing is named, or the recordings are not of one unit with the same columns.
     """
-    named = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    if isinstance(paths, Recording):
+        return _already_read(paths, given, columns or units or rate or topics)
+    named = _listed(paths)
     if given is None:
         if not named:
             raise UsageError(
@@ -226,7 +240,23 @@ def read_as_told(
     return recording, given.on_clock_of(recordings, spans)
 
 
-def corrected_by_before(paths: Paths, given: GivenProtocol | None) -> list[str]:
+def _listed(paths: Paths) -> list[Path | Frame]:
+    """Nothing may be named where a protocol names it."""
+    return [] if isinstance(paths, list | tuple) and not paths else recording_inputs(paths)
+
+
+def _already_read(
+    recording: Recording, given: GivenProtocol | None, option: object
+) -> tuple[Recording, Protocol | None]:
+    if option:
+        raise UsageError(
+            "A Recording was read already: say columns, units, rate and topics when it is read, not afterwards."
+        )
+    joined, spans = join_recordings([recording])
+    return joined, None if given is None else given.on_clock_of([recording], spans)
+
+
+def corrected_by_before(paths: Given, given: GivenProtocol | None) -> list[str]:
     """Return the identities of the calibrations that all recordings were corrected by before.
 
     Parameters
@@ -240,10 +270,10 @@ def corrected_by_before(paths: Paths, given: GivenProtocol | None) -> list[str]:
     """
     from tumble.recording.corrections import corrections_of
 
-    named = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    named = [] if isinstance(paths, Recording) else _listed(paths)
     if not named and given is not None:
-        named = [*given.files()]
-    marks = {corrections_of([Path(path)]) for path in named}
+        named = [Path(path) for path in given.files()]
+    marks = {corrections_of([one]) for one in named}
     if len(marks) > 1:
         words = "; ".join(", ".join(mark) or "none" for mark in sorted(marks))
         raise UsageError(

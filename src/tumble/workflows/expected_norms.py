@@ -13,6 +13,7 @@ from tumble.calibration import Calibration
 from tumble.calibration.corrector import Corrector
 from tumble.earth import Site
 from tumble.recording import Recording
+from tumble.recording.frames import Frame
 from tumble.recording.temperature import TemperatureColumn
 from tumble.segmentation import Timeline
 from tumble.sensor import ImuModel, Triad
@@ -38,7 +39,7 @@ class HoldConditions:
 def corrected_whole(
     document: Calibration,
     scaled: Recording,
-    files: Sequence[Path],
+    files: Sequence[Path | Frame],
     temperature: float | None,
     outside: Outside,
 ) -> tuple[Recording, ImuModel, list[str]]:
@@ -108,7 +109,7 @@ def norm_sigmas(
 ) -> Series:
     """Return each norm's sigma: calibration, hold noise and wandering bias; gravity's is common.
 
-    The norm's derivative by matrix entry (i, j) is -w_i f_j and by bias -w_i, with w = inv(M)' f / |f|; a
+    The norm's derivative by matrix entry (i, j) is -w_i f_j and by bias -w_i, with w = inv(M)' f / norm(f); a
     coefficient of temperature multiplies it by its function there.
 
     Parameters

@@ -12,6 +12,7 @@ from tumble.calibration.corrector import NO_TEMPERATURE, Corrector
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import Recording
 from tumble.recording.corrections import temperature_in_counts
+from tumble.recording.frames import Frame
 from tumble.recording.temperature import LONG_GAP, TemperatureColumn
 from tumble.sensor.thermal import SPAN_MARGIN, Outside
 
@@ -78,7 +79,7 @@ def refuse_twice(calibration: Calibration, corrected_by: Sequence[str]) -> None:
 def check_temperature(
     calibration: Calibration,
     recording: Recording,
-    files: Iterable[Path],
+    files: Iterable[Path | Frame],
     stated: float | None,
     outside: Outside,
 ) -> None:

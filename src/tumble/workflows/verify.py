@@ -19,6 +19,7 @@ from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError
 from tumble.recording import read_recordings
 from tumble.recording.corrections import corrections_of
+from tumble.recording.reading import Paths, recording_inputs
 from tumble.segmentation import find_timeline, observe_holds, read_intervals
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.expected_norms import conditions, corrected_whole, hold_noise, norm_sigmas
@@ -81,7 +82,7 @@ class Verification:
 
 def verify(
     calibration: str | os.PathLike[str] | Calibration,
-    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    paths: Paths,
     *,
     site: Site | None = None,
     columns: str | None = None,
@@ -119,7 +120,7 @@ def verify(
         )
     place = site or _site_of(document)
     beyond = check_outside(outside)
-    files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
+    files = recording_inputs(paths)
     for file in files:
         refuse_twice(document, corrections_of([file]))
     say("reading")

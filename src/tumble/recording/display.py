@@ -1,0 +1,34 @@
+"""A recording as a notebook shows it: what it holds, and what was found on reading."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tumble.recording.recording import Recording
+
+
+def recording_html(recording: Recording) -> str:
+    """Return a table of what a recording holds, and its remarks as a list."""
+    sources = ", ".join(source.name for source in recording.sources) or "made in memory"
+    rows = [
+        ("from", sources),
+        ("samples", f"{len(recording):,} in {recording.duration:,.1f} s, {recording.rate:g} Hz"),
+        ("specific force", _signal(recording.specific_force is not None, recording.specific_force_unit)),
+        ("angular rate", _signal(recording.angular_rate is not None, recording.angular_rate_unit)),
+        ("temperature", "°C" if recording.temperature is not None else "none"),
+        ("gaps", str(len(recording.gaps))),
+    ]
+    table = "".join(
+        f"<tr><th style='text-align:left'>{name}</th><td>{escape(told)}</td></tr>" for name, told in rows
+    )
+    remarks = "".join(f"<li>{escape(remark.text)}</li>" for remark in recording.remarks)
+    return f"<table><tbody>{table}</tbody></table><ul>{remarks}</ul>"
+
+
+def _signal(there: bool, unit: str) -> str:
+    return f"three axes, {unit}" if there else "none"
+
+
+__all__ = ["recording_html"]
