@@ -47,3 +47,43 @@ def test_what_is_no_noise_document_is_refused_and_nothing_is_written(
         assert words in " ".join(answer.err.split())
         assert "Traceback" not in answer.err
         assert not (tmp_path / "results").exists()
+
+
+def sigma_of_biases(folder: Path) -> float:
+    """Root mean square of the stated standard uncertainties of the accelerometers' biases."""
+    document = json.loads((folder / "calibration.json").read_text(encoding="utf-8"))
+    named = [p for p in document["parameters"] if p["name"].startswith("accelerometer bias")]
+    assert len(named) == 3
+    return float(np.sqrt(np.mean([p["standard_uncertainty"] ** 2 for p in named])))
+
+
+@pytest.mark.parametrize(
+    ("procedure", "said"),
+    [
+        ("hand-held", "is not counted: this procedure takes what wanders as new in every hold"),
+        ("multi-position", "is counted in the uncertainties"),
+        ("joint", "is not counted: this procedure takes what wanders as new in every hold"),
+    ],
+)
+def test_a_calibration_takes_the_models_and_says_what_it_counts(
+    tumble: Any, recording: Path, noise: Path, tmp_path: Path, procedure: str, said: str
+) -> None:
+    content = json.loads(noise.read_text(encoding="utf-8"))
+    walk = {
+        "letter": "K",
+        "value": 2e-3,
+    }  # m/s²/√s: 7 mm/s² over a hold of a dozen seconds, many times the noise
+    for name in ("ax", "ay", "az"):
+        content["channels"][name]["terms"]["K"] = walk
+    wandering = tmp_path / "wandering.json"
+    wandering.write_text(json.dumps(content), encoding="utf-8")
+    sigmas: list[float] = []
+    for path in (noise, wandering):
+        answer = tumble(
+            "calibrate", recording, "--procedure", procedure, "--noise", path, "-o", tmp_path / path.stem
+        )
+        assert answer.status == 0, answer.err
+        text = (tmp_path / path.stem / "calibration.json").read_text(encoding="utf-8")
+        assert f"the noise models in {path}; that neighbouring holds are off together {said}." in text
+        sigmas.append(sigma_of_biases(tmp_path / path.stem))
+    assert sigmas[1] > 2.0 * sigmas[0]

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import Matrices, Matrix, Series, Square, Vectors, inverted
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Vectors, inverted
 from tumble.attitude import skew
 from tumble.calibration.canonical import Complex, describe_unknowns
 from tumble.calibration.data_sheet import about_sheet, sheet_prior
@@ -77,7 +77,7 @@ def fit_norms(
     *,
     prior: Prior | None = None,
     robust: bool = True,
-    between: Matrices | None = None,
+    between: AnyArray | None = None,
 ) -> TriadFit:
     """Adjust a triad's unknowns `free` so that every hold's corrected norm is `reference`.
 
@@ -135,7 +135,7 @@ def fit_norms(
 
 
 def _of_alike_holds(
-    conditions: NormConditions, adjustment: Adjustment, unknowns: Series, between: Matrices
+    conditions: NormConditions, adjustment: Adjustment, unknowns: Series, between: AnyArray
 ) -> Square:
     """What covariance between holds adds to that of the unknowns: M C M' with M that takes holds to unknowns."""
     conditions.active = adjustment.linearisation.active[:, 0]

@@ -71,7 +71,7 @@ class NormConditions:
             self.active[:, None],
         )
 
-    def between_holds(self, between: Matrices) -> AnyArray:
+    def between_holds(self, between: AnyArray) -> AnyArray:
         """Return (holds, holds): the conditions' covariance that is between holds, at the last linearisation.
 
         Parameters

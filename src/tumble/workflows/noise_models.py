@@ -203,7 +203,8 @@ class NoiseOfHolds:
         counted = (
             "that neighbouring holds are off together is counted in the uncertainties"
             if procedure in COUNT_BETWEEN_HOLDS
-            else "that neighbouring holds are off together is not counted: this procedure takes holds one by one"
+            else "that neighbouring holds are off together is not counted: this procedure takes what wanders as new in "
+            "every hold"
         )
         return [
             f"How well the means of holds are known comes from the noise models in {self.source}; {counted}.",
