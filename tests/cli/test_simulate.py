@@ -50,6 +50,25 @@ def test_what_it_says_to_type_next_works(
     assert document["site"]["latitude_deg"] == pytest.approx(48.1)
 
 
+def test_a_unit_at_rest_is_simulated_and_its_noise_found_by_the_command_printed(
+    tumble: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    answer = tumble("simulate", "rest", "--duration", 120, "--rate", 50, "-o", "trial")
+    assert answer.status == 0, answer
+    assert "gyroscope: N 0.2121 °/√h, B 20 °/h, K 0 °/h/√h" in answer.out
+    following = re.search(r"^Next: tumble (noise .*)$", answer.out, re.M)
+    assert following is not None
+    assert tumble(*following[1].split()).status == 0
+    found = json.loads((tmp_path / "trial" / "noise" / "noise.json").read_text("utf-8"))
+    truth = json.loads((tmp_path / "trial" / "truth.json").read_text("utf-8"))["noise"]
+    assert found["samples_at_rest"] == 6000
+    for triad in ("accelerometer", "gyroscope"):
+        white, step = (truth[triad][key]["value"] for key in ("random_walk", "resolution"))
+        both = (white**2 + step**2 / 12.0 / 50.0) ** 0.5  # the converter's rounding is white, too
+        assert found["triads"][triad]["terms"]["N"]["mean_of_variances"] == pytest.approx(both, rel=0.04)
+
+
 def test_it_prints_the_truth_with_units_and_every_file(tumble: Any, tmp_path: Path) -> None:
     answer = tumble("simulate", "six-position", "--imu", "hg1700", "--rate", 5, "-o", tmp_path / "trial")
     for words in (
@@ -143,6 +162,9 @@ def test_the_same_seed_gives_the_same_bytes(tumble: Any, tmp_path: Path) -> None
         (["six-position", "--axes", "case"], ["hg1700 and hg1900 do"]),
         (["six-position", "--site", "95"], ["beyond the poles"]),
         (["hand-held", "--per-step"], ["needs the turns"]),
+        (["six-position", "--duration", "60"], ["--duration is for a unit at rest"]),
+        (["rest", "--duration", "0"], ["at least one second"]),
+        (["res"], ["Did you mean rest?"]),
     ],
 )
 def test_wrong_usage_is_one_sentence_and_touches_nothing(

@@ -30,7 +30,7 @@ def simulate_command(
         typer.Argument(
             help="A protocol file, or the name of a protocol: six-position, multi-position-26 (18, 10, 9), rate-table, "
             "modified-multi-position, turntable-9 (18), laboratory, strapdown-rotation, thermal-soak, "
-            "thermal-ramp (-tumbled), thermal-fridge, hand-held."
+            "thermal-ramp (-tumbled), thermal-fridge, hand-held; or rest, a unit that lies still, for `tumble noise`."
         ),
     ],
     output: Annotated[
@@ -53,6 +53,9 @@ def simulate_command(
     gravity: Gravity = None,
     rate: Annotated[
         float | None, typer.Option(help="Sampling rate in Hz (default: the protocol's or the grade's own).")
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="With rest: seconds to record (default: 600).")
     ] = None,
     units: Annotated[str, typer.Option(help="SI, or counts.")] = "SI",
     axes: Annotated[
@@ -301,6 +304,7 @@ def simulate_command(
             unit=unit,
             site=choose_site(site, gravity),
             rate=rate,
+            duration=duration,
             units=units,
             axes=axes,
             per_step=per_step,
@@ -338,6 +342,8 @@ def simulate_command(
 
 
 def _next(done: Simulated) -> str:
+    if done.truth["protocol"] == "rest":
+        return f"tumble noise {done.files[0]} -o {done.folder / 'noise'}"
     return f"tumble calibrate --protocol {done.folder / 'protocol.yaml'} -o {done.folder / 'calibration'}"
 
 
@@ -350,13 +356,31 @@ def _print(done: Simulated, quiet: bool) -> None:
             f"Protocol {truth['protocol']}, {len(truth['steps'])} steps, {truth['samples']} samples at "
             f"{truth['rate_hz']:g} Hz, by a unit of the grade {truth['imu']['grade']} (seed {truth['unit_seed']})."
         )
-        for line in _true_lines(truth):
+        for line in _true_noise(truth) if truth["protocol"] == "rest" else _true_lines(truth):
             typer.echo(line)
         for file in done.files if len(done.files) <= LISTED else [done.files[0], *done.files[-2:]]:
             typer.echo(f"written: {file.resolve()}")
         if len(done.files) > LISTED:
             typer.echo(f"... {len(done.files)} files in all")
     typer.echo(f"Next: {_next(done)}")
+
+
+def _true_noise(truth: dict[str, Any]) -> list[str]:
+    """The true coefficients of noise in the units of `tumble noise`, a triad a line."""
+    from tumble.noise.units import ACCELEROMETER, GYRO, practical_noise_unit
+
+    if truth["noise"] is None:
+        return ["", "No noise was added."]
+    names = {"N": "random_walk", "B": "bias_instability", "K": "rate_random_walk"}
+    lines = ["", "True noise of each axis, as `tumble noise` states it:"]
+    for triad, quantity in (("accelerometer", ACCELEROMETER), ("gyroscope", GYRO)):
+        units = {letter: practical_noise_unit(quantity, letter) for letter in names}
+        parts = [
+            f"{letter} {float(truth['noise'][triad][key]['value']) / units[letter].factor:.4g} {units[letter].sign}"
+            for letter, key in names.items()
+        ]
+        lines.append(f"  {triad}: {', '.join(parts)}")
+    return lines
 
 
 def _true_lines(truth: dict[str, Any]) -> list[str]:

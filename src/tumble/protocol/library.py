@@ -309,6 +309,21 @@ PROTOCOLS: dict[str, str] = {name: named.description for name, named in _NAMED.i
 """What each named protocol is for, in a sentence."""
 
 
+REST = "rest"
+"""Name of the protocol that is no calibration's: a unit that lies still, for its noise."""
+
+
+def rest_protocol(duration: float) -> Protocol:
+    """Return one hold of a duration in s, z up.
+
+    Parameters
+    ----------
+    duration : s.
+    """
+    hold = HoldStep(duration, Pose(np.array([0.0, 0.0, 1.0]), None, BY_HAND), "z up")
+    return Protocol(REST, "multi-position", (hold,), description="At rest, for the noise of every channel.")
+
+
 def named_protocol(name: str) -> Protocol:
     """Return the protocol of that name, without a site.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import math
 import os
@@ -18,7 +17,7 @@ import numpy as np
 
 from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
-from tumble.workflows.protocols import read_given_protocol
+from tumble.workflows.played_protocol import read_played
 from tumble.workflows.truth import FORMAT, Settings, case_columns, read_in_other_axes, truth_document
 
 if TYPE_CHECKING:
@@ -60,6 +59,7 @@ def simulate(
     unit: int | None = None,
     site: Site | None = None,
     rate: float | None = None,
+    duration: float | None = None,
     units: str = "SI",
     axes: str = "unit",
     per_step: bool = False,
@@ -83,13 +83,14 @@ def simulate(
 
     Parameters
     ----------
-    protocol : a protocol file, or the name of one.
+    protocol : a protocol file, or the name of one; "rest" is a unit that lies still, for its noise.
     output : the folder; by default the protocol's name with ``-simulated``.
     grade : name of one of `tumble.simulation.GRADES`.
     seed : of placements, noise and losses; the same seed gives the same files bit for bit.
     unit : seed of the unit itself; None takes `seed`. The same unit in another session has another seed.
     site : where it is played; None takes the protocol's, or latitude 45°, height 0.
     rate : Hz; None takes the protocol's or the grade's usual one.
+    duration : s that a unit at rest is recorded; None takes ten minutes.
     units : "SI" or "counts" of the recording.
     axes : "unit", b is the unit's own axes, or "case", forward, right, down of its case; the protocol
         then says how the columns, which stay the unit's own, are read.
@@ -122,7 +123,7 @@ def simulate(
     from tumble.workflows.thermal_truth import thermal_truth
 
     say, began = progress or _silent, time.perf_counter()
-    given = _read(protocol)
+    given = read_played(protocol, duration)
     chosen = find_grade(grade)
     remarks = _check_terms(chosen.name, nonlinear=nonlinear, wander=wander, axes=axes)
     place = site or given.site
@@ -276,19 +277,6 @@ def _aimed(protocol: Protocol, azimuth: float | None) -> Protocol:
             step = replace(step, pose=replace(step.pose, heading=turned))
         steps.append(step)
     return replace(protocol, steps=tuple(steps))
-
-
-def _read(protocol: str | os.PathLike[str]) -> Protocol:
-    from tumble.protocol import PROTOCOLS
-
-    name = str(protocol)
-    if name not in PROTOCOLS and not Path(name).exists() and Path(name).suffix not in (".yaml", ".yml"):
-        near = difflib.get_close_matches(name.lower(), PROTOCOLS, 1)
-        meant = f" Did you mean {near[0]}?" if near else ""
-        raise UsageError(
-            f"There is no protocol {name!r}: give a protocol file, or one of {', '.join(PROTOCOLS)}.{meant}"
-        )
-    return read_given_protocol(protocol).protocol
 
 
 def _check_terms(name: str, *, nonlinear: bool, wander: bool, axes: str) -> list[str]:
