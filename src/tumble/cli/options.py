@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+from glob import glob
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
 import typer
 
-Recordings: TypeAlias = Annotated[
-    list[Path],
-    typer.Argument(
-        help="A recording: one file, or a pair of files with one triad each (CSV, text, Parquet, NPY, NPZ, MATLAB)."
-    ),
-]
+
+def _matched(paths: list[Path] | None) -> list[Path] | None:
+    """Put the files that a pattern matches in its place, for shells that leave patterns as they are."""
+    if not paths:
+        return paths
+    matched: list[Path] = []
+    for path in paths:
+        is_pattern = any(c in str(path) for c in "*?[") and not path.exists()
+        matched += sorted(map(Path, glob(str(path), recursive=True))) or [path] if is_pattern else [path]
+    return matched
+
+
+_WHAT = (
+    "A recording: a file (CSV, text, Parquet, NPY, MATLAB, HDF5, a ROS bag, MCAP, a flight log, ...), a folder, "
+    "or a pair of files with one triad each."
+)
+Recordings: TypeAlias = Annotated[list[Path], typer.Argument(help=_WHAT, callback=_matched)]
 OptionalRecordings: TypeAlias = Annotated[
     list[Path] | None,
     typer.Argument(
-        help="A recording: one file, or a pair of files with one triad each (CSV, text, Parquet, NPY, NPZ, MATLAB). "
-        "None: those that the protocol names.",
-        show_default=False,
+        help=f"{_WHAT} None: those that the protocol names.", show_default=False, callback=_matched
     ),
 ]
 ProtocolOption: TypeAlias = Annotated[

@@ -18,7 +18,7 @@ _SPELLINGS = {
         linearacceleration linearacc linacc specificforce f fb fib sf force imuacc accdata""",
     "gyro": """
         g gy gyr gyro gyros gyroscope gyroscopes w om omega omg angularvelocity angularrate angvel angrate
-        rotationrate rotrate rate wib avel angular omegaib""",
+        rotationrate rotrate rate wib wb avel angular omegaib""",
     "time": """
         t time times timestamp timestamps stamp stamps tick ticks sec secs seconds timesec timestampsec
         timesample headerstamp tow gpstime elapsed elapsedtime systemtime timestampsample secondselapsed

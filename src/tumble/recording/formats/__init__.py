@@ -17,10 +17,16 @@ from types import ModuleType
 
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.formats import (
+    archive,
+    compressed,
     dataflash,
+    folder,
+    hdf5,
+    increments,
     matlab,
     mavlink,
     mcap,
+    novatel,
     npy,
     npz,
     parquet,
@@ -28,6 +34,7 @@ from tumble.recording.formats import (
     rosbag2,
     text,
     ulog,
+    xsens,
 )
 from tumble.recording.formats.table import RawTable, hash_file
 from tumble.recording.recording import Source
@@ -36,16 +43,23 @@ FORMATS: tuple[ModuleType, ...] = (
     parquet,
     npy,
     npz,
+    archive,
     matlab,
+    hdf5,
     rosbag1,
     rosbag2,
     mcap,
     ulog,
     dataflash,
     mavlink,
+    xsens,
+    novatel,
+    compressed,
     text,
+    increments,
+    folder,
 )
-"""All formats, in the order in which they are asked; text recognises almost anything and comes last."""
+"""All formats, in the order in which they are asked: text recognises almost anything, bare numbers come last."""
 
 HEAD = 4096
 """Bytes at the beginning of a file that tell its format."""

@@ -60,3 +60,12 @@ def open_zstd(file: Any, name: str) -> Any:
         If zstandard is not installed; the message names the file and the extra.
     """
     return _library("zstandard", name, "zstd").ZstdDecompressor().stream_reader(file, read_across_frames=True)
+
+
+def zstd_errors() -> tuple[type[Exception], ...]:
+    """Return what the library of zstd raises on damaged data; nothing where it is not installed."""
+    try:
+        error: type[Exception] = import_module("zstandard").ZstdError
+    except ImportError:
+        return ()
+    return (error,)

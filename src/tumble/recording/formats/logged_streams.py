@@ -80,7 +80,8 @@ def table_of_streams(
     chosen = [_named(path, streams, name) for name in (wanted or automatic)]
     if len(chosen) > 2:
         raise UsageError(f"--topic names {len(chosen)} streams; give one, or one of each triad.")
-    said.append(Remark("found", f"{path.name}: {' and '.join(s.name for s in chosen)} is read."))
+    verb = "is" if len(chosen) == 1 else "are"
+    said.append(Remark("found", f"{path.name}: {' and '.join(s.name for s in chosen)} {verb} read."))
     said += [Remark("found", f"{path.name}: {s.name} {s.note}.") for s in chosen if s.note]
     if len(chosen) == 1:
         return table_of_samples(path, chosen[0].samples, chosen[0].units, source, said)

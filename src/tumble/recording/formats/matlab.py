@@ -1,25 +1,22 @@
-"""MATLAB .mat of versions 4 to 7 by scipy, of version 7.3 (HDF5) by h5py, and HDF5 at large."""
+"""MATLAB .mat of versions 4 to 7 by scipy; version 7.3 is HDF5."""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from tumble.errors import RecordingError, UsageError
+from tumble.errors import RecordingError
 from tumble.recording.formats.table import RawTable
 from tumble.recording.formats.variables import numbers_of, table_from_variables
 
 NAME = "MATLAB"
-ENDINGS = (".mat", ".h5", ".hdf5")
-SUMMARY = "MATLAB .mat of versions 4 to 7.3 (7.3 and other HDF5 with the extra `hdf5`)"
-
-_HDF5 = b"\x89HDF\r\n\x1a\n"
+ENDINGS = (".mat",)
+SUMMARY = "MATLAB .mat of versions 4 to 7"
 
 
 def _is_version_4(head: bytes) -> bool:
@@ -35,33 +32,22 @@ def _is_version_4(head: bytes) -> bool:
 
 
 def recognises(head: bytes) -> bool:
-    """Say whether a file that begins so is MATLAB's or HDF5."""
-    if head.startswith(b"MATLAB ") or _is_hdf5(head):
-        return True
+    """Say whether a file that begins so is MATLAB's; version 7.3 is HDF5."""
+    if head.startswith(b"MATLAB "):
+        return not head.startswith(b"MATLAB 7.3")
     return b"\0" in head[:4] and _is_version_4(head)
 
 
-def _is_hdf5(head: bytes) -> bool:
-    """HDF5 begins at 0, 512, 1024, ... bytes: before it stands what the writer likes."""
-    return any(head[start : start + len(_HDF5)] == _HDF5 for start in (0, 512, 1024, 2048))
-
-
 def read_table(path: Path) -> RawTable:
-    """Read a MATLAB or HDF5 file.
+    """Read a MATLAB file.
 
     Raises
     ------
     RecordingError
         If the file is damaged or holds no table of samples.
-    UsageError
-        If the file needs h5py and it is not installed.
     OSError
         If the file cannot be read.
     """
-    with path.open("rb") as file:
-        head = file.read(4096)
-    if head.startswith(b"MATLAB 7.3") or _is_hdf5(head):
-        return table_from_variables(path, _hdf5_variables(path))
     from scipy.io import loadmat
 
     try:
@@ -91,31 +77,4 @@ def _flattened(values: Mapping[str, Any], prefix: str = "") -> dict[str, npt.NDA
             found |= _flattened({f: getattr(value, f) for f in fields}, prefix + name + ".")
         elif (array := numbers_of(value)) is not None:
             found[prefix + name] = array
-    return found
-
-
-def _hdf5_variables(path: Path) -> dict[str, npt.NDArray[np.float64]]:
-    """Return the data sets of an HDF5 file; MATLAB stores its arrays transposed there."""
-    try:
-        h5py: Any = import_module("h5py")
-    except ImportError as error:
-        raise UsageError(
-            f"{path.name} is HDF5 (MATLAB 7.3); reading it needs h5py: pip install 'tumble[hdf5]', "
-            "or save it in MATLAB with the option '-v7'."
-        ) from error
-    found: dict[str, npt.NDArray[np.float64]] = {}
-
-    def visit(name: str, node: Any) -> None:
-        if (
-            isinstance(node, h5py.Dataset)
-            and not name.startswith("#")
-            and (array := numbers_of(node[()])) is not None
-        ):
-            found[name.replace("/", ".")] = array
-
-    try:
-        with h5py.File(path, "r") as file:
-            file.visititems(visit)
-    except OSError as error:
-        raise RecordingError(f"{path.name} is a damaged HDF5 file ({error}).") from error
     return found

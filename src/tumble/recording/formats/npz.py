@@ -17,8 +17,11 @@ SUMMARY = "NumPy .npz: a matrix, or arrays such as t, acc, gyr (and fs)"
 
 
 def recognises(head: bytes) -> bool:
-    """Say whether a file that begins so is a zip archive, which NPZ is."""
-    return head.startswith(b"PK\x03\x04")
+    """Say whether a file that begins so is a zip archive whose first file is NPY, as NPZ is."""
+    if not head.startswith(b"PK\x03\x04") or len(head) < 30:
+        return False
+    length = int.from_bytes(head[26:28], "little")
+    return head[30 : 30 + length].endswith(b".npy")
 
 
 def read_table(path: Path) -> RawTable:

@@ -15,7 +15,8 @@ from tumble.arrays import Series
 from tumble.recording.recording import Remark, Source
 
 
-def _row(row: int) -> str:
+def row_words(row: int) -> str:
+    """Return a row's number, from 1, in words."""
     return f"row {row + 1}"
 
 
@@ -39,7 +40,7 @@ class RawTable:
     columns: list[Series]
     source: Source
     remarks: list[Remark] = field(default_factory=list[Remark])
-    place: Callable[[int], str] = _row
+    place: Callable[[int], str] = row_words
     rate: float | None = None
 
     def __len__(self) -> int:

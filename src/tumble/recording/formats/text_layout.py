@@ -17,6 +17,7 @@ _SPLIT_ANY = re.compile(r"[;,\t|\s]+")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _ISO_TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?Z?")
 _SAMPLE_LINES = 200
+_NO_UNIT = ("", "-", "1", "na", "n/a")
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +89,8 @@ def _is_row(line: str) -> bool:
     return numbers >= 2 and 2 * numbers >= len(cells)
 
 
-def _find_delimiter(rows: list[str]) -> tuple[str | None, bool]:
-    """Return the delimiter and whether the decimal sign is a comma."""
+def _find_delimiter(rows: list[str], before: list[str]) -> tuple[str | None, bool]:
+    """Return the delimiter and whether the decimal sign is a comma; `before` are the lines before the rows."""
 
     def commas(cells: list[str]) -> bool:
         filled = [c for c in cells if c]
@@ -99,7 +100,7 @@ def _find_delimiter(rows: list[str]) -> tuple[str | None, bool]:
         if all(candidate in row for row in rows):
             cells = [split_cells(row, candidate) for row in rows]
             blank = sum(any(not c for c in row[:-1]) for row in cells)
-            if candidate == "\t" and 2 * blank > len(cells):
+            if candidate == "\t" and 2 * blank > len(cells) and not _are_names(before, len(cells[0])):
                 break  # runs of tabs used to align columns
             return candidate, all(commas(row) for row in cells)
     if all("," in row for row in rows):
@@ -108,6 +109,12 @@ def _find_delimiter(rows: list[str]) -> tuple[str | None, bool]:
             return None, True
         return ",", False
     return None, False
+
+
+def _are_names(lines: list[str], count: int) -> bool:
+    """Whether one of some lines has a name between each two of `count` - 1 tabs: cells may then be empty."""
+    cells = [line.split("\t") for line in lines[-8:]]
+    return any(len(c) == count and all(name.strip() for name in c) for c in cells)
 
 
 def _joined_brackets(cells: list[str]) -> list[str]:
@@ -122,9 +129,9 @@ def _joined_brackets(cells: list[str]) -> list[str]:
 
 
 def _is_units_row(cells: list[str]) -> bool:
-    kinds = ("specific force", "angular rate", "time")
+    kinds = ("specific force", "angular rate", "time", "temperature", "velocity increment", "angle increment")
     bare = [c.strip("[]()") for c in cells]
-    known = [any(find_unit(k, c) for k in kinds) for c in bare if c not in ("", "-", "1")]
+    known = [any(find_unit(k, c) for k in kinds) for c in bare if c not in _NO_UNIT]
     return len(known) >= 3 and all(known)
 
 
@@ -147,9 +154,7 @@ def _find_header(before: list[str], delimiter: str | None, columns: int) -> tupl
             if units is None:
                 return tuple(cells)
             bare = [u.strip("[]()") for u in units]
-            return tuple(
-                f"{c} [{u}]" if u not in ("", "-", "1") else c for c, u in zip(cells, bare, strict=True)
-            )
+            return tuple(f"{c} [{u}]" if u not in _NO_UNIT else c for c, u in zip(cells, bare, strict=True))
     return None
 
 
@@ -173,7 +178,7 @@ def find_layout(head: str, name: str) -> TextLayout:
     if not numbers:
         raise RecordingError(_no_rows(lines, name))
     rows = [lines[i] for i in numbers]
-    delimiter, decimal_comma = _find_delimiter(rows)
+    delimiter, decimal_comma = _find_delimiter(rows, lines[: numbers[0]])
     cells = [split_cells(row, delimiter) for row in rows]
     columns = Counter(len(c) for c in cells).most_common(1)[0][0]
     full = [i for i, c in zip(numbers, cells, strict=True) if len(c) == columns]

@@ -1,0 +1,73 @@
+"""Zip archives of a folder that is a recording, as phones' loggers share it; NPZ, also a zip archive, apart."""
+
+from __future__ import annotations
+
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from tumble.errors import RecordingError
+from tumble.recording.formats import folder, npz
+from tumble.recording.formats.table import RawTable, hash_file, row_words
+
+NAME = "zip"
+ENDINGS = (".zip",)
+SUMMARY = "zip archive of a phone's log, of a folder or of one recording"
+HAS_TOPICS = True
+
+_LARGEST = 16 << 30  # bytes that an archive may unpack to
+
+
+def recognises(head: bytes) -> bool:
+    """Say whether a file that begins so is a zip archive and no NPZ."""
+    return head.startswith(b"PK\x03\x04") and not npz.recognises(head)
+
+
+def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
+    """Read the recording in an archive.
+
+    Parameters
+    ----------
+    path : the archive.
+    topics : as for a folder with the same files.
+
+    Raises
+    ------
+    RecordingError
+        If the archive is damaged, or holds no recording or several.
+    UsageError
+        If a topic is not there.
+    OSError
+        If the file cannot be read.
+    """
+    with tempfile.TemporaryDirectory(prefix="tumble-") as unpacked:
+        inside = Path(unpacked) / path.name
+        try:
+            with zipfile.ZipFile(path) as archive:
+                if sum(m.file_size for m in archive.infolist()) > _LARGEST:
+                    raise RecordingError(
+                        f"{path.name} unpacks to more than 16 GB; unpack it and name the file in it."
+                    )
+                archive.extractall(inside)
+        except (
+            zipfile.BadZipFile,
+            zlib.error,
+            EOFError,
+            NotImplementedError,
+            RuntimeError,
+            ValueError,
+        ) as error:
+            raise RecordingError(
+                f"{path.name} is a zip archive that cannot be unpacked ({error})."
+            ) from error
+        try:
+            table = folder.read_table(inside, topics)
+        except RecordingError as error:
+            raise RecordingError(
+                str(error).replace(str(inside), path.name).replace("is a folder", "is an archive")
+            ) from error
+    # The file inside is gone when somebody asks for the place of a row.
+    table.path, table.source, table.place = path, hash_file(path), row_words
+    return table

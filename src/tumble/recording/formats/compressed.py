@@ -1,0 +1,128 @@
+"""Any other format, compressed as a whole with gzip, bzip2, xz or zstd: unpacked to a temporary file first."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import lzma
+import shutil
+import tempfile
+import zlib
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from tumble.errors import RecordingError
+from tumble.recording.formats import text
+from tumble.recording.formats.compression import ZSTD_MAGIC, open_zstd, zstd_errors
+from tumble.recording.formats.table import RawTable, hash_file, row_words
+from tumble.recording.recording import Remark
+
+NAME = "compressed"
+ENDINGS = (".gz", ".bz2", ".xz", ".zst", ".zstd")
+SUMMARY = "any of the other formats compressed with gzip, bzip2, xz or zstd (zstd with the extra `ros`)"
+HAS_TOPICS = True
+
+_OPENERS: dict[bytes, Callable[[BinaryIO], Any]] = {
+    b"\x1f\x8b": gzip.open,
+    b"BZh": bz2.open,
+    b"\xfd7zXZ": lzma.open,
+}
+
+
+def recognises(head: bytes) -> bool:
+    """Say whether a file that begins so is compressed and holds something else than text."""
+    if head.startswith(ZSTD_MAGIC):
+        return True
+    try:
+        if head.startswith(b"\x1f\x8b"):
+            inside = zlib.decompressobj(31).decompress(head)
+        elif head.startswith(b"\xfd7zXZ"):
+            inside = lzma.LZMADecompressor().decompress(head)
+        else:
+            return False
+    except (zlib.error, lzma.LZMAError):
+        return False
+    return bool(inside) and not text.recognises(inside)
+
+
+def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
+    """Read a compressed file.
+
+    Parameters
+    ----------
+    path : the file.
+    topics : as for the format inside.
+
+    Raises
+    ------
+    RecordingError
+        If the file is damaged, or what is in it is no recording.
+    UsageError
+        If a library is missing, or a topic is not there.
+    OSError
+        If the file cannot be read.
+    """
+    from tumble.recording.formats import read_table as read_file
+
+    with _unpacked(path) as (inside, remarks):
+        table = read_file(inside, topics)
+    # The file inside is gone when somebody asks for the place of a row.
+    table.path, table.source, table.place = path, hash_file(path), row_words
+    table.remarks += remarks
+    return table
+
+
+def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
+    """Read a compressed file in blocks, if the format inside can be read so (without SHA-256).
+
+    Parameters
+    ----------
+    path, topics : as for `read_table`.
+
+    Raises
+    ------
+    RecordingError
+        If the file is damaged, or what is in it is no recording.
+    UsageError
+        If a library is missing, or a topic is not there.
+    OSError
+        If the file cannot be read.
+    """
+    from tumble.recording.formats import read_table_blocks as read_file_blocks
+
+    rows = 0
+    with _unpacked(path) as (inside, remarks):
+        for table in read_file_blocks(inside, topics):
+            table.path = path
+            table.place = lambda row, start=rows: row_words(start + row)
+            rows += len(table)
+            table.remarks += remarks
+            remarks = []
+            yield table
+
+
+@contextmanager
+def _unpacked(path: Path) -> Generator[tuple[Path, list[Remark]]]:
+    """Give the content as a file in a temporary folder, and what is to be said of it."""
+    remarks: list[Remark] = []
+    with tempfile.TemporaryDirectory(prefix="tumble-") as folder:
+        inside = Path(folder) / (path.stem if path.suffix.lower() in ENDINGS else path.name)
+        with path.open("rb") as file, inside.open("wb") as target:
+            start = file.read(6)
+            file.seek(0)
+            opener = next((o for magic, o in _OPENERS.items() if start.startswith(magic)), None)
+            try:
+                with opener(file) if opener else open_zstd(file, path.name) as stream:
+                    shutil.copyfileobj(stream, target, 1 << 13)  # a damaged piece is lost as a whole
+            except (EOFError, OSError, zlib.error, lzma.LZMAError, *zstd_errors()) as error:
+                if not target.tell():
+                    raise RecordingError(f"{path.name} is compressed and damaged ({error}).") from error
+                text_ = (
+                    f"{path.name}: the compressed file is cut short or damaged; what could be read is used."
+                )
+                remarks.append(Remark("mended", text_))
+        if not inside.stat().st_size:
+            raise RecordingError(f"{path.name} is compressed and holds nothing that could be read.")
+        yield inside, remarks

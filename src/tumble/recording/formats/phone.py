@@ -1,0 +1,147 @@
+"""What phones' loggers write: one CSV a sensor, each with stamps of its own (Sensor Logger, phyphox and the like).
+
+References
+----------
+Sensor Logger, *One-Page Unit Reference*; Android developer guide, *Motion sensors*; phyphox, export as CSV.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from tumble.arrays import Vectors
+from tumble.errors import RecordingError
+from tumble.recording.formats import text
+from tumble.recording.formats.logged_streams import Stream
+from tumble.recording.formats.streams import Samples, Units
+from tumble.recording.formats.table import RawTable
+from tumble.units import find_unit
+
+# Names of files without separators and capitals, the best choice first.
+_ACCELEROMETERS = (
+    "accelerometeruncalibrated", "totalacceleration", "accelerometer", "acceleration", "rawaccelerometer", "acc",
+    "accel",
+)  # fmt: skip
+_GYROS = ("gyroscopeuncalibrated", "gyroscope", "gyro", "gyr", "rawgyroscope", "rotationrate")
+_GRAVITY = "gravity"
+_TIMES = ("secondselapsed", "times", "time", "t", "timestamp", "elapsedtime")
+_FREE_OF_GRAVITY = (
+    "is what the phone's system makes of the sensor by adding the gravity that it had taken out"
+)
+_LEAST_NORM = 5.0  # m/s² on average of an acceleration with gravity, unless it is thrown
+_UNCALIBRATED = "is the sensor's own, without the corrections of the phone's system"
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower())
+
+
+def find_sensors(files: list[Path]) -> dict[str, Path]:
+    """Return the files of a folder that are named after an accelerometer, a gyro or gravity, by plain name."""
+    known = {*_ACCELEROMETERS, *_GYROS, _GRAVITY}
+    return {
+        _plain(f.stem): f for f in files if f.suffix.lower() in (".csv", ".txt") and _plain(f.stem) in known
+    }
+
+
+def is_phone_log(files: list[Path]) -> bool:
+    """Say whether the files of a folder are a phone's log: one of an accelerometer, one of a gyro."""
+    sensors = find_sensors(files)
+    return any(n in sensors for n in _ACCELEROMETERS) and any(n in sensors for n in _GYROS)
+
+
+def phone_streams(files: list[Path]) -> tuple[list[Stream], list[str]]:
+    """Return the streams of a phone's log, and the names of those that are read without an option.
+
+    The accelerometer without corrections goes before the one with gravity, and that before the one whose
+    gravity was taken out and stands in a file of its own.
+
+    Raises
+    ------
+    RecordingError
+        If a file has no time and three axes.
+    OSError
+        If a file cannot be read.
+    """
+    sensors = find_sensors(files)
+    streams = {name: _stream(path, name) for name, path in sensors.items()}
+    if "accelerometer" in streams and _GRAVITY in streams and "totalacceleration" not in streams:
+        whole = _with_gravity(streams["accelerometer"], streams[_GRAVITY])
+        if whole is not None:
+            streams["accelerometer"] = whole
+    streams.pop(_GRAVITY, None)
+    _refuse_free_of_gravity(sensors, streams)
+    chosen = [next(streams[n].name for n in names if n in streams) for names in (_ACCELEROMETERS, _GYROS)]
+    return list(streams.values()), chosen
+
+
+def _refuse_free_of_gravity(sensors: dict[str, Path], streams: dict[str, Stream]) -> None:
+    """Refuse Sensor Logger's acceleration without gravity where nothing else is there."""
+    first = next(n for n in _ACCELEROMETERS if n in streams)
+    force = streams[first].samples.specific_force
+    if (
+        first != "accelerometer"
+        or force is None
+        or streams[first].note
+        or streams[first].units.specific_force
+    ):
+        return
+    if float(np.median(np.linalg.norm(force, axis=1))) < _LEAST_NORM:
+        raise RecordingError(
+            f"{sensors[first].name} has gravity taken out, which a calibration needs; record TotalAcceleration or "
+            "AccelerometerUncalibrated, or Gravity beside it."
+        )
+
+
+def _stream(path: Path, name: str) -> Stream:
+    table = text.read_table(path)
+    time, axes, unit = _layout(table)
+    values = np.column_stack([table.columns[i] for i in axes])
+    finite = np.isfinite(values).all(axis=1) & np.isfinite(time)
+    keep = finite & np.concatenate([[True], np.diff(time) > 0.0])
+    note = _UNCALIBRATED if name.endswith("uncalibrated") else ""
+    if name in _GYROS:
+        known = find_unit("angular rate", unit) if unit else "rad/s"
+        return Stream(path.stem, Samples(time[keep], None, values[keep]), Units(None, known), note)
+    known = find_unit("specific force", unit) if unit else None
+    return Stream(path.stem, Samples(time[keep], values[keep]), Units(known, None), note)
+
+
+def _layout(table: RawTable) -> tuple[np.ndarray, list[int], str | None]:
+    """Return the time in seconds, which columns are x, y and z, and the unit that stands at them."""
+    axes: dict[str, int] = {}
+    time: dict[str, int] = {}
+    unit = None
+    for number, name in enumerate(table.names or ()):
+        bare, _, rest = name.partition("(") if "(" in name else name.partition("[")
+        words = re.findall(r"[a-z0-9]+", bare.lower())
+        if words and words[-1] in ("x", "y", "z") and "absolute" not in words:
+            axes.setdefault(words[-1], number)
+            unit = rest.strip(" )]") or unit
+        elif _plain(name) in _TIMES:
+            time.setdefault(_plain(name), number)
+    if len(axes) < 3 or not time:
+        listed = ", ".join(repr(n) for n in (table.names or ())[:8]) or "none"
+        raise RecordingError(f"{table.path.name} has no columns of time, x, y and z (it has {listed}).")
+    named = min(time, key=_TIMES.index)
+    column = table.columns[time[named]]
+    if named not in ("secondselapsed", "times"):
+        step = float(np.nanmedian(np.diff(column)))
+        column = column * (1e-9 if step > 1e5 else 1e-6 if step > 1e3 else 1e-3 if step > 1.0 else 1.0)
+    return column, [axes[a] for a in "xyz"], unit
+
+
+def _with_gravity(free: Stream, gravity: Stream) -> Stream | None:
+    """Return the specific force where the phone's system has taken gravity out of it."""
+    force, taken = free.samples.specific_force, gravity.samples.specific_force
+    assert force is not None
+    assert taken is not None
+    if float(np.median(np.linalg.norm(force, axis=1))) > _LEAST_NORM:
+        return None  # with gravity, as apps other than Sensor Logger have it
+    time = gravity.samples.time
+    parts = [np.interp(free.samples.time, time, taken[:, axis]) for axis in range(3)]
+    whole: Vectors = force + np.column_stack(parts)
+    return Stream(free.name, Samples(free.samples.time, whole), free.units, _FREE_OF_GRAVITY)

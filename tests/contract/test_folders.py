@@ -1,0 +1,189 @@
+"""Folders, archives, compressed files and patterns: what is read of them, and what of a phone's sensors."""
+
+from __future__ import annotations
+
+import gzip
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tumble.errors import RecordingError, UsageError
+from tumble.recording import read_blocks, read_recording
+
+RNG = np.random.default_rng(5)
+SLOW, FAST = 0.0031 + np.arange(300) / 100, np.arange(600) / 200
+LEVEL = np.array([0.3, -0.5, 9.78])
+FORCE = np.round(LEVEL + 0.02 * RNG.normal(size=(300, 3)), 6)
+RATE = np.round(0.002 * RNG.normal(size=(600, 3)), 6)
+LOGGER = "time,seconds_elapsed,z,y,x"
+
+
+def texts(recording: Any) -> str:
+    return " ".join(r.text for r in recording.remarks)
+
+
+def write_sensor(path: Path, header: str, time: np.ndarray, values: np.ndarray) -> None:
+    """A file as Sensor Logger writes it if the header is its own, else time, x, y, z."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    rows = []
+    for t, (x, y, z) in zip(time.tolist(), values.tolist(), strict=True):
+        cells = [1_700_000_000_000_000_000 + round(t * 1e9), t, z, y, x] if header == LOGGER else [t, x, y, z]
+        rows.append(",".join(map(repr, cells)))
+    path.write_text(header + "\n" + "\n".join(rows) + "\n")
+
+
+def phone(folder: Path, **sensors: tuple[np.ndarray, np.ndarray]) -> Path:
+    for name, (time, values) in sensors.items():
+        write_sensor(folder / f"{name}.csv", LOGGER, time, values)
+    return folder
+
+
+def interpolated(values: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.interp(inside, SLOW, values[:, axis]) for axis in range(3)])
+
+
+def test_sensors_of_a_phone_are_put_on_the_gyro_s_clock(tmp_path: Path) -> None:
+    folder = phone(tmp_path / "log", TotalAcceleration=(SLOW, FORCE), Gyroscope=(FAST, RATE))
+    recording = read_recording(folder)
+    inside = FAST[(SLOW[0] <= FAST) & (SLOW[-1] >= FAST)]
+    assert np.array_equal(recording.time, inside)
+    np.testing.assert_allclose(recording.specific_force, interpolated(FORCE, inside), rtol=1e-9)
+    assert recording.sources[0].name == "log"
+    assert "2 gyro sample(s) before, after" in texts(recording)
+
+
+def test_gravity_that_a_phone_took_out_is_put_back(tmp_path: Path) -> None:
+    gravity = np.tile(LEVEL, (300, 1))
+    sensors = {"Accelerometer": (SLOW, FORCE - LEVEL), "Gravity": (SLOW, gravity), "Gyroscope": (FAST, RATE)}
+    recording = read_recording(phone(tmp_path / "log", **sensors))
+    np.testing.assert_allclose(recording.specific_force, interpolated(FORCE, recording.time), rtol=1e-9)
+    assert "adding the gravity that it had taken out" in texts(recording)
+    (tmp_path / "log" / "Gravity.csv").unlink()
+    with pytest.raises(RecordingError, match=r"Accelerometer\.csv has gravity taken out"):
+        read_recording(tmp_path / "log")
+
+
+def test_uncorrected_sensors_go_first_and_any_can_be_named(tmp_path: Path) -> None:
+    """In g, as an iPhone gives them."""
+    sensors = {
+        "AccelerometerUncalibrated": (SLOW, FORCE / 9.80665),
+        "TotalAcceleration": (SLOW, FORCE),
+        "GyroscopeUncalibrated": (FAST, RATE + 0.1),
+        "Gyroscope": (FAST, RATE),
+    }
+    folder = phone(tmp_path / "log", **sensors)
+    recording = read_recording(folder)
+    assert recording.specific_force_unit == "g"
+    named = read_recording(folder, topics=["TotalAcceleration", "Gyroscope"])
+    assert named.specific_force_unit == "m/s^2"
+    assert np.abs(named.angular_rate).max() < 0.05
+    with pytest.raises(UsageError, match="--topic Magnetometer: log has no such"):
+        read_recording(folder, topics=["Magnetometer"])
+
+
+def test_phyphox_exports_a_zip(tmp_path: Path) -> None:
+    header = '"Time (s)","X (m/s^2)","Y (m/s^2)","Z (m/s^2)"'
+    write_sensor(tmp_path / "Accelerometer.csv", header, SLOW, FORCE)
+    write_sensor(tmp_path / "Gyroscope.csv", header.replace("m/s^2", "rad/s"), FAST, RATE)
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        for name in ("Accelerometer.csv", "Gyroscope.csv"):
+            archive.write(tmp_path / name, name)
+        archive.writestr("meta/device.csv", "property,value\n")
+    recording = read_recording(tmp_path / "a.zip")
+    assert (recording.specific_force_unit, recording.angular_rate_unit) == ("m/s^2", "rad/s")
+    np.testing.assert_allclose(recording.specific_force, interpolated(FORCE, recording.time), rtol=1e-9)
+
+
+def test_a_sensor_file_without_axes_is_refused(tmp_path: Path) -> None:
+    folder = phone(tmp_path / "log", TotalAcceleration=(SLOW, FORCE), Gyroscope=(FAST, RATE))
+    (folder / "Gyroscope.csv").write_text("time,roll,pitch\n1,2,3\n2,3,4\n")
+    with pytest.raises(
+        RecordingError, match=r"Gyroscope\.csv has no columns of time, x, y and z \(it has 'time'"
+    ):
+        read_recording(folder)
+
+
+def euroc(folder: Path) -> Path:
+    imu = folder / "mav0" / "imu0"
+    imu.mkdir(parents=True)
+    names = [f"{w} [{u}]" for w, u in (("w_RS_S_{}", "rad s^-1"), ("a_RS_S_{}", "m s^-2"))]
+    header = ",".join(["#timestamp [ns]", *(n.format(a) for n in names for a in "xyz")])
+    rows = [
+        ",".join(map(repr, [1_403_636_579_758_555_392 + 10_000_000 * k, *w, *f]))
+        for k, (w, f) in enumerate(zip(RATE[:300].tolist(), FORCE.tolist(), strict=True))
+    ]
+    (imu / "data.csv").write_text(header + "\r\n" + "\r\n".join(rows) + "\r\n")
+    (imu / "sensor.yaml").write_text("sensor_type: imu\n")
+    return folder
+
+
+def test_a_euroc_folder_is_read_at_any_depth(tmp_path: Path) -> None:
+    folder = euroc(tmp_path / "V1_01_easy")
+    for path in (folder, folder / "mav0", folder / "mav0" / "imu0"):
+        recording = read_recording(path)
+        assert np.array_equal(recording.specific_force, FORCE)
+        assert recording.angular_rate_unit == "rad/s"
+    (block,) = read_blocks(folder)
+    assert block.sources == recording.sources
+
+
+def test_folders_without_one_recording_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="folder without a recording in it"):
+        read_recording(tmp_path)
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text("t,ax,ay,az\n0,0,0,9.8\n0.01,0,0,9.8\n")
+    with pytest.raises(RecordingError, match=r"several files \(a\.csv, b\.csv\)"):
+        read_recording(tmp_path)
+    with zipfile.ZipFile(tmp_path / "c.zip", "w") as archive:
+        for name in ("a.csv", "b.csv"):
+            archive.write(tmp_path / name, name)
+    with pytest.raises(RecordingError, match=r"\Ac\.zip is an archive with several files"):
+        read_recording(tmp_path / "c.zip")
+
+
+def test_a_lone_file_of_a_folder_is_read(tmp_path: Path) -> None:
+    (tmp_path / "imu.csv").write_text("t,ax,ay,az\n0,0,0,9.8\n0.01,0,0.1,9.8\n0.02,0,0,9.8\n")
+    (tmp_path / "README.md").write_text("notes")
+    assert len(read_recording(tmp_path)) == 3
+
+
+@pytest.mark.parametrize("ending", ["gz", "zst"])
+def test_compressed_binary_files_are_unpacked(tmp_path: Path, ending: str) -> None:
+    rows = np.column_stack([np.arange(300) / 100, FORCE, RATE[:300]])
+    np.save(tmp_path / "a.npy", rows)
+    raw = (tmp_path / "a.npy").read_bytes()
+    if ending == "zst":
+        library = pytest.importorskip("zstandard", reason="the extra ros is not installed")
+        packed = library.compress(raw)
+    else:
+        packed = gzip.compress(raw)
+    path = tmp_path / f"a.npy.{ending}"
+    path.write_bytes(packed)
+    recording = read_recording(path, columns="t,ax,ay,az,gx,gy,gz", units="m/s^2,rad/s")
+    assert np.array_equal(recording.specific_force, FORCE)
+    path.write_bytes(packed[:50])
+    with pytest.raises(RecordingError, match=r"\A[^\n]+\Z"):
+        read_recording(path)
+
+
+def test_zstd_without_its_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "zstandard", None)
+    (tmp_path / "a.csv.zst").write_bytes(b"\x28\xb5\x2f\xfd" + bytes(20))
+    with pytest.raises(UsageError, match=r'pip install "tumble\[ros\]"'):
+        read_recording(tmp_path / "a.csv.zst")
+
+
+def test_a_pattern_stands_for_the_files_that_it_matches(tmp_path: Path) -> None:
+    from tumble.cli.options import _matched
+
+    for name in ("b.csv", "a.csv", "c.txt", "[1].csv"):
+        (tmp_path / name).write_text("x")
+    assert _matched([tmp_path / "?.csv"]) == [tmp_path / "a.csv", tmp_path / "b.csv"]
+    assert _matched([tmp_path / "[1].csv"]) == [tmp_path / "[1].csv"]  # a file of that name goes first
+    assert _matched([tmp_path / "*.bag"]) == [tmp_path / "*.bag"]  # which reading says is not there
+    assert _matched(None) is None

@@ -1,0 +1,90 @@
+"""HDF5: data sets are listed, found by name and shape, or named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tumble.errors import RecordingError, UsageError
+from tumble.recording import read_recording
+
+h5py = pytest.importorskip("h5py", reason="the extra hdf5 is not installed")
+
+RNG = np.random.default_rng(6)
+TIME = np.arange(300) / 128
+FORCE = np.array([0.5, -1.0, 9.7]) + 0.02 * RNG.normal(size=(300, 3))
+RATE = 0.01 * RNG.normal(size=(300, 3))
+
+
+def write(path: Path, **arrays: Any) -> Path:
+    with h5py.File(path, "w") as file:
+        for name, array in arrays.items():
+            file[name.replace("__", "/")] = array
+    return path
+
+
+def test_data_sets_are_listed_with_their_shapes(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.h5", imu__t=TIME, imu__acc=FORCE, imu__gyr=RATE, camera__stamps=np.arange(5.0))
+    recording = read_recording(path, units="m/s^2,rad/s")
+    assert np.array_equal(recording.specific_force, FORCE)
+    listed = next(r.text for r in recording.remarks if "holds" in r.text)
+    assert "/imu/acc (300, 3)" in listed
+    assert "/camera/stamps (5,)" in listed
+
+
+def test_two_sensors_are_not_mixed_unless_one_is_named(tmp_path: Path) -> None:
+    arrays = {f"imu{i}__{n}": a + i for i in (0, 1) for n, a in (("t", TIME), ("acc", FORCE), ("gyr", RATE))}
+    path = write(tmp_path / "a.h5", **arrays)
+    with pytest.raises(
+        RecordingError, match=r"several sensors, in the groups /imu0, /imu1; name one with --topic"
+    ):
+        read_recording(path)
+    second = read_recording(path, topics=["/imu1"], units="m/s^2,rad/s")
+    assert np.array_equal(second.angular_rate, RATE + 1)
+    with pytest.raises(
+        UsageError, match=r"--topic imu2: a\.h5 has no such group or data set; it holds /imu0/"
+    ):
+        read_recording(path, topics=["imu2"])
+
+
+def test_groups_of_one_triad_each_are_merged(tmp_path: Path) -> None:
+    """The names x, y, z say nothing without that of the group."""
+    groups = {
+        f"{name}__{axis}": values[:, k]
+        for name, values in (("accelerometer", FORCE), ("gyroscope", RATE))
+        for k, axis in enumerate("xyz")
+    }
+    path = write(tmp_path / "a.h5", **groups, accelerometer__t=TIME, gyroscope__t=TIME)
+    recording = read_recording(path, units="m/s^2,rad/s")
+    assert np.array_equal(recording.specific_force, FORCE)
+    assert np.array_equal(recording.angular_rate, RATE)
+    lone = read_recording(path, topics=["gyroscope"], units="rad/s")
+    assert lone.specific_force is None
+
+
+def test_a_table_with_named_columns_is_a_group(tmp_path: Path) -> None:
+    names = ("t", "ax", "ay", "az", "gx", "gy", "gz")
+    rows = np.array(
+        [tuple(r) for r in np.column_stack([TIME, FORCE, RATE])], dtype=[(n, "f8") for n in names]
+    )
+    path = write(tmp_path / "a.h5", log__imu=rows, log__other=np.arange(9.0))
+    assert np.array_equal(read_recording(path, units="m/s^2,rad/s").specific_force, FORCE)
+
+
+def test_a_data_set_is_named_with_the_clock_beside_it(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.h5", s__t=TIME, s__acc_left=FORCE, s__acc_right=FORCE + 1.0)
+    recording = read_recording(path, topics=["s/acc_right"], units="m/s^2")
+    assert np.array_equal(recording.specific_force, FORCE + 1.0)
+    assert np.array_equal(recording.time, TIME)
+
+
+def test_files_without_a_table_and_damaged_ones_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="holds no table of samples"):
+        read_recording(write(tmp_path / "a.h5", x=1.0))
+    path = write(tmp_path / "b.h5", imu__t=TIME, imu__acc=FORCE)
+    path.write_bytes(path.read_bytes()[:300])
+    with pytest.raises(RecordingError, match="damaged HDF5"):
+        read_recording(path)

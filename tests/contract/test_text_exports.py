@@ -1,0 +1,223 @@
+"""Vendors' text exports and increments: their names, units, clocks and checksums; what is no such thing is refused."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tumble.errors import RecordingError
+from tumble.recording import read_recording
+from tumble.recording.formats import find_format, increments, novatel, xsens
+
+RNG = np.random.default_rng(12)
+COUNT = 600
+FORCE = np.round(np.array([0.3, -0.5, 9.7]) + 0.02 * RNG.normal(size=(COUNT, 3)), 6)
+RATE = np.round(np.array([0.01, -0.02, 0.005]) + 0.002 * RNG.normal(size=(COUNT, 3)), 6)
+TIME = np.arange(COUNT) / 100
+
+
+def texts(recording: Any) -> str:
+    return " ".join(r.text for r in recording.remarks)
+
+
+def table(*columns: Any, delimiter: str = "\t") -> str:
+    """Rows of columns: arrays, or texts that stand in every row."""
+    rows = zip(*([c] * COUNT if isinstance(c, str) else np.asarray(c).tolist() for c in columns), strict=True)
+    return "\n".join(delimiter.join(c if isinstance(c, str) else repr(c) for c in row) for row in rows) + "\n"
+
+
+# -- Xsens and Movella -------------------------------------------------------------------------------
+
+TRIADS = "Acc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z"
+
+
+def test_mt_manager_s_clock_ticks_every_tenth_of_a_millisecond(tmp_path: Path) -> None:
+    """Columns that are empty throughout are between tabs and no alignment."""
+    head = f"// Update Rate: 100.0Hz\nPacketCounter\tSampleTimeFine\tYear\tMonth\t{TRIADS}\n"
+    counter = np.arange(COUNT)
+    body = table(counter + 51_400, 100 * counter + 7000, "", "", *FORCE.T, *RATE.T)
+    (tmp_path / "a.txt").write_text(head + body)
+    recording = read_recording(tmp_path / "a.txt")
+    assert find_format(tmp_path / "a.txt") is xsens
+    np.testing.assert_allclose(recording.time, TIME + 0.7, atol=1e-12)
+    assert np.array_equal(recording.specific_force, FORCE)
+    assert (recording.specific_force_unit, recording.angular_rate_unit) == ("m/s^2", "rad/s")
+
+
+def test_an_mtw_has_no_clock_and_the_rate_is_asked_for(tmp_path: Path) -> None:
+    head = f"// Coordinate system: ENU\nPacketCounter\tSampleTimeFine\tYear\t{TRIADS}\n"
+    (tmp_path / "a.txt").write_text(head + table(np.arange(COUNT), "NaN", "NaN", *FORCE.T, *RATE.T))
+    with pytest.raises(
+        RecordingError, match=r"no column of time stamps; give the sampling rate with --rate HZ"
+    ):
+        read_recording(tmp_path / "a.txt")
+    assert np.array_equal(read_recording(tmp_path / "a.txt", rate=100.0).angular_rate, RATE)
+
+
+def test_the_rate_of_the_header_stands_in_for_a_clock(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text(
+        f"// Update Rate: 100.0Hz\nPacketCounter\t{TRIADS}\n" + table(np.arange(COUNT), *FORCE.T, *RATE.T)
+    )
+    recording = read_recording(tmp_path / "a.txt")
+    assert recording.rate == 100.0
+    assert "its header says 100 Hz" in texts(recording)
+
+
+def test_a_dot_counts_microseconds_and_degrees(tmp_path: Path) -> None:
+    """Its clock wraps after 71 minutes."""
+    head = "sep=,\nDeviceTag:,Movella DOT\nOutputRate:,60Hz\n\nPacketCounter,SampleTimeFine,"
+    head += TRIADS.replace("\t", ",") + "\n"
+    stamps = (4_294_000_000 + 16_667 * np.arange(COUNT)) % 2**32
+    body = table(np.arange(COUNT), stamps, *FORCE.T, *np.degrees(RATE).T, delimiter=",")
+    (tmp_path / "a.csv").write_text(head + body)
+    recording = read_recording(tmp_path / "a.csv")
+    assert recording.angular_rate_unit == "deg/s"
+    np.testing.assert_allclose(np.diff(recording.time), 0.016667, rtol=1e-6)
+    assert "wraps 1 time(s)" in texts(recording)
+
+
+def test_increments_of_orientation_are_quaternions(tmp_path: Path) -> None:
+    """The quaternion of a turn by v has the vector part sin(v/2) v/|v|; turned in sign it is the same turn."""
+    turn = 0.01 * RATE
+    half = np.linalg.norm(turn, axis=1) / 2.0
+    quaternion = np.column_stack([np.cos(half), turn * (np.sin(half) / (2.0 * half))[:, None]])
+    quaternion[::2] *= -1.0
+    head = "PacketCounter\tSampleTimeFine\tVelInc_X\tVelInc_Y\tVelInc_Z\t"
+    head += "\t".join(f"OriInc_q{i}" for i in range(4)) + "\n"
+    body = table(np.arange(COUNT), 100 * np.arange(COUNT), *(0.01 * FORCE).T, *quaternion.T)
+    (tmp_path / "a.txt").write_text(head + body)
+    recording = read_recording(tmp_path / "a.txt")
+    # Rounding of a quaternion near one, 1e-16, over an interval of 0.01 s.
+    np.testing.assert_allclose(recording.angular_rate, RATE, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(recording.specific_force, FORCE, rtol=1e-14)
+
+
+# -- NovAtel -----------------------------------------------------------------------------------------
+
+PUBLIC = (
+    "%RAWIMUSA,1815,407772.000;1815,407771.985103333,00000077,63811,-6290,6253,7,-31,14*2d2a4cff",
+    "%RAWIMUSA,1537,361705.645;1537,361705.644826900,00000000,30387,415,-5398,-23039,-18100736,-5117*c01b540c",
+)
+"""Lines of receivers, as they stand in public repositories: their checksums were not made here."""
+
+
+def novatel_line(text: str) -> str:
+    checksum = zlib.crc32(text.encode(), 0xFFFFFFFF) ^ 0xFFFFFFFF
+    return f"{'#' if text.startswith(('RAWIMUA', 'RAWIMUXA')) else '%'}{text}*{checksum:08x}"
+
+
+def raw_lines(name: str = "RAWIMUSA", before: str = "") -> list[str]:
+    counts = np.round(np.column_stack([1e4 * FORCE, 1e6 * RATE])).astype(int)
+    return [
+        novatel_line(
+            f"{name},2000,{t:.3f};{before}2000,{345600 + t:.9f},00000077,{az},{-ay},{ax},{gz},{-gy},{gx}"
+        )
+        for t, (ax, ay, az, gx, gy, gz) in zip(TIME, counts.tolist(), strict=True)
+    ]
+
+
+@pytest.mark.parametrize("line", PUBLIC)
+def test_the_checksum_is_that_of_the_receivers(tmp_path: Path, line: str) -> None:
+    """With one line a recording is too short, but the line is whole."""
+    (tmp_path / "a.asc").write_text(line + "\n")
+    with pytest.raises(RecordingError, match=r"1 usable row"):
+        read_recording(tmp_path / "a.asc")
+
+
+@pytest.mark.parametrize(
+    ("name", "before"), [("RAWIMUSA", ""), ("RAWIMUA", ""), ("RAWIMUSXA", "00,11,"), ("RAWIMUXA", "00,11,")]
+)
+def test_raw_counts_are_put_in_the_order_x_y_z(tmp_path: Path, name: str, before: str) -> None:
+    """The log has z, minus y, x."""
+    (tmp_path / "a.asc").write_text("\r\n".join(raw_lines(name, before)) + "\r\n")
+    recording = read_recording(tmp_path / "a.asc")
+    assert find_format(tmp_path / "a.asc") is novatel
+    assert recording.specific_force_unit == "counts"
+    assert np.array_equal(recording.specific_force, np.round(1e4 * FORCE))
+    assert np.array_equal(recording.angular_rate, np.round(1e6 * RATE))
+    assert recording.time[0] == 2000 * 604_800 + 345_600
+
+
+def test_other_logs_and_damaged_lines_are_passed_over(tmp_path: Path) -> None:
+    lines = raw_lines()
+    lines[100] = lines[100].replace(",00000077,", ",00000077,9")
+    lines.insert(200, novatel_line("INSPVASA,2000,1.0;2000,1.0,51.1,-114.0,1000.0,0,0,0,0,0,0,INS_ALIGNING"))
+    (tmp_path / "a.asc").write_text("\n".join(lines) + "\n" + lines[0][:40])
+    recording = read_recording(tmp_path / "a.asc")
+    assert len(recording) == COUNT - 1
+    assert "2 line(s) cut short or with a wrong checksum" in texts(recording)
+
+
+def test_solutions_are_no_recording(tmp_path: Path) -> None:
+    line = novatel_line("INSPVASA,2000,1.0;2000,1.0,51.1,-114.0,1000.0,0,0,0,0,0,0,INS_ALIGNING")
+    (tmp_path / "a.asc").write_text(f"{line}\n" * 30)
+    with pytest.raises(RecordingError, match=r"it holds INSPVASA \(30\)\. Log RAWIMUSXA"):
+        read_recording(tmp_path / "a.asc")
+
+
+# -- SBG ---------------------------------------------------------------------------------------------
+
+
+def test_sbg_s_row_of_units_is_understood(tmp_path: Path) -> None:
+    head = "timestamp\tstatus\taccelX\taccelY\taccelZ\tgyroX\tgyroY\tgyroZ\ttemperature\n"
+    head += "(us)\t(na)\t(m.s^-2)\t(m.s^-2)\t(m.s^-2)\t(deg.s^-1)\t(deg.s^-1)\t(deg.s^-1)\t(degC)\n"
+    body = table(
+        10_000 * np.arange(COUNT), "0x000003ff", *FORCE.T, *np.degrees(RATE).T, np.full(COUNT, 31.25)
+    )
+    (tmp_path / "imuData.txt").write_text(head + body)
+    recording = read_recording(tmp_path / "imuData.txt")
+    assert (recording.specific_force_unit, recording.angular_rate_unit) == ("m/s^2", "deg/s")
+    assert np.array_equal(recording.specific_force, FORCE)
+    np.testing.assert_allclose(recording.time, TIME, atol=1e-12)
+    assert np.all(recording.temperature == 31.25)
+
+
+# -- increments --------------------------------------------------------------------------------------
+
+KF_GINS = np.column_stack([456_300 + TIME, 0.01 * RATE, 0.01 * FORCE])  # time, angles, velocities
+PSINS = np.column_stack([0.01 * RATE, 0.01 * FORCE, TIME + 0.01])  # angles, velocities, time
+
+
+@pytest.mark.parametrize("binary", [True, False])
+@pytest.mark.parametrize("rows", [KF_GINS, PSINS], ids=["KF-GINS", "PSINS"])
+def test_increments_become_rates_when_they_are_declared(
+    tmp_path: Path, rows: np.ndarray, binary: bool
+) -> None:
+    path = tmp_path / "imu.data"
+    if binary:
+        path.write_bytes(rows.astype("<f8").tobytes())
+        assert find_format(path) is increments
+    else:
+        np.savetxt(path, rows, fmt="%.17g")
+    with pytest.raises(RecordingError, match=r"look like velocity increments .* give --units m/s,rad"):
+        read_recording(path)
+    recording = read_recording(path, units="m/s,rad")
+    # The rate is that of the stamps: 456,300 s leave eleven digits of an interval of 0.01 s.
+    np.testing.assert_allclose(recording.specific_force, FORCE, rtol=1e-10)
+    np.testing.assert_allclose(recording.angular_rate, RATE, rtol=1e-10)
+
+
+def test_navego_s_struct_has_its_names(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    with (tmp_path / "imu.mat").open("wb") as file:
+        savemat(file, {"imu": {"t": TIME[:, None], "fb": FORCE, "wb": RATE, "freq": 100.0}})
+    recording = read_recording(tmp_path / "imu.mat")
+    assert np.array_equal(recording.specific_force, FORCE)
+    assert np.array_equal(recording.angular_rate, RATE)
+
+
+def test_bare_numbers_of_another_kind_are_not_taken_for_increments(tmp_path: Path) -> None:
+    """No clock in the first or last column; and a clock, but numbers that no sensor gives later on."""
+    (tmp_path / "a.bin").write_bytes(RNG.normal(size=(COUNT, 7)).tobytes())
+    with pytest.raises(RecordingError, match="binary in a format that is not known"):
+        read_recording(tmp_path / "a.bin")
+    rows = KF_GINS.copy()
+    rows[400, 3] = 1e200
+    (tmp_path / "b.bin").write_bytes(rows.tobytes())
+    with pytest.raises(RecordingError, match=r"row 401: column 4 holds 1e\+200"):
+        read_recording(tmp_path / "b.bin", units="m/s,rad")
