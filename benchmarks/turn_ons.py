@@ -58,6 +58,7 @@ class Run:
     factors: dict[str, float] = field(default_factory=dict)
     alone: dict[str, float] = field(default_factory=dict)
     changing: int = 0
+    optional_changing: int = 0
     probability: float = 1.0
     found_change: bool = False
     refused: bool = False
@@ -130,7 +131,9 @@ def run(seed: int, grade_name: str, turn_ons: int, change: float, white: bool, o
         done.errors[name] = parameter.value - truth.get(name, 0.0)
         done.sigmas[name], done.factors[name] = parameter.standard_uncertainty, factor
     done.alone = {p.name: p.standard_uncertainty for p in settled[0][0].parameters}
-    done.changing, done.probability = len(several.turn_ons.changing), several.turn_ons.probability
+    changing = [agreement.is_optional for agreement in several.turn_ons.changing]
+    done.changing, done.optional_changing = changing.count(False), changing.count(True)
+    done.probability = several.turn_ons.probability
     done.kept = tuple(term.name for term in several.estimate.terms if term.kept)
     if others:
         _with_change(done, settled, unit, grade, rng, change)
@@ -207,7 +210,8 @@ def main() -> None:
     row(good, STABLE, "all that is stable")
     print(f"  all together: {np.mean([r.seconds for r in good]):.1f} s after each by itself")
     print(
-        f"  a stable parameter said to change: {sum(r.changing > 0 for r in good)} runs; all of them together "
+        f"  a scale factor or angle said to change: {sum(r.changing > 0 for r in good)} runs, a g-sensitivity: "
+        f"{sum(r.optional_changing > 0 for r in good)} runs; all of them together "
         f"improbable (1 %): {sum(r.probability < 0.01 for r in good)} runs"
     )
     for name in ("g_sensitivity", "quadratic", "accelerometer_asymmetry", "gyro_asymmetry"):

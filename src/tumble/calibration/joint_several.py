@@ -53,6 +53,7 @@ class TurnOn:
     outcome : of its own joint adjustment, without the others.
     problem, state : its equations; `problem.prior` holds what the others know.
     solution : of the last step.
+    scale : variance of unit weight of its residuals, 1 at least: what its observations weigh less.
     balanced : its variances and outliers with these unknowns; None before they were found.
     """
 
@@ -61,6 +62,7 @@ class TurnOn:
     problem: JointProblem
     state: JointState
     solution: JointSolution
+    scale: float = 1.0
     balanced: BalancedJoint | None = None
 
     @staticmethod
@@ -68,7 +70,8 @@ class TurnOn:
         """Return a recording that was adjusted by itself; the outcome stays as it is."""
         problem = fresh_problem(outcome.problem, outcome.problem.free)
         state = copied_state(outcome.state, np.arange(outcome.state.unknowns.size))
-        return TurnOn(name, outcome, problem, state, outcome.balanced.solution)
+        solution = outcome.balanced.solution
+        return TurnOn(name, outcome, problem, state, solution, unit_weight(solution))
 
     @property
     def stable(self) -> np.ndarray:
@@ -124,7 +127,7 @@ class SeveralSolution:
     told : of each recording, at the solution.
     places : of each recording's free unknowns, where they stand in `covariance`.
     covariance : of the stable unknowns, and then of each recording's own.
-    square_sum, redundancy : of all residuals.
+    square_sum, redundancy : of all residuals, as they weigh.
     """
 
     parts: list[TurnOn]
@@ -209,6 +212,7 @@ def balance_several(solution: SeveralSolution) -> SeveralSolution:
             continue
         part.problem.prior = part.given if alone else _prior(part, solution.stable, _sum(solution.told) - own)
         part.balanced = balance_joint(part.problem, part.state)
+        part.scale = unit_weight(part.balanced.solution)
         moved = True
     return solve_several(solution.parts) if moved else _solution(solution.parts, solution.stable)
 
@@ -265,18 +269,30 @@ def with_free(part: TurnOn, free: np.ndarray) -> TurnOn:
     if is_wide(state.unknowns) and free[-1] < SHARED:
         narrowed_problem(problem, state, SHARED)
     problem.prior = part.given
-    return TurnOn(part.name, part.outcome, problem, state, part.solution, part.balanced)
+    return TurnOn(part.name, part.outcome, problem, state, part.solution, part.scale, part.balanced)
 
 
 def own_equations(part: TurnOn) -> tuple[Square, Series]:
-    """Return a recording's normal matrix and gradient without what the others know.
+    """Return a recording's normal matrix and gradient without what the others know, as it weighs.
 
     Parameters
     ----------
     part : the recording, at its state.
     """
     _, normal, gradient = linearise_joint(replace(part.problem, prior=part.given), part.state)
-    return normal, gradient
+    return normal / part.scale, gradient / part.scale
+
+
+def unit_weight(solution: JointSolution) -> float:
+    """Return the variance of unit weight of a recording's residuals, 1 at least.
+
+    Parameters
+    ----------
+    solution : of the recording by itself.
+    """
+    if solution.redundancy <= 0:
+        return 1.0
+    return max(1.0, solution.square_sum / solution.redundancy)
 
 
 def others_prior(part: TurnOn, stable: np.ndarray, others: Sequence[Told]) -> Prior:
@@ -308,8 +324,9 @@ def _prior(part: TurnOn, stable: np.ndarray, others: Told) -> Prior:
     given = part.given
     if given is not None:
         precision, right = given.precision.copy(), given.precision @ given.mean
-    precision[np.ix_(at, at)] += told.precision
-    right[at] += told.right
+    # The recording's own equations are as they were observed; the others' are weighed against them.
+    precision[np.ix_(at, at)] += part.scale * told.precision
+    right[at] += part.scale * told.right
     here = part.state.unknowns
     return Prior(here + _solved(precision, right - precision @ here), precision)
 
@@ -354,7 +371,7 @@ def _solution(parts: list[TurnOn], stable: np.ndarray) -> SeveralSolution:
     for part, place in zip(parts, places, strict=True):
         normal[np.ix_(place, place)] += own_equations(part)[0]
         solution, prior, given = part.solution, part.problem.prior, part.given
-        square_sum += solution.square_sum
+        square_sum += solution.square_sum / part.scale
         left += solution.redundancy + part.problem.free.size
         left += (0 if given is None else given.rank) - (0 if prior is None else prior.rank)
         if part.balanced is not None:
@@ -387,5 +404,6 @@ __all__ = [
     "solve_several",
     "stable_values",
     "tell",
+    "unit_weight",
     "with_free",
 ]

@@ -45,6 +45,11 @@ class Agreement:
         return self.probability >= self.limit
 
     @property
+    def is_optional(self) -> bool:
+        """Whether it belongs to an optional term."""
+        return any(word in self.parameter for word in ("g-sensitivity", "quadratic", "asymmetry"))
+
+    @property
     def enlarged(self) -> float:
         """By which factor the standard uncertainty is enlarged (Birge): 1 where chance explains the differences."""
         if self.agrees or self.degrees < 1:

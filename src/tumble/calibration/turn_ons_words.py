@@ -37,6 +37,12 @@ def turn_on_sentences(told: TurnOns) -> list[str]:
             f"turn-on: as {count} recordings tell it, with a factor of {told.biases[0].coverage_factor:.2f} for 95 %."
         )
     said.append(_of_stable(told))
+    optional = [agreement.parameter for agreement in told.changing if agreement.is_optional]
+    if optional:
+        said.append(
+            f"Among them is {optional[0]}{f' and {len(optional) - 1} like it' if len(optional) > 1 else ''}: a gyro "
+            "bias that drifted in step with the poses of one recording looks like it, too."
+        )
     return said
 
 
@@ -47,11 +53,10 @@ def turn_on_cautions(told: TurnOns) -> list[str]:
     ----------
     told : of several recordings.
     """
-    said = [_changes(told, agreement) for agreement in told.changing[:MOST_NAMED]]
-    if len(told.changing) > MOST_NAMED:
-        said.append(
-            f"{len(told.changing) - MOST_NAMED} more parameters differ between the recordings beyond chance."
-        )
+    plain = [agreement for agreement in told.changing if not agreement.is_optional]
+    said = [_changes(told, agreement) for agreement in plain[:MOST_NAMED]]
+    if len(plain) > MOST_NAMED:
+        said.append(f"{len(plain) - MOST_NAMED} more parameters differ between the recordings beyond chance.")
     for bias in told.biases:
         factor = specific_force_factor(bias.unit) if bias.parameter.startswith("acc") else None
         if factor is not None and factor * bias.next_sigma > WORST_FORCE_BIAS_SIGMA:

@@ -148,8 +148,12 @@ def _named(recordings: Sequence[str | os.PathLike[str]], protocol: ProtocolName)
 
 
 def _labels(names: Sequence[str]) -> list[str]:
-    """The shortest names that tell the recordings apart: file names, or with folders before them."""
-    parts = [Path(name).parts for name in names]
+    """The shortest names that tell the recordings apart: file names, or with folders before them.
+
+    A folder's ``protocol.yaml`` goes by the folder's name.
+    """
+    paths = [Path(name) for name in names]
+    parts = [p.parent.parts if p.name == "protocol.yaml" and p.parent.name else p.parts for p in paths]
     for length in range(1, max(len(own) for own in parts) + 1):
         short = ["/".join(own[-length:]) for own in parts]
         if len(set(short)) == len(short):

@@ -1,0 +1,140 @@
+"""`tumble calibrate --turn-ons`: several recordings of one unit from the command line, and every wrong mixture."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tumble.calibration import read_calibration
+
+GRAVITY = 9.81
+TERMS = "--no-optional-terms"
+
+
+@pytest.fixture(scope="module")
+def folder(
+    tmp_path_factory: pytest.TempPathFactory,
+    sessions: Callable[..., np.ndarray],
+    written: Callable[..., Path],
+) -> Path:
+    """Two turn-ons of a unit, the second with other biases, and one of another unit."""
+    made = tmp_path_factory.mktemp("turn-ons")
+    written(made / "monday.csv", sessions(3, holds=12))
+    rows = sessions(4, holds=12)
+    rows[:, 1:4] += [0.05, -0.03, 0.02]
+    rows[:, 4:7] += [2e-3, 1e-3, -3e-3]
+    written(made / "tuesday.csv", rows)
+    written(made / "stranger.csv", sessions(5, unit_seed=101, holds=12))
+    return made
+
+
+@pytest.fixture(scope="module")
+def answer(tumble: Any, folder: Path) -> Any:
+    return tumble(
+        *("calibrate", folder / "monday.csv", folder / "tuesday.csv", "--turn-ons", TERMS),
+        *("--gravity", GRAVITY, "-o", folder / "results"),
+    )
+
+
+def test_two_turn_ons_give_one_calibration_and_the_biases_of_each(answer: Any, folder: Path) -> None:
+    assert answer.status == 0, answer
+    assert "2 recordings of one unit, each a turn-on of its own" in " ".join(answer.out.split())
+    document = read_calibration(folder / "results")
+    told = document.turn_ons
+    assert told is not None
+    assert [r.name for r in told.recordings] == ["monday.csv", "tuesday.csv"]
+    moved = [
+        b.values[1] - b.values[0] for b in told.biases if b.values[0] is not None and b.values[1] is not None
+    ]
+    # By what was added, within the wander of both and what the g-sensitivity, left out here, makes of other poses.
+    np.testing.assert_allclose(moved[:3], [0.05, -0.03, 0.02], atol=0.008)
+    np.testing.assert_allclose(moved[3:], [2e-3, 1e-3, -3e-3], atol=8e-4)
+    bias = next(p for p in document.parameters if p.name == "gyro bias z")
+    # Student's factor of a scatter that two turn-ons tell.
+    assert bias.coverage_factor == pytest.approx(12.706, abs=1e-3)
+    assert bias.standard_uncertainty == pytest.approx(told.biases[5].next_standard_uncertainty)
+    assert len(document.recordings) == 2
+
+
+def test_the_report_shows_each_turn_on(answer: Any, folder: Path) -> None:
+    assert answer.status == 0
+    page = (folder / "results" / "report.html").read_text(encoding="utf-8")
+    for words in ("From turn-on to turn-on", "tuesday.csv", "for the next turn-on", "turn-ons-gyro"):
+        assert words in page
+
+
+def test_a_calibration_of_several_recordings_still_inverts_and_says_nothing_of_turn_ons(
+    tumble: Any, answer: Any, folder: Path
+) -> None:
+    assert answer.status == 0
+    done = tumble("invert", folder / "results" / "calibration.json", "-o", folder / "inverse.json")
+    assert done.status == 0, done
+    assert json.loads((folder / "inverse.json").read_text(encoding="utf-8"))["turn_ons"] is None
+
+
+def test_recordings_of_two_units_are_said_to_be(tumble: Any, folder: Path, tmp_path: Path) -> None:
+    done = tumble(
+        *("calibrate", folder / "monday.csv", folder / "stranger.csv", "--turn-ons", TERMS),
+        *("--gravity", GRAVITY, "-o", tmp_path / "none"),
+    )
+    assert done.status == 2
+    assert "are not of one unit" in done.err
+    assert "Calibrate each unit by itself." in done.err
+    assert not (tmp_path / "none").exists()
+
+
+def in_g(rows: np.ndarray) -> np.ndarray:
+    changed = rows.copy()
+    changed[:, 1:4] /= 9.80665
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("names", "options", "words"),
+    [
+        (["monday.csv"], [], "--turn-ons takes two recordings of the unit or more"),
+        (["monday.csv", "monday.csv"], [], "are the same recording"),
+        (["monday.csv", "copy.csv"], [], "hold the same samples"),
+        (["monday.csv", "in-g.csv"], [], "has other units or sensors than monday.csv"),
+        (["monday.csv", "short.csv"], [], "short.csv cannot take part: "),
+        (["monday.csv", "tuesday.csv"], ["--procedure", "hand-held"], "--procedure hand-held was asked for"),
+        (
+            ["monday.csv", "tuesday.csv"],
+            ["--monte-carlo", "1000"],
+            "--monte-carlo does not go with --turn-ons",
+        ),
+        (["monday.csv", "nobody.csv"], [], "nobody.csv"),
+    ],
+)
+def test_what_does_not_go_together_is_said_in_a_sentence(
+    tumble: Any,
+    folder: Path,
+    sessions: Callable[..., np.ndarray],
+    written: Callable[..., Path],
+    tmp_path: Path,
+    names: list[str],
+    options: list[str],
+    words: str,
+) -> None:
+    rows = sessions(3, holds=12)
+    makers: dict[str, Callable[[], np.ndarray]] = {
+        "copy.csv": lambda: np.column_stack([rows[:, 0] + 100.0, rows[:, 1:]]),
+        "in-g.csv": lambda: in_g(sessions(4, holds=12)),
+        "short.csv": lambda: sessions(4, holds=12)[:200],
+    }
+    for name in names:
+        if name in makers:
+            written(tmp_path / name, makers[name]())
+    paths = [folder / name if (folder / name).exists() else tmp_path / name for name in names]
+    done = tumble(
+        "calibrate", *paths, "--turn-ons", TERMS, "--gravity", GRAVITY, "-o", tmp_path / "none", *options
+    )
+    assert done.status == 2, done
+    assert words in done.err, done.err
+    assert len(done.err.strip().splitlines()) == 1
+    assert not (tmp_path / "none").exists()
