@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tumble.report.figure import BLUE, GREEN, RED, Figure, base_layout, plain, text_axis
+from tumble.report.figure import RED, Figure, base_layout, plain, text_axis
 from tumble.report.reproduction import cell_text, summary_lines
-from tumble.report.svg_plot import above_zero
+from tumble.report.svg_plot import COLOURS, above_zero
 
 if TYPE_CHECKING:
     from tumble.studies.outcome import Outcome, Plot, Row, Value
 
-_COLOURS = (BLUE, GREEN)
 # Wider than a report: tables of papers have many columns. The reason stands below its row, in all its width.
 _STYLE = """
 main { max-width: 1240px; }
@@ -97,7 +96,7 @@ def _cell(value: Value) -> str:
 def _place(plot: Plot, figure: Figure) -> str:
     marks = f"; crosses: {plot.marks.name}" if plot.marks is not None else ""
     return (
-        f"<figure><figcaption>{html.escape(plot.title)}: line: {plot.line}, band: 5 % to 95 % of the runs"
+        f"<figure><figcaption>{html.escape(plot.title)}: line: {plot.line}, band: {plot.band}"
         f"{html.escape(marks)}</figcaption>"
         f'<div id="{figure.name}" role="img" aria-label="{html.escape(figure.label)}" '
         f'style="height:{figure.height}px"></div></figure>'
@@ -106,7 +105,7 @@ def _place(plot: Plot, figure: Figure) -> str:
 
 def _figure(plot: Plot) -> Figure:
     data: list[dict[str, Any]] = []
-    for curve, colour in zip(plot.curves, _COLOURS, strict=False):
+    for curve, colour in zip(plot.curves, COLOURS, strict=False):
         x = plain(curve.x)
         data.append(_edge(x, curve.low if plot.linear else above_zero(curve), colour, None, curve.name))
         data.append(_edge(x, curve.high, colour, "tonexty", curve.name))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.report.figure import BLUE, GREEN, GREY, RED
+from tumble.report.figure import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, TEAL
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 WIDTH, HEIGHT = 640, 400
 LEFT, RIGHT, TOP, BOTTOM = 84, 20, 46, 56
-_COLOURS = (BLUE, GREEN)
+COLOURS = (BLUE, GREEN, ORANGE, PURPLE, TEAL)
+# A line through more points than this shows no point.
+_DOTS = 100
 _DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -41,7 +43,7 @@ def draw_plot(plot: Plot) -> str:
         return [f"{a:.1f},{b:.1f}" for a, b in zip(across, up, strict=True)]
 
     parts = [*_frame(plot, (x_low, x_high), (y_low, y_high)), '<g fill="none" stroke-width="2">']
-    for curve, low, colour in zip(curves, lows, _COLOURS, strict=False):
+    for curve, low, colour in zip(curves, lows, COLOURS, strict=False):
         seen = np.isfinite(curve.y) if plot.linear else curve.y > 0
         x, y = curve.x[seen], curve.y[seen]
         band = [*at(x, low[seen]), *at(x[::-1], curve.high[seen][::-1])]
@@ -51,7 +53,7 @@ def draw_plot(plot: Plot) -> str:
         parts.append(f'<polyline points="{" ".join(at(x, y))}" stroke="{colour}"/>')
         parts += [
             f'<circle cx="{p.split(",")[0]}" cy="{p.split(",")[1]}" r="3" fill="{colour}" stroke="none"/>'
-            for p in at(x, y)
+            for p in (at(x, y) if len(x) <= _DOTS else [])
         ]
     if plot.marks is not None:
         parts += [_cross(*map(float, point.split(","))) for point in at(plot.marks.x, plot.marks.y)]
@@ -145,13 +147,13 @@ def _cross(x: float, y: float) -> str:
 def _legend(plot: Plot, curves: list[Curve]) -> list[str]:
     parts: list[str] = []
     x = LEFT
-    for curve, colour in zip(curves, _COLOURS, strict=False):
+    for curve, colour in zip(curves, COLOURS, strict=False):
         parts.append(f'<rect x="{x}" y="30" width="18" height="4" fill="{colour}"/>')
         parts.append(f'<text x="{x + 24}" y="37">{html.escape(curve.name)}</text>')
         x += 40 + 8 * len(curve.name)
     if plot.marks is not None:
         parts += [_cross(x + 9, 32), f'<text x="{x + 24}" y="37">{html.escape(plot.marks.name)}</text>']
     parts.append(
-        f'<text x="{WIDTH - RIGHT}" y="20" text-anchor="end" fill="{GREY}">line: {plot.line}; band: 5 % to 95 %</text>'
+        f'<text x="{WIDTH - RIGHT}" y="20" text-anchor="end" fill="{GREY}">line: {plot.line}; band: {plot.band}</text>'
     )
     return parts

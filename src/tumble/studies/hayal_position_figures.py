@@ -11,7 +11,6 @@ import numpy as np
 from tumble.arrays import AnyArray, Series
 from tumble.studies.field_campaign import (
     GAPS,
-    ORIGINAL,
     OUTAGES,
     SLIDING,
     SUB_SCENARIOS,
@@ -140,16 +139,17 @@ def _curve(name: str, x: Series, sigmas: AnyArray) -> Curve:
 
 def _scenario_plot(figure: str, gyro: int, said: AnyArray, found: Found) -> Plot:
     ours = _by_scenario(found, gyro)
-    curves = tuple(_curve(f"scenario {s}", _MINUTES, ours[:, k]) for k, s in enumerate(SCENARIOS))
+    curves = tuple(_curve(f"sc. {s}", _MINUTES, ours[:, k]) for k, s in enumerate(SCENARIOS))
     marks = Marks(f"thesis, table {figure}", np.tile(_MINUTES, len(said)), said.ravel())
     return Plot(
         f"gyros-{gyro}",
-        f"{TABLES[figure]}, outages of 2 s, gyros {gyro} parameters",
+        f"{TABLES[figure]}, 2 s, gyros {gyro} par.",
         "minutes of each pose",
         "σ of the position / m",
         curves,
         marks,
         line="median",
+        band="all campaigns",
     )
 
 
@@ -206,8 +206,7 @@ def _growth_row(name: str, at: int, said: Series, ours: Positions) -> Row:
 
 def _outage_plot(imu: str, protocol: str, said: AnyArray, found: Found) -> Plot:
     curves = tuple(
-        _curve("original" if case == ORIGINAL else f"scenario {name}", _LENGTHS, found[case].sigmas[protocol])
-        for name, case in SUB_SCENARIOS.items()
+        _curve(name, _LENGTHS, found[case].sigmas[protocol]) for name, case in SUB_SCENARIOS.items()
     )
     words = "gaps with one position between" if protocol == GAPS else "each outage by itself"
     marks = Marks("thesis, table 5.7", np.repeat(_LENGTHS, said.shape[1]), said.ravel())
@@ -219,6 +218,7 @@ def _outage_plot(imu: str, protocol: str, said: AnyArray, found: Found) -> Plot:
         curves,
         marks,
         line="median",
+        band="all campaigns",
     )
 
 

@@ -46,7 +46,10 @@ def claim_row(label: str, unit: str, said: Value, found: Value, agrees: bool, re
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A line of a figure with its band: the mean `y` over `x`, between `low` (5 % of the runs) and `high` (95 %)."""
+    """A line of a figure with its band: the mean `y` over `x`, between `low` (5 % of the runs) and `high` (95 %).
+
+    A plot whose line or band is something else says so.
+    """
 
     name: str
     x: Series
@@ -75,7 +78,7 @@ class Plot:
     curves : what is drawn.
     marks : the paper's own numbers, where it prints any.
     linear : both axes; else both are logarithmic, and what is not positive is left out.
-    line : what the line is, in words.
+    line, band : what the line and its band are, in words.
     """
 
     name: str
@@ -86,6 +89,7 @@ class Plot:
     marks: Marks | None = None
     linear: bool = False
     line: str = "mean"
+    band: str = "5 % to 95 %"
 
 
 @dataclass(slots=True)

@@ -30,6 +30,7 @@ from tumble.units import STANDARD_GRAVITY
 SOURCE = "Zhang et al. 2010, section 5.2; the paper's recordings are not public, ours are simulated"
 TRADITIONAL, PROPOSED, JOINT, TRUE = "traditional", "proposed", "joint estimator", "true parameters"
 PRINTED = "table 6's traditional column, on the unit of the proposed one"
+_NAMES = {TRADITIONAL: "traditional", PROPOSED: "proposed", JOINT: "joint", TRUE: "true", PRINTED: "table 6"}
 # Fewer units than this are no range.
 RANGE = 10
 # The share of units in which what is said to be better has to be so.
@@ -210,7 +211,7 @@ def _ratio_row(runs: NavigatedUnits, worse: str, better: str, said: str | None) 
 def _positions_plot(name: str, runs: NavigatedUnits) -> Plot:
     curves = tuple(
         Curve(
-            method,
+            _NAMES[method],
             runs.time[1::2],
             np.median(errors, axis=0)[1::2],
             np.quantile(errors, _SHARES[0], axis=0)[1::2],
@@ -220,11 +221,11 @@ def _positions_plot(name: str, runs: NavigatedUnits) -> Plot:
     )
     return Plot(
         "positions",
-        f"Navigation test {name}: horizontal error of position",
+        f"Navigation test {name}",
         "time since the alignment / s",
-        "error / m",
+        "horizontal error of position / m",
         curves,
-        line="median of the units",
+        line="median",
     )
 
 
@@ -284,6 +285,7 @@ def _measurements_plot(title: str, unit: str, edges: Series, signal: AnyArray) -
         curves,
         linear=True,
         line=f"mean of {_BLOCK:g} s",
+        band="all samples",
     )
 
 
