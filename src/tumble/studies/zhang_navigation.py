@@ -108,6 +108,11 @@ def which_test(figure: str) -> tuple[str, str]:
     Parameters
     ----------
     figure : "5" to "10".
+
+    Raises
+    ------
+    KeyError
+        If it is of no test.
     """
     for name, entry in zhang()["navigation_tests"].items():
         shown = {
