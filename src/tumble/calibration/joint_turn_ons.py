@@ -260,8 +260,12 @@ def whole_disagreement(outcome: SeveralOutcome) -> tuple[float, int, float]:
     """
     solution = outcome.solution
     scale = max(1.0, solution.sigma0) ** 2 if np.isfinite(solution.sigma0) else 1.0
-    precisions = [own.precision / scale for own in solution.told]
-    return disagreement(np.array([value for value, _ in outcome.own]), precisions, solution.values)
+    return disagreement(
+        [value for value, _ in outcome.own],
+        [scale * covariance for _, covariance in outcome.own],
+        [own.precision / scale for own in solution.told],
+        solution.values,
+    )
 
 
 def settled_outcome(outcome: SeveralOutcome, index: int) -> JointOutcome:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Table
+from tumble.arrays import Series, Square
 
 # That any of the stable parameters of a unit is said to change though none does.
 FALSE_ALARM = 0.01
@@ -228,21 +228,29 @@ def agreement_of(
     return Agreement(parameter, unit, values, sigmas, *together, squares, degrees, probability, limit)
 
 
-def disagreement(estimates: Table, precisions: list[Square], value: Series) -> tuple[float, int, float]:
+def disagreement(
+    estimates: Sequence[Series], covariances: Sequence[Square], precisions: Sequence[Square], value: Series
+) -> tuple[float, int, float]:
     """Return chi-square, degrees of freedom and probability of several estimates against a common value.
 
     Parameters
     ----------
-    estimates, precisions : (recordings, unknowns), and (unknowns, unknowns) of each, singular where it tells nothing.
+    estimates, covariances : (unknowns,), (unknowns, unknowns) of each recording, finite where it tells nothing.
+    precisions : (unknowns, unknowns) what each tells, singular where it tells nothing.
     value : (unknowns,) their weighted mean.
+
+    Notes
+    -----
+    A recording has as many degrees of freedom as it tells directions: the trace of covariance times precision.
     """
     from scipy.special import chdtrc
 
-    squares, degrees = 0.0, -int(np.count_nonzero(np.diag(sum(precisions[1:], precisions[0])) > 0.0))
-    for estimate, precision in zip(estimates, precisions, strict=True):
+    squares, told = 0.0, 0.0
+    for estimate, covariance, precision in zip(estimates, covariances, precisions, strict=True):
         squares += float((estimate - value) @ precision @ (estimate - value))
-        degrees += int(np.count_nonzero(np.diag(precision) > 0.0))
-    return squares, degrees, float(chdtrc(degrees, squares)) if degrees > 0 else 1.0
+        told += float(np.sum(covariance * precision))
+    degrees = round(told) - value.size
+    return squares, max(degrees, 0), float(chdtrc(degrees, squares)) if degrees > 0 else 1.0
 
 
 __all__ = [

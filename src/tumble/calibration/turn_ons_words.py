@@ -40,7 +40,7 @@ def turn_on_sentences(told: TurnOns) -> list[str]:
     optional = [agreement.parameter for agreement in told.changing if agreement.is_optional]
     if optional:
         said.append(
-            f"Among them is {optional[0]}{f' and {len(optional) - 1} like it' if len(optional) > 1 else ''}: a gyro "
+            f"{'It' if len(told.changing) == 1 else 'Among them'} is {optional[0]}{f' and {len(optional) - 1} like it' if len(optional) > 1 else ''}: a gyro "
             "bias that drifted in step with the poses of one recording looks like it, too."
         )
     return said
