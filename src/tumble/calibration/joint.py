@@ -31,7 +31,14 @@ from tumble.calibration.joint_observability import (
 )
 from tumble.calibration.joint_poses import mounting_prior
 from tumble.calibration.joint_start import gather_what_there_is, rough_start, rough_variances
-from tumble.calibration.joint_system import JointProblem, JointState, Masks, linearise_joint, start_state
+from tumble.calibration.joint_system import (
+    JointProblem,
+    JointSolution,
+    JointState,
+    Masks,
+    linearise_joint,
+    start_state,
+)
 from tumble.calibration.joint_terms import Extra
 from tumble.calibration.joint_trials import (
     copied_state,
@@ -312,17 +319,39 @@ def _with_terms(
         except ObservabilityError:
             names.pop()
             continue
-        for name in names:
-            tests[name] = _test_term(balanced, name, TERM_LIMIT)
-        weakest = max(names, key=lambda name: tests[name].probability)
-        if tests[weakest].kept:
+        wanted = _wanted_terms(balanced.solution, names, tests)
+        if wanted == names:
             if free[-1] < (narrow or 0):
                 trial, moved, balanced = _settled_again(trial, moved, free, narrow)
             return trial, moved, balanced, list(tests.values())
-        names.remove(weakest)
+        names = wanted
     if base.solution.free.size > plain.size:
         before = _settled_again(problem, state, plain, narrow)
     return *before, list(tests.values())
+
+
+def _wanted_terms(solution: JointSolution, names: list[str], tests: dict[str, TermTest]) -> list[str]:
+    """Drop the least significant term until every one left is wanted; of each, its last test goes into `tests`.
+
+    What the others would be without a term follows from the covariance: nothing is adjusted anew for it.
+    """
+    left, values, cofactor = list(names), solution.state.unknowns.copy(), solution.cofactor.copy()
+    while left:
+        at = {name: np.searchsorted(solution.free, OPTIONAL_TERMS[name]) for name in left}
+        for name, own in at.items():
+            block = cofactor[np.ix_(own, own)]
+            tests[name] = wald_test(
+                name, values[OPTIONAL_TERMS[name]], block, solution.redundancy, TERM_LIMIT
+            )
+        weakest = max(left, key=lambda name: tests[name].probability)
+        if tests[weakest].kept:
+            break
+        left.remove(weakest)
+        gone = at[weakest]
+        share = cofactor[:, gone] @ inverted(cofactor[np.ix_(gone, gone)])
+        values[solution.free] -= share @ values[OPTIONAL_TERMS[weakest]]
+        cofactor = cofactor - share @ cofactor[gone]
+    return left
 
 
 def _settled_again(
@@ -334,15 +363,6 @@ def _settled_again(
     if size is not None:
         narrowed_problem(problem, state, size)
     return problem, state, balance_joint(problem, state)
-
-
-def _test_term(balanced: BalancedJoint, name: str, limit: float) -> TermTest:
-    solution = balanced.solution
-    at = np.searchsorted(solution.free, OPTIONAL_TERMS[name])
-    covariance = solution.cofactor[np.ix_(at, at)]
-    return wald_test(
-        name, solution.state.unknowns[OPTIONAL_TERMS[name]], covariance, solution.redundancy, limit
-    )
 
 
 def _silent(_: str) -> None:

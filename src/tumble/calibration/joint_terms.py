@@ -167,13 +167,13 @@ def integrate_ranges(
     data: JointData, unknowns: Series, starts: np.ndarray, stops: np.ndarray
 ) -> tuple[Matrices, AnyArray, Series]:
     """Return rotation, sums and duration of sample ranges, see `integrate_turns`."""
-    base = data.base
+    base, span = data.base, _span(starts, stops)
     made = integrate_turns(
-        base.time,
-        without_asymmetry(unknowns, base.raw_rate),
-        base.raw_force,
-        starts,
-        stops,
+        base.time[span],
+        without_asymmetry(unknowns, base.raw_rate[span]),
+        base.raw_force[span],
+        starts - span.start,
+        stops - span.start,
         gyro_inverse=inverted(gyro_matrix(unknowns)),
         gyro_bias=unknowns[GYRO_BIAS],
         force_inverse=inverted(force_matrix(unknowns)),
@@ -196,13 +196,14 @@ def integrate_magnitudes(
     """
     if unknowns.size < RATE_ASYMMETRY.stop:
         return None
-    rate = without_asymmetry(unknowns, data.base.raw_rate)
+    span = _span(starts, stops)
+    rate = without_asymmetry(unknowns, data.base.raw_rate[span])
     made = integrate_turns(
-        data.base.time,
+        data.base.time[span],
         rate,
         np.abs(rate - unknowns[GYRO_BIAS]),
-        starts,
-        stops,
+        starts - span.start,
+        stops - span.start,
         gyro_inverse=inverted(gyro_matrix(unknowns)),
         gyro_bias=unknowns[GYRO_BIAS],
         force_inverse=np.eye(3),
@@ -210,6 +211,11 @@ def integrate_magnitudes(
         g_sensitivity=np.zeros((3, 3)),
     )
     return made.sums[..., 4:7]
+
+
+def _span(starts: np.ndarray, stops: np.ndarray) -> slice:
+    """The samples from the first range to the last: one rotation of a table is a small part of its recording."""
+    return slice(int(starts.min()), int(stops.max()))
 
 
 def hold_terms(
