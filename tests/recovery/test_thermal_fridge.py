@@ -27,7 +27,7 @@ def scene() -> tuple[Timeline, Estimate, ThermalModel]:
     )
     site, protocol = Site.from_latitude(np.radians(48.0)), named_protocol("thermal-fridge")
     recording, _, _ = simulate_chamber(
-        protocol, 12.5, rng, site=site, thermal=unit, chamber=chamber, grade=kind
+        protocol, 5.0, rng, site=site, thermal=unit, chamber=chamber, grade=kind
     )
     timeline = find_thermal_timeline(recording)
     assert unit.reference.accelerometer is not None

@@ -65,7 +65,7 @@ from tumble.units import angular_rate_factor, specific_force_factor
 USUAL_REFERENCE = 25.0  # °C
 FIRST_LAG, FIRST_WIDTH = 30.0, 5.0  # s, K
 LAGS, WIDTHS = (0.0, 15.0, 30.0, 60.0, 120.0, 240.0), (2.0, 5.0, 10.0)
-FALSE_ALARM = 0.01
+FALSE_ALARM, EASY_ALARM = 0.01, 0.5
 # Sensors may be so far behind a thermometer that still moves, or depend on the rate as much.
 UNSETTLED_SECONDS = 60.0
 CURVE = 41
@@ -307,7 +307,8 @@ def _enriched(
 ) -> ThermalTerms:
     """Return the terms with functions that the whole recording shows, though few folds did not.
 
-    Of a polynomial alone: one order more is taken while a Wald test wants it.
+    Of a polynomial alone: one order more is taken while a Wald test wants it, and the matrix's already where it is
+    likelier than not: a bend that is left out would be in all biases, and in none of their uncertainties.
     """
     highest = highest_order(soaks)
     while terms.basis.kind == "polynomial" and terms.basis.order < highest:
@@ -319,6 +320,17 @@ def _enriched(
             break
         last = [(kind, 3) for kind in ("b", "gb") if kind in fit.layout.places]
         if not _tested(fit, f"order {order}", (), last).kept:
+            break
+        terms = richer
+    while (
+        terms.poses and terms.basis.kind == "polynomial" and terms.matrix_functions < min(terms.basis.size, 2)
+    ):
+        richer = replace(terms, matrix_functions=terms.matrix_functions + 1)
+        try:
+            fit = fit_thermal(points, richer, where)
+        except (ObservabilityError, ConvergenceError):
+            break
+        if not _tested(fit, "matrix", (), [("M", fit.layout.entries)], EASY_ALARM).kept:
             break
         terms = richer
     return terms
@@ -341,7 +353,11 @@ def _adjusted(points: ThermalPoints, terms: ThermalTerms, where: Surroundings) -
 
 
 def _tested(
-    fit: ThermalFit, name: str, kinds: tuple[str, ...], last: Sequence[tuple[str, int]] = ()
+    fit: ThermalFit,
+    name: str,
+    kinds: tuple[str, ...],
+    last: Sequence[tuple[str, int]] = (),
+    limit: float = FALSE_ALARM,
 ) -> TermTest:
     """Test kinds of unknowns as a whole, and of others so many at their ends."""
     at: list[int] = []
@@ -353,7 +369,7 @@ def _tested(
             place = fit.layout.places[kind]
             at += range(place.start, place.stop)
     covariance: Square = fit.adjustment.cofactor[np.ix_(at, at)]
-    return wald_test(name, fit.values[at], covariance, max(fit.adjustment.redundancy, 1), FALSE_ALARM)
+    return wald_test(name, fit.values[at], covariance, max(fit.adjustment.redundancy, 1), limit)
 
 
 def _evidence(

@@ -20,6 +20,8 @@ LEAST_SECONDS = 2.0
 # The path is followed on means of the thermometer over this long: finer is nothing to a unit with a mass.
 GRID = 1.0  # s
 STEPS_SEEN = 20_000
+# A rest whose means scatter by so many times the usual variance was disturbed.
+UNQUIET = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,9 +240,55 @@ def _means(signal: Vectors | None, stretches: list[tuple[int, int]]) -> tuple[Ve
         parts.append(values - since[:, None] * slope)
         items.append([(size, size + last - first)])
         size += last - first
-    # White noise alone: what neighbouring rests have in common is found from their residuals.
-    found = mean_covariance(np.concatenate(parts), items, span=1)
-    return means, found.covariance + np.diag(_rounding(signal) ** 2)
+    # White noise alone: what neighbouring rests have in common is found from their residuals, and what of it is inside
+    # a rest, where batch means see it, would be taken for noise that they have not in common.
+    batches = np.diagonal(mean_covariance(np.concatenate(parts), items, span=1).covariance, axis1=1, axis2=2)
+    count = np.array([last - first for first, last in stretches])
+    usual = np.median(batches * count[:, None], axis=0)
+    # A rest that is far less quiet than the others keeps its own.
+    unquiet = batches * count[:, None] > UNQUIET * usual
+    white = np.where(unquiet, batches, np.minimum(white_variance(parts) / count[:, None], batches))
+    return means, (white + _rounding(signal) ** 2)[:, :, None] * np.eye(3)
+
+
+def white_variance(parts: list[AnyArray]) -> Series:
+    """Return (3,) the variance of white noise of one sample, beside flicker, from the Allan variance up to ten seconds.
+
+    Allan variances of m samples times m are the line ``white + flicker m``; m from 4 on, because filters in the sensor
+    make neighbouring samples alike.
+
+    Parameters
+    ----------
+    parts : (samples, 3) of each rest.
+    """
+    sizes = [
+        m
+        for m in (4, 8, 16, 32, 64, 128)
+        if sum(len(part) // m - 1 for part in parts if len(part) >= 2 * m) > 30
+    ]
+    if len(sizes) < 2:
+        return np.sum([np.sum(np.diff(p, axis=0) ** 2, axis=0) for p in parts], axis=0) / (
+            2.0 * sum(len(p) - 1 for p in parts)
+        )
+    level, weight = np.empty((len(sizes), 3)), np.empty((len(sizes), 3))
+    for row, m in enumerate(sizes):
+        steps = [
+            np.diff(p[: len(p) // m * m].reshape(-1, m, 3).mean(axis=1), axis=0)
+            for p in parts
+            if len(p) >= 2 * m
+        ]
+        changes = np.concatenate(steps)
+        level[row] = 0.5 * m * np.mean(changes**2, axis=0)
+        weight[row] = np.sqrt(len(changes)) / np.maximum(level[row], 1e-300)
+    white = np.empty(3)
+    design = np.column_stack([np.ones(len(sizes)), np.array(sizes, dtype=float)])
+    for axis in range(3):
+        scaled = weight[:, axis]
+        line = np.linalg.lstsq(design * scaled[:, None], level[:, axis] * scaled, rcond=None)[0]
+        # Without flicker the line may come out falling: then all of it is white.
+        white[axis] = line[0] if line[1] > 0.0 else np.sum(scaled**2 * level[:, axis]) / np.sum(scaled**2)
+    least = 0.1 * level.min(axis=0)
+    return np.maximum(white, least)
 
 
 def _rounding(signal: Vectors) -> Series:

@@ -37,7 +37,8 @@ LEAST_SAMPLES, LEAST_ANGLE = 20, np.radians(20.0)
 TURNS_PER_FUNCTION = 9
 # Turns are within so many °C of the rests that are used.
 BEYOND = 2.0
-FALSE_ALARM = 0.01
+# A bend of the matrix is taken where it is likelier than not: left out, it would be in no uncertainty.
+EASY_ALARM = 0.5
 MOST_FUNCTIONS = 2
 
 
@@ -205,7 +206,7 @@ def _fitted(
                 adjustment.parameters[last],
                 adjustment.cofactor[last, last],
                 max(adjustment.redundancy, 1),
-                FALSE_ALARM,
+                EASY_ALARM,
             )
             if not test.kept:
                 break

@@ -21,8 +21,10 @@ from tumble.calibration.thermal_conditions import ThermalConditions
 from tumble.estimation import Linearisation, Prior
 
 TRIADS = {"force": slice(0, 3), "rate": slice(3, 6)}
-# Starts of the search, shares of the excess variance that are taken for flicker.
-SHARES = (0.95, 0.2)
+# Start of the search, the share of what either alone would be that is taken for scatter from rest to rest.
+SHARE = 0.3
+# In twice the log likelihood, what one more level has to bring (Akaike 1974).
+ONE_MORE = 2.0
 # Rounding of a singular kernel: two rests at the same time are never given.
 JITTER = 1e-9
 
@@ -216,8 +218,8 @@ def find_levels(
 def _most_likely(
     blocks: list[Block], linear: Linearisation, values: Series, prior: Prior, excess: float
 ) -> tuple[float, float]:
-    """Return (single, flicker), the most likely ones; one of them zero where that is as likely."""
-    from scipy.optimize import minimize
+    """Return (single, flicker), the most likely ones; one of them zero where two bring too little more."""
+    from scipy.optimize import minimize, minimize_scalar
 
     parts = [_prepared(block, linear, values, prior) for block in blocks]
     spread = float(np.mean([np.mean(np.diag(b.flicker)) for b in blocks]))
@@ -228,21 +230,36 @@ def _most_likely(
         except np.linalg.LinAlgError:
             return np.inf
 
-    best = (cost(0.0, 0.0), 0.0, 0.0)
-    for share in SHARES:
-        begin = np.log([(1.0 - share) * excess, share * excess / spread])
-        found = minimize(
-            lambda x: cost(float(np.exp(x[0])), float(np.exp(x[1]))),
-            begin,
-            method="Nelder-Mead",
-            options={"xatol": 0.05, "fatol": 0.02, "maxfev": 60, "initial_simplex": begin + _SIMPLEX},
+    def least(single: float, flicker: float) -> tuple[float, float]:
+        """Return (cost, factor) of the most likely multiple of a pair."""
+        found = minimize_scalar(
+            lambda x: cost(single * float(np.exp(x)), flicker * float(np.exp(x))),
+            bounds=(-4.0, 4.0),
+            method="bounded",
+            options={"xatol": 0.05, "maxiter": 16},
         )
-        single, flicker = (float(value) for value in np.exp(found.x))
-        for pair in ((single, flicker), (0.0, flicker), (single, 0.0)):
-            likely = cost(*pair)
-            # Of what is as likely, less.
-            if likely < best[0] - 0.02 or (0.0 in pair and likely < best[0] + 0.02):
-                best = (likely, *pair)
+        return float(found.fun), float(np.exp(found.x))
+
+    scattered, by_rest = least(excess, 0.0)
+    wandering, by_flicker = least(0.0, excess / spread)
+    # Sensors have flicker: of scatter alone it is believed where it is plainly likelier.
+    if scattered < wandering - ONE_MORE:
+        best = (scattered, by_rest * excess, 0.0)
+    else:
+        best = (wandering, 0.0, by_flicker * excess / spread)
+    if cost(0.0, 0.0) < best[0] + ONE_MORE:
+        return 0.0, 0.0
+    begin = np.log([SHARE * by_rest * excess, (1.0 - SHARE) * by_flicker * excess / spread])
+    both = minimize(
+        lambda x: cost(float(np.exp(x[0])), float(np.exp(x[1]))),
+        begin,
+        method="Nelder-Mead",
+        options={"xatol": 0.05, "fatol": 0.02, "maxfev": 40, "initial_simplex": begin + _SIMPLEX},
+    )
+    # Two levels where they are more likely by what a level costs: else a chance would halve the flicker.
+    if float(both.fun) < best[0] - ONE_MORE:
+        single, flicker = (float(value) for value in np.exp(both.x))
+        return single, flicker
     return best[1], best[2]
 
 
