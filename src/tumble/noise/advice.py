@@ -133,7 +133,8 @@ def _advice(channels: tuple[Channel, ...], curves: Deviation) -> list[str]:
     said: list[str] = []
     seconds = curves.samples / curves.rate
     for letter, title in (("a", "Accelerometers"), ("g", "Gyros")):
-        fits = [c.fit for c in channels if c.name.startswith(letter) and c.fit is not None]
+        of_triad = [c.fit for c in channels if c.name.startswith(letter)]
+        fits = [fit for fit in of_triad if fit is not None and fit.probability >= _MISFIT]
         parts: list[str] = []
         hidden: list[str] = []
         for term in "BK":

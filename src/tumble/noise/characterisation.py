@@ -33,6 +33,7 @@ FLOOR = sqrt(2.0 * log(2.0) / pi)
 """Allan deviation of flicker of B = 1: 0.664, whatever the averaging time (IEEE Std 952, annex C)."""
 
 _LEAST_SAMPLES = 16
+_OTHER_TAU = 0.01  # from which on another averaging time than was asked for is told
 _BINS = 20  # of the spectrum, a decade
 _LEVEL_POINTS = 600  # of the drawing of levels over time
 # Ten degrees of freedom for each averaging time in the record: 1 over the square root of twice that is 22 %.
@@ -223,6 +224,7 @@ def characterise(
         _spectra(signals, recording.rate, gaps, suitability.channels),
         *_levels(recording.time, signals),
     )
+    said += _say_taus(taus, averages.curve)
     return _gathered(
         suitability, units, averages, said, recording.sources, recording.rate, recording.duration, held=held
     )
@@ -268,10 +270,25 @@ def characterise_blocks(
     suitability = _usable(judge_rest(survey))
     factors, units = _factors(first, suitability.channels)
     averages = _averaged(blocks, survey, suitability, factors, slopes, kind, taus, say)
+    said += _say_taus(taus, averages.curve)
     duration = survey.stop_time - survey.start_time
     return _gathered(
         suitability, units, averages, said, first.sources, survey.rate, duration, held=held, streamed=True
     )
+
+
+def _say_taus(wanted: Taus, curve: Deviation) -> list[str]:
+    """Say which of the averaging times that were asked for are others, or none."""
+    said: list[str] = []
+    for tau in () if isinstance(wanted, str) else wanted:
+        nearest = float(curve.tau[int(np.argmin(np.abs(curve.tau - tau)))])
+        # whole samples, and of blocks every 65th to 128th part
+        if tau > 1.01 * float(curve.tau[-1]) or tau < 0.5 / curve.rate:
+            span = f"{1.0 / curve.rate:.3g} s (one sample) to half of the longest rest"
+            said.append(f"The averaging time {tau:g} s cannot be had of this recording: from {span}.")
+        elif abs(nearest / tau - 1.0) > _OTHER_TAU:
+            said.append(f"The averaging time {tau:g} s is taken as {nearest:g} s, whole samples.")
+    return said
 
 
 def _silent(stage: str) -> None:
@@ -297,7 +314,7 @@ def _told(recording: Recording) -> list[str]:
 
 def _usable(suitability: Suitability) -> Suitability:
     if suitability.longest < _LEAST_SAMPLES:
-        why = " ".join(suitability.remarks) or "There is nothing in it."
+        why = " ".join(suitability.remarks) or f"The longest has {suitability.longest}."
         raise RecordingError(
             f"No stretch at rest of {_LEAST_SAMPLES} samples or more, so there is no noise to analyse. {why}"
         )

@@ -8,6 +8,7 @@ from tumble.noise.allan_covariance import allan_covariance
 from tumble.noise.fit import NoiseFit
 from tumble.noise.terms import NoiseModel
 from tumble.noise.variances import allan_variance_of, markov_allan_variance
+from tumble.noise.weighted_fit import root_of_weights
 
 _NAMES = {
     "Q": "quantisation",
@@ -43,7 +44,7 @@ def relative_uncertainty(model: NoiseModel, letter: str, seconds: float, rate: f
     if len(tau) < len(columns) or letter not in present:
         return float("inf")
     spread = allan_covariance(tuple(int(m) for m in averaging), rate, (samples,))
-    root = np.linalg.inv(np.linalg.cholesky(spread.of(model)))
+    root = root_of_weights(spread.of(model))
     inverse = np.linalg.pinv(root @ np.column_stack(columns), rcond=1e-12)
     # of a coefficient, half that of its square
     return 0.5 * float(np.linalg.norm(inverse[present.index(letter)]))

@@ -82,7 +82,7 @@ def without_the_unseen(task: AllanTask, full: Solution) -> Solution:
         if rise > limit:
             break
         solution = without
-    return solution
+    return _without_nothing(task, solution)
 
 
 def in_moments(task: AllanTask, chosen: Solution) -> Solution:
@@ -96,6 +96,11 @@ def in_moments(task: AllanTask, chosen: Solution) -> Solution:
     if chosen.times:
         times = _polished(task, solution.letters, [chosen.times], solution.root, _grid(task))
         solution = task.settle(chosen.letters, times)
+    return _without_nothing(task, solution)
+
+
+def _without_nothing(task: AllanTask, solution: Solution) -> Solution:
+    """Leave out what came out as nothing at all."""
     here = solution.squares > 0.0
     while not np.all(here):
         count = len(solution.letters)

@@ -77,7 +77,10 @@ def judge_rest(evidence: RestEvidence) -> Suitability:
     ]
     lively = np.flatnonzero(evidence.alive)
     if not lively.size:
-        return Suitability((), (), tuple(remarks), 0.0)
+        levels = zip(evidence.names, evidence.level, strict=True)
+        each = ", ".join(f"{name} {level:g}" for name, level in levels)
+        said = f"No channel ever changes ({each}): dead sensors, or columns that are no signals."
+        return Suitability((), (), (said,), 0.0)
     task = _Judgement(evidence, lively, remarks)
     pieces = list(evidence.pieces)
     if len(pieces) > 1:
@@ -263,7 +266,7 @@ def _say_trends(task: _Judgement, pieces: list[Piece]) -> None:
     if warm:
         seconds = max(settled) * each.size / task.rate
         task.remarks.append(
-            f"{', '.join(warm)} drift at the start as a unit does that warms up; they are steady after some "
+            f"{', '.join(warm)}: the level drifts at the start as a unit's does that warms up; it is steady after some "
             f"{_duration(seconds)}. The curve's long end holds this drift: leave it out with `--skip {seconds:.0f}`."
         )
     part = task.evidence.temperature(longest, each.size)

@@ -114,11 +114,7 @@ class AllanTask:
         covariance = self.covariance(model)
         if method == "curve":
             covariance = covariance_of_logarithms(covariance, expected)
-        try:
-            factor = np.linalg.cholesky(covariance)
-        except np.linalg.LinAlgError:
-            factor = np.linalg.cholesky(_made_positive(covariance))
-        return inverted(np.asarray(factor, dtype=np.float64))
+        return root_of_weights(covariance)
 
     def solve(
         self,
@@ -187,6 +183,20 @@ class AllanTask:
         return found
 
 
+def root_of_weights(covariance: Square) -> Square:
+    """Return the inverse of a covariance's Cholesky factor, also where rounding has left negative eigenvalues.
+
+    Parameters
+    ----------
+    covariance : of variances, (taus, taus).
+    """
+    try:
+        factor = np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        factor = np.linalg.cholesky(_made_positive(covariance))
+    return inverted(np.asarray(factor, dtype=np.float64))
+
+
 def covariance_of_logarithms(covariance: Square, expected: Series) -> Square:
     """Return the covariance of the logarithms of averages that are spread as chi square.
 
@@ -250,4 +260,5 @@ __all__ = [
     "covariance_of_logarithms",
     "misfit_of_scores",
     "normal_scores",
+    "root_of_weights",
 ]

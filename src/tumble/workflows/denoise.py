@@ -171,6 +171,7 @@ def denoise_recording(
 
     _check(method, level, order, shrinkage, filter_motion)
     how = shrinkage or Shrinkage()
+    recording = _lively(recording)
     stretches = _stretches(recording)
     outcomes: list[ChannelOutcome] = []
     signals: dict[str, Series] = {}
@@ -209,6 +210,23 @@ def _check(method: str, level: int | None, order: int | None, shrinkage: object,
             "--motion filter: an autoregression of the noise at rest knows no motion and would smear it by its delay; "
             "leave samples in motion as they are, or use --method wavelet."
         )
+
+
+def _lively(recording: Recording) -> Recording:
+    """Each value once where a logger wrote it several times, or there would be no noise between rows."""
+    from tumble.noise.held import find_held, say_held, without_repeats
+    from tumble.recording import Remark
+    from tumble.recording.doctor import channels_of
+
+    if all(
+        float(np.nanmin(values)) == float(np.nanmax(values)) for values in channels_of(recording).values()
+    ):
+        raise RecordingError("No channel ever changes: dead sensors, or columns that are no signals.")
+    held = find_held(recording)
+    if held is None:
+        return recording
+    once = without_repeats(recording, held) or recording
+    return replace(once, remarks=(*once.remarks, Remark("mended", say_held(held))))
 
 
 def _stretches(recording: Recording) -> _Stretches:
