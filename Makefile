@@ -44,8 +44,9 @@ contract: $(DEV)  ## Check which way imports point (import-linter)
 	$(BIN)/lint-imports --no-cache
 
 .PHONY: docs
-docs: $(DEV)  ## Check the docs: links, commands, worked examples (plain Markdown; there is no site to build)
-	$(BIN)/python -m pytest tests/docs
+docs: $(DEV) bytecode  ## Build the documentation's site into build/site; a warning is a failure
+	$(BIN)/sphinx-build -W --keep-going -q -j auto -d build/doctrees docs build/site
+	@echo "The site: build/site/index.html"
 
 .PHONY: figures
 figures: $(DEV) bytecode  ## Simulate and draw the figures of the procedures' pages anew (some minutes)
