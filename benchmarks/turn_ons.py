@@ -1,7 +1,8 @@
 """Several recordings of one unit in one adjustment: do the intervals hold, and what is gained?
 
     python benchmarks/turn_ons.py --runs 30
-    python benchmarks/turn_ons.py --runs 30 --grade industrial-mems --white
+    python benchmarks/turn_ons.py --runs 10 --seed 100 --others
+    python benchmarks/turn_ons.py --real
 
 Every run draws a unit of the grade, switches it on a few times (its biases move each time by a tenth of the grade's
 spread), tumbles it by hand each time, and calibrates all recordings together, each as a user gets it: segments found,
@@ -9,7 +10,8 @@ outliers left out, optional terms tried. Printed, per group of parameters: root 
 (z), the share inside the stated 95 %, stated sigma over that of a single recording, all with the 95 % interval of a
 bootstrap over runs. Biases are judged at the next turn-on, which takes no part. Then how often a stable parameter was
 said to change though none does, how often a scale factor was that does change (by --change, one recording of them), and
-whether a recording of another unit of the grade was refused.
+whether a recording of another unit of the grade was refused. With --real: a recording of a real unit (Xsens MTi) cut
+into two, and two recordings of two real units (MPU-9150).
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
@@ -34,15 +37,17 @@ from tumble.calibration.joint_estimate import JointOutcome
 from tumble.calibration.joint_turn_ons import adjust_several
 from tumble.calibration.turn_ons_estimate import SeveralEstimate, several_estimate
 from tumble.earth import Site
-from tumble.errors import TumbleError, UsageError
+from tumble.errors import ObservabilityError, TumbleError, UsageError
 from tumble.protocol import named_protocol
-from tumble.recording.recording import Recording
+from tumble.recording import Recording, read_recording
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.sensor import ImuModel
 from tumble.simulation import Grade, find_grade, recordings, simulate_protocol
 from tumble.simulation.noise import simulate_wander
 
 SITE = replace(Site.from_latitude(math.radians(48.0), 300.0), gravity_sigma=0.0)
+HERE = Path(__file__).resolve().parents[1]
+DATA, REFERENCE = HERE / "src" / "tumble" / "data", HERE / "tests" / "reference"
 MOVES = 0.1  # of the grade's spread of biases, from one turn-on to the next
 STABLE = tuple(group for group in GROUPS[:-1] if "bias" not in group)
 BIASES = tuple(group for group in GROUPS if "bias" in group)
@@ -97,7 +102,10 @@ def settle(recording: Recording) -> tuple[Estimate, JointOutcome]:
     timeline = find_timeline(recording)
     means = observe_holds(recording, timeline)
     kept: list[JointOutcome] = []
-    start = calibrate_hand_held(recording, timeline, means, SITE)
+    try:
+        start = calibrate_hand_held(recording, timeline, means, SITE)
+    except ObservabilityError:
+        start = None
     return calibrate_joint(recording, timeline, means, SITE, start, keep=kept.append), kept[0]
 
 
@@ -161,6 +169,37 @@ def _with_change(
         done.refused = f"recording {len(settled)}" in str(error)
 
 
+def real() -> None:
+    """Print what two halves of one recording say, and what two units' recordings do."""
+    xsens = read_recording(
+        [REFERENCE / "xsens_mti_hand" / f"xsens_{name}.txt.gz" for name in ("acc", "gyro")]
+    )
+    half = len(xsens) // 2
+    told = together([settle(xsens.between(0, half)), settle(xsens.between(half, len(xsens)))]).turn_ons
+    print("Xsens MTi, one recording cut into two:")
+    for bias in told.biases:
+        first, second = bias.values
+        print(
+            f"  {bias.parameter}: {first:.2f} and {second:.2f} {bias.unit}, scatter {bias.scatter:.2f}, by their "
+            f"uncertainties {bias.measurement:.2f}, probability {bias.probability:.2f}"
+        )
+    print(
+        f"  what is stable: chi-square {told.chi_square:.1f} of {told.degrees} degrees of freedom, probability "
+        f"{told.probability:.2f}; said to change: {', '.join(a.parameter for a in told.changing) or 'nothing'}"
+    )
+    files = (DATA / "mpu9150-imu0.csv.gz", REFERENCE / "mpu9150" / "imu1.log.gz")
+    units = [
+        settle(read_recording(file, columns="ax,ay,az,gx,gy,gz", units="m/s^2,rad/s", rate=100.0))
+        for file in files
+    ]
+    print("Two MPU-9150:")
+    try:
+        together(units)
+        print("  taken for one unit")
+    except UsageError as error:
+        print(f"  {error}")
+
+
 def interval(values: Callable[[np.ndarray], float], runs: int) -> str:
     """Return a statistic of all runs with the 95 % interval of 1000 bootstrap draws of runs."""
     rng = np.random.default_rng(0)
@@ -193,7 +232,11 @@ def main() -> None:
     parser.add_argument(
         "--others", action="store_true", help="also with a changed unit, and with another one"
     )
+    parser.add_argument("--real", action="store_true", help="recordings of real units")
     asked = parser.parse_args()
+    if asked.real:
+        real()
+        return
     runs = [
         run(seed, asked.grade, asked.turn_ons, asked.change, asked.white, asked.others)
         for seed in range(asked.seed, asked.seed + asked.runs)
@@ -208,7 +251,9 @@ def main() -> None:
     for group in (*STABLE, *BIASES):
         row(good, (group,), group)
     row(good, STABLE, "all that is stable")
-    print(f"  all together: {np.mean([r.seconds for r in good]):.1f} s of processor time after each by itself")
+    print(
+        f"  all together: {np.mean([r.seconds for r in good]):.1f} s of processor time after each by itself"
+    )
     print(
         f"  a scale factor or angle said to change: {sum(r.changing > 0 for r in good)} runs, a g-sensitivity: "
         f"{sum(r.optional_changing > 0 for r in good)} runs; all of them together "

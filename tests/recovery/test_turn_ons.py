@@ -62,11 +62,15 @@ def switched_on(unit: ImuModel, times: float) -> ImuModel:
     )
 
 
-def settled(model: ImuModel, seed: int, *, noise: bool = True, rate: float = 50.0) -> Played:
+def settled(
+    model: ImuModel, seed: int, *, noise: bool = True, rate: float = 50.0, faces: bool = False
+) -> Played:
     rng = np.random.default_rng(seed)
-    headings = Rotation.from_rotvec(np.outer(rng.uniform(0.0, 6.28, 14), [0.0, 0.0, 1.0]))
-    attitudes = headings * poses_26()[rng.permutation(26)[:14]]
-    motion = Motion.between_poses(attitudes, np.full(14, 3.0), np.full(13, 2.0))
+    # The first six of the 26 are the faces.
+    poses = rng.permutation(6) if faces else rng.permutation(26)[:14]
+    headings = Rotation.from_rotvec(np.outer(rng.uniform(0.0, 6.28, poses.size), [0.0, 0.0, 1.0]))
+    attitudes = headings * poses_26()[poses]
+    motion = Motion.between_poses(attitudes, np.full(poses.size, 3.0), np.full(poses.size - 1, 2.0))
     grade = find_grade("consumer-mems") if noise else None
     recording, _ = simulate_recording(motion, rate, rng, site=SITE, grade=grade, distort=model.distort)
     timeline = find_timeline(recording)
@@ -188,3 +192,17 @@ def test_another_unit_among_three_is_named_and_refused() -> None:
     other = replace(UNIT, accelerometer=replace(UNIT.accelerometer, matrix=skewed))
     with pytest.raises(UsageError, match=r"recording 3\.csv and recording 1\.csv and .* are not of one unit"):
         together(turn_on(0), turn_on(1), settled(other, 24))
+
+
+def test_a_recording_that_does_not_tell_the_unit_by_itself_takes_part_with_its_biases() -> None:
+    """Six faces and five turns: of what is stable it tells a part, of its own biases with the other's help all."""
+    short = settled(switched_on(UNIT, 1.0), 25, faces=True)
+    assert short.outcome.untold is not None
+    outcome, several = together(turn_on(0), short)
+    part = outcome.solution.parts[1]
+    sigma = np.sqrt(np.diag(part.solution.cofactor))[np.isin(part.problem.free, part.own)]
+    z = (part.state.unknowns[part.own] - own_frame(short.model)[part.own]) / sigma
+    # The wander of a bias over half a minute comes on top of what one recording's mean is uncertain by.
+    assert np.max(np.abs(z)) < 2.0 * LARGEST_Z
+    assert any(agreement.degrees == 0 for agreement in several.turn_ons.agreements)
+    assert not several.turn_ons.changing

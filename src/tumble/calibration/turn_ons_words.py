@@ -39,9 +39,11 @@ def turn_on_sentences(told: TurnOns) -> list[str]:
     said.append(_of_stable(told))
     optional = [agreement.parameter for agreement in told.changing if agreement.is_optional]
     if optional:
+        it = "It" if len(told.changing) == 1 else "Among them"
+        more = f" and {len(optional) - 1} like it" if len(optional) > 1 else ""
         said.append(
-            f"{'It' if len(told.changing) == 1 else 'Among them'} is {optional[0]}{f' and {len(optional) - 1} like it' if len(optional) > 1 else ''}: a gyro "
-            "bias that drifted in step with the poses of one recording looks like it, too."
+            f"{it} is {optional[0]}{more}: a gyro bias that drifted in step with the poses of one recording looks like "
+            "it, too."
         )
     return said
 
@@ -79,7 +81,8 @@ def _of_biases(kind: str, biases: Sequence[BiasScatter]) -> str:
         return f"{told}: no more than the {expected} that the recordings' own uncertainties explain."
     every = len(moved) == len(biases)
     which = "each" if every else " and ".join(moved)
-    return f"{told}; the recordings' own uncertainties explain {expected}, so that {which} does change."
+    do = "do" if len(moved) > 1 and not every else "does"
+    return f"{told}; the recordings' own uncertainties explain {expected}, so that {which} {do} change."
 
 
 def _of_stable(told: TurnOns) -> str:
