@@ -8,8 +8,9 @@ import numpy as np
 
 from tumble.arrays import Series, Square
 from tumble.calibration.snooping import Kind, Outlier, balance
-from tumble.calibration.thermal_conditions import LEAST_WIDTH, Layout, ThermalConditions, ThermalTerms
+from tumble.calibration.thermal_conditions import LEAST_WIDTH, ThermalConditions
 from tumble.calibration.thermal_evidence import Candidate
+from tumble.calibration.thermal_layout import Layout, ThermalTerms
 from tumble.calibration.thermal_points import ThermalPoints
 from tumble.calibration.thermal_wander import Levels, WanderingConditions, find_levels
 from tumble.errors import ConvergenceError, ObservabilityError

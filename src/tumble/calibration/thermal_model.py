@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Series, Square, Table
 from tumble.calibration.canonical import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX
-from tumble.calibration.thermal_conditions import ENTRIES, Layout, ThermalTerms
 from tumble.calibration.thermal_evidence import BiasCurve
+from tumble.calibration.thermal_layout import ENTRIES, Layout, ThermalTerms
 from tumble.calibration.thermal_turns import TurnedMatrix
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, SCALE
 from tumble.calibration.turn_conditions import TOTAL

@@ -22,7 +22,7 @@ from tumble.attitude.integration import average_at_edge
 from tumble.calibration.gathering import gather
 from tumble.calibration.snooping import Kind, Outlier, balance
 from tumble.calibration.term_tests import wald_test
-from tumble.calibration.thermal_conditions import ENTRIES, Layout
+from tumble.calibration.thermal_layout import ENTRIES, Layout
 from tumble.calibration.turn_conditions import HoldsAndTurns, tangent_bases
 from tumble.earth import EARTH_RATE
 from tumble.errors import ConvergenceError, ObservabilityError, SegmentationError

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.calibration.estimate import NamedValue
-from tumble.calibration.thermal_conditions import Layout, ThermalTerms
 from tumble.calibration.thermal_coverage import Coverage
 from tumble.calibration.thermal_doubt import LOOP_KELVINS, PULL_FACTOR, RATE_SECONDS, Doubts
 from tumble.calibration.thermal_evidence import ThermalEvidence
 from tumble.calibration.thermal_fit import ThermalFit
+from tumble.calibration.thermal_layout import Layout, ThermalTerms
 from tumble.calibration.thermal_model import ThermalSolution
 from tumble.calibration.thermal_turns import TurnedMatrix
 from tumble.recording.recording import Recording
