@@ -86,7 +86,7 @@ CONTENTS = {
     "Navigation": ["navigation"],
     "Other tools": ["convert", "targets/*"],
     "Papers": ["reproduce", "papers/*"],
-    "Reference": ["conventions", "glossary", "contract", "reference/rooms/index"],
+    "Reference": ["python", "conventions", "glossary", "contract", "reference/rooms/index"],
     "For those who work on it": [
         "architecture",
         "decisions/index",

@@ -9,8 +9,9 @@ import importlib
 import pkgutil
 from pathlib import Path
 
-import tumble
 from command_pages import write_page
+
+import tumble
 
 # Programs, not libraries: their reference is that of the commands.
 PROGRAMS = ("cli",)

@@ -8,7 +8,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
+# `make docs` writes some more into docs/reference, which Sphinx checks.
+PAGES = sorted(
+    page
+    for page in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+    if ROOT / "docs" / "reference" not in page.parents
+)
 
 # Pages whose Python runs here, and how many assertions each has at least.
 EXECUTED = {
@@ -25,6 +30,7 @@ EXECUTED = {
     "docs/noise-other-tools.md": 5,
     "docs/poses.md": 6,
     "docs/procedures/multi-position.md": 2,
+    "docs/python.md": 2,
     "docs/real-recordings.md": 2,
     "docs/reproduce.md": 1,
     "docs/simulation.md": 3,

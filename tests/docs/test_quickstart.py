@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import ast
 import json
+import re
 from pathlib import Path
 
 import pytest
 
+import tumble
+
 NOTEBOOK = Path(__file__).resolve().parents[2] / "docs" / "quickstart.ipynb"
+
+
+def test_the_page_on_python_names_what_the_front_has() -> None:
+    page = (NOTEBOOK.parent / "python.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"^\| `tumble\.(\w+)", page, re.M))
+    assert named == set(tumble.__all__) - {"__version__"}
 
 
 def test_every_cell_runs_and_what_it_ends_in_has_a_table_for_a_notebook(
