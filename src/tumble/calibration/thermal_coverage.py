@@ -92,7 +92,8 @@ def require_time_base(recording: Recording, protocol: Protocol | None = None) ->
             f"The temperature column is constant ({values[0]:g} °C in all {values.size} samples): the thermometer was "
             "not read. Record it with every sample, or leave the thermal procedure out."
         )
-    unsure = check_unit(values, recording.temperature_unit, protocol)
+    cautions = check_unit(values, recording.temperature_unit, protocol)
+    cautions += _check_missing(recording, celsius)
     _refuse_jumps(recording, time, values)
     _refuse_clock(recording, time, values)
     span = float(np.ptp(_smoothed(time, values)))
@@ -101,7 +102,7 @@ def require_time_base(recording: Recording, protocol: Protocol | None = None) ->
             f"The temperature changes by {span:.1f} K only: at least {LEAST_SPAN:g} K are needed to tell what it does "
             "(from the fridge to the room are 15 to 20)."
         )
-    return [*unsure, *_check_missing(recording, celsius)]
+    return cautions
 
 
 def _check_missing(recording: Recording, celsius: Series) -> list[str]:

@@ -82,5 +82,5 @@ class TemperatureColumn:
         seconds, begin = self.longest_gap
         return (
             f"The temperature is missing (no number) in {self.missing} of {self.samples} samples, at the longest for "
-            f"{seconds:.3g} s from {begin:.1f} s on"
+            f"{seconds:.1f} s from {begin:.1f} s on"
         )

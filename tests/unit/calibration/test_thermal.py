@@ -196,6 +196,9 @@ def test_a_thermometer_that_cannot_be_one_is_refused(noisy_sweep: Recording) -> 
         "kelvins": celsius + 273.15,
         "jumps from": np.concatenate([celsius[:middle], celsius[middle:] + 9.0]),
         "changes by 0.": 25.0 + 0.01 * celsius,
+        "nobody knows the sensor's temperature": np.where(
+            np.arange(len(celsius)) < len(celsius) // 2, celsius, np.nan
+        ),
     }
     timeline = find_thermal_timeline(noisy_sweep)
     for said, column in cases.items():
