@@ -40,7 +40,7 @@ def frame_table(frame: Frame) -> RawTable:
 
     Parameters
     ----------
-    frame : of pandas or polars; a lazy one is collected.
+    frame : of pandas or polars.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def frame_table(frame: Frame) -> RawTable:
     """
     library = type(frame).__module__.partition(".")[0]
     if library == "polars":
-        names, columns = numeric_columns(_collected(frame))
+        names, columns = numeric_columns(frame)  # pyright: ignore[reportArgumentType]  # what the name of its library says
     elif library == "pandas":
         names, columns = _pandas_columns(frame)
     else:
@@ -67,8 +67,7 @@ def frame_table(frame: Frame) -> RawTable:
 
 def frame_names(frame: Frame) -> list[str]:
     """Return the names of a frame's columns, as the header of a file would."""
-    library = type(frame).__module__.partition(".")[0]
-    return [str(name) for name in (_collected(frame) if library == "polars" else frame).columns]
+    return [str(name) for name in frame.columns]
 
 
 def input_name(one: Path | Frame) -> str:
@@ -76,10 +75,6 @@ def input_name(one: Path | Frame) -> str:
     return (
         one.name if isinstance(one, Path) else f"The data frame of {type(one).__module__.partition('.')[0]}"
     )
-
-
-def _collected(frame: Any) -> Any:
-    return frame.collect() if hasattr(frame, "collect") else frame
 
 
 def _pandas_columns(frame: Any) -> tuple[tuple[str, ...], list[Series]]:
