@@ -14,7 +14,7 @@ from tumble.noise.units import ACCELEROMETER, GYRO, practical_noise_unit
 from tumble.noise.white_part import slower_part
 
 if TYPE_CHECKING:
-    from tumble.noise.characterisation import Channel
+    from tumble.noise.channel import Channel
 
 _MISFIT = 0.01
 _SHORT = 5000  # samples, of which N is known to 2 %

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from tumble.noise.characterisation import Channel, Term
+    from tumble.noise.channel import Channel, Term
 
 COLLAPSE = (
     "mean of variances: the root of the mean of the axes' squared coefficients, an axis that does not show the term "

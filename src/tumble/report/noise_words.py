@@ -12,7 +12,7 @@ from tumble.report.rounding import decimals_of, fixed
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
-    from tumble.noise.characterisation import Channel
+    from tumble.noise.channel import Channel
     from tumble.noise.lines import FoundLine
     from tumble.noise.white_part import WhitePart
 

@@ -1,0 +1,175 @@
+"""One sensor of a recording at rest: its deviations, its model, and the coefficients that it shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log, pi, sqrt
+
+import numpy as np
+
+from tumble.arrays import Series
+from tumble.errors import UsageError
+from tumble.noise.deviation import Deviation
+from tumble.noise.fit import NoiseFit, fit_curve
+from tumble.noise.lines import FoundLine
+from tumble.noise.white_part import WhitePart, white_beyond
+
+FLOOR = sqrt(2.0 * log(2.0) / pi)
+"""Allan deviation of flicker of B = 1: 0.664, whatever the averaging time (IEEE Std 952, annex C)."""
+
+# Ten degrees of freedom for each averaging time in the record: 1 over the square root of twice that is 22 %.
+_WELL_KNOWN = 10.0
+_MISFIT = 0.01  # probability below which a second and a third Gauss-Markov process are tried
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """One coefficient that a curve shows, in SI or counts.
+
+    Attributes
+    ----------
+    letter : Q, N, B, K or R of IEEE Std 952; "sigma" and "correlation time" of a Gauss-Markov process.
+    value, sigma : coefficient and its standard uncertainty.
+    low, high : limits at the fit's confidence.
+    """
+
+    letter: str
+    value: float
+    sigma: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One sensor of the recording.
+
+    Attributes
+    ----------
+    name : ax to gz.
+    unit : "m/s²" or "rad/s"; "counts" where the recording is in counts.
+    curve : deviation of the kind and at the averaging times that were asked for, in that unit.
+    allan : overlapping Allan deviation, averaging times an octave apart, which the model is fitted to.
+    fit : the model of its noise, or None where there is none.
+    terms : what the curve shows.
+    floor, floor_tau : lowest point of the Allan deviation where it is known to a fifth, and its averaging time in s.
+    without_fit : why there is no model, a sentence; empty where there is one.
+    white : N over times longer than those of short Gauss-Markov processes; None where there are none.
+    """
+
+    name: str
+    unit: str
+    curve: Deviation
+    allan: Deviation
+    fit: NoiseFit | None
+    terms: tuple[Term, ...]
+    floor: float
+    floor_tau: float
+    without_fit: str = ""
+    white: WhitePart | None = None
+
+    @property
+    def is_gyro(self) -> bool:
+        """Whether it senses angular rate."""
+        return self.name.startswith("g")
+
+    @property
+    def unseen(self) -> dict[str, float]:
+        """Upper limits of the coefficients that the curve does not show, by letter."""
+        return {} if self.fit is None else self.fit.limits
+
+    @property
+    def lines(self) -> tuple[FoundLine, ...]:
+        """Vibration lines in its spectrum, strongest first."""
+        return () if self.fit is None else self.fit.lines
+
+    def term(self, letter: str) -> Term | None:
+        """Return a term by its letter, or None if the curve does not show it."""
+        return next((term for term in self.terms if term.letter == letter), None)
+
+    @property
+    def random_walk(self) -> Term | None:
+        """N as a filter wants it: with what short Gauss-Markov processes are over longer times, or as fitted."""
+        part = self.white
+        return self.term("N") if part is None else Term("N", part.value, part.sigma, part.low, part.high)
+
+    def fitted(self, tau: Series) -> Series:
+        """Return the deviation of the fitted model at averaging times in s; nan without one.
+
+        Of the kind of `curve`; of modified Allan and Hadamard deviations the model has none, and it is nan.
+        """
+        if self.fit is None or self.curve.kind not in ("overlapping", "haar"):
+            return np.full(tau.shape, np.nan)
+        part = 0.5 if self.curve.kind == "haar" else 1.0
+        return np.sqrt(part * self.fit.model.allan_variance(tau, self.fit.rate))
+
+
+def characterise_channel(
+    name: str,
+    unit: str,
+    curve: Deviation,
+    octaves: Deviation,
+    lines: tuple[FoundLine, ...],
+    shortest: float,
+) -> Channel:
+    """Fit a channel's model, and read its lowest point off.
+
+    Parameters
+    ----------
+    name, unit, curve : as in `Channel`.
+    octaves : overlapping Allan deviation that the model is fitted to.
+    lines : of its spectrum.
+    shortest : s, averaging times below which nothing is fitted.
+    """
+    fit, why = _fit(octaves.from_tau(shortest), lines)
+    # The finer curve, where it is an Allan deviation too.
+    allan = curve if curve.kind == "overlapping" and len(curve) > len(octaves) else octaves
+    known = (allan.edf[:, 0] >= _WELL_KNOWN) & (allan.tau >= shortest)
+    known = known if np.any(known) else np.ones(len(allan), dtype=bool)
+    lowest = int(np.argmin(np.where(known, allan.deviation[:, 0], np.inf)))
+    return Channel(
+        name,
+        unit,
+        curve,
+        octaves,
+        fit,
+        () if fit is None else _terms(fit),
+        float(allan.deviation[lowest, 0]),
+        float(allan.tau[lowest]),
+        why,
+        None if fit is None else white_beyond(fit, octaves, _MISFIT),
+    )
+
+
+def _fit(octaves: Deviation, lines: tuple[FoundLine, ...]) -> tuple[NoiseFit | None, str]:
+    """The model, with more than one Gauss-Markov process only where one does not fit; or why there is none."""
+    try:
+        fit = fit_curve(octaves, lines=lines)
+    except UsageError as error:
+        return None, str(error)
+    except np.linalg.LinAlgError as error:
+        return None, f"{_NO_WEIGHTS} ({error})."
+    if fit.probability >= _MISFIT:
+        return fit, ""
+    try:
+        richer = fit_curve(octaves, lines=lines, gauss_markov=3)
+    except np.linalg.LinAlgError:
+        return fit, ""
+    return (richer if richer.probability > fit.probability else fit), ""
+
+
+_NO_WEIGHTS = (
+    "There are averaging times enough, but the curve could not be weighed: the covariance between them, of a model "
+    "as near to this curve as any, has no inverse in double precision"
+)
+
+
+def _terms(fit: NoiseFit) -> tuple[Term, ...]:
+    sigmas = np.sqrt(np.diag(fit.covariance))
+    return tuple(
+        Term(term.name, term.value, float(sigma), term.low, term.high)
+        for term, sigma in zip(fit.terms, sigmas, strict=True)
+    )
+
+
+__all__ = ["FLOOR", "Channel", "Term", "characterise_channel"]
