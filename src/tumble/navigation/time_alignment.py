@@ -19,6 +19,8 @@ _STEP = 0.05
 _ANTENNA_TO_AXLE = 1.5
 # Motion that is compared is averaged over this, s, on both sides.
 _WINDOW = 1.0
+# Fewer times than this make no correlation; more stretches than this (two days) are not transformed at once.
+_FEWEST, _MOST_STRETCHES = 10, 1 << 22
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +96,7 @@ def estimate_time_offset(
     grid, yaw_rate = _yaw_rate(samples)
     times, course_rate, weights = _course_rate(track)
     lags = _lags(grid, times, around, reach)
-    curve = np.array([_correlation(grid, yaw_rate, times + lag, course_rate, weights) for lag in lags])
+    curve = _correlation_curve(grid, yaw_rate, times, course_rate, weights, lags)
     best = int(np.nanargmax(curve)) if np.isfinite(curve).any() else -1
     if best < 0 or curve[best] < 0.5:
         least = 0.0 if best < 0 else float(curve[best])
@@ -251,11 +253,63 @@ def _lags(grid: Series, times: Series, around: float | None, reach: float | None
     return np.arange(first, last + _STEP, _STEP)
 
 
+def _correlation_curve(
+    grid: Series, yaw_rate: Series, times: Series, course_rate: Series, weights: Series, lags: Series
+) -> Series:
+    """`_correlation` at every lag; NaN where fewer than ten times fall on the grid.
+
+    Lags are as far apart as the grid's points, so that each time moves from one stretch of the grid to the next and
+    stays at the same share of it: every sum over the times is a correlation of two series, made by Fourier transforms.
+    """
+    seen = weights > 0.0
+    at = (times[seen] + lags[0] - grid[0]) / _STEP
+    stretch = np.floor(at).astype(np.int64)
+    share, course = at - stretch, course_rate[seen]
+    if not len(at) or np.ptp(stretch) + len(grid) > _MOST_STRETCHES:
+        return np.array([_correlation(grid, yaw_rate, times + lag, course_rate, weights) for lag in lags])
+    sums = _SumsOverTimes(stretch, len(grid) - 1, len(lags))
+    one, first, last = np.ones(len(grid) - 1), yaw_rate[:-1], yaw_rate[1:]
+    count = np.round(sums.of((one, np.ones(len(at)))))
+    rate = sums.of((first, 1.0 - share), (last, share))
+    turn, turn_square = sums.of((one, course)), sums.of((one, course**2))
+    both = sums.of((first, course * (1.0 - share)), (last, course * share))
+    square = sums.of(
+        (first**2, (1.0 - share) ** 2), (first * last, 2.0 * share * (1.0 - share)), (last**2, share**2)
+    )
+    number = np.maximum(count, 1.0)
+    plain = both / np.sqrt(np.maximum(square * turn_square, 0.0) + 1e-30)
+    left = (square - rate**2 / number) * (turn_square - turn**2 / number)
+    centred = (both - rate * turn / number) / np.sqrt(np.maximum(left, 0.0) + 1e-30)
+    found = np.where(np.abs(centred) > np.abs(plain), centred, plain)
+    return np.asarray(np.where(count >= _FEWEST, found, np.nan))
+
+
+class _SumsOverTimes:
+    """Sums over times of a grid's stretches, each times a factor of the time, at every lag."""
+
+    def __init__(self, stretch: np.ndarray, stretches: int, lags: int) -> None:
+        self._lowest = int(stretch.min())
+        self._place = stretch - self._lowest
+        self._size = int(self._place.max()) + 1 + stretches
+        self._length = 1 << (self._size - 1).bit_length()
+        shift = self._lowest + np.arange(lags)
+        self._known = (shift > -self._size + stretches) & (shift < stretches)
+        self._shift = shift % self._length
+
+    def of(self, *products: tuple[Series, Series]) -> Series:
+        """Return (lags,) the sum of the products of the stretches' values and the times' factors."""
+        total = np.zeros(self._length // 2 + 1, dtype=np.complex128)
+        for values, factors in products:
+            train = np.bincount(self._place, factors, self._size)
+            total += np.fft.rfft(values, self._length) * np.conj(np.fft.rfft(train, self._length))
+        return np.asarray(np.where(self._known, np.fft.irfft(total, self._length)[self._shift], 0.0))
+
+
 def _correlation(
     grid: Series, yaw_rate: Series, times: Series, course_rate: Series, weights: Series
 ) -> float:
     inside = (times >= grid[0]) & (times <= grid[-1]) & (weights > 0.0)
-    if np.count_nonzero(inside) < 10:
+    if np.count_nonzero(inside) < _FEWEST:
         return float("nan")
     rate = np.interp(times[inside], grid, yaw_rate)
     course = course_rate[inside]

@@ -23,7 +23,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> DriveVerification:
         folder / "imu.csv",
         folder / "track.pos",
         units="g,deg/s,ms",
-        durations=(2.0, 10.0),
+        durations=(2.0,),
         turn_on=(0.0, 0.0),
     )
 
