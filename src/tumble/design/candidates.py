@@ -62,20 +62,24 @@ class Candidate:
 
     @staticmethod
     def from_information(
-        name: str, information: Square, cost_seconds: float = 0.0, **more: object
+        name: str,
+        information: Square,
+        cost_seconds: float = 0.0,
+        *,
+        up_b: Vector | None = None,
+        step: Step | None = None,
     ) -> Candidate:
         """Return the candidate whose information (parameters, parameters) is known, from any adjustment.
 
         Parameters
         ----------
-        name, cost_seconds : as of the class.
+        name, cost_seconds, up_b, step : as of the class.
         information : symmetric, positive semi-definite.
-        more : `up_b` or `step`.
         """
         values, vectors = np.linalg.eigh(information)
         told = values > 1e-14 * max(float(values[-1]), 0.0)
         rows = (vectors[:, told] * np.sqrt(values[told])).T
-        return Candidate(name, np.ascontiguousarray(rows), cost_seconds, **more)  # type: ignore[arg-type]
+        return Candidate(name, np.ascontiguousarray(rows), cost_seconds, up_b, step)
 
     @property
     def information(self) -> Square:

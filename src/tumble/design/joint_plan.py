@@ -61,18 +61,20 @@ class PlanTask:
     seed: int = 0
 
     @staticmethod
-    def of_grade(protocol: Protocol, grade: Grade, site: Site, **more: object) -> PlanTask:
+    def of_grade(
+        protocol: Protocol, grade: Grade, site: Site, *, draws: int | None = None, seed: int = 0
+    ) -> PlanTask:
         """Return the task of a unit of a grade.
 
         Parameters
         ----------
         protocol, site : what is to be done, and where.
         grade : noise, and spreads.
-        more : any other field.
+        draws, seed : as of the class.
         """
         noise = PlannedNoise(grade.accelerometer.noise, grade.gyroscope.noise, grade.rate)
         sizes = parameter_sizes(grade)
-        return PlanTask(protocol, site, noise, sizes, grade.g_sensitivity > 0.0, **more)  # type: ignore[arg-type]
+        return PlanTask(protocol, site, noise, sizes, grade.g_sensitivity > 0.0, draws=draws, seed=seed)
 
     @property
     def has_table(self) -> bool:

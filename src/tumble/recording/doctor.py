@@ -187,7 +187,7 @@ def inspect_recording(recording: Recording) -> Findings:
     agreement = axis_agreement(recording) if both else None
     contradiction = find_axis_contradiction(recording) if both else None
     celsius = recording.temperature
-    known = celsius is not None and bool(np.isfinite(celsius).any())
+    known = None if celsius is None or not np.isfinite(celsius).any() else celsius
     longest = float((quiet.stops - quiet.starts).max()) / recording.rate if len(quiet) else 0.0
     facts = _Facts(
         poses=poses,
@@ -195,7 +195,7 @@ def inspect_recording(recording: Recording) -> Findings:
         longest_rest=longest,
         rest_share=resting / len(recording),
         turning=agreement is not None and agreement.determined,
-        temperature_range=(float(np.nanmin(celsius)), float(np.nanmax(celsius))) if known else None,  # type: ignore[arg-type]
+        temperature_range=None if known is None else (float(np.nanmin(known)), float(np.nanmax(known))),
     )
     warnings = _warnings(recording, stuck, saturations, jitter, contradiction, norms)
     good, missing = _usefulness(recording, facts, contradiction)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -570,13 +569,12 @@ def _examples(setting: Setting) -> list[Row]:
 def _independence(repetitions: int, seed: int) -> list[Row]:
     """Whether the mean of the first window takes the bias away."""
     runs = max(repetitions // 4, 1)
-    study: Callable[[float], AnyArray] = lambda rate: run_study(  # noqa: E731
-        Setting(replace(GRADES["nav"], gyro_bias=rate * DEGREE_PER_HOUR)),
-        (START_NORM,),
-        runs,
-        np.random.Generator(np.random.SFC64([seed, 95])),
-        iterations=2,
-    )[0, :, 1]
+
+    def study(rate: float) -> AnyArray:
+        quality = Setting(replace(GRADES["nav"], gyro_bias=rate * DEGREE_PER_HOUR))
+        rng = np.random.Generator(np.random.SFC64([seed, 95]))
+        return run_study(quality, (START_NORM,), runs, rng, iterations=2)[0, :, 1]
+
     small, large = study(10.0) / UNITS_SI, study(1000.0) / UNITS_SI
     rows: list[Row] = []
     for words, where in (
