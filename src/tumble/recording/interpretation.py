@@ -185,6 +185,8 @@ def interpret(
         temperature_unit=plan.temperature_unit,
     )
     remarks += _about_temperature(recording)
+    if table.judged and units == DeclaredUnits() and plan.said_by == "header":
+        return _as_judged(recording, plan, ordered.unit, [*remarks, *_unchecked(recording)])
     declared_force = units.specific_force or plan.specific_force_unit
     increments = units.velocity_increment or (
         declared_force and find_unit("velocity increment", declared_force)
@@ -202,6 +204,21 @@ def interpret(
         specific_force_unit=decided.specific_force_unit,
         angular_rate_unit=decided.angular_rate_unit,
         remarks=every,
+    )
+
+
+def _as_judged(
+    recording: Recording, plan: ColumnPlan, time_unit: str, remarks: list[Remark]
+) -> tuple[Interpretation, Recording]:
+    """Take the units that a file of tumble's own has noted: they were judged when it was written."""
+    force_unit, rate_unit = plan.specific_force_unit or COUNTS, plan.angular_rate_unit or COUNTS
+    clock = None if plan.time is None else time_unit
+    decided = Interpretation(plan, clock, force_unit, rate_unit, recording.rate, remarks=tuple(remarks))
+    return decided, replace(
+        recording,
+        specific_force_unit=force_unit,
+        angular_rate_unit=rate_unit,
+        remarks=tuple(remarks),
     )
 
 

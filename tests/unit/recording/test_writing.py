@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from tumble.errors import OutputError, UsageError
-from tumble.recording import Recording, read_recording, write_recording
+from tumble.errors import OutputError, RecordingError, UsageError
+from tumble.recording import Recording, read_blocks, read_recording, write_recording
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
@@ -59,3 +61,50 @@ def test_a_disk_that_fails_leaves_the_earlier_file(tumbled, tmp_path, monkeypatc
         write_recording(recording, path)
     assert path.read_text() == "earlier"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_saved_parquet_file_is_not_judged_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its units were judged when it was written; the numbers, the gaps and the units are the same."""
+    from tumble.recording import content
+
+    rng = np.random.default_rng(3)
+    rows = np.column_stack([np.arange(900) / 100, [0.1, 0.2, 1.0] + 0.001 * rng.normal(size=(900, 3))])
+    rows = np.column_stack([np.delete(rows, range(300, 310), axis=0), rng.integers(-40, 40, (890, 3))])
+    np.savetxt(tmp_path / "a.txt", rows)
+    first = read_recording(tmp_path / "a.txt")
+    write_recording(first, tmp_path / "a.parquet")
+    assert (first.specific_force_unit, first.angular_rate_unit) == ("g", "counts")
+
+    def judge(*_: object) -> None:
+        raise AssertionError("judged again")
+
+    monkeypatch.setattr(content, "rest_level", judge)
+    again = read_recording(tmp_path / "a.parquet")
+    assert (again.specific_force_unit, again.angular_rate_unit) == ("g", "counts")
+    assert np.array_equal(again.specific_force, first.specific_force)
+    assert np.array_equal(again.angular_rate, first.angular_rate)
+    assert np.array_equal(again.time, first.time)
+    assert again.gaps == first.gaps
+    (block,) = read_blocks(tmp_path / "a.parquet")
+    assert block.specific_force_unit == "g"
+    assert not [r for r in again.remarks if r.kind == "assumed"]
+
+
+def test_what_a_user_declares_of_a_saved_file_is_judged(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    rows = np.column_stack([np.arange(900) / 100, [0.1, 0.2, 9.7] + 0.01 * rng.normal(size=(900, 3))])
+    np.savetxt(tmp_path / "a.txt", rows)
+    write_recording(read_recording(tmp_path / "a.txt"), tmp_path / "a.parquet")
+    with pytest.raises(RecordingError):
+        read_recording(tmp_path / "a.parquet", units="g")
+
+
+def test_a_note_that_is_no_note_is_passed_over(tmp_path: Path) -> None:
+    import polars as pl
+
+    frame = pl.DataFrame(
+        {"t": [0.0, 0.01, 0.02], "ax": [0.0, 0.1, 0.0], "ay": [0.0] * 3, "az": [9.8, 9.7, 9.8]}
+    )
+    for note in ("{", "[1]", "7"):
+        frame.write_parquet(tmp_path / "a.parquet", metadata={"tumble.units": note})
+        assert read_recording(tmp_path / "a.parquet").specific_force_unit == "m/s^2"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
 from collections.abc import Iterable, Sequence
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from tumble.errors import OutputError, UsageError
+from tumble.recording.formats.parquet import UNITS_KEY
 from tumble.recording.recording import Recording
 from tumble.recording.writing import written_beside
 from tumble.units import COUNTS
@@ -37,6 +39,13 @@ def column_names(recording: Recording) -> list[str]:
     if recording.temperature is not None:
         names.append("temperature")
     return names
+
+
+def judged_units(recording: Recording) -> dict[str, str]:
+    """Return the unit of each column of a recording, whose reading has judged them."""
+    names = column_names(recording)
+    known = [("a", recording.specific_force_unit), ("g", recording.angular_rate_unit)]
+    return {"t": "s"} | {n: unit or COUNTS for n in names for letter, unit in known if n[0] == letter}
 
 
 def write_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
@@ -107,8 +116,13 @@ def _write_parquet(
 
     with tempfile.TemporaryDirectory(dir=folder, prefix=".tumble-parts-") as parts:
         try:
+            units: dict[str, str] = {}
             for number, block in enumerate(blocks):
-                frame_of(block, marks).write_parquet(Path(parts) / f"{number:08d}.parquet")
-            pl.scan_parquet(str(Path(parts) / "*.parquet")).sink_parquet(file)
+                units = judged_units(block)
+                frame_of(block, marks).write_parquet(Path(parts) / f"{number:08d}.parquet", compression="lz4")
+            # Samples hardly compress: what counts is how fast they are there again.
+            pl.scan_parquet(str(Path(parts) / "*.parquet")).sink_parquet(
+                file, compression="lz4", metadata={UNITS_KEY: json.dumps(units)}
+            )
         except pl.exceptions.PolarsError as error:  # a full disk arrives as polars' own error
             raise OutputError(f"The Parquet file could not be written to {folder}: {error}.") from error

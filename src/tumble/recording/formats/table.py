@@ -33,6 +33,7 @@ class RawTable:
     remarks : what the format noticed or mended.
     place : turns a row number (from 0) into words, "line 17" for text, "row 15" otherwise.
     rate : sampling rate in Hz if the file states one.
+    judged : whether the units in the names were judged when tumble wrote the file.
     """
 
     path: Path
@@ -42,6 +43,7 @@ class RawTable:
     remarks: list[Remark] = field(default_factory=list[Remark])
     place: Callable[[int], str] = row_words
     rate: float | None = None
+    judged: bool = False
 
     def __len__(self) -> int:
         return int(self.columns[0].shape[0]) if self.columns else 0
@@ -61,6 +63,7 @@ class RawTable:
             remarks=self.remarks,
             place=lambda row: place(row + start),
             rate=self.rate,
+            judged=self.judged,
         )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -140,19 +140,19 @@ def gather(frames: Iterable[pl.DataFrame], layout: TextLayout) -> list[Series]:
         groups.append(numbers[: 1 if alone else 3])
         numbers = numbers[len(groups[-1]) :]
     with ThreadPoolExecutor(2) as pool:  # most of the time goes to memory that is touched first
-        blocks = pool.map(partial(_side_by_side, frame), groups)
+        blocks = pool.map(partial(side_by_side, frame), [[str(i) for i in group] for group in groups])
         for group, block in zip(groups, blocks, strict=True):
             columns |= {index: block[:, j] for j, index in enumerate(group)}
     return _without_blank_rows([columns[i] for i in layout.number_columns])
 
 
-def _side_by_side(frame: pl.DataFrame, group: list[int]) -> npt.NDArray[np.float64]:
-    """Copy columns of a frame into one array, piece by piece."""
-    block = np.empty((frame.height, len(group)))
+def side_by_side(frame: pl.DataFrame, names: Sequence[str]) -> npt.NDArray[np.float64]:
+    """Copy columns of a frame into one (rows, columns) array, piece by piece."""
+    block = np.empty((frame.height, len(names)))
     for start in range(0, frame.height, _GATHERED_ROWS):
         piece = frame.slice(start, _GATHERED_ROWS)
-        for j, index in enumerate(group):
-            block[start : start + piece.height, j] = piece[str(index)].to_numpy()
+        for j, name in enumerate(names):
+            block[start : start + piece.height, j] = piece[name].to_numpy()
     return block
 
 
