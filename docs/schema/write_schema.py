@@ -1,4 +1,4 @@
-"""Write the JSON schemas beside this file, from the code that reads and writes calibrations, protocols and noise.
+"""Write the JSON schemas beside this file, from the code that reads and writes the documents.
 
 python docs/schema/write_schema.py
 """
@@ -10,6 +10,7 @@ from pathlib import Path
 
 from tumble.calibration.result import calibration_schema
 from tumble.protocol import protocol_schema
+from tumble.report.filter_document import filter_schema
 from tumble.report.noise_document import noise_schema
 
 FOLDER = Path(__file__).resolve().parent
@@ -18,6 +19,7 @@ SCHEMAS = {
     "calibration": (calibration_schema, "docs/file-format.md"),
     "protocol": (protocol_schema, "docs/protocols.md"),
     "noise": (noise_schema, "docs/noise.md"),
+    "filter": (filter_schema, "docs/navigation.md"),
 }
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from tumble.earth import curvature_radii
+from tumble.report.filter_document import FilterDocument
 from tumble.simulation import find_grade, simulate_drive
 
 GNSS = "gpstime,latitude,longitude,height,sdn,sde,sdu,vn,ve,vd,q"
@@ -237,7 +238,10 @@ def test_a_prediction_names_the_states_of_a_filter(
     parts = error["horizontal_of_calibration"], error["horizontal_of_noise"]
     # independent of one another; the digits are of round-off
     assert error["horizontal"] == pytest.approx(np.hypot(*parts), rel=1e-9)
-    states = json.loads((folder / "filter.json").read_text(encoding="utf-8"))["states"]
+    written = json.loads((folder / "filter.json").read_text(encoding="utf-8"))
+    states = written["states"]
+    assert FilterDocument.model_validate(written).seconds == [60.0]
+    assert {state["column"] for state in states} == {None, 0, 1, 2}
     carried = {state["name"]: state for state in states if state["carry"]}
     assert {"gyroscope bias x", "gyroscope bias y"} <= set(carried)
     assert all(state["sigma"] > 0.0 for state in carried.values())

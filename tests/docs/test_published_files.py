@@ -43,7 +43,7 @@ def keys_of(section: str) -> set[str]:
 SCHEMA = json.loads((DOCS / "schema" / "calibration.schema.json").read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("name", ["calibration", "noise"])
+@pytest.mark.parametrize("name", ["calibration", "noise", "filter"])
 def test_the_published_schema_is_the_code_s(name: str) -> None:
     published = (DOCS / "schema" / f"{name}.schema.json").read_text(encoding="utf-8")
     assert published == script(DOCS / "schema" / "write_schema.py").schema_text(name), "run make schema"

@@ -31,8 +31,6 @@ from tumble.simulation.trajectories import SplineTrajectory
 from tumble.workflows.calibration_parts import in_b
 from tumble.workflows.drive_filter import noise_of_document, sheet_noise
 
-FORMAT = "tumble filter states"
-VERSION = 1
 LONGEST = 3600.0
 _RATE = 50.0
 _LATITUDE = float(np.radians(45.0))
@@ -154,14 +152,11 @@ def states_document(found: NavigationPrediction, trajectory: str) -> dict[str, A
     found : the prediction.
     trajectory : it is for.
     """
+    from tumble.report.filter_document import FORMAT, MODEL, VERSION, FilterDocument, StateBlock
+
     units = {"accelerometer": "m/s²", "gyroscope": "rad/s", "g-sensitivity": "(rad/s)/(m/s²)"}
-    return {
-        "format": FORMAT,
-        "version": VERSION,
-        "model": "corrected = (1 + E) true + bias (a rate also + G specific_force); a state is an entry of E, G, bias",
-        "trajectory": trajectory,
-        "seconds": found.errors.seconds.tolist(),
-        "states": [
+    states = [
+        StateBlock.model_validate(
             {
                 "name": state.name,
                 "kind": state.kind,
@@ -173,10 +168,18 @@ def states_document(found: NavigationPrediction, trajectory: str) -> dict[str, A
                 "largest_share_of_variance": state.share,
                 "carry": state.carry,
             }
-            for state in found.states
-        ],
-        "remarks": found.remarks,
-    }
+        )
+        for state in found.states
+    ]
+    return FilterDocument(
+        format=FORMAT,
+        version=VERSION,
+        model=MODEL,
+        trajectory=trajectory,
+        seconds=found.errors.seconds.tolist(),
+        states=states,
+        remarks=found.remarks,
+    ).model_dump()
 
 
 def write_states(found: NavigationPrediction, trajectory: str, path: Path) -> Path:
@@ -246,7 +249,6 @@ def _travelled(path: SplineTrajectory, duration: float) -> tuple[InertialSamples
 
 
 __all__ = [
-    "FORMAT",
     "NavigationPrediction",
     "predict_navigation",
     "states_document",

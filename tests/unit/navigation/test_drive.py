@@ -105,7 +105,7 @@ def test_the_correlation_at_every_lag_is_that_of_each_lag_by_itself(around: floa
     from tumble.navigation import time_alignment as one
 
     rng = np.random.default_rng(8)
-    grid = 5.0 + 0.05 * np.arange(600)
+    grid = 5.0 + 0.05 * np.arange(600, dtype=np.float64)
     rate = np.convolve(rng.standard_normal(600), np.full(40, 0.025), "same") + 0.3
     times = np.sort(rng.uniform(0.0, 20.0, 90))
     course = np.interp(times + 9.0, grid, rate) + 0.01 * rng.standard_normal(90)
