@@ -1,7 +1,8 @@
 """Fitted noise models are as good as they say: intervals cover, nothing is biased, moments are efficient.
 
-120 short recordings (55 min at 10 Hz) with all of Q, N, B and K that show. A share p of T trials may be off
-by z = 3.3 of its own √(p (1 − p) / T): one false alarm in a thousand for each comparison.
+50 short recordings (55 min at 10 Hz) with all of Q, N, B and K that show. A share p of T trials may be off
+by z = 3.3 of its own √(p (1 − p) / T): one false alarm in a thousand for each comparison. Studies of hundreds, whose
+figures the documentation states, are made by `benchmarks/noise_fit.py`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from tumble.noise.fit import FALSE_ALARM, NoiseFit, fit_curve, fit_moments_of
 from tumble.noise.terms import GaussMarkov, NoiseModel
 
 TRUE = NoiseModel(0.02, 0.05, 0.05, 0.01)
-RATE, SAMPLES, TRIALS, Z = 10.0, 2**15, 120, 3.3
+RATE, SAMPLES, TRIALS, Z = 10.0, 2**15, 50, 3.3
 METHODS = ("curve", "moments")
 
 
@@ -46,8 +47,6 @@ def test_intervals_of_95_percent_cover(method: str, letter: str) -> None:
         term = next((term for term in fit.terms if term.name == letter), None)
         covered += true <= fit.limits[letter] if term is None else term.low <= true <= term.high
     assert covered / TRIALS >= 0.95 - spread(0.95)
-    # nor are they much too wide: a normal interval of twice the width would cover 0.9999
-    assert covered / TRIALS < 1.0 or letter == "B"
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -61,7 +60,7 @@ def test_coefficients_are_not_biased(method: str, letter: str, least: float) -> 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("letter", "QNBK")
 def test_the_stated_uncertainty_is_the_spread(method: str, letter: str) -> None:
-    """Of the middle half, which a term missed in a trial does not spread: known to 11 %, 3.3 times that."""
+    """Of the middle half, which a term missed in a trial does not spread: known to 17 %, 3.3 times that."""
     stated = []
     for fit in fits(method):
         names = [term.name for term in fit.terms]
@@ -69,7 +68,7 @@ def test_the_stated_uncertainty_is_the_spread(method: str, letter: str) -> None:
             k = names.index(letter)
             stated.append(np.sqrt(fit.covariance[k, k]))
     low, high = np.quantile(values(method, letter), [0.25, 0.75])
-    assert np.median(stated) == pytest.approx((high - low) / 1.349, rel=0.36)
+    assert np.median(stated) == pytest.approx((high - low) / 1.349, rel=0.56)
 
 
 @pytest.mark.parametrize("letter", "QNBK")
@@ -97,13 +96,12 @@ def test_the_misfit_is_chi_square(method: str) -> None:
     assert low <= 0.1 + spread(0.1)
 
 
-@pytest.mark.parametrize("method", ["curve"])  # one: a process costs a hundred times a fit without
-def test_a_gauss_markov_process_is_found_with_intervals_that_cover(method: str) -> None:
+def test_a_gauss_markov_process_is_found_with_intervals_that_cover() -> None:
     true = NoiseModel(0.0, 0.05, 0.0, 0.0, 0.0, (GaussMarkov(0.08, 5.0),))
     rng = np.random.default_rng(21)
-    trials = 8
+    trials = 3
     curve = allan_deviation(np.column_stack([true.simulate(SAMPLES, RATE, rng) for _ in range(trials)]), RATE)
-    found = [(fit_curve if method == "curve" else fit_moments_of)(curve, k) for k in range(trials)]
+    found = [fit_curve(curve, k) for k in range(trials)]
     assert all(fit.model.gauss_markov for fit in found)
     for name, value in (("sigma", 0.08), ("correlation time", 5.0), ("N", 0.05)):
         terms = [next(term for term in fit.terms if term.name == name) for fit in found]
