@@ -291,9 +291,29 @@ def linearise_joint(
     return equations, normal[np.ix_(free, free)], gradient[free]
 
 
-def _section_equations(
-    problem: JointProblem, state: JointState, section: Section, carried: Carried
-) -> SectionEquations:
+@dataclass(slots=True)
+class SectionChain:
+    """A section's equations at one state, before anything is eliminated."""
+
+    chain: BorderedChain
+    terms: list[Terms]
+    spins: dict[int, SpinEquations]
+    square_sum: float
+    observations: int
+
+
+def section_chain(
+    problem: JointProblem, state: JointState, section: Section, carried: Carried, *, of_motion: bool = True
+) -> SectionChain:
+    """Return a section's equations at a state.
+
+    Parameters
+    ----------
+    problem, state, section : observations, and where the unknowns are.
+    carried : the gyros' integrals at the state.
+    of_motion : with what is known of the motion itself: that holds rest, the site's Earth rate, a heading. Of several
+        units that move together it counts once.
+    """
     data, gravity = problem.data, problem.site.gravity
     terms = hold_terms(data, section, state.unknowns, gravity, problem.extra)
     turns = turn_terms(data, section, carried, state.unknowns, problem.extra)
@@ -301,40 +321,58 @@ def _section_equations(
         terms.append(turns)
     if data.poses is not None:
         terms += pose_terms(data.poses, section, state.unknowns, problem.extra)
-    chain = BorderedChain.zero(section.last - section.first, NODE, 3 + state.unknowns.size)
-    square_sum, observations = 0.0, 0
-    used: list[Terms] = []
+    made = SectionChain(
+        BorderedChain.zero(section.last - section.first, NODE, 3 + state.unknowns.size), [], {}, 0.0, 0
+    )
     for kind in terms:
-        active = problem.masks.of(kind)
-        # Left out is made all but worthless, not taken away: a chain without a link would have no heading.
-        covariance = np.where(active, 1.0, LEFT_OUT)[:, None, None] * kind.covariance
-        by_next = np.zeros_like(kind.by_node) if kind.by_next is None else kind.by_next
-        residual, by_node, by_next, by_border = whiten(
-            covariance, kind.residual[..., None], kind.by_node, by_next, kind.by_border
-        )
-        if kind.by_next is None:
-            chain.add_unary(kind.node, residual[..., 0], by_node, by_border)
-        else:
-            chain.add_links(kind.node, residual[..., 0], by_node, by_next, by_border)
-        taken = selected(kind, active)
-        square_sum += float(np.sum(residual[active] ** 2))
-        headings = np.count_nonzero(~active) if kind.kind == "turn" else 0
-        observations += taken.residual.size + int(headings)
-        used.append(taken)
-    spins: dict[int, SpinEquations] = {}
+        if of_motion or kind.kind != "rest":
+            _add_terms(made, kind, problem.masks.of(kind))
     for k in section.holds[:-1]:
         if int(k) in data.spins:
-            made = _add_spin(problem, state, section, chain, int(k))
-            spins[int(k)] = made
-            square_sum += made.square_sum
-            observations += made.observations
+            spin = _add_spin(problem, state, section, made.chain, int(k))
+            made.spins[int(k)] = spin
+            made.square_sum += spin.square_sum
+            made.observations += spin.observations
+    if not of_motion:
+        return made
     if not sees_heading(data.poses, section):
-        _add_heading(chain)
-    _hold_loosely(chain, ~problem.masks.force[section.holds])
-    square_sum += _add_earth(problem, section, chain)
-    eliminated = chain.eliminated()
+        _add_heading(made.chain)
+    _hold_loosely(made.chain, ~problem.masks.force[section.holds])
+    made.square_sum += _add_earth(problem, section, made.chain)
+    return made
+
+
+def _add_terms(made: SectionChain, kind: Terms, active: np.ndarray) -> None:
+    # Left out is made all but worthless, not taken away: a chain without a link would have no heading.
+    covariance = np.where(active, 1.0, LEFT_OUT)[:, None, None] * kind.covariance
+    by_next = np.zeros_like(kind.by_node) if kind.by_next is None else kind.by_next
+    residual, by_node, by_next, by_border = whiten(
+        covariance, kind.residual[..., None], kind.by_node, by_next, kind.by_border
+    )
+    if kind.by_next is None:
+        made.chain.add_unary(kind.node, residual[..., 0], by_node, by_border)
+    else:
+        made.chain.add_links(kind.node, residual[..., 0], by_node, by_next, by_border)
+    taken = selected(kind, active)
+    headings = np.count_nonzero(~active) if kind.kind == "turn" else 0
+    made.square_sum += float(np.sum(residual[active] ** 2))
+    made.observations += taken.residual.size + int(headings)
+    made.terms.append(taken)
+
+
+def _section_equations(
+    problem: JointProblem, state: JointState, section: Section, carried: Carried
+) -> SectionEquations:
+    made = section_chain(problem, state, section, carried)
+    eliminated = made.chain.eliminated()
     return SectionEquations(
-        section, used, spins, eliminated, inverted(eliminated.corner[:3, :3]), square_sum, observations
+        section,
+        made.terms,
+        made.spins,
+        eliminated,
+        inverted(eliminated.corner[:3, :3]),
+        made.square_sum,
+        made.observations,
     )
 
 

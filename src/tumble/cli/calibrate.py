@@ -22,6 +22,7 @@ from tumble.cli.options import (
     Verbose,
 )
 from tumble.cli.progress import progress, results_stand
+from tumble.cli.several import Several, refuse_what_is_of_one
 
 if TYPE_CHECKING:
     from tumble.workflows.calibrate import CalibrationRun
@@ -107,6 +108,14 @@ def calibrate_command(
             "biases are each one's own, what is stable is common to all (procedure joint).",
         ),
     ] = False,
+    array: Annotated[
+        bool,
+        typer.Option(
+            "--array",
+            help="Each RECORDING is another unit, all tumbled together, fixed to one another, on one clock: a "
+            "calibration for each, and how each sits against the first (procedure joint).",
+        ),
+    ] = False,
     imu_model: Annotated[str | None, typer.Option(help="Model of the unit, noted in the file.")] = None,
     imu_serial: Annotated[
         str | None, typer.Option(help="Serial number of the unit, noted in the file.")
@@ -123,37 +132,48 @@ def calibrate_command(
     report.html, prints the parameters with their standard uncertainties, and says whether the result
     is fit for use (exit status 0) or not (1).
     """
-    from tumble.cli.turn_ons import calibrate_each_turn_on
+    from tumble.cli.array import default_folder, print_array
+    from tumble.workflows.array import calibrate_array
     from tumble.workflows.calibrate import calibrate
     from tumble.workflows.site import choose_site
+    from tumble.workflows.turn_ons import calibrate_turn_ons
 
+    of_one: dict[str, object] = {
+        "--prior": prior,
+        "--data-sheet": data_sheet,
+        "--intervals": intervals,
+        "--unknowns": unknowns,
+        "--noise": noise,
+        "--monte-carlo": monte_carlo,
+        "--no-noise-correction": None if noise_correction else False,
+    }
+    several: Several = {
+        "recordings": recordings or [],
+        "site": choose_site(site, gravity),
+        "columns": columns,
+        "units": units,
+        "rate": rate,
+        "topics": topic,
+        "optional_terms": optional_terms,
+    }
+    if array:
+        of_one |= {"--turn-ons": turn_ons or None, "--protocol": protocol}
+        of_one |= {"--imu-model": imu_model, "--imu-serial": imu_serial}
+        refuse_what_is_of_one("--array", procedure, of_one)
+        with progress(quiet or as_json) as say:
+            made = calibrate_array(output=output or default_folder(recordings or []), progress=say, **several)
+        results_stand()
+        print_array(made, as_json=as_json, quiet=quiet)
+        raise typer.Exit(0 if all(run.calibration.verdict.fit for run in made.runs) else 1)
     folder = output or _default_folder(recordings or [], protocol)
-    with progress(quiet or as_json) as say:
-        if turn_ons:
-            run = calibrate_each_turn_on(
-                recordings or [],
-                output=folder,
-                procedure=procedure,
-                alien={
-                    "--prior": prior,
-                    "--data-sheet": data_sheet,
-                    "--intervals": intervals,
-                    "--unknowns": unknowns,
-                    "--noise": noise,
-                    "--monte-carlo": monte_carlo,
-                    "--no-noise-correction": None if noise_correction else False,
-                },
-                protocol=protocol,
-                site=choose_site(site, gravity),
-                columns=columns,
-                units=units,
-                rate=rate,
-                topics=topic,
-                optional_terms=optional_terms,
-                imu=(imu_model, imu_serial),
-                progress=say,
+    if turn_ons:
+        refuse_what_is_of_one("--turn-ons", procedure, of_one)
+        with progress(quiet or as_json) as say:
+            run = calibrate_turn_ons(
+                output=folder, protocol=protocol, imu=(imu_model, imu_serial), progress=say, **several
             )
-            _end(run, as_json=as_json, quiet=quiet, verbose=verbose)
+        _end(run, as_json=as_json, quiet=quiet, verbose=verbose)
+    with progress(quiet or as_json) as say:
         run = calibrate(
             recordings or [],
             output=folder,

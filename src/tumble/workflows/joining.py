@@ -52,6 +52,22 @@ def require_one_unit(recordings: list[Recording]) -> None:
     UsageError
         If they differ in units or sensors, or one is given twice, under another name too.
     """
+    require_different_samples(recordings)
+    _require_same_columns(recordings)
+
+
+def require_different_samples(recordings: list[Recording]) -> None:
+    """Refuse a recording that is given twice, under another name too.
+
+    Parameters
+    ----------
+    recordings : to be calibrated together.
+
+    Raises
+    ------
+    UsageError
+        If two hold the same samples.
+    """
     _require_different(recordings)
     for number, recording in enumerate(recordings):
         for earlier in recordings[:number]:
@@ -60,7 +76,6 @@ def require_one_unit(recordings: list[Recording]) -> None:
                     f"{recording.sources[0].name} and {earlier.sources[0].name} hold the same samples: the same "
                     "recording tells nothing more a second time."
                 )
-    _require_same_columns(recordings)
 
 
 def _same_samples(one: Recording, other: Recording) -> bool:

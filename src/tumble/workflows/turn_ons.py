@@ -132,7 +132,7 @@ def _named(recordings: Sequence[str | os.PathLike[str]], protocol: ProtocolName)
         )
     default = None if protocol is None else read_given_protocol(protocol)
     made: list[_Named] = []
-    for text, label in zip(recordings, _labels([str(r) for r in recordings]), strict=True):
+    for text, label in zip(recordings, labels_of([str(r) for r in recordings]), strict=True):
         path = Path(text)
         if path.suffix.lower() in SUFFIXES or (path / "protocol.yaml").is_file():
             given = read_given_protocol(path)
@@ -147,10 +147,14 @@ def _named(recordings: Sequence[str | os.PathLike[str]], protocol: ProtocolName)
     return made
 
 
-def _labels(names: Sequence[str]) -> list[str]:
-    """The shortest names that tell the recordings apart: file names, or with folders before them.
+def labels_of(names: Sequence[str]) -> list[str]:
+    """Return the shortest names that tell recordings apart: file names, or with folders before them.
 
     A folder's ``protocol.yaml`` goes by the folder's name.
+
+    Parameters
+    ----------
+    names : as they were typed.
     """
     paths = [Path(name) for name in names]
     parts = [p.parent.parts if p.name == "protocol.yaml" and p.parent.name else p.parts for p in paths]
@@ -252,4 +256,4 @@ def _silent(_: str) -> None:
     """Tell nobody."""
 
 
-__all__ = ["calibrate_turn_ons"]
+__all__ = ["calibrate_turn_ons", "labels_of"]
