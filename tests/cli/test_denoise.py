@@ -182,3 +182,24 @@ def test_a_recording_that_never_rests_ends_in_a_sentence(
     assert "No rest was found" in answer.err
     assert len(answer.err.splitlines()) == 1
     assert not (tmp_path / "out.csv").exists()
+
+
+def test_rows_that_repeat_are_taken_once_and_said(
+    tumble: Any, written: Any, moved: np.ndarray, tmp_path: Path
+) -> None:
+    held = np.column_stack([moved[:3000, 0], np.repeat(moved[:750, 1:], 4, axis=0)])
+    answer = tumble("denoise", written(tmp_path / "held.csv", held), "-o", tmp_path / "quiet.csv")
+    assert (answer.status, answer.err) == (0, "")
+    assert "each value stands 4 times" in answer.out
+    assert len(read_recording(tmp_path / "quiet.csv")) == 750
+
+
+def test_channels_that_never_change_are_refused_and_nothing_is_written(
+    tumble: Any, written: Any, moved: np.ndarray, tmp_path: Path
+) -> None:
+    dead = moved[:500].copy()
+    dead[:, 1:] = [0.1, 0.2, 9.8, 0.01, 0.02, 0.03]
+    answer = tumble("denoise", written(tmp_path / "dead.csv", dead), "-o", tmp_path / "quiet.csv")
+    assert answer.status == 2
+    assert "No channel ever changes" in answer.err
+    assert [path.name for path in tmp_path.iterdir()] == ["dead.csv"]

@@ -159,3 +159,12 @@ def test_a_recording_in_motion_throughout_ends_in_a_sentence(
     assert answer.status == 2
     assert "never rests" in answer.err
     assert len(answer.err.splitlines()) == 1
+
+
+def test_a_gyro_that_was_not_found_is_missed_aloud(tumble: Any, still: np.ndarray, tmp_path: Path) -> None:
+    path = tmp_path / "odd.csv"
+    header = "time_s,ax_m/s2,ay_m/s2,az_m/s2,one,two,three"
+    np.savetxt(path, still[:1000], delimiter=",", header=header, comments="")
+    answer = tumble("noise", path)
+    assert answer.status == 0
+    assert "There is no gyro: what was found is" in answer.out
