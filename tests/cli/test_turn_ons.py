@@ -138,3 +138,27 @@ def test_what_does_not_go_together_is_said_in_a_sentence(
     assert words in done.err, done.err
     assert len(done.err.strip().splitlines()) == 1
     assert not (tmp_path / "none").exists()
+
+
+def test_a_simulated_unit_that_is_switched_on_anew_has_other_biases_and_else_is_the_same(
+    tumble: Any, tmp_path: Path
+) -> None:
+    """By 2 mg and 60 °/h, one sigma: six draws of each kind are not all beyond four, nor all zero."""
+    truths: list[dict[str, Any]] = []
+    for seed in (1, 2):
+        folder = tmp_path / f"day{seed}"
+        options = ("--unit", 5, "--seed", seed, "--rate", 10, "--turn-on", "2,60", "-o", folder, "-q")
+        assert tumble("simulate", "six-position", *options).status == 0
+        truths.append(json.loads((folder / "truth.json").read_text(encoding="utf-8")))
+    first, second = truths
+    for triad, sigma in (("accelerometer", 2e-3 * 9.80665), ("gyroscope", np.radians(60.0) / 3600.0)):
+        assert first[triad]["matrix"] == second[triad]["matrix"]
+        moved = np.subtract(first[triad]["bias"], second[triad]["bias"])
+        assert np.all(moved != 0.0)
+        assert np.max(np.abs(moved)) < 4.0 * np.sqrt(2.0) * sigma
+
+
+def test_a_turn_on_that_moves_biases_by_less_than_nothing_is_refused(tumble: Any, tmp_path: Path) -> None:
+    done = tumble("simulate", "six-position", "--turn-on=-1,60", "-o", tmp_path / "none")
+    assert done.status == 2
+    assert "--turn-on takes two numbers that are not negative" in done.err
