@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 # More recordings than this do not stand beside each other in a terminal.
 MOST_COLUMNS = 4
+NEXT = "for the next turn-on"
 
 
 def turn_ons_table(calibration: Calibration) -> str:
@@ -35,22 +36,16 @@ def turn_ons_table(calibration: Calibration) -> str:
         "all else is common.</p>"
         + _table(["recording", "holds", "turns", "spins", "rate", "sigma0"], _recordings(told))
         + "<p>± is one standard uncertainty. The scatter is the standard deviation between recordings, with its own; "
-        "what the recordings' uncertainties explain of it stands beside. The mean is what the file has, and its "
-        "uncertainty that of the bias at the next turn-on.</p>"
+        "what the recordings' uncertainties explain of it stands beside. For the next turn-on there is their mean, as "
+        "uncertain as the scatter makes it.</p>"
         + _table(
-            [
-                "bias",
-                *(r.name for r in told.recordings),
-                "scatter",
-                "explained",
-                "mean, for the next turn-on",
-            ],
+            ["bias", NEXT, "scatter", "explained", *(r.name for r in told.recordings)],
             [_bias_cells(bias, rows[bias.parameter]) for bias in told.biases],
         )
         + "<p>What should be stable, as each recording tells it by itself. Chance makes differences as large with the "
         "probability given.</p>"
         + _table(
-            ["parameter", "chi-square", "probability", "", *(r.name for r in told.recordings)],
+            ["parameter", "chi-square", "probability", *(r.name for r in told.recordings)],
             [_stable_cells(one, rows[one.parameter]) for one in told.stable],
         )
     )
@@ -96,7 +91,7 @@ def bias_table(calibration: Calibration, *, width: int) -> Table | None:
         return None
     rows = {row.name: row for row in parameter_rows(calibration)}
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, highlight=False)
-    for heading in ("bias", "for the next turn-on", *(r.name for r in told.recordings)):
+    for heading in ("bias", NEXT, *(r.name for r in told.recordings)):
         table.add_column(heading.replace("[", r"\["), overflow="fold")
     for bias in told.biases:
         name, following, _, _, *each = _bias_cells(bias, rows[bias.parameter])
@@ -148,15 +143,14 @@ def _stable_cells(one: StableBlock, row: ParameterRow) -> list[str]:
         "" if value is None or sigma is None else with_uncertainty(factor * value, abs(factor) * sigma)
         for value, sigma in zip(one.values, one.standard_uncertainties, strict=True)
     ]
-    words = "" if one.agrees else f"not stable: uncertainty enlarged {fixed(one.enlarged_by, 1)} times"
+    words = "" if one.agrees else f": not stable, uncertainty × {fixed(one.enlarged_by, 1)}"
     if one.degrees_of_freedom < 1:
-        words = "told by one recording only"
+        words = ": told by one recording only"
     unit = f" / {row.shown.unit}" if row.shown.unit else ""
     return [
         f"{row.label if row.group == OPTIONAL else f'{row.group.lower()} {row.label}'}{unit}",
         f"{one.chi_square:.1f} of {one.degrees_of_freedom}",
-        f"{one.probability:.2g}",
-        words,
+        f"{one.probability:.2g}{words}",
         *each,
     ]
 
@@ -199,9 +193,14 @@ def _figure(told: TurnOnsBlock, biases: list[BiasBlock], rows: dict[str, Paramet
     }
     layout = base_layout(
         300,
-        margin={"l": 64, "r": 12, "t": 26, "b": 60},
+        margin={"l": 64, "r": 12, "t": 52, "b": 48},
         title={"text": f"{kind} bias less its mean / {unit}", "font": {"size": 12}, "x": 0.02, "y": 0.98},
-        xaxis={"tickvals": [k + 1 for k in range(len(names))], "ticktext": names, "zeroline": False},
+        xaxis={
+            "tickvals": [k + 1 for k in range(len(names))],
+            "range": [0.5, len(names) + 0.5],
+            "zeroline": False,
+            "title": {"text": "recording, in the table's order", "font": {"size": 12}},
+        },
         yaxis={"zeroline": True},
         shapes=[band],
     )
