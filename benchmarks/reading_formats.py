@@ -231,7 +231,21 @@ def by_h5py(path: Path) -> np.ndarray:
         return np.column_stack([file["imu/t"][()], file["imu/acc"][()], file["imu/gyr"][()]])
 
 
+def write_csv(path: Path, rows: np.ndarray) -> None:
+    import polars as pl
+
+    names = ("t", "ax", "ay", "az", "gx", "gy", "gz")
+    pl.DataFrame({name: rows[:, i] for i, name in enumerate(names)}).write_csv(path)
+
+
+def by_polars(path: Path) -> np.ndarray:
+    import polars as pl
+
+    return pl.read_csv(path).to_numpy()
+
+
 FORMATS: dict[str, tuple[str, Callable[[Path, np.ndarray], None], str, Callable[[Path], np.ndarray]]] = {
+    "CSV": ("a.csv", write_csv, "polars", by_polars),
     "ROS 1 bag, lz4": ("a.bag", write_rosbag1, "rosbags", lambda p: by_rosbags(p, 1)),
     "ROS 2 bag, sqlite3": ("bag", write_rosbag2, "rosbags", lambda p: by_rosbags(p, 2)),
     "MCAP, zstd": ("a.mcap", write_mcap, "rosbags", lambda p: by_rosbags(p, 2)),
@@ -281,8 +295,9 @@ if sys.argv[2] == "blocks":
 else:
     count = len(read_recording(sys.argv[1], units="m/s^2,rad/s"))
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-seconds = time.perf_counter() - start
-print(f"{count} samples in {seconds:.1f} s, peak {peak / 1024:.0f} MB ({before / 1024:.0f} MB before)")
+seconds, used = time.perf_counter() - start, time.process_time()
+print(f"{count} samples in {seconds:.1f} s ({used:.1f} s of processor)")
+print(f"    peak {peak / 1024:.0f} MB, {before / 1024:.0f} MB before")
 """
 
 

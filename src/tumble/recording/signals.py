@@ -78,7 +78,9 @@ def pick_signals(table: RawTable, plan: ColumnPlan, *, parted: bool = False) -> 
     force, rates = _triad(table, plan.specific_force), _triad(table, plan.angular_rate)
     temperature = None if plan.temperature is None else table.columns[plan.temperature]
     parts = [p for p in (time, force, rates) if p is not None]
-    if all(np.isfinite(p.sum()) for p in parts):  # a sum is finite if every term is
+    with np.errstate(invalid="ignore", over="ignore"):
+        finite = all(np.isfinite(p.sum()) for p in parts)  # a sum is finite if every term is
+    if finite:
         return Signals(time, force, rates, temperature, None)
     good = np.ones(len(table), bool)
     for part in parts:

@@ -60,7 +60,7 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
             ValueError,
         ) as error:
             raise RecordingError(
-                f"{path.name} is a zip archive that cannot be unpacked ({error})."
+                f"{path.name} is a zip archive that cannot be unpacked ({str(error)[:80]})."
             ) from error
         try:
             table = folder.read_table(inside, topics)

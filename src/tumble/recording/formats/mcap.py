@@ -250,7 +250,7 @@ class McapFile:
                 raise RecordingError(f"{name}: a chunk is damaged ({error}).") from error
         elif compression:
             raise RecordingError(
-                f"{name}: chunks are compressed as {compression!r}, which is not known; known are lz4 and zstd."
+                f"{name}: a chunk is compressed as {compression[:16]!r}, which is not known; known are lz4 and zstd."
             )
         if len(data) != size or (checksum and zlib.crc32(data) != checksum):
             raise RecordingError(f"{name}: a chunk is damaged: its content does not agree with its checksum.")

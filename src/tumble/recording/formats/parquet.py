@@ -66,7 +66,7 @@ def read_table(path: Path) -> RawTable:
         try:
             units, frame = _judged_units(path), pl.read_parquet(path)
             names, columns = _own_columns(frame) if units else numeric_columns(frame)
-        except pl.exceptions.PolarsError as error:
+        except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
             raise _damaged(path, error) from error
         source = hashing.result()
     _need_columns(path, columns)
@@ -131,7 +131,7 @@ def read_table_blocks(path: Path, rows: int = 500_000) -> Iterator[RawTable]:
                 judged=bool(units),
             )
             start += rows
-    except pl.exceptions.PolarsError as error:
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise _damaged(path, error) from error
 
 

@@ -230,7 +230,7 @@ class _Rosbag:
         except (OSError, ValueError, RuntimeError, EOFError) as error:
             raise RecordingError(f"{self.path.name}: a chunk of the bag is damaged ({error}).") from error
         raise RecordingError(
-            f"{self.path.name}: chunks are compressed as {compression.decode('utf-8', 'replace')!r}, which is "
+            f"{self.path.name}: chunks are compressed as {compression[:16].decode('utf-8', 'replace')!r}, which is "
             "not known; known are bz2 and lz4."
         )
 

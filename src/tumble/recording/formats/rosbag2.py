@@ -60,7 +60,7 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     """
     try:
         return bag_table(_open(path), topics, source(path))
-    except sqlite3.Error as error:
+    except (sqlite3.Error, UnicodeDecodeError) as error:  # messages of sqlite3 may hold damaged names
         raise _damaged(path, error) from error
 
 
@@ -82,7 +82,7 @@ def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTab
     """
     try:
         yield from bag_blocks(_open(path), topics, Source(path.name, ""))
-    except sqlite3.Error as error:
+    except (sqlite3.Error, UnicodeDecodeError) as error:  # messages of sqlite3 may hold damaged names
         raise _damaged(path, error) from error
 
 
@@ -97,9 +97,13 @@ def source(path: Path) -> Source:
     return hash_files(path, _parts(path)) if path.is_dir() else hash_file(path)
 
 
-def _damaged(path: Path, error: sqlite3.Error) -> RecordingError:
+def _text(octets: bytes) -> str:
+    return octets.decode("utf-8", "replace")
+
+
+def _damaged(path: Path, error: Exception) -> RecordingError:
     return RecordingError(
-        f"{path.name} is a damaged or foreign database of sqlite3 ({error}); give a ROS 2 bag."
+        f"{path.name} is a damaged or foreign database of sqlite3 ({str(error)[:80]}); give a ROS 2 bag."
     )
 
 
@@ -149,7 +153,9 @@ class _Database:
         journal = self.path.with_name(self.path.name + "-wal")
         unchanged = not (journal.exists() and journal.stat().st_size)
         uri = f"file:{quote(str(self.path.absolute()))}?mode=ro" + ("&immutable=1" if unchanged else "")
-        return sqlite3.connect(uri, uri=True)
+        connection = sqlite3.connect(uri, uri=True)
+        connection.text_factory = _text
+        return connection
 
     def messages(self, names: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, time of recording in ns, and bytes of the messages of some topics."""
@@ -165,6 +171,10 @@ class _Database:
                 tuple(topics),
             )
             for number, time, data in rows:
+                if not isinstance(data, bytes):
+                    raise RecordingError(
+                        f"{self.path.name} is a damaged ROS 2 bag: a message is no row of bytes."
+                    )
                 if data[:4] == ZSTD_MAGIC:  # no beginning of CDR
                     data = decompress_zstd(data, self.path.name)
                 yield topics[number], time, data

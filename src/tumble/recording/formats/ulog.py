@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stdout
 from importlib import import_module
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +71,8 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
             f'{path.name} is a ULog; reading it needs pyulog: pip install "tumble[px4]".'
         ) from error
     try:
-        with path.open("rb") as file:  # opened here: pyulog leaves a damaged file open
+        # Opened here, for pyulog leaves a damaged file open; what it prints of damage is said by a remark.
+        with path.open("rb") as file, redirect_stdout(StringIO()):
             log = library.ULog(file, list(_MESSAGES), disable_str_exceptions=True)
         streams = _streams(log, path.name)
     except (struct.error, IndexError, KeyError, TypeError, ValueError, AttributeError) as error:
