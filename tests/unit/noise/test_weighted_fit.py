@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tumble.errors import UsageError
-from tumble.noise import characterisation
+from tumble.noise import channel as module
 from tumble.noise.advice import advise
 from tumble.noise.allan_covariance import AllanCovariance
 from tumble.noise.characterisation import characterise
@@ -103,7 +103,7 @@ def test_why_there_is_no_model_is_told_apart(
     def refuse(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr(characterisation, "fit_curve", refuse)
+    monkeypatch.setattr(module, "fit_curve", refuse)
     found = characterise(at_rest())
     assert all(channel.fit is None and words in channel.without_fit for channel in found.channels)
     [said] = [text for text in advise(found.channels, found.channels[0].allan) if "no model" in text]
