@@ -64,6 +64,8 @@ def one(name: str, grade: str, seed: int) -> tuple[dict[str, np.ndarray], float]
         errors["lag"] = np.array([(evidence.lag - truth.lag) / evidence.lag_sigma])
     if np.isfinite(evidence.width_sigma):
         errors["width"] = np.array([(evidence.width - truth.hysteresis_width) / evidence.width_sigma])
+    # In standard uncertainties whose 95 % interval is 1.96 of them.
+    errors = {kind: values * 1.96 / estimate.coverage_factor for kind, values in errors.items()}
     ratios = [float(np.mean(s.joint_sigma / s.sigma)) for s in evidence.separate]
     return errors, float(np.mean(ratios)) if ratios else float("nan")
 

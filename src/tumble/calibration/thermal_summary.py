@@ -6,7 +6,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vectors
 from tumble.calibration.canonical import describe_unknowns
-from tumble.calibration.estimate import Estimate, LeftOut, TermTest, correlation_matrix
+from tumble.calibration.estimate import Estimate, LeftOut, TermTest, correlation_matrix, coverage_factor
 from tumble.calibration.multi_position import fit_norms
 from tumble.calibration.start_values import rough_triad
 from tumble.calibration.thermal_coverage import Coverage
@@ -16,7 +16,7 @@ from tumble.calibration.thermal_fit import ThermalFit, name_of
 from tumble.calibration.thermal_model import ThermalSolution, bias_curve
 from tumble.calibration.thermal_points import ThermalPoints
 from tumble.calibration.thermal_turns import TurnedMatrix
-from tumble.calibration.thermal_wander import wander_variance
+from tumble.calibration.thermal_wander import Levels, wander_variance
 from tumble.calibration.thermal_words import not_determined_words, thermal_parameters, thermal_remarks
 from tumble.calibration.triad_unknowns import BIAS
 from tumble.earth import Site
@@ -183,7 +183,7 @@ def thermal_estimate(
         sigma0=fit.alone,
         sigma0_final=fit.adjustment.sigma0,
         degrees_of_freedom=fit.adjustment.redundancy,
-        coverage_factor=1.96,
+        coverage_factor=_factor(fit.levels),
         largest_normalised=largest,
         hold_norms=norms,
         hold_sigmas=sigmas,
@@ -219,6 +219,12 @@ def thermal_estimate(
         thermal_covariance=solution.covariance,
         thermal_evidence=evidence,
     )
+
+
+def _factor(levels: Levels) -> float:
+    """Return the coverage factor for 95 %: how much biases wander was found from these rests, too."""
+    degrees = min(levels.freedom.values())
+    return coverage_factor(max(int(degrees), 3)) if np.isfinite(degrees) else 1.96
 
 
 def _padded(correlations: AnyArray, count: int, solution: ThermalSolution) -> AnyArray:

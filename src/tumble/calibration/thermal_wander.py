@@ -23,6 +23,8 @@ from tumble.estimation import Linearisation, Prior
 TRIADS = {"force": slice(0, 3), "rate": slice(3, 6)}
 # Start of the search, the share of what either alone would be that is taken for scatter from rest to rest.
 SHARE = 0.3
+# Either side of the most likely logarithm, to tell how it bends.
+BENT = 0.5
 # In twice the log likelihood, what one more level has to bring (Akaike 1974).
 ONE_MORE = 2.0
 # Rounding of a singular kernel: two rests at the same time are never given.
@@ -37,10 +39,12 @@ class Levels:
     ----------
     single : of each rest for itself.
     flicker : F, the floor of the Allan variance.
+    freedom : degrees of freedom of what was found; infinite where nothing was.
     """
 
     single: dict[str, float] = field(default_factory=lambda: {"force": 0.0, "rate": 0.0})
     flicker: dict[str, float] = field(default_factory=lambda: {"force": 0.0, "rate": 0.0})
+    freedom: dict[str, float] = field(default_factory=lambda: {"force": np.inf, "rate": np.inf})
 
 
 def flicker_kernel(start: Series, stop: Series, whole: float) -> Square:
@@ -208,17 +212,18 @@ def find_levels(
         linear = conditions.linearise(values)
     finally:
         conditions.extra = extra
-    single, flicker = {"force": 0.0, "rate": 0.0}, {"force": 0.0, "rate": 0.0}
+    found = Levels()
     for name in TRIADS:
         if start.get(name, 0.0) > 0.0 and (blocks := blocks_of(conditions, linear, name)):
-            single[name], flicker[name] = _most_likely(blocks, linear, values, prior, start[name])
-    return Levels(single, flicker)
+            levels = _most_likely(blocks, linear, values, prior, start[name])
+            found.single[name], found.flicker[name], found.freedom[name] = levels
+    return found
 
 
 def _most_likely(
     blocks: list[Block], linear: Linearisation, values: Series, prior: Prior, excess: float
-) -> tuple[float, float]:
-    """Return (single, flicker), the most likely ones; one of them zero where two bring too little more."""
+) -> tuple[float, float, float]:
+    """Return (single, flicker, degrees of freedom), the most likely; one zero where two bring too little more."""
     from scipy.optimize import minimize, minimize_scalar
 
     parts = [_prepared(block, linear, values, prior) for block in blocks]
@@ -248,7 +253,7 @@ def _most_likely(
     else:
         best = (wandering, 0.0, by_flicker * excess / spread)
     if cost(0.0, 0.0) < best[0] + ONE_MORE:
-        return 0.0, 0.0
+        return 0.0, 0.0, np.inf
     begin = np.log([SHARE * by_rest * excess, (1.0 - SHARE) * by_flicker * excess / spread])
     both = minimize(
         lambda x: cost(float(np.exp(x[0])), float(np.exp(x[1]))),
@@ -258,9 +263,12 @@ def _most_likely(
     )
     # Two levels where they are more likely by what a level costs: else a chance would halve the flicker.
     if float(both.fun) < best[0] - ONE_MORE:
-        single, flicker = (float(value) for value in np.exp(both.x))
-        return single, flicker
-    return best[1], best[2]
+        best = (float(both.fun), *(float(value) for value in np.exp(both.x)))
+    # Twice the log likelihood of a variance bends by its degrees of freedom over its logarithm.
+    aside = cost(best[1] * np.exp(BENT), best[2] * np.exp(BENT)) + cost(
+        best[1] * np.exp(-BENT), best[2] * np.exp(-BENT)
+    )
+    return best[1], best[2], max((aside - 2.0 * best[0]) / BENT**2, 1.0)
 
 
 _SIMPLEX = np.array([[0.0, 0.0], [-1.5, 0.0], [0.0, -1.0]])
