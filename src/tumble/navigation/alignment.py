@@ -12,9 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tumble.arrays import Matrix, Series, Table, Vector
+from tumble.attitude.quaternions import angles_from_matrices, matrix_from_angles
 from tumble.earth import EARTH_RATE, normal_gravity
 from tumble.errors import ObservabilityError, RecordingError
 from tumble.navigation.filter import FilterRun, FilterSetup, run_filter
@@ -45,7 +45,7 @@ class Alignment:
     @property
     def roll_pitch_yaw(self) -> Vector:
         """(3,) rad."""
-        return np.ascontiguousarray(Rotation.from_matrix(self.C_nb).as_euler("ZYX")[::-1])
+        return angles_from_matrices(self.C_nb[None])[0]
 
     @property
     def sigmas(self) -> Vector:
@@ -285,7 +285,7 @@ def _levelled(down: Vector) -> Matrix:
 
 
 def _turned_about_down(C_nb: Matrix, angle: float) -> Matrix:
-    return np.asarray(Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix() @ C_nb, dtype=np.float64)
+    return matrix_from_angles(np.array([0.0, 0.0, angle])) @ C_nb
 
 
 def _levelling_jacobian(gravity: float) -> Matrix:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -188,7 +189,9 @@ def _least_innovations(drive: Drive, setup: FilterSetup, reach: float) -> tuple[
         run = run_filter(drive.samples, wanted.shifted(shift), drive.start, own)
         return float(np.nansum(np.minimum(run.distances[:, 0], _MOST)))
 
-    before, middle, after = (cost(shift) for shift in (-reach, 0.0, reach))
+    # the compiled filter lets other threads run
+    with ThreadPoolExecutor(3) as pool:
+        before, middle, after = pool.map(cost, (-reach, 0.0, reach))
     bend = before + after - 2.0 * middle
     if bend <= 0.0:
         # outside of the valley: towards its lower side

@@ -5,9 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tumble.arrays import Matrices, Matrix, Quaternions, Series, Table, Vector, Vectors
+from tumble.attitude.quaternions import (
+    angles_from_matrices,
+    matrices_from_quaternions,
+    matrix_from_angles,
+    quaternion_from_matrix,
+)
 from tumble.earth import (
     curvature_radii,
     position_in_earth_frame,
@@ -55,13 +60,12 @@ class NavigationState:
         velocity_n : (3,) m/s.
         roll_pitch_yaw : (3,) rad; the body is turned by yaw about down, then pitch, then roll.
         """
-        C_nb = Rotation.from_euler("ZYX", roll_pitch_yaw[::-1]).as_matrix()
-        return NavigationState(time, *position, velocity_n, np.asarray(C_nb, dtype=np.float64))
+        return NavigationState(time, *position, velocity_n, matrix_from_angles(roll_pitch_yaw))
 
     @property
     def packed(self) -> Series:
         """(10,): latitude, longitude, height, velocity, quaternion of C_nb; as the compiled loops have it."""
-        quaternion = Rotation.from_matrix(self.C_nb).as_quat()
+        quaternion = quaternion_from_matrix(self.C_nb)
         return np.concatenate(
             [[self.latitude, self.longitude, self.height], self.velocity_n, quaternion], dtype=np.float64
         )
@@ -71,13 +75,13 @@ class NavigationState:
         """(10,): position, velocity and quaternion of C_eb in the Earth frame."""
         C_en = rotation_to_earth_frame(self.latitude, self.longitude)
         at = position_in_earth_frame(*(np.array([x]) for x in (self.latitude, self.longitude, self.height)))
-        quaternion = Rotation.from_matrix(C_en @ self.C_nb).as_quat()
+        quaternion = quaternion_from_matrix(C_en @ self.C_nb)
         return np.concatenate([at[0], C_en @ self.velocity_n, quaternion], dtype=np.float64)
 
     @property
     def roll_pitch_yaw(self) -> Vector:
         """(3,) rad."""
-        return np.ascontiguousarray(Rotation.from_matrix(self.C_nb).as_euler("ZYX")[::-1])
+        return angles_from_matrices(self.C_nb[None])[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,12 +109,12 @@ class Trajectory:
     @property
     def C_nb(self) -> Matrices:
         """(instants, 3, 3) attitude."""
-        return np.asarray(Rotation.from_quat(self.quaternion_nb).as_matrix(), dtype=np.float64)
+        return matrices_from_quaternions(self.quaternion_nb)
 
     @property
     def roll_pitch_yaw(self) -> Vectors:
         """(instants, 3) rad."""
-        return np.ascontiguousarray(Rotation.from_quat(self.quaternion_nb).as_euler("ZYX")[:, ::-1])
+        return angles_from_matrices(self.C_nb)
 
     @property
     def packed(self) -> Table:
@@ -128,7 +132,7 @@ class Trajectory:
             float(self.longitude[index]),
             float(self.height[index]),
             self.velocity_n[index].copy(),
-            np.asarray(Rotation.from_quat(self.quaternion_nb[index]).as_matrix(), dtype=np.float64),
+            matrices_from_quaternions(self.quaternion_nb[index][None])[0],
         )
 
     def rows(self, index: np.ndarray) -> Trajectory:
@@ -149,7 +153,7 @@ class Trajectory:
         ----------
         lever_arm_b : (3,) m, from the IMU to the point.
         """
-        arm_n = Rotation.from_quat(self.quaternion_nb).apply(lever_arm_b)
+        arm_n = self.C_nb @ lever_arm_b
         meridian, across = curvature_radii(self.latitude)
         return (
             self.latitude + arm_n[:, 0] / (meridian + self.height),
@@ -179,6 +183,8 @@ class Trajectory:
         position = position_differences(
             (self.latitude, self.longitude, self.height), (truth.latitude, truth.longitude, truth.height)
         )
+        from scipy.spatial.transform import Rotation
+
         turn = Rotation.from_quat(truth.quaternion_nb) * Rotation.from_quat(self.quaternion_nb).inv()
         return position, self.velocity_n - truth.velocity_n, turn.as_rotvec()
 

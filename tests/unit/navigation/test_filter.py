@@ -271,6 +271,12 @@ def test_tracks_elsewhere_in_time_are_refused(cases: list[Case]) -> None:
     case = cases[0]
     with pytest.raises(RecordingError, match="do not overlap in time"):
         run_filter(case.samples, case.track.shifted(1e6), case.start, case.setup)
+    covariance = case.track.position_covariance_n.copy()
+    covariance[5, 0, 1] = covariance[5, 1, 0] = 2.0 * covariance[5, 0, 0]
+    with pytest.raises(RecordingError, match="not positive definite"):
+        run_filter(
+            case.samples, replace(case.track, position_covariance_n=covariance), case.start, case.setup
+        )
     with pytest.raises(UsageError, match="no state"):
         case.run().sensor("colour")
     with pytest.raises(UsageError, match="kept no covariances"):

@@ -282,7 +282,14 @@ def _compose(total, T, shrink, work):
 @njit(cache=True, nogil=True)
 def _whiten(covariance, scale, z, H):
     """Divide three residuals and their rows by the Cholesky factor of scale times their covariance."""
-    L = np.linalg.cholesky(covariance * scale)
+    # of three rows: a loop is done before a library is called
+    L = np.zeros((3, 3))
+    for i in range(3):
+        for k in range(i + 1):
+            left = covariance[i, k] * scale
+            for m in range(k):
+                left -= L[i, m] * L[k, m]
+            L[i, k] = np.sqrt(left) if i == k else left / L[k, k]
     for i in range(3):
         for k in range(i):
             z[i] -= L[i, k] * z[k]
@@ -293,10 +300,36 @@ def _whiten(covariance, scale, z, H):
             H[i, j] /= L[i, i]
 
 
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def _seen_covariance(P, H, own, S):
+    """Fill S (3, 3) with H P H' and a covariance of one's own."""
+    n = P.shape[0]
+    for i in range(3):
+        for j in range(i + 1):
+            total = own[i, j]
+            for k in range(n):
+                if H[i, k] != 0.0:
+                    part = 0.0
+                    for m in range(n):
+                        part += P[k, m] * H[j, m]
+                    total += H[i, k] * part
+            S[i, j], S[j, i] = total, total
+
+
+@njit(cache=True, nogil=True)
+def _turned(C, vector):
+    """Return C @ vector."""
+    result = np.empty(3)
+    for i in range(3):
+        result[i] = C[i, 0] * vector[0] + C[i, 1] * vector[1] + C[i, 2] * vector[2]
+    return result
+
+
 @njit(cache=True, nogil=True)
 def _distance(P, z, H):
     """Return z' (H P H' + 1)^-1 z of three whitened residuals."""
-    S, inverse = H @ P @ H.T + np.eye(3), np.empty((3, 3))
+    S, inverse = np.empty((3, 3)), np.empty((3, 3))
+    _seen_covariance(P, H, np.eye(3), S)
     _inverse(S, inverse)
     total = 0.0
     for i in range(3):
@@ -386,7 +419,7 @@ def _position_residual(nav, C, lever, offset, fix, kind, row, z, H):
     meridian = across * (1.0 - _E2) / reduced + nav[2]
     across += nav[2]
     H[:] = 0.0
-    arm = C @ lever
+    arm = _turned(C, lever)
     east = np.mod(nav[1] - fix[1] + np.pi, 2.0 * np.pi) - np.pi
     z[0] = (nav[0] - fix[0]) * meridian + arm[0] + nav[3] * offset
     z[1] = east * across * c + arm[1] + nav[4] * offset
@@ -414,7 +447,7 @@ def _velocity_residual(nav, C, lever, offset, rate, acceleration, fix, kind, row
             rate[0] * lever[1] - rate[1] * lever[0],
         ]
     )
-    swing = C @ turning
+    swing = _turned(C, turning)
     for i in range(3):
         z[i] = nav[3 + i] + swing[i] + acceleration[i] * offset - fix[i]
         H[i, 3 + i] = 1.0
@@ -505,6 +538,7 @@ def run(
     raw_now, raw_next, before, after, mean = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.zeros(6)
     acceleration, velocity_before = np.zeros(3), np.empty(3)
     z, H, PH, gain, error = np.empty(3), np.zeros((3, n)), np.empty(n), np.empty(n), np.empty(n)
+    S = np.empty((3, 3))
     refused = np.zeros(2, dtype=np.int64)
     for i in range(9):
         T[i, i] = 1.0
@@ -615,7 +649,7 @@ def run(
                     for i in range(3):
                         for j in range(n):
                             z[i] -= H[i, j] * error[j]
-                    S = H @ P @ H.T + covariance
+                    _seen_covariance(P, H, covariance, S)
                     for i in range(3):
                         innovations[fix, 3 * what + i] = z[i]
                         innovation_sigmas[fix, 3 * what + i] = np.sqrt(S[i, i])

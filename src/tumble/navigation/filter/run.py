@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,7 +109,7 @@ def run_filter(
     Raises
     ------
     RecordingError
-        If samples and track do not overlap in time, or the start lies outside the samples.
+        If samples and track do not overlap in time, the start lies outside the samples, or a fix's covariance is none.
     UsageError
         If the start is at a pole, where the local level has no north.
     """
@@ -117,6 +118,7 @@ def run_filter(
     part = _from_start(samples, start)
     inside = np.flatnonzero((track.time > start.time) & (track.time <= part.time[-1]))
     _refuse_no_overlap(samples, track, inside, start.time)
+    _refuse_no_covariance(track, inside)
     event_time, event_fix = _events(track.time[inside], instants, start.time, float(part.time[-1]))
     fixes, events = len(inside), len(event_time)
     n = 9 + len(setup.states)
@@ -224,6 +226,16 @@ def _refuse_no_overlap(samples: InertialSamples, track: GnssTrack, inside: np.nd
     )
 
 
+def _refuse_no_covariance(track: GnssTrack, inside: np.ndarray) -> None:
+    try:
+        np.linalg.cholesky(track.position_covariance_n[inside])
+    except np.linalg.LinAlgError as error:
+        raise RecordingError(
+            f"The track {track.name} states a covariance of a position that cannot be one (not positive definite): "
+            "give its standard deviations without correlations."
+        ) from error
+
+
 def _events(fixes: Series, instants: Series | None, start: float, stop: float) -> tuple[Series, np.ndarray]:
     """Times of all events in order, and the index of the fix at each, or -1."""
     asked = np.zeros(0) if instants is None else np.asarray(instants, dtype=float)
@@ -239,10 +251,16 @@ def _events(fixes: Series, instants: Series | None, start: float, stop: float) -
 
 
 def _gate(probability: float) -> float:
-    """The limit that a chi-square of three exceeds with a probability."""
-    from scipy.special import chdtri
-
-    return float(chdtri(3.0, probability))
+    """The limit that a chi-square of three exceeds with a probability, by halving; infinite for zero."""
+    if probability <= 0.0:
+        return float("inf")
+    low, high = 0.0, 2000.0
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        half = 0.5 * middle
+        beyond = math.erfc(math.sqrt(half)) + 2.0 * math.sqrt(half / math.pi) * math.exp(-half)
+        low, high = (middle, high) if beyond > probability else (low, middle)
+    return high
 
 
 def _unseen(samples: InertialSamples) -> Series:
