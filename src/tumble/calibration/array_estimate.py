@@ -173,9 +173,8 @@ def _of_gain(count: int, unit: MountedUnit) -> str:
     """What the common poses are worth to a unit, in a sentence."""
     best = min(unit.gain, key=lambda group: unit.gain[group])
     mean = float(np.exp(np.mean(np.log(list(unit.gain.values())))))
-    told = (
-        f"Adjusted with the {count - 1} other units of the array, whose poses are its own but for a rotation"
-    )
+    others = "other unit" if count == 2 else f"{count - 1} other units"
+    told = f"Adjusted with the {others} of the array, whose poses are its own but for a rotation"
     if mean > 1.0 - WORTH_IT:
         return (
             f"{told}: hardly anything is gained, standard uncertainties are {mean:.2f} times (geometric mean over the "
