@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
-from tumble.earth import Site
 from tumble.errors import UsageError
+
+if TYPE_CHECKING:
+    from tumble.earth import Site
 
 
 class Several(TypedDict):
