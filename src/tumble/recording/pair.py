@@ -122,7 +122,8 @@ def merge_pair(first: RawTable, second: RawTable, pairing: Pairing) -> RawTable:
         raise RecordingError(
             f"{first.path.name} has {len(first)} rows and {second.path.name} has {len(second)}: the two "
             "triads need "
-            "the same stamps. Cut or interpolate one of them onto the stamps of the other."
+            "the same stamps. Cut or interpolate one of them onto the stamps of the other; of a phone's log name "
+            "the folder, whose sensors are put on one clock."
         )
     stamps = None if pairing.time is None else first.columns[pairing.time]
     if pairing.time is not None and pairing.other_time is not None:
@@ -149,8 +150,8 @@ def _check_stamps(first: RawTable, time: int, second: RawTable, other_time: int)
         row = int(apart[0])
         raise RecordingError(
             f"{first.path.name} and {second.path.name} have different stamps from {first.place(row)} on "
-            f"({a[row]:.9g} and {b[row]:.9g}); interpolate one onto the stamps of the other, or give one "
-            "file with both."
+            f"({a[row]:.9g} and {b[row]:.9g}); interpolate one onto the stamps of the other, give one "
+            "file with both, or of a phone's log the folder, whose sensors are put on one clock."
         )
 
 
