@@ -21,8 +21,9 @@ from tumble.calibration.turn_conditions import HoldsAndTurns, window_directions
 # The share of a window that the other parts must leave for a middle of its own.
 SMALLEST_MIDDLE = 0.05
 # Cosines over a rotation in which a bias wanders, at least, a revolution, and at most; what is faster is as good
-# as white. Gravity goes round once a revolution, which is two of them.
-FEWEST_MODES, MODES_A_REVOLUTION, MOST_MODES = 8, 3, 24
+# as white. Gravity goes round once a revolution, which is two of them for its cosine; its sine takes many, and what
+# they left out of it would seem free of wander.
+FEWEST_MODES, MODES_A_REVOLUTION, MOST_MODES = 8, 6, 32
 
 
 @dataclass(slots=True)
@@ -229,7 +230,7 @@ def window_spin(
     centres = (windows[:, 0] + windows[:, 1] - 1) // 2
     whole = float((stop - start) * step)
     middle = (0.5 * (windows[:, 0] + windows[:, 1]) - start) * step / whole
-    number = np.arange(1, _modes(base, len(windows), whole, float(np.linalg.norm(rate))) + 1)
+    modes, share = wander_basis(middle, _modes(base, len(windows), whole, float(np.linalg.norm(rate))))
     return JointSpin(
         before=before,
         windows=windows,
@@ -239,8 +240,8 @@ def window_spin(
         rate=np.array([base.raw_rate[a:b].mean(axis=0) for a, b in windows]).reshape(-1, 3),
         time=middle * whole,
         offsets=time[start:stop] - np.repeat(time[centres], count),
-        modes=np.cos(np.pi * number * middle[:, None]),
-        mode_share=2.0 * np.log((number + 0.5) / (number - 0.5)),
+        modes=modes,
+        mode_share=share,
         seconds=whole,
         angle=angle,
         angle_sigma=angle_sigma,
@@ -255,8 +256,34 @@ def _modes(base: HoldsAndTurns, windows: int, seconds: float, rate: float) -> in
     """Return how many cosines a wander needs; none where nothing wanders."""
     if not (np.any(base.force_floor > 0.0) or np.any(base.rate_floor > 0.0)):
         return 0
-    turned = seconds * rate / (2.0 * np.pi)
-    return min(max(FEWEST_MODES, int(np.ceil(MODES_A_REVOLUTION * turned))), MOST_MODES, windows - 1)
+    return mode_count(windows, seconds * rate / (2.0 * np.pi))
+
+
+def mode_count(windows: int, revolutions: float) -> int:
+    """Return how many cosines stand for a wander over so many windows in which a table goes round so often."""
+    return min(max(FEWEST_MODES, int(np.ceil(MODES_A_REVOLUTION * revolutions))), MOST_MODES, windows - 1)
+
+
+def wander_basis(places: Series, count: int) -> tuple[AnyArray, Series]:
+    """Return cosines (places, count) over a rotation, and the variance of each one's amplitude by 1/f noise.
+
+    Parameters
+    ----------
+    places : (places,) of the rotation, 0 to 1.
+    count : how many.
+
+    Notes
+    -----
+    In units of the wander's density per ``ln f``; cosine n has the frequencies from n - 1/2 to n + 1/2 half
+    periods in the rotation.
+    """
+    number = np.arange(1, count + 1)
+    return np.cos(np.pi * number * places[:, None]), 2.0 * np.log((number + 0.5) / (number - 0.5))
+
+
+def faster_variance(windows: int, count: int) -> float:
+    """Return the variance of a window's mean by what wanders faster than `count` cosines, down to the window."""
+    return max(float(np.log(windows / (count + 0.5))), 0.0)
 
 
 def mean_backward_rotation(spin: JointSpin, rate: Vectors) -> Matrices:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Series, Square, Table, Vector, inverted
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Table, Vector, inverted
 from tumble.attitude.rotations import (
     matrices_from_rotation_vectors,
     matrix_from_rotation_vector,
@@ -25,7 +25,7 @@ from tumble.attitude.rotations import (
     skews,
     tangent_basis,
 )
-from tumble.calibration.joint_data import JointData, JointSpin, mean_backward_rotation
+from tumble.calibration.joint_data import JointData, JointSpin, faster_variance, mean_backward_rotation
 from tumble.calibration.joint_terms import (
     BORDER,
     Extra,
@@ -361,13 +361,15 @@ def _add_force(
     by_border[:, :, layout.force()] = bases
     by_border[:, :, layout.shared + 3 :] = shown.by_unknowns
     by_node = shown.by_true @ backward @ skew(up)
-    windows, modes = spin.modes.shape
-    # What wanders faster than the modes, down to a window.
-    faster = np.diag(data.force_density) * max(float(np.log(windows / (modes + 0.5))), 0.0)
-    covariance = noise * spin.force_covariance + faster
+    covariance = noise * spin.force_covariance + _faster(spin, data.force_density)
     white, by_node, by_border = whiten(covariance, residual[..., None], by_node, by_border)
     chain.add_unary(np.arange(len(residual)), white[..., 0], by_node, by_border)
     return residual, float(np.sum(white**2))
+
+
+def _faster(spin: JointSpin, density: Vector) -> Matrix:
+    """Raw²: what wanders faster than the modes, down to a window."""
+    return np.diag(density) * faster_variance(*spin.modes.shape)
 
 
 def _window_rates(spin: JointSpin, unknowns: Series) -> Table:
@@ -409,6 +411,7 @@ def _add_links(
     nothing = np.zeros(len(residual))
     nothing[[0, -1]] = _edge_seconds(data, spin)
     covariance = link_covariance(data, C[:-1], link, unknowns, nothing, own_bias=False)
+    covariance = covariance + wander @ _faster(spin, data.rate_density) @ np.swapaxes(wander, 1, 2)
     white, by_node, by_next, by_border = whiten(
         covariance, residual[..., None], by_node, np.ascontiguousarray(by_next), by_border
     )
