@@ -34,7 +34,20 @@ _COUNTS: tuple[float | None, tuple[str, ...]] = (None, ("count", "raw", "lsb", "
 _SPECIFIC_FORCE: _Table = {
     "m/s^2": (
         1.0,
-        ("m/s2", "m/s/s", "ms^-2", "ms-2", "m s^-2", "m s-2", "m*s^-2", "m.s^-2", "mps2", "m_s2", "m_s^2", "si"),
+        (
+            "m/s2",
+            "m/s/s",
+            "ms^-2",
+            "ms-2",
+            "m s^-2",
+            "m s-2",
+            "m*s^-2",
+            "m.s^-2",
+            "mps2",
+            "m_s2",
+            "m_s^2",
+            "si",
+        ),
     ),
     "g": (STANDARD_GRAVITY, ("g_n", "gn", "g0", "gee", "gees", "gs", "g-force")),
     "mg": (STANDARD_GRAVITY * 1e-3, ("milli-g", "millig", "m-g", "mgee", "milli g")),
@@ -47,11 +60,25 @@ _SPECIFIC_FORCE: _Table = {
 }
 
 _ANGULAR_RATE: _Table = {
-    "rad/s": (1.0, ("rads", "rad s^-1", "rad s-1", "rad*s^-1", "rad.s^-1", "rad/sec", "rps", "rad_s", "radps", "si")),
+    "rad/s": (
+        1.0,
+        ("rads", "rad s^-1", "rad s-1", "rad*s^-1", "rad.s^-1", "rad/sec", "rps", "rad_s", "radps", "si"),
+    ),
     "mrad/s": (1e-3, ("mrad s^-1", "mrad/sec", "millirad/s", "mrad_s")),
     "deg/s": (
         _DEGREE,
-        ("dps", "deg/sec", "degs", "deg s^-1", "deg s-1", "deg.s^-1", "deg_s", "degps", "degree/s", "degrees/s"),
+        (
+            "dps",
+            "deg/sec",
+            "degs",
+            "deg s^-1",
+            "deg s-1",
+            "deg.s^-1",
+            "deg_s",
+            "degps",
+            "degree/s",
+            "degrees/s",
+        ),
     ),
     "mdeg/s": (_DEGREE * 1e-3, ("mdps", "milli-deg/s", "mdeg/sec", "mdeg s^-1", "mdeg_s")),
     "deg/h": (_DEGREE / _HOUR, ("dph", "deg/hr", "deg/hour", "deg_h", "degree/h", "degrees/h")),

@@ -43,7 +43,8 @@ Columns: TypeAlias = Annotated[
     typer.Option(help="What the columns are, as t,ax,ay,az,gx,gy,gz; - skips one, -ay reverses one."),
 ]
 Units: TypeAlias = Annotated[
-    str | None, typer.Option(help="Units as g,deg/s,ms; counts; m/s,rad for increments; degF or K of the temperature.")
+    str | None,
+    typer.Option(help="Units as g,deg/s,ms; counts; m/s,rad for increments; degF or K of the temperature."),
 ]
 Rate: TypeAlias = Annotated[
     float | None, typer.Option(help="Sampling rate in Hz, for a file without time stamps.")
