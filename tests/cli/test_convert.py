@@ -148,3 +148,16 @@ def test_an_inverse_undoes_what_apply_did(tumble: Any, calibration: Path, tmp_pa
     assert answer.status == 0, answer.err
     again = np.loadtxt(tmp_path / "again.csv", delimiter=",", skiprows=1)
     assert np.allclose(again[:, 1:7], rows[:, 1:], rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "option",
+    [("--largest-loss", "nan"), ("--largest-loss", "-1"), ("--correlation-time", "-3"), ("--rate", "0")],
+)
+def test_numbers_that_no_conversion_can_work_with_are_refused(
+    tumble: Any, tmp_path: Path, option: tuple[str, str]
+) -> None:
+    answer = tumble("convert", tmp_path, "--to", "imu-tk", *option, "-o", tmp_path / "new")
+    assert answer.status == 2
+    assert option[0] in answer.err
+    assert not (tmp_path / "new").exists()

@@ -115,6 +115,8 @@ def verify_command(
         moved = None if turn_on is None else turn_on_of(turn_on)
         from tumble.workflows.drive import verify_drive
 
+        if gnss_time is not None and not math.isfinite(gnss_time):
+            raise UsageError(f"--gnss-time {gnss_time}: give seconds.")
         with progress(quiet or as_json) as say:
             found = verify_drive(
                 calibration,

@@ -46,6 +46,19 @@ class Wishes:
     correlation_time: float = 3600.0
     topic: str = "/imu0"
 
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises
+        ------
+        UsageError
+            If one is none that a conversion can work with.
+        """
+        if not 0.0 <= self.largest_loss < np.inf:
+            raise UsageError(f"--largest-loss {1e6 * self.largest_loss:g}: give ppm, 0 or more.")
+        if not 0.0 < self.correlation_time < np.inf:
+            raise UsageError(f"--correlation-time {self.correlation_time:g}: give seconds, more than 0.")
+
 
 @dataclass(frozen=True, slots=True)
 class Subject:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Series, Square
+from tumble.errors import UsageError
 from tumble.noise.weighted_fit import AllanTask, Solution
 
 FALSE_ALARM = 0.01
@@ -106,6 +107,10 @@ def _without_nothing(task: AllanTask, solution: Solution) -> Solution:
         count = len(solution.letters)
         letters = tuple(x for x, stays in zip(solution.letters, here[:count], strict=True) if stays)
         times = tuple(t for t, stays in zip(solution.times, here[count:], strict=True) if stays)
+        if not letters and not times:
+            raise UsageError(
+                "No term of noise makes such a curve: the recording holds something else, such as motion."
+            )
         solution = task.settle(letters, times)
         here = solution.squares > 0.0
     return solution

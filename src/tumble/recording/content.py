@@ -176,6 +176,53 @@ class Level:
     spread: float
     at_rest: bool
     moves: bool = False
+    two: tuple[float, float] | None = None
+
+
+# Between the units of specific force that recordings come in, m/s², g, mg and ft/s², and those of counts, lie these.
+_UNIT_RATIOS = (9.80665, 1000.0 / 9.80665, 1000.0, 32.174, 3.28084)
+_LEAST_SHARE = 0.04  # of the seconds, in either unit
+
+
+def _two_levels(force: Vectors, rate: float) -> tuple[float, float] | None:
+    """Return two levels of the norm, second by second, as far apart as two units are and each steady, or None.
+
+    Rest is not asked for: in the finer unit of two all noise is smaller, and nothing else would seem at rest.
+    """
+    size = max(round(rate), 1)
+    whole = force[: len(force) // size * size]
+    if len(whole) < 20 * size:
+        return None
+    norms = np.median(np.linalg.norm(whole, axis=1).reshape(-1, size), axis=1)
+    ordered = np.sort(np.log(np.maximum(norms, 1e-300)))
+    least = max(2, int(_LEAST_SHARE * ordered.size))
+    cut = int(np.argmax(np.diff(ordered)[least - 1 : -least + 1])) + least
+    low, high = ordered[:cut], ordered[cut:]
+    spreads = [float(np.subtract(*np.quantile(part, [0.75, 0.25]))) for part in (low, high)]
+    apart = float(np.median(high) - np.median(low))
+    gap = float(high[0] - low[-1])
+    if max(spreads) > _GUESS_TOLERANCE or gap < 0.5 * apart:
+        return None
+    if min(abs(apart - np.log(ratio)) for ratio in _UNIT_RATIOS) > _GUESS_TOLERANCE:
+        return None
+    return float(np.exp(np.median(low))), float(np.exp(np.median(high)))
+
+
+def refuse_mixed_units(level: Level, name: str) -> None:
+    """Refuse a recording whose unit changes on the way.
+
+    Raises
+    ------
+    RecordingError
+        If the norm jumps between two levels as far apart as two units are.
+    """
+    if level.two is not None:
+        low, high = level.two
+        raise RecordingError(
+            f"{name}: the accelerometer's norm is near {low:.4g} for some of the time and near {high:.4g} for the "
+            f"rest, {high / low:.4g} times as much: the unit changes within the file. Convert one part, or give the "
+            "parts one by one."
+        )
 
 
 def rest_level(recording: Recording) -> Level:
@@ -192,7 +239,8 @@ def rest_level(recording: Recording) -> Level:
     low, high = np.quantile(norms, [0.05, 0.95])
     # What is quietest in a recording that never rests is no rest.
     moves = bool(np.max(quiet.floor[:3]) > _RESTLESS * middle)
-    return Level(middle, float(high - low) / middle if middle > 0.0 else np.inf, bool(len(quiet)), moves)
+    spread = float(high - low) / middle if middle > 0.0 else np.inf
+    return Level(middle, spread, bool(len(quiet)), moves, _two_levels(force, recording.rate))
 
 
 def guess_specific_force_unit(level: Level, whole_numbers: bool, rate: float) -> tuple[str, str]:

@@ -75,11 +75,33 @@ def choose_columns(table: RawTable, option: str | None) -> tuple[ColumnPlan, lis
     if table.names is not None:
         plan = plan_from_names(table.names)
         if plan is not None:
-            return plan, [Remark("found", _header_words(table, plan))]
+            return plan, [Remark("found", _header_words(table, plan)), *_left_over(table, plan)]
         found, remarks = content.plan_from_content(table.columns, name)
         listed = ", ".join(table.names[:8])
         return found, [Remark("found", f"{name}: the header ({listed}) names no triad."), *remarks]
     return content.plan_from_content(table.columns, name)
+
+
+def _left_over(table: RawTable, plan: ColumnPlan) -> list[Remark]:
+    """Name the columns that nothing was made of, where a triad is missing: it may be among them."""
+    missing = [
+        what
+        for triad, what in ((plan.specific_force, "accelerometer"), (plan.angular_rate, "gyro"))
+        if triad is None
+    ]
+    used = {i for triad in (plan.specific_force, plan.angular_rate) for i, _ in triad or ()}
+    used |= {i for i in (plan.time, plan.temperature) if i is not None}
+    unused = [name for i, name in enumerate(table.names or ()) if i not in used]
+    if not missing or not unused:
+        return []
+    listed = ", ".join(repr(name) for name in unused[:8])
+    return [
+        Remark(
+            "assumed",
+            f"{table.path.name}: no {' and no '.join(missing)} was recognised; nothing was made of the columns "
+            f"{listed}. If it is among them, name it with --columns (t,ax,ay,az,gx,gy,gz).",
+        )
+    ]
 
 
 def _header_words(table: RawTable, plan: ColumnPlan) -> str:
@@ -273,6 +295,7 @@ def _decide_force(
         return decided, []
     name, rate = table.path.name, recording.rate
     level = content.rest_level(recording)
+    content.refuse_mixed_units(level, name)
     header = decided.plan.specific_force_unit
     increment = units.velocity_increment
     if (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
@@ -36,6 +36,11 @@ def recording_inputs(paths: Paths) -> list[Path | Frame]:
     UsageError
         If nothing was named.
     """
+    if not isinstance(paths, Iterable | PathLike | Frame):  # pyright: ignore[reportUnnecessaryIsInstance]  # untyped callers
+        raise UsageError(
+            f"A {type(paths).__name__} is no recording: give a path, or a data frame of pandas or polars (a lazy one "
+            "collected)."
+        )
     named = [paths] if isinstance(paths, str | PathLike | Frame) else list(paths)
     if not named:
         raise UsageError("No recording was named.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -97,6 +98,8 @@ def convert_to(
         If the file cannot be written; an earlier one is intact.
     """
     chosen = find_target(target)
+    if rate is not None and not 0.0 < rate < math.inf:
+        raise UsageError(f"--rate {rate:g}: give Hz, more than 0.")
     if noise is not None and NOISE not in chosen.holds:
         raise UsageError(f"{chosen.title} holds no noise: leave --noise out.")
     if noise is None and (inflate != (1.0, 1.0) or rate is not None):

@@ -14,6 +14,8 @@ from tumble.workflows.calibration_parts import UNCALIBRATED, WHOLE
 
 # Normalised errors beyond this contradict the calibration: one in 15,000 by chance.
 LARGEST_NORMALISED = 4.0
+# Beyond this the IMU and the positions do not describe one drive, whoever is to blame.
+LARGEST_SHARE_REFUSED = 0.1
 _FEWEST = 4
 _UNKNOWN = Statistic(float("nan"), float("nan"))
 _GRAVITY, _EARTH_RADIUS = 9.81, 6.371e6
@@ -199,6 +201,15 @@ def judge_drive(found: DriveVerification, own_recording: bool) -> None:
         against.append(
             f"The drive finds the {name} off by {_practical(name, estimate)}, {abs(times):.1f} times what the "
             "calibration's uncertainty allows: it has changed since, or the filter's noise is stated too small."
+        )
+    result = found.part(WHOLE)
+    if result.refused > LARGEST_SHARE_REFUSED * result.fixes:
+        against.insert(
+            0,
+            f"The drive is no proof: {result.refused} of {result.fixes} positions were refused as outliers and "
+            f"innovations are {result.innovations:.3g} times what the filter expects. Positions and IMU do not "
+            "describe one motion: an axis reversed, outliers, a gap in the IMU, a wrong offset between the clocks, or "
+            "another unit.",
         )
     found.fit = not against
     own = (

@@ -35,7 +35,8 @@ def read_played(protocol: str | os.PathLike[str], duration: float | None = None)
     from tumble.protocol.library import REST, rest_protocol
 
     name = str(protocol)
-    if name == REST and not Path(name).exists():
+    # A folder of that name is what an earlier simulation wrote, and no protocol.
+    if name == REST and not Path(name).is_file():
         seconds = REST_SECONDS if duration is None else duration
         if not 1.0 <= seconds < math.inf:
             raise UsageError(f"--duration {seconds:g}: give at least one second.")

@@ -99,7 +99,14 @@ def check_temperature(
     RecordingError
         If it is in kelvin, degrees Fahrenheit or counts.
     """
-    celsius = np.array([stated]) if stated is not None else recording.temperature
+    own = recording.temperature
+    if stated is not None and own is not None and np.isfinite(own).any():
+        raise UsageError(
+            f"--temperature {stated:g} is for a recording without a column of temperature; this one has one "
+            f"({float(np.nanmin(own)):.4g} to {float(np.nanmax(own)):.4g} °C): leave --temperature out, or skip "
+            "the column with - in --columns."
+        )
+    celsius = np.array([stated]) if stated is not None else own
     if celsius is None:
         raise UsageError(NO_TEMPERATURE)
     known = celsius[np.isfinite(celsius)]
