@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
 COLLAPSE = (
     "mean of variances: the root of the mean of the axes' squared coefficients, an axis that does not show the term "
-    "counted as zero; worst axis: the largest coefficient, and whose it is. N is that of `random_walk`, with the white "
-    "part of short Gauss-Markov processes"
+    "counted as zero, known to half its upper limit squared; worst axis: the largest coefficient, and whose it is. N "
+    "is that of `random_walk`, with the white part of short Gauss-Markov processes"
 )
 """How three axes become one, in words."""
 
@@ -63,7 +63,12 @@ def triad_terms(channels: Sequence[Channel]) -> tuple[TriadTerm, ...]:
         mean = float(np.sqrt(np.sum(values**2) / len(channels)))
         spread = float(np.sqrt(np.sum(sigmas**2) / len(channels)))
         if mean > 0.0:
-            spread = float(np.sqrt(np.sum((values * sigmas) ** 2)) / (len(channels) * mean))
+            # Half the uncertainty of each square; a square that is not seen is zero to half its upper limit.
+            halves = [
+                *(values * sigmas),
+                *(0.25 * _limit(c, letter) ** 2 for c in channels if c.name not in shown),
+            ]
+            spread = float(np.sqrt(np.sum(np.square(halves))) / (len(channels) * mean))
         worst = max(shown, key=lambda name: shown[name].value)
         found.append(
             TriadTerm(
@@ -78,6 +83,12 @@ def triad_terms(channels: Sequence[Channel]) -> tuple[TriadTerm, ...]:
             )
         )
     return tuple(found)
+
+
+def _limit(channel: Channel, letter: str) -> float:
+    """The upper limit of a coefficient that an axis does not show; 0 where none is known."""
+    limit = channel.unseen.get(letter, 0.0)
+    return limit if np.isfinite(limit) else 0.0
 
 
 def _term(channel: Channel, letter: str) -> Term | None:
