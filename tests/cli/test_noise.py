@@ -168,3 +168,27 @@ def test_a_gyro_that_was_not_found_is_missed_aloud(tumble: Any, still: np.ndarra
     answer = tumble("noise", path)
     assert answer.status == 0
     assert "There is no gyro: what was found is" in answer.out
+
+
+def test_terms_by_wavelet_moments_are_near_those_by_the_curve(
+    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path
+) -> None:
+    path = written(tmp_path / "rest.csv", still)
+    by = {}
+    for method in ("curve", "moments"):
+        answer = tumble("noise", path, "--fit", method, "--json")
+        assert answer.status == 0, answer.err
+        by[method] = json.loads(answer.out)["channels"]["gx"]
+    assert "wavelet moments" in by["moments"]["fit"]["what"]
+    one, other = (found["terms"]["N"] for found in by.values())
+    assert one["value"] != other["value"]
+    # both from one recording: their difference is below the uncertainty of either
+    assert abs(one["value"] - other["value"]) < one["standard_uncertainty"]
+
+
+def test_a_way_to_fit_that_is_none_is_refused(
+    tumble: Any, written: Any, still: np.ndarray, tmp_path: Path
+) -> None:
+    answer = tumble("noise", written(tmp_path / "rest.csv", still), "--fit", "best")
+    assert answer.status == 2
+    assert "curve or moments" in answer.err

@@ -36,6 +36,14 @@ def noise_command(
             help="Its averaging times: doubling, 1 2 4 a decade, ten a decade, every one, or a list in s as 0.1,1,10.",
         ),
     ] = "log",
+    fit: Annotated[
+        str,
+        typer.Option(
+            metavar="curve|moments",
+            help="How the terms are found: a weighted fit of the whole curve, or the generalized method of wavelet "
+            "moments.",
+        ),
+    ] = "curve",
     skip: Annotated[float, typer.Option(help="Seconds at the start to leave out, such as warm-up.")] = 0.0,
     remove_temperature: Annotated[
         bool,
@@ -74,6 +82,7 @@ def noise_command(
             remove_temperature=remove_temperature,
             kind=kind,
             taus=taus,
+            fit=fit,
             stream=stream,
             progress=say,
         )

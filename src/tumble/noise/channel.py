@@ -10,8 +10,9 @@ import numpy as np
 from tumble.arrays import Series
 from tumble.errors import UsageError
 from tumble.noise.deviation import Deviation
-from tumble.noise.fit import NoiseFit, fit_curve
+from tumble.noise.fit import NoiseFit, fit_curve, fit_moments_of
 from tumble.noise.lines import FoundLine
+from tumble.noise.weighted_fit import Method
 from tumble.noise.white_part import WhitePart, white_beyond
 
 FLOOR = sqrt(2.0 * log(2.0) / pi)
@@ -111,6 +112,7 @@ def characterise_channel(
     octaves: Deviation,
     lines: tuple[FoundLine, ...],
     shortest: float,
+    method: Method = "curve",
 ) -> Channel:
     """Fit a channel's model, and read its lowest point off.
 
@@ -120,8 +122,9 @@ def characterise_channel(
     octaves : overlapping Allan deviation that the model is fitted to.
     lines : of its spectrum.
     shortest : s, averaging times below which nothing is fitted.
+    method : "curve", of the logarithm of the whole curve, or "moments", of the wavelet variances.
     """
-    fit, why = _fit(octaves.from_tau(shortest), lines)
+    fit, why = _fit(octaves.from_tau(shortest), lines, method)
     # The finer curve, where it is an Allan deviation too.
     allan = curve if curve.kind == "overlapping" and len(curve) > len(octaves) else octaves
     known = (allan.edf[:, 0] >= _WELL_KNOWN) & (allan.tau >= shortest)
@@ -141,10 +144,11 @@ def characterise_channel(
     )
 
 
-def _fit(octaves: Deviation, lines: tuple[FoundLine, ...]) -> tuple[NoiseFit | None, str]:
+def _fit(octaves: Deviation, lines: tuple[FoundLine, ...], method: Method) -> tuple[NoiseFit | None, str]:
     """The model, with more than one Gauss-Markov process only where one does not fit; or why there is none."""
+    fit_by = fit_curve if method == "curve" else fit_moments_of
     try:
-        fit = fit_curve(octaves, lines=lines)
+        fit = fit_by(octaves, lines=lines)
     except UsageError as error:
         return None, str(error)
     except np.linalg.LinAlgError as error:
@@ -152,7 +156,7 @@ def _fit(octaves: Deviation, lines: tuple[FoundLine, ...]) -> tuple[NoiseFit | N
     if fit.probability >= _MISFIT:
         return fit, ""
     try:
-        richer = fit_curve(octaves, lines=lines, gauss_markov=3)
+        richer = fit_by(octaves, lines=lines, gauss_markov=3)
     except np.linalg.LinAlgError:
         return fit, ""
     return (richer if richer.probability > fit.probability else fit), ""

@@ -32,6 +32,7 @@ from tumble.noise.held import Held, blocks_without_repeats, find_held, say_held,
 from tumble.noise.spectrum import PowerSpectrum
 from tumble.noise.streaming import StreamedDeviation
 from tumble.noise.suitability import Suitability, judge_rest
+from tumble.noise.weighted_fit import Method
 from tumble.recording import Recording, Source
 
 _LEAST_SAMPLES = 16
@@ -85,6 +86,7 @@ def characterise(
     remove_temperature: bool = False,
     kind: Kind = "overlapping",
     taus: Taus = "log",
+    method: Method = "curve",
 ) -> Characterisation:
     """Return deviations, spectra and terms of all channels of a recording at rest.
 
@@ -95,6 +97,7 @@ def characterise(
     remove_temperature : take a straight line in the temperature off each channel first.
     kind, taus : of the curves, as for `tumble.noise.deviation.allan_deviation`. The model is fitted to the
         overlapping Allan deviation whatever they are.
+    method : of the fit: "curve", of the logarithm of the whole curve, or "moments", of its wavelet variances.
 
     Raises
     ------
@@ -118,7 +121,15 @@ def characterise(
     averages = average_whole(recording, suitability, factors, kind, taus)
     said += _say_taus(taus, averages.curve)
     return _gathered(
-        suitability, units, averages, said, recording.sources, recording.rate, recording.duration, held=held
+        suitability,
+        units,
+        averages,
+        said,
+        recording.sources,
+        recording.rate,
+        recording.duration,
+        held=held,
+        method=method,
     )
 
 
@@ -129,6 +140,7 @@ def characterise_blocks(
     remove_temperature: bool = False,
     kind: Kind = "overlapping",
     taus: Taus = "log",
+    method: Method = "curve",
     progress: Callable[[str], None] | None = None,
 ) -> Characterisation:
     """Return the same of a recording of any length that is read twice, block by block.
@@ -139,7 +151,7 @@ def characterise_blocks(
     Parameters
     ----------
     read : begins a reading; gives consecutive blocks.
-    skip, remove_temperature, kind, taus : as for `characterise`, without the modified deviation and without
+    skip, remove_temperature, kind, taus, method : as for `characterise`, without the modified deviation and without
         all averaging times.
     progress : is told in words how far it is.
 
@@ -165,7 +177,16 @@ def characterise_blocks(
     said += _say_taus(taus, averages.curve)
     duration = survey.stop_time - survey.start_time
     return _gathered(
-        suitability, units, averages, said, first.sources, survey.rate, duration, held=held, streamed=True
+        suitability,
+        units,
+        averages,
+        said,
+        first.sources,
+        survey.rate,
+        duration,
+        held=held,
+        method=method,
+        streamed=True,
     )
 
 
@@ -206,6 +227,7 @@ def _gathered(
     duration: float,
     *,
     held: Held | None,
+    method: Method,
     streamed: bool = False,
 ) -> Characterisation:
     """Fit the channels' models, and put everything together."""
@@ -217,6 +239,7 @@ def _gathered(
             averages.octaves.channel(k),
             averages.lines[k],
             suitability.shortest,
+            method,
         )
         for k, (name, unit) in enumerate(zip(suitability.channels, units, strict=True))
     )

@@ -30,6 +30,9 @@ _STEP = 10.0  # robust standard deviations of the change from one mean to the ne
 _TREND = 6.0
 _TEMPERATURE_SPAN = 0.5  # degrees Celsius
 _EXPLAINED = 0.5  # share of the slow variation that makes a temperature trend
+# A unit at rest shows gravity where it is: half a degree is 9 mg, nine times what the bias of a consumer unit drifts by
+# over 5 K (see FAR_FROM_CALIBRATION in workflows/temperature).
+_LEANS = np.radians(0.5)
 _MOST_SAID = 3  # steps that are told one by one
 
 Ranges = tuple[Piece, ...]
@@ -92,6 +95,7 @@ def judge_rest(evidence: RestEvidence) -> Suitability:
     pieces = _without_motion(task, pieces)
     pieces = _without_steps(task, pieces)
     if pieces:
+        _say_leaning(task, pieces)
         _say_trends(task, pieces)
         _say_resolution(task)
     return Suitability(tuple(pieces), task.names, tuple(remarks), shortest)
@@ -252,6 +256,27 @@ def _jumps(means: Table, change: Table, spread: Series) -> list[tuple[int, int]]
         if jump > 5.0 * max(float(np.ptp(before)), float(np.ptp(after)), float(spread[channel])):
             found.append((k, channel))
     return found
+
+
+def _say_leaning(task: _Judgement, pieces: list[Piece]) -> None:
+    """Say that gravity goes to and fro in the unit's axes, more slowly than scatter shows."""
+    at = [k for k, name in enumerate(task.names) if name.startswith("a")]
+    if len(at) < 3:
+        return
+    size = max(_LEAST_BLOCK, round(_BLOCK * task.rate))
+    means = np.concatenate([task.blocks(piece, size).means[:, at] for piece in pieces])
+    if len(means) < 4:
+        return
+    middle = np.median(means, axis=0)
+    away = np.linalg.norm(np.cross(means, middle), axis=1)
+    angles = np.arctan2(away, means @ middle)
+    leans = float(np.quantile(angles, 0.9))
+    if leans > _LEANS:
+        task.remarks.append(
+            f"Gravity goes to and fro in the unit's axes by {np.degrees(leans):.2g}° (a tenth of the time by more): "
+            "the unit turns slowly, it is not at rest. What is slower than a second below is that motion, not the "
+            "sensors' noise; record again on something firm."
+        )
 
 
 def _say_trends(task: _Judgement, pieces: list[Piece]) -> None:

@@ -84,6 +84,13 @@ class CovarianceBlock(_Strict):
     matrix: list[list[float]]
 
 
+FITS = {
+    "curve": "weighted fit of the logarithm of the whole Allan curve, averaging times an octave apart",
+    "moments": "generalized method of wavelet moments: Haar wavelet variances (half the Allan variances), averaging "
+    "times an octave apart",
+}
+
+
 class FitBlock(_Strict):
     """How the model was fitted, and whether it fits."""
 
@@ -316,7 +323,7 @@ def _random_walk(channel: Channel) -> RandomWalkBlock | None:
 def _fit(channel: Channel, fit: NoiseFit) -> FitBlock:
     names = [term.name for term in fit.terms]
     return FitBlock(
-        what="weighted fit of the logarithm of the whole Allan curve, averaging times an octave apart",
+        what=FITS[fit.method],
         confidence=fit.confidence,
         chi_square=fit.chi_square,
         degrees_of_freedom=fit.freedom,

@@ -16,6 +16,7 @@ from tumble.recording import read_blocks, read_recording
 if TYPE_CHECKING:
     from tumble.noise.characterisation import Characterisation
     from tumble.noise.deviation import Kind, Taus
+    from tumble.noise.weighted_fit import Method
 
 DOCUMENT, PAGE = "noise.json", "noise.html"
 
@@ -48,6 +49,7 @@ def analyse_noise(
     remove_temperature: bool = False,
     kind: str = "overlapping",
     taus: str = "log",
+    fit: str = "curve",
     stream: bool | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> NoiseAnalysis:
@@ -61,6 +63,8 @@ def analyse_noise(
     remove_temperature : take a straight line in the temperature off first.
     kind : of the curves: "overlapping", "modified", "hadamard" or "haar".
     taus : "octave", "decade", "log", "all", or averaging times in s with commas between.
+    fit : "curve", weighted fit of the logarithm of the whole curve, or "moments", the generalized method of wavelet
+        moments.
     stream : whether to read block by block; None where the file is larger than half a gigabyte.
     progress : is told in words what is being done.
 
@@ -80,7 +84,7 @@ def analyse_noise(
     folder = None if output is None else Path(output)
     if folder is not None and folder.exists() and not folder.is_dir():
         raise UsageError(f"-o {folder} is a file: give a folder.")
-    which, wanted = _kind(kind), _taus(taus)
+    which, wanted, method = _kind(kind), _taus(taus), _method(fit)
     say = progress or _silent
     listed = [Path(p) for p in ([paths] if isinstance(paths, str | os.PathLike) else paths)]
     if stream or (stream is None and sum(map(_numbers_in, listed)) > STREAMED_ABOVE):
@@ -90,6 +94,7 @@ def analyse_noise(
             remove_temperature=remove_temperature,
             kind=which,
             taus=wanted,
+            method=method,
             progress=say,
         )
     else:
@@ -99,7 +104,12 @@ def analyse_noise(
         )
         say("averaging")
         noise = characterise(
-            recording, skip=skip, remove_temperature=remove_temperature, kind=which, taus=wanted
+            recording,
+            skip=skip,
+            remove_temperature=remove_temperature,
+            kind=which,
+            taus=wanted,
+            method=method,
         )
     from tumble.report.noise_document import noise_document
 
@@ -107,7 +117,7 @@ def analyse_noise(
     files: tuple[Path, ...] = ()
     if folder is not None:
         say("writing")
-        files = _write(folder, noise, document, _command(noise, skip, remove_temperature, kind, taus))
+        files = _write(folder, noise, document, _command(noise, skip, remove_temperature, kind, taus, method))
     return NoiseAnalysis(noise, document, files)
 
 
@@ -123,6 +133,13 @@ def _kind(name: str) -> Kind:
         if kind == wanted:
             return kind
     raise UsageError(f"--kind {name} is no kind of deviation: give {', '.join(KINDS[:-1])} or {KINDS[-1]}.")
+
+
+def _method(name: str) -> Method:
+    for method in ("curve", "moments"):
+        if method == name.strip().lower():
+            return method
+    raise UsageError(f"--fit {name} is no way to fit: give curve or moments.")
 
 
 def _taus(text: str) -> Taus:
@@ -153,11 +170,14 @@ def _numbers_in(path: Path) -> int:
         return 0
 
 
-def _command(noise: Characterisation, skip: float, remove_temperature: bool, kind: str, taus: str) -> str:
+def _command(
+    noise: Characterisation, skip: float, remove_temperature: bool, kind: str, taus: str, method: Method
+) -> str:
     words = ["tumble", "noise", *(source.name for source in noise.sources)]
     words += [f"--skip {skip:g}"] if skip else []
     words += ["--remove-temperature"] if remove_temperature else []
     words += [f"--kind {kind}"] if kind != "overlapping" else []
+    words += [f"--fit {method}"] if method != "curve" else []
     return " ".join([*words, *([f"--taus {taus}"] if taus != "log" else [])])
 
 

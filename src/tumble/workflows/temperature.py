@@ -210,9 +210,18 @@ def about_temperature(
             )
         largest = stage.thermal.largest_rate
         if largest is not None and corrector.fastest > 2.0 * largest:
+            of_rate = stage.thermal.rate_coefficients
+            pair = (of_rate.accelerometer_bias, of_rate.gyroscope_bias)
+            knows = stage.thermal.lag > 0.0 or any(row is not None and np.any(row) for row in pair)
+            told = (
+                "what depends on the rate is extrapolated there."
+                if knows
+                else "it knows neither a lag of the sensor nor what a rate does to the biases, and corrects as if "
+                "settled, off by an amount that it cannot tell."
+            )
             words.append(
                 f"The temperature changed by up to {60 * corrector.fastest:.2g} K/min, in the calibration by at most "
-                f"{60 * largest:.2g} K/min: what depends on the rate is extrapolated there."
+                f"{60 * largest:.2g} K/min: {told}"
             )
     return words
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +23,7 @@ def without_models(monkeypatch: pytest.MonkeyPatch) -> None:
     """No model is fitted, which takes the longest, where a test asks what is done before."""
     from tumble.noise import channel
 
-    monkeypatch.setattr(channel, "_fit", lambda octaves, lines: (None, "left out by the test"))
+    monkeypatch.setattr(channel, "_fit", lambda octaves, lines, method: (None, "left out by the test"))
 
 
 def at_rest(samples: int = 30_000, seed: int = 0) -> Recording:
@@ -248,3 +249,24 @@ def test_rounding_to_coarse_steps_is_said() -> None:
     step = 5.0 * N_G * np.sqrt(RATE)
     found = characterise(spoiled(coarse, angular_rate=step * np.round(coarse.angular_rate / step)))
     assert any("less than one step of the converter" in text for text in found.sentences)
+
+
+@pytest.mark.parametrize("period", [20.0, 120.0])
+def test_a_unit_that_sways_slowly_is_said_not_to_rest(period: float) -> None:
+    """A degree is 17 mrad of gravity, far below the scatter that stands for motion, second by second."""
+    rest = at_rest()
+    lean = np.radians(1.0) * np.sin(2.0 * np.pi * rest.time / period)
+    swayed = rest.specific_force + 9.8 * np.column_stack([np.sin(lean), 0.0 * lean, np.cos(lean) - 1.0])
+    found = judge_rest(WholeEvidence(spoiled(rest, specific_force=swayed)))
+    # a tenth of the time a sine is beyond 0.988 of its amplitude; its means of a second, about its median, by less
+    said = next(
+        text for text in found.remarks if text.startswith("Gravity goes to and fro in the unit's axes by ")
+    )
+    assert float(re.search(r"([0-9.]+)°", said)[1]) == pytest.approx(0.98, abs=0.015)  # type: ignore[index]
+
+
+def test_a_bias_that_drifts_by_three_mg_is_no_sway() -> None:
+    rest = at_rest()
+    drift = 0.03 * np.linspace(-1.0, 1.0, len(rest))[:, None] * [1.0, -1.0, 0.5]
+    found = judge_rest(WholeEvidence(spoiled(rest, specific_force=rest.specific_force + drift)))
+    assert not any("Gravity" in said for said in found.remarks)
