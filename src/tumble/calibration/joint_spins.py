@@ -25,7 +25,7 @@ from tumble.attitude.rotations import (
     skews,
     tangent_basis,
 )
-from tumble.calibration.joint_data import JointData, JointSpin, faster_variance, mean_backward_rotation
+from tumble.calibration.joint_data import JointData, JointSpin, mean_backward_rotation
 from tumble.calibration.joint_terms import (
     BORDER,
     Extra,
@@ -44,6 +44,7 @@ from tumble.calibration.joint_unknowns import (
     raw_force,
     without_asymmetry,
 )
+from tumble.calibration.joint_wander import faster_variance
 from tumble.calibration.triad_unknowns import BIAS
 from tumble.estimation.bordered import BorderedChain, EliminatedChain, whiten
 
