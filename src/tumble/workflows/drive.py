@@ -17,17 +17,18 @@ from tumble.navigation import (
     FilterRun,
     FilterSetup,
     GnssTrack,
-    OutageErrors,
+    estimate_time_offset,
     find_rest,
     outages,
     prepare_drive,
     read_track,
     smooth,
 )
+from tumble.navigation.drive import wide_setup
+from tumble.navigation.filter.stretches import LONGEST_BRIDGED
 from tumble.navigation.free_drift import FreeDrift, free_drift
 from tumble.navigation.plausibility import (
     about_clocks,
-    missing_stretches,
     refuse_mirrored,
     refuse_no_overlap,
     refuse_wrong_scale,
@@ -120,9 +121,10 @@ def verify_drive(
         remark.text for remark in (*recordings[0].remarks, *track.remarks) if remark.kind != "unchecked"
     ] + remarks
     say("comparing the clocks")
-    drive, words = _prepared(parts[-1], track, offset)
+    arm = np.array(lever_arm_b, dtype=float)
+    drive, words = _prepared(parts[-1], track, offset, arm)
     remarks += words
-    setup, setting = drive_filter(parts[-1], grade, noise, np.array(lever_arm_b, dtype=float))
+    setup, setting = drive_filter(parts[-1], grade, noise, arm)
     moved = turn_on or (
         min(TURN_ON[0], grade.accelerometer.bias / 4.0),
         min(TURN_ON[1], grade.gyroscope.bias / 4.0),
@@ -131,7 +133,7 @@ def verify_drive(
         f"Biases may have moved since the calibration by {two_digits(moved[0] / 9.80665e-3)} mg and "
         f"{two_digits(float(np.degrees(moved[1])) * 3600.0)} °/h (one sigma; --turn-on says otherwise)."
     )
-    gaps = missing_stretches(parts[-1].samples)
+    gaps = parts[-1].samples.missing()
     remarks += [_gap_words(gaps)] if gaps else []
     lengths = _lengths(drive, durations)
     parts.insert(1, without_rest_rate(parts[0], *find_rest(parts[0].samples, drive.track)))
@@ -148,7 +150,7 @@ def verify_drive(
         run = mine.run(told, interval=1.0)
         runs[part.part] = run
         drift = free_drift(part.samples, reference, seconds.tolist(), every=_every(drive), gaps=gaps)
-        results.append(_result(part.part, mine, told, run, drift, lengths, gaps))
+        results.append(_result(part.part, mine, told, run, drift, lengths))
     found = DriveVerification(
         recording=", ".join(source.name for source in recording.sources),
         track=track.name,
@@ -168,12 +170,14 @@ def verify_drive(
     return found
 
 
-def _prepared(part: CorrectedBy, track: GnssTrack, offset: float | None) -> tuple[Drive, list[str]]:
+def _prepared(
+    part: CorrectedBy, track: GnssTrack, offset: float | None, arm: Series
+) -> tuple[Drive, list[str]]:
     """The drive by the whole calibration, its clocks, axes and units checked, and what is to be said."""
     if offset is not None:
         refuse_no_overlap(part.samples, track, offset)
     try:
-        drive = prepare_drive(part.samples, track, offset=offset)
+        drive = prepare_drive(part.samples, track, setup=wide_setup(arm), offset=offset)
     except RecordingError as error:
         reason = _why(part, track, offset)
         if reason:
@@ -181,31 +185,47 @@ def _prepared(part: CorrectedBy, track: GnssTrack, offset: float | None) -> tupl
         raise
     refuse_wrong_scale(part.samples, drive.track)
     refuse_mirrored(part.samples, drive.track)
-    words = about_clocks(drive.clock.offset, drive.clock.sigma, track, part.samples)
-    weak = drive.clock.second_best > 0.9 * drive.clock.correlation
-    if weak and offset is None:
-        words += (
-            " The offset of the clocks is not the only one that fits (correlations of "
+    apart = about_clocks(drive.clock.offset, drive.clock.sigma, track, part.samples)
+    if offset is not None:
+        return drive, _beside_the_given(part, track, offset)
+    words = [f"{apart} The offset was taken out."] if apart else []
+    if drive.clock.second_best > 0.9 * drive.clock.correlation:
+        words.append(
+            "The offset of the clocks is not the only one that fits (correlations of "
             f"{drive.clock.correlation:.2f} and {drive.clock.second_best:.2f}): give it with --gnss-time."
         )
-    return drive, [words.strip()] if words else []
+    return drive, words
+
+
+def _beside_the_given(part: CorrectedBy, track: GnssTrack, offset: float) -> list[str]:
+    """A sentence where the course fits the gyros at another offset than the one that was given."""
+    try:
+        found = estimate_time_offset(part.samples, track, around=offset, reach=5.0)
+    except RecordingError:
+        return []
+    if abs(found.offset - offset) < max(3.0 * found.sigma, 0.2):
+        return []
+    return [
+        (
+            f"The course fits the gyros at {found.offset:.2f} s (standard uncertainty {found.sigma:.2f} s), and "
+            f"--gnss-time {offset:g} was given: leave it out to have the offset found."
+        )
+    ]
 
 
 def _why(part: CorrectedBy, track: GnssTrack, offset: float | None) -> str:
     """A better reason for files that do not agree: swapped axes, or clocks that are apart."""
-    from tumble.navigation import estimate_time_offset
-
     if offset is not None:
         try:
             found = estimate_time_offset(part.samples, track)
         except RecordingError:
             found = None
         if found is not None and found.correlation > 0.8 and abs(found.offset - offset) > 0.5:
-            clocks = about_clocks(found.offset, found.sigma, track, part.samples)
-            why = clocks.partition(". The offset")[0] if clocks else ""
+            apart = about_clocks(found.offset, found.sigma, track, part.samples)
             return (
                 f"With --gnss-time {offset:g} course and gyros do not agree; with {found.offset:.2f} s they do "
-                f"(correlation {found.correlation:.2f}). {why + '. ' if why else ''}Leave it out, or give that."
+                f"(correlation {found.correlation:.2f}). {apart + ' ' if apart else ''}Leave --gnss-time out to have "
+                "the offset found."
             )
     return why_no_agreement(part.samples, track)
 
@@ -246,16 +266,11 @@ def _result(
     run: FilterRun,
     drift: FreeDrift,
     lengths: Sequence[float],
-    gaps: Sequence[tuple[float, float]],
 ) -> PartResult:
     settle = _settle(drive)
     every = max(1.0, round((float(drive.track.time[-1]) - drive.start.time) / 300.0))
     found = [
-        [
-            _clear_of(one, gaps)
-            for one in outages(drive, setup, lengths, every=every, settle=settle, repeated=again)
-        ]
-        for again in (False, True)
+        outages(drive, setup, lengths, every=every, settle=settle, repeated=again) for again in (False, True)
     ]
     distances: Series = run.distances[:, 0]
     seen = np.isfinite(distances)
@@ -268,14 +283,6 @@ def _result(
         len(run.refused),
         int(seen.sum()),
     )
-
-
-def _clear_of(errors: OutageErrors, gaps: Sequence[tuple[float, float]]) -> OutageErrors:
-    """Outages that no missing samples lie in."""
-    keep = np.ones(len(errors.starts), dtype=bool)
-    for first, last in gaps:
-        keep &= (errors.starts >= last) | (errors.starts + errors.duration <= first)
-    return OutageErrors(errors.duration, errors.starts[keep], errors.errors_n[keep])
 
 
 def _contradictions(run: FilterRun, setup: FilterSetup) -> dict[str, tuple[float, float]]:
@@ -295,10 +302,15 @@ def _contradictions(run: FilterRun, setup: FilterSetup) -> dict[str, tuple[float
 def _gap_words(gaps: Sequence[tuple[float, float]]) -> str:
     longest = max(gaps, key=lambda gap: gap[1] - gap[0])
     missing = sum(last - first for first, last in gaps)
+    anew = sum(last - first > LONGEST_BRIDGED for first, last in gaps)
+    how = "the filter bridges them by a straight line"
+    if anew:
+        which = "it" if len(gaps) == 1 else f"{anew} of them"
+        how = f"the filter starts anew after {which}, keeping what it knows of the sensors"
     return (
-        f"Samples are missing in {len(gaps)} stretch{'es' if len(gaps) > 1 else ''} of {missing:.2f} s in all (longest "
-        f"{longest[1] - longest[0]:.2f} s at {longest[0]:.1f} s): the filter bridges them with what motion is "
-        "usual, and no free navigation or outage that crosses one is counted."
+        f"IMU samples are missing in {len(gaps)} stretch{'es' if len(gaps) > 1 else ''} of {missing:.2f} s in all "
+        f"(longest {longest[1] - longest[0]:.2f} s at {longest[0]:.1f} s): {how}, and no free drift or outage that "
+        "touches one is counted, so that they do not change what is said of the calibration."
     )
 
 
