@@ -8,7 +8,10 @@ ros2/rosbag2: storage plugin sqlite3 (tables `topics` and `messages`), `metadata
 from __future__ import annotations
 
 import re
+import shutil
 import sqlite3
+import struct
+import tempfile
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
@@ -77,36 +80,71 @@ def _parts(folder: Path) -> list[Path]:
 def _opened(path: Path) -> Generator[Bag]:
     """Open a database or a folder; files that are compressed as a whole are unpacked for the while."""
     try:
-        if not path.is_dir():
-            yield _Database(path)
-            return
         with ExitStack() as stack:
             remarks: list[Remark] = []
-            files: list[Path] = []
+            if not path.is_dir():
+                yield _Database(path, _whole_pages(path, stack, remarks), said=remarks)
+                return
+            parts: list[Bag] = []
             for part in _parts(path):
+                file = part
                 if part.suffix == ".zstd":
-                    inside, said = stack.enter_context(unpacked(part))
+                    file, said = stack.enter_context(unpacked(part))
                     remarks += said
-                    files.append(inside)
+                if file.suffix == ".mcap":
+                    parts.append(McapFile(file))
                 else:
-                    files.append(part)
-            yield _Chain(path, [McapFile(f) if f.suffix == ".mcap" else _Database(f) for f in files], remarks)
+                    parts.append(_Database(file, _whole_pages(file, stack, remarks)))
+            yield _Chain(path, parts, remarks)
     except (sqlite3.Error, UnicodeDecodeError) as error:  # messages of sqlite3 may hold damaged names
         raise _damaged(path, error) from error
 
 
+def _whole_pages(path: Path, stack: ExitStack, remarks: list[Remark]) -> Path:
+    """Return a database that ends with a whole page: of one that does not, a copy without the last piece.
+
+    sqlite3 would fill a page up with zeros, and numbers with it.
+    """
+    with path.open("rb") as file:
+        head = file.read(100)
+        (page,) = struct.unpack_from(">H", head.ljust(100, b"\0"), 16)
+        page = 65536 if page == 1 else page
+        (pages,) = struct.unpack_from(">I", head.ljust(100, b"\0"), 28)
+        size = path.stat().st_size
+        if not head.startswith(_MAGIC) or page < 512 or size >= page * pages or _journal(path):
+            return path
+        remarks.append(Remark("mended", f"{path.name} is cut short; what is there is read."))
+        if size % page == 0:
+            return path
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="tumble-"))
+        whole = Path(folder) / path.name
+        file.seek(0)
+        with whole.open("wb") as target:
+            shutil.copyfileobj(file, target, 1 << 20)
+            target.truncate(size // page * page)
+        return whole
+
+
+def _journal(path: Path) -> bool:
+    """Whether a journal beside a database holds what the recorder had not yet moved."""
+    journal = path.with_name(path.name + "-wal")
+    return journal.exists() and journal.stat().st_size > 0
+
+
 @dataclass(slots=True)
 class _Database:
-    """One database with its topics."""
+    """One database with its topics; `file` is what is read of it."""
 
     path: Path
+    file: Path
+    said: list[Remark] = field(default_factory=list[Remark])
     topics: list[Topic] = field(default_factory=list[Topic])
     _damage: Damage = field(default_factory=lambda: Damage("", "piece"))
 
     @property
     def remarks(self) -> list[Remark]:
         """What was left out so far."""
-        return self._damage.remarks()
+        return [*self.said, *self._damage.remarks()]
 
     def __post_init__(self) -> None:
         self._damage.name = self.path.name
@@ -127,10 +165,8 @@ class _Database:
             self.topics.append(Topic(name, kind, count, cdr=True, rate=rate))
 
     def _connect(self) -> sqlite3.Connection:
-        # A journal beside it holds what the recorder had not yet moved: then the file may change.
-        journal = self.path.with_name(self.path.name + "-wal")
-        unchanged = not (journal.exists() and journal.stat().st_size)
-        uri = f"file:{quote(str(self.path.absolute()))}?mode=ro" + ("&immutable=1" if unchanged else "")
+        unchanged = not _journal(self.file)  # else the file may change
+        uri = f"file:{quote(str(self.file.absolute()))}?mode=ro" + ("&immutable=1" if unchanged else "")
         connection = sqlite3.connect(uri, uri=True)
         connection.text_factory = _text
         connection.execute("PRAGMA writable_schema=ON")  # else a file that is cut short is refused as a whole
