@@ -210,6 +210,7 @@ def convert_from(
         [RecordingName(name=file.name, sha256=_hash(file)) for file in found.files],
         procedure=f"imported from {chosen.title}",
         remarks=[_sentence(remark) for remark in found.remarks],
+        thermal=found.thermal,
     )
     document.write(target_file)
     return Converted(
