@@ -181,7 +181,7 @@ def _neighbours(data: JointData, told: list[Influence], size: int) -> dict[str, 
             if influence.kind == kind:
                 active = influence.active
                 raw = influence.gain[active] @ np.linalg.inv(influence.root[active])
-                gain[influence.place[active]] = raw.reshape(*raw.shape[:2], -1, 3).sum(axis=2)
+                gain[influence.place[active]] = raw.reshape(*raw.shape[:2], raw.shape[2] // 3, 3).sum(axis=2)
         made[source] = np.einsum("kai,i,kl,lbi->ab", gain, density, together, gain, optimize=True)
         made[source] -= np.einsum("kai,i,kbi->ab", gain, floor, gain, optimize=True)
     return made
