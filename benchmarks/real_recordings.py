@@ -7,7 +7,8 @@ The yardstick: at each hold the norm of the mean specific force against gravity;
 angle between gravity carried along by the corrected gyro and gravity seen at the next hold (windows of
 2 s at the holds' edges, every sample turned by the gyro to the window's edge; the calibration's own
 constant bias; turns under 5 degrees left out). Held out: five interleaved folds; hold k and the turn
-after it belong to fold k mod 5; each fold is scored with the calibration of the other four.
+after it belong to fold k mod 5; each fold is scored with a calibration that has not seen its holds, nor the turns to
+and from them. Turns alone held out: one that has not seen the fold's turns, but all holds.
 """
 
 from __future__ import annotations
@@ -67,19 +68,22 @@ def line(name: str, norms: np.ndarray, angles: np.ndarray) -> None:
     )
 
 
-def held_out(recording, timeline, means, site: Site, *, joint: bool = False):
+def held_out(recording, timeline, means, site: Site, *, joint: bool = False, turns_alone: bool = False):
     """Return norms and angles of holds and turns that the estimate has not seen."""
     data = gather(recording, timeline, means)
     norms, angles = np.full(data.holds, np.nan), np.full(data.holds, np.nan)
+
+    def hidden(turn, fold: int) -> bool:
+        ends = (turn.before,) if turns_alone else (turn.before, turn.after)
+        return any(end % FOLDS == fold for end in ends)
+
     for fold in range(FOLDS):
         mine = [k for k in range(data.holds) if k % FOLDS == fold]
-        turns = tuple(
-            replace(turn, usable=turn.usable and turn.before % FOLDS != fold) for turn in timeline.turns
-        )
-        seen = replace(timeline, turns=turns)
-        estimate = calibrate_hand_held(recording, seen, means, site, unused_holds=mine)
+        turns = tuple(replace(turn, usable=turn.usable and not hidden(turn, fold)) for turn in timeline.turns)
+        seen, unused = replace(timeline, turns=turns), [] if turns_alone else mine
+        estimate = calibrate_hand_held(recording, seen, means, site, unused_holds=unused)
         if joint:
-            estimate = calibrate_joint(recording, seen, means, site, estimate, unused_holds=mine)
+            estimate = calibrate_joint(recording, seen, means, site, estimate, unused_holds=unused)
         scored = score(estimate.model, data, site.gravity)
         norms[mine], angles[mine] = scored[0][mine], scored[1][mine]
     return norms, angles
@@ -116,6 +120,9 @@ def show_joint(recording, timeline, means, site: Site, start) -> None:
         print(f"  joint, {left.kind} {left.index + 1} left out: {left.reason}")
     line("joint, on all of the recording", *score(estimate.model, data, site.gravity))
     line("joint, held out (5 interleaved folds)", *held_out(recording, timeline, means, site, joint=True))
+    for name, joint in (("hand-held", False), ("joint", True)):
+        scored = held_out(recording, timeline, means, site, joint=joint, turns_alone=True)
+        line(f"{name}, turns alone held out", *scored)
 
 
 def compare(model: ImuModel, estimate) -> None:
