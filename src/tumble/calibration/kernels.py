@@ -27,15 +27,19 @@ def _forward(values: np.ndarray, m: np.ndarray) -> None:
 
 @njit(cache=True, nogil=True)
 def _cholesky_solve(
-    normal: np.ndarray, right: np.ndarray, size: int, step: np.ndarray, cofactor: np.ndarray
+    normal: np.ndarray,
+    right: np.ndarray,
+    size: int,
+    step: np.ndarray,
+    cofactor: np.ndarray,
+    scratch: np.ndarray,
 ) -> bool:
     """Solve the scaled normal equations in place; return whether they are positive definite."""
-    scale = np.empty(size)
+    factor, root, scale = scratch[0], scratch[1], scratch[2, 0]
     for i in range(size):
         if not normal[i, i] > 0.0:
             return False
         scale[i] = 1.0 / np.sqrt(normal[i, i])
-    factor = np.zeros((size, size))
     for i in range(size):
         for j in range(i + 1):
             total = normal[i, j] * scale[i] * scale[j]
@@ -45,22 +49,22 @@ def _cholesky_solve(
                 if not total > 1e-12:
                     return False
                 factor[i, i] = np.sqrt(total)
+                root[i, i] = 1.0 / factor[i, i]
             else:
-                factor[i, j] = total / factor[j, j]
-    root = np.zeros((size, size))
+                factor[i, j] = total * root[j, j]
     for i in range(size):
-        root[i, i] = 1.0 / factor[i, i]
         for j in range(i):
             total = 0.0
             for k in range(j, i):
                 total -= factor[i, k] * root[k, j]
-            root[i, j] = total / factor[i, i]
+            root[i, j] = total * root[i, i]
     for i in range(size):
-        for j in range(size):
+        for j in range(i + 1):
             total = 0.0
-            for k in range(max(i, j), size):
+            for k in range(i, size):
                 total += root[k, i] * root[k, j]
             cofactor[i, j] = total * scale[i] * scale[j]
+            cofactor[j, i] = cofactor[i, j]
     for i in range(size):
         total = 0.0
         for j in range(size):
@@ -113,7 +117,8 @@ def adjust_norm_sets(
     right, step, row = np.zeros(size), np.zeros(size), np.zeros(9)
     adjusted, by_raw = np.zeros((holds, 3)), np.zeros((holds, 3))
     design, misclosure, spread = np.zeros((holds, 9)), np.zeros(holds), np.zeros(holds)
-    t, w, cofactor = np.zeros(3), np.zeros(3), np.zeros((size, size))
+    t, w, over_scale, cofactor = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros((size, size))
+    scratch = np.zeros((3, size, size))
     # Least squares on the norm weighs all holds alike: by the mean variance of a sensor.
     alike = variance.mean()
     for number in range(sets):
@@ -128,15 +133,18 @@ def adjust_norm_sets(
             sin_yz, cos_yz = np.sin(values[6]), np.cos(values[6])
             sin_zx, cos_zx = np.sin(values[7]), np.cos(values[7])
             sin_zy, cos_zy = np.sin(values[8]), np.cos(values[8])
+            over_x, over_y, over_z = 1.0 / m[0, 0], 1.0 / m[1, 1], 1.0 / m[2, 2]
+            for a in range(3):
+                over_scale[a] = 1.0 / values[3 + a]
             normal[:] = 0.0
             right[:] = 0.0
             for k in range(holds):
                 ux = adjusted[k, 0] - values[0]
                 uy = adjusted[k, 1] - values[1]
                 uz = adjusted[k, 2] - values[2]
-                t[0] = ux / m[0, 0]
-                t[1] = (uy - m[1, 0] * t[0]) / m[1, 1]
-                t[2] = (uz - m[2, 0] * t[0] - m[2, 1] * t[1]) / m[2, 2]
+                t[0] = ux * over_x
+                t[1] = (uy - m[1, 0] * t[0]) * over_y
+                t[2] = (uz - m[2, 0] * t[0] - m[2, 1] * t[1]) * over_z
                 square = t[0] * t[0] + t[1] * t[1] + t[2] * t[2]
                 K = reference[k]
                 length = np.sqrt(square)
@@ -148,13 +156,13 @@ def adjust_norm_sets(
                     f = square - K * K
                 else:
                     f = 0.5 * (square - K * K) / K
-                w[2] = slope * t[2] / m[2, 2]
-                w[1] = (slope * t[1] - m[2, 1] * w[2]) / m[1, 1]
-                w[0] = (slope * t[0] - m[1, 0] * w[1] - m[2, 0] * w[2]) / m[0, 0]
+                w[2] = slope * t[2] * over_z
+                w[1] = (slope * t[1] - m[2, 1] * w[2]) * over_y
+                w[0] = (slope * t[0] - m[1, 0] * w[1] - m[2, 0] * w[2]) * over_x
                 row[0], row[1], row[2] = -w[0], -w[1], -w[2]
-                row[3] = -w[0] * ux / values[3]
-                row[4] = -w[1] * uy / values[4]
-                row[5] = -w[2] * uz / values[5]
+                row[3] = -w[0] * ux * over_scale[0]
+                row[4] = -w[1] * uy * over_scale[1]
+                row[5] = -w[2] * uz * over_scale[2]
                 row[6] = w[1] * values[4] * (cos_yz * t[0] + sin_yz * t[1])
                 row[7] = w[2] * values[5] * cos_zy * (cos_zx * t[1] + sin_zx * t[2])
                 row[8] = -w[2] * values[5] * (cos_zy * t[0] + sin_zx * sin_zy * t[1] - cos_zx * sin_zy * t[2])
@@ -165,12 +173,15 @@ def adjust_norm_sets(
                     by_raw[k, a] = w[a]
                 spread[k] = total if estimator < 2 else (alike if estimator == 2 else 4.0 * K * K * alike)
                 misclosure[k] = f
+                # Divisions take most of the time: one a hold, not 64.
+                weight = 1.0 / spread[k]
                 for i in range(size):
                     design[k, i] = row[i]
-                    right[i] -= row[i] * f / spread[k]
+                    weighed = weight * row[i]
+                    right[i] -= weighed * f
                     for j in range(i + 1):
-                        normal[i, j] += row[i] * row[j] / spread[k]
-            if not _cholesky_solve(normal, right, size, step, cofactor):
+                        normal[i, j] += weighed * row[j]
+            if not _cholesky_solve(normal, right, size, step, cofactor, scratch):
                 break
             biggest, settled = 0.0, True
             for i in range(size):
