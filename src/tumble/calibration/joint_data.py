@@ -286,13 +286,14 @@ def faster_variance(windows: int, count: int) -> float:
     return max(float(np.log(windows / (count + 0.5))), 0.0)
 
 
-def mean_backward_rotation(spin: JointSpin, rate: Vectors) -> Matrices:
+def mean_backward_rotation(spin: JointSpin, rate: Vectors, lag: float = 0.0) -> Matrices:
     """Return (windows, 3, 3) the mean over each window of the rotation from its centre's frame to each sample's.
 
     Parameters
     ----------
     spin : windows.
     rate : (windows, 3) rad/s, corrected means of the gyros.
+    lag : s by which samples are of an earlier instant than their stamps say.
 
     Notes
     -----
@@ -301,7 +302,7 @@ def mean_backward_rotation(spin: JointSpin, rate: Vectors) -> Matrices:
     """
     speed = np.linalg.norm(rate, axis=1)
     count = spin.windows[:, 1] - spin.windows[:, 0]
-    phase = np.repeat(speed, count) * spin.offsets
+    phase = np.repeat(speed, count) * (spin.offsets - lag)
     starts = spin.windows[:, 0] - spin.windows[0, 0]
     sine = np.add.reduceat(np.sin(phase), starts) / count
     cosine = np.add.reduceat(np.cos(phase), starts) / count

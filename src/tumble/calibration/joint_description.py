@@ -12,6 +12,7 @@ from tumble.arrays import Series, Square
 from tumble.calibration.canonical import Described, canonical_names, gravity_covariance, named_parameters
 from tumble.calibration.estimate import NamedValue, correlation_matrix
 from tumble.calibration.joint_observability import NAME_PLATE_FORCE, NAME_PLATE_RATE, NAME_PLATE_SHARE
+from tumble.calibration.joint_table_parameters import WORTH_NAMING, table_parameters, told_table_parameters
 from tumble.calibration.joint_unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED
 from tumble.calibration.joint_wide import FIXTURE, FORCE_ASYMMETRY, RATE_ASYMMETRY, widened
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE
@@ -22,8 +23,6 @@ from tumble.sensor.conventions.shin import matrix_from_shin
 from tumble.units import angular_rate_factor, specific_force_factor
 
 Complex = npt.NDArray[Any]
-# What is less certain than this share of the name plate's promise is no result.
-WORTH_NAMING = 0.45
 
 
 def describe_wide(
@@ -60,7 +59,8 @@ def describe_wide(
     labels, evaluate = named_function(terms, gyro, frame, units, factors)
     shown, told = propagate(evaluate, values, spread)
     sigmas = np.sqrt(np.maximum(np.diag(told), 0.0))
-    rows = [i for i in range(len(labels)) if all_told or _is_told(labels[i], shown[i], sigmas[i], values)]
+    named = told_table_parameters(labels, sigmas)
+    rows = [i for i in np.flatnonzero(named) if all_told or _is_told(labels[i], shown[i], sigmas[i], values)]
     parameters = [NamedValue(*_pair(labels[i], shown[i], sigmas[i])) for i in rows]
     return Described(
         _model(values, terms, gyro, frame),
@@ -177,9 +177,12 @@ def named_function(
         for name, _ in more
         for axis in "xyz"
     ]
+    of_table, told = table_parameters(terms, lambda x: _rotation(x, frame), frame)
     if frame != "fixture":
         labels, own = named_parameters(terms=terms, gyro=gyro, units=units, factors=factors)
-        return [*labels, *extra], lambda x: np.concatenate([own(x[:36]), *(x[place] for _, place in more)])
+        return [*labels, *extra, *of_table], lambda x: np.concatenate(
+            [own(x[:36]), *(x[place] for _, place in more), *told(x)]
+        )
     labels = _fixture_labels("accelerometer", units[0], factors[0], "m/s²")
     if gyro == "full":
         labels += _fixture_labels("gyro", units[1], factors[1], "rad/s")
@@ -189,9 +192,9 @@ def named_function(
         parts = _fixture_values(matrix_from_shin(x[SCALE], x[ANGLE]) @ C_bf, x[BIAS], factors[0])
         if gyro == "full":
             parts += _fixture_values(x[GYRO_MATRIX].reshape(3, 3) @ C_bf, x[GYRO_BIAS], factors[1])
-        return np.concatenate([*parts, *(x[place] for _, place in more)])
+        return np.concatenate([*parts, *(x[place] for _, place in more), *told(x)])
 
-    return [*labels, *extra], evaluate
+    return [*labels, *extra, *of_table], evaluate
 
 
 def _fixture_labels(short: str, unit: str, factor: float | None, si: str) -> list[tuple[str, str]]:

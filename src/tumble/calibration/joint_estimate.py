@@ -8,13 +8,14 @@ import numpy as np
 
 from tumble.arrays import Series, Vectors
 from tumble.calibration.canonical import Described, describe_unknowns
-from tumble.calibration.estimate import Estimate, LeftOut, TermTest, coverage_factor
+from tumble.calibration.estimate import Estimate, LeftOut, NamedValue, TermTest, coverage_factor
 from tumble.calibration.joint_budget import state_uncertainty
 from tumble.calibration.joint_data import JointData
 from tumble.calibration.joint_description import describe_wide
 from tumble.calibration.joint_noise import BalancedJoint
 from tumble.calibration.joint_observability import Untold
 from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
+from tumble.calibration.joint_table_parameters import table_remarks
 from tumble.calibration.joint_terms import Extra, Link, carry, link_covariance
 from tumble.calibration.joint_wide import FIXTURE, is_wide
 from tumble.calibration.scores import hold_norm_errors, score_turns
@@ -91,7 +92,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         left_out=[_left_out(outlier, norms, angles) for outlier in outcome.balanced.outliers],
         terms=outcome.terms,
         not_determined=_not_determined(outcome),
-        remarks=_remarks(outcome),
+        remarks=_remarks(outcome, described.parameters),
         objections=[
             *_objections(outcome),
             *(start.objections if start is not None and _tells_all(start) else []),
@@ -123,7 +124,7 @@ def describe_joint(outcome: JointOutcome) -> Described:
     values[: outcome.state.unknowns.size] = outcome.state.unknowns
     scale = max(1.0, _sigma0(solution)) ** 2 if solution.redundancy > 0 else 1.0
     covariance[np.ix_(solution.free, solution.free)] = scale * solution.cofactor
-    terms = frozenset(test.name for test in outcome.terms if test.kept)
+    terms = _kept(outcome)
     if is_wide(outcome.state.unknowns) or outcome.untold is not None or not outcome.has_gyro:
         gyro = "full" if outcome.has_gyro else "none"
         return describe_wide(
@@ -134,6 +135,10 @@ def describe_joint(outcome: JointOutcome) -> Described:
             all_told=outcome.untold is None,
         )
     return describe_unknowns(values, covariance, outcome.site, outcome.recording, terms=terms, gyro="full")
+
+
+def _kept(outcome: JointOutcome) -> frozenset[str]:
+    return frozenset(test.name for test in outcome.terms if test.kept)
 
 
 def _components(outcome: JointOutcome) -> dict[str, float]:
@@ -294,8 +299,8 @@ def _left_out(outlier: Outlier, norms: Series, angles: Series) -> LeftOut:
     return LeftOut("turn", k, f"gravity carried by the gyro ends {np.degrees(angles[k]):.2f}° off, {times}")
 
 
-def _remarks(outcome: JointOutcome) -> list[str]:
-    told: list[str] = []
+def _remarks(outcome: JointOutcome, parameters: list[NamedValue]) -> list[str]:
+    told = table_remarks(_kept(outcome), {p.name: (p.value, p.standard_uncertainty) for p in parameters})
     data, state = outcome.data, outcome.state
     if data.spins:
         windows = sum(len(s.windows) for s in data.spins.values())

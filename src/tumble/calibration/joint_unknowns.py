@@ -34,17 +34,19 @@ class RawForce:
     by_unknowns: AnyArray
 
 
-def raw_force(unknowns: Series, true: Vectors) -> RawForce:
+def raw_force(unknowns: Series, true: Vectors, apart: AnyArray | None = None) -> RawForce:
     """Return what the accelerometers show for a specific force in b, with derivatives.
 
     Parameters
     ----------
     unknowns : (33,) or more.
     true : (rows, 3) m/s².
+    apart : (rows, 3, 3) m/s² that each accelerometer (second) feels beyond it where it sits; None for one place.
     """
     matrix = force_matrix(unknowns)
     quadratic = unknowns[QUADRATIC]
-    own = true @ matrix.T
+    felt = true[:, None, :] if apart is None else true[:, None, :] + apart
+    own = np.einsum("ab,nab->na", matrix, np.broadcast_to(felt, (len(true), 3, 3)))
     asymmetry = _asymmetry(unknowns, FORCE_ASYMMETRY)
     slope = 1.0 + asymmetry * np.sign(own) + 2.0 * quadratic * own
     by_unknowns = np.zeros((true.shape[0], 3, unknowns.size))
@@ -53,7 +55,7 @@ def raw_force(unknowns: Series, true: Vectors) -> RawForce:
     if unknowns.size >= FORCE_ASYMMETRY.stop:
         by_unknowns[:, range(3), range(FORCE_ASYMMETRY.start, FORCE_ASYMMETRY.stop)] = np.abs(own)
     moves = jacobian(lambda p: matrix_from_shin(p[:3], p[3:6]).ravel(), unknowns[SCALE.start : ANGLE.stop])
-    turned = np.einsum("abp,nb->nap", moves.reshape(3, 3, 6), true)
+    turned = np.einsum("abp,nab->nap", moves.reshape(3, 3, 6), np.broadcast_to(felt, (len(true), 3, 3)))
     by_unknowns[:, :, SCALE.start : ANGLE.stop] = slope[:, :, None] * turned
     return RawForce(
         own + asymmetry * np.abs(own) + quadratic * own**2 + unknowns[BIAS],
