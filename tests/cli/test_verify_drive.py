@@ -110,7 +110,7 @@ def test_a_drive_tells_what_a_calibration_is_worth(files: Files, verify: Callabl
     assert parts["all"]["positions_refused"] >= 1
     # squared innovations over their degrees of freedom: the outliers are refused, and not in the noise
     assert parts["uncalibrated"]["accuracy_class"].startswith("low")
-    assert any("Samples are missing in 1 stretch" in text for text in found["remarks"])
+    assert any("samples are missing in 1 stretch" in text for text in found["remarks"])
     page = (files.folder / "verified" / "verify.html").read_text(encoding="utf-8")
     assert page.index('id="drift"') < page.index("Which error costs how many metres")
 

@@ -25,6 +25,8 @@ from tumble.navigation.trajectory import NavigationState
 
 # A heading by gyrocompassing is refused beyond this standard uncertainty.
 WORST_HEADING = float(np.radians(5.0))
+# s of motion after a rest that tell a heading.
+_MOTION = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +218,7 @@ def align_in_motion(
         )
     begin = float(track.time[np.argmax(moving)])
     chosen = ahead & (track.time >= begin - 3.0) & (track.time <= begin + seconds)
-    chosen &= track.time < samples.time[-1]
+    chosen &= track.time < _next_missing(samples, start)
     time = track.time[chosen]
     bias = still.angular_rate_ib_b.mean(axis=0)
     part = samples.between(start, float(time[-1]) + 1e-6)
@@ -232,7 +234,9 @@ def align_in_motion(
 
 
 def find_rest(samples: InertialSamples, track: GnssTrack, *, shortest: float = 2.0) -> tuple[float, float]:
-    """Return start and stop (s) of the first rest of a track that lies in the samples.
+    """Return start and stop (s) of the first rest of a track that lies in the samples and is followed by motion.
+
+    Rests after which samples are missing before ten seconds of motion are taken only where there is no other.
 
     Parameters
     ----------
@@ -258,13 +262,28 @@ def find_rest(samples: InertialSamples, track: GnssTrack, *, shortest: float = 2
     slow &= (
         np.isfinite(velocity).all(axis=1) & (track.time >= samples.time[0]) & (track.time < samples.time[-1])
     )
+    for begin, end in samples.missing():
+        slow &= (track.time < begin - 0.5) | (track.time > end + 0.5)
     edges = np.diff(np.concatenate([[0], slow.astype(int), [0]]))
+    found: list[tuple[float, float]] = []
+    moving = np.nan_to_num(np.hypot(velocity[:, 0], velocity[:, 1])) > 1.0
     for first, last in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1, strict=True):
-        if track.time[last] - track.time[first] >= shortest:
-            return float(track.time[first]), float(track.time[last])
+        if track.time[last] - track.time[first] < shortest:
+            continue
+        found.append((float(track.time[first]), float(track.time[last])))
+        onset = track.time[last:][moving[last:]]
+        if len(onset) and onset[0] + _MOTION <= _next_missing(samples, found[-1][0]):
+            return found[-1]
+    if found:
+        return found[0]
     raise RecordingError(
         f"The track {track.name} has no rest of {shortest:g} s inside the IMU's samples to align at: give the attitude."
     )
+
+
+def _next_missing(samples: InertialSamples, after: float) -> float:
+    """When the first samples are missing, or all end."""
+    return min([begin for begin, _ in samples.missing() if begin >= after], default=float(samples.time[-1]))
 
 
 def _refuse_no_rest(force: Vector, gravity: float, at: float) -> None:

@@ -111,6 +111,7 @@ class Drive:
             velocities=velocities,
             instants=instants,
             keep_covariances=keep_covariances,
+            reference=self.track,
         )
 
 
@@ -186,7 +187,13 @@ def _least_innovations(drive: Drive, setup: FilterSetup, reach: float) -> tuple[
     own = drive.setup(setup)
 
     def cost(shift: float) -> float:
-        run = run_filter(drive.samples, wanted.shifted(shift), drive.start, own)
+        run = run_filter(
+            drive.samples,
+            wanted.shifted(shift),
+            drive.start,
+            own,
+            reference=drive.track.shifted(shift),
+        )
         return float(np.nansum(np.minimum(run.distances[:, 0], _MOST)))
 
     # the compiled filter lets other threads run

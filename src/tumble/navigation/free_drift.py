@@ -102,7 +102,13 @@ def _errors_from(
     if not reached.any():
         return found
     free = navigate(samples.between(begin, stop), reference.state(row))
-    goals = np.array([int(np.argmin(np.abs(reference.time - begin - length))) for length in lengths[reached]])
+    goals = np.array([int(np.argmin(np.abs(reference.time - begin - length))) for length in lengths])
+    # the reference has no rows for a while after missing samples
+    near = np.abs(reference.time[goals] - begin - lengths) < 0.75 * float(np.median(np.diff(reference.time)))
+    reached &= near
+    if not reached.any():
+        return found
+    goals = goals[reached]
     rows = np.clip(np.searchsorted(free.time, reference.time[goals]), 1, len(free) - 1)
     rows -= np.abs(free.time[rows - 1] - reference.time[goals]) < np.abs(
         free.time[rows] - reference.time[goals]

@@ -11,9 +11,13 @@ from tumble.arrays import Series, Vector, Vectors
 from tumble.errors import ConvergenceError, RecordingError
 from tumble.navigation.drive import Drive
 from tumble.navigation.filter import FilterRun, FilterSetup, run_filter
+from tumble.navigation.filter.stretches import LONGEST_BRIDGED
 from tumble.navigation.mechanisation import navigate
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import position_differences
+
+# s that a filter takes after missing samples until its attitude is as good as before.
+_AFTER_MISSING = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +39,13 @@ class OutageErrors:
     def horizontal(self) -> Series:
         """(outages,) m."""
         return np.hypot(self.errors_n[:, 0], self.errors_n[:, 1])
+
+    def clear_of(self, stretches: Sequence[tuple[float, float]]) -> OutageErrors:
+        """Return the outages that touch none of some stretches (from, to) s, such as those of missing samples."""
+        keep = np.ones(len(self.starts), dtype=bool)
+        for first, last in stretches:
+            keep &= (self.starts >= last) | (self.starts + self.duration <= first)
+        return OutageErrors(self.duration, self.starts[keep], self.errors_n[keep])
 
     def rms(self) -> Vectors:
         """Return (3,) m: root mean square north, east, down."""
@@ -74,6 +85,9 @@ def outages(
 ) -> list[OutageErrors]:
     """Return position errors at the ends of outages, against the fixes that were not taken.
 
+    Outages that touch missing samples of the IMU are left out. After more than a second of them the filter starts
+    anew: it has all fixes for half a minute then, and no outage begins in it.
+
     Parameters
     ----------
     drive : with the reference track.
@@ -100,16 +114,17 @@ def outages(
                 f"The drive has {max(last - first, 0.0):.0f} s after {settle:.0f} s to settle, which is too short for "
                 f"outages of {duration:g} s: leave them out, or settle for a shorter time."
             )
+    missing = drive.samples.missing()
     if repeated:
-        return [_gaps(drive, setup, duration, interval, first) for duration in durations]
+        return [_gaps(drive, setup, duration, interval, first).clear_of(missing) for duration in durations]
     run = drive.run(setup, interval=interval)
     _refuse_lost(run)
-    chosen = _spaced(run, first, every)
+    chosen = _spaced(run, first, every, _settling(drive))
     found: dict[float, list[tuple[float, Vector]]] = {duration: [] for duration in durations}
     for row in chosen:
         for duration, error in _slide(drive, run, row, durations, last):
             found[duration].append((float(run.time[row]), error))
-    return [_gathered(duration, rows) for duration, rows in found.items()]
+    return [_gathered(duration, rows).clear_of(missing) for duration, rows in found.items()]
 
 
 def corrected_samples(samples: InertialSamples, setup: FilterSetup, estimates: Series) -> InertialSamples:
@@ -178,19 +193,28 @@ def _gaps(drive: Drive, setup: FilterSetup, duration: float, interval: float, fi
     """Errors before each of the fixes that are left, one at the end of each gap: the filter's innovations."""
     aid = drive.track.thinned(interval)[0]
     kept, next_one = np.ones(len(aid), dtype=bool), -np.inf
+    anew = _settling(drive)
     for row in np.flatnonzero(aid.time > first):
+        if any(begin <= aid.time[row] < end for begin, end in anew):
+            next_one = -np.inf
+            continue
         if next_one == -np.inf:
             next_one = aid.time[row]
         kept[row] = aid.time[row] >= next_one - 1e-6
         if kept[row]:
             next_one = aid.time[row] + duration
     track = aid.rows(kept)
-    run = run_filter(drive.samples, track, drive.start, drive.setup(setup))
+    run = run_filter(drive.samples, track, drive.start, drive.setup(setup), reference=drive.track)
     _refuse_lost(run)
     time = track.time[run.fixes]
     after = (time > first) & (np.concatenate([[0.0], np.diff(time)]) > 0.9 * duration)
     after &= track.quality[run.fixes] == np.min(track.quality)
     return OutageErrors(duration, time[after] - duration, run.innovations[after, :3])
+
+
+def _settling(drive: Drive) -> list[tuple[float, float]]:
+    """Stretches of missing samples that the filter starts anew after, each with the time that it takes to settle."""
+    return [(begin, end + _AFTER_MISSING) for begin, end in drive.samples.missing(LONGEST_BRIDGED)]
 
 
 def _refuse_lost(run: FilterRun) -> None:
@@ -202,10 +226,12 @@ def _refuse_lost(run: FilterRun) -> None:
         )
 
 
-def _spaced(run: FilterRun, first: float, every: float) -> list[int]:
-    """Events of fixes, at least `every` s apart."""
+def _spaced(run: FilterRun, first: float, every: float, anew: Sequence[tuple[float, float]]) -> list[int]:
+    """Events of fixes, at least `every` s apart, where the filter has settled."""
     rows: list[int] = []
     for row in run.fix_events.tolist():
+        if any(begin <= run.time[row] < end for begin, end in anew):
+            continue
         if run.time[row] >= first and (not rows or run.time[row] - run.time[rows[-1]] >= every - 1e-6):
             rows.append(row)
     return rows

@@ -15,8 +15,6 @@ from tumble.navigation.trajectory import NavigationState
 
 # A gyro's scale is off by no more in any unit that works: beyond, the unit is another.
 _LARGEST_SLOPE = 1.3
-# Samples further apart than this many usual intervals have others missing between them.
-_GAP = 3.5
 # Clocks may be apart by this beside the leap seconds, s.
 _BESIDE = 1.5
 
@@ -92,7 +90,10 @@ def refuse_mirrored(samples: InertialSamples, track: GnssTrack, seconds: float =
     if not moving.any():
         return
     onset = float(track.time[np.argmax(moving)])
-    chosen = (track.time >= onset - 2.0) & (track.time <= min(onset + seconds, samples.time[-1] - 1e-3))
+    until = min(
+        [gap[0] for gap in samples.missing() if gap[0] >= last], default=float(samples.time[-1]) - 1e-3
+    )
+    chosen = (track.time >= onset - 2.0) & (track.time <= min(onset + seconds, until))
     chosen &= np.isfinite(speed)
     if chosen.sum() < 10:
         return
@@ -219,18 +220,6 @@ def refuse_no_overlap(samples: InertialSamples, track: GnssTrack, offset: float)
         )
 
 
-def missing_stretches(samples: InertialSamples) -> list[tuple[float, float]]:
-    """Return (from, to) s of the stretches of which samples are missing.
-
-    Parameters
-    ----------
-    samples : in time order.
-    """
-    steps = np.diff(samples.time)
-    at = np.flatnonzero(steps > _GAP * samples.interval)
-    return [(float(samples.time[i]), float(samples.time[i + 1])) for i in at]
-
-
 def _level_attitude(down: np.ndarray) -> np.ndarray:
     """C_nb with its first level axis anywhere."""
     helper = np.eye(3)[int(np.argmin(np.abs(down)))]
@@ -241,7 +230,6 @@ def _level_attitude(down: np.ndarray) -> np.ndarray:
 
 __all__ = [
     "about_clocks",
-    "missing_stretches",
     "refuse_mirrored",
     "refuse_no_overlap",
     "refuse_wrong_scale",

@@ -12,6 +12,9 @@ from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel
 from tumble.units import angular_rate_factor, specific_force_factor
 
+# Samples further apart than this many usual intervals have others missing between them.
+_MISSING = 3.5
+
 
 @dataclass(frozen=True, slots=True)
 class InertialSamples:
@@ -128,6 +131,12 @@ class InertialSamples:
     def interval(self) -> float:
         """The usual time between samples (median), s."""
         return float(np.median(np.diff(self.time)))
+
+    def missing(self, longest: float = 0.0) -> list[tuple[float, float]]:
+        """Return (from, to) s of the stretches without samples: more than 3.5 usual intervals, and than `longest` s."""
+        steps = np.diff(self.time)
+        at = np.flatnonzero(steps > max(_MISSING * self.interval, longest))
+        return [(float(self.time[i]), float(self.time[i + 1])) for i in at]
 
     def between(self, start: float, stop: float) -> InertialSamples:
         """Return the samples from `start` to `stop` (s), cut exactly there.

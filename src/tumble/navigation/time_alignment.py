@@ -133,7 +133,7 @@ def check_axes(samples: InertialSamples, track: GnssTrack) -> AxisAgreement:
     signals = [*samples.angular_rate_ib_b.T, samples.angular_rate_ib_b @ down]
     found: list[float] = []
     for signal in signals:
-        grid, rate = _averaged(samples.time, signal)
+        grid, rate = _averaged(samples, signal)
         found.append(_correlation(grid, rate, times, course_rate, weights))
     correlations, about = np.array(found[:3]), float(found[3])
     return AxisAgreement(correlations, about, down, _axis_problem(correlations, about, down))
@@ -155,7 +155,7 @@ def course_rate_slope(samples: InertialSamples, track: GnssTrack, *, either: boo
     """
     times, course_rate, weights = _course_rate(track)
     grid, yaw_rate = _yaw_rate(samples)
-    inside = (times >= grid[0]) & (times <= grid[-1]) & (weights > 0.0)
+    inside = _seen_by(grid, yaw_rate, times) & (weights > 0.0)
     seen = np.interp(times[inside], grid, yaw_rate)
     seen = seen - seen.mean()
     turned = course_rate[inside] - course_rate[inside].mean()
@@ -197,16 +197,20 @@ def _down_b(samples: InertialSamples) -> Vector:
 
 
 def _yaw_rate(samples: InertialSamples) -> tuple[Series, Series]:
-    return _averaged(samples.time, samples.angular_rate_ib_b @ _down_b(samples))
+    return _averaged(samples, samples.angular_rate_ib_b @ _down_b(samples))
 
 
-def _averaged(time: Series, signal: Series) -> tuple[Series, Series]:
-    """A signal's running mean over the window, on an even grid."""
+def _averaged(samples: InertialSamples, signal: Series) -> tuple[Series, Series]:
+    """A signal's running mean over the window, on an even grid; NaN where samples are missing in it."""
+    time = samples.time
     total = np.concatenate([[0.0], np.cumsum(0.5 * (signal[1:] + signal[:-1]) * np.diff(time))])
     grid = np.arange(time[0] + 0.5 * _WINDOW, time[-1] - 0.5 * _WINDOW, _STEP)
     ends = (np.interp(grid + half, time, total) for half in (0.5 * _WINDOW, -0.5 * _WINDOW))
     last, first = ends
-    return grid, (last - first) / _WINDOW
+    mean = (last - first) / _WINDOW
+    for begin, end in samples.missing():
+        mean[(grid + 0.5 * _WINDOW > begin) & (grid - 0.5 * _WINDOW < end)] = np.nan
+    return grid, mean
 
 
 def _course_rate(track: GnssTrack) -> tuple[Series, Series, Series]:
@@ -268,7 +272,9 @@ def _correlation_curve(
     if not len(at) or np.ptp(stretch) + len(grid) > _MOST_STRETCHES:
         return np.array([_correlation(grid, yaw_rate, times + lag, course_rate, weights) for lag in lags])
     sums = _SumsOverTimes(stretch, len(grid) - 1, len(lags))
-    one, first, last = np.ones(len(grid) - 1), yaw_rate[:-1], yaw_rate[1:]
+    known = np.isfinite(yaw_rate[:-1]) & np.isfinite(yaw_rate[1:])
+    one = known.astype(np.float64)
+    first, last = np.where(known, yaw_rate[:-1], 0.0), np.where(known, yaw_rate[1:], 0.0)
     count = np.round(sums.of((one, np.ones(len(at)))))
     rate = sums.of((first, 1.0 - share), (last, share))
     turn, turn_square = sums.of((one, course)), sums.of((one, course**2))
@@ -305,10 +311,16 @@ class _SumsOverTimes:
         return np.asarray(np.where(self._known, np.fft.irfft(total, self._length)[self._shift], 0.0))
 
 
+def _seen_by(grid: Series, values: Series, times: Series) -> np.ndarray:
+    """Which times lie on a grid where its values are known."""
+    inside = (times >= grid[0]) & (times <= grid[-1])
+    return np.asarray(inside & np.isfinite(np.interp(times, grid, values)))
+
+
 def _correlation(
     grid: Series, yaw_rate: Series, times: Series, course_rate: Series, weights: Series
 ) -> float:
-    inside = (times >= grid[0]) & (times <= grid[-1]) & (weights > 0.0)
+    inside = _seen_by(grid, yaw_rate, times) & (weights > 0.0)
     if np.count_nonzero(inside) < _FEWEST:
         return float("nan")
     rate = np.interp(times[inside], grid, yaw_rate)
@@ -333,7 +345,7 @@ def _refined(
     offset, sigma = start, np.inf
     for _ in range(20):
         at = times + offset
-        inside = (at >= grid[0]) & (at <= grid[-1]) & (weights > 0.0)
+        inside = _seen_by(grid, slope, at) & (weights > 0.0)
         design = np.column_stack([np.interp(at[inside], grid, slope), np.ones(inside.sum())])
         left = course_rate[inside] - np.interp(at[inside], grid, yaw_rate)
         # a turn on the spot or a course that flips is no motion of a vehicle

@@ -17,17 +17,16 @@ from tumble.navigation import (
     FilterRun,
     FilterSetup,
     GnssTrack,
-    OutageErrors,
     find_rest,
     outages,
     prepare_drive,
     read_track,
     smooth,
 )
+from tumble.navigation.filter.stretches import LONGEST_BRIDGED
 from tumble.navigation.free_drift import FreeDrift, free_drift
 from tumble.navigation.plausibility import (
     about_clocks,
-    missing_stretches,
     refuse_mirrored,
     refuse_no_overlap,
     refuse_wrong_scale,
@@ -131,7 +130,7 @@ def verify_drive(
         f"Biases may have moved since the calibration by {two_digits(moved[0] / 9.80665e-3)} mg and "
         f"{two_digits(float(np.degrees(moved[1])) * 3600.0)} °/h (one sigma; --turn-on says otherwise)."
     )
-    gaps = missing_stretches(parts[-1].samples)
+    gaps = parts[-1].samples.missing()
     remarks += [_gap_words(gaps)] if gaps else []
     lengths = _lengths(drive, durations)
     parts.insert(1, without_rest_rate(parts[0], *find_rest(parts[0].samples, drive.track)))
@@ -148,7 +147,7 @@ def verify_drive(
         run = mine.run(told, interval=1.0)
         runs[part.part] = run
         drift = free_drift(part.samples, reference, seconds.tolist(), every=_every(drive), gaps=gaps)
-        results.append(_result(part.part, mine, told, run, drift, lengths, gaps))
+        results.append(_result(part.part, mine, told, run, drift, lengths))
     found = DriveVerification(
         recording=", ".join(source.name for source in recording.sources),
         track=track.name,
@@ -246,16 +245,11 @@ def _result(
     run: FilterRun,
     drift: FreeDrift,
     lengths: Sequence[float],
-    gaps: Sequence[tuple[float, float]],
 ) -> PartResult:
     settle = _settle(drive)
     every = max(1.0, round((float(drive.track.time[-1]) - drive.start.time) / 300.0))
     found = [
-        [
-            _clear_of(one, gaps)
-            for one in outages(drive, setup, lengths, every=every, settle=settle, repeated=again)
-        ]
-        for again in (False, True)
+        outages(drive, setup, lengths, every=every, settle=settle, repeated=again) for again in (False, True)
     ]
     distances: Series = run.distances[:, 0]
     seen = np.isfinite(distances)
@@ -268,14 +262,6 @@ def _result(
         len(run.refused),
         int(seen.sum()),
     )
-
-
-def _clear_of(errors: OutageErrors, gaps: Sequence[tuple[float, float]]) -> OutageErrors:
-    """Outages that no missing samples lie in."""
-    keep = np.ones(len(errors.starts), dtype=bool)
-    for first, last in gaps:
-        keep &= (errors.starts >= last) | (errors.starts + errors.duration <= first)
-    return OutageErrors(errors.duration, errors.starts[keep], errors.errors_n[keep])
 
 
 def _contradictions(run: FilterRun, setup: FilterSetup) -> dict[str, tuple[float, float]]:
@@ -295,10 +281,15 @@ def _contradictions(run: FilterRun, setup: FilterSetup) -> dict[str, tuple[float
 def _gap_words(gaps: Sequence[tuple[float, float]]) -> str:
     longest = max(gaps, key=lambda gap: gap[1] - gap[0])
     missing = sum(last - first for first, last in gaps)
+    anew = sum(last - first > LONGEST_BRIDGED for first, last in gaps)
+    how = "the filter bridges them by a straight line"
+    if anew:
+        which = "it" if len(gaps) == 1 else f"{anew} of them"
+        how = f"the filter starts anew after {which}, keeping what it knows of the sensors"
     return (
-        f"Samples are missing in {len(gaps)} stretch{'es' if len(gaps) > 1 else ''} of {missing:.2f} s in all (longest "
-        f"{longest[1] - longest[0]:.2f} s at {longest[0]:.1f} s): the filter bridges them with what motion is "
-        "usual, and no free navigation or outage that crosses one is counted."
+        f"IMU samples are missing in {len(gaps)} stretch{'es' if len(gaps) > 1 else ''} of {missing:.2f} s in all "
+        f"(longest {longest[1] - longest[0]:.2f} s at {longest[0]:.1f} s): {how}, and no free drift or outage that "
+        "touches one is counted, so that they do not change what is said of the calibration."
     )
 
 

@@ -14,18 +14,27 @@ HERE = Path(__file__).parent
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> DriveVerification:
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("drive")
     for name in ("imu.csv", "track.pos"):
         (folder / name).write_bytes(gzip.decompress((HERE / f"{name}.gz").read_bytes()))
+    return folder
+
+
+def judged(recording: Path, track: Path) -> DriveVerification:
     return verify_drive(
         HERE / "calibration.json",
-        folder / "imu.csv",
-        folder / "track.pos",
+        recording,
+        track,
         units="g,deg/s,ms",
         durations=(2.0,),
         turn_on=(0.0, 0.0),
     )
+
+
+@pytest.fixture(scope="module")
+def found(files: Path) -> DriveVerification:
+    return judged(files / "imu.csv", files / "track.pos")
 
 
 def test_the_clocks_are_those_of_the_whole_drive(found: DriveVerification) -> None:
@@ -46,3 +55,20 @@ def test_an_outage_of_two_seconds_costs_decimetres(found: DriveVerification) -> 
     rms, _ = found.outage_statistics("all", 2.0, "sliding")
     assert 0.02 < rms.value < 0.4
     assert found.accuracy("all")[2].startswith("low")
+
+
+def test_missing_samples_do_not_change_what_is_said_of_the_calibration(
+    found: DriveVerification, files: Path, tmp_path: Path
+) -> None:
+    """Ten seconds of turns left out: a lost filter would refuse positions and find biases off."""
+    lines = (files / "imu.csv").read_text().splitlines()
+    first = float(lines[1].rsplit(",", 1)[1])
+    kept = [line for line in lines[1:] if not 60e3 < float(line.rsplit(",", 1)[1]) - first < 70e3]
+    (tmp_path / "imu.csv").write_text("\n".join([lines[0], *kept]) + "\n")
+    cut = judged(tmp_path / "imu.csv", files / "track.pos")
+    assert cut.fit == found.fit
+    assert cut.part("all").refused <= found.part("all").refused + 1
+    assert any("starts anew" in remark for remark in cut.remarks)
+    two = found.seconds.tolist().index(2.0)
+    now, before = (one.drift_rms("all", two) for one in (cut, found))
+    assert now.value == pytest.approx(before.value, abs=3.0 * before.sigma)

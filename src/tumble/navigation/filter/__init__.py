@@ -1,6 +1,6 @@
 """The loosely coupled error-state filter, its smoother, and tests of its consistency."""
 
-from tumble.navigation.filter.run import FilterRun, run_filter
+from tumble.navigation.filter.run import FilterRun
 from tumble.navigation.filter.sensor_states import (
     SensorState,
     TriadSpread,
@@ -9,6 +9,7 @@ from tumble.navigation.filter.sensor_states import (
 )
 from tumble.navigation.filter.setup import FilterSetup, plan_filter
 from tumble.navigation.filter.smoother import SmoothedRun, smooth
+from tumble.navigation.filter.stretches import run_filter
 
 __all__ = [
     "FilterRun",

@@ -1,4 +1,4 @@
-"""The loosely coupled filter: an IMU's samples, aided by positions and velocities of satellites."""
+"""The loosely coupled filter over one stretch of an IMU's samples, aided by positions and velocities."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class FilterRun:
         return float(self.sensors[-1, at]), float(self.sigmas[-1, 9 + at])
 
 
-def run_filter(
+def run_stretch(
     samples: InertialSamples,
     track: GnssTrack,
     start: NavigationState,
@@ -92,19 +92,18 @@ def run_filter(
     instants: Series | None = None,
     keep_covariances: bool = False,
     sensors: Series | None = None,
-) -> FilterRun:
-    """Run the error-state filter over a track.
+) -> tuple[FilterRun, Table]:
+    """Run the error-state filter over samples of which none are missing for long.
 
     Parameters
     ----------
-    samples : of the IMU, corrected by what is known of it.
-    track : on the IMU's clock (`GnssTrack.shifted`).
-    start : where it begins, in truth to within `setup.navigation_covariance`.
-    setup : states and noise.
-    velocities, positions : whether the track's velocities and positions are taken.
-    instants : (instants,) s at which the state is kept too, beside the fixes.
-    keep_covariances : keep what smoothing and consistency tests need; 24 n² bytes an event.
-    sensors : (states,) estimates to begin with; None for zeros.
+    samples, track, start, setup, velocities, positions, instants, keep_covariances, sensors : as for
+        `tumble.navigation.run_filter`.
+
+    Returns
+    -------
+    run : at each event.
+    covariance : (n, n) after the last one.
 
     Raises
     ------
@@ -131,6 +130,7 @@ def run_filter(
     covariances, predicted, transitions = (np.empty((kept, n, n)) for _ in range(3))
     innovations, innovation_sigmas = np.full((fixes, 6), np.nan), np.full((fixes, 6), np.nan)
     distances, taken = np.full((fixes, 2), np.nan), np.zeros((fixes, 2), dtype=bool)
+    covariance = setup.covariance
     run(
         np.ascontiguousarray(part.time),
         np.ascontiguousarray(part.angular_rate_ib_b),
@@ -141,7 +141,7 @@ def run_filter(
         _unseen(part),
         start.packed,
         np.zeros(n - 9) if sensors is None else sensors.astype(float),
-        setup.covariance,
+        covariance,
         np.array([KINDS.index(state.kind) for state in setup.states], dtype=np.int64),
         np.array([state.row for state in setup.states], dtype=np.int64),
         np.array([state.column for state in setup.states], dtype=np.int64),
@@ -171,7 +171,7 @@ def run_filter(
         taken,
     )
     trajectory = unpacked(event_time, navs)
-    return FilterRun(
+    found = FilterRun(
         trajectory,
         estimates,
         sigmas,
@@ -187,6 +187,7 @@ def run_filter(
         taken,
         setup,
     )
+    return found, covariance
 
 
 def unpacked(time: Series, navs: Table) -> Trajectory:
@@ -269,4 +270,4 @@ def _unseen(samples: InertialSamples) -> Series:
     return np.concatenate([np.sqrt(np.mean(rate**2, axis=0)), np.std(samples.specific_force_b, axis=0)])
 
 
-__all__ = ["FilterRun", "run_filter", "unpacked"]
+__all__ = ["FilterRun", "run_stretch", "unpacked"]
