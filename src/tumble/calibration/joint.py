@@ -39,7 +39,7 @@ from tumble.calibration.joint_system import (
     linearise_joint,
     start_state,
 )
-from tumble.calibration.joint_table_terms import TABLE_TERMS, lever_prior, seen_table_terms, term_test
+from tumble.calibration.joint_table_terms import TABLE_TERMS, lever_prior_of, seen_table_terms, term_test
 from tumble.calibration.joint_terms import Extra
 from tumble.calibration.joint_trials import (
     copied_state,
@@ -318,14 +318,10 @@ def _balanced_with(problem: JointProblem, state: JointState, names: list[str]) -
     """Balance with a table's terms: what is left of a lag by itself would be taken for a table that shakes."""
     prior, free = problem.prior, problem.free
     problem.free = np.sort(np.concatenate([free, *(TABLE_TERMS[name] for name in names)]))
-    problem.prior = _with_lever_prior(prior, state, names)
+    problem.prior = together(prior, lever_prior_of(problem.free, state.unknowns))
     balanced = balance_joint(problem, state)
     problem.free, problem.prior = free, prior
     return balanced
-
-
-def _with_lever_prior(prior: Prior | None, state: JointState, names: list[str]) -> Prior | None:
-    return together(prior, lever_prior(state.unknowns)) if "lever_arms" in names else prior
 
 
 def _with_terms(
@@ -344,7 +340,7 @@ def _with_terms(
         free = np.sort(np.concatenate([plain, *(ALL_TERMS[name] for name in names)]))
         trial = fresh_problem(problem, free)
         moved = copied_state(state, free)
-        trial.prior = _with_lever_prior(trial.prior, moved, names)
+        trial.prior = together(trial.prior, lever_prior_of(free, moved.unknowns))
         try:
             balanced = balance_joint(trial, moved)
         except ObservabilityError:

@@ -20,6 +20,8 @@ from tumble.calibration.joint_wide import LEVER_ARMS, TIME_LAG
 Complex = npt.NDArray[Any]
 # What is less certain than this share of what a unit may have is no result.
 WORTH_NAMING = 0.45
+# Two lever arms whose sum or difference is so much better known than they are by themselves are named by these.
+TOGETHER = 0.5
 Label = tuple[str, str]
 LAG_NAME = "lag of the accelerometer behind the gyro"
 ARM, ARMS = "accelerometer lever arm", "accelerometer lever arms"
@@ -63,22 +65,23 @@ def _both(i: int, j: int, sign: str) -> str:
 
 
 def told_table_parameters(labels: list[Label], sigmas: Series) -> np.ndarray:
-    """Return which parameters are to be named, of bool: of lever arms those that are told, no sum of two of them.
+    """Return which parameters are to be named, of bool: each pair of lever arms, or else its sum or difference.
 
     Parameters
     ----------
     labels, sigmas : of all parameters, whatever they are.
     """
-    limit = WORTH_NAMING * LEVER_ARM
     keep = np.ones(len(labels), dtype=bool)
-    told: set[str] = set()
-    for at, (name, _) in enumerate(labels):
-        words = name.rsplit(" ", 1)
-        if words[0] == ARM:
-            keep[at] = sigmas[at] < limit
-            told |= {words[1]} if keep[at] else set()
-        elif words[0] == ARMS:
-            keep[at] = sigmas[at] < np.sqrt(2.0) * limit and not {words[1][:2], words[1][3:]} <= told
+    at = {name: k for k, (name, _) in enumerate(labels) if name.startswith(ARM)}
+    for name, k in at.items():
+        keep[k] = sigmas[k] < WORTH_NAMING * LEVER_ARM
+        if name.startswith(ARMS):
+            pair = name.removeprefix(f"{ARMS} ")
+            single = [at[f"{ARM} {pair[:2]}"], at[f"{ARM} {pair[3:]}"]]
+            both = [at[f"{ARMS} {pair[:2]}{sign}{pair[3:]}"] for sign in "+-"]
+            as_sum = np.min(sigmas[both]) < TOGETHER * np.max(sigmas[single])
+            keep[k] &= as_sum
+            keep[single] &= not as_sum
     return keep
 
 

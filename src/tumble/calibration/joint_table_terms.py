@@ -88,13 +88,18 @@ def seen_table_terms(normal: Square, free: np.ndarray, unknowns: Series) -> list
     return found
 
 
-def lever_prior(unknowns: Series) -> Prior:
+def lever_prior_of(free: np.ndarray, unknowns: Series) -> Prior | None:
     """Return that accelerometers of a unit are a few centimetres apart: what the motion does not tell stays small.
+
+    None where lever arms are not free.
 
     Parameters
     ----------
+    free : indices of the unknowns to adjust.
     unknowns : all, for their number.
     """
+    if not np.all(np.isin(TABLE_TERMS["lever_arms"], free)):
+        return None
     precision = np.zeros((unknowns.size, unknowns.size))
     at = TABLE_TERMS["lever_arms"]
     precision[at, at] = 1.0 / LEVER_ARM**2
@@ -120,7 +125,7 @@ __all__ = [
     "TABLE_TERMS",
     "by_lever_arms",
     "by_time_lag",
-    "lever_prior",
+    "lever_prior_of",
     "seen_table_terms",
     "size_effect",
     "term_test",
