@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series, Vectors
+from tumble.calibration.lever_arms import LeverArms
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.sensor import ImuModel
 from tumble.sensor.thermal import Outside, ThermalModel
@@ -24,7 +25,8 @@ NO_TEMPERATURE = (
 class Corrector:
     """Corrects block after block by a calibration and those that it is composed with.
 
-    Lag, rate and hysteresis of the sensor's temperature are carried from one block to the next: blocks
+    Lag, rate and hysteresis of the sensor's temperature are carried from one block to the next, and so is the last
+    angular rate, of which lever arms make an acceleration: blocks
     give the same numbers as the whole, as long as the first one is longer than `smoothing`.
 
     Attributes
@@ -48,6 +50,7 @@ class Corrector:
         self._thermal = [stage.thermal_model for stage in stages]
         self._models = [stage.own_model for stage in stages]
         self._states: list[ThermalState | None] = [None] * len(stages)
+        self._arms = [LeverArms.of(stage.lever_arms, stage.own_model) for stage in stages]
 
     def correct(
         self,
@@ -63,7 +66,7 @@ class Corrector:
         CalibrationFileError
             If a g-sensitivity is to be taken out and there is no corrected specific force.
         UsageError
-            If a thermal model has no temperature, or a changing one no time.
+            If a thermal model has no temperature, or a changing one no time; or if there are lever arms and no time.
         ThermalSpanError
             If the temperature leaves the calibrated span and `outside` is ``refuse``.
         ValueError
@@ -82,6 +85,9 @@ class Corrector:
                 force, rate = _corrected(model, force, rate)
             else:
                 force, rate = self._along(number, thermal, force, rate, time, temperature_celsius)
+            arms = self._arms[number]
+            if arms is not None and force is not None and rate is not None:
+                force = arms.taken_out(force, rate, time)
         return force, rate
 
     def _along(

@@ -75,8 +75,13 @@ def _pair(label: tuple[str, str], value: float, sigma: float) -> tuple[str, floa
     return label[0], float(value), float(sigma), label[1]
 
 
-def _rotation(x: Complex, frame: str) -> Complex:
-    """C_bf, analytic in the rotation vector; the identity in the sensors' own frame."""
+def rotation_of_frame(x: Complex, frame: str) -> Complex:
+    """Return C_bf, analytic in the rotation vector; the identity in the sensors' own frame.
+
+    Parameters
+    ----------
+    x, frame : all unknowns, and "accelerometer-x" or "fixture".
+    """
     if frame != "fixture":
         return np.eye(3)
     v = x[FIXTURE]
@@ -93,7 +98,7 @@ def _rotation(x: Complex, frame: str) -> Complex:
 
 def _canonical(terms: frozenset[str], gyro: str, frame: str) -> Callable[[Complex], Complex]:
     def evaluate(x: Complex) -> Complex:
-        C_bf = _rotation(x, frame)
+        C_bf = rotation_of_frame(x, frame)
         parts: list[Complex] = [(matrix_from_shin(x[SCALE], x[ANGLE]) @ C_bf).ravel(), x[BIAS]]
         parts += [x[QUADRATIC]] if "quadratic" in terms else []
         if gyro == "full":
@@ -177,7 +182,7 @@ def named_function(
         for name, _ in more
         for axis in "xyz"
     ]
-    of_table, told = table_parameters(terms, lambda x: _rotation(x, frame), frame)
+    of_table, told = table_parameters(terms, lambda x: rotation_of_frame(x, frame), frame)
     if frame != "fixture":
         labels, own = named_parameters(terms=terms, gyro=gyro, units=units, factors=factors)
         return [*labels, *extra, *of_table], lambda x: np.concatenate(
@@ -188,7 +193,7 @@ def named_function(
         labels += _fixture_labels("gyro", units[1], factors[1], "rad/s")
 
     def evaluate(x: Complex) -> Complex:
-        C_bf = _rotation(x, frame)
+        C_bf = rotation_of_frame(x, frame)
         parts = _fixture_values(matrix_from_shin(x[SCALE], x[ANGLE]) @ C_bf, x[BIAS], factors[0])
         if gyro == "full":
             parts += _fixture_values(x[GYRO_MATRIX].reshape(3, 3) @ C_bf, x[GYRO_BIAS], factors[1])
@@ -214,7 +219,7 @@ def _fixture_values(matrix: Complex, bias: Complex, factor: float | None) -> lis
 
 
 def _model(x: Series, terms: frozenset[str], gyro: str, frame: str) -> ImuModel:
-    C_bf = np.real(_rotation(x, frame))
+    C_bf = np.real(rotation_of_frame(x, frame))
     accelerometer = Triad(
         np.real(matrix_from_shin(x[SCALE], x[ANGLE])) @ C_bf,
         x[BIAS].copy(),

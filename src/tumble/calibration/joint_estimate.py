@@ -6,18 +6,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import Series, Vectors
+from tumble.arrays import Series, Square, Vectors
 from tumble.calibration.canonical import Described, describe_unknowns
 from tumble.calibration.estimate import Estimate, LeftOut, NamedValue, TermTest, coverage_factor
 from tumble.calibration.joint_budget import state_uncertainty
 from tumble.calibration.joint_data import JointData
-from tumble.calibration.joint_description import describe_wide
+from tumble.calibration.joint_description import describe_wide, rotation_of_frame
 from tumble.calibration.joint_noise import BalancedJoint
 from tumble.calibration.joint_observability import Untold
 from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
-from tumble.calibration.joint_table_parameters import table_remarks
+from tumble.calibration.joint_table_parameters import lever_arms_of, table_remarks
 from tumble.calibration.joint_terms import Extra, Link, carry, link_covariance
-from tumble.calibration.joint_wide import FIXTURE, is_wide
+from tumble.calibration.joint_wide import FIXTURE, is_wide, widened
 from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.calibration.snooping import Outlier
 from tumble.calibration.turn_conditions import TOTAL
@@ -105,6 +105,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         spin_names=names,
         beside=start,
         frame=outcome.frame,
+        lever_arms=_lever_arms(outcome),
     )
     if not is_wide(outcome.state.unknowns) and outcome.untold is None and outcome.has_gyro:
         state_uncertainty(estimate, outcome)
@@ -135,6 +136,11 @@ def describe_joint(outcome: JointOutcome) -> Described:
             all_told=outcome.untold is None,
         )
     return describe_unknowns(values, covariance, outcome.site, outcome.recording, terms=terms, gyro="full")
+
+
+def _lever_arms(outcome: JointOutcome) -> Square | None:
+    x = widened(outcome.state.unknowns)
+    return lever_arms_of(x, _kept(outcome), np.real(rotation_of_frame(x, outcome.frame)))
 
 
 def _kept(outcome: JointOutcome) -> frozenset[str]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import Series
+from tumble.arrays import Series, Square
 from tumble.calibration.joint_observability import LEVER_ARM
 from tumble.calibration.joint_table_terms import PAIRS
 from tumble.calibration.joint_wide import LEVER_ARMS, TIME_LAG
@@ -64,6 +64,19 @@ def _both(i: int, j: int, sign: str) -> str:
     return f"{'xyz'[i]}{'xyz'[j]}{sign}{'xyz'[j]}{'xyz'[i]}"
 
 
+def lever_arms_of(unknowns: Series, terms: frozenset[str], C_bf: Square) -> Square | None:
+    """Return (3, 3) m where each accelerometer sits in the frame of the result; None where it is not known.
+
+    Parameters
+    ----------
+    unknowns, terms : all, and the terms that were kept.
+    C_bf : from the frame of the result to the sensors' own.
+    """
+    if "lever_arms" not in terms:
+        return None
+    return np.asarray(unknowns[LEVER_ARMS].reshape(3, 3) @ C_bf, dtype=np.float64)
+
+
 def told_table_parameters(labels: list[Label], sigmas: Series) -> np.ndarray:
     """Return which parameters are to be named, of bool: each pair of lever arms, or else its sum or difference.
 
@@ -108,10 +121,16 @@ def table_remarks(terms: frozenset[str], named: dict[str, tuple[float, float]]) 
         told.append(
             f"The accelerometers sit at different places of the unit, up to {1e3 * largest:.2g} mm apart in what the "
             "rotations tell. Lever arm ij is the place of accelerometer i along j, counted from accelerometer j. The "
-            "estimate takes them into account, and `tumble apply` does not take out what they feel while the "
-            "unit turns: tell your navigation."
+            "estimate takes them into account, and `tumble apply` takes out what they feel while the unit turns."
         )
     return told
 
 
-__all__ = ["LAG_NAME", "WORTH_NAMING", "table_parameters", "table_remarks", "told_table_parameters"]
+__all__ = [
+    "LAG_NAME",
+    "WORTH_NAMING",
+    "lever_arms_of",
+    "table_parameters",
+    "table_remarks",
+    "told_table_parameters",
+]
