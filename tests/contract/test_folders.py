@@ -84,6 +84,30 @@ def test_uncorrected_sensors_go_first_and_any_can_be_named(tmp_path: Path) -> No
         read_recording(folder, topics=["Magnetometer"])
 
 
+@pytest.mark.parametrize("name", ["LinearAcceleration", "UserAcceleration", "Accelerometer"])
+def test_an_acceleration_without_gravity_is_refused_or_gravity_put_back(tmp_path: Path, name: str) -> None:
+    sensors: dict[str, Any] = {name: (SLOW, FORCE - LEVEL), "Gyroscope": (FAST, RATE)}
+    with pytest.raises(RecordingError, match=rf"{name}\.csv has gravity taken out"):
+        read_recording(phone(tmp_path / "a", **sensors))
+    sensors["Gravity"] = (SLOW, np.tile(LEVEL, (300, 1)))
+    whole = read_recording(phone(tmp_path / "b", **sensors))
+    assert whole.specific_force is not None
+    assert np.linalg.norm(whole.specific_force.mean(axis=0)) == pytest.approx(np.linalg.norm(LEVEL), abs=0.01)
+
+
+def test_columns_that_name_the_sensor_and_the_unit_of_time_are_known(tmp_path: Path) -> None:
+    """As other programs write them: no bare x, y, z, and stamps in ns that the header says to be so."""
+    for name, time, values in (("acc", SLOW, FORCE), ("gyro", FAST, RATE)):
+        unit = "m/s^2" if name == "acc" else "rad/s"
+        header = "timestamp [ns]," + ",".join(f"{name} {a} [{unit}]" for a in "xyz")
+        (tmp_path / "log").mkdir(exist_ok=True)
+        rows = np.column_stack([np.round(1e9 * time), values])
+        np.savetxt(tmp_path / "log" / f"{name}.csv", rows, delimiter=",", header=header, comments="")
+    recording = read_recording(tmp_path / "log")
+    assert recording.rate == pytest.approx(200.0, rel=1e-9)
+    assert (recording.specific_force_unit, recording.angular_rate_unit) == ("m/s^2", "rad/s")
+
+
 def test_phyphox_exports_a_zip(tmp_path: Path) -> None:
     header = '"Time (s)","X (m/s^2)","Y (m/s^2)","Z (m/s^2)"'
     write_sensor(tmp_path / "Accelerometer.csv", header, SLOW, FORCE)

@@ -88,3 +88,27 @@ def test_files_without_a_table_and_damaged_ones_are_refused(tmp_path: Path) -> N
     path.write_bytes(path.read_bytes()[:300])
     with pytest.raises(RecordingError, match="damaged HDF5"):
         read_recording(path)
+
+
+def test_units_and_rate_among_the_attributes_are_taken(tmp_path: Path) -> None:
+    """Numbers in g and deg/s that say so are read so, though at rest the gyro's would pass for rad/s."""
+    path = write(tmp_path / "a.h5", imu__acc=FORCE / 9.80665, imu__gyr=np.degrees(RATE))
+    with h5py.File(path, "r+") as file:
+        file.attrs["sampling_rate"] = 128.0
+        file["imu/acc"].attrs["units"] = "g"
+        file["imu/gyr"].attrs["Units"] = [b"deg/s", b"deg/s", b"deg/s"]
+    recording = read_recording(path)
+    assert (recording.specific_force_unit, recording.angular_rate_unit) == ("g", "deg/s")
+    assert recording.rate == 128.0
+    with h5py.File(path, "r+") as file:
+        file["imu/acc"].attrs["units"] = "m/s^2"
+    with pytest.raises(RecordingError, match=r"in the declared m/s\^2 is 0\.1\d* times gravity"):
+        read_recording(path)
+
+
+def test_an_attribute_with_an_unknown_unit_is_said(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.h5", imu__t=TIME, imu__acc=FORCE, imu__gyr=RATE)
+    with h5py.File(path, "r+") as file:
+        file["imu/gyr"].attrs["unit"] = "furlong"
+    said = " ".join(r.text for r in read_recording(path).remarks)
+    assert "the unit 'furlong' of 'gyr_x [furlong]' is no known unit of angular rate" in said

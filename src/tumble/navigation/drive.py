@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import Series
+from tumble.arrays import Series, Vector
 from tumble.errors import RecordingError
 from tumble.navigation.alignment import Alignment, align_in_motion, find_rest
 from tumble.navigation.filter import FilterRun, FilterSetup, plan_filter, run_filter
@@ -24,6 +24,11 @@ from tumble.noise.terms import NoiseModel
 
 # Steps, s, at which the filter's innovations are compared to find the offset between the clocks, in turns.
 _REACHES = (0.15, 0.05, 0.03)
+# How often each is tried until the least lies between its steps; and how many of the course's standard uncertainties
+# the filter may move the offset.
+_TRIALS, _FURTHEST = 3, 4.0
+# A metre of lever arm, in s of the offset that the innovations find (simulated drives).
+_UNKNOWN_ARM = 0.02
 # What an outlier may add to their sum.
 _MOST = 30.0
 # By how much a float or single solution is trusted less than it says.
@@ -156,20 +161,36 @@ def prepare_drive(
     if clock is None:
         clock = TimeAlignment(given, 0.0, axes.about_vertical, 0.0, 0.0, "; it was given")
         return Drive(samples, track.shifted(given), *found, clock, axes)
-    own = setup or wide_setup()
-    total, sigma = given, clock.sigma
+    own, total, told = setup or wide_setup(), given, True
+    quiet = _less_rest_rate(samples, track.shifted(given))
+    sigma = clock.sigma
     for reach in _REACHES:
-        drive = Drive(samples, track.shifted(total), *found, clock, axes)
-        step, sigma = _least_innovations(drive, own, reach)
-        total += step
-        found = _aligned(samples, track.shifted(total), rest)
+        for _ in range(_TRIALS):
+            drive = Drive(quiet, track.shifted(total), *found, clock, axes)
+            step, sigma, told = _least_innovations(drive, own, reach)
+            total += step
+            found = _aligned(samples, track.shifted(total), rest)
+            if told:
+                break
     note = f"; the filter then moved it by {total - given:.3f} s"
+    if not told or abs(total - given) > _FURTHEST * clock.sigma:
+        total, sigma, note = given, clock.sigma, "; the filter's innovations tell it no better"
+        found = _aligned(samples, track.shifted(total), rest)
+    elif not own.lever_arm_b.any():
+        sigma = float(np.hypot(sigma, _UNKNOWN_ARM))
+        note += ", to 0.02 s for each metre of lever arm that was not given"
     clock = replace(clock, offset=total, sigma=sigma, note=note)
     return Drive(samples, track.shifted(total), *found, clock, axes)
 
 
-def wide_setup() -> FilterSetup:
-    """Return a setup for a unit of which nothing is known: errors and noise of a poor consumer grade on a car."""
+def wide_setup(lever_arm_b: Vector | None = None, lever_arm_sigma: float = 0.0) -> FilterSetup:
+    """Return a setup for a unit of which nothing is known: errors and noise of a poor consumer grade on a car.
+
+    Parameters
+    ----------
+    lever_arm_b : (3,) m, from the IMU to the antenna; None for zero.
+    lever_arm_sigma : m, how well that is known; above zero the filter finds it too.
+    """
     from tumble.navigation.filter.sensor_states import TriadSpread
 
     return plan_filter(
@@ -177,11 +198,22 @@ def wide_setup() -> FilterSetup:
         NoiseModel(random_walk=0.002, rate_random_walk=1e-5),
         accelerometer=TriadSpread(bias=0.2, scale_factor=0.01, non_orthogonality=0.01),
         gyroscope=TriadSpread(bias=0.01, scale_factor=0.01, misalignment=0.01),
+        lever_arm_b=lever_arm_b,
+        lever_arm_sigma=lever_arm_sigma,
     )
 
 
-def _least_innovations(drive: Drive, setup: FilterSetup, reach: float) -> tuple[float, float]:
-    """The shift, s, at which the squared normalised innovations are least by a parabola, and its sigma."""
+def _less_rest_rate(samples: InertialSamples, track: GnssTrack) -> InertialSamples:
+    """Samples less the gyros' mean in the first rest: an uncalibrated bias would blur the clock."""
+    first, last = find_rest(samples, track)
+    still = samples.between(max(first, float(samples.time[0])), last)
+    return replace(
+        samples, angular_rate_ib_b=samples.angular_rate_ib_b - still.angular_rate_ib_b.mean(axis=0)
+    )
+
+
+def _least_innovations(drive: Drive, setup: FilterSetup, reach: float) -> tuple[float, float, bool]:
+    """The shift, s, at which the normalised innovations are least by a parabola, its sigma, and if there is one."""
     interval = max(1.0, drive.track.interval)
     wanted = drive.track.thinned(interval)[0]
     own = drive.setup(setup)
@@ -200,13 +232,13 @@ def _least_innovations(drive: Drive, setup: FilterSetup, reach: float) -> tuple[
     with ThreadPoolExecutor(3) as pool:
         before, middle, after = pool.map(cost, (-reach, 0.0, reach))
     bend = before + after - 2.0 * middle
-    if bend <= 0.0:
+    if bend <= 0.0 or abs(before - after) > 2.0 * bend:
         # outside of the valley: towards its lower side
-        return (reach if after < before else -reach), reach
+        return (reach if after < before else -reach), reach, False
     step = 0.5 * reach * (before - after) / bend
-    # chi-square rises by one at one sigma; scaled where innovations are not of the size that the setup says
-    scale = middle / (3.0 * max(len(wanted), 1))
-    return float(np.clip(step, -2.0 * reach, 2.0 * reach)), float(reach * np.sqrt(2.0 * scale / bend))
+    # chi-square rises by one at one sigma; scaled where innovations are larger than the setup says
+    scale = max(1.0, middle / (3.0 * max(len(wanted), 1)))
+    return float(step), float(reach * np.sqrt(2.0 * scale / bend)), True
 
 
 def _aligned(samples: InertialSamples, track: GnssTrack, rest: float) -> tuple[NavigationState, Alignment]:

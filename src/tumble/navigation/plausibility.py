@@ -10,13 +10,22 @@ from tumble.navigation.gnss.time_scales import UNIX_TO_GPS, WEEK, date_of_second
 from tumble.navigation.gnss.track import GnssTrack
 from tumble.navigation.mechanisation import navigate
 from tumble.navigation.samples import InertialSamples
-from tumble.navigation.time_alignment import course_rate_slope, estimate_time_offset, track_velocities
+from tumble.navigation.time_alignment import (
+    course_rate_slope,
+    estimate_time_offset,
+    spans_in_words,
+    track_velocities,
+)
 from tumble.navigation.trajectory import NavigationState
 
 # A gyro's scale is off by no more in any unit that works: beyond, the unit is another.
 _LARGEST_SLOPE = 1.3
 # Clocks may be apart by this beside the leap seconds, s.
 _BESIDE = 1.5
+# Local times are apart by quarters of an hour, s.
+_ZONE = 900.0
+# A clock that counts from its own start does not reach this (three years), s.
+_DATED = 1e8
 
 
 def refuse_wrong_scale(samples: InertialSamples, track: GnssTrack) -> None:
@@ -168,7 +177,7 @@ def why_no_agreement(samples: InertialSamples, track: GnssTrack) -> str:
 
 
 def about_clocks(offset: float, sigma: float, track: GnssTrack, samples: InertialSamples) -> str:
-    """Return a sentence where the offset between absolute clocks is the leap seconds', or "".
+    """Return a sentence on clocks that are apart, with both time spans and what the offset looks like, or "".
 
     Parameters
     ----------
@@ -176,23 +185,46 @@ def about_clocks(offset: float, sigma: float, track: GnssTrack, samples: Inertia
     track : on its own clock, before the offset.
     samples : on the IMU's clock.
     """
-    leap = leap_seconds(float(track.time[0]))
-    allowed = min(max(_BESIDE, 4.0 * sigma), 0.4 * leap)
-    posix = abs(offset - UNIX_TO_GPS) < 100.0
-    # a clock that begins its week anew is apart by whole weeks
-    beside = offset - UNIX_TO_GPS if posix else float(np.remainder(offset + 0.5 * WEEK, WEEK) - 0.5 * WEEK)
-    when = date_of_seconds(float(track.time[0]))
-    if posix and abs(beside) < allowed:
-        return (
-            f"The IMU's clock counts seconds since 1970 in GPS time, {leap} leap seconds ahead of UTC at {when}: the "
-            "offset was taken out."
-        )
-    if posix or abs(abs(beside) - leap) > allowed:
+    dated = [float(time[0]) > _DATED for time in (samples.time, track.time)]
+    if abs(offset) < 1.0 or dated[0] != dated[1]:
+        # a clock that counts from its own start may be apart by anything
         return ""
-    which = "the IMU's clock is UTC" if beside < 0.0 else "the satellite positions' clock is UTC"
+    why = _why_apart(offset, sigma, float(track.time[0])) if dated[0] else ""
+    looks = f": {why}" if why else ""
+    return f"{spans_in_words(samples, track)}; the clocks are {abs(offset):.2f} s apart{looks}."
+
+
+def _why_apart(offset: float, sigma: float, at: float) -> str:
+    """What an offset between absolute clocks looks like; `at` is the track's GPS time."""
+    leap, when = leap_seconds(at), date_of_seconds(at)[:16]
+    allowed = min(max(_BESIDE, 4.0 * sigma), 0.4 * leap)
+    seconds = f"the {leap} leap seconds between GPS time and UTC at {when}"
+    if abs(offset - UNIX_TO_GPS) < allowed:
+        return f"the IMU's clock counts seconds since 1970 in GPS time, {leap} leap seconds ahead of UTC at {when}"
+    if abs(offset - UNIX_TO_GPS + leap) < allowed:
+        return "the IMU's clock counts seconds since 1970 (UTC), and the positions have GPS time"
+    weeks = round(offset / WEEK)
+    beside = offset - weeks * WEEK
+    words = [
+        f"{abs(weeks)} whole week{'s' if abs(weeks) != 1 else ''}, as of a clock that begins its weeks anew"
+    ]
+    words = words if weeks else []
+    hours = round(beside / _ZONE) * _ZONE / 3600.0
+    for away in (0.0, hours):
+        left = beside - 3600.0 * away
+        if abs(abs(left) - leap) > allowed and abs(left) > allowed:
+            continue
+        if away:
+            words.append(
+                f"{abs(away):g} h, as of local time (the IMU's clock is {'ahead' if away > 0.0 else 'behind'})"
+            )
+        if abs(left) > allowed:
+            which = "the IMU's" if left < 0.0 else "the satellite positions'"
+            words.append(seconds if away else f"{seconds} ({which} clock is UTC)")
+        return "that is " + ", and ".join(words) if words else ""
     return (
-        f"The clocks are {abs(beside):.2f} s apart at {when}, which are the {leap} leap seconds between GPS time and "
-        f"UTC: {which}. The offset was taken out."
+        "that is neither leap seconds, nor a time zone, nor whole weeks, so one of the clocks was not set; make sure "
+        "that the files are of one drive"
     )
 
 
@@ -213,10 +245,10 @@ def refuse_no_overlap(samples: InertialSamples, track: GnssTrack, offset: float)
     first, last = float(track.time[0]) + offset, float(track.time[-1]) + offset
     overlap = min(last, float(samples.time[-1])) - max(first, float(samples.time[0]))
     if overlap < 10.0:
+        spans = spans_in_words(samples, track, offset)
         raise RecordingError(
-            f"IMU and GNSS do not overlap in time: the IMU's samples run from {samples.time[0]:.1f} to "
-            f"{samples.time[-1]:.1f} s and the fixes of {track.name} from {first:.1f} to {last:.1f} s. Leave "
-            "--gnss-time out to have the offset found, or check that the files belong together."
+            f"IMU and GNSS do not overlap in time with --gnss-time {offset:g}: {spans[:1].lower()}{spans[1:]}. "
+            "Leave --gnss-time out to have the offset found, or check that the files belong together."
         )
 
 

@@ -21,6 +21,12 @@ _ANTENNA_TO_AXLE = 1.5
 _WINDOW = 1.0
 # Fewer times than this make no correlation; more stretches than this (two days) are not transformed at once.
 _FEWEST, _MOST_STRETCHES = 10, 1 << 22
+# Clocks that were meant to be one are apart by less, s: leap seconds and delays.
+_SYNCHRONISED = 30.0
+# Least correlation at any other offset, where a few turns fit by chance; of more motion than this, s, less will do.
+_LEAST, _LEAST_LONG, _LONG = 0.95, 0.85, 300.0
+# s by which stamps overlap where they are compared as they are.
+_LEAST_OVERLAP = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,22 +103,41 @@ def estimate_time_offset(
     times, course_rate, weights = _course_rate(track)
     lags = _lags(grid, times, around, reach)
     curve = _correlation_curve(grid, yaw_rate, times, course_rate, weights, lags)
-    best = int(np.nanargmax(curve)) if np.isfinite(curve).any() else -1
-    if best < 0 or curve[best] < 0.5:
-        least = 0.0 if best < 0 else float(curve[best])
+    best, second = _best_lag(curve, lags)
+    # an offset that the stamps themselves nearly have is no chance
+    near, other = _best_lag(np.where(np.abs(lags) < _SYNCHRONISED, curve, np.nan), lags)
+    if near >= 0 and curve[near] > 0.8 and _alike(float(curve[best]), float(curve[near])):
+        best, second = near, other
+    seconds = float(np.count_nonzero(weights)) * track.interval
+    free = around is None and best != near
+    least = _LEAST_LONG if seconds > _LONG else _LEAST
+    if best < 0 or curve[best] < (least if free else 0.5) or (free and _alike(float(curve[best]), second)):
         raise RecordingError(
-            f"IMU and GNSS do not seem to have seen the same motion: at no offset does the course's rate correlate "
-            f"with the gyros by more than {least:.2f}. Check that the files belong together, the units of the "
-            "gyros, and that the vehicle turned."
+            "IMU and GNSS do not seem to have seen the same motion: at no offset between their clocks does the "
+            f"course's rate fit the gyros alone (correlation {curve[best] if best >= 0 else 0.0:.2f} at best, "
+            f"{second:.2f} at others). {spans_in_words(samples, track)}: check that the files belong together, the units of the gyros, "
+            "and that the vehicle turned; or give the offset."
         )
-    apart = np.abs(lags - lags[best]) > 5.0
-    second = float(np.nanmax(curve[apart])) if apart.any() and np.isfinite(curve[apart]).any() else 0.0
     offset, sigma = _refined(grid, yaw_rate, times, course_rate, weights, float(lags[best]))
     at_best = _correlation(grid, yaw_rate, times + offset, course_rate, weights)
     speed: Series = np.sqrt(np.nansum(track_velocities(track)[:, :2] ** 2, axis=1))
     lead = _ANTENNA_TO_AXLE / float(np.mean(speed[speed > _SLOWEST]))
-    seconds = float(np.count_nonzero(weights)) * track.interval
     return TimeAlignment(offset, float(np.hypot(sigma, lead)), float(at_best), second, seconds)
+
+
+def spans_in_words(samples: InertialSamples, track: GnssTrack, offset: float = 0.0) -> str:
+    """Return where both begin and end, in words, and whether they overlap as they are stamped.
+
+    Parameters
+    ----------
+    samples, track : on their own clocks.
+    offset : s that is added to the track's times.
+    """
+    first, last = float(track.time[0]) + offset, float(track.time[-1]) + offset
+    begin, end = float(samples.time[0]), float(samples.time[-1])
+    both = f"The IMU's samples run from {begin:.1f} to {end:.1f} s and the fixes from {first:.1f} to {last:.1f} s"
+    apart = max(first - end, begin - last)
+    return f"{both}, {apart:.0f} s apart" if apart > 0.0 else both
 
 
 def check_axes(samples: InertialSamples, track: GnssTrack) -> AxisAgreement:
@@ -186,7 +211,7 @@ def _axis_problem(correlations: Vector, about: float, down: Vector) -> str:
         )
     return (
         f"No gyro axis goes with the course (best is {best} with a correlation of {seen:.2f}): the clocks are apart, "
-        "or the files do not belong together."
+        "the positions scatter too much to have a course, or the files do not belong together."
     )
 
 
@@ -249,11 +274,16 @@ def track_velocities(track: GnssTrack) -> Vectors:
 
 
 def _lags(grid: Series, times: Series, around: float | None, reach: float | None) -> Series:
-    half = 0.5 * min(grid[-1] - grid[0], times[-1] - times[0])
-    first, last = grid[0] + half - times[-1], grid[-1] - half - times[0]
     if around is not None:
         extent = 10.0 if reach is None else reach
-        first, last = around - extent, around + extent
+        return np.arange(around - extent, around + extent + _STEP, _STEP)
+    half = 0.5 * min(grid[-1] - grid[0], times[-1] - times[0])
+    first, last = grid[0] + half - times[-1], grid[-1] - half - times[0]
+    # as they are stamped, they may overlap by less
+    widest = grid[0] + _LEAST_OVERLAP - times[-1], grid[-1] - _LEAST_OVERLAP - times[0]
+    if widest[0] < 0.0 < widest[1]:
+        first = min(first, max(-_SYNCHRONISED, float(widest[0])))
+        last = max(last, min(_SYNCHRONISED, float(widest[1])))
     return np.arange(first, last + _STEP, _STEP)
 
 
@@ -288,6 +318,20 @@ def _correlation_curve(
     centred = (both - rate * turn / number) / np.sqrt(np.maximum(left, 0.0) + 1e-30)
     found = np.where(np.abs(centred) > np.abs(plain), centred, plain)
     return np.asarray(np.where(count >= _FEWEST, found, np.nan))
+
+
+def _best_lag(curve: Series, lags: Series) -> tuple[int, float]:
+    """The index of the highest correlation, or -1, and the highest one further than five seconds from it."""
+    if not np.isfinite(curve).any():
+        return -1, 0.0
+    best = int(np.nanargmax(curve))
+    apart = curve[np.abs(lags - lags[best]) > 5.0]
+    return best, float(np.nanmax(apart)) if np.isfinite(apart).any() else 0.0
+
+
+def _alike(best: float, other: float) -> bool:
+    """Whether two correlations leave about as much unexplained: then neither is found by more than chance."""
+    return 1.0 - best**2 > 0.5 * (1.0 - other**2)
 
 
 class _SumsOverTimes:
@@ -369,5 +413,6 @@ __all__ = [
     "check_axes",
     "course_rate_slope",
     "estimate_time_offset",
+    "spans_in_words",
     "track_velocities",
 ]

@@ -35,6 +35,7 @@ _UNIT_SUFFIX = re.compile(
 )
 _ACCELEROMETER_FILE = re.compile(r"(?<![a-z])(acc|accel|acce|accelerometer|acceleration|force|acel)(?![a-z])")
 _GYRO_FILE = re.compile(r"(?<![a-z])(gyr|gyro|gyros|gyroscope|omega|angular|angrate|rate|ars)(?![a-z])")
+_FREE = frozenset(("user", "linear", "lin", "free", "dynamic", "linearacc", "linacc", "freeacc"))
 _BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]")
 
 
@@ -48,6 +49,7 @@ class ColumnPlan:
     specific_force, angular_rate : three (index, sign) each, or None.
     time_unit, specific_force_unit, angular_rate_unit, temperature_unit : as declared in the names, or None.
     said_by : "option", "header" or "content": who says so.
+    unknown_units : quantity, name of a column, and the unit in it that nobody knows.
     """
 
     time: int | None = None
@@ -59,6 +61,7 @@ class ColumnPlan:
     angular_rate_unit: str | None = None
     temperature_unit: str | None = None
     said_by: str = "header"
+    unknown_units: tuple[tuple[str, str, str], ...] = ()
 
     def swapped(self) -> ColumnPlan:
         """Return the plan with the two triads exchanged."""
@@ -221,18 +224,15 @@ def kind_of_file(name: str) -> str | None:
 def plan_from_names(names: tuple[str, ...]) -> ColumnPlan | None:
     """Return the plan that the names of the columns tell, or None if they tell of no whole triad.
 
-    Of a role that several columns claim, the first column has it.
+    Of a role that several columns claim, the first column has it; an acceleration whose name says that gravity was
+    taken out comes last.
 
     Raises
     ------
     RecordingError
         If the names declare different units for the axes of one triad.
     """
-    slots: dict[str, tuple[int, str | None]] = {}
-    for i, name in enumerate(names):
-        found = role_of(name)
-        if found is not None:
-            slots.setdefault(found[0], (i, found[1]))
+    slots = _slots(names)
     force, rate = (_triad(slots, kind) for kind in "ag")
     if force is None and rate is None:
         return None
@@ -251,7 +251,49 @@ def plan_from_names(names: tuple[str, ...]) -> ColumnPlan | None:
         specific_force_unit=_declared_unit(slots, "a", "specific force"),
         angular_rate_unit=_declared_unit(slots, "g", "angular rate"),
         temperature_unit=None if temperature is None else temperature_unit_in(names[temperature[0]]),
+        unknown_units=_unknown_units(slots, names),
     )
+
+
+def says_free_of_gravity(name: str) -> bool:
+    """Say whether a column's name is one of accelerations that gravity may have been taken out of.
+
+    ROS calls the specific force itself a linear acceleration, Android what is left without gravity.
+
+    Examples
+    --------
+    >>> says_free_of_gravity("userAcceleration.x"), says_free_of_gravity("acc_x")
+    (True, False)
+    """
+    return not _FREE.isdisjoint(_words(_unit_in(name)[0]))
+
+
+def _slots(names: tuple[str, ...]) -> dict[str, tuple[int, str | None]]:
+    """Return which column has which role, and the unit in its name."""
+    slots: dict[str, tuple[int, str | None]] = {}
+    spare: dict[str, tuple[int, str | None]] = {}
+    for i, name in enumerate(names):
+        found = role_of(name)
+        if found is not None:
+            free = found[0][0] == "a" and says_free_of_gravity(name)
+            (spare if free else slots).setdefault(found[0], (i, found[1]))
+    if spare and not all("a" + axis in slots for axis in AXES):
+        slots = {role: slot for role, slot in slots.items() if role[0] != "a"} | spare
+    return slots
+
+
+def _unknown_units(
+    slots: dict[str, tuple[int, str | None]], names: tuple[str, ...]
+) -> tuple[tuple[str, str, str], ...]:
+    """Return the units in the names that are none of their quantity."""
+    unknown: list[tuple[str, str, str]] = []
+    for slot, (index, unit) in slots.items():
+        quantity = _QUANTITY.get(slot[0] if slot != "temperature" else slot)
+        if unit is None or quantity is None:
+            continue
+        if not any(find_unit(q, unit) for q in (quantity, _INCREMENT.get(quantity, quantity))):
+            unknown.append((quantity, names[index], unit))
+    return tuple(unknown)
 
 
 def _triad(slots: dict[str, tuple[int, str | None]], kind: str) -> tuple[tuple[int, float], ...] | None:
@@ -272,4 +314,5 @@ def _declared_unit(slots: dict[str, tuple[int, str | None]], kind: str, quantity
     return known.pop() if known else None
 
 
+_QUANTITY = {"a": "specific force", "g": "angular rate", "t": "time", "temperature": "temperature"}
 _INCREMENT = {"specific force": "velocity increment", "angular rate": "angle increment"}

@@ -15,6 +15,7 @@ from tumble.recording.columns import ColumnPlan, kind_of_file
 from tumble.recording.gravity_check import gyro_scale_from_gravity, unit_of_scale
 from tumble.recording.recording import Recording, Remark
 from tumble.recording.rest import QuietStretches, find_quiet_stretches, sample_pieces, smallest_step
+from tumble.recording.unit_change import two_force_levels
 from tumble.units import COUNTS, STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
 
 _GUESS_TOLERANCE = 0.15  # of the norm at rest when guessing; an uncalibrated MEMS is off by a few per cent
@@ -22,6 +23,7 @@ _REFUSE_FACTOR = 1.3  # a declared unit is refused when gravity comes out wrong 
 _RESTLESS = 0.05  # scatter within a quarter second over the norm: half a m/s² is motion, not noise
 _MOST_MOTION = 4.0  # times gravity that shaking makes of the norm; beyond it is the unit
 _MOST_SHAKEN = 10.0  # times gravity that the norm of an accelerometer is in any motion
+_DROWNED = 3.0  # times the noise: gravity is some hundred times it
 _STEADY = 0.99  # share of steps that go up in a column of time
 _GUESS_RATE = 100.0  # Hz, only to choose the length of blocks when the rate is not known yet
 
@@ -170,59 +172,14 @@ def _could_be_temperature(column: Series) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """Norm of the accelerometer at rest: its median and relative spread, whether rest was seen, and motion in it."""
+    """Norm of the accelerometer at rest: its median and relative spread, whether rest was seen, motion in it, noise."""
 
     norm: float
     spread: float
     at_rest: bool
     moves: bool = False
     two: tuple[float, float] | None = None
-
-
-# Between the units of specific force that recordings come in, m/s², g, mg and ft/s², and those of counts, lie these.
-_UNIT_RATIOS = (9.80665, 1000.0 / 9.80665, 1000.0, 32.174, 3.28084)
-_LEAST_SHARE = 0.04  # of the seconds, in either unit
-
-
-def _two_levels(force: Vectors, rate: float) -> tuple[float, float] | None:
-    """Return two levels of the norm, second by second, as far apart as two units are and each steady, or None.
-
-    Rest is not asked for: in the finer unit of two all noise is smaller, and nothing else would seem at rest.
-    """
-    size = max(round(rate), 1)
-    whole = force[: len(force) // size * size]
-    if len(whole) < 20 * size:
-        return None
-    norms = np.median(np.linalg.norm(whole, axis=1).reshape(-1, size), axis=1)
-    ordered = np.sort(np.log(np.maximum(norms, 1e-300)))
-    least = max(2, int(_LEAST_SHARE * ordered.size))
-    cut = int(np.argmax(np.diff(ordered)[least - 1 : -least + 1])) + least
-    low, high = ordered[:cut], ordered[cut:]
-    spreads = [float(np.subtract(*np.quantile(part, [0.75, 0.25]))) for part in (low, high)]
-    apart = float(np.median(high) - np.median(low))
-    gap = float(high[0] - low[-1])
-    if max(spreads) > _GUESS_TOLERANCE or gap < 0.5 * apart:
-        return None
-    if min(abs(apart - np.log(ratio)) for ratio in _UNIT_RATIOS) > _GUESS_TOLERANCE:
-        return None
-    return float(np.exp(np.median(low))), float(np.exp(np.median(high)))
-
-
-def refuse_mixed_units(level: Level, name: str) -> None:
-    """Refuse a recording whose unit changes on the way.
-
-    Raises
-    ------
-    RecordingError
-        If the norm jumps between two levels as far apart as two units are.
-    """
-    if level.two is not None:
-        low, high = level.two
-        raise RecordingError(
-            f"{name}: the accelerometer's norm is near {low:.4g} for some of the time and near {high:.4g} for the "
-            f"rest, {high / low:.4g} times as much: the unit changes within the file. Convert one part, or give the "
-            "parts one by one."
-        )
+    noise: float = 0.0
 
 
 def rest_level(recording: Recording) -> Level:
@@ -240,7 +197,42 @@ def rest_level(recording: Recording) -> Level:
     # What is quietest in a recording that never rests is no rest.
     moves = bool(np.max(quiet.floor[:3]) > _RESTLESS * middle)
     spread = float(high - low) / middle if middle > 0.0 else np.inf
-    return Level(middle, spread, bool(len(quiet)), moves, _two_levels(force, recording.rate))
+    return Level(
+        middle,
+        spread,
+        bool(len(quiet)),
+        moves,
+        two_force_levels(force, recording.rate),
+        float(np.max(quiet.floor[:3])),
+    )
+
+
+def refuse_without_gravity(level: Level, free_name: str | None, name: str) -> None:
+    """Refuse accelerations that gravity was taken out of, where nobody states a unit that would show it.
+
+    Parameters
+    ----------
+    level : of the accelerometer.
+    free_name : of a column that says so by its name, or None.
+    name : of the file.
+
+    Raises
+    ------
+    RecordingError
+        If the norm at rest drowns in the noise, or the name says so and the norm is gravity neither in m/s² nor in g.
+    """
+    small = (
+        level.norm < (1.0 - _GUESS_TOLERANCE) * STANDARD_GRAVITY and abs(level.norm - 1.0) > _GUESS_TOLERANCE
+    )
+    drowned = level.at_rest and level.norm < _DROWNED * level.noise
+    if not (drowned or (free_name is not None and small)):
+        return
+    where = f" ({free_name})" if free_name is not None else ""
+    raise RecordingError(
+        f"{name}: the accelerometer's columns{where} have a norm of {level.norm:.4g} at rest, with noise of "
+        f"{level.noise:.2g}: gravity was taken out of them, and a calibration needs it. Record the acceleration with "
+        "gravity, or name its columns with --columns."
+    )
 
 
 def guess_specific_force_unit(level: Level, whole_numbers: bool, rate: float) -> tuple[str, str]:
@@ -256,10 +248,19 @@ def guess_specific_force_unit(level: Level, whole_numbers: bool, rate: float) ->
         for unit in ("m/s^2", "g", "mg"):
             factor = specific_force_factor(unit) or 1.0
             if abs(level.norm * factor / STANDARD_GRAVITY - 1.0) < _GUESS_TOLERANCE:
-                return unit, said
+                return unit, said + ("" if whole_numbers else _increments_too(level.norm, rate))
         if not whole_numbers and is_increment(level.norm, rate):
             return "increments", f"{said}, which times the rate of {rate:.4g} Hz is {level.norm * rate:.4g}"
     return COUNTS, said if steady else f"{said} and differs from pose to pose by {100 * level.spread:.0f} %"
+
+
+def _increments_too(norm: float, rate: float) -> str:
+    """Say where velocity increments would be of the same size, as those of 10 Hz are to numbers in g."""
+    if not is_increment(norm, rate, tolerance=_GUESS_TOLERANCE):
+        return ""
+    return (
+        f" (velocity increments in m/s at {rate:.4g} Hz are as large: if it holds those, say --units m/s,rad)"
+    )
 
 
 def is_increment(norm: float, rate: float, factor: float = 1.0, tolerance: float = 0.1) -> bool:

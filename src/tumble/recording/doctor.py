@@ -27,6 +27,7 @@ _POSES_FOR_NINE = 9  # unknowns: three biases, three scales, three non-orthogona
 _POSES_FOR_SIX = 6
 _NOISE_SECONDS = 600.0  # a rest that shows bias instability of common gyros, some 10 minutes
 _LEAST_RUN = 3
+_DISTANT = 1e6  # s: stamps beyond count from a day of the calendar
 _TEMPERATURE_SPAN = 10.0  # degrees Celsius that make a temperature dependence visible
 
 
@@ -95,6 +96,17 @@ class Findings:
     warnings: tuple[str, ...]
     good_for: tuple[str, ...]
     missing: tuple[str, ...]
+
+
+def moment(recording: Recording, time: float) -> str:
+    """Return a time in words: as it is, or from the beginning where the stamps count from a distant day.
+
+    Examples
+    --------
+    The stamps of a bag count from 1970, and no six digits of them tell anything.
+    """
+    begin = float(recording.time[0])
+    return f"t = {time:.6g} s" if abs(begin) < _DISTANT else f"{time - begin:.6g} s from the beginning"
 
 
 def channels_of(recording: Recording) -> dict[str, Series]:
@@ -264,7 +276,7 @@ def _warnings(
         said.append(
             f"Samples are missing in {len(gaps)} place(s), {sum(g.samples for g in gaps)} in all; the "
             "longest gap is "
-            f"{worst.duration:.3g} s after t = {worst.time:.6g} s. A turn across a gap cannot be integrated."
+            f"{worst.duration:.3g} s after {moment(recording, worst.time)}. A turn across a gap cannot be integrated."
         )
     if jitter > 0.2:
         said.append(
@@ -274,8 +286,8 @@ def _warnings(
     if stuck:
         said.append(f"Channel(s) {', '.join(stuck)} never change: a dead sensor or a wrong column.")
     said += [
-        f"{s.channel} sticks at {s.value:.6g} for {s.samples} samples (longest run {s.longest_run} from t = "
-        f"{recording.time[s.index]:.6g} s): saturated; turn more slowly or choose a larger range."
+        f"{s.channel} sticks at {s.value:.6g} for {s.samples} samples (longest run {s.longest_run} from "
+        f"{moment(recording, float(recording.time[s.index]))}): saturated; turn more slowly or choose a larger range."
         for s in saturations
     ]
     if contradiction:

@@ -19,41 +19,10 @@ from tumble.recording.declared import DeclaredUnits
 from tumble.recording.formats.table import RawTable
 from tumble.recording.recording import Recording, Remark, Source
 from tumble.recording.signals import Signals, pick_signals
-from tumble.units import (
-    COUNTS,
-    angle_increment_factor,
-    celsius_from,
-    find_unit,
-    time_factor,
-    velocity_increment_factor,
-)
+from tumble.recording.unit_choice import Interpretation, about_units, decide_force, decide_rate
+from tumble.units import COUNTS, celsius_from, find_unit, time_factor
 
-_PLAIN_NAMES = ("ax", "ay", "az", "gx", "gy", "gz")
-
-
-@dataclass(frozen=True, slots=True)
-class Interpretation:
-    """What the columns of a table mean.
-
-    Attributes
-    ----------
-    plan : which column is what.
-    time_unit : unit of the stamps, or None without stamps.
-    specific_force_unit, angular_rate_unit : units of the recording.
-    rate : nominal sampling rate in Hz.
-    force_factor, rate_factor : what the columns are multiplied with: 1, or for increments the factor
-        that turns them into SI rates.
-    remarks : how all this was found.
-    """
-
-    plan: ColumnPlan
-    time_unit: str | None
-    specific_force_unit: str
-    angular_rate_unit: str
-    rate: float
-    force_factor: float = 1.0
-    rate_factor: float = 1.0
-    remarks: tuple[Remark, ...] = ()
+__all__ = ["BlockState", "Interpretation", "choose_columns", "interpret", "interpret_block"]
 
 
 def choose_columns(table: RawTable, option: str | None) -> tuple[ColumnPlan, list[Remark]]:
@@ -183,7 +152,7 @@ def interpret(
     """
     if rate is not None and not (np.isfinite(rate) and rate > 0.0):
         raise UsageError(f"--rate {rate:g}: give a positive number of samples a second.")
-    remarks = [*table.remarks, *remarks]
+    remarks = [*table.remarks, *remarks, *about_units(table, plan, units)]
     plan = replace(plan, temperature_unit=units.temperature or plan.temperature_unit)
     declared_rate = rate if rate is not None or plan.time is not None else table.rate
     signals, ordered = _ordered(
@@ -215,9 +184,9 @@ def interpret(
     )
     content.check_triads(recording, table.path.name, None if increments else declared_force)
     decided = Interpretation(plan, None if plan.time is None else ordered.unit, COUNTS, COUNTS, ordered.rate)
-    decided, more = _decide_force(recording, decided, units, table)
+    decided, more = decide_force(recording, decided, units, table)
     recording = _rescaled(recording, decided)
-    decided, rate_remarks = _decide_rate(recording, decided, units, table)
+    decided, rate_remarks = decide_rate(recording, decided, units, table)
     recording = _rescaled_rate(recording, decided)
     every = (*remarks, *more, *rate_remarks, *_unchecked(recording))
     decided = replace(decided, remarks=every)
@@ -285,86 +254,6 @@ def _rescaled_rate(recording: Recording, decided: Interpretation) -> Recording:
     if recording.angular_rate is None or decided.rate_factor == 1.0:
         return recording
     return replace(recording, angular_rate=recording.angular_rate * decided.rate_factor)
-
-
-def _decide_force(
-    recording: Recording, decided: Interpretation, units: DeclaredUnits, table: RawTable
-) -> tuple[Interpretation, list[Remark]]:
-    """Decide the accelerometer's unit: declared and checked, or guessed from its norm at rest."""
-    if recording.specific_force is None:
-        return decided, []
-    name, rate = table.path.name, recording.rate
-    level = content.rest_level(recording)
-    content.refuse_mixed_units(level, name)
-    header = decided.plan.specific_force_unit
-    increment = units.velocity_increment
-    if (
-        increment is None
-        and units.specific_force is None
-        and header
-        and find_unit("velocity increment", header)
-    ):
-        increment = find_unit("velocity increment", header)
-    if increment is not None:
-        factor = velocity_increment_factor(increment) * rate
-        if level.at_rest and not content.is_increment(level.norm, rate, factor / rate, tolerance=0.3):
-            raise RecordingError(
-                f"{name}: {level.norm:.4g} {increment} at rest over {1 / rate:.4g} s would be "
-                f"{level.norm * factor:.4g} m/s²: these are no velocity increments; leave {increment} out of "
-                "--units, or check the rate."
-            )
-        text = f"Velocity increments in {increment} are divided by the sampling interval of {1 / rate:.6g} s."
-        return replace(decided, specific_force_unit="m/s^2", force_factor=factor), [Remark("mended", text)]
-    unit = units.specific_force or header
-    if unit is not None:
-        content.check_specific_force_unit(level, unit, rate, name)
-        return replace(decided, specific_force_unit=unit), []
-    unit, reason = content.guess_specific_force_unit(
-        level, content.whole_numbers(recording.specific_force), rate
-    )
-    if unit == "increments":
-        raise RecordingError(
-            f"{name}: the accelerometer's columns look like velocity increments ({reason}); give --units "
-            "m/s,rad "
-            "(or m/s,deg) to convert them to rates, or --units counts if they are raw."
-        )
-    if unit == COUNTS and not level.norm > 0.0:
-        reason = "its norm at rest is zero"
-    return replace(decided, specific_force_unit=unit), [
-        Remark("assumed", f"Specific force is taken as {unit}: {reason}.")
-    ]
-
-
-def _decide_rate(
-    recording: Recording, decided: Interpretation, units: DeclaredUnits, table: RawTable
-) -> tuple[Interpretation, list[Remark]]:
-    """Decide the gyro's unit: declared and checked against gravity, or guessed."""
-    if recording.angular_rate is None:
-        return decided, []
-    name, rate = table.path.name, recording.rate
-    header = decided.plan.angular_rate_unit
-    increment = units.angle_increment
-    if increment is None and units.angular_rate is None and header and find_unit("angle increment", header):
-        increment = find_unit("angle increment", header)
-    if increment is not None:
-        factor = angle_increment_factor(increment) * rate
-        text = f"Angle increments in {increment} are divided by the sampling interval of {1 / rate:.6g} s."
-        converted = replace(recording, angular_rate=recording.angular_rate * factor)
-        more = content.check_angular_rate_unit(converted, "rad/s", name)
-        return replace(decided, angular_rate_unit="rad/s", rate_factor=factor), [
-            Remark("mended", text),
-            *more,
-        ]
-    unit = units.angular_rate or header
-    if unit is None and units.specific_force == COUNTS:
-        unit = COUNTS
-    if unit is not None:
-        return replace(decided, angular_rate_unit=unit), content.check_angular_rate_unit(
-            recording, unit, name
-        )
-    plain = table.names is not None and {n.lower() for n in table.names} >= set(_PLAIN_NAMES)
-    unit, remarks = content.guess_angular_rate_unit(recording, plain)
-    return replace(decided, angular_rate_unit=unit), remarks
 
 
 @dataclass(slots=True)

@@ -14,7 +14,9 @@ from tumble.errors import RecordingError
 from tumble.recording.recording import Remark
 from tumble.units import time_factor
 
-_PLAUSIBLE_RATE = (10.0, 10_000.0)  # Hz
+_PLAUSIBLE_RATE = (5.0, 5000.0)  # Hz: slow loggers in seconds are many, rates above in milliseconds few
+_USUAL_RATE = (5.0, 20_000.0)  # Hz
+_NEAR_EDGE = 3.0  # times the rate of an edge within which the neighbouring unit is named too
 _GAP_FACTOR = 1.6  # of the median step: one missing sample doubles the step, jitter rarely reaches this
 _WRAPS = (
     2.0**16,
@@ -61,8 +63,8 @@ class Stamps:
 def guess_time_unit(step: float) -> str:
     """Return the unit of time in which a median step gives the most plausible sampling rate.
 
-    Rates from 10 Hz to 10 kHz are plausible; each unit covers three decades, so exactly one fits
-    (at the very edge the one nearer to the middle, 316 Hz).
+    Rates from 5 Hz to 5 kHz are plausible; each unit covers three decades, so exactly one fits
+    (at the very edge the one nearer to the middle, 158 Hz).
 
     Examples
     --------
@@ -175,7 +177,7 @@ def order_stamps(
     steps = steps if factor == 1.0 else steps * factor
     found = _nominal_rate(steps, float(time[-1] - time[0]))
     _check_rate(found, rate, name, unit)
-    if not 0.5 * _PLAUSIBLE_RATE[0] <= found <= 2.0 * _PLAUSIBLE_RATE[1]:
+    if not _USUAL_RATE[0] <= found <= _USUAL_RATE[1]:
         text = f"A rate of {found:.3g} Hz is unusual for an IMU; check the unit of time ({unit})."
         remarks.append(Remark("unchecked", text))
     gaps = _gaps_of(steps, found) if time.size > 2 else ()
@@ -262,9 +264,25 @@ def _unit_of(step: float, unit: str | None, rate: float | None, name: str, remar
     guess = guess_time_unit(step)
     found = 1.0 / (step * time_factor(guess))
     remarks.append(
-        Remark("assumed", f"{name}: stamps are taken as {guess} (steps of {step:.6g}, {found:.4g} Hz).")
+        Remark(
+            "assumed",
+            f"{name}: stamps are taken as {guess} (steps of {step:.6g}, {found:.4g} Hz){_other_unit(guess, found)}.",
+        )
     )
     return guess
+
+
+def _other_unit(guess: str, found: float) -> str:
+    """Name the unit that is hardly less plausible, or nothing."""
+    units = ("s", "ms", "us", "ns")
+    place = units.index(guess)
+    if found < _NEAR_EDGE * _PLAUSIBLE_RATE[0] and place < 3:
+        other, rate = units[place + 1], 1000.0 * found
+    elif found > _PLAUSIBLE_RATE[1] / _NEAR_EDGE and place > 0:
+        other, rate = units[place - 1], found / 1000.0
+    else:
+        return ""
+    return f"; in {other} they would be {rate:.4g} Hz: if so, say --units {other}"
 
 
 def _check_rate(found: float, rate: float | None, name: str, unit: str) -> None:

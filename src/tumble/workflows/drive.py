@@ -17,12 +17,14 @@ from tumble.navigation import (
     FilterRun,
     FilterSetup,
     GnssTrack,
+    estimate_time_offset,
     find_rest,
     outages,
     prepare_drive,
     read_track,
     smooth,
 )
+from tumble.navigation.drive import wide_setup
 from tumble.navigation.filter.stretches import LONGEST_BRIDGED
 from tumble.navigation.free_drift import FreeDrift, free_drift
 from tumble.navigation.plausibility import (
@@ -119,9 +121,10 @@ def verify_drive(
         remark.text for remark in (*recordings[0].remarks, *track.remarks) if remark.kind != "unchecked"
     ] + remarks
     say("comparing the clocks")
-    drive, words = _prepared(parts[-1], track, offset)
+    arm = np.array(lever_arm_b, dtype=float)
+    drive, words = _prepared(parts[-1], track, offset, arm)
     remarks += words
-    setup, setting = drive_filter(parts[-1], grade, noise, np.array(lever_arm_b, dtype=float))
+    setup, setting = drive_filter(parts[-1], grade, noise, arm)
     moved = turn_on or (
         min(TURN_ON[0], grade.accelerometer.bias / 4.0),
         min(TURN_ON[1], grade.gyroscope.bias / 4.0),
@@ -167,12 +170,14 @@ def verify_drive(
     return found
 
 
-def _prepared(part: CorrectedBy, track: GnssTrack, offset: float | None) -> tuple[Drive, list[str]]:
+def _prepared(
+    part: CorrectedBy, track: GnssTrack, offset: float | None, arm: Series
+) -> tuple[Drive, list[str]]:
     """The drive by the whole calibration, its clocks, axes and units checked, and what is to be said."""
     if offset is not None:
         refuse_no_overlap(part.samples, track, offset)
     try:
-        drive = prepare_drive(part.samples, track, offset=offset)
+        drive = prepare_drive(part.samples, track, setup=wide_setup(arm), offset=offset)
     except RecordingError as error:
         reason = _why(part, track, offset)
         if reason:
@@ -180,31 +185,47 @@ def _prepared(part: CorrectedBy, track: GnssTrack, offset: float | None) -> tupl
         raise
     refuse_wrong_scale(part.samples, drive.track)
     refuse_mirrored(part.samples, drive.track)
-    words = about_clocks(drive.clock.offset, drive.clock.sigma, track, part.samples)
-    weak = drive.clock.second_best > 0.9 * drive.clock.correlation
-    if weak and offset is None:
-        words += (
-            " The offset of the clocks is not the only one that fits (correlations of "
+    apart = about_clocks(drive.clock.offset, drive.clock.sigma, track, part.samples)
+    if offset is not None:
+        return drive, _beside_the_given(part, track, offset)
+    words = [f"{apart} The offset was taken out."] if apart else []
+    if drive.clock.second_best > 0.9 * drive.clock.correlation:
+        words.append(
+            "The offset of the clocks is not the only one that fits (correlations of "
             f"{drive.clock.correlation:.2f} and {drive.clock.second_best:.2f}): give it with --gnss-time."
         )
-    return drive, [words.strip()] if words else []
+    return drive, words
+
+
+def _beside_the_given(part: CorrectedBy, track: GnssTrack, offset: float) -> list[str]:
+    """A sentence where the course fits the gyros at another offset than the one that was given."""
+    try:
+        found = estimate_time_offset(part.samples, track, around=offset, reach=5.0)
+    except RecordingError:
+        return []
+    if abs(found.offset - offset) < max(3.0 * found.sigma, 0.2):
+        return []
+    return [
+        (
+            f"The course fits the gyros at {found.offset:.2f} s (standard uncertainty {found.sigma:.2f} s), and "
+            f"--gnss-time {offset:g} was given: leave it out to have the offset found."
+        )
+    ]
 
 
 def _why(part: CorrectedBy, track: GnssTrack, offset: float | None) -> str:
     """A better reason for files that do not agree: swapped axes, or clocks that are apart."""
-    from tumble.navigation import estimate_time_offset
-
     if offset is not None:
         try:
             found = estimate_time_offset(part.samples, track)
         except RecordingError:
             found = None
         if found is not None and found.correlation > 0.8 and abs(found.offset - offset) > 0.5:
-            clocks = about_clocks(found.offset, found.sigma, track, part.samples)
-            why = clocks.partition(". The offset")[0] if clocks else ""
+            apart = about_clocks(found.offset, found.sigma, track, part.samples)
             return (
                 f"With --gnss-time {offset:g} course and gyros do not agree; with {found.offset:.2f} s they do "
-                f"(correlation {found.correlation:.2f}). {why + '. ' if why else ''}Leave it out, or give that."
+                f"(correlation {found.correlation:.2f}). {apart + ' ' if apart else ''}Leave --gnss-time out to have "
+                "the offset found."
             )
     return why_no_agreement(part.samples, track)
 

@@ -1,4 +1,4 @@
-"""A unit that changes on the way is refused, a triad that nothing was made of is named."""
+"""A unit that changes on the way or is not known, a triad without gravity or one that nothing was made of: all said."""
 
 from __future__ import annotations
 
@@ -48,3 +48,95 @@ def test_columns_of_which_nothing_was_made_are_named_where_a_triad_is_missing() 
     force = tumbled(np.random.default_rng(3))
     got = read_recording(frame(force, gx_rps=force[:, 0], gy_rps=force[:, 1], gz_rps=force[:, 2]))
     assert any("no gyro was recognised" in r.text and "'gx_rps'" in r.text for r in got.remarks)
+
+
+def turned(rng: np.random.Generator, seconds: float, noise: float = 0.002) -> tuple[np.ndarray, np.ndarray]:
+    """Specific force and rate of a unit that is tumbled by hand with rests between, a degree a second of bias."""
+    count = int(seconds * RATE)
+    rate = np.zeros((count, 3))
+    for start in range(300, count - 200, 500):
+        axis = rng.normal(size=3)
+        rate[start : start + 150] = 1.4 * axis / np.linalg.norm(axis)
+    force, down = np.empty((count, 3)), np.array([0.3, -0.5, 0.8])
+    for i in range(count):
+        down = down - np.cross(rate[i], down) / RATE
+        down /= np.linalg.norm(down)
+        force[i] = STANDARD_GRAVITY * down
+    bias = np.radians([0.8, -0.4, 0.5])
+    return force + 0.02 * rng.normal(size=force.shape), rate + bias + noise * rng.normal(size=rate.shape)
+
+
+@pytest.fixture(scope="module")
+def motion() -> tuple[np.ndarray, np.ndarray]:
+    return turned(np.random.default_rng(8), COUNT / RATE)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("factor", [180.0 / np.pi, np.pi / 180.0, 1000.0])
+def test_a_gyro_whose_unit_changes_while_it_is_turned_is_refused(
+    motion: tuple[np.ndarray, np.ndarray], share: float, factor: float
+) -> None:
+    force, rate = motion[0], motion[1].copy()
+    rate[int(share * COUNT) :] *= factor
+    with pytest.raises(RecordingError, match=r"the gyro's numbers are some .* the unit changes within"):
+        read_recording(frame(force, **{f"g{a}": rate[:, i] for i, a in enumerate("xyz")}))
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
+def test_a_gyro_at_rest_whose_unit_changes_is_refused(share: float) -> None:
+    rng = np.random.default_rng(11)
+    force = np.array([0.1, -0.2, 9.8]) + 0.02 * rng.normal(size=(COUNT, 3))
+    rate = np.radians([0.8, -0.4, 0.5]) + 0.002 * rng.normal(size=(COUNT, 3))
+    rate[int(share * COUNT) :] *= 180.0 / np.pi
+    with pytest.raises(RecordingError, match="the unit changes within"):
+        read_recording(frame(force, **{f"g{a}": rate[:, i] for i, a in enumerate("xyz")}))
+
+
+def test_a_gyro_in_one_unit_is_not_refused(motion: tuple[np.ndarray, np.ndarray]) -> None:
+    """Nor where the unit lies still first and is turned later, or where an engine starts: both triads shake."""
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        force, rate = motion[0].copy(), motion[1].copy()
+        still = int(rng.integers(500, 4000))
+        force[:still], rate[:still] = force[:1], np.radians([0.8, -0.4, 0.5])
+        force[:still] += 0.002 * rng.normal(size=(still, 3))
+        rate[:still] += 0.00004 * rng.normal(size=(still, 3))
+        got = read_recording(frame(force, **{f"g{a}": rate[:, i] for i, a in enumerate("xyz")}))
+        assert got.angular_rate_unit == "rad/s"
+
+
+GRAVITY_FREE = 0.02 * np.random.default_rng(4).normal(size=(COUNT, 3))
+
+
+@pytest.mark.parametrize("free", ["userAcceleration.", "linear_acceleration_", "motionUserAcceleration"])
+def test_the_acceleration_with_gravity_is_read_where_both_stand_side_by_side(free: str) -> None:
+    force = tumbled(np.random.default_rng(3))
+    both = {f"{free}{a}": GRAVITY_FREE[:, i] for i, a in enumerate("xyz")}
+    both |= {f"totalAcceleration.{a}": force[:, i] for i, a in enumerate("xyz")}
+    got = read_recording(pl.DataFrame({"t": np.arange(COUNT) / RATE, **both}))
+    assert np.array_equal(got.specific_force, force)
+
+
+@pytest.mark.parametrize("name", ["userAcceleration.", "linear_acceleration_", "a"])
+def test_an_acceleration_without_gravity_is_refused(name: str) -> None:
+    columns = {f"{name}{a}": GRAVITY_FREE[:, i] for i, a in enumerate("xyz")}
+    with pytest.raises(RecordingError, match="gravity was taken out of them"):
+        read_recording(pl.DataFrame({"t": np.arange(COUNT) / RATE, **columns}))
+
+
+def test_a_linear_acceleration_with_gravity_is_read_as_ros_names_it() -> None:
+    force = tumbled(np.random.default_rng(3))
+    columns = {f"linear_acceleration.{a}": force[:, i] for i, a in enumerate("xyz")}
+    for factor, unit in ((1.0, "m/s^2"), (1000.0, "counts")):
+        scaled = {name: np.round(factor * column, 6) for name, column in columns.items()}
+        got = read_recording(pl.DataFrame({"t": np.arange(COUNT) / RATE, **scaled}))
+        assert got.specific_force_unit == unit
+
+
+def test_a_unit_that_nobody_knows_is_said_unless_another_is_declared() -> None:
+    force = tumbled(np.random.default_rng(3))
+    rate = 0.01 * np.random.default_rng(5).normal(size=force.shape)
+    named = frame(force, **{f"g{a} [foo/s]": rate[:, i] for i, a in enumerate("xyz")})
+    said = [r.text for r in read_recording(named).remarks]
+    assert any("the unit 'foo/s' of 'gx [foo/s]' is no known unit of angular rate" in text for text in said)
+    assert not any("foo/s' of" in r.text for r in read_recording(named, units="deg/s").remarks)

@@ -18,6 +18,8 @@ def with_time(tumbled, time: np.ndarray) -> np.ndarray:
     ("step", "unit"),
     [
         (0.1, "s"),
+        (0.15, "s"),
+        (0.3, "ms"),
         (0.01, "s"),
         (0.0005, "s"),
         (0.0001, "s"),
@@ -29,6 +31,14 @@ def with_time(tumbled, time: np.ndarray) -> np.ndarray:
 )
 def test_the_unit_of_time_is_the_one_with_a_plausible_rate(step, unit) -> None:
     assert guess_time_unit(step) == unit
+
+
+def test_where_two_units_of_time_are_plausible_the_other_is_named(tumbled, csv) -> None:
+    slow = read_recording(csv(with_time(tumbled, 0.101 * np.arange(len(tumbled.time)))))
+    assert slow.rate == pytest.approx(1 / 0.101)
+    assert any("in ms they would be 9901 Hz" in r.text for r in slow.remarks)
+    usual = read_recording(csv(with_time(tumbled, 0.01 * np.arange(len(tumbled.time)))))
+    assert not any("they would be" in r.text for r in usual.remarks)
 
 
 @pytest.mark.parametrize("size", [2**16, 2**32, 604_800_000])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from tumble.errors import RecordingError, UsageError
 from tumble.recording.columns import ColumnPlan, plan_from_names
 from tumble.recording.formats.streams import Samples, Units, merge_streams, table_of_samples
 from tumble.recording.formats.table import RawTable, hash_file
-from tumble.recording.formats.variables import numbers_of, table_from_variables
+from tumble.recording.formats.variables import is_rate_name, numbers_of, table_from_variables
 from tumble.recording.recording import Remark
 from tumble.recording.stamps import guess_time_unit
 from tumble.units import time_factor
@@ -28,6 +29,25 @@ HAS_TOPICS = True
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _LISTED = 12
 _Variables = dict[str, npt.NDArray[np.float64]]
+
+
+@dataclass(slots=True)
+class _Content:
+    """The arrays of numbers of a file by group, with what their attributes say.
+
+    `units` are by group and array, `rates` in Hz by group, "" for the whole file.
+    """
+
+    groups: dict[str, _Variables] = field(default_factory=dict[str, _Variables])
+    units: dict[tuple[str, str], str] = field(default_factory=dict[tuple[str, str], str])
+    rates: dict[str, float] = field(default_factory=dict[str, float])
+
+    def rate_of(self, group: str) -> float | None:
+        """Return the rate that stands at a group, at its arrays, or above it."""
+        own = {r for n, r in self.rates.items() if n.rpartition("/")[0] == group and n}
+        while group and group not in self.rates:
+            group = group.rpartition("/")[0]
+        return self.rates.get(group) if len(own) != 1 else own.pop()
 
 
 def recognises(head: bytes) -> bool:
@@ -53,21 +73,21 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     OSError
         If the file cannot be read.
     """
-    groups = _groups(path)
-    remark = Remark("found", f"{path.name} holds {_listed(groups)}.")
+    content = _content(path)
+    remark = Remark("found", f"{path.name} holds {_listed(content.groups)}.")
     if topics:
         if len(topics) > 2:
             raise UsageError(f"--topic names {len(topics)} groups; give one, or one of each triad.")
-        chosen = [_named(path, groups, name) for name in topics]
-        tables = [_table(path, name, groups) for name in chosen]
+        chosen = [_named(path, content, name) for name in topics]
+        tables = [_table(path, name, content) for name in chosen]
         table = tables[0] if len(tables) == 1 else _merged(path, chosen, tables)
     else:
-        table = _automatic(path, groups)
+        table = _automatic(path, content)
     table.remarks.insert(0, remark)
     return table
 
 
-def _groups(path: Path) -> dict[str, _Variables]:
+def _content(path: Path) -> _Content:
     """Return the arrays of numbers by the group that they are in; a table with named columns is a group."""
     try:
         h5py: Any = import_module("h5py")
@@ -76,25 +96,52 @@ def _groups(path: Path) -> dict[str, _Variables]:
             f"{path.name} is HDF5 (MATLAB 7.3); reading it needs h5py: pip install 'tumble[hdf5]', "
             "or save it in MATLAB with the option '-v7'."
         ) from error
-    groups: dict[str, _Variables] = {}
+    content = _Content()
 
     def visit(name: str, node: Any) -> None:
-        if not isinstance(node, h5py.Dataset) or name.startswith("#"):
+        if name.startswith("#"):
+            return
+        _take_rate(content, name, node.attrs)
+        if not isinstance(node, h5py.Dataset):
             return
         group, _, leaf = name.rpartition("/")
         if node.dtype.names:
             rows: Any = node[()]
             fields = {n: numbers_of(rows[n]) for n in node.dtype.names}
-            groups[name] = {n: a for n, a in fields.items() if a is not None}
+            content.groups[name] = {n: a for n, a in fields.items() if a is not None}
         elif node.dtype.kind in "iufb" and (array := numbers_of(node[()])) is not None:
-            groups.setdefault(group, {})[leaf] = array
+            content.groups.setdefault(group, {})[leaf] = array
+            if (unit := _unit_said(node.attrs)) is not None:
+                content.units[group, leaf] = unit
 
     try:
         with h5py.File(path, "r") as file:
+            _take_rate(content, "", file.attrs)
             file.visititems(visit)
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         raise RecordingError(f"{path.name} is a damaged HDF5 file ({error}).") from error
-    return groups
+    return content
+
+
+def _take_rate(content: _Content, name: str, attributes: Mapping[str, Any]) -> None:
+    """Note the sampling rate that stands among the attributes of a group or an array."""
+    for key, value in attributes.items():
+        said = np.asarray(value)
+        if is_rate_name(key) and said.size == 1 and said.dtype.kind in "iuf" and float(said.ravel()[0]) > 0.0:
+            content.rates[name] = float(said.ravel()[0])
+
+
+def _unit_said(attributes: Mapping[str, Any]) -> str | None:
+    """Return the unit that stands among the attributes of an array, one for all its columns."""
+    for key, value in attributes.items():
+        if key.lower() in ("unit", "units"):
+            texts = {
+                (t.decode("utf-8", "replace") if isinstance(t, bytes) else str(t)).strip()
+                for t in np.asarray(value, dtype=object).ravel()
+            }
+            words = {w.strip(" []()") for text in texts for w in text.split(",")} - {""}
+            return words.pop() if len(words) == 1 else None
+    return None
 
 
 def _listed(groups: dict[str, _Variables]) -> str:
@@ -109,8 +156,9 @@ def _listed(groups: dict[str, _Variables]) -> str:
     )
 
 
-def _named(path: Path, groups: dict[str, _Variables], name: str) -> str:
+def _named(path: Path, content: _Content, name: str) -> str:
     """Return the group that a name is of; a data set of its own becomes one."""
+    groups = content.groups
     plain = name.strip("/")
     if plain in groups:
         return plain
@@ -118,6 +166,7 @@ def _named(path: Path, groups: dict[str, _Variables], name: str) -> str:
     if leaf in groups.get(group, {}):
         clocks = {n: a for n, a in groups[group].items() if _plan((n,)) is None and _is_clock(n)}
         groups[plain] = clocks | {leaf: groups[group][leaf]}
+        content.units |= {(plain, n): u for (g, n), u in content.units.items() if g == group}
         return plain
     raise UsageError(
         f"--topic {name}: {path.name} has no such group or data set; it holds {_listed(groups)}."
@@ -135,9 +184,10 @@ def _plan(names: tuple[str, ...] | None) -> ColumnPlan | None:
     return None if names is None else plan_from_names(names)
 
 
-def _table(path: Path, group: str, groups: dict[str, _Variables]) -> RawTable:
+def _table(path: Path, group: str, content: _Content) -> RawTable:
     """Return a group's arrays side by side; where their names say nothing, the group's name goes before."""
-    table = table_from_variables(path, groups[group])
+    units = {n: u for (g, n), u in content.units.items() if g == group}
+    table = table_from_variables(path, content.groups[group], units, content.rate_of(group))
     leaf = group.rpartition("/")[2]
     if table.names is not None and leaf and _plan(table.names) is None:
         named = tuple(n if _is_clock(n) else f"{leaf}.{n}" for n in table.names)
@@ -146,12 +196,13 @@ def _table(path: Path, group: str, groups: dict[str, _Variables]) -> RawTable:
     return table
 
 
-def _automatic(path: Path, groups: dict[str, _Variables]) -> RawTable:
+def _automatic(path: Path, content: _Content) -> RawTable:
     """Return the one group with both triads, two groups with one each, or all arrays of one length."""
+    groups = content.groups
     tables: dict[str, RawTable] = {}
     for name in groups:
         try:
-            tables[name] = _table(path, name, groups)
+            tables[name] = _table(path, name, content)
         except RecordingError:
             continue
     plans = {name: plan for name, table in tables.items() if (plan := _plan(table.names)) is not None}
@@ -167,10 +218,14 @@ def _automatic(path: Path, groups: dict[str, _Variables]) -> RawTable:
     rates = [n for n, p in plans.items() if p.angular_rate]
     if len(forces) == len(rates) == 1 and all(plans[n].time is not None for n in (*forces, *rates)):
         return _merged(path, [forces[0], rates[0]], [tables[forces[0]], tables[rates[0]]])
-    flat = {
-        f"{g}.{n}".lstrip(".").replace("/", "."): a for g, arrays in groups.items() for n, a in arrays.items()
-    }
-    return table_from_variables(path, flat)
+    flat = {_flat(g, n): a for g, arrays in groups.items() for n, a in arrays.items()}
+    units = {_flat(g, n): u for (g, n), u in content.units.items()}
+    rates = set(content.rates.values())
+    return table_from_variables(path, flat, units, rates.pop() if len(rates) == 1 else None)
+
+
+def _flat(group: str, name: str) -> str:
+    return f"{group}.{name}".lstrip(".").replace("/", ".")
 
 
 def _merged(path: Path, names: list[str], tables: list[RawTable]) -> RawTable:

@@ -18,16 +18,19 @@ from tumble.recording.formats import text
 from tumble.recording.formats.logged_streams import Stream
 from tumble.recording.formats.streams import Samples, Units
 from tumble.recording.formats.table import RawTable
-from tumble.units import find_unit
+from tumble.recording.stamps import guess_time_unit
+from tumble.units import find_unit, specific_force_factor, time_factor
 
 # Names of files without separators and capitals, the best choice first.
 _ACCELEROMETERS = (
     "accelerometeruncalibrated", "totalacceleration", "accelerometer", "acceleration", "rawaccelerometer", "acc",
-    "accel",
+    "accel", "linearacceleration", "linearaccelerometer", "useracceleration", "accelerationwithoutg",
+    "linearacc", "freeacceleration",
 )  # fmt: skip
+_MAY_LACK_GRAVITY = ("accelerometer", *_ACCELEROMETERS[_ACCELEROMETERS.index("accel") + 1 :])
 _GYROS = ("gyroscopeuncalibrated", "gyroscope", "gyro", "gyr", "rawgyroscope", "rotationrate")
 _GRAVITY = "gravity"
-_TIMES = ("secondselapsed", "times", "time", "t", "timestamp", "elapsedtime")
+_TIMES = ("secondselapsed", "time", "t", "timestamp", "elapsedtime")
 _FREE_OF_GRAVITY = (
     "is what the phone's system makes of the sensor by adding the gravity that it had taken out"
 )
@@ -68,32 +71,32 @@ def phone_streams(files: list[Path]) -> tuple[list[Stream], list[str]]:
     """
     sensors = find_sensors(files)
     streams = {name: _stream(path, name) for name, path in sensors.items()}
-    if "accelerometer" in streams and _GRAVITY in streams and "totalacceleration" not in streams:
-        whole = _with_gravity(streams["accelerometer"], streams[_GRAVITY])
+    first = next(n for n in _ACCELEROMETERS if n in streams)
+    if first in _MAY_LACK_GRAVITY and _GRAVITY in streams:
+        whole = _with_gravity(streams[first], streams[_GRAVITY])
         if whole is not None:
-            streams["accelerometer"] = whole
+            streams[first] = whole
     streams.pop(_GRAVITY, None)
-    _refuse_free_of_gravity(sensors, streams)
+    _refuse_free_of_gravity(sensors[first], streams[first], first)
     chosen = [next(streams[n].name for n in names if n in streams) for names in (_ACCELEROMETERS, _GYROS)]
     return list(streams.values()), chosen
 
 
-def _refuse_free_of_gravity(sensors: dict[str, Path], streams: dict[str, Stream]) -> None:
-    """Refuse Sensor Logger's acceleration without gravity where nothing else is there."""
-    first = next(n for n in _ACCELEROMETERS if n in streams)
-    force = streams[first].samples.specific_force
-    if (
-        first != "accelerometer"
-        or force is None
-        or streams[first].note
-        or streams[first].units.specific_force
-    ):
-        return
-    if float(np.median(np.linalg.norm(force, axis=1))) < _LEAST_NORM:
+def _refuse_free_of_gravity(path: Path, stream: Stream, name: str) -> None:
+    """Refuse an acceleration without gravity where nothing else is there."""
+    if name in _MAY_LACK_GRAVITY and not stream.note and _is_free(stream):
         raise RecordingError(
-            f"{sensors[first].name} has gravity taken out, which a calibration needs; record TotalAcceleration or "
+            f"{path.name} has gravity taken out, which a calibration needs; record TotalAcceleration or "
             "AccelerometerUncalibrated, or Gravity beside it."
         )
+
+
+def _is_free(stream: Stream) -> bool:
+    """Whether gravity is not in the numbers, which are in m/s² where nothing says another unit."""
+    force = stream.samples.specific_force
+    assert force is not None
+    factor = specific_force_factor(stream.units.specific_force or "m/s^2")
+    return factor is not None and factor * float(np.median(np.linalg.norm(force, axis=1))) < _LEAST_NORM
 
 
 def _stream(path: Path, name: str) -> Stream:
@@ -113,7 +116,7 @@ def _stream(path: Path, name: str) -> Stream:
 def _layout(table: RawTable) -> tuple[np.ndarray, list[int], str | None]:
     """Return the time in seconds, which columns are x, y and z, and the unit that stands at them."""
     axes: dict[str, int] = {}
-    time: dict[str, int] = {}
+    time: dict[str, tuple[int, str | None]] = {}
     unit = None
     for number, name in enumerate(table.names or ()):
         bare, _, rest = name.partition("(") if "(" in name else name.partition("[")
@@ -121,16 +124,16 @@ def _layout(table: RawTable) -> tuple[np.ndarray, list[int], str | None]:
         if words and words[-1] in ("x", "y", "z") and "absolute" not in words:
             axes.setdefault(words[-1], number)
             unit = rest.strip(" )]") or unit
-        elif _plain(name) in _TIMES:
-            time.setdefault(_plain(name), number)
+        elif _plain(bare) in _TIMES:
+            time.setdefault(_plain(bare), (number, find_unit("time", rest.strip(" )]"))))
     if len(axes) < 3 or not time:
         listed = ", ".join(repr(n) for n in (table.names or ())[:8]) or "none"
         raise RecordingError(f"{table.path.name} has no columns of time, x, y and z (it has {listed}).")
     named = min(time, key=_TIMES.index)
-    column = table.columns[time[named]]
-    if named not in ("secondselapsed", "times"):
-        step = float(np.nanmedian(np.diff(column)))
-        column = column * (1e-9 if step > 1e5 else 1e-6 if step > 1e3 else 1e-3 if step > 1.0 else 1.0)
+    number, said = time[named]
+    column = table.columns[number]
+    if named != "secondselapsed":
+        column = column * time_factor(said or guess_time_unit(float(np.nanmedian(np.diff(column)))))
     return column, [axes[a] for a in "xyz"], unit
 
 
@@ -139,7 +142,7 @@ def _with_gravity(free: Stream, gravity: Stream) -> Stream | None:
     force, taken = free.samples.specific_force, gravity.samples.specific_force
     assert force is not None
     assert taken is not None
-    if float(np.median(np.linalg.norm(force, axis=1))) > _LEAST_NORM:
+    if not _is_free(free):
         return None  # with gravity, as apps other than Sensor Logger have it
     time = gravity.samples.time
     parts = [np.interp(free.samples.time, time, taken[:, axis]) for axis in range(3)]

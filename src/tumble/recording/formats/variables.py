@@ -30,13 +30,25 @@ def _tall(
     return array
 
 
-def table_from_variables(path: Path, variables: Mapping[str, npt.NDArray[np.float64]]) -> RawTable:
+def table_from_variables(
+    path: Path,
+    variables: Mapping[str, npt.NDArray[np.float64]],
+    units: Mapping[str, str] | None = None,
+    rate: float | None = None,
+) -> RawTable:
     """Put the arrays of one file side by side as the columns of a table.
 
     The number of samples is the longest side that occurs most often; arrays of another length are
     left out with a remark. A lone matrix keeps its columns without names; (samples, 3) arrays called
     ``name`` become ``name_x``, ``name_y``, ``name_z``. A single number called ``fs`` or ``rate`` is
     the sampling rate.
+
+    Parameters
+    ----------
+    path : the file, for messages.
+    variables : arrays by name.
+    units : what the file says that they are in, by name; it follows the names of columns in brackets.
+    rate : sampling rate in Hz that the file states beside the arrays, or None.
 
     Raises
     ------
@@ -46,9 +58,7 @@ def table_from_variables(path: Path, variables: Mapping[str, npt.NDArray[np.floa
         If the file cannot be read.
     """
     remarks: list[Remark] = []
-    rate = next(
-        (float(a.ravel()[0]) for n, a in variables.items() if a.size == 1 and n.lower() in _RATE_NAMES), None
-    )
+    rate = next((float(a.ravel()[0]) for n, a in variables.items() if a.size == 1 and is_rate_name(n)), rate)
     arrays = {n: a for n, a in variables.items() if a.ndim in (1, 2) and a.size > 3}
     lengths = Counter(max(a.shape) for a in arrays.values())
     if not lengths:
@@ -67,13 +77,20 @@ def table_from_variables(path: Path, variables: Mapping[str, npt.NDArray[np.floa
     names: list[str] = []
     for name, array in used.items():
         columns += as_columns(np.asarray(array, dtype=np.float64))
-        names += [name] if array.shape[1] == 1 else _part_names(name, array.shape[1])
+        unit = (units or {}).get(name)
+        parts = [name] if array.shape[1] == 1 else _part_names(name, array.shape[1])
+        names += [f"{part} [{unit}]" if unit else part for part in parts]
     lone = len(used) == 1 and len(columns) > 1
     if lone and len(columns) == 3:
         lone = False
     if rate is not None:
         remarks.append(Remark("found", f"{path.name} states a sampling rate of {rate:g} Hz."))
     return RawTable(path, None if lone else tuple(names), columns, hash_file(path), remarks, rate=rate)
+
+
+def is_rate_name(name: str) -> bool:
+    """Say whether a name is one of a sampling rate."""
+    return name.lower() in _RATE_NAMES
 
 
 def _part_names(name: str, count: int) -> list[str]:

@@ -1,0 +1,106 @@
+"""The clocks of an IMU and of satellite positions: found where they are apart, and said what that looks like."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tumble.errors import RecordingError
+from tumble.navigation import GnssTrack, InertialSamples, estimate_time_offset, prepare_drive
+from tumble.navigation.gnss import make_track
+from tumble.navigation.gnss.time_scales import UNIX_TO_GPS, WEEK
+from tumble.navigation.plausibility import about_clocks, refuse_no_overlap
+from tumble.simulation import simulate_drive
+
+GPS = 1.4e9
+
+
+def drive_of(seed: int, duration: float = 160.0) -> tuple[InertialSamples, GnssTrack]:
+    """A unit whose gyros are off by 0.1 rad/s, as uncalibrated ones are, and 2 Hz fixes of 2 cm on the same clock."""
+    rng = np.random.default_rng(seed)
+    course = simulate_drive(rng, duration + 1.0)
+    time = np.arange(int(duration * 50.0)) / 50.0
+    states = course.states(time)
+    force = states.specific_force_b + rng.normal(0.0, 0.02, (len(time), 3)) + [0.15, -0.1, 0.1]
+    rate = states.angular_rate_ib_b + rng.normal(0.0, 1e-3, (len(time), 3)) + [0.1, -0.05, 0.1]
+    at = np.arange(0.5, duration - 0.5, 0.5)
+    fixes = course.states(at)
+    noise = rng.normal(0.0, 0.02, (len(at), 3))
+    latitude = fixes.latitude + noise[:, 0] / 6.4e6
+    longitude = fixes.longitude + noise[:, 1] / (6.4e6 * np.cos(fixes.latitude))
+    track = make_track(
+        at,
+        (latitude, longitude, fixes.height - noise[:, 2]),
+        np.full((len(at), 3), 0.02),
+        velocity_n=fixes.velocity_n + rng.normal(0.0, 0.03, (len(at), 3)),
+        velocity_sigmas=np.full((len(at), 3), 0.03),
+        quality=np.ones(len(at), dtype=int),
+    )
+    return InertialSamples(time, force, rate), track
+
+
+@pytest.fixture(scope="module")
+def drives() -> dict[int, tuple[InertialSamples, GnssTrack]]:
+    return {seed: drive_of(seed) for seed in (12, 13)}
+
+
+@pytest.mark.parametrize(("seed", "offset"), [(12, -0.3), (13, 0.0), (12, 0.11), (13, 18.0)])
+def test_the_offset_of_an_uncalibrated_unit_is_within_what_is_stated(
+    drives: dict[int, tuple[InertialSamples, GnssTrack]], seed: int, offset: float
+) -> None:
+    samples, track = drives[seed]
+    found = prepare_drive(samples, track.shifted(-offset)).clock
+    assert found.offset == pytest.approx(offset, abs=3.0 * found.sigma)
+    assert found.sigma < 0.05
+
+
+def test_parts_that_overlap_as_stamped_are_compared_there(
+    drives: dict[int, tuple[InertialSamples, GnssTrack]],
+) -> None:
+    samples, track = drives[12]
+    late = track.rows(track.time > 100.0)
+    found = estimate_time_offset(samples.between(0.0, 140.0), late)
+    assert found.offset == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize("seed", [12, 13])
+def test_parts_and_drives_that_have_nothing_in_common_are_refused_with_both_spans(
+    drives: dict[int, tuple[InertialSamples, GnssTrack]], seed: int
+) -> None:
+    samples, track = drives[seed]
+    with pytest.raises(
+        RecordingError, match=r"from 0\.0 to 70\.0 s and the fixes from 90\.5 to .* 20 s apart"
+    ):
+        estimate_time_offset(samples.between(0.0, 70.0), track.rows(track.time > 90.0))
+    with pytest.raises(RecordingError, match="same motion"):
+        estimate_time_offset(samples, drives[25 - seed][1].shifted(1000.0))
+    with pytest.raises(RecordingError, match=r"--gnss-time 500.*from 0\.0 to .*from 500\.5 to"):
+        refuse_no_overlap(samples, track, 500.0)
+
+
+@pytest.mark.parametrize(
+    ("imu", "offset", "words"),
+    [
+        (GPS - 18.0, -18.0, "18 leap seconds .* at 2024-.*the IMU's clock is UTC"),
+        (GPS + 18.0, 18.0, "18 leap seconds .*the satellite positions' clock is UTC"),
+        (GPS + 7200.0, 7200.0, "2 h, as of local time .the IMU's clock is ahead"),
+        (GPS - 19818.0, -19818.0, "5.5 h, as of local time .the IMU's clock is behind.*18 leap seconds"),
+        (GPS, 1024.0 * WEEK, "1024 whole weeks"),
+        (GPS + UNIX_TO_GPS - 18.0, UNIX_TO_GPS - 18.0, "since 1970 .UTC"),
+        (GPS + UNIX_TO_GPS, UNIX_TO_GPS, "since 1970 in GPS time"),
+        (GPS + 118368.0, 118368.0, "neither leap seconds, nor a time zone"),
+        (0.0, -GPS, "^$"),
+        (GPS, 0.3, "^$"),
+    ],
+)
+def test_an_offset_is_said_with_both_spans_and_what_it_looks_like(
+    drives: dict[int, tuple[InertialSamples, GnssTrack]], imu: float, offset: float, words: str
+) -> None:
+    samples, track = drives[12]
+    samples = replace(samples, time=samples.time + imu)
+    said = about_clocks(offset, 0.01, track.shifted(imu - offset if imu else GPS), samples)
+    assert re.search(words, said), said
+    assert not said or re.search(r"samples run from \d+\.\d to \d+\.\d s and the fixes from", said)
