@@ -26,7 +26,7 @@ STEP = 0.005  # s
 
 def _shaken() -> tuple[Array, Array, Array, Array]:
     """Time, the unit's specific force, its rate, and what its accelerometers make of it (matrix taken out)."""
-    time: Array = STEP * np.arange(400)
+    time: Array = np.asarray(STEP * np.arange(400), dtype=np.float64)
     rate: Array = np.column_stack([np.sin(7.0 * time), 2.0 * np.cos(5.0 * time), np.sin(3.0 * time + 1.0)])
     # Halfway between samples, where the change from one to the next belongs.
     half = time - 0.5 * STEP
@@ -130,4 +130,4 @@ def test_another_frame_turns_them_and_a_tool_that_cannot_hold_them_is_told(docum
     assert undone.lever_arms is None
     assert "lever arms are not in it" in undone.remarks[-1]
     lost = [loss.text for loss in prepare(document, find_target("c")).losses]
-    assert any("lever arms are left out: they are up to 18 mm apart" in text for text in lost)
+    assert any("lever arms are left out: they are up to 21 mm apart" in text for text in lost)
