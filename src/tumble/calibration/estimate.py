@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Table, Vector, Vectors
+from tumble.arrays import Matrix, Series, Square, Table, Vector, Vectors
 from tumble.calibration.thermal_evidence import ThermalEvidence
 from tumble.calibration.uncertainty_statement import UncertaintyStatement
 from tumble.sensor import ImuModel
@@ -194,7 +194,7 @@ class Estimate:
     thermal_names: list[str] = field(default_factory=list[str])
     thermal_covariance: Table = field(default_factory=lambda: np.zeros((0, 0)))
     thermal_evidence: ThermalEvidence | None = None
-    lever_arms: Square | None = None
+    lever_arms: Matrix | None = None
 
 
 def coverage_factor(degrees_of_freedom: int) -> float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Vectors
+from tumble.arrays import Matrix, Series, Vectors
 from tumble.calibration.canonical import Described, describe_unknowns
 from tumble.calibration.estimate import Estimate, LeftOut, NamedValue, TermTest, coverage_factor
 from tumble.calibration.joint_budget import state_uncertainty
@@ -138,7 +138,7 @@ def describe_joint(outcome: JointOutcome) -> Described:
     return describe_unknowns(values, covariance, outcome.site, outcome.recording, terms=terms, gyro="full")
 
 
-def _lever_arms(outcome: JointOutcome) -> Square | None:
+def _lever_arms(outcome: JointOutcome) -> Matrix | None:
     x = widened(outcome.state.unknowns)
     return lever_arms_of(x, _kept(outcome), np.real(rotation_of_frame(x, outcome.frame)))
 

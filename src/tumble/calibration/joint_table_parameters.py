@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import Series, Square
+from tumble.arrays import Matrix, Series
 from tumble.calibration.joint_observability import LEVER_ARM
 from tumble.calibration.joint_table_terms import PAIRS
 from tumble.calibration.joint_wide import LEVER_ARMS, TIME_LAG
@@ -64,7 +64,7 @@ def _both(i: int, j: int, sign: str) -> str:
     return f"{'xyz'[i]}{'xyz'[j]}{sign}{'xyz'[j]}{'xyz'[i]}"
 
 
-def lever_arms_of(unknowns: Series, terms: frozenset[str], C_bf: Square) -> Square | None:
+def lever_arms_of(unknowns: Series, terms: frozenset[str], C_bf: Matrix) -> Matrix | None:
     """Return (3, 3) m where each accelerometer sits in the frame of the result; None where it is not known.
 
     Parameters
