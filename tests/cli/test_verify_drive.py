@@ -115,6 +115,21 @@ def test_a_drive_tells_what_a_calibration_is_worth(files: Files, verify: Callabl
     assert page.index('id="drift"') < page.index("Which error costs how many metres")
 
 
+def test_a_verdict_that_hangs_on_how_far_biases_may_have_moved_says_so(
+    files: Files, verify: Callable[..., Any]
+) -> None:
+    """By 5 mg and 600 °/h, ten times what the calibration's own uncertainty allows."""
+    imu = files.imu + np.array([0.0, 0.05, -0.05, 0.0, 0.003, 0.0, 0.003])
+    recording, track = files.write(imu)
+    answer = verify(recording, track, "-q", "--outages", "10", "--gnss-time", -CLOCK)
+    assert answer.status == 0, answer
+    assert re.search(r"It serves if this unit's\s+biases\s+may\s+move", answer.out)
+    answer = verify(recording, track, "-q", "--outages", "10", "--gnss-time", -CLOCK, "--turn-on", "0.1,10")
+    assert answer.status == 1, answer
+    assert re.search(r"The drive finds the (gyroscope|accelerometer) bias", answer.out)
+    assert "no proof" not in answer.out
+
+
 def test_another_unit_s_calibration_does_not_serve(
     tmp_path: Path, written: Callable[..., Path], verify: Callable[..., Any]
 ) -> None:

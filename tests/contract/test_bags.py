@@ -96,6 +96,116 @@ def test_a_folder_of_a_ros_2_bag_is_one_recording(tmp_path: Path, storage: str, 
     assert block.sources == recording.sources
 
 
+def test_a_folder_of_files_compressed_as_a_whole_is_unpacked(tmp_path: Path) -> None:
+    """`compression_mode: file`; one of two files is cut short, and what is there of it is read."""
+    library = pytest.importorskip("zstandard", reason="the extra ros is not installed")
+    write_ros2(tmp_path / "bag", mode="FILE")
+    assert not list((tmp_path / "bag").glob("*.db3"))
+    whole = read_recording(tmp_path / "bag")
+    assert len(whole) == 300
+    assert np.array_equal(np.concatenate([b.time for b in read_blocks(tmp_path / "bag")]), whole.time)
+    (packed,) = (tmp_path / "bag").glob("*.zstd")
+    raw = library.ZstdDecompressor().decompressobj().decompress(packed.read_bytes())
+    packed.write_bytes(library.compress(raw[: len(raw) // 2]) + library.compress(raw[len(raw) // 2 :])[:2000])
+    part = read_recording(tmp_path / "bag")
+    assert 100 < len(part) < 300
+    assert "the compressed file is cut short or damaged" in texts(part)
+
+
+def damaged(path: Path, *places: float) -> Path:
+    """A copy in which a few bytes are turned over, at shares of the length."""
+    data = bytearray(path.read_bytes())
+    for place in places:
+        at = int(place * len(data))
+        data[at : at + 16] = bytes(b ^ 0x5A for b in data[at : at + 16])
+    copy = path.with_name("damaged" + path.suffix)
+    copy.write_bytes(data)
+    return copy
+
+
+def write_chunks(path: Path, count: int = 3000) -> Path:
+    """A ROS 1 bag of several compressed chunks."""
+    writer = rosbag1.Writer(path)
+    writer.set_compression(writer.CompressionFormat.BZ2)
+    writer.chunk_threshold = 100_000
+    with writer:
+        connection = writer.add_connection("/imu", IMU, typestore=STORE1)
+        for seconds, force, rate in samples(count):
+            made = STORE1.serialize_ros1(message(STORE1, seconds, force, rate), IMU)
+            writer.write(connection, round(seconds * 1e9), made)
+    return path
+
+
+def test_a_damaged_chunk_of_a_ros_1_bag_is_left_out_and_counted(tmp_path: Path) -> None:
+    whole = read_recording(write_chunks(tmp_path / "a.bag"))
+    part = read_recording(damaged(tmp_path / "a.bag", 0.5))
+    assert 0.5 * len(whole) < len(part) < len(whole)
+    assert set(part.time) < set(whole.time)
+    assert "1 of 11 chunk(s) is damaged (a chunk of the bag is damaged" in texts(part)
+    assert f"{len(whole) - len(part)} of 3000 messages of /imu could not be read" in texts(part)
+    assert sum(len(b) for b in read_blocks(tmp_path / "damaged.bag")) == len(part)
+    # without an index as well
+    (tmp_path / "open.bag").write_bytes((tmp_path / "damaged.bag").read_bytes()[:-6000])
+    assert "chunk(s) are damaged" in texts(read_recording(tmp_path / "open.bag"))
+    with pytest.raises(
+        RecordingError, match=r"no message of /imu that could be read: it is cut short or damaged"
+    ):
+        read_recording(damaged(tmp_path / "a.bag", *np.linspace(0.02, 0.93, 60)))
+
+
+def test_a_damaged_chunk_of_an_mcap_file_is_left_out_and_counted(tmp_path: Path) -> None:
+    library = pytest.importorskip("mcap.writer", reason="mcap writes the sample")
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer = library.Writer(file, chunk_size=50_000)
+        writer.start()
+        schema = writer.register_schema("sensor_msgs/msg/Imu", "ros2msg", b"")
+        channel = writer.register_channel("/imu", "cdr", schema)
+        for seconds, force, rate in samples(1500):
+            made = bytes(STORE.serialize_cdr(message(STORE, seconds, force, rate), IMU))
+            writer.add_message(channel, round(seconds * 1e9), made, round(seconds * 1e9))
+        writer.finish()
+    whole = read_recording(tmp_path / "a.mcap")
+    part = read_recording(damaged(tmp_path / "a.mcap", 0.3, 0.6))
+    assert 0.5 * len(whole) < len(part) < len(whole)
+    assert set(part.time) < set(whole.time)
+    assert "chunk(s) are damaged (a chunk is" in texts(part)
+    assert f"{len(whole) - len(part)} of 1500 messages of /imu could not be read" in texts(part)
+    (tmp_path / "open.mcap").write_bytes((tmp_path / "damaged.mcap").read_bytes()[:-4000])
+    unfinished = read_recording(tmp_path / "open.mcap")
+    assert "chunk(s) are damaged" in texts(unfinished)
+    assert "not finished or cut short" in texts(unfinished)
+
+
+def test_a_damaged_page_of_a_database_is_left_out(tmp_path: Path) -> None:
+    write_ros2(tmp_path / "bag")
+    (path,) = (tmp_path / "bag").glob("*.db3")
+    whole = read_recording(path)
+    data = bytearray(path.read_bytes())
+    at = len(data) // 2 // 4096 * 4096
+    data[at : at + 4096] = b"\xff" * 4096
+    path.write_bytes(data)
+    part = read_recording(path)
+    assert 200 < len(part) < 300
+    assert set(part.time) < set(whole.time)
+    assert "(s) is damaged (database disk image is malformed); what could" in texts(part)
+
+
+def test_a_file_of_zstd_that_is_cut_short_is_said(tmp_path: Path) -> None:
+    library = pytest.importorskip("zstandard", reason="the extra ros is not installed")
+    write_ros1(tmp_path / "a.bag", {"/imu": "both"}, count=1500)
+    packed = library.compress((tmp_path / "a.bag").read_bytes())
+    (tmp_path / "a.bag.zst").write_bytes(packed[: -len(packed) // 10])
+    said = texts(read_recording(tmp_path / "a.bag.zst"))
+    assert "the compressed file is cut short or damaged" in said
+
+
+def test_a_topic_that_is_named_after_the_other_sensor_is_said(tmp_path: Path) -> None:
+    write_ros1(tmp_path / "a.bag", {"/accel/sample": "rate", "/gyro/sample": "force"})
+    said = texts(read_recording(tmp_path / "a.bag"))
+    assert "/gyro/sample is named after a gyro, but its messages hold an acceleration" in said
+    assert "/accel/sample is named after an accelerometer, but its messages hold an angular rate" in said
+
+
 def test_split_topics_are_merged(tmp_path: Path) -> None:
     write_ros1(tmp_path / "a.bag", {"/accel/sample": "force", "/gyro/sample": "rate"})
     recording = read_recording(tmp_path / "a.bag")

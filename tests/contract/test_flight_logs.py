@@ -144,6 +144,42 @@ def test_ulog_fifo_messages_hold_many_samples(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.specific_force, 0.0005 * counts[:198], rtol=1e-7)
 
 
+LATE = "accelerometer_timestamp_relative"
+
+
+def ulog_with_a_foreign_type(path: Path, message: str) -> Path:
+    """sensor_combined at 250 Hz and another message, one of which has a field of a type that is not described."""
+
+    def packed(kind: str, body: bytes) -> bytes:
+        return struct.pack("<HB", len(body), ord(kind)) + body
+
+    rate = "foreign" if message == "sensor_combined" else "float[3]"
+    layouts = (
+        f"sensor_combined:uint64_t timestamp;{rate} gyro_rad;float[3] accelerometer_m_s2;int32_t {LATE};",
+        "my_status:uint64_t timestamp;foreign inner;",
+    )
+    data = b"ULog\x01\x12\x35\x01" + bytes(8) + packed("B", bytes(40))
+    data += b"".join(packed("F", layout.encode()) for layout in layouts)
+    data += b"".join(
+        packed("A", struct.pack("<BH", 0, n) + layouts[n].split(":")[0].encode()) for n in (0, 1)
+    )
+    for k in range(300):
+        data += packed(
+            "D", struct.pack("<HQ6fi", 0, 4000 * k, 0.01, 0.02, 0.03, 0.1, 0.2 + 0.01 * (k % 3), 9.8, 0)
+        )
+    path.write_bytes(data + packed("D", struct.pack("<HQf", 1, 4000, 1.0)))
+    return path
+
+
+def test_ulog_a_type_that_the_log_does_not_describe_is_named(tmp_path: Path) -> None:
+    path = ulog_with_a_foreign_type(tmp_path / "a.ulg", "my_status")
+    said = texts(read_recording(path))
+    assert "a field of my_status (of 'foreign') is of a type that the log does not describe" in said
+    assert "damaged" not in said
+    with pytest.raises(RecordingError, match=r"a field of sensor_combined \(of 'foreign'\)"):
+        read_recording(ulog_with_a_foreign_type(tmp_path / "b.ulg", "sensor_combined"))
+
+
 def test_ulog_without_inertial_messages_is_refused(tmp_path: Path) -> None:
     write_ulog(tmp_path / "a.ulg", ("battery_status", 0, "float voltage;", "f", [(1, 12.0), (2, 12.0)]))
     with pytest.raises(RecordingError, match=r"holds none of the messages .* It knows battery_status"):

@@ -209,5 +209,7 @@ def test_a_pattern_stands_for_the_files_that_it_matches(tmp_path: Path) -> None:
         (tmp_path / name).write_text("x")
     assert _matched([tmp_path / "?.csv"]) == [tmp_path / "a.csv", tmp_path / "b.csv"]
     assert _matched([tmp_path / "[1].csv"]) == [tmp_path / "[1].csv"]  # a file of that name goes first
-    assert _matched([tmp_path / "*.bag"]) == [tmp_path / "*.bag"]  # which reading says is not there
+    with pytest.raises(UsageError, match=r"No file matches the pattern .*\*\.bag"):
+        _matched([tmp_path / "*.bag"])
+    assert _matched([tmp_path / "none.bag"]) == [tmp_path / "none.bag"]  # which reading says is not there
     assert _matched(None) is None

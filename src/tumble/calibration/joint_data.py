@@ -14,16 +14,14 @@ import numpy as np
 from tumble.arrays import AnyArray, Matrices, Series, Vector, Vectors, inverted
 from tumble.attitude.rotations import skews
 from tumble.calibration.joint_believed import BelievedPoses
+from tumble.calibration.joint_swing import Swings, hold_swings
 from tumble.calibration.joint_unknowns import force_matrix, gyro_matrix
+from tumble.calibration.joint_wander import mode_count, wander_basis
 from tumble.calibration.triad_unknowns import BIAS
 from tumble.calibration.turn_conditions import HoldsAndTurns, window_directions
 
 # The share of a window that the other parts must leave for a middle of its own.
 SMALLEST_MIDDLE = 0.05
-# Cosines over a rotation in which a bias wanders, at least, a revolution, and at most; what is faster is as good
-# as white. Gravity goes round once a revolution, which is two of them for its cosine; its sine takes many, and what
-# they left out of it would seem free of wander.
-FEWEST_MODES, MODES_A_REVOLUTION, MOST_MODES = 8, 6, 32
 
 
 @dataclass(slots=True)
@@ -79,6 +77,7 @@ class JointData:
     parts : (holds, 3, 3) raw specific force at the head, in the middle and at the tail.
     parts_covariance : (holds, 9, 9) of them.
     length : (holds,) s from the first to the last sample of a hold.
+    swings : where the gyros see each hold's middle between its head and its tail.
     force_density, rate_density : (3,) raw², by which biases wander per unit of ``ln f`` (1/f noise).
     span : s of the whole recording.
     sections : (sections, 2) half-open ranges of holds that usable turns join without a break.
@@ -90,6 +89,7 @@ class JointData:
     parts: AnyArray
     parts_covariance: AnyArray
     length: Series
+    swings: Swings
     sections: np.ndarray
     force_density: Vector
     rate_density: Vector
@@ -132,6 +132,7 @@ def joint_data(base: HoldsAndTurns, unknowns: Series, spins: list[JointSpin] | N
         parts=parts,
         parts_covariance=covariance,
         length=base.time[last] - base.time[first],
+        swings=hold_swings(base, base.rate_floor / octaves),
         sections=_sections(base),
         force_density=base.force_floor / octaves,
         rate_density=base.rate_floor / octaves,
@@ -257,33 +258,6 @@ def _modes(base: HoldsAndTurns, windows: int, seconds: float, rate: float) -> in
     if not (np.any(base.force_floor > 0.0) or np.any(base.rate_floor > 0.0)):
         return 0
     return mode_count(windows, seconds * rate / (2.0 * np.pi))
-
-
-def mode_count(windows: int, revolutions: float) -> int:
-    """Return how many cosines stand for a wander over so many windows in which a table goes round so often."""
-    return min(max(FEWEST_MODES, int(np.ceil(MODES_A_REVOLUTION * revolutions))), MOST_MODES, windows - 1)
-
-
-def wander_basis(places: Series, count: int) -> tuple[AnyArray, Series]:
-    """Return cosines (places, count) over a rotation, and the variance of each one's amplitude by 1/f noise.
-
-    Parameters
-    ----------
-    places : (places,) of the rotation, 0 to 1.
-    count : how many.
-
-    Notes
-    -----
-    In units of the wander's density per ``ln f``; cosine n has the frequencies from n - 1/2 to n + 1/2 half
-    periods in the rotation.
-    """
-    number = np.arange(1, count + 1)
-    return np.cos(np.pi * number * places[:, None]), 2.0 * np.log((number + 0.5) / (number - 0.5))
-
-
-def faster_variance(windows: int, count: int) -> float:
-    """Return the variance of a window's mean by what wanders faster than `count` cosines, down to the window."""
-    return max(float(np.log(windows / (count + 0.5))), 0.0)
 
 
 def mean_backward_rotation(spin: JointSpin, rate: Vectors, lag: float = 0.0) -> Matrices:

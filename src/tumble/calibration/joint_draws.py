@@ -227,11 +227,14 @@ def redrawn(problem: JointProblem, state: JointState, rng: np.random.Generator) 
     """
     base = problem.data.base
     base = replace(base, rate_mean=base.rate_mean.copy(), raw_rate=base.raw_rate.copy())
-    data = replace(problem.data, base=base, parts=problem.data.parts.copy())
+    swings = replace(problem.data.swings, value=problem.data.swings.value.copy())
+    data = replace(problem.data, base=base, parts=problem.data.parts.copy(), swings=swings)
     made = replace(problem, data=data)
     unknowns, gravity = state.unknowns, problem.site.gravity
     for section in state.sections:
-        sway = rng.normal(0.0, np.sqrt(problem.extra.sway), (2, len(section.C_wb), 3))
+        sway = np.sqrt(problem.extra.sways(section.holds))[:, None] * rng.standard_normal(
+            (2, len(section.C_wb), 3)
+        )
         C = section.C_wb.copy()
         C[:, 1] = C[:, 0] @ matrices_from_rotation_vectors(sway[0])
         C[:, 2] = C[:, 1] @ matrices_from_rotation_vectors(sway[1])
@@ -242,6 +245,8 @@ def redrawn(problem: JointProblem, state: JointState, rng: np.random.Generator) 
                 data.parts[terms.place] += new.reshape(-1, 3, 3)
             elif terms.kind == "rate":
                 base.rate_mean[terms.place] += new
+            elif terms.kind == "swing":
+                swings.value[terms.place] += new
         errors: AnyArray | None = None
         for _ in range(3):
             turns = turn_terms(data, true, carry(data, unknowns), unknowns, problem.extra)

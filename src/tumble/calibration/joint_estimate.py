@@ -278,7 +278,7 @@ def _largest(balanced: BalancedJoint) -> float:
     largest = 0.0
     for kind, tests in balanced.tests.items():
         checked = tests.degrees > 0
-        if kind not in ("rest", "parts") and np.any(checked):
+        if kind not in ("rest", "swing", "parts") and np.any(checked):
             ratio = np.sqrt(tests.statistic[checked] / tests.degrees[checked])
             largest = max(largest, float(ratio.max()))
     return largest

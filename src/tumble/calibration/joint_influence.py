@@ -76,8 +76,8 @@ class Influence:
 
     Attributes
     ----------
-    kind : "force", "rate", "rest", "turn", "tilt", "pose", "windows", "links", "axis", "angle", "own", "heading",
-        "earth" or "prior".
+    kind : "force", "rate", "swing", "rest", "turn", "tilt", "pose", "windows", "links", "axis", "angle", "own",
+        "heading", "earth" or "prior".
     place : (terms,) the hold, or the hold before; -1 where it is neither.
     active : (terms,) whether it takes part.
     gain : (terms, unknowns, m) by how much whitened errors move the shared unknowns.
@@ -186,6 +186,8 @@ def _causes(problem: JointProblem, unknowns: Series, carried: Carried, kind: Ter
     data, extra, k = problem.data, problem.extra, kind.place
     if kind.kind == "rest":
         return {SWAY: kind.covariance}
+    if kind.kind == "swing":
+        return {RATE_REST: kind.covariance}
     if kind.kind in ("tilt", "pose"):
         return {PLACEMENT: kind.covariance}
     if kind.kind == "force":

@@ -9,14 +9,14 @@ residual is known, correlations included.
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
 from tumble.calibration.joint_spins import LEAST_WOBBLE
 from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
-from tumble.calibration.joint_terms import HEAD, TAIL, Terms
+from tumble.calibration.joint_terms import HEAD, TAIL, Extra, Terms
 from tumble.calibration.joint_unknowns import force_matrix, gyro_matrix
 from tumble.calibration.snooping import (
     CHANCE,
@@ -30,7 +30,7 @@ from tumble.calibration.snooping import (
 from tumble.errors import ConvergenceError
 from tumble.estimation.bordered import NodeCovariance
 
-KINDS = ("force", "rate", "rest", "turn", "tilt", "pose", "parts")
+KINDS = ("force", "rate", "swing", "rest", "turn", "tilt", "pose", "parts")
 # Eigenvalues of a redundancy below this are directions that nothing checks.
 CHECKED = 0.05
 # An angle that is read ten times better than gyros turn is checked by them all the same.
@@ -51,6 +51,13 @@ _COMPONENTS = (
     ("placement", "pose", 0.0),
 )
 PASSES, ROUNDS = 10, 8
+# A hold sways more than the others where chance would make any one do so this rarely; its own sway is told by six
+# numbers at most, so that a tenth of it is near enough.
+RESTLESS_FALSE_ALARM, RESTLESS_SETTLED = 1e-3, 0.1
+# How near to settled what all sway by must be for one to be told apart.
+NEAR = 0.3
+# Less than this of a kind's redundancy is nothing to judge by.
+LEAST_REDUNDANCY = 0.1
 # A table that shakes: its windows' noise is raised where chance does so more rarely than this.
 SHAKING_FALSE_ALARM = 1e-3
 # Mean square of an axis's residuals beyond which it wobbles more than was believed.
@@ -67,7 +74,8 @@ class KindTests:
     statistic : (terms,) chi-square with `degrees` if the noise given is the true one.
     degrees : (terms,) how many of its directions something else checks.
     square : (terms,) sum of squared whitened residuals.
-    redundancy : (terms,) what is left of its observations to check it.
+    redundancy : (terms,) what is left of its observations to check it, the trace of a matrix.
+    redundancy_square : (terms,) the trace of that matrix's square.
     variance : (terms,) SI², typical of one component.
     residual : (terms, m) raw or rad.
     """
@@ -77,8 +85,18 @@ class KindTests:
     degrees: np.ndarray
     square: Series
     redundancy: Series
+    redundancy_square: Series
     variance: Series
     residual: AnyArray
+
+    def where(self, taken: np.ndarray) -> KindTests:
+        """Return the tests of some of them.
+
+        Parameters
+        ----------
+        taken : (terms,) of bool.
+        """
+        return KindTests(*(getattr(self, f.name)[taken] for f in fields(self)))
 
 
 @dataclass(slots=True)
@@ -125,7 +143,8 @@ def balance_joint(problem: JointProblem, state: JointState, *, false_alarm: floa
         # Whether a hold is still, its parts say: a sway that is all but nothing leaves no residual of its own.
         witness, nothing = ("parts", _still(problem, state)) if kind == "rest" else (kind, nothing)
         if kept > nothing and witness in joint_tests(problem, solution):
-            setattr(problem.extra, name, nothing)
+            restless = problem.extra.restless
+            _set_component(problem.extra, name, nothing)
             before = deepcopy(state)
             try:
                 solution = solve_joint(problem, state)
@@ -134,6 +153,7 @@ def balance_joint(problem: JointProblem, state: JointState, *, false_alarm: floa
                 chance = False
             if not chance:
                 setattr(problem.extra, name, kept)
+                problem.extra.restless = restless
                 state.unknowns, state.sections, state.spins = before.unknowns, before.sections, before.spins
                 solution = solve_joint(problem, state)
     return BalancedJoint(solution, outliers, dict(problem.spin_noise), joint_tests(problem, solution))
@@ -230,6 +250,7 @@ def _tests(terms: Terms, joint: AnyArray, unknowns: Series, *, parts: bool = Fal
         checked.sum(axis=1),
         np.sum(white**2, axis=1),
         np.trace(left, axis1=1, axis2=2),
+        np.sum(left**2, axis=(1, 2)),
         variance,
         residual,
     )
@@ -246,6 +267,7 @@ def _together(tests: list[KindTests]) -> KindTests:
         np.concatenate([t.degrees for t in tests]),
         np.concatenate([t.square for t in tests]),
         np.concatenate([t.redundancy for t in tests]),
+        np.concatenate([t.redundancy_square for t in tests]),
         np.concatenate([t.variance for t in tests]),
         np.concatenate([t.residual for t in tests]),
     )
@@ -257,12 +279,12 @@ def _settle(
     """Move the variances until each kind's residuals are as large as they say."""
     for _ in range(ROUNDS):
         moved = _raise_shaking(problem, solution)
-        extra = replace(problem.extra)
+        extra = replace(problem.extra, restless=dict(problem.extra.restless))
         told = joint_tests(problem, solution)
         for name, kind, least in _COMPONENTS:
             if kind not in told:
                 continue
-            tests = told[kind]
+            tests = told[kind] if kind != "rest" else _of_quiet_holds(told[kind], extra)
             checked = tests.degrees > 0
             if not np.any(checked):
                 continue
@@ -270,13 +292,46 @@ def _settle(
             before = float(getattr(extra, name))
             wanted = max(least, before + (_ratio(tests, robust=robust) - 1.0) * total)
             if abs(wanted - before) > SETTLED * total:
-                setattr(extra, name, wanted)
+                _set_component(extra, name, wanted)
                 moved = True
+            if kind == "rest" and abs(wanted - before) < NEAR * total:
+                moved = _raise_restless(extra, told[kind]) or moved
         if not moved:
             break
         problem.extra = extra
         solution = solve_joint(problem, state, once=True)
     return solve_joint(problem, state)
+
+
+def _set_component(extra: Extra, name: str, variance: float) -> None:
+    """Set a component; holds that sway by themselves go on doing so by as much."""
+    if name == "sway":
+        extra.restless = {k: max(times * extra.sway / variance, 1.0) for k, times in extra.restless.items()}
+    setattr(extra, name, variance)
+
+
+def _of_quiet_holds(tests: KindTests, extra: Extra) -> KindTests:
+    """Of the sway's tests, those of holds that sway as the others do."""
+    quiet = np.array([k not in extra.restless for k in tests.place.tolist()])
+    return tests.where(quiet)
+
+
+def _raise_restless(extra: Extra, tests: KindTests) -> bool:
+    """Give holds that sway more than the others do a sway of their own; tell whether any moved."""
+    from scipy.special import chdtrc
+
+    moved, limit = False, RESTLESS_FALSE_ALARM / max(tests.place.size, 1)
+    for at, k in enumerate(tests.place.tolist()):
+        square, redundancy = float(tests.square[at]), max(float(tests.redundancy[at]), 1e-12)
+        own = extra.restless.get(k)
+        if own is None and float(chdtrc(redundancy, square)) >= limit:
+            continue
+        # What would be seen of it, and is seen, is its own variance and that of what sees it.
+        more = (square / redundancy - 1.0) * float(tests.variance[at])
+        wanted = max((own or 1.0) + more / extra.sway, 1.0)
+        moved = moved or abs(wanted - (own or 1.0)) > RESTLESS_SETTLED * wanted
+        extra.restless[k] = wanted
+    return moved
 
 
 def _ratio(tests: KindTests, *, robust: bool) -> float:
@@ -289,13 +344,20 @@ def _ratio(tests: KindTests, *, robust: bool) -> float:
 
 
 def _explained_by_chance(tests: KindTests | None) -> bool:
+    """Whether a kind's sum of squares is as large as its noise makes it.
+
+    A redundancy matrix R gives the sum of squares the mean ``tr R`` and the variance ``2 tr R²``: so many degrees of
+    freedom. Turns that are checked a tenth each are as many checks, not a tenth of them.
+    """
     from scipy.special import chdtrc
 
     if tests is None:
         return True
-    redundancy = float(tests.redundancy.sum())
-    statistic = _ratio(tests, robust=False) * redundancy if np.any(tests.degrees > 0) else 0.0
-    return redundancy < 1.0 or float(chdtrc(redundancy, statistic)) > CHANCE
+    mean = float(tests.redundancy.sum())
+    degrees = mean**2 / max(float(tests.redundancy_square.sum()), 1e-300)
+    if mean < LEAST_REDUNDANCY or degrees < 1.0:
+        return True
+    return float(chdtrc(degrees, degrees * float(tests.square.sum()) / mean)) > CHANCE
 
 
 def _raise_shaking(problem: JointProblem, solution: JointSolution) -> bool:

@@ -25,7 +25,7 @@ from tumble.attitude.rotations import (
     skews,
     tangent_basis,
 )
-from tumble.calibration.joint_data import JointData, JointSpin, faster_variance, mean_backward_rotation
+from tumble.calibration.joint_data import JointData, JointSpin, mean_backward_rotation
 from tumble.calibration.joint_table_terms import by_lever_arms, by_time_lag, size_effect
 from tumble.calibration.joint_terms import (
     BORDER,
@@ -45,6 +45,7 @@ from tumble.calibration.joint_unknowns import (
     raw_force,
     without_asymmetry,
 )
+from tumble.calibration.joint_wander import faster_variance
 from tumble.calibration.joint_wide import LEVER_ARMS, TIME_LAG, is_wide, part_of
 from tumble.calibration.triad_unknowns import BIAS
 from tumble.estimation.bordered import BorderedChain, EliminatedChain, whiten

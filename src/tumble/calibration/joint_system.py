@@ -96,7 +96,7 @@ class Masks:
 
     def of(self, terms: Terms) -> np.ndarray:
         """Return which of the terms take part."""
-        if terms.kind == "rest":
+        if terms.kind in ("rest", "swing"):
             return np.ones(terms.place.size, dtype=bool)
         mask = {"force": self.force, "rate": self.rate, "turn": self.turn}.get(terms.kind, self.pose)
         return mask[terms.place]

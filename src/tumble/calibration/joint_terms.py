@@ -8,6 +8,7 @@ Each hold is a node of three attitudes, at its head, in its middle and at its ta
 
 - the specific force in three parts, raw, one at each;
 - the mean rate, raw: the Earth rate, and what the pose sways from head to tail;
+- the swing, raw: where the gyros see the middle between them;
 - that it rests: head, middle and tail differ by a sway of stated size.
 
 Each turn gives one rotation: the gyro's integral carries the tail of one hold to the head of the next, while
@@ -16,7 +17,7 @@ the level frame turns with the Earth.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -58,6 +59,7 @@ class Extra:
     turn : rad² about each axis, what else a turn shows.
     sway : rad² about each axis, by which a pose changes from head to middle and from there to the tail.
     placement : rad² about each axis, by which believed poses scatter beyond their own sigma.
+    restless : hold -> how many times the sway's variance it has, of holds that sway more than the others.
     """
 
     force: float = 0.0
@@ -65,6 +67,11 @@ class Extra:
     turn: float = 0.0
     sway: float = 1e-16
     placement: float = 0.0
+    restless: dict[int, float] = field(default_factory=dict[int, float])
+
+    def sways(self, holds: np.ndarray) -> Series:
+        """Return (holds,) rad², the sway's variance of each hold."""
+        return self.sway * np.array([self.restless.get(k, 1.0) for k in holds.tolist()])
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +80,7 @@ class Terms:
 
     Attributes
     ----------
-    kind : "force", "rate", "rest", "turn", "tilt" or "pose".
+    kind : "force", "rate", "swing", "rest", "turn", "tilt" or "pose".
     place : (terms,) the hold that it belongs to, or that the turn follows.
     node : (terms,) the same, counted within the section.
     residual : (terms, m) predicted minus observed.
@@ -221,7 +228,7 @@ def _span(starts: np.ndarray, stops: np.ndarray) -> slice:
 def hold_terms(
     data: JointData, section: Section, unknowns: Series, gravity: float, extra: Extra
 ) -> list[Terms]:
-    """Return the residuals of a section's holds: force, rate and rest.
+    """Return the residuals of a section's holds: force, rate, swing and rest.
 
     Parameters
     ----------
@@ -233,7 +240,8 @@ def hold_terms(
     node = k - section.first
     force = _force_terms(data, section, unknowns, gravity, extra, node)
     rate = _rate_terms(data, section, unknowns, gravity, extra, node)
-    return [force, rate, _rest_terms(section, extra, node, 3 + unknowns.size)]
+    swing = _swing_terms(data, section, unknowns, node)
+    return [force, rate, swing, _rest_terms(section, extra, node, 3 + unknowns.size)]
 
 
 def _rest_terms(section: Section, extra: Extra, node: np.ndarray, border: int) -> Terms:
@@ -248,10 +256,28 @@ def _rest_terms(section: Section, extra: Extra, node: np.ndarray, border: int) -
         )
         residual[:, at] = _swayed(section.C_wb[:, step], section.C_wb[:, step + 1])
         by_node[:, at, here], by_node[:, at, there] = -backward[:, step], backward[:, step]
-    covariance = np.broadcast_to(extra.sway * np.eye(6), (node.size, 6, 6))
+    covariance = extra.sways(section.holds)[:, None, None] * np.eye(6)
     return Terms(
         "rest", section.holds, node, residual, covariance, by_node, None, np.zeros((node.size, 6, border))
     )
+
+
+def _swing_terms(data: JointData, section: Section, unknowns: Series, node: np.ndarray) -> Terms:
+    """Where the gyros see the middle between head and tail."""
+    k, swings = section.holds, data.swings
+    share, backward = swings.share[k, None], np.swapaxes(section.C_wb[:, 0], 1, 2)
+    whole = _swayed(section.C_wb[:, 0], section.C_wb[:, 2])
+    swung = _swayed(section.C_wb[:, 0], section.C_wb[:, 1]) - share * whole
+    matrix = gyro_matrix(unknowns)
+    turns = matrix @ backward
+    by_node = np.zeros((k.size, 3, NODE))
+    by_node[:, :, MIDDLE] = turns
+    by_node[:, :, TAIL] = -share[:, :, None] * turns
+    by_node[:, :, HEAD] = (share[:, :, None] - 1.0) * turns
+    # Of milliradians, a gyro's scale factor takes nothing that counts.
+    by_border = np.zeros((k.size, 3, 3 + unknowns.size))
+    residual = swung @ matrix.T - swings.value[k]
+    return Terms("swing", k, node, residual, swings.covariance[k], by_node, None, by_border)
 
 
 def _swayed(before: Matrices, after: Matrices) -> Vectors:

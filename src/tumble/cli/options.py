@@ -8,15 +8,26 @@ from typing import Annotated, TypeAlias
 
 import typer
 
+from tumble.errors import UsageError
+
 
 def _matched(paths: list[Path] | None) -> list[Path] | None:
-    """Put the files that a pattern matches in its place, for shells that leave patterns as they are."""
+    """Put the files that a pattern matches in its place, for shells that leave patterns as they are.
+
+    Raises
+    ------
+    UsageError
+        If a pattern matches no file.
+    """
     if not paths:
         return paths
     matched: list[Path] = []
     for path in paths:
         is_pattern = any(c in str(path) for c in "*?[") and not path.exists()
-        matched += sorted(map(Path, glob(str(path), recursive=True))) or [path] if is_pattern else [path]
+        found = sorted(map(Path, glob(str(path), recursive=True))) if is_pattern else [path]
+        if not found:
+            raise UsageError(f"No file matches the pattern {path}.")
+        matched += found
     return matched
 
 

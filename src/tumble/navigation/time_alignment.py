@@ -115,8 +115,8 @@ def estimate_time_offset(
         raise RecordingError(
             "IMU and GNSS do not seem to have seen the same motion: at no offset between their clocks does the "
             f"course's rate fit the gyros alone (correlation {curve[best] if best >= 0 else 0.0:.2f} at best, "
-            f"{second:.2f} at others). {spans_in_words(samples, track)}: check that the files belong together, the units of the gyros, "
-            "and that the vehicle turned; or give the offset."
+            f"{second:.2f} at others). {spans_in_words(samples, track)}: check that the files belong together, the "
+            "units of the gyros, and that the vehicle turned; or give the offset."
         )
     offset, sigma = _refined(grid, yaw_rate, times, course_rate, weights, float(lags[best]))
     at_best = _correlation(grid, yaw_rate, times + offset, course_rate, weights)

@@ -36,7 +36,7 @@ from tumble.navigation.plausibility import (
 )
 from tumble.recording import read_recordings
 from tumble.recording.corrections import corrections_of
-from tumble.simulation import find_grade
+from tumble.simulation import Grade, find_grade
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.calibration_parts import (
     WHOLE,
@@ -52,6 +52,8 @@ from tumble.workflows.temperature import check_outside, refuse_twice
 OUTAGES = (2.0, 10.0, 30.0, 60.0)
 # How far biases move from one power cycle to the next, where nothing is told: no more than consumer units.
 TURN_ON = (0.05, 0.005)  # m/s², rad/s
+# How far biases are looked for, whatever they may have moved: more is no calibration of this unit.
+_FREE = (0.2, 0.02)  # m/s², rad/s
 
 
 def verify_drive(
@@ -138,7 +140,6 @@ def verify_drive(
     lengths = _lengths(drive, durations)
     parts.insert(1, without_rest_rate(parts[0], *find_rest(parts[0].samples, drive.track)))
     results: list[PartResult] = []
-    runs: dict[str, FilterRun] = {}
     say("smoothing")
     own = setup.with_sensor_covariance(start_covariance(parts[-1], setup.states, document, moved))
     reference = smooth(drive.run(own, keep_covariances=True)).trajectory
@@ -148,9 +149,10 @@ def verify_drive(
         told = setup.with_sensor_covariance(start_covariance(part, setup.states, document, moved))
         mine = drive if part.part == WHOLE else drive.with_samples(part.samples)
         run = mine.run(told, interval=1.0)
-        runs[part.part] = run
         drift = free_drift(part.samples, reference, seconds.tolist(), every=_every(drive), gaps=gaps)
         results.append(_result(part.part, mine, told, run, drift, lengths))
+    free = drive.run(_free_biases(own, grade), interval=1.0)
+    strict = setup.with_sensor_covariance(start_covariance(parts[-1], setup.states, document, (0.0, 0.0)))
     found = DriveVerification(
         recording=", ".join(source.name for source in recording.sources),
         track=track.name,
@@ -160,7 +162,10 @@ def verify_drive(
         alignment=str(drive.alignment),
         setting=setting,
         parts=results,
-        contradictions=_contradictions(runs[WHOLE], own),
+        contradictions=_departures(free, own),
+        moved={name: far for name, far in _departures(free, strict).items() if "bias" in name},
+        refused_free=len(free.refused),
+        turn_on=moved,
         seconds=seconds,
         duration=float(drive.track.time[-1] - drive.start.time),
         remarks=remarks,
@@ -285,17 +290,37 @@ def _result(
     )
 
 
-def _contradictions(run: FilterRun, setup: FilterSetup) -> dict[str, tuple[float, float]]:
-    """Sensor states that the drive tells, and how far they are from zero in what calibration and drive allow."""
+def _free_biases(setup: FilterSetup, grade: Grade) -> FilterSetup:
+    """The filter with biases that the drive may find by itself; the calibration's covariance would hold them back."""
+    covariance = setup.sensor_covariance.copy()
+    for at, state in enumerate(setup.states):
+        triad = 0 if state.kind == "accelerometer" else 1
+        if state.column < 0:
+            sheet = (grade.accelerometer.bias, grade.gyroscope.bias)[triad]
+            covariance[at, at] += min(sheet, _FREE[triad]) ** 2
+    return setup.with_sensor_covariance(covariance)
+
+
+def _departures(run: FilterRun, allowed: FilterSetup) -> dict[str, tuple[float, float]]:
+    """Sensor states that the drive tells, and how far they are from the calibration's in what both allow.
+
+    Parameters
+    ----------
+    run : of samples that are corrected by the calibration, with free biases.
+    allowed : with the covariance that the calibration leaves.
+    """
     found: dict[str, tuple[float, float]] = {}
     span = float(run.time[-1] - run.time[0])
-    for at, state in enumerate(setup.states):
-        before = float(setup.sensor_covariance[at, at]) + state.drive * span
+    for at, state in enumerate(allowed.states):
         after = float(run.sigmas[-1, 9 + at]) ** 2
-        if before <= 0.0 or after > 0.5 * before:
+        before = float(run.setup.sensor_covariance[at, at]) + state.drive * span
+        known = float(allowed.sensor_covariance[at, at]) + state.drive * span
+        if known <= 0.0 or after > 0.5 * before:
             continue
         estimate = float(run.sensors[-1, at])
-        found[state.name] = (estimate, estimate / float(np.sqrt(before - after)))
+        # a bias is told by the drive alone, a matrix by both: what its prior leaves is before less after
+        spread = known + after if state.column < 0 else before - after
+        found[state.name] = (estimate, estimate / float(np.sqrt(spread)))
     return found
 
 

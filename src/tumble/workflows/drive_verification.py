@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tumble.arrays import Series
+from tumble.calibration.verdict import two_digits
 from tumble.navigation import OutageErrors
 from tumble.navigation.block_bootstrap import Statistic, ratio_of, rms_of
 from tumble.navigation.free_drift import FreeDrift
@@ -17,6 +18,7 @@ LARGEST_NORMALISED = 4.0
 # Beyond this the IMU and the positions do not describe one drive, whoever is to blame.
 LARGEST_SHARE_REFUSED = 0.1
 _FEWEST = 4
+_TRIADS = ("accelerometer", "gyroscope")
 _UNKNOWN = Statistic(float("nan"), float("nan"))
 _GRAVITY, _EARTH_RADIUS = 9.81, 6.371e6
 
@@ -54,6 +56,10 @@ class DriveVerification:
     clock, alignment, setting : in words.
     parts : by part of the calibration, uncalibrated first, all of it last.
     contradictions : state of a sensor -> estimate (SI) and how many of its standard uncertainties that is.
+    moved : bias -> estimate (SI) and how many standard uncertainties of the calibration and the drive that is, if
+        biases could not have moved since.
+    turn_on : m/s² and rad/s, by how much they may have moved.
+    refused_free : positions refused by a filter of the calibrated samples that is free to find the sensors' states.
     seconds : s, lengths of the free drift.
     fit, reasons, remarks : the verdict, and sentences.
     """
@@ -69,6 +75,9 @@ class DriveVerification:
     contradictions: dict[str, tuple[float, float]]
     seconds: Series
     duration: float
+    moved: dict[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
+    turn_on: tuple[float, float] = (0.0, 0.0)
+    refused_free: int = 0
     fit: bool = True
     reasons: list[str] = field(default_factory=list[str])
     remarks: list[str] = field(default_factory=list[str])
@@ -200,13 +209,19 @@ def judge_drive(found: DriveVerification, own_recording: bool) -> None:
         name, (estimate, times) = worst[0]
         against.append(
             f"The drive finds the {name} off by {_practical(name, estimate)}, {abs(times):.1f} times what the "
-            "calibration's uncertainty allows: it has changed since, or the filter's noise is stated too small."
+            f"calibration's uncertainty allows{_beside(found, name)}."
         )
     result = found.part(WHOLE)
-    if result.refused > LARGEST_SHARE_REFUSED * result.fixes:
+    refused = result.refused > LARGEST_SHARE_REFUSED * result.fixes
+    if refused and found.refused_free < 0.5 * result.refused and not against:
+        against.append(
+            f"With the calibration's uncertainties the filter refuses {result.refused} of {result.fixes} positions, and "
+            f"with the data sheet's {found.refused_free}: the unit is not as the calibration says."
+        )
+    elif refused and found.refused_free > LARGEST_SHARE_REFUSED * result.fixes:
         against.insert(
             0,
-            f"The drive is no proof: {result.refused} of {result.fixes} positions were refused as outliers and "
+            f"The drive is no proof: {found.refused_free} of {result.fixes} positions were refused as outliers and "
             f"innovations are {result.innovations:.3g} times what the filter expects. Positions and IMU do not "
             "describe one motion: an axis reversed, outliers, a gap in the IMU, a wrong offset between the clocks, or "
             "another unit.",
@@ -217,7 +232,39 @@ def judge_drive(found: DriveVerification, own_recording: bool) -> None:
         if own_recording
         else []
     )
+    if found.fit:
+        own += _on_turn_on(found)
     found.reasons = [*against, *own, *_words(found, ratio)]
+
+
+def _beside(found: DriveVerification, name: str) -> str:
+    """What a bias was allowed beside the calibration's uncertainty."""
+    if "bias" not in name:
+        return ": it has changed since, or the filter's noise is stated too small"
+    return (
+        f" with {_allowed(found)} from one turn-on to the next: it has changed since, or this unit's biases move by more "
+        "than was said with --turn-on"
+    )
+
+
+def _allowed(found: DriveVerification) -> str:
+    force, rate = (_practical(f"{triad} bias", x) for triad, x in zip(_TRIADS, found.turn_on, strict=True))
+    return f"{force} and {rate}"
+
+
+def _on_turn_on(found: DriveVerification) -> list[str]:
+    """A sentence where it serves only because biases may have moved since the calibration."""
+    worst = max(found.moved.items(), key=lambda item: abs(item[1][1]), default=None)
+    if worst is None or abs(worst[1][1]) <= LARGEST_NORMALISED:
+        return []
+    name, (estimate, times) = worst
+    return [
+        (
+            f"It serves if this unit's biases may move by {_allowed(found)} from one turn-on to the next (--turn-on): the "
+            f"drive finds the {name} moved by {_practical(name, estimate)}, {abs(times):.1f} times what the calibration's "
+            "own uncertainty allows."
+        )
+    ]
 
 
 def _words(found: DriveVerification, ratio: Statistic) -> list[str]:
@@ -272,9 +319,9 @@ def far(number: Statistic) -> str:
 def _practical(name: str, value: float) -> str:
     if "bias" in name:
         if name.startswith("accelerometer"):
-            return f"{value / 9.80665e-3:.2g} mg"
-        return f"{np.degrees(value) * 3600.0:.2g} °/h"
-    return f"{100.0 * value:.2g} %" if "scale" in name else f"{1e3 * value:.2g} mrad"
+            return f"{two_digits(value / 9.80665e-3)} mg"
+        return f"{two_digits(float(np.degrees(value)) * 3600.0)} °/h"
+    return f"{two_digits(100.0 * value)} %" if "scale" in name else f"{two_digits(1e3 * value)} mrad"
 
 
 __all__ = [

@@ -77,7 +77,7 @@ def inspect(
         _refuse_own_file(paths, Path(save))
     recording = read_recording(paths, columns=columns, units=units, rate=rate, topics=topics)
     findings = inspect_recording(recording)
-    saved = None if save is None else write_recording(recording, save)
+    saved = None if save is None else write_recording(recording, save, all_units=True)
     return Inspection(recording, findings, saved)
 
 

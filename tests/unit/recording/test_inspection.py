@@ -77,6 +77,21 @@ def test_save_converts(run, tumbled, csv, tmp_path, ending) -> None:
     assert np.abs(back.specific_force - rows[:, 1:4]).max() < 1e-9  # nine decimals were written
 
 
+def test_a_saved_csv_keeps_units_that_would_be_judged_otherwise(run, tumbled, csv, tmp_path) -> None:
+    """A gyro in rad/s that turns faster than 40 rad/s would be taken as deg/s without its unit."""
+    rows = tumbled.rows()
+    rows[:, 4:] *= 50.0 / np.abs(rows[:, 4:]).max()
+    rows[:, 1:4] = [0.1, -0.2, 9.8] + 0.01 * np.random.default_rng(1).normal(size=(len(rows), 3))
+    header = "t,ax,ay,az,gx [rad/s],gy [rad/s],gz [rad/s]"
+    run(csv(rows, header=header), "--save", tmp_path / "saved.csv")
+    assert (
+        (tmp_path / "saved.csv").read_text().startswith("t [s],ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],")
+    )
+    back = read_recording(tmp_path / "saved.csv")
+    assert back.angular_rate_unit == "rad/s"
+    assert not any("taken as" in r.text for r in back.remarks)
+
+
 @pytest.mark.parametrize(
     ("content", "match"),
     [(b"", "is empty"), (b"Dear all,\nnothing here.\n", "text without rows"), (b"t,ax,ay,az\n", "no rows")],

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -17,7 +19,7 @@ from tumble.recording.formats.streams import (
     join_samples,
     table_of_samples,
 )
-from tumble.recording.formats.table import RawTable
+from tumble.recording.formats.table import RawTable, hash_file
 from tumble.recording.recording import Remark, Source
 
 _PEEKED = 16  # messages of each topic that show which triads it has
@@ -67,12 +69,69 @@ class Bag(Protocol):
 
     @property
     def remarks(self) -> list[Remark]:
-        """What was noticed, or mended, so far."""
+        """What was noticed, left out or mended so far."""
         ...
 
     def messages(self, names: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, time of recording in ns, and bytes of the messages of some topics."""
         ...
+
+
+ReadTable = Callable[..., RawTable]
+ReadBlocks = Callable[..., Iterator[RawTable]]
+
+
+def bag_readers(
+    opened: Callable[[Path], AbstractContextManager[Bag]], source: Callable[[Path], Source] = hash_file
+) -> tuple[ReadTable, ReadBlocks]:
+    """Return the two functions that a format of bags is read by: whole, and in blocks of bounded size.
+
+    Parameters
+    ----------
+    opened : opens a file or folder as a bag, and closes it.
+    source : returns name and SHA-256 of what is read.
+    """
+
+    def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
+        """Read a bag whole.
+
+        Parameters
+        ----------
+        path : the file, or the folder.
+        topics : one topic, or one of each triad; none where it holds one IMU.
+
+        Raises
+        ------
+        RecordingError
+            If it is damaged or holds no IMU, or several.
+        UsageError
+            If a topic is not there, or a library is missing.
+        OSError
+            If the file cannot be read.
+        """
+        with opened(path) as bag:
+            return bag_table(bag, topics, source(path))
+
+    def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
+        """Read a bag in blocks of half a million rows (without SHA-256).
+
+        Parameters
+        ----------
+        path, topics : as for `read_table`.
+
+        Raises
+        ------
+        RecordingError
+            If it is damaged or holds no IMU, or several.
+        UsageError
+            If a topic is not there, or a library is missing.
+        OSError
+            If the file cannot be read.
+        """
+        with opened(path) as bag:
+            yield from bag_blocks(bag, topics, Source(path.name, ""))
+
+    return read_table, read_table_blocks
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +157,7 @@ def choose_topics(bag: Bag, wanted: Sequence[str]) -> Choice:
         If a wanted topic is not there, or more than two are wanted.
     """
     known = {t.name: t for t in bag.topics}
-    if not any(t.count for t in bag.topics):
+    if all(t.count == 0 for t in bag.topics):
         raise RecordingError(
             f"{bag.path.name} holds no message that could be read: it is empty, cut short or damaged."
         )
@@ -154,6 +213,10 @@ def _chosen(bag: Bag, known: dict[str, Topic], names: list[str], *, asked: bool)
     if asked and len(names) == 2 and len(full) == 1 and (lone_forces or lone_rates):
         other = (lone_forces or lone_rates)[0]
         return Choice(other, full[0]) if lone_forces else Choice(full[0], other)
+    if not found and bag.remarks:
+        raise RecordingError(
+            f"{bag.path.name} holds no message of {' or '.join(names)} that could be read: it is cut short or damaged."
+        )
     if not found or not (forces or rates):
         raise RecordingError(
             f"{bag.path.name}: {' and '.join(names)} hold(s) no message with an acceleration or a rate; "
@@ -188,6 +251,7 @@ class _Batches:
     topics: dict[str, Topic]
     choice: Choice
     unstamped: set[str] = field(default_factory=set[str])
+    counts: Counter[str] = field(default_factory=Counter[str])
     _messages: dict[str, list[bytes]] = field(default_factory=dict[str, list[bytes]])
     _times: dict[str, list[int]] = field(default_factory=dict[str, list[int]])
 
@@ -204,6 +268,7 @@ class _Batches:
         for name, messages in self._messages.items():
             if messages:
                 topic = self.topics[name]
+                self.counts[name] += len(messages)
                 decoded = decode(topic.kind, messages, self._times[name], name, cdr=topic.cdr)
                 if decoded.unstamped:
                     self.unstamped.add(name)
@@ -242,6 +307,7 @@ def bag_blocks(bag: Bag, wanted: Sequence[str], source: Source) -> Iterator[RawT
     first = [
         Remark("found", f"{bag.path.name} holds {list_topics(bag.topics)}."),
         _choice_remark(bag, choice),
+        *_misnamed(bag, choice),
     ]
     split = choice.force is not None and choice.rates is not None and choice.force != choice.rates
     merging = Merging(bag.path.name, choice.force or "", choice.rates or "") if split else None
@@ -256,7 +322,12 @@ def bag_blocks(bag: Bag, wanted: Sequence[str], source: Source) -> Iterator[RawT
         raise RecordingError(
             f"{bag.path.name}: {' and '.join(choice.names())} hold(s) no message that could be read."
         )
-    last = [*first, *bag.remarks, *(merging.remarks() if merging else [])]
+    last = [
+        *first,
+        *bag.remarks,
+        *_lost(bag, choice, batches.counts),
+        *(merging.remarks() if merging else []),
+    ]
     last += [_unstamped_remark(bag, name) for name in sorted(batches.unstamped)]
     yield table_of_samples(bag.path, held, Units(), source, last)
 
@@ -308,6 +379,36 @@ def _choice_remark(bag: Bag, choice: Choice) -> Remark:
         f"{n} as the {what}" for n, what in ((choice.force, "accelerometer"), (choice.rates, "gyro")) if n
     ]
     return Remark("found", f"{bag.path.name}: read are {' and '.join(parts)}.")
+
+
+def _misnamed(bag: Bag, choice: Choice) -> list[Remark]:
+    """Say where a topic's name says the other triad than its messages hold."""
+    from tumble.recording.columns import kind_of_file
+
+    if choice.force == choice.rates:
+        return []
+    said: list[Remark] = []
+    for name, kind, what, other in (
+        (choice.force, "a", "an acceleration", "a gyro"),
+        (choice.rates, "g", "an angular rate", "an accelerometer"),
+    ):
+        named = None if name is None else kind_of_file(name.replace("_", " ").replace("/", " "))
+        if named not in (None, kind):
+            text = f"{bag.path.name}: {name} is named after {other}, but its messages hold {what}: it is read as that."
+            said.append(Remark("unchecked", text))
+    return said
+
+
+def _lost(bag: Bag, choice: Choice, counts: Counter[str]) -> list[Remark]:
+    """Say how many messages the bag's index promises that could not be read."""
+    said: list[Remark] = []
+    for name in choice.names():
+        promised = sum(t.count or 0 for t in bag.topics if t.name == name)
+        if counts[name] < promised:
+            lost = promised - counts[name]
+            text = f"{bag.path.name}: {lost} of {promised} messages of {name} could not be read."
+            said.append(Remark("mended", text))
+    return said
 
 
 def _unstamped_remark(bag: Bag, name: str) -> Remark:

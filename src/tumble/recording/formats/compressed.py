@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 
 from tumble.errors import RecordingError
 from tumble.recording.formats import text
-from tumble.recording.formats.compression import ZSTD_MAGIC, open_zstd, zstd_errors
+from tumble.recording.formats.compression import ZSTD_MAGIC, unpack_zstd
 from tumble.recording.formats.table import RawTable, hash_file, row_words
 from tumble.recording.recording import Remark
 
@@ -66,7 +66,7 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     """
     from tumble.recording.formats import read_table as read_file
 
-    with _unpacked(path) as (inside, remarks):
+    with unpacked(path) as (inside, remarks):
         table = read_file(inside, topics)
     # The file inside is gone when somebody asks for the place of a row.
     table.path, table.source, table.place = path, hash_file(path), row_words
@@ -93,7 +93,7 @@ def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTab
     from tumble.recording.formats import read_table_blocks as read_file_blocks
 
     rows = 0
-    with _unpacked(path) as (inside, remarks):
+    with unpacked(path) as (inside, remarks):
         for table in read_file_blocks(inside, topics):
             table.path = path
             table.place = lambda row, start=rows: row_words(start + row)
@@ -104,8 +104,18 @@ def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTab
 
 
 @contextmanager
-def _unpacked(path: Path) -> Generator[tuple[Path, list[Remark]]]:
-    """Give the content as a file in a temporary folder, and what is to be said of it."""
+def unpacked(path: Path) -> Generator[tuple[Path, list[Remark]]]:
+    """Give the content of a compressed file as a file in a temporary folder, and what is to be said of it.
+
+    Raises
+    ------
+    RecordingError
+        If nothing of it can be read.
+    UsageError
+        If a library is missing.
+    OSError
+        If the file cannot be read.
+    """
     remarks: list[Remark] = []
     with tempfile.TemporaryDirectory(prefix="tumble-") as folder:
         inside = Path(folder) / (path.stem if path.suffix.lower() in ENDINGS else path.name)
@@ -114,9 +124,12 @@ def _unpacked(path: Path) -> Generator[tuple[Path, list[Remark]]]:
             file.seek(0)
             opener = next((o for magic, o in _OPENERS.items() if start.startswith(magic)), None)
             try:
-                with opener(file) if opener else open_zstd(file, path.name) as stream:
-                    shutil.copyfileobj(stream, target, 1 << 13)  # a damaged piece is lost as a whole
-            except (EOFError, OSError, zlib.error, lzma.LZMAError, *zstd_errors()) as error:
+                if opener is None:
+                    unpack_zstd(file, target, path.name)
+                else:
+                    with opener(file) as stream:
+                        shutil.copyfileobj(stream, target, 1 << 13)  # a damaged piece is lost as a whole
+            except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
                 if not target.tell():
                     raise RecordingError(f"{path.name} is compressed and damaged ({error}).") from error
                 text_ = (

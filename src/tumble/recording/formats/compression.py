@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import Any, BinaryIO
 
 from tumble.errors import RecordingError, UsageError
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+_PIECE = 1 << 13  # bytes; of a damaged piece nothing is left
 
 
 def _library(name: str, file: str, what: str) -> Any:
@@ -51,21 +52,31 @@ def decompress_zstd(data: bytes, file: str) -> bytes:
     return content
 
 
-def open_zstd(file: Any, name: str) -> Any:
-    """Return a stream of the content of an open file that is compressed with zstd.
+def unpack_zstd(file: BinaryIO, target: BinaryIO, name: str) -> None:
+    """Write the content of an open file that is compressed with zstd, frame after frame.
+
+    Parameters
+    ----------
+    file, target : opened to read and to write.
+    name : of the file, for messages.
 
     Raises
     ------
     UsageError
         If zstandard is not installed; the message names the file and the extra.
+    EOFError
+        If the file ends inside a frame, or a frame is damaged; what came before is written.
     """
-    return _library("zstandard", name, "zstd").ZstdDecompressor().stream_reader(file, read_across_frames=True)
-
-
-def zstd_errors() -> tuple[type[Exception], ...]:
-    """Return what the library of zstd raises on damaged data; nothing where it is not installed."""
-    try:
-        error: type[Exception] = import_module("zstandard").ZstdError
-    except ImportError:
-        return ()
-    return (error,)
+    library = _library("zstandard", name, "zstd")
+    frame: Any = None
+    while piece := file.read(_PIECE):
+        while piece:
+            frame = frame or library.ZstdDecompressor().decompressobj()
+            try:
+                target.write(frame.decompress(piece))
+            except library.ZstdError as error:
+                raise EOFError(str(error)) from error
+            piece = frame.unused_data if frame.eof else b""
+            frame = None if frame.eof else frame
+    if frame is not None:
+        raise EOFError("the file ends inside a frame")

@@ -10,17 +10,18 @@ from __future__ import annotations
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
 from tumble.errors import RecordingError
-from tumble.recording.formats.bags import Topic, bag_blocks, bag_table
+from tumble.recording.formats.bags import Topic, bag_readers
 from tumble.recording.formats.compression import decompress_lz4, decompress_zstd
+from tumble.recording.formats.damage import CutShort, Damage, exactly
 from tumble.recording.formats.ros_messages import plain_type
-from tumble.recording.formats.table import RawTable, hash_file
-from tumble.recording.recording import Remark, Source
+from tumble.recording.recording import Remark
 
 NAME = "MCAP"
 ENDINGS = (".mcap",)
@@ -39,60 +40,10 @@ def recognises(head: bytes) -> bool:
     return head.startswith(_MAGIC)
 
 
-def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
-    """Read an MCAP file whole.
-
-    Parameters
-    ----------
-    path : the file.
-    topics : one topic, or one of each triad; none where the file holds one IMU.
-
-    Raises
-    ------
-    RecordingError
-        If the file is damaged or holds no IMU, or several.
-    UsageError
-        If a topic is not there, or a library is missing.
-    OSError
-        If the file cannot be read.
-    """
-    return bag_table(McapFile(path), topics, hash_file(path))
-
-
-def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
-    """Read an MCAP file in blocks of half a million rows (without SHA-256).
-
-    Parameters
-    ----------
-    path, topics : as for `read_table`.
-
-    Raises
-    ------
-    RecordingError
-        If the file is damaged or holds no IMU, or several.
-    UsageError
-        If a topic is not there, or a library is missing.
-    OSError
-        If the file cannot be read.
-    """
-    return bag_blocks(McapFile(path), topics, Source(path.name, ""))
-
-
-class _CutShort(Exception):
-    """The file ends inside a record."""
-
-
 def _string(data: bytes, position: int) -> tuple[str, int]:
     (size,) = struct.unpack_from("<I", data, position)
     end = position + 4 + size
     return data[position + 4 : end].decode("utf-8", "replace"), end
-
-
-def _exactly(file: BinaryIO, size: int) -> bytes:
-    data = file.read(size)
-    if len(data) < size:
-        raise _CutShort
-    return data
 
 
 @dataclass(slots=True)
@@ -102,12 +53,13 @@ class McapFile:
     Attributes
     ----------
     path : the file.
-    topics, remarks : as found.
+    topics : as found.
     """
 
     path: Path
     topics: list[Topic] = field(default_factory=list[Topic])
-    remarks: list[Remark] = field(default_factory=list[Remark])
+    _damage: Damage = field(default_factory=lambda: Damage(""))
+    _unfinished: bool = False
     _schemas: dict[int, str] = field(default_factory=dict[int, str])
     _channels: dict[int, tuple[str, int, str]] = field(default_factory=dict[int, tuple[str, int, str]])
     _chunks: list[tuple[int, frozenset[int]]] = field(default_factory=list[tuple[int, frozenset[int]]])
@@ -115,7 +67,14 @@ class McapFile:
     _span: tuple[int, int] = (0, 0)
     _end: int = 0
 
+    @property
+    def remarks(self) -> list[Remark]:
+        """What was noticed, or left out, so far."""
+        text = f"{self.path.name} is not finished or cut short; what is there is read."
+        return [*([Remark("mended", text)] if self._unfinished else []), *self._damage.remarks()]
+
     def __post_init__(self) -> None:
+        self._damage.name = self.path.name
         with self.path.open("rb") as file:
             try:
                 if not self._read_summary(file):
@@ -193,29 +152,36 @@ class McapFile:
     def _every_message(self, file: BinaryIO, wanted: set[int] | None) -> Iterator[tuple[int, int, bytes]]:
         """Yield the messages of the whole file from its beginning; a file that is cut short ends early."""
         file.seek(len(_MAGIC))
-        self.remarks.clear()
         try:
             while True:
-                code, length = _RECORD.unpack(_exactly(file, 9))
+                place = file.tell()
+                code, length = _RECORD.unpack(exactly(file, 9))
                 if code in (_FOOTER, _DATA_END):
                     return
                 if code == _CHUNK:
-                    yield from self._chunk_messages(_exactly(file, length), wanted)
+                    yield from self._sound_messages(place, exactly(file, length), wanted)
                 elif code in (_SCHEMA, _CHANNEL):
-                    self._describe(code, _exactly(file, length))
+                    self._describe(code, exactly(file, length))
                 elif code == _MESSAGE:
-                    record = _exactly(file, length)
+                    record = exactly(file, length)
                     channel, _, time, _ = _MESSAGE_HEAD.unpack_from(record)
                     if wanted is None or channel in wanted:
                         yield channel, time, record[22:]
                 elif code == 0 or file.tell() + length > self._end:
-                    raise _CutShort
+                    raise CutShort
                 else:
                     file.seek(length, 1)
-        except _CutShort:
-            self.remarks.append(
-                Remark("mended", f"{self.path.name} is not finished or cut short; what is there is read.")
-            )
+        except CutShort:
+            self._unfinished = True
+
+    def _sound_messages(
+        self, place: int, chunk: bytes, wanted: set[int] | None
+    ) -> Iterator[tuple[int, int, bytes]]:
+        """Yield the messages of a chunk as far as it is sound; what is not is noted."""
+        try:
+            yield from self._chunk_messages(chunk, wanted)
+        except (RecordingError, struct.error, IndexError) as error:
+            self._damage.note(place, error)
 
     def _chunk_messages(self, chunk: bytes, wanted: set[int] | None) -> Iterator[tuple[int, int, bytes]]:
         """Yield channel, time and bytes of a chunk's messages."""
@@ -261,6 +227,7 @@ class McapFile:
         chosen = set(names)
         topics = {n: topic for n, (topic, _, _) in self._channels.items() if topic in chosen}
         wanted = set(topics)
+        self._damage.total = len(self._chunks) or None
         with self.path.open("rb") as file:
             if not self._chunks:
                 yield from ((topics[c], time, data) for c, time, data in self._every_message(file, wanted))
@@ -268,15 +235,23 @@ class McapFile:
             for offset, channels in sorted(self._chunks):
                 if channels and not channels & wanted:
                     continue
-                for channel, time, data in self._chunk_messages(self._chunk_at(file, offset), wanted):
+                try:
+                    chunk = self._chunk_at(file, offset)
+                except RecordingError as error:
+                    self._damage.note(offset, error)
+                    continue
+                for channel, time, data in self._sound_messages(offset, chunk, wanted):
                     yield topics[channel], time, data
 
     def _chunk_at(self, file: BinaryIO, offset: int) -> bytes:
         file.seek(offset)
         try:
-            code, length = _RECORD.unpack(_exactly(file, 9))
+            code, length = _RECORD.unpack(exactly(file, 9))
             if code == _CHUNK and offset + length <= self._end:
-                return _exactly(file, length)
-        except _CutShort:
+                return exactly(file, length)
+        except CutShort:
             pass
         raise RecordingError(f"{self.path.name} is a damaged MCAP file: its index leads nowhere.")
+
+
+read_table, read_table_blocks = bag_readers(lambda path: nullcontext(McapFile(path)))

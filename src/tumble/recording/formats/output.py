@@ -22,22 +22,27 @@ if TYPE_CHECKING:
 ENDINGS = (".csv", ".parquet", ".pq")
 
 
-def column_names(recording: Recording) -> list[str]:
+def column_names(recording: Recording, *, all_units: bool = False) -> list[str]:
     """Return the names of the columns that a recording is written with.
 
     Plain names (``t, ax, …, gz, temperature``) stand for seconds, m/s², rad/s and degrees Celsius;
     any other unit follows in brackets, as in ``ax [g]`` or ``gx [counts]``, and is read back so.
+
+    Parameters
+    ----------
+    recording : to be written.
+    all_units : whether the plain units are written out too, so that nothing is judged anew on reading.
     """
-    names = ["t"]
+    names = ["t [s]" if all_units else "t"]
     units = (("a", recording.specific_force, recording.specific_force_unit, "m/s^2"),
              ("g", recording.angular_rate, recording.angular_rate_unit, "rad/s"))  # fmt: skip
     for letter, triad, unit, plain in units:
         if triad is not None:
             # A lone or a mixed unit is always written out, so that nothing needs to be guessed on reading.
-            tail = "" if unit == plain else f" [{unit or COUNTS}]"
+            tail = "" if unit == plain and not all_units else f" [{unit or COUNTS}]"
             names += [f"{letter}{axis}{tail}" for axis in "xyz"]
     if recording.temperature is not None:
-        names.append("temperature")
+        names.append("temperature [degC]" if all_units else "temperature")
     return names
 
 
@@ -48,11 +53,16 @@ def judged_units(recording: Recording) -> dict[str, str]:
     return {"t": "s"} | {n: unit or COUNTS for n in names for letter, unit in known if n[0] == letter}
 
 
-def write_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
+def write_recording(recording: Recording, path: str | os.PathLike[str], *, all_units: bool = False) -> Path:
     """Write a recording as CSV or Parquet, by the ending of `path`, and return the path.
 
     The numbers are the recording's raw ones with all their digits; rows that reading left out are
     gone, and time is in seconds.
+
+    Parameters
+    ----------
+    recording, path : what is written, and where to.
+    all_units : whether the header of a CSV names the plain units too (Parquet notes them always).
 
     Raises
     ------
@@ -62,16 +72,20 @@ def write_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
         If the file cannot be written; an earlier one is then intact.
     """
     target = Path(path)
-    write_blocks([recording], target)
+    write_blocks([recording], target, all_units=all_units)
     return target
 
 
-def write_blocks(blocks: Iterable[Recording], target: Path, marks: Sequence[str] = ()) -> None:
+def write_blocks(
+    blocks: Iterable[Recording], target: Path, marks: Sequence[str] = (), *, all_units: bool = False
+) -> None:
     """Write consecutive blocks as one CSV or Parquet file, by the ending of `target`.
 
     Parameters
     ----------
+    blocks, target : pieces of one recording in time order, and the file.
     marks : names of columns that hold the number 1 in every row: what was done to the recording.
+    all_units : whether the header of a CSV names the plain units too.
 
     Raises
     ------
@@ -87,15 +101,22 @@ def write_blocks(blocks: Iterable[Recording], target: Path, marks: Sequence[str]
     with written_beside(target) as beside, beside.open("wb") as file:
         if target.suffix.lower() == ".csv":
             for number, block in enumerate(blocks):
-                frame_of(block, marks).write_csv(file, include_header=number == 0)
+                frame = frame_of(block, marks, all_units=all_units)
+                frame.write_csv(file, include_header=number == 0)
         else:
             _write_parquet(blocks, file, target.parent, marks)
         file.flush()
         os.fsync(file.fileno())
 
 
-def frame_of(recording: Recording, marks: Sequence[str] = ()) -> pl.DataFrame:
-    """Return the recording's columns as a data frame, with a column of ones for each mark."""
+def frame_of(recording: Recording, marks: Sequence[str] = (), *, all_units: bool = False) -> pl.DataFrame:
+    """Return the recording's columns as a data frame, with a column of ones for each mark.
+
+    Parameters
+    ----------
+    recording, marks : what is written, and the names of the columns of ones.
+    all_units : whether the names tell the plain units too.
+    """
     import polars as pl
 
     columns = [recording.time]
@@ -104,7 +125,7 @@ def frame_of(recording: Recording, marks: Sequence[str] = ()) -> pl.DataFrame:
             columns += [triad[:, axis] for axis in range(3)]
     if recording.temperature is not None:
         columns.append(recording.temperature)
-    frame = pl.DataFrame(dict(zip(column_names(recording), columns, strict=True)))
+    frame = pl.DataFrame(dict(zip(column_names(recording, all_units=all_units), columns, strict=True)))
     return frame.with_columns([pl.lit(1, dtype=pl.Int8).alias(mark) for mark in marks])
 
 

@@ -10,17 +10,18 @@ from __future__ import annotations
 import bz2
 import struct
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
 from tumble.errors import RecordingError
-from tumble.recording.formats.bags import Topic, bag_blocks, bag_table
+from tumble.recording.formats.bags import Topic, bag_readers
 from tumble.recording.formats.compression import decompress_lz4
+from tumble.recording.formats.damage import CutShort, Damage, exactly
 from tumble.recording.formats.ros_messages import plain_type
-from tumble.recording.formats.table import RawTable, hash_file
-from tumble.recording.recording import Remark, Source
+from tumble.recording.recording import Remark
 
 NAME = "ROS 1 bag"
 ENDINGS = (".bag",)
@@ -37,49 +38,6 @@ def recognises(head: bytes) -> bool:
     return head.startswith(b"#ROSBAG V")
 
 
-def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
-    """Read a bag whole.
-
-    Parameters
-    ----------
-    path : the bag.
-    topics : one topic, or one of each triad; none where the bag holds one IMU.
-
-    Raises
-    ------
-    RecordingError
-        If the bag is damaged or holds no IMU, or several.
-    UsageError
-        If a topic is not there, or a library is missing.
-    OSError
-        If the file cannot be read.
-    """
-    return bag_table(_Rosbag(path), topics, hash_file(path))
-
-
-def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
-    """Read a bag in blocks of half a million rows (without SHA-256).
-
-    Parameters
-    ----------
-    path, topics : as for `read_table`.
-
-    Raises
-    ------
-    RecordingError
-        If the bag is damaged or holds no IMU, or several.
-    UsageError
-        If a topic is not there, or a library is missing.
-    OSError
-        If the file cannot be read.
-    """
-    return bag_blocks(_Rosbag(path), topics, Source(path.name, ""))
-
-
-class _CutShort(Exception):
-    """The file ends inside a record."""
-
-
 def _fields(header: bytes) -> dict[bytes, bytes]:
     """Return the fields of a record's header."""
     fields: dict[bytes, bytes] = {}
@@ -92,25 +50,18 @@ def _fields(header: bytes) -> dict[bytes, bytes]:
     return fields
 
 
-def _exactly(file: BinaryIO, size: int) -> bytes:
-    data = file.read(size)
-    if len(data) < size:
-        raise _CutShort
-    return data
-
-
 def _header(file: BinaryIO) -> dict[bytes, bytes] | None:
     """Read a record's header; None at the end of the file."""
     start = file.read(4)
     if not start:
         return None
     if len(start) < 4:
-        raise _CutShort
-    return _fields(_exactly(file, _U32.unpack(start)[0]))
+        raise CutShort
+    return _fields(exactly(file, _U32.unpack(start)[0]))
 
 
 def _size(file: BinaryIO) -> int:
-    return int(_U32.unpack(_exactly(file, 4))[0])
+    return int(_U32.unpack(exactly(file, 4))[0])
 
 
 @dataclass(slots=True)
@@ -119,7 +70,8 @@ class _Rosbag:
 
     path: Path
     topics: list[Topic] = field(default_factory=list[Topic])
-    remarks: list[Remark] = field(default_factory=list[Remark])
+    _damage: Damage = field(default_factory=lambda: Damage(""))
+    _unfinished: bool = False
     _connections: dict[int, tuple[str, str]] = field(default_factory=dict[int, tuple[str, str]])
     _chunks: list[tuple[int, frozenset[int] | None]] = field(
         default_factory=list[tuple[int, frozenset[int] | None]]
@@ -127,7 +79,14 @@ class _Rosbag:
     _counts: Counter[int] = field(default_factory=Counter[int])
     _span: float = 0.0
 
+    @property
+    def remarks(self) -> list[Remark]:
+        """What was noticed, or left out, so far."""
+        text = f"{self.path.name} has no index (the recording was not closed, or is cut short); what is there is read."
+        return [*([Remark("mended", text)] if self._unfinished else []), *self._damage.remarks()]
+
     def __post_init__(self) -> None:
+        self._damage.name = self.path.name
         with self.path.open("rb") as file:
             if file.read(len(_MAGIC)) != _MAGIC:
                 raise RecordingError(
@@ -135,7 +94,7 @@ class _Rosbag:
                 )
             try:
                 indexed = self._read_index(file)
-            except (_CutShort, struct.error, KeyError, ValueError):
+            except (CutShort, struct.error, KeyError, ValueError):
                 indexed = False
             if not indexed:
                 self._scan(file)
@@ -151,7 +110,7 @@ class _Rosbag:
         file.seek(position)
         times: list[bytes] = []
         while (header := _header(file)) is not None:
-            data = _exactly(file, _size(file))
+            data = exactly(file, _size(file))
             if header[b"op"][0] == _CONNECTION:
                 self._connect(header, data)
             elif header[b"op"][0] == _CHUNK_INFO:
@@ -171,10 +130,7 @@ class _Rosbag:
         self._connections.clear()
         self._chunks.clear()
         self._counts.clear()
-        self.remarks.append(
-            Remark("mended", f"{self.path.name} has no index (the recording was not closed, or is cut short); "
-                   "what is there is read.")
-        )  # fmt: skip
+        self._unfinished = True
         file.seek(len(_MAGIC))
         try:
             while True:
@@ -184,24 +140,29 @@ class _Rosbag:
                     return
                 size = _size(file)
                 if header[b"op"][0] == _CHUNK:
-                    self._scan_chunk(header, _exactly(file, size))
+                    self._scan_chunk(position, header, file.read(size))
                     self._chunks.append((position, None))
                 elif header[b"op"][0] == _CONNECTION:
-                    self._connect(header, _exactly(file, size))
+                    self._connect(header, exactly(file, size))
                 else:
                     file.seek(size, 1)
-        except _CutShort:
+        except CutShort:
             return
         except (KeyError, IndexError, struct.error) as error:
             if not self._chunks:
                 raise RecordingError(f"{self.path.name} is a damaged ROS bag.") from error
 
-    def _scan_chunk(self, header: dict[bytes, bytes], data: bytes) -> None:
-        for inner, start, stop in self._records(self._body(header, data)):
-            if inner[b"op"][0] == _CONNECTION:
-                self._connect(inner, self._body(header, data)[start:stop])
-            elif inner[b"op"][0] == _MESSAGE:
-                self._counts[int(_U32.unpack(inner[b"conn"])[0])] += 1
+    def _scan_chunk(self, position: int, header: dict[bytes, bytes], data: bytes) -> None:
+        """Take in the connections of a chunk and count its messages, as far as it is sound."""
+        try:
+            body = self._body(header, data)
+            for inner, start, stop in self._records(body):
+                if inner[b"op"][0] == _CONNECTION:
+                    self._connect(inner, body[start:stop])
+                elif inner[b"op"][0] == _MESSAGE:
+                    self._counts[int(_U32.unpack(inner[b"conn"])[0])] += 1
+        except (RecordingError, KeyError, IndexError, struct.error) as error:
+            self._damage.note(position, error)
 
     def _connect(self, header: dict[bytes, bytes], data: bytes) -> None:
         said = _fields(data)
@@ -253,21 +214,27 @@ class _Rosbag:
         """Yield topic, time of recording in ns, and bytes of the messages of some topics."""
         wanted = set(names)
         numbers = {n: topic for n, (topic, _) in self._connections.items() if topic in wanted}
+        self._damage.total = len(self._chunks)
         with self.path.open("rb") as file:
             for position, connections in self._chunks:
                 if connections is not None and not connections & numbers.keys():
                     continue
-                file.seek(position)
                 try:
-                    header = _header(file)
-                    data = _exactly(file, _size(file))
-                except _CutShort as error:
-                    raise RecordingError(
-                        f"{self.path.name} is a damaged ROS bag: a chunk is missing."
-                    ) from error
-                if header is None or header.get(b"op") != bytes([_CHUNK]):
-                    raise RecordingError(f"{self.path.name} is a damaged ROS bag: its index leads nowhere.")
-                yield from self._messages_of(self._body(header, data), numbers)
+                    yield from self._messages_of(self._chunk_at(file, position), numbers)
+                except RecordingError as error:
+                    self._damage.note(position, error)
+
+    def _chunk_at(self, file: BinaryIO, position: int) -> bytes:
+        """Return the records of the chunk that begins at a place."""
+        file.seek(position)
+        try:
+            header = _header(file)
+            data = file.read(_size(file))
+        except (CutShort, struct.error, OverflowError, MemoryError) as error:
+            raise RecordingError(f"{self.path.name}: a chunk is missing.") from error
+        if header is None or header.get(b"op") != bytes([_CHUNK]):
+            raise RecordingError(f"{self.path.name}: the index leads nowhere.")
+        return self._body(header, data)
 
     def _messages_of(self, body: bytes, numbers: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
         try:
@@ -279,3 +246,6 @@ class _Rosbag:
                         yield topic, seconds * 1_000_000_000 + rest, body[start:stop]
         except (KeyError, IndexError, struct.error) as error:
             raise RecordingError(f"{self.path.name}: a chunk of the bag is damaged.") from error
+
+
+read_table, read_table_blocks = bag_readers(lambda path: nullcontext(_Rosbag(path)))

@@ -8,19 +8,24 @@ ros2/rosbag2: storage plugin sqlite3 (tables `topics` and `messages`), `metadata
 from __future__ import annotations
 
 import re
+import shutil
 import sqlite3
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+import struct
+import tempfile
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from urllib.parse import quote
 
 from tumble.errors import RecordingError
-from tumble.recording.formats.bags import Bag, Topic, bag_blocks, bag_table
+from tumble.recording.formats.bags import Bag, Topic, bag_readers
+from tumble.recording.formats.compressed import unpacked
 from tumble.recording.formats.compression import ZSTD_MAGIC, decompress_zstd
+from tumble.recording.formats.damage import Damage
 from tumble.recording.formats.mcap import McapFile
 from tumble.recording.formats.ros_messages import plain_type
-from tumble.recording.formats.table import RawTable, hash_file, hash_files
+from tumble.recording.formats.table import hash_file, hash_files
 from tumble.recording.recording import Remark, Source
 
 NAME = "ROS 2 bag"
@@ -29,6 +34,7 @@ SUMMARY = "ROS 2 bag (sqlite3, or a folder with metadata.yaml): topics of sensor
 HAS_TOPICS = True
 
 _MAGIC = b"SQLite format 3\0"
+_LARGEST_STRIDE = 1 << 24  # rows
 
 
 def recognises(head: bytes) -> bool:
@@ -39,51 +45,6 @@ def recognises(head: bytes) -> bool:
 def recognises_folder(folder: Path) -> bool:
     """Say whether a folder is a ROS 2 bag."""
     return bool(_parts(folder))
-
-
-def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
-    """Read a bag whole.
-
-    Parameters
-    ----------
-    path : the database, or the folder.
-    topics : one topic, or one of each triad; none where the bag holds one IMU.
-
-    Raises
-    ------
-    RecordingError
-        If the bag is damaged or holds no IMU, or several.
-    UsageError
-        If a topic is not there, or a library is missing.
-    OSError
-        If the file cannot be read.
-    """
-    try:
-        return bag_table(_open(path), topics, source(path))
-    except (sqlite3.Error, UnicodeDecodeError) as error:  # messages of sqlite3 may hold damaged names
-        raise _damaged(path, error) from error
-
-
-def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
-    """Read a bag in blocks of half a million rows (without SHA-256).
-
-    Parameters
-    ----------
-    path, topics : as for `read_table`.
-
-    Raises
-    ------
-    RecordingError
-        If the bag is damaged or holds no IMU, or several.
-    UsageError
-        If a topic is not there, or a library is missing.
-    OSError
-        If the file cannot be read.
-    """
-    try:
-        yield from bag_blocks(_open(path), topics, Source(path.name, ""))
-    except (sqlite3.Error, UnicodeDecodeError) as error:  # messages of sqlite3 may hold damaged names
-        raise _damaged(path, error) from error
 
 
 def source(path: Path) -> Source:
@@ -115,46 +76,100 @@ def _parts(folder: Path) -> list[Path]:
     return sorted(found, key=lambda p: [int(n) if n.isdigit() else n for n in re.split(r"(\d+)", p.name)])
 
 
-def _open(path: Path) -> Bag:
-    if not path.is_dir():
-        return _Database(path)
-    for part in _parts(path):
-        if part.suffix == ".zstd":
-            raise RecordingError(f"{part} is compressed as a whole; unpack it first (zstd -d {part.name}).")
-    return _Chain(path, [McapFile(p) if p.suffix == ".mcap" else _Database(p) for p in _parts(path)])
+@contextmanager
+def _opened(path: Path) -> Generator[Bag]:
+    """Open a database or a folder; files that are compressed as a whole are unpacked for the while."""
+    try:
+        with ExitStack() as stack:
+            remarks: list[Remark] = []
+            if not path.is_dir():
+                yield _Database(path, _whole_pages(path, stack, remarks), said=remarks)
+                return
+            parts: list[Bag] = []
+            for part in _parts(path):
+                file = part
+                if part.suffix == ".zstd":
+                    file, said = stack.enter_context(unpacked(part))
+                    remarks += said
+                if file.suffix == ".mcap":
+                    parts.append(McapFile(file))
+                else:
+                    parts.append(_Database(file, _whole_pages(file, stack, remarks)))
+            yield _Chain(path, parts, remarks)
+    except (sqlite3.Error, UnicodeDecodeError) as error:  # messages of sqlite3 may hold damaged names
+        raise _damaged(path, error) from error
+
+
+def _whole_pages(path: Path, stack: ExitStack, remarks: list[Remark]) -> Path:
+    """Return a database that ends with a whole page: of one that does not, a copy without the last piece.
+
+    sqlite3 would fill a page up with zeros, and numbers with it.
+    """
+    with path.open("rb") as file:
+        head = file.read(100)
+        (page,) = struct.unpack_from(">H", head.ljust(100, b"\0"), 16)
+        page = 65536 if page == 1 else page
+        (pages,) = struct.unpack_from(">I", head.ljust(100, b"\0"), 28)
+        size = path.stat().st_size
+        if not head.startswith(_MAGIC) or page < 512 or size >= page * pages or _journal(path):
+            return path
+        remarks.append(Remark("mended", f"{path.name} is cut short; what is there is read."))
+        if size % page == 0:
+            return path
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="tumble-"))
+        whole = Path(folder) / path.name
+        file.seek(0)
+        with whole.open("wb") as target:
+            shutil.copyfileobj(file, target, 1 << 20)
+            target.truncate(size // page * page)
+        return whole
+
+
+def _journal(path: Path) -> bool:
+    """Whether a journal beside a database holds what the recorder had not yet moved."""
+    journal = path.with_name(path.name + "-wal")
+    return journal.exists() and journal.stat().st_size > 0
 
 
 @dataclass(slots=True)
 class _Database:
-    """One database with its topics."""
+    """One database with its topics; `file` is what is read of it."""
 
     path: Path
+    file: Path
+    said: list[Remark] = field(default_factory=list[Remark])
     topics: list[Topic] = field(default_factory=list[Topic])
-    remarks: list[Remark] = field(default_factory=list[Remark])
+    _damage: Damage = field(default_factory=lambda: Damage("", "piece"))
+
+    @property
+    def remarks(self) -> list[Remark]:
+        """What was left out so far."""
+        return [*self.said, *self._damage.remarks()]
 
     def __post_init__(self) -> None:
+        self._damage.name = self.path.name
         connection = self._connect()
         try:
             rows = connection.execute("SELECT id, name, type, serialization_format FROM topics").fetchall()
-            counted = connection.execute(
-                "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages GROUP BY topic_id"
-            ).fetchall()
+            counts = _counted(connection)
         finally:
             connection.close()
-        counts = {row[0]: row[1:] for row in counted}
         for number, name, kind, form in rows:
-            count, low, high = counts.get(number, (0, 0, 0))
-            rate = (count - 1) / (1e-9 * (high - low)) if count > 1 and high > low else None
+            count, low, high = (None, 0, 0) if counts is None else counts.get(number, (0, 0, 0))
+            rate = (
+                (count - 1) / (1e-9 * (high - low))
+                if count is not None and count > 1 and high > low
+                else None
+            )
             kind = plain_type(kind) if form == "cdr" else f"{plain_type(kind)} as {form}"
             self.topics.append(Topic(name, kind, count, cdr=True, rate=rate))
 
     def _connect(self) -> sqlite3.Connection:
-        # A journal beside it holds what the recorder had not yet moved: then the file may change.
-        journal = self.path.with_name(self.path.name + "-wal")
-        unchanged = not (journal.exists() and journal.stat().st_size)
-        uri = f"file:{quote(str(self.path.absolute()))}?mode=ro" + ("&immutable=1" if unchanged else "")
+        unchanged = not _journal(self.file)  # else the file may change
+        uri = f"file:{quote(str(self.file.absolute()))}?mode=ro" + ("&immutable=1" if unchanged else "")
         connection = sqlite3.connect(uri, uri=True)
         connection.text_factory = _text
+        connection.execute("PRAGMA writable_schema=ON")  # else a file that is cut short is refused as a whole
         return connection
 
     def messages(self, names: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
@@ -165,12 +180,7 @@ class _Database:
             topics = {n: t for n, t in connection.execute("SELECT id, name FROM topics") if t in wanted}
             if not topics:
                 return
-            marks = ",".join("?" * len(topics))
-            rows = connection.execute(
-                f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY id",
-                tuple(topics),
-            )
-            for number, time, data in rows:
+            for number, time, data in self._rows(connection, tuple(topics)):
                 if not isinstance(data, bytes):
                     raise RecordingError(
                         f"{self.path.name} is a damaged ROS 2 bag: a message is no row of bytes."
@@ -181,6 +191,42 @@ class _Database:
         finally:
             connection.close()
 
+    def _rows(
+        self, connection: sqlite3.Connection, topics: tuple[int, ...]
+    ) -> Iterator[tuple[int, int, object]]:
+        """Yield the rows of some topics; where a page of the database is damaged, what lies beyond it."""
+        query = (
+            f"SELECT topic_id, timestamp, data, id FROM messages WHERE topic_id IN ({','.join('?' * len(topics))}) "
+            "AND id >= ? ORDER BY id"
+        )
+        start, stride = 0, 1
+        while True:
+            try:
+                for number, time, data, row in connection.execute(query, (*topics, start)):
+                    start, stride = row + 1, 1
+                    yield number, time, data
+                return
+            except sqlite3.DatabaseError as error:
+                if stride == 1:
+                    self._damage.note(start, error)
+            # Beyond what cannot be read, in steps that grow until something can be.
+            start, stride = start + stride, 2 * stride
+            if stride > _LARGEST_STRIDE:
+                return
+
+
+def _counted(connection: sqlite3.Connection) -> dict[int, tuple[int, int, int]] | None:
+    """Return number, first and last time of the messages by topic; None where the database is damaged."""
+    try:
+        rows = connection.execute(
+            "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages GROUP BY topic_id"
+        ).fetchall()
+    except sqlite3.DatabaseError as error:
+        if "malformed" not in str(error):
+            raise
+        return None
+    return {row[0]: row[1:] for row in rows}
+
 
 @dataclass(slots=True)
 class _Chain:
@@ -188,12 +234,15 @@ class _Chain:
 
     path: Path
     parts: list[Bag]
+    said: list[Remark] = field(default_factory=list[Remark])
     topics: list[Topic] = field(default_factory=list[Topic])
 
     def __post_init__(self) -> None:
-        counts: Counter[tuple[str, str, bool]] = Counter()
+        counts: dict[tuple[str, str, bool], int | None] = {}
         for topic in (t for part in self.parts for t in part.topics):
-            counts[topic.name, topic.kind, topic.cdr] += topic.count or 0
+            kind = topic.name, topic.kind, topic.cdr
+            before = counts.get(kind, 0)
+            counts[kind] = None if before is None or topic.count is None else before + topic.count
         self.topics = [Topic(name, kind, count, cdr) for (name, kind, cdr), count in counts.items()]
         if len(self.parts) == 1:
             self.topics = [replace(t) for t in self.parts[0].topics]
@@ -201,10 +250,13 @@ class _Chain:
     @property
     def remarks(self) -> list[Remark]:
         """What the parts noticed."""
-        return [r for part in self.parts for r in part.remarks]
+        return [*self.said, *(r for part in self.parts for r in part.remarks)]
 
     def messages(self, names: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, time of recording in ns, and bytes of the messages of some topics."""
         chosen = list(names)
         for part in self.parts:
             yield from part.messages(chosen)
+
+
+read_table, read_table_blocks = bag_readers(_opened, source)

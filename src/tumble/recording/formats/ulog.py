@@ -34,6 +34,9 @@ HAS_TOPICS = True
 _MAGIC = b"ULog\x01\x12\x35"
 _HEADER = 16  # bytes
 _LEAST_RATE = 20.0  # Hz; most logs have the raw sensors once a second only
+_PLAIN_TYPES = {f"{sign}int{bits}_t" for sign in ("", "u") for bits in (8, 16, 32, 64)} | {
+    "float", "double", "bool", "char",
+}  # fmt: skip
 _NO_STAMP = 2**31 - 1  # accelerometer_timestamp_relative of a message without an accelerometer's sample
 _CORRECTED = (
     "is what the autopilot's own calibration (CAL_ACC*, CAL_GYRO*) left; reset it to calibrate the sensor"
@@ -82,6 +85,9 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     except Exception as error:  # pyulog's own exception derives from Exception
         raise RecordingError(f"{path.name} is a damaged ULog ({error}).") from error
     if not streams:
+        undefined = _undefined_types(log)
+        if any(kind in _MESSAGES for kind in undefined):
+            raise RecordingError(f"{path.name}: {_undefined_words(undefined)}.")
         names = sorted({d.name for d in log.data_list} | set(log.message_formats))
         raise RecordingError(
             f"{path.name} holds none of the messages {', '.join(_MESSAGES)}; log sensor_combined at full rate. "
@@ -94,7 +100,10 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
 def _damage(log: Any, path: Path) -> list[Remark]:
     """Say what is missing of a log."""
     said: list[Remark] = []
-    if log.file_corruption or _is_cut(path):
+    undefined = _undefined_types(log) if log.file_corruption else {}
+    if undefined:
+        said.append(Remark("found", f"{path.name}: {_undefined_words(undefined)}."))
+    if _is_cut(path) or (log.file_corruption and not undefined):
         said.append(Remark("mended", f"{path.name} is damaged or cut short; what could be read is used."))
     if log.dropouts:
         lost = sum(d.duration for d in log.dropouts) / 1000.0
@@ -102,6 +111,25 @@ def _damage(log: Any, path: Path) -> list[Remark]:
             Remark("found", f"{path.name}: the logger lost {lost:.3g} s in {len(log.dropouts)} dropout(s).")
         )
     return said
+
+
+def _undefined_types(log: Any) -> dict[str, str]:
+    """Return the messages with a field whose type the log does not describe, and that type."""
+    formats: dict[str, Any] = log.message_formats
+    missing: dict[str, str] = {}
+    for name, layout in formats.items():
+        for kind, _, _ in layout.fields:
+            if kind not in _PLAIN_TYPES and kind not in formats:
+                missing.setdefault(name, str(kind))
+    return missing
+
+
+def _undefined_words(undefined: Mapping[str, str]) -> str:
+    several = [f"{name} (of {kind!r})" for name, kind in list(undefined.items())[:6]]
+    return (
+        f"a field of {', '.join(several)} is of a type that the log does not describe, so that the message cannot be "
+        "read"
+    )
 
 
 def _is_cut(path: Path) -> bool:

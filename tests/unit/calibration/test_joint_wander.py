@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.joint_data import faster_variance, mode_count, wander_basis
+from tumble.calibration.joint_wander import faster_variance, mode_count, wander_basis
 
 
 def information(signal: np.ndarray, count: int, white: float) -> float:
