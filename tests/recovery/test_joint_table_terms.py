@@ -52,27 +52,32 @@ UNIT = np.array([0.05, -0.03, 0.02])
 # Counted from the point with each accelerometer's own coordinate; none like another.
 ARMS = 1e-3 * np.array([[0.0, 12.0, -7.0], [5.0, 0.0, 9.0], [-14.0, 3.0, 0.0]])
 LAG = 0.0073
+SPEEDS = (np.radians(60.0), -np.radians(60.0), np.radians(180.0), -np.radians(180.0))
+FAST = 200.0  # Hz
+CURVED = np.array([4e-4, -3e-4, 2e-4])
 NOISE = (0.003, 1e-4)
 # Forty |z| beyond this are by chance one in 3,700.
 LARGEST_Z = 4.5
 
 
-def _protocol(axes: Axes) -> Protocol:
+def _protocol(axes: Axes, speeds: tuple[float, ...] = ()) -> Protocol:
+    """One revolution about each axis; with `speeds` one about each axis at each."""
     steps: list[Step] = []
     for sign, axis in zip((1.0, -1.0) * len(axes), axes, strict=False):
         axis_b: Array = np.array(axis, dtype=float) / np.linalg.norm(axis)
         across: Array = np.asarray(np.cross(axis_b, np.eye(3)[int(np.argmin(np.abs(axis_b)))]), dtype=float)
         pose = Pose(across / np.linalg.norm(across), None, 0.09)
         steps += [TurnStep(2.0), HoldStep(3.0, pose)] if steps else [HoldStep(3.0, pose)]
-        angle, duration = sign * TURN, TURN / SPEED - 1.0
-        steps.append(SpinStep(duration, sign * SPEED, axis_b, ramp=1.0, angle=angle, angle_sigma=SIGMA))
-        steps.append(HoldStep(3.0, pose))
+        for rate in speeds or (sign * SPEED,):
+            angle, duration = float(np.sign(rate)) * TURN, TURN / abs(rate) - 1.0
+            steps.append(SpinStep(duration, rate, axis_b, ramp=1.0, angle=angle, angle_sigma=SIGMA))
+            steps.append(HoldStep(3.0, pose))
     return Protocol("mine", "turntable", tuple(steps), site=SITE)
 
 
 @cache
-def _played(axes: Axes) -> PlayedProtocol:
-    return play_protocol(_protocol(axes), np.random.default_rng(3), placement=False)
+def _played(axes: Axes, speeds: tuple[float, ...] = ()) -> PlayedProtocol:
+    return play_protocol(_protocol(axes, speeds), np.random.default_rng(3), placement=False)
 
 
 def _recording(axes: Axes, *, lag: float, arms: Array, noise: bool, site: Site) -> Recording:
@@ -97,12 +102,12 @@ def _recording(axes: Axes, *, lag: float, arms: Array, noise: bool, site: Site) 
 
 
 def _timeline(
-    played: PlayedProtocol, recording: Recording, *, noise: bool
+    played: PlayedProtocol, recording: Recording, *, noise: bool, rate: float = RATE
 ) -> tuple[Timeline, list[Rotation]]:
     """Holds, turns and rotations where they were."""
 
     def sample(seconds: float) -> int:
-        return max(round((seconds - START) * RATE), 0)
+        return max(round((seconds - START) * rate), 0)
 
     holds: list[Hold] = []
     rotations: list[Rotation] = []
@@ -132,6 +137,25 @@ def _estimate(axes: Axes, *, lag: float = 0.0, apart: bool = False, noise: bool 
     recording = _recording(axes, lag=lag, arms=ARMS if apart else np.zeros((3, 3)), noise=noise, site=site)
     timeline, rotations = _timeline(_played(axes), recording, noise=noise)
     return calibrate_joint(recording, timeline, observe_holds(recording, timeline), site, rotations=rotations)
+
+
+@cache
+def _curved(*, noise: bool) -> Estimate:
+    """Of gyros with quadratic terms, turned about x, y and z at two rates both ways. Often sampled: turns by hand are fast."""
+    site = SITE if noise else NO_EARTH
+    played = _played(FACES, SPEEDS)
+    model = ImuModel(ACCELEROMETER, replace(GYROSCOPE, quadratic=CURVED))
+    rng = np.random.default_rng(1)
+    recording, _ = simulate_recording(played.motion, FAST, rng, site=site, distort=model.distort, start=START)
+    force: Array = np.asarray(recording.specific_force, dtype=float)
+    rate: Array = np.asarray(recording.angular_rate, dtype=float)
+    if noise:
+        force = force + NOISE[0] * rng.standard_normal(force.shape)
+        rate = rate + NOISE[1] * rng.standard_normal(rate.shape)
+    recording = replace(recording, specific_force=force, angular_rate=rate)
+    timeline, rotations = _timeline(played, recording, noise=noise, rate=FAST)
+    means = observe_holds(recording, timeline)
+    return calibrate_joint(recording, timeline, means, site, rotations=rotations)
 
 
 def _kept(estimate: Estimate) -> set[str]:
@@ -216,6 +240,22 @@ def test_axes_that_tell_no_lever_arm_try_none() -> None:
     assert _kept(estimate) == {"time_lag"}
     lag, sigma = _value(estimate, LAG_NAME)
     assert abs(lag - LAG) < LARGEST_Z * sigma
+
+
+def test_quadratic_terms_of_the_gyros_come_back_from_two_rates() -> None:
+    exact = _curved(noise=False)
+    assert "gyro_quadratic" in _kept(exact)
+    assert exact.model.gyroscope is not None
+    assert exact.model.gyroscope.quadratic is not None
+    np.testing.assert_allclose(exact.model.gyroscope.quadratic, CURVED, rtol=1e-9)
+    np.testing.assert_allclose(exact.model.gyroscope.matrix, GYROSCOPE.matrix, rtol=0, atol=1e-10)
+    estimate = _curved(noise=True)
+    assert _kept(estimate) == {"gyro_quadratic"}
+    sigma = dict(zip(estimate.names, np.sqrt(np.diag(estimate.covariance)).tolist(), strict=True))
+    for i, axis in enumerate("xyz"):
+        value, own = _value(estimate, f"gyro quadratic {axis}")
+        assert own == pytest.approx(sigma[f"gyroscope.quadratic[{i}]"])
+        assert abs(value - CURVED[i]) < LARGEST_Z * own < 1e-4
 
 
 def test_where_the_point_is_that_they_count_from_changes_nothing() -> None:

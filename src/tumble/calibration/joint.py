@@ -39,7 +39,12 @@ from tumble.calibration.joint_system import (
     linearise_joint,
     start_state,
 )
-from tumble.calibration.joint_table_terms import TABLE_TERMS, lever_prior_of, seen_table_terms, term_test
+from tumble.calibration.joint_table_terms import (
+    TABLE_TERMS,
+    lever_prior_of,
+    seen_table_terms,
+    term_test,
+)
 from tumble.calibration.joint_terms import Extra
 from tumble.calibration.joint_trials import (
     copied_state,
@@ -308,7 +313,7 @@ def _refuse_nothing_told(untold: Untold) -> None:
 def _with_table(problem: JointProblem, state: JointState) -> tuple[JointProblem, JointState, list[str]]:
     """Return both wide, and the terms that only a table's rotations show, as far as these do."""
     wide, moved = widened_problem(problem, state)
-    wide.free = np.sort(np.concatenate([problem.free, *TABLE_TERMS.values()]))
+    wide.free = np.unique(np.concatenate([problem.free, *ALL_TERMS.values()]))
     names = seen_table_terms(linearise_joint(wide, moved)[1], wide.free, moved.unknowns)
     wide.free = problem.free
     return (wide, moved, names) if names else (problem, state, [])

@@ -14,7 +14,7 @@ from tumble.calibration.estimate import NamedValue, correlation_matrix
 from tumble.calibration.joint_observability import NAME_PLATE_FORCE, NAME_PLATE_RATE, NAME_PLATE_SHARE
 from tumble.calibration.joint_table_parameters import WORTH_NAMING, table_parameters, told_table_parameters
 from tumble.calibration.joint_unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED
-from tumble.calibration.joint_wide import FIXTURE, FORCE_ASYMMETRY, RATE_ASYMMETRY, widened
+from tumble.calibration.joint_wide import FIXTURE, FORCE_ASYMMETRY, RATE_ASYMMETRY, RATE_QUADRATIC, widened
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE
 from tumble.earth import Site
 from tumble.recording.recording import Recording
@@ -105,24 +105,29 @@ def _canonical(terms: frozenset[str], gyro: str, frame: str) -> Callable[[Comple
             parts += [(x[GYRO_MATRIX].reshape(3, 3) @ C_bf).ravel(), x[GYRO_BIAS]]
         if "g_sensitivity" in terms:
             parts.append((x[G_SENSITIVITY].reshape(3, 3) @ C_bf).ravel())
-        parts += [x[place] for name, place in _ASYMMETRY if name in terms]
+        parts += [x[place] for name, place in _FURTHER if name in terms]
         return np.concatenate(parts)
 
     return evaluate
 
 
-_ASYMMETRY = (("accelerometer_asymmetry", FORCE_ASYMMETRY), ("gyro_asymmetry", RATE_ASYMMETRY))
-_ASYMMETRY_KEYS = {
+_FURTHER = (
+    ("accelerometer_asymmetry", FORCE_ASYMMETRY),
+    ("gyro_asymmetry", RATE_ASYMMETRY),
+    ("gyro_quadratic", RATE_QUADRATIC),
+)
+_FURTHER_KEYS = {
     "accelerometer_asymmetry": "accelerometer.asymmetry",
     "gyro_asymmetry": "gyroscope.asymmetry",
+    "gyro_quadratic": "gyroscope.quadratic",
 }
 
 
 def _canonical_names(terms: frozenset[str], gyro: str) -> list[str]:
     names = canonical_names(terms, gyro)
-    for name, _ in _ASYMMETRY:
+    for name, _ in _FURTHER:
         if name in terms:
-            names += [f"{_ASYMMETRY_KEYS[name]}[{i}]" for i in range(3)]
+            names += [f"{_FURTHER_KEYS[name]}[{i}]" for i in range(3)]
     return names
 
 
@@ -176,9 +181,9 @@ def named_function(
     terms, gyro, frame : as for `describe_wide`.
     units, factors : raw units, and SI per raw unit or None for counts.
     """
-    more = [(name, place) for name, place in _ASYMMETRY if name in terms]
+    more = [(name, place) for name, place in _FURTHER if name in terms]
     extra = [
-        (f"{'accelerometer' if name.startswith('acc') else 'gyro'} asymmetry {axis}", "1")
+        (f"{name.replace('_', ' ')} {axis}", f"1/({units[1]})" if name == "gyro_quadratic" else "1")
         for name, _ in more
         for axis in "xyz"
     ]
@@ -232,6 +237,7 @@ def _model(x: Series, terms: frozenset[str], gyro: str, frame: str) -> ImuModel:
             x[GYRO_MATRIX].reshape(3, 3) @ C_bf,
             x[GYRO_BIAS].copy(),
             x[RATE_ASYMMETRY].copy() if "gyro_asymmetry" in terms else None,
+            x[RATE_QUADRATIC].copy() if "gyro_quadratic" in terms else None,
         )
     sensitivity = x[G_SENSITIVITY].reshape(3, 3) @ C_bf if "g_sensitivity" in terms else None
     return ImuModel(accelerometer, gyroscope, sensitivity)

@@ -20,7 +20,7 @@ from tumble.arrays import AnyArray, Series, Square, Table, Vectors
 from tumble.calibration.estimate import TermTest
 from tumble.calibration.joint_observability import LEVER_ARM, TOLD, name_plate
 from tumble.calibration.joint_unknowns import RawForce
-from tumble.calibration.joint_wide import LEVER_ARMS, TIME_LAG, part_of
+from tumble.calibration.joint_wide import LEVER_ARMS, RATE_QUADRATIC, TIME_LAG, part_of
 from tumble.calibration.term_tests import wald_test
 from tumble.estimation import Prior
 
@@ -29,6 +29,7 @@ PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
 TABLE_TERMS = {
     "time_lag": np.arange(TIME_LAG.start, TIME_LAG.stop),
     "lever_arms": np.array([LEVER_ARMS.start + 3 * i + j for i, j in PAIRS]),
+    "gyro_quadratic": np.arange(RATE_QUADRATIC.start, RATE_QUADRATIC.stop),
 }
 # Share of the name plate's variance that is left of a direction that the motion tells.
 LEFT = TOLD**2 / (1.0 + TOLD**2)
@@ -71,7 +72,7 @@ def by_time_lag(shown: RawForce, rates: Table, gravity_b: Vectors) -> AnyArray:
 
 
 def seen_table_terms(normal: Square, free: np.ndarray, unknowns: Series) -> list[str]:
-    """Return the terms of which the motion tells anything.
+    """Return the terms that the motion tells; of lever arms any part of them.
 
     Parameters
     ----------
@@ -83,7 +84,9 @@ def seen_table_terms(normal: Square, free: np.ndarray, unknowns: Series) -> list
     found: list[str] = []
     for name, own in TABLE_TERMS.items():
         at = np.searchsorted(free, own)
-        if np.all(np.isin(own, free)) and np.linalg.eigvalsh(left[np.ix_(at, at)])[0] < LEFT:
+        shares = np.linalg.eigvalsh(left[np.ix_(at, at)])
+        # Of lever arms a part is worth having.
+        if shares[0 if name == "lever_arms" else -1] < LEFT:
             found.append(name)
     return found
 

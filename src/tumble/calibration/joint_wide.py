@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.calibration.joint_unknowns import FORCE_ASYMMETRY, RATE_ASYMMETRY, SHARED
+from tumble.calibration.joint_unknowns import FORCE_ASYMMETRY, RATE_ASYMMETRY, RATE_QUADRATIC, SHARED
 
 FIXTURE = slice(33, 36)
 """Rotation vector (rad) of C_bf, from the fixture's axes to the sensors' frame b."""
@@ -18,8 +18,7 @@ LEVER_ARMS = slice(42, 51)
 y of accelerometer y and the z of accelerometer z, so that each one's place along its own axis stays zero."""
 TIME_LAG = slice(51, 52)
 """By how much the accelerometers lag behind the gyros, s."""
-RATE_QUADRATIC = slice(52, 55)
-"""Of each gyro, per raw unit."""
+# Quadratic terms of the gyros, per raw unit, stand behind it: `RATE_QUADRATIC`.
 WIDE = 55
 
 

@@ -162,7 +162,7 @@ def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> lis
         practical = _g_sensitivities(calibration, members)
         other = _nothing(shown) if practical is None else practical
         drawn = practical or shown
-    elif "quadratic" in family:
+    elif "quadratic" in family and not family.startswith("gyro"):
         shown = measures
         other = drawn = _quadratics(calibration, members)
     elif unit in ("s", "m") and group != TEMPERATURE:
