@@ -141,7 +141,10 @@ def _estimate(axes: Axes, *, lag: float = 0.0, apart: bool = False, noise: bool 
 
 @cache
 def _curved(*, noise: bool) -> Estimate:
-    """Of gyros with quadratic terms, turned about x, y and z at two rates both ways. Often sampled: turns by hand are fast."""
+    """Of gyros with quadratic terms, turned about x, y and z at two rates both ways.
+
+    Often sampled: turns by hand are fast.
+    """
     site = SITE if noise else NO_EARTH
     played = _played(FACES, SPEEDS)
     model = ImuModel(ACCELEROMETER, replace(GYROSCOPE, quadratic=CURVED))
