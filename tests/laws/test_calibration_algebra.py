@@ -17,6 +17,7 @@ from tumble.calibration.result import Calibration
 from tumble.errors import UsageError
 from tumble.sensor import FRAMES, ImuModel, Triad, change_frame
 from tumble.sensor.gauge import mean_gyro_rotation
+from tumble.workflows.algebra import verdict
 
 M_A = np.array([[1.012, 0.004, -0.007], [-0.009, 0.991, 0.006], [0.003, -0.012, 1.021]])
 M_G = np.array([[0.985, -0.011, 0.008], [0.006, 1.017, -0.004], [-0.013, 0.005, 1.008]])
@@ -144,7 +145,7 @@ def test_two_draws_of_one_unit_differ_by_chance_alone() -> None:
     """Of 15 pairs of draws, chi-square is its degrees of freedom on average: 5 sigma of three of them are 1.05."""
     calibration = document(MODEL)
     draws = samples_of(calibration, 30, 11)
-    ratios = np.zeros(4)
+    ratios = np.zeros(5)
     for a, b in zip(draws[:15], draws[15:30], strict=True):
         pair = [document(model_of_vector(values, MODEL)) for values in (a, b)]
         found = compare_calibrations(pair[0], pair[1])
@@ -172,3 +173,52 @@ def test_a_true_change_shows_with_its_size_in_another_frame_and_unit() -> None:
     assert abs(named["accelerometer bias x"].sigmas) > 10
     assert found.rate_scale is not None
     assert found.rate_scale.value < 1e-12
+
+
+def test_a_term_that_only_one_has_is_listed_and_judged() -> None:
+    """G-sensitivity of 1e-3 rad/s per m/s² with 1e-5 of uncertainty against none: a hundred sigmas, and it matters."""
+    without = document(ImuModel(MODEL.accelerometer, MODEL.gyroscope))
+    found = compare_calibrations(document(MODEL), without)
+    rows = {p.name: p for p in found.parameters}
+    assert rows["gyro g-sensitivity xy"].first == pytest.approx(-4e-4)
+    assert rows["gyro g-sensitivity xy"].second == 0.0
+    assert abs(rows["gyro g-sensitivity xx"].sigmas) > 30
+    assert next(g for g in found.groups if g.name == "gyros: g-sensitivity").probability < 1e-12
+    assert any("Only the first has gyroscope g-sensitivity" in remark for remark in found.remarks)
+    assert found.significant
+    assert verdict(found, None)[0]
+
+
+def test_asymmetry_and_quadratic_terms_are_in_rows_and_effect() -> None:
+    """An asymmetry of 1e-3 on a unit matrix alone: 1 mg of a force of 1 g along that axis."""
+    unit = Triad(np.eye(3), np.zeros(3))
+    bent = Triad(np.eye(3), np.zeros(3), asymmetry=np.array([0.0, 1e-3, 0.0]))
+    found = compare_calibrations(document(ImuModel(unit, None)), document(ImuModel(bent, None)))
+    assert found.force is not None
+    assert found.force.value == pytest.approx(9.80665e-3, rel=1e-9)
+    assert {p.name: p.second for p in found.parameters}["accelerometer asymmetry y"] == 1e-3
+
+
+def test_rounding_is_no_change() -> None:
+    """Turned there and back: zeros of the frame come back as 1e-18 with an uncertainty as small."""
+    first = turned_to(document(MODEL), "accelerometer-x")
+    again = turned_to(turned_to(first, "accelerometer-z"), "accelerometer-x")
+    found = compare_calibrations(first, again)
+    assert all(np.isnan(p.sigmas) or abs(p.sigmas) < 1e-6 for p in found.parameters)
+    assert all(p.first == p.second for p in found.parameters if p.name == "accelerometer misalignment xy")
+    assert not found.significant
+    assert not verdict(found, None)[0]
+    nothing = {"covariance_parameters": [], "covariance": []}
+    bare, other = first.model_copy(update=nothing), again.model_copy(update=nothing)
+    assert not verdict(compare_calibrations(bare, other), None)[0]
+
+
+def test_the_verdict_follows_the_rows() -> None:
+    """What matters is significant, whatever the draw; one that nothing is known of is judged by its size."""
+    calibration = document(MODEL)
+    draws = samples_of(calibration, 40, 12)
+    for a, b in zip(draws[:20], draws[20:], strict=True):
+        found = compare_calibrations(*(document(model_of_vector(values, MODEL)) for values in (a, b)))
+        matters, sentences = verdict(found, None)
+        assert found.significant or not matters
+        assert ("differ by more than chance" in sentences[0]) == found.significant

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Series, Table
 from tumble.calibration.algebra import turned_to
-from tumble.calibration.entries import SIZE, model_of_vector, named_parameters, part, stacked
-from tumble.calibration.result import Calibration
+from tumble.calibration.entries import PLACES, SIZE, model_of_vector, named_parameters, part, stacked
+from tumble.calibration.result import Calibration, ParameterBlock
 from tumble.errors import UsageError
 from tumble.sensor import FRAMES
 from tumble.sensor.gauge import inverse
@@ -24,9 +24,18 @@ Complex = npt.NDArray[Any]
 _FAR = 5.0
 
 
+# Of a parameter's natural size: what a change of frame and back makes of zero.
+_ROUNDING = 1e-12
+_NATURAL = 1e-9  # of a parameter's natural size, below which an uncertainty is rounding too
+_OPTIONAL = ("asymmetry", "quadratic", "g_sensitivity")
+
+
 @dataclass(frozen=True, slots=True)
 class ParameterChange:
-    """A parameter in both calibrations; `sigmas` is the change over its standard uncertainty, NaN without one."""
+    """A parameter in both calibrations; `sigmas` is the change over its standard uncertainty, NaN without one.
+
+    A change that is mere rounding is none: `second` is then `first`.
+    """
 
     name: str
     first: float
@@ -38,7 +47,10 @@ class ParameterChange:
 
 @dataclass(frozen=True, slots=True)
 class GroupChange:
-    """Several parameters together: chi-square of their change with its probability by chance."""
+    """Several parameters together: chi-square of their change with its probability by chance.
+
+    Where a number changed that both calibrations state as certain, chi-square is infinite.
+    """
 
     name: str
     chi_square: float
@@ -124,13 +136,23 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
         {p.name: p for p in named_parameters(model, spread, first.raw_units)}
         for model, spread in zip(models, (spread_one, spread_two), strict=True)
     ]
-    changes = [_changed(table[0][name], table[1][name]) for name in table[0] if name in table[1]]
+    natural = _natural_sizes(one)
+    changes = [
+        _changed(table[0][name], table[1][name], _natural_size(name, natural))
+        for name in table[0]
+        if name in table[1]
+    ]
+    terms = [name for name in PLACES if name.endswith(_OPTIONAL) and has[name.startswith("gyroscope")]]
+    terms = [name for name in terms if np.any(part(one, name)) or np.any(part(two, name))]
+    changes += _optional_changes(terms, (one, two), (spread_one, spread_two), natural, first)
+    remarks += _one_sided(terms, one, two)
+    changes.sort(key=lambda change: change.name.startswith("gyro"))
     joint = np.block([[spread_one, np.zeros((SIZE, SIZE))], [np.zeros((SIZE, SIZE)), spread_two]])
     both = np.concatenate([one, two])
     return Difference(
         frame=first.frame.name,
         parameters=changes,
-        groups=_groups(one, two, spread_one + spread_two, has),
+        groups=_groups(one, two, spread_one + spread_two, has, terms, natural),
         force=_worst("specific force of 1 g", _force_change, both, joint) if has[0] else None,
         rest_rate=_worst("rate at rest", _rest_change(has[0]), both, joint) if has[1] else None,
         rate_scale=_worst("rate, relative", _rate_change, both, joint) if has[1] else None,
@@ -192,32 +214,112 @@ def _about_temperature(first: Calibration, second: Calibration, remarks: list[st
         )
 
 
-def _changed(one: Any, two: Any) -> ParameterChange:
+def _natural_sizes(values: Series) -> tuple[float, float]:
+    """Raw units per SI unit of the two triads: what a bias of zero is compared with."""
+    sizes = [float(np.linalg.norm(part(values, f"{kind}.matrix"))) for kind in ("accelerometer", "gyroscope")]
+    return sizes[0] or 1.0, sizes[1] or 1.0
+
+
+def _natural_size(name: str, natural: tuple[float, float]) -> float:
+    """How large a number of that name would be if it were not small, in its own unit."""
+    own = natural[name.startswith("gyro")]
+    if "quadratic" in name:
+        return 1.0 / own
+    return own if "bias" in name or "sensitivity" in name or name[:-2].endswith("scale factor") else 1.0
+
+
+def _changed(one: Any, two: Any, size: float) -> ParameterChange:
     sigma = float(np.hypot(one.standard_uncertainty, two.standard_uncertainty))
     moved = two.value - one.value
+    largest = max(size, abs(one.value), abs(two.value))
+    if sigma <= _NATURAL * largest:
+        sigma = 0.0
+    if abs(moved) <= _ROUNDING * largest:
+        return ParameterChange(
+            one.name, one.value, one.value, sigma, 0.0 if sigma > 0.0 else float("nan"), one.unit
+        )
     return ParameterChange(
         one.name, one.value, two.value, sigma, moved / sigma if sigma > 0.0 else float("nan"), one.unit
     )
 
 
-def _groups(one: Series, two: Series, spread: Table, has: list[bool]) -> list[GroupChange]:
-    """Biases, and matrices, of each triad together; directions without uncertainty are left out."""
+def _optional_changes(
+    terms: list[str],
+    values: tuple[Series, Series],
+    spreads: tuple[Table, Table],
+    natural: tuple[float, float],
+    first: Calibration,
+) -> list[ParameterChange]:
+    """Rows of the terms that at least one calibration has; where the other has none it says zero."""
+    changes: list[ParameterChange] = []
+    for term in terms:
+        kind, _, what = term.partition(".")
+        place = PLACES[term][0]
+        unit = first.raw_units.specific_force if kind == "accelerometer" else first.raw_units.angular_rate
+        said = {"asymmetry": "1", "quadratic": f"1/({unit})"}.get(what, f"{unit}/(m/s²)")
+        for at in range(place.start, place.stop):
+            axis = "xyz"[(at - place.start) % 3]
+            if what == "g_sensitivity":
+                axis = "xyz"[(at - place.start) // 3] + axis
+            name = f"{'gyro' if kind == 'gyroscope' else kind} {what.replace('g_s', 'g-s')} {axis}"
+            pair = [
+                ParameterBlock(
+                    name=name,
+                    value=float(numbers[at]),
+                    standard_uncertainty=float(np.sqrt(max(float(spread[at, at]), 0.0))),
+                    unit=said,
+                )
+                for numbers, spread in zip(values, spreads, strict=True)
+            ]
+            changes.append(_changed(pair[0], pair[1], _natural_size(name, natural)))
+    return changes
+
+
+def _one_sided(terms: list[str], one: Series, two: Series) -> list[str]:
+    """Say which terms only one of the two has."""
+    said: list[str] = []
+    for term in terms:
+        if np.any(part(one, term)) != np.any(part(two, term)):
+            which = "first" if np.any(part(one, term)) else "second"
+            words = term.replace(".", " ").replace("g_s", "g-s")
+            said.append(f"Only the {which} has {words}: in the other it is taken as zero.")
+    return said
+
+
+def _groups(
+    one: Series, two: Series, spread: Table, has: list[bool], terms: list[str], natural: tuple[float, float]
+) -> list[GroupChange]:
+    """Biases, matrices and optional terms of each triad together."""
+    found: list[GroupChange] = []
+    for number, (short, kind) in enumerate((("accelerometers", "accelerometer"), ("gyros", "gyroscope"))):
+        if not has[number]:
+            continue
+        own = [f"{kind}.bias", f"{kind}.matrix", *(t for t in terms if t.startswith(kind))]
+        for term in own:
+            what = term.partition(".")[2].replace("bias", "biases").replace("g_s", "g-s")
+            place = PLACES[term][0]
+            size = max(
+                _natural_size(what, (natural[number], natural[number])), float(np.max(np.abs(one[place])))
+            )
+            group = _group(f"{short}: {what}", (two - one)[place], spread[place, place], size)
+            found += [] if group is None else [group]
+    return found
+
+
+def _group(name: str, moved: Series, spread: Table, size: float) -> GroupChange | None:
+    """Chi-square of some numbers together, None where nothing is known of their uncertainty."""
     from scipy.stats import chi2
 
-    found: list[GroupChange] = []
-    for present, short, start in ((has[0], "accelerometers", 0), (has[1], "gyros", 18)):
-        if not present:
-            continue
-        for what, place in (("biases", slice(start + 9, start + 12)), ("matrix", slice(start, start + 9))):
-            values, vectors = np.linalg.eigh(spread[place, place])
-            seen = values > 1e-12 * max(float(values[-1]), 1e-300)
-            if not seen.any():
-                continue
-            moved = vectors[:, seen].T @ (two - one)[place]
-            statistic = float(np.sum(moved**2 / values[seen]))
-            count = int(seen.sum())
-            found.append(GroupChange(f"{short}: {what}", statistic, count, float(chi2.sf(statistic, count))))
-    return found
+    values, vectors = np.linalg.eigh(spread)
+    seen = values > max(1e-12 * max(float(values[-1]), 0.0), (_NATURAL * size) ** 2)
+    if not seen.any():
+        return None
+    along = vectors.T @ moved
+    count = int(seen.sum())
+    if np.any(np.abs(along[~seen]) > 10.0 * _NATURAL * size):
+        return GroupChange(name, float("inf"), count, 0.0)
+    statistic = float(np.sum(along[seen] ** 2 / values[seen]))
+    return GroupChange(name, statistic, count, float(chi2.sf(statistic, count)))
 
 
 def _directions() -> Table:
@@ -228,11 +330,24 @@ def _directions() -> Table:
     return grid / np.linalg.norm(grid, axis=1, keepdims=True)
 
 
+def _raw(x: Complex, kind: str, true: AnyArray) -> tuple[Complex, Complex]:
+    """Return what a triad reads for a true vector, and its sensors' own inputs."""
+    own = part(x, f"{kind}.matrix") @ true
+    bent = part(x, f"{kind}.asymmetry") * own * np.sign(np.real(own)) + part(x, f"{kind}.quadratic") * own**2
+    return own + part(x, f"{kind}.bias") + bent, own
+
+
+def _corrected(x: Complex, kind: str, raw: Complex, near: Complex) -> Complex:
+    """Return the true vector of a reading; what bends it is small, and taken at own inputs near by."""
+    bent = (
+        part(x, f"{kind}.asymmetry") * near * np.sign(np.real(near)) + part(x, f"{kind}.quadratic") * near**2
+    )
+    return inverse(part(x, f"{kind}.matrix")) @ (raw - part(x, f"{kind}.bias") - bent)
+
+
 def _force_change(x: Complex, direction: AnyArray) -> Complex:
-    one, two = x[:SIZE], x[SIZE:]
-    raw = part(one, "accelerometer.matrix") @ (STANDARD_GRAVITY * direction) + part(one, "accelerometer.bias")
-    corrected = inverse(part(two, "accelerometer.matrix")) @ (raw - part(two, "accelerometer.bias"))
-    return corrected - STANDARD_GRAVITY * direction
+    raw, own = _raw(x[:SIZE], "accelerometer", STANDARD_GRAVITY * direction)
+    return _corrected(x[SIZE:], "accelerometer", raw, own) - STANDARD_GRAVITY * direction
 
 
 def _rest_change(has_force: bool) -> Any:
@@ -248,8 +363,10 @@ def _rest_change(has_force: bool) -> Any:
 
 
 def _rate_change(x: Complex, direction: AnyArray) -> Complex:
-    one, two = x[:SIZE], x[SIZE:]
-    return inverse(part(two, "gyroscope.matrix")) @ (part(one, "gyroscope.matrix") @ direction) - direction
+    """At 1 rad/s, biases apart."""
+    raw, own = _raw(x[:SIZE], "gyroscope", direction)
+    bias = part(x[:SIZE], "gyroscope.bias") - part(x[SIZE:], "gyroscope.bias")
+    return _corrected(x[SIZE:], "gyroscope", raw - bias, own) - direction
 
 
 def _worst(name: str, change: Any, both: Series, joint: Table) -> Effect:

@@ -19,8 +19,10 @@ from tumble.calibration.result import (
     TriadBlock,
     VerdictBlock,
 )
+from tumble.calibration.thermal_block import thermal_block
 from tumble.earth import EARTH_RATE
 from tumble.sensor import ImuModel, Triad
+from tumble.sensor.thermal import ThermalModel
 from tumble.units import STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
 
 NO_QUALITY = QualityBlock(
@@ -47,6 +49,7 @@ def calibration_from_model(
     *,
     procedure: str,
     remarks: list[str],
+    thermal: ThermalModel | None = None,
 ) -> Calibration:
     """Return a document without uncertainties, which says so.
 
@@ -57,6 +60,7 @@ def calibration_from_model(
     sources : the files it is from.
     procedure : who made it, as ``imported from Kalibr``.
     remarks : sentences.
+    thermal : how the model changes with temperature, over a finite span, or None.
     """
     accelerometer, gyroscope = triad_blocks(model)
     return Calibration(
@@ -87,6 +91,8 @@ def calibration_from_model(
         ),
         remarks=remarks,
         test_vectors=test_vectors(model, units),
+        temperature_celsius=None if thermal is None else thermal.basis.reference_celsius,
+        thermal=None if thermal is None else thermal_block(thermal, [], np.zeros((0, 0))),
     )
 
 

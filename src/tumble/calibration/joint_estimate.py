@@ -12,6 +12,7 @@ from tumble.calibration.estimate import Estimate, LeftOut, NamedValue, TermTest,
 from tumble.calibration.joint_budget import state_uncertainty
 from tumble.calibration.joint_data import JointData
 from tumble.calibration.joint_description import describe_wide, rotation_of_frame
+from tumble.calibration.joint_influence import joint_influences
 from tumble.calibration.joint_noise import BalancedJoint
 from tumble.calibration.joint_observability import Untold
 from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
@@ -124,7 +125,11 @@ def describe_joint(outcome: JointOutcome) -> Described:
     values, covariance = np.zeros(size), np.zeros((size, size))
     values[: outcome.state.unknowns.size] = outcome.state.unknowns
     scale = max(1.0, _sigma0(solution)) ** 2 if solution.redundancy > 0 else 1.0
-    covariance[np.ix_(solution.free, solution.free)] = scale * solution.cofactor
+    covariance[np.ix_(solution.free, solution.free)] = solution.cofactor
+    neighbours = joint_influences(outcome.problem, outcome.state).neighbours
+    wide = outcome.state.unknowns.size
+    covariance[:wide, :wide] += sum(neighbours.values(), np.zeros(()))
+    covariance *= scale
     terms = _kept(outcome)
     if is_wide(outcome.state.unknowns) or outcome.untold is not None or not outcome.has_gyro:
         gyro = "full" if outcome.has_gyro else "none"

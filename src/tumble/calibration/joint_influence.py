@@ -9,7 +9,7 @@ A term whose covariance has several causes is split among them: ``G (L^-1 S L^-T
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -40,6 +40,7 @@ from tumble.calibration.joint_terms import (
     turn_terms,
 )
 from tumble.calibration.joint_unknowns import force_matrix, gyro_matrix
+from tumble.calibration.joint_wander import covariance_about_the_mean
 from tumble.estimation.bordered import NodeCovariance
 from tumble.estimation.gathered import GatheredTerms, GatheringChain
 from tumble.estimation.gauss_helmert import invert_normal_matrix
@@ -104,14 +105,26 @@ class Influence:
 
 @dataclass(frozen=True, slots=True)
 class Influences:
-    """All of them, and the covariance (unknowns, unknowns) that their shares add up to."""
+    """All of them, and the covariance (unknowns, unknowns) that their shares add up to.
+
+    Attributes
+    ----------
+    each : the observations' own.
+    covariance : of the shared unknowns.
+    neighbours : source -> (unknowns, unknowns), by how much it differs from that of independent observations because
+        the biases of neighbouring holds wander together; part of `covariance`.
+    """
 
     each: list[Influence]
     covariance: Square
+    neighbours: dict[str, Square] = field(default_factory=dict[str, Square])
 
     def shares(self) -> dict[str, Square]:
         """Return source -> (unknowns, unknowns) share of the covariance, for the `SOURCES` that there are."""
         made = {s: sum((i.share(s) for i in self.each if s in i.parts), np.zeros(())) for s in SOURCES}
+        made = {
+            s: share + self.neighbours.get(s, 0.0) if np.ndim(share) else share for s, share in made.items()
+        }
         return {source: np.asarray(share) for source, share in made.items() if np.ndim(share) == 2}
 
 
@@ -144,7 +157,34 @@ def joint_influences(problem: JointProblem, state: JointState) -> Influences:
         values, vectors = np.linalg.eigh(problem.prior.precision)
         gain = (covariance @ vectors) * np.sqrt(np.maximum(values, 0.0))
         made.append(_of_one("prior", PRIOR, gain))
-    return Influences(made, covariance)
+    neighbours = _neighbours(problem.data, made, covariance.shape[0])
+    return Influences(made, covariance + sum(neighbours.values(), np.zeros(())), neighbours)
+
+
+def _neighbours(data: JointData, told: list[Influence], size: int) -> dict[str, Square]:
+    """Return what the covariance by wandering biases is more than that of holds which wander each for itself.
+
+    The bias of a recording is its mean: what all holds have in common belongs to it, and is no error.
+    """
+    base = data.base
+    first, last = base.time[base.head[:, 0]], base.time[base.tail[:, 1] - 1]
+    together = covariance_about_the_mean(first, last, (float(base.time[0]), float(base.time[-1])))
+    made: dict[str, Square] = {}
+    for kind, source, floor, density in (
+        ("force", FORCE_WANDER, base.force_floor, data.force_density),
+        ("rate", RATE_WANDER, base.rate_floor, data.rate_density),
+    ):
+        if not np.any(floor > 0.0):
+            continue
+        gain = np.zeros((data.holds, size, 3))
+        for influence in told:
+            if influence.kind == kind:
+                active = influence.active
+                raw = influence.gain[active] @ np.linalg.inv(influence.root[active])
+                gain[influence.place[active]] = raw.reshape(*raw.shape[:2], raw.shape[2] // 3, 3).sum(axis=2)
+        made[source] = np.einsum("kai,i,kl,lbi->ab", gain, density, together, gain, optimize=True)
+        made[source] -= np.einsum("kai,i,kbi->ab", gain, floor, gain, optimize=True)
+    return made
 
 
 def _holds_and_turns(

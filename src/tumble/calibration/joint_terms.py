@@ -47,6 +47,8 @@ NODE = 9
 EARTH = slice(0, 3)
 """Where the Earth rate stands in the border; the shared unknowns follow."""
 BORDER = 3 + SHARED
+LEAST_SWING = 1e-12
+"""rad²: a microrad of tilt is a microgee, and better gyros would leave a pose's heading to round-off."""
 
 
 @dataclass(slots=True)
@@ -285,7 +287,8 @@ def _swing_terms(data: JointData, section: Section, unknowns: Series, node: np.n
     # Of milliradians, a gyro's scale factor takes nothing that counts.
     by_border = np.zeros((k.size, 3, 3 + unknowns.size))
     residual = swung @ matrix.T - swings.value[k]
-    return Terms("swing", k, node, residual, swings.covariance[k], by_node, None, by_border)
+    covariance = swings.covariance[k] + LEAST_SWING * (matrix @ matrix.T)
+    return Terms("swing", k, node, residual, covariance, by_node, None, by_border)
 
 
 def _swayed(before: Matrices, after: Matrices) -> Vectors:

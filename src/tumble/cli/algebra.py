@@ -140,14 +140,21 @@ def _print(found: Difference, sentences: list[str], quiet: bool) -> None:
             table.add_row(name, f"{p.first:+.6g}", change, f"{p.standard_uncertainty:.2g}", sigmas, p.unit)
         console.print(table)
         for group in found.groups:
-            console.print(
-                f"{group.name}: chi-square {group.chi_square:.1f} of {group.degrees_of_freedom}, "
-                f"by chance in {100 * group.probability:.2g} % of cases"
+            told = (
+                f"chi-square {group.chi_square:.1f} of {group.degrees_of_freedom}, by chance in "
+                f"{_percent(group.probability)} of cases"
+                if math.isfinite(group.chi_square)
+                else "a number that both state as certain has changed"
             )
+            console.print(f"{group.name}: {told}")
         for remark in found.remarks:
             console.print(f"• {remark}", markup=False)
     for sentence in sentences:
         console.print(sentence, markup=False)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
 
 
 def _written(file: Path, document: Calibration, as_json: bool, quiet: bool) -> None:

@@ -53,7 +53,7 @@ def verify_command(
     lever_arm: Annotated[
         str | None,
         typer.Option(
-            "--lever-arm", metavar="X,Y,Z", help="Metres from the IMU to the antenna, in b. Default 0,0,0."
+            "--lever-arm", metavar="X,Y,Z", help="Metres from the IMU to the antenna, in b. Without it, 0,0,0."
         ),
     ] = None,
     gnss_time: Annotated[
@@ -110,7 +110,7 @@ def verify_command(
             {"--site": site, "--gravity": gravity, "--intervals": intervals},
             "says nothing to a drive, whose place the positions tell: leave it out.",
         )
-        arm = (0.0, 0.0, 0.0) if lever_arm is None else numbers(lever_arm, "--lever-arm", 3)
+        arm = None if lever_arm is None else numbers(lever_arm, "--lever-arm", 3)
         lengths = None if outages is None else numbers(outages, "--outages")
         moved = None if turn_on is None else turn_on_of(turn_on)
         from tumble.workflows.drive import verify_drive

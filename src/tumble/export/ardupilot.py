@@ -9,21 +9,22 @@ An offset of exactly zero with a scale of exactly one counts as not calibrated t
 from __future__ import annotations
 
 import re
-from math import comb
 from pathlib import Path
 
 import numpy as np
 
-from tumble.arrays import AnyArray
 from tumble.errors import CalibrationFileError, UsageError
-from tumble.export.autopilots import Found, diagonal, from_parameters
+from tumble.export.autopilots import Found, diagonal, entries_of, from_parameters
+from tumble.export.curves import Curve
 from tumble.export.polynomials import Polynomials, polynomials_of
 from tumble.export.reading import text_of
 from tumble.export.subject import Subject
 from tumble.export.target import BIAS, SCALE, TEMPERATURE, Imported, Target
 from tumble.export.words import commented, example_lines, head
+from tumble.sensor import Triad
 
 REFERENCE = 35.0
+_ABSOLUTE_ZERO = 273.15  # below it CALTEMP is not set
 FORMULA = (
     "accelerometers: x = (u - ACCOFFS) * ACCSCAL, axis by axis; gyros: x = u - GYROFFS; then AHRS_ORIENTATION",
     "with INS_TCAL: first u - P(T - 35) + P(T_cal - 35), P(d) = (c1 + (c2 + c3 d) d) d 1e-6; T_cal is INS_ACCn_CALTEMP",
@@ -58,22 +59,6 @@ def write(subject: Subject) -> dict[str, str]:
     return {"ardupilot.parm": commented(said) + text}
 
 
-def about(coefficients: AnyArray, reference: float, other: float) -> AnyArray:
-    """Return the coefficients (powers from 1) of the same polynomials about another temperature, constant left out.
-
-    Parameters
-    ----------
-    coefficients : (order + 1, 3), powers from 0.
-    reference, other : °C.
-    """
-    order = coefficients.shape[0] - 1
-    moved = np.zeros((order, coefficients.shape[1]))
-    for j in range(1, order + 1):
-        for k in range(j, order + 1):
-            moved[j - 1] += coefficients[k] * comb(k, j) * (other - reference) ** (k - j)
-    return moved
-
-
 def _thermal_rows(thermal: Polynomials, n: int) -> list[tuple[str, float]]:
     if not any(thermal.used):
         return []
@@ -83,7 +68,7 @@ def _thermal_rows(thermal: Polynomials, n: int) -> list[tuple[str, float]]:
         (f"INS_TCAL{n}_TMAX", thermal.span[1]),
     ]
     for kind, coefficients in zip(("ACC", "GYR"), thermal.coefficients, strict=True):
-        moved = 1e6 * about(coefficients, thermal.reference, REFERENCE)
+        moved = 1e6 * Curve(coefficients, thermal.reference, thermal.span).about(REFERENCE)[1:]
         rows += [
             (f"INS_TCAL{n}_{kind}{power + 1}_{axis}", float(moved[power, i]))
             for power in range(3)
@@ -94,7 +79,7 @@ def _thermal_rows(thermal: Polynomials, n: int) -> list[tuple[str, float]]:
 
 
 def read(path: Path) -> Imported:
-    """Read the first accelerometer and gyro of a parameter file.
+    """Read the first accelerometer and gyro of a parameter file, with their temperature compensation.
 
     Raises
     ------
@@ -102,7 +87,7 @@ def read(path: Path) -> Imported:
         If it is no parameter file, or has no calibration in it.
     """
     found: Found = {"accelerometer": {}, "gyroscope": {}}
-    thermal: list[str] = []
+    others: dict[str, float] = {}
     for line_number, line in enumerate(text_of(path).splitlines(), 1):
         line = line.partition("#")[0].strip()
         if not line:
@@ -117,9 +102,36 @@ def read(path: Path) -> Imported:
         if match := re.fullmatch(r"INS_(ACC|GYR)(\d?)(OFFS|SCAL)_([XYZ])", name):
             kind = "accelerometer" if match[1] == "ACC" else "gyroscope"
             found[kind][match[2] or "1", match[4], "offset" if match[3] == "OFFS" else "scale"] = value
-        elif re.fullmatch(r"INS_TCAL\d_ENABLE", name) and value:
-            thermal.append(name)
-    return from_parameters(found, path, "ArduPilot", thermal)
+        else:
+            others[name] = value
+
+    def curve_of(kind: str, number: str, triad: Triad, remarks: list[str]) -> Curve | None:
+        return _curve(others, kind, number, triad, remarks, path)
+
+    return from_parameters(found, path, "ArduPilot", curve_of)
+
+
+def _curve(
+    values: dict[str, float], kind: str, number: str, triad: Triad, remarks: list[str], path: Path
+) -> Curve | None:
+    """Return a sensor's bias over temperature: the offset at CALTEMP, and how P differs from what it is there."""
+    what = f"INS_TCAL{number}_ENABLE"
+    if not values.get(what):
+        return None
+    short = "ACC" if kind == "accelerometer" else "GYR"
+    begin = f"INS_TCAL{number}_"
+    low, high = entries_of(values, [begin + "TMIN", begin + "TMAX"], what, path)
+    names = [f"{begin}{short}{power}_{axis}" for power in (1, 2, 3) for axis in "XYZ"]
+    coefficients = np.zeros((4, 3))
+    coefficients[1:] = 1e-6 * entries_of(values, names, what, path).reshape(3, 3)
+    calibrated = values.get(f"INS_{short}{number}_CALTEMP")
+    if calibrated is None or calibrated < -_ABSOLUTE_ZERO:
+        remarks.append(f"INS_{short}{number}_CALTEMP is not there: the offsets were taken as those at 35 °C")
+        calibrated = REFERENCE
+    curve = Curve(coefficients, REFERENCE, (float(low), float(high)))
+    moved = curve.about(float(np.clip(calibrated, low, high)))
+    moved[0] = triad.bias
+    return Curve(moved, float(np.clip(calibrated, low, high)), curve.span)
 
 
 TARGET = Target(

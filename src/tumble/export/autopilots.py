@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from tumble.arrays import AnyArray
 from tumble.errors import CalibrationFileError
 from tumble.export import losses
+from tumble.export.curves import Curve, thermal_of
 from tumble.export.subject import Subject, with_losses
 from tumble.export.target import Imported
 from tumble.sensor import ImuModel, Triad
@@ -32,38 +35,65 @@ def diagonal(subject: Subject, title: str) -> Subject:
     return with_losses(subject, model, lost, title)
 
 
-def from_parameters(found: Found, path: Path, tool: str, thermal: list[str]) -> Imported:
+def from_parameters(
+    found: Found,
+    path: Path,
+    tool: str,
+    curve_of: Callable[[str, str, Triad, list[str]], Curve | None],
+) -> Imported:
     """Return the first unit of an autopilot's parameters.
 
     Parameters
     ----------
     found : both triads.
     path, tool : for the sentences.
-    thermal : names that switch a temperature compensation on, which is not read.
+    curve_of : returns the bias over temperature of a triad, given its kind, its number and what it is without; it
+        adds to the remarks.
 
     Raises
     ------
     CalibrationFileError
-        If nothing of a calibration is in it, an axis is missing, or a scale is not positive.
+        If nothing of a calibration is in it, an axis is missing, or a number is none that a calibration has.
     """
     if not any(found.values()):
         raise CalibrationFileError(f"{path} has no calibration parameters of {tool}.")
     remarks: list[str] = []
-    triads: list[Triad | None] = []
+    triads: dict[str, Triad | None] = {}
+    curves: dict[str, Curve] = {}
     for kind, entries in found.items():
-        triads.append(_first(kind, entries, path) if entries else None)
+        triad = triads[kind] = _first(kind, entries, path) if entries else None
         if len({number for number, _, _ in entries}) > 1:
             remarks.append(f"the file has several {kind}s: the first one was read")
-    if thermal:
-        remarks.append(f"the temperature compensation ({', '.join(thermal)}) was not read")
+        if triad is not None:
+            curve = curve_of(kind, min(key[0] for key in entries), triad, remarks)
+            if curve is not None:
+                curves[kind] = curve
+    model = ImuModel(triads["accelerometer"], triads["gyroscope"])
+    thermal, said = thermal_of(model, curves, path)
     return Imported(
-        ImuModel(triads[0], triads[1]),
+        model if thermal is None else thermal.reference,
         ("m/s^2", "rad/s"),
         "sensor axes",
         f"the sensing axes as {tool} has them before the board's rotation, taken as orthogonal",
         (path,),
-        tuple(remarks),
+        (*remarks, *said),
+        thermal,
     )
+
+
+def entries_of(values: dict[str, float], names: list[str], what: str, path: Path) -> AnyArray:
+    """Return the values of parameters that belong together.
+
+    Raises
+    ------
+    CalibrationFileError
+        If one is missing.
+    """
+    missing = [name for name in names if name not in values]
+    if missing:
+        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+        raise CalibrationFileError(f"{path} switches {what} on but lacks {', '.join(missing[:3])}{more}.")
+    return np.array([values[name] for name in names])
 
 
 def _first(kind: str, entries: dict[tuple[str, str, str], float], path: Path) -> Triad:

@@ -15,12 +15,14 @@ from pathlib import Path
 import numpy as np
 
 from tumble.errors import CalibrationFileError, UsageError
-from tumble.export.autopilots import Found, diagonal, from_parameters
+from tumble.export.autopilots import Found, diagonal, entries_of, from_parameters
+from tumble.export.curves import Curve
 from tumble.export.polynomials import Polynomials, polynomials_of
 from tumble.export.reading import text_of
 from tumble.export.subject import Subject
 from tumble.export.target import BIAS, SCALE, TEMPERATURE, Imported, Target
 from tumble.export.words import commented, example_lines, head
+from tumble.sensor import Triad
 
 INTEGER, REAL = 6, 9
 FORMULA = (
@@ -93,7 +95,7 @@ def _thermal_rows(thermal: Polynomials, n: int) -> list[tuple[str, float, int]]:
 
 
 def read(path: Path) -> Imported:
-    """Read the first calibrated accelerometer and gyro of a parameter file.
+    """Read the first calibrated accelerometer and gyro of a parameter file, with their temperature compensation.
 
     Raises
     ------
@@ -101,7 +103,7 @@ def read(path: Path) -> Imported:
         If it is no parameter file, or has no calibration in it.
     """
     found: Found = {"accelerometer": {}, "gyroscope": {}}
-    thermal: list[str] = []
+    others: dict[str, float] = {}
     for line_number, line in enumerate(text_of(path).splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
@@ -118,9 +120,39 @@ def read(path: Path) -> Imported:
         if match := re.fullmatch(r"CAL_(ACC|GYRO)(\d)_([XYZ])(OFF|SCALE)", words[2]):
             kind = "accelerometer" if match[1] == "ACC" else "gyroscope"
             found[kind][match[2], match[3], "offset" if match[4] == "OFF" else "scale"] = value
-        elif words[2] in ("TC_A_ENABLE", "TC_G_ENABLE") and value:
-            thermal.append(words[2])
-    return from_parameters(found, path, "PX4", thermal)
+        else:
+            others[words[2]] = value
+
+    def curve_of(kind: str, number: str, triad: Triad, remarks: list[str]) -> Curve | None:
+        return _curve(others, kind, number, triad, remarks, path)
+
+    return from_parameters(found, path, "PX4", curve_of)
+
+
+def _curve(
+    values: dict[str, float], kind: str, number: str, triad: Triad, remarks: list[str], path: Path
+) -> Curve | None:
+    """Return a sensor's bias over temperature: what TC holds about TREF, and the offset beside it."""
+    letter, calibrated = (
+        ("A", f"CAL_ACC{number}_ID") if kind == "accelerometer" else ("G", f"CAL_GYRO{number}_ID")
+    )
+    if not values.get(f"TC_{letter}_ENABLE"):
+        return None
+    own = values.get(calibrated)
+    known = [n for n in "0123" if own and values.get(f"TC_{letter}{n}_ID") == own]
+    n = known[0] if known else number
+    if not known and own and values.get(f"TC_{letter}{n}_ID"):
+        remarks.append(
+            f"the temperature compensation of TC_{letter} is for other sensors than the {kind} that was read"
+        )
+        return None
+    what = f"TC_{letter}_ENABLE"
+    begin = f"TC_{letter}{n}_"
+    reference, low, high = entries_of(values, [begin + name for name in ("TREF", "TMIN", "TMAX")], what, path)
+    names = [f"{begin}X{power}_{axis}" for power in range(4) for axis in range(3)]
+    coefficients = entries_of(values, names, what, path).reshape(4, 3)
+    coefficients[0] += triad.bias
+    return Curve(coefficients, float(reference), (float(low), float(high)))
 
 
 TARGET = Target(

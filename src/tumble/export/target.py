@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tumble.sensor import ImuModel
+from tumble.sensor.thermal import ThermalModel
 
 if TYPE_CHECKING:
     from tumble.export.subject import Subject
@@ -32,6 +33,7 @@ class Imported:
     frame, frame_words : name of the frame of its corrected vectors, and what it is.
     files : that were read.
     remarks : sentences: what the file does not hold, what was assumed.
+    thermal : how `model`'s biases change with temperature, or None.
     """
 
     model: ImuModel
@@ -40,6 +42,7 @@ class Imported:
     frame_words: str
     files: tuple[Path, ...]
     remarks: tuple[str, ...] = ()
+    thermal: ThermalModel | None = None
 
 
 @dataclass(frozen=True, slots=True)

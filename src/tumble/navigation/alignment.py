@@ -313,12 +313,14 @@ def _levelling_jacobian(gravity: float) -> Matrix:
 
 
 def _steps(time: Series, velocity: Table, instants: Series) -> np.ndarray:
-    """Changes of the horizontal velocity over a second or more, as complex numbers."""
+    """Changes of the horizontal velocity over a second or the usual interval, as complex numbers."""
     north, east = (np.interp(instants, time, velocity[:, axis]) for axis in (0, 1))
     usual = float(np.median(np.diff(instants)))
     apart = max(1, round(1.0 / usual))
     whole = north + 1j * east
-    return whole[apart:] - whole[:-apart]
+    change = whole[apart:] - whole[:-apart]
+    # where fixes are missing the span is longer, and what drifts weighs more in it
+    return change[instants[apart:] - instants[:-apart] < 1.5 * apart * usual]
 
 
 def _turn_between(free: np.ndarray, seen: np.ndarray) -> tuple[float, float]:
@@ -328,7 +330,10 @@ def _turn_between(free: np.ndarray, seen: np.ndarray) -> tuple[float, float]:
         raise RecordingError(
             "The velocity changes by less than a metre a second after the rest: that tells no heading. Give it."
         )
+    # an error of the level is a constant acceleration in n: both are compared about their means
+    free, seen = free - free.mean(), seen - seen.mean()
     turn = float(np.angle(np.sum(np.conj(free) * seen)))
+    strength = float(np.sum(np.abs(free) ** 2))
     left = seen - np.exp(1j * turn) * free
     # neighbouring steps overlap and drift together: five of them count as one
     variance = 5.0 * float(np.sum(np.abs(left) ** 2)) / (2.0 * len(left) * strength)

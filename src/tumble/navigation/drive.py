@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tumble.arrays import Series, Vector
+from tumble.earth import curvature_radii
 from tumble.errors import RecordingError
 from tumble.navigation.alignment import Alignment, align_in_motion, find_rest
 from tumble.navigation.filter import FilterRun, FilterSetup, plan_filter, run_filter
@@ -24,9 +25,13 @@ from tumble.noise.terms import NoiseModel
 
 # Steps, s, at which the filter's innovations are compared to find the offset between the clocks, in turns.
 _REACHES = (0.15, 0.05, 0.03)
+# The same with a filter of the unit's own noise.
+_FINE = (0.05, 0.02)
 # How often each is tried until the least lies between its steps; and how many of the course's standard uncertainties
 # the filter may move the offset.
 _TRIALS, _FURTHEST = 3, 4.0
+# What innovations tell wrong beside their scatter, s (simulated drives).
+_SYSTEMATIC = 0.005
 # A metre of lever arm, in s of the offset that the innovations find (simulated drives).
 _UNKNOWN_ARM = 0.02
 # What an outlier may add to their sum.
@@ -45,7 +50,7 @@ class Drive:
     ----------
     samples : of the IMU.
     track : on the IMU's clock.
-    start : at the beginning of the first rest.
+    start : at the beginning of the first rest; its position is the antenna's.
     alignment : of the attitude there.
     clock : by how much the track was shifted, and how well that is known.
     axes : how the course goes with the body axes.
@@ -63,6 +68,18 @@ class Drive:
         row = int(np.argmin(np.abs(self.track.time - self.start.time)))
         position = np.sqrt(np.diag(self.track.position_covariance_n[row]))
         return setup.with_start(position, 0.05, self.alignment.sigmas)
+
+    def begin(self, setup: FilterSetup) -> NavigationState:
+        """Return the start of a filter: positions are the antenna's, and a filter navigates the IMU."""
+        arm_n = self.start.C_nb @ setup.lever_arm_b
+        latitude, height = self.start.latitude, self.start.height
+        meridian, across = (float(radius[0]) + height for radius in curvature_radii(np.array([latitude])))
+        return replace(
+            self.start,
+            latitude=latitude - float(arm_n[0]) / meridian,
+            longitude=self.start.longitude - float(arm_n[1]) / (across * float(np.cos(latitude))),
+            height=height + float(arm_n[2]),
+        )
 
     def with_samples(self, samples: InertialSamples) -> Drive:
         """Return the drive with the samples corrected otherwise, aligned anew at the same rest.
@@ -111,7 +128,7 @@ class Drive:
         return run_filter(
             self.samples,
             track,
-            self.start,
+            self.begin(setup),
             self.setup(setup),
             velocities=velocities,
             instants=instants,
@@ -159,28 +176,63 @@ def prepare_drive(
         raise RecordingError(axes.problem)
     found = _aligned(samples, track.shifted(given), rest)
     if clock is None:
-        clock = TimeAlignment(given, 0.0, axes.about_vertical, 0.0, 0.0, "; it was given")
+        clock = TimeAlignment(given, 0.0, axes.about_vertical, 0.0, 0.0, note="; it was given")
         return Drive(samples, track.shifted(given), *found, clock, axes)
-    own, total, told = setup or wide_setup(), given, True
-    quiet = _less_rest_rate(samples, track.shifted(given))
-    sigma = clock.sigma
-    for reach in _REACHES:
+    drive = Drive(samples, track.shifted(given), *found, clock, axes)
+    own = setup or wide_setup()
+    known = bool(own.lever_arm_b.any())
+    moved = sharpen_clock(drive, own, arm_known=known, reaches=_REACHES, rest=rest)
+    if moved is drive:
+        return replace(drive, clock=replace(clock, note="; the filter's innovations tell it no better"))
+    return moved
+
+
+def sharpen_clock(
+    drive: Drive,
+    setup: FilterSetup,
+    *,
+    arm_known: bool = True,
+    reaches: tuple[float, ...] = _FINE,
+    rest: float = _REST,
+) -> Drive:
+    """Return the drive with the offset of its clocks at which a filter's innovations are least.
+
+    The better the filter knows the unit's noise, the better it tells the offset. Where it tells none, or one that is
+    four standard uncertainties away, the drive is returned as it is.
+
+    Parameters
+    ----------
+    drive : with an offset that was found.
+    setup : of the filter.
+    arm_known : whether the setup's lever arm is; else the uncertainty has a metre of it.
+    reaches : s, steps at which innovations are compared, in turns.
+    rest : s of the first rest used for the level, at most.
+    """
+    quiet: Drive = replace(drive, samples=_less_rest_rate(drive.samples, drive.track))
+    track, total, told, sigma = drive.track, 0.0, True, drive.clock.sigma
+    for reach in reaches:
         for _ in range(_TRIALS):
-            drive = Drive(quiet, track.shifted(total), *found, clock, axes)
-            step, sigma, told = _least_innovations(drive, own, reach)
+            step, sigma, told = _least_innovations(quiet, setup, reach)
             total += step
-            found = _aligned(samples, track.shifted(total), rest)
+            start, alignment = _aligned(drive.samples, track.shifted(total), rest)
+            quiet = replace(quiet, track=track.shifted(total), start=start, alignment=alignment)
             if told:
                 break
-    note = f"; the filter then moved it by {total - given:.3f} s"
-    if not told or abs(total - given) > _FURTHEST * clock.sigma:
-        total, sigma, note = given, clock.sigma, "; the filter's innovations tell it no better"
-        found = _aligned(samples, track.shifted(total), rest)
-    elif not own.lever_arm_b.any():
+    if not told or abs(total) > _FURTHEST * drive.clock.sigma:
+        return drive
+    note = f"; the filter then moved it by {total + drive.clock.moved:.3f} s"
+    sigma = float(np.hypot(sigma, _SYSTEMATIC))
+    if not arm_known:
         sigma = float(np.hypot(sigma, _UNKNOWN_ARM))
         note += ", to 0.02 s for each metre of lever arm that was not given"
-    clock = replace(clock, offset=total, sigma=sigma, note=note)
-    return Drive(samples, track.shifted(total), *found, clock, axes)
+    clock = replace(
+        drive.clock,
+        offset=drive.clock.offset + total,
+        sigma=sigma,
+        moved=drive.clock.moved + total,
+        note=note,
+    )
+    return replace(quiet, samples=drive.samples, clock=clock)
 
 
 def wide_setup(lever_arm_b: Vector | None = None, lever_arm_sigma: float = 0.0) -> FilterSetup:
@@ -222,7 +274,7 @@ def _least_innovations(drive: Drive, setup: FilterSetup, reach: float) -> tuple[
         run = run_filter(
             drive.samples,
             wanted.shifted(shift),
-            drive.start,
+            drive.begin(setup),
             own,
             reference=drive.track.shifted(shift),
         )
@@ -246,8 +298,10 @@ def _aligned(samples: InertialSamples, track: GnssTrack, rest: float) -> tuple[N
     # a receiver calls it a rest a moment late and early
     begin, stop = max(first + 0.25, float(samples.time[0])), last - 0.5
     alignment = align_in_motion(samples, track, begin, rest=max(min(rest, stop - begin), 0.5))
-    row = int(np.argmin(np.abs(track.time - begin)))
-    at = (float(track.latitude[row]), float(track.longitude[row]), float(track.height[row]))
+    still = (track.time >= begin) & (track.time <= stop)
+    still[int(np.argmin(np.abs(track.time - begin)))] = True
+    latitude, longitude, height = (float(np.median(column[still])) for column in track.position)
+    at = (latitude, longitude, height)
     return NavigationState(begin, *at, np.zeros(3), alignment.C_nb), alignment
 
 

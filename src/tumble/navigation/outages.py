@@ -204,7 +204,7 @@ def _gaps(drive: Drive, setup: FilterSetup, duration: float, interval: float, fi
         if kept[row]:
             next_one = aid.time[row] + duration
     track = aid.rows(kept)
-    run = run_filter(drive.samples, track, drive.start, drive.setup(setup), reference=drive.track)
+    run = run_filter(drive.samples, track, drive.begin(setup), drive.setup(setup), reference=drive.track)
     _refuse_lost(run)
     time = track.time[run.fixes]
     after = (time > first) & (np.concatenate([[0.0], np.diff(time)]) > 0.9 * duration)

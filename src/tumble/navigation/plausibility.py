@@ -124,7 +124,10 @@ def refuse_mirrored(samples: InertialSamples, track: GnssTrack, seconds: float =
         time, run.time, run.velocity_n[:, 1]
     )
     seen = velocity[chosen, 0] + 1j * velocity[chosen, 1]
-    free, seen = free[apart:] - free[:-apart], seen[apart:] - seen[:-apart]
+    usual = time[apart:] - time[:-apart] < 1.5 * apart * track.interval
+    free, seen = (free[apart:] - free[:-apart])[usual], (seen[apart:] - seen[:-apart])[usual]
+    # an error of the level is a constant acceleration in n
+    free, seen = free - free.mean(), seen - seen.mean()
     norm = float(np.sqrt(np.sum(np.abs(free) ** 2) * np.sum(np.abs(seen) ** 2))) + 1e-300
     straight = float(np.abs(np.sum(np.conj(free) * seen))) / norm
     mirrored = float(np.abs(np.sum(free * seen))) / norm

@@ -83,6 +83,10 @@ def difference(first: PathLike, second: PathLike) -> Difference:
     return compare_calibrations(read_calibration(first), read_calibration(second))
 
 
+_FORCE_ROUNDING = 1e-9 * STANDARD_GRAVITY  # m/s²
+_RATE_ROUNDING = 1e-12  # rad/s
+
+
 def verdict(found: Difference, allowed: tuple[float, float] | None) -> tuple[bool, list[str]]:
     """Return whether the change matters, and why, in sentences.
 
@@ -93,16 +97,22 @@ def verdict(found: Difference, allowed: tuple[float, float] | None) -> tuple[boo
     """
     sentences: list[str] = []
     matters = False
-    for effect, limit, text in (
-        (found.force, None if allowed is None else allowed[0], _force_text),
-        (found.rest_rate, None if allowed is None else allowed[1], _rate_text),
+    for effect, limit, rounding, text in (
+        (found.force, None if allowed is None else allowed[0], _FORCE_ROUNDING, _force_text),
+        (found.rest_rate, None if allowed is None else allowed[1], _RATE_ROUNDING, _rate_text),
     ):
         if effect is None:
             continue
-        seen = effect.value > 2.0 * effect.standard_uncertainty
+        certain = effect.standard_uncertainty <= 0.0
+        above = effect.value > max(2.0 * effect.standard_uncertainty, rounding)
+        # The worst of many directions is beyond two sigmas more often than one: the parameters have to agree.
+        seen = above and (certain or found.significant or not found.groups)
         large = seen if limit is None else effect.value > limit
         matters = matters or (large and seen)
-        said = "more than its uncertainty" if seen else "not more than its uncertainty explains"
+        if certain:
+            said = "no uncertainty of it is known" if above else "no more than rounding"
+        else:
+            said = "more than its uncertainty" if seen else "not more than its uncertainty explains"
         allowance = "" if limit is None else f", {'above' if large else 'within'} what is allowed"
         sentences.append(f"{text(effect.value, effect.standard_uncertainty)}: {said}{allowance}.")
     if found.groups:

@@ -24,9 +24,10 @@ from tumble.navigation import (
     read_track,
     smooth,
 )
-from tumble.navigation.drive import wide_setup
+from tumble.navigation.drive import sharpen_clock, wide_setup
 from tumble.navigation.filter.stretches import LONGEST_BRIDGED
 from tumble.navigation.free_drift import FreeDrift, free_drift
+from tumble.navigation.gnss.outliers import fit_velocities
 from tumble.navigation.plausibility import (
     about_clocks,
     refuse_mirrored,
@@ -39,6 +40,7 @@ from tumble.recording.corrections import corrections_of
 from tumble.simulation import Grade, find_grade
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.calibration_parts import (
+    AT_REST,
     WHOLE,
     CorrectedBy,
     corrected_by_parts,
@@ -46,7 +48,8 @@ from tumble.workflows.calibration_parts import (
     without_rest_rate,
 )
 from tumble.workflows.drive_filter import drive_filter
-from tumble.workflows.drive_verification import DriveVerification, PartResult, judge_drive
+from tumble.workflows.drive_innovations import about_innovations
+from tumble.workflows.drive_verification import DriveVerification, PartResult, judge_drive, no_proof
 from tumble.workflows.temperature import check_outside, refuse_twice
 
 OUTAGES = (2.0, 10.0, 30.0, 60.0)
@@ -61,7 +64,7 @@ def verify_drive(
     paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     gnss: str | os.PathLike[str],
     *,
-    lever_arm_b: Sequence[float] = (0.0, 0.0, 0.0),
+    lever_arm_b: Sequence[float] | None = None,
     offset: float | None = None,
     durations: Sequence[float] | None = None,
     data_sheet: str = "consumer-mems",
@@ -86,7 +89,8 @@ def verify_drive(
     calibration : a ``calibration.json``, its folder, or a `Calibration`.
     paths, columns, units, rate, topics : the recording of the drive, as for `tumble.read_recording`.
     gnss : file of satellite positions (`tumble.navigation.read_track`).
-    lever_arm_b : m, from the IMU to the antenna, in b.
+    lever_arm_b : m, from the IMU to the antenna, in b; None where it is not known: zero is taken, and the clock is
+        known the worse.
     offset : s to add to the positions' times; None to find it.
     durations : s of the outages; None for 2, 10, 30 and 60 s, as far as the drive has room for them.
     data_sheet : kind of unit, whose spread the uncalibrated states start with.
@@ -107,7 +111,9 @@ def verify_drive(
     grade = find_grade(data_sheet)
     files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
     beyond = check_outside(outside)
-    _refuse_bad_numbers(lever_arm_b, durations, turn_on)
+    known = lever_arm_b is not None
+    arm = np.array(lever_arm_b if known else (0.0, 0.0, 0.0), dtype=float)
+    _refuse_bad_numbers(arm.tolist(), durations, turn_on)
     for file in files:
         refuse_twice(document, corrections_of([file]))
     say("reading")
@@ -118,14 +124,20 @@ def verify_drive(
         )
     recording = in_calibration_units(recordings[0], raw_factors(document, recordings[0]))
     track = read_track(Path(gnss))
+    fitting = fit_velocities(track)
+    track, left_out = track.rows(fitting), int(np.count_nonzero(~fitting))
     parts, remarks = corrected_by_parts(document, recording, files, temperature=temperature, outside=beyond)
     remarks = [
         remark.text for remark in (*recordings[0].remarks, *track.remarks) if remark.kind != "unchecked"
     ] + remarks
     say("comparing the clocks")
-    arm = np.array(lever_arm_b, dtype=float)
-    drive, words = _prepared(parts[-1], track, offset, arm)
+    drive, words = _prepared(parts, track, offset, arm)
     remarks += words
+    if left_out:
+        remarks.append(
+            f"{left_out} of {len(fitting)} positions do not fit the receiver's own velocities between them and were "
+            "left out as outliers."
+        )
     setup, setting = drive_filter(parts[-1], grade, noise, arm)
     moved = turn_on or (
         min(TURN_ON[0], grade.accelerometer.bias / 4.0),
@@ -135,13 +147,17 @@ def verify_drive(
         f"Biases may have moved since the calibration by {two_digits(moved[0] / 9.80665e-3)} mg and "
         f"{two_digits(float(np.degrees(moved[1])) * 3600.0)} °/h (one sigma; --turn-on says otherwise)."
     )
+    own = setup.with_sensor_covariance(start_covariance(parts[-1], setup.states, document, moved))
+    freely = _free_biases(own, grade)
+    if offset is None and known:
+        drive = sharpen_clock(drive, freely)
     gaps = parts[-1].samples.missing()
     remarks += [_gap_words(gaps)] if gaps else []
     lengths = _lengths(drive, durations)
     parts.insert(1, without_rest_rate(parts[0], *find_rest(parts[0].samples, drive.track)))
     results: list[PartResult] = []
+    why = ""
     say("smoothing")
-    own = setup.with_sensor_covariance(start_covariance(parts[-1], setup.states, document, moved))
     reference = smooth(drive.run(own, keep_covariances=True)).trajectory
     seconds = _seconds(lengths, float(reference.time[-1] - reference.time[0]))
     for part in parts:
@@ -151,7 +167,11 @@ def verify_drive(
         run = mine.run(told, interval=1.0)
         drift = free_drift(part.samples, reference, seconds.tolist(), every=_every(drive), gaps=gaps)
         results.append(_result(part.part, mine, told, run, drift, lengths))
-    free = drive.run(_free_biases(own, grade), interval=1.0)
+        why = about_innovations(mine, run)
+    raw = next(result for result in results if result.part == AT_REST)
+    free = drive.run(freely, interval=1.0)
+    if no_proof(free) and raw.no_proof:
+        _refuse_swapped(parts[0], drive.track, arm)
     strict = setup.with_sensor_covariance(start_covariance(parts[-1], setup.states, document, (0.0, 0.0)))
     found = DriveVerification(
         recording=", ".join(source.name for source in recording.sources),
@@ -164,6 +184,9 @@ def verify_drive(
         parts=results,
         contradictions=_departures(free, own),
         moved={name: far for name, far in _departures(free, strict).items() if "bias" in name},
+        no_proof=no_proof(free) and raw.no_proof,
+        left_out=left_out,
+        why_innovations=why,
         refused_free=len(free.refused),
         turn_on=moved,
         seconds=seconds,
@@ -176,9 +199,10 @@ def verify_drive(
 
 
 def _prepared(
-    part: CorrectedBy, track: GnssTrack, offset: float | None, arm: Series
+    parts: Sequence[CorrectedBy], track: GnssTrack, offset: float | None, arm: Series
 ) -> tuple[Drive, list[str]]:
     """The drive by the whole calibration, its clocks, axes and units checked, and what is to be said."""
+    part = parts[-1]
     if offset is not None:
         refuse_no_overlap(part.samples, track, offset)
     try:
@@ -189,7 +213,11 @@ def _prepared(
             raise RecordingError(reason) from error
         raise
     refuse_wrong_scale(part.samples, drive.track)
-    refuse_mirrored(part.samples, drive.track)
+    try:
+        refuse_mirrored(part.samples, drive.track)
+    except RecordingError as error:
+        _refuse_swapped(parts[0], drive.track, arm, error)
+        raise
     apart = about_clocks(drive.clock.offset, drive.clock.sigma, track, part.samples)
     if offset is not None:
         return drive, _beside_the_given(part, track, offset)
@@ -200,6 +228,17 @@ def _prepared(
             f"{drive.clock.correlation:.2f} and {drive.clock.second_best:.2f}): give it with --gnss-time."
         )
     return drive, words
+
+
+def _refuse_swapped(part: CorrectedBy, track: GnssTrack, arm: Series, cause: Exception | None = None) -> None:
+    """Refuse uncalibrated samples whose level axes are swapped or reversed, where the drive tells."""
+    from tumble.navigation.axis_trials import swapped_axes
+
+    first, last = find_rest(part.samples, track)
+    still = without_rest_rate(part, first, last).samples
+    words = swapped_axes(still, track, wide_setup(arm))
+    if words:
+        raise RecordingError(f"IMU and positions do not describe one motion. {words}") from cause
 
 
 def _beside_the_given(part: CorrectedBy, track: GnssTrack, offset: float) -> list[str]:
@@ -279,14 +318,16 @@ def _result(
     ]
     distances: Series = run.distances[:, 0]
     seen = np.isfinite(distances)
+    taken = seen & run.taken[:, 0]
     return PartResult(
         name,
         drift,
         found[0],
         found[1],
-        float(np.mean(distances[seen])) / 3.0,
+        float(np.mean(distances[taken])) / 3.0,
         len(run.refused),
         int(seen.sum()),
+        no_proof(run),
     )
 
 

@@ -40,6 +40,7 @@ def drive_document(found: DriveVerification) -> dict[str, Any]:
         },
         "alignment": found.alignment,
         "duration": found.duration,
+        "positions_left_out": found.left_out,
         "variants": [_part(found, part) for part in found.parts],
         "sensor_states": {
             name: {"estimate": value, "normalised": normalised}

@@ -8,15 +8,17 @@ import numpy as np
 
 from tumble.arrays import Series
 from tumble.calibration.verdict import two_digits
-from tumble.navigation import OutageErrors
+from tumble.navigation import FilterRun, OutageErrors
 from tumble.navigation.block_bootstrap import Statistic, ratio_of, rms_of
 from tumble.navigation.free_drift import FreeDrift
-from tumble.workflows.calibration_parts import UNCALIBRATED, WHOLE
+from tumble.workflows.calibration_parts import AT_REST, UNCALIBRATED, WHOLE
 
 # Normalised errors beyond this contradict the calibration: one in 15,000 by chance.
 LARGEST_NORMALISED = 4.0
 # Beyond this the IMU and the positions do not describe one drive, whoever is to blame.
 LARGEST_SHARE_REFUSED = 0.1
+# And the positions that are taken fit worse than this, in squared normalised innovations.
+LARGEST_LEFT = 2.0
 _FEWEST = 4
 _TRIADS = ("accelerometer", "gyroscope")
 _UNKNOWN = Statistic(float("nan"), float("nan"))
@@ -32,8 +34,10 @@ class PartResult:
     part : its name.
     drift : free inertial drift from known starts.
     sliding, gaps : outages of each length, one by one and again and again.
-    innovations : mean squared normalised innovation over its degrees of freedom; 1 when the filter is consistent.
+    innovations : mean squared normalised innovation of the positions taken, over its degrees of freedom; 1 when the
+        filter is consistent.
     refused, fixes : positions that the filter took for outliers, and all.
+    no_proof : whether it finds no motion that samples and positions both describe.
     """
 
     part: str
@@ -43,6 +47,7 @@ class PartResult:
     innovations: float
     refused: int
     fixes: int
+    no_proof: bool = False
 
 
 @dataclass(slots=True)
@@ -59,7 +64,10 @@ class DriveVerification:
     moved : bias -> estimate (SI) and how many standard uncertainties of the calibration and the drive that is, if
         biases could not have moved since.
     turn_on : m/s² and rad/s, by how much they may have moved.
-    refused_free : positions refused by a filter of the calibrated samples that is free to find the sensors' states.
+    refused_free : positions refused by a filter of the calibrated samples that is free to find the biases.
+    no_proof : whether even that filter finds no motion that both describe, nor one of the uncalibrated samples.
+    left_out : positions that do not fit the receiver's own velocities.
+    why_innovations : why they are not of the size that the filter expects, with all of the calibration.
     seconds : s, lengths of the free drift.
     fit, reasons, remarks : the verdict, and sentences.
     """
@@ -78,6 +86,9 @@ class DriveVerification:
     moved: dict[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
     turn_on: tuple[float, float] = (0.0, 0.0)
     refused_free: int = 0
+    no_proof: bool = False
+    left_out: int = 0
+    why_innovations: str = ""
     fit: bool = True
     reasons: list[str] = field(default_factory=list[str])
     remarks: list[str] = field(default_factory=list[str])
@@ -213,18 +224,20 @@ def judge_drive(found: DriveVerification, own_recording: bool) -> None:
         )
     result = found.part(WHOLE)
     refused = result.refused > LARGEST_SHARE_REFUSED * result.fixes
-    if refused and found.refused_free < 0.5 * result.refused and not against:
-        against.append(
-            f"With the calibration's uncertainties the filter refuses {result.refused} of {result.fixes} positions, and "
-            f"with the data sheet's {found.refused_free}: the unit is not as the calibration says."
-        )
-    elif refused and found.refused_free > LARGEST_SHARE_REFUSED * result.fixes:
+    if found.no_proof:
+        # what a filter finds that has lost its way says nothing about the sensors
+        against = [
+            (
+                f"The drive is no proof: {found.refused_free} of {result.fixes} positions were refused by a filter "
+                "that may find the biases itself, and the others do not fit. Positions and IMU do not describe one "
+                "motion: an axis reversed, a wrong offset between the clocks, too many outliers, or another unit."
+            )
+        ]
+    elif refused and (raw := found.part(AT_REST)).refused < 0.5 * result.refused:
         against.insert(
             0,
-            f"The drive is no proof: {found.refused_free} of {result.fixes} positions were refused as outliers and "
-            f"innovations are {result.innovations:.3g} times what the filter expects. Positions and IMU do not "
-            "describe one motion: an axis reversed, outliers, a gap in the IMU, a wrong offset between the clocks, or "
-            "another unit.",
+            f"With the calibration the filter refuses {result.refused} of {result.fixes} positions, and uncalibrated, "
+            f"less the gyros' mean at rest, {raw.refused}: it is of another unit, or the unit has changed.",
         )
     found.fit = not against
     own = (
@@ -237,13 +250,30 @@ def judge_drive(found: DriveVerification, own_recording: bool) -> None:
     found.reasons = [*against, *own, *_words(found, ratio)]
 
 
+def no_proof(run: FilterRun) -> bool:
+    """Return whether a filter that may find the biases finds no motion that IMU and positions both describe.
+
+    Outliers are refused and the other positions fit: a share of them alone proves nothing.
+
+    Parameters
+    ----------
+    run : of the calibrated samples.
+    """
+    distances: Series = run.distances[:, 0]
+    seen = np.isfinite(distances)
+    taken = seen & run.taken[:, 0]
+    refused = 1.0 - float(taken.sum()) / max(int(seen.sum()), 1)
+    left = float(np.mean(distances[taken])) / 3.0 if taken.any() else float("inf")
+    return refused > LARGEST_SHARE_REFUSED and (refused > 0.5 or left > LARGEST_LEFT)
+
+
 def _beside(found: DriveVerification, name: str) -> str:
     """What a bias was allowed beside the calibration's uncertainty."""
     if "bias" not in name:
         return ": it has changed since, or the filter's noise is stated too small"
     return (
-        f" with {_allowed(found)} from one turn-on to the next: it has changed since, or this unit's biases move by more "
-        "than was said with --turn-on"
+        f" with {_allowed(found)} from one turn-on to the next: it has changed since, or this unit's biases move by "
+        "more than was said with --turn-on"
     )
 
 
@@ -260,9 +290,9 @@ def _on_turn_on(found: DriveVerification) -> list[str]:
     name, (estimate, times) = worst
     return [
         (
-            f"It serves if this unit's biases may move by {_allowed(found)} from one turn-on to the next (--turn-on): the "
-            f"drive finds the {name} moved by {_practical(name, estimate)}, {abs(times):.1f} times what the calibration's "
-            "own uncertainty allows."
+            f"It serves if this unit's biases may move by {_allowed(found)} from one turn-on to the next (--turn-on): "
+            f"the drive finds the {name} moved by {_practical(name, estimate)}, {abs(times):.1f} times what the "
+            "calibration's own uncertainty allows."
         )
     ]
 
@@ -283,9 +313,11 @@ def _words(found: DriveVerification, ratio: Statistic) -> list[str]:
             f"the accelerometers cause it, {far(most)} if the gyros do."
         )
     result = found.part(WHOLE)
+    left_out = f", and {found.left_out} left out before" if found.left_out else ""
     words.append(
         f"Innovations: {result.innovations:.2f} times what the filter expects (1 when consistent); {result.refused} of "
-        f"{result.fixes} positions refused as outliers."
+        f"{result.fixes} positions refused as outliers{left_out}."
+        f"{' ' if found.why_innovations else ''}{found.why_innovations}"
     )
     return words
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from tumble.calibration import read_calibration
 from tumble.calibration.imported import calibration_from_model
 from tumble.calibration.result import Calibration
 from tumble.calibration.thermal_block import thermal_block
-from tumble.errors import UsageError
+from tumble.errors import CalibrationFileError, UsageError
 from tumble.export.registry import TARGETS
 from tumble.export.subject import Wishes, prepare
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel
+from tumble.workflows.convert import convert_from
 
 REFERENCE = ImuModel(
     Triad(np.diag([1.01, 0.99, 1.02]), np.array([0.1, -0.2, 0.05])),
@@ -123,3 +127,84 @@ def test_lines_are_fitted_by_a_cubic_whose_misfit_is_said() -> None:
     found = text.partition("off by up to ")[2].partition(" µg")[0]
     # |t| on [-1, 1] by a parabola in least squares: 15/16 t² + 3/16, off by 3/16 at the kink.
     assert abs(float(found) - 0.1 * 3 / 16 / 9.80665 * 1e6) < 60
+
+
+@pytest.mark.parametrize("instance", [0, 2])
+@pytest.mark.parametrize("name", ["px4", "ardupilot"])
+def test_what_was_exported_reads_back_with_its_temperatures(tmp_path: Path, name: str, instance: int) -> None:
+    """Single precision of the parameters, as above; the round trip goes through the command's own function."""
+    calibration = cubic()
+    target = TARGETS[name]
+    ((file, text),) = target.write(prepare(calibration, target, Wishes(instance=instance))).items()
+    (tmp_path / file).write_text(text)
+    convert_from(tmp_path / file, name, output=tmp_path / "back.json")
+    back = read_calibration(tmp_path / "back.json")
+    assert back.thermal is not None
+    assert back.thermal.span_celsius == (-20.0, 60.0)
+    assert back.temperature_celsius == pytest.approx(22.0)
+    for celsius in (-20.0, 3.0, 22.0, 41.0, 60.0):
+        expected, found = truth(calibration, celsius), truth(back, celsius)
+        assert np.allclose(found[0], expected[0], rtol=0, atol=3e-6)
+        assert np.allclose(found[1], expected[1], rtol=0, atol=1e-7)
+
+
+PX4 = """1\t1\tCAL_ACC0_ID\t1310988\t6
+1\t1\tCAL_ACC0_XOFF\t0.5\t9\n1\t1\tCAL_ACC0_YOFF\t0\t9\n1\t1\tCAL_ACC0_ZOFF\t0\t9
+1\t1\tTC_A_ENABLE\t1\t6
+"""
+
+
+def px4_curve(number: int, identity: int, x1: float) -> str:
+    rows = {"ID": identity, "TREF": 40, "TMIN": 20, "TMAX": 60}
+    rows |= {f"X{power}_{axis}": x1 * (power == 1) for power in range(4) for axis in range(3)}
+    return "".join(f"1\t1\tTC_A{number}_{name}\t{value}\t9\n" for name, value in rows.items())
+
+
+def test_px4_s_curve_is_that_of_the_sensor_with_the_same_number(tmp_path: Path) -> None:
+    path = tmp_path / "a.params"
+    path.write_text(PX4 + px4_curve(0, 7, 0.1) + px4_curve(1, 1310988, 0.01))
+    convert_from(path, "px4", output=tmp_path / "a.json")
+    model = read_calibration(tmp_path / "a.json").thermal_model
+    assert model is not None
+    assert np.allclose(model.at(50.0).accelerometer.bias, [0.6, 0.1, 0.1])  # type: ignore[union-attr]
+    path.write_text(PX4 + px4_curve(0, 7, 0.1))
+    found = convert_from(path, "px4", output=tmp_path / "b.json")
+    assert read_calibration(tmp_path / "b.json").thermal is None
+    assert any("is for other sensors" in remark for remark in found.remarks)
+
+
+def test_a_compensation_that_lacks_a_number_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.params"
+    path.write_text(PX4 + px4_curve(0, 1310988, 0.1).replace("TC_A0_X2_1", "TC_A0_OTHER"))
+    with pytest.raises(CalibrationFileError, match="switches TC_A_ENABLE on but lacks TC_A0_X2_1"):
+        convert_from(path, "px4", output=tmp_path / "a.json")
+    path.write_text(PX4 + px4_curve(0, 1310988, 0.1).replace("TMAX\t60", "TMAX\t10"))
+    with pytest.raises(CalibrationFileError, match=r"spans nothing \(20 to 10 °C\)"):
+        convert_from(path, "px4", output=tmp_path / "a.json")
+
+
+def test_ardupilot_s_curves_may_be_of_two_temperatures(tmp_path: Path) -> None:
+    """Accelerometers calibrated at 20 °C, gyros at 45 °C: P is about 35 °C for both."""
+    lines = ["INS_ACCOFFS_X,0.5", "INS_ACCOFFS_Y,0", "INS_ACCOFFS_Z,0", "INS_GYROFFS_X,0.01"]
+    lines += [
+        "INS_GYROFFS_Y,0",
+        "INS_GYROFFS_Z,0",
+        "INS_TCAL1_ENABLE,1",
+        "INS_TCAL1_TMIN,0",
+        "INS_TCAL1_TMAX,70",
+    ]
+    lines += ["INS_ACC1_CALTEMP,20", "INS_GYR1_CALTEMP,45"]
+    lines += [
+        f"INS_TCAL1_{k}{n}_{a},{1e3 if n == 2 else 0}"
+        for k in ("ACC", "GYR")
+        for n in (1, 2, 3)
+        for a in "XYZ"
+    ]
+    (tmp_path / "a.parm").write_text("\n".join(lines))
+    convert_from(tmp_path / "a.parm", "ardupilot", output=tmp_path / "a.json")
+    model = read_calibration(tmp_path / "a.json").thermal_model
+    assert model is not None
+    there = model.at(60.0)
+    # 1e-3 ((60 - 35)² - (T_cal - 35)²)
+    assert np.allclose(there.accelerometer.bias, np.array([0.5, 0, 0]) + 1e-3 * (625 - 225))  # type: ignore[union-attr]
+    assert np.allclose(there.gyroscope.bias, np.array([0.01, 0, 0]) + 1e-3 * (625 - 100))  # type: ignore[union-attr]
