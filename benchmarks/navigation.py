@@ -17,6 +17,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -307,6 +308,15 @@ def real(folder: Path, peer: bool) -> None:
         f"filter over {len(drive.samples)} samples: {time.perf_counter() - started:.2f} s, "
         f"{len(run.refused)} fixes refused"
     )
+    for factor in (1.0, 0.5, 0.25):
+        quieter = replace(
+            CAR,
+            angle_random_walk=factor * CAR.angle_random_walk,
+            velocity_random_walk=factor * CAR.velocity_random_walk,
+        )
+        tried = drive.run(quieter, interval=1.0)
+        mean = np.mean(tried.distances[tried.taken[:, 0], 0]) / 3.0
+        print(f"innovations over what the filter expects, white noise times {factor:g}: {mean:.2f}")
     held_out = inside & ~np.isin(drive.track.time, drive.track.thinned(1.0)[0].time)
     print("rms north/east/down against the 4 Hz solution (fixed), 1 Hz aiding:")
     report("filter, all", errors_of(drive, run.trajectory, inside))

@@ -15,6 +15,7 @@ from tumble.calibration.joint_unknowns import (
     GYRO_BIAS,
     GYRO_MATRIX,
     RATE_ASYMMETRY,
+    RATE_QUADRATIC,
     raw_force,
     raw_rate,
     without_asymmetry,
@@ -87,6 +88,7 @@ def test_derivatives_of_asymmetric_sensors_are_those_of_differences() -> None:
     unknowns[GYRO_MATRIX] = (np.eye(3) + 0.02 * rng.standard_normal((3, 3))).ravel()
     unknowns[GYRO_BIAS], unknowns[G_SENSITIVITY] = 0.01, 1e-4 * rng.standard_normal(9)
     unknowns[FORCE_ASYMMETRY], unknowns[RATE_ASYMMETRY] = OF_FORCE, OF_RATE
+    unknowns[RATE_QUADRATIC] = OF_RATE[::-1]
     force, rate = 9.0 * rng.standard_normal((4, 3)), rng.standard_normal((4, 3))
     step = 1e-6
     for index in range(WIDE):
@@ -102,12 +104,12 @@ def test_derivatives_of_asymmetric_sensors_are_those_of_differences() -> None:
             )
 
 
-def test_without_asymmetry_a_gyro_shows_what_a_symmetric_one_would() -> None:
+def test_without_asymmetry_a_gyro_shows_what_a_symmetric_and_linear_one_would() -> None:
     unknowns = np.zeros(WIDE)
     unknowns[GYRO_MATRIX] = np.array([[0.99, 0.02, 0.0], [0.01, 1.02, -0.03], [0.0, 0.02, 0.98]]).ravel()
     unknowns[GYRO_BIAS] = [0.01, -0.02, 0.03]
     rate = np.array([[1.0, -2.0, 0.5], [-0.3, 0.4, -1.5]])
     symmetric = raw_rate(unknowns, rate, np.zeros((2, 3))).value
-    unknowns[RATE_ASYMMETRY] = OF_RATE
+    unknowns[RATE_ASYMMETRY], unknowns[RATE_QUADRATIC] = OF_RATE, OF_RATE[::-1]
     shown = raw_rate(unknowns, rate, np.zeros((2, 3))).value
     np.testing.assert_allclose(without_asymmetry(unknowns, shown), symmetric, rtol=1e-14)

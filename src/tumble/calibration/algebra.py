@@ -96,6 +96,7 @@ def turned_to(calibration: Calibration, frame: str) -> Calibration:
             calibration, np.real(rotation(values.astype(complex))), model_of_vector(moved, model)
         ),
         remark=f"turned from the frame {calibration.frame.name} to {frame}, covariance carried",
+        lever_arms=_turned_arms(calibration, np.real(rotation(values.astype(complex)))),
     )
 
 
@@ -108,6 +109,13 @@ def polar_rotation(matrix: Complex) -> Complex:
     for _ in range(12):
         turn = 0.5 * (turn + inverse(turn).T)
     return turn
+
+
+def _turned_arms(calibration: Calibration, C: Table) -> Any:
+    """The accelerometers' places along the axes of another frame."""
+    if calibration.lever_arms is None:
+        return None
+    return tuple(tuple(float(v) for v in row) for row in np.array(calibration.lever_arms) @ C.T)
 
 
 def _turned_thermal(calibration: Calibration, C: Table, reference: ImuModel) -> Any:
@@ -279,6 +287,7 @@ def _document(
     remark: str,
     thermal: Any = None,
     units: RawUnits | None = None,
+    lever_arms: Any = None,
 ) -> Calibration:
     """The document with another model and covariance; what is told of a triad that was told before."""
     units = units or calibration.raw_units
@@ -291,6 +300,8 @@ def _document(
         if _has(model, term) and np.any(sigma[place] > 0.0)
     ]
     accelerometer, gyroscope = triad_blocks(model)
+    if lever_arms is None and any(stage.lever_arms is not None for stage in calibration.stages):
+        remark += "; the accelerometers' lever arms are not in it"
     return calibration.model_copy(
         update={
             "frame": frame,
@@ -303,6 +314,7 @@ def _document(
             "test_vectors": test_vectors(model, (units.specific_force, units.angular_rate)),
             "remarks": [*calibration.remarks, remark[0].upper() + remark[1:] + "."],
             "thermal": thermal,
+            "lever_arms": lever_arms,
             "turn_ons": None,
         }
     )

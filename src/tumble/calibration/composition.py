@@ -97,6 +97,7 @@ def calibration_from_estimate(
         remarks=[*estimate.remarks, *remarks],
         test_vectors=_test_vectors(model, recording, gyroscope),
         thermal=thermal,
+        lever_arms=None if estimate.lever_arms is None else _rows(estimate.lever_arms),
     )
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series, Vectors
+from tumble.calibration.lever_arms import LeverArms
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.sensor import ImuModel
 from tumble.sensor.thermal import Outside, ThermalModel
@@ -24,7 +25,8 @@ NO_TEMPERATURE = (
 class Corrector:
     """Corrects block after block by a calibration and those that it is composed with.
 
-    Lag, rate and hysteresis of the sensor's temperature are carried from one block to the next: blocks
+    Lag, rate and hysteresis of the sensor's temperature are carried from one block to the next, and so is the last
+    angular rate, of which lever arms make an acceleration: blocks
     give the same numbers as the whole, as long as the first one is longer than `smoothing`.
 
     Attributes
@@ -48,6 +50,7 @@ class Corrector:
         self._thermal = [stage.thermal_model for stage in stages]
         self._models = [stage.own_model for stage in stages]
         self._states: list[ThermalState | None] = [None] * len(stages)
+        self._arms = [LeverArms.of(stage.lever_arms, stage.own_model) for stage in stages]
 
     def correct(
         self,
@@ -63,14 +66,21 @@ class Corrector:
         CalibrationFileError
             If a g-sensitivity is to be taken out and there is no corrected specific force.
         UsageError
-            If a thermal model has no temperature, or a changing one no time.
+            If an array is not (samples, 3) or not as long as the others, a thermal model has no temperature, or a
+            changing one no time; or if there are lever arms and no time.
         ThermalSpanError
             If the temperature leaves the calibrated span and `outside` is ``refuse``.
         ValueError
             If a matrix is singular.
         """
-        force = None if raw_specific_force is None else np.asarray(raw_specific_force, dtype=float)
-        rate = None if raw_angular_rate is None else np.asarray(raw_angular_rate, dtype=float)
+        force = _samples(raw_specific_force, "raw_specific_force")
+        rate = _samples(raw_angular_rate, "raw_angular_rate")
+        _same_length(
+            raw_specific_force=force,
+            raw_angular_rate=rate,
+            time=time,
+            temperature_celsius=temperature_celsius,
+        )
         for number, (model, thermal) in enumerate(zip(self._models, self._thermal, strict=True)):
             lacks_force = force is None or model.accelerometer is None
             if model.g_sensitivity is not None and rate is not None and lacks_force:
@@ -82,6 +92,9 @@ class Corrector:
                 force, rate = _corrected(model, force, rate)
             else:
                 force, rate = self._along(number, thermal, force, rate, time, temperature_celsius)
+            arms = self._arms[number]
+            if arms is not None and force is not None and rate is not None:
+                force = arms.taken_out(force, rate, time)
         return force, rate
 
     def _along(
@@ -110,6 +123,33 @@ class Corrector:
         self.warmest = float(np.fmax(self.warmest, path.temperature.max()))
         self.fastest = max(self.fastest, float(np.abs(path.rate).max()))
         return corrected
+
+
+def _samples(values: object, name: str) -> Vectors | None:
+    """Return an argument as an array of (samples, 3)."""
+    if values is None:
+        return None
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise UsageError(
+            f"{name} holds something that is no number: give an array of (samples, 3)."
+        ) from None
+    if array.ndim != 2 or array.shape[1] != 3:
+        advice = {(3,): ", of one sample (1, 3)"}.get(array.shape, "")
+        if array.ndim == 2 and array.shape[0] == 3:
+            advice = ": turn it round (.T)"
+        raise UsageError(f"{name} has the shape {array.shape}: give (samples, 3), one row a sample{advice}.")
+    return array
+
+
+def _same_length(**arguments: Vectors | Series | float | None) -> None:
+    """Refuse arrays of different numbers of samples; one number serves them all."""
+    arrays = {name: np.asarray(values) for name, values in arguments.items() if values is not None}
+    lengths = {name: array.shape[0] for name, array in arrays.items() if array.ndim}
+    if len(set(lengths.values())) > 1:
+        told = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise UsageError(f"The arrays have different numbers of samples ({told}): give as many of each.")
 
 
 def _given_temperature(temperature: Series | float | None, samples: int, *, begun: bool) -> Series:

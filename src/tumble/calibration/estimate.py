@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Table, Vector, Vectors
+from tumble.arrays import Matrix, Series, Square, Table, Vector, Vectors
 from tumble.calibration.thermal_evidence import ThermalEvidence
 from tumble.calibration.uncertainty_statement import UncertaintyStatement
 from tumble.sensor import ImuModel
@@ -153,6 +153,7 @@ class Estimate:
     thermal : how the triads change with temperature, about `model`; None if that was not asked for.
     thermal_names, thermal_covariance : of its parameters (`ThermalModel.names`) and (n, n).
     thermal_evidence : what it was made of, for the report.
+    lever_arms : (3, 3) m in `frame`, where each accelerometer sits; None where they are taken to be at one place.
     """
 
     procedure: str
@@ -193,6 +194,7 @@ class Estimate:
     thermal_names: list[str] = field(default_factory=list[str])
     thermal_covariance: Table = field(default_factory=lambda: np.zeros((0, 0)))
     thermal_evidence: ThermalEvidence | None = None
+    lever_arms: Matrix | None = None
 
 
 def coverage_factor(degrees_of_freedom: int) -> float:

@@ -194,10 +194,10 @@ def add_time_lag(estimate: Estimate, data: HoldsAndTurns) -> None:
                 replace(choice, change=np.append(choice.change, 0.0)) for choice in told.model_choice
             ],
         )
-    later = "later" if found.lag > 0 else "earlier"
+    earlier = "earlier" if found.lag > 0 else "later"
     estimate.remarks.append(
         f"The accelerometer's samples belong to instants {abs(1e3 * found.lag):.1f} ms "
-        f"(± {1e3 * found.sigma:.1f} ms) {later} than the gyro's. The estimate does not depend on it, and "
+        f"(± {1e3 * found.sigma:.1f} ms) {earlier} than the gyro's. The estimate does not depend on it, and "
         "`tumble apply` does not shift samples: tell your filter."
     )
 

@@ -39,6 +39,12 @@ from tumble.calibration.joint_system import (
     linearise_joint,
     start_state,
 )
+from tumble.calibration.joint_table_terms import (
+    TABLE_TERMS,
+    lever_prior_of,
+    seen_table_terms,
+    term_test,
+)
 from tumble.calibration.joint_terms import Extra
 from tumble.calibration.joint_trials import (
     copied_state,
@@ -47,9 +53,8 @@ from tumble.calibration.joint_trials import (
     widened_problem,
 )
 from tumble.calibration.joint_unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED, force_matrix
-from tumble.calibration.joint_wide import FIXTURE, FORCE_ASYMMETRY, RATE_ASYMMETRY, is_wide, widened
+from tumble.calibration.joint_wide import FIXTURE, FORCE_ASYMMETRY, RATE_ASYMMETRY, widened
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.term_tests import wald_test
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE, unknowns_from_triad
 from tumble.calibration.turn_conditions import HoldsAndTurns
 from tumble.earth import Site
@@ -68,9 +73,10 @@ OPTIONAL_TERMS = {
     "gyro_asymmetry": np.arange(RATE_ASYMMETRY.start, RATE_ASYMMETRY.stop),
 }
 OF_GYROS = ("g_sensitivity", "gyro_asymmetry")
+ALL_TERMS = {**OPTIONAL_TERMS, **TABLE_TERMS}
 # A term that is not there is kept in fewer than this share of recordings, all terms together, the time lag too.
 TERM_FALSE_ALARM = 0.02
-# What the test of the time lag takes of it, each of the others gets an equal share of the rest.
+# What the test of the time lag takes of it, each of the others gets an equal share of the rest; by hand these.
 TERM_LIMIT = (TERM_FALSE_ALARM - LAG_LIMIT) / len(OPTIONAL_TERMS)
 # Both triads without optional terms.
 PLAIN = np.concatenate([np.arange(0, 9), np.arange(GYRO_MATRIX.start, GYRO_BIAS.stop)])
@@ -108,7 +114,8 @@ def calibrate_joint(
     poses : of holds, that are believed.
     frame : of the result: "accelerometer-x", or "fixture" where poses tell it.
     prior : what an earlier calibration knows of the accelerometers' angles.
-    optional_terms : try g-sensitivity, quadratic terms and asymmetries, keep what the data want.
+    optional_terms : try g-sensitivity, quadratic terms and asymmetries, on a table a lag between the triads and the
+        accelerometers' lever arms too, and keep what the data want.
     unused_holds : holds whose force and rate are kept out of the estimate, for cross-validation.
     progress : is told in words what is being done.
     keep : is handed the settled solution with everything behind it, for adjustments that go on from there.
@@ -158,11 +165,14 @@ def calibrate_joint(
         problem.extra = rough_variances(base, values, has_gyro=has_gyro)
         optional_terms, known = False, {}
     problem.free = np.sort(np.concatenate([plain, *known.values()]))
-    balanced = balance_joint(problem, state)
+    of_table: list[str] = []
+    if optional_terms and has_gyro and data.spins:
+        problem, state, of_table = _with_table(problem, state)
+    balanced = _balanced_with(problem, state, of_table)
     tests: list[TermTest] = []
     if optional_terms:
         say("optional terms")
-        problem, state, balanced, tests = _with_terms(problem, state, balanced, plain)
+        problem, state, balanced, tests = _with_terms(problem, state, balanced, plain, of_table)
     outcome = JointOutcome(
         recording, data, site, problem, state, balanced, tests, start, untold, frame, has_gyro
     )
@@ -300,26 +310,48 @@ def _refuse_nothing_told(untold: Untold) -> None:
         raise ObservabilityError(f"The holds tell nothing of the accelerometers. {untold.sentences[0]}")
 
 
+def _with_table(problem: JointProblem, state: JointState) -> tuple[JointProblem, JointState, list[str]]:
+    """Return both wide, and the terms that only a table's rotations show, as far as these do."""
+    wide, moved = widened_problem(problem, state)
+    wide.free = np.unique(np.concatenate([problem.free, *ALL_TERMS.values()]))
+    names = seen_table_terms(linearise_joint(wide, moved)[1], wide.free, moved.unknowns)
+    wide.free = problem.free
+    return (wide, moved, names) if names else (problem, state, [])
+
+
+def _balanced_with(problem: JointProblem, state: JointState, names: list[str]) -> BalancedJoint:
+    """Balance with a table's terms: what is left of a lag by itself would be taken for a table that shakes."""
+    prior, free = problem.prior, problem.free
+    problem.free = np.sort(np.concatenate([free, *(TABLE_TERMS[name] for name in names)]))
+    problem.prior = together(prior, lever_prior_of(problem.free, state.unknowns))
+    balanced = balance_joint(problem, state)
+    problem.free, problem.prior = free, prior
+    return balanced
+
+
 def _with_terms(
-    problem: JointProblem, state: JointState, base: BalancedJoint, plain: np.ndarray
+    problem: JointProblem, state: JointState, base: BalancedJoint, plain: np.ndarray, of_table: list[str]
 ) -> tuple[JointProblem, JointState, BalancedJoint, list[TermTest]]:
     """Try all optional terms at once, drop the least significant until every one left is wanted."""
-    narrow = None if is_wide(state.unknowns) else SHARED
+    narrow = None if problem.data.poses is not None else SHARED
     before = (problem, state, base)
     problem, state = widened_problem(problem, state)
     has_gyro = bool(np.any(plain >= GYRO_MATRIX.start))
     names = [name for name in OPTIONAL_TERMS if has_gyro or name not in OF_GYROS]
+    names += of_table
+    limits = _limits(names)
     tests: dict[str, TermTest] = {}
     while names:
-        free = np.sort(np.concatenate([plain, *(OPTIONAL_TERMS[name] for name in names)]))
+        free = np.sort(np.concatenate([plain, *(ALL_TERMS[name] for name in names)]))
         trial = fresh_problem(problem, free)
         moved = copied_state(state, free)
+        trial.prior = together(trial.prior, lever_prior_of(free, moved.unknowns))
         try:
             balanced = balance_joint(trial, moved)
         except ObservabilityError:
             names.pop()
             continue
-        wanted = _wanted_terms(balanced.solution, names, tests)
+        wanted = _wanted_terms(balanced.solution, names, tests, limits)
         if wanted == names:
             if free[-1] < (narrow or 0):
                 trial, moved, balanced = _settled_again(trial, moved, free, narrow)
@@ -330,26 +362,33 @@ def _with_terms(
     return *before, list(tests.values())
 
 
-def _wanted_terms(solution: JointSolution, names: list[str], tests: dict[str, TermTest]) -> list[str]:
+def _limits(names: list[str]) -> dict[str, float]:
+    """Return how rarely chance may keep each term."""
+    others = [name for name in names if name != "time_lag"]
+    share = (TERM_FALSE_ALARM - LAG_LIMIT) / max(len(others), len(OPTIONAL_TERMS))
+    return {**dict.fromkeys(others, share), "time_lag": LAG_LIMIT}
+
+
+def _wanted_terms(
+    solution: JointSolution, names: list[str], tests: dict[str, TermTest], limits: dict[str, float]
+) -> list[str]:
     """Drop the least significant term until every one left is wanted; of each, its last test goes into `tests`.
 
     What the others would be without a term follows from the covariance: nothing is adjusted anew for it.
     """
     left, values, cofactor = list(names), solution.state.unknowns.copy(), solution.cofactor.copy()
     while left:
-        at = {name: np.searchsorted(solution.free, OPTIONAL_TERMS[name]) for name in left}
+        at = {name: np.searchsorted(solution.free, ALL_TERMS[name]) for name in left}
         for name, own in at.items():
             block = cofactor[np.ix_(own, own)]
-            tests[name] = wald_test(
-                name, values[OPTIONAL_TERMS[name]], block, solution.redundancy, TERM_LIMIT
-            )
+            tests[name] = term_test(name, values[ALL_TERMS[name]], block, solution.redundancy, limits[name])
         weakest = max(left, key=lambda name: tests[name].probability)
         if tests[weakest].kept:
             break
         left.remove(weakest)
         gone = at[weakest]
         share = cofactor[:, gone] @ inverted(cofactor[np.ix_(gone, gone)])
-        values[solution.free] -= share @ values[OPTIONAL_TERMS[weakest]]
+        values[solution.free] -= share @ values[ALL_TERMS[weakest]]
         cofactor = cofactor - share @ cofactor[gone]
     return left
 
@@ -369,4 +408,4 @@ def _silent(_: str) -> None:
     """Tell nobody."""
 
 
-__all__ = ["OPTIONAL_TERMS", "calibrate_joint", "unknowns_of"]
+__all__ = ["ALL_TERMS", "OPTIONAL_TERMS", "calibrate_joint", "unknowns_of"]

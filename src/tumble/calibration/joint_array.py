@@ -25,6 +25,7 @@ from tumble.calibration.joint_system import (
     SectionChain,
     section_chain,
 )
+from tumble.calibration.joint_table_terms import lever_prior_of
 from tumble.calibration.joint_terms import HEAD, NODE, TAIL, Section, carry
 from tumble.calibration.joint_trials import copied_state, fresh_problem
 from tumble.errors import ConvergenceError, UsageError
@@ -63,7 +64,7 @@ class ArrayUnit:
     def of(name: str, outcome: JointOutcome) -> ArrayUnit:
         """Return a unit that was adjusted by itself; the outcome stays as it is."""
         problem = fresh_problem(outcome.problem, outcome.problem.free)
-        problem.prior = None
+        problem.prior = lever_prior_of(problem.free, outcome.state.unknowns)
         state = copied_state(outcome.state, np.arange(outcome.state.unknowns.size))
         return ArrayUnit(name, outcome, problem, state, np.eye(3), unit_weight(outcome.balanced.solution))
 
@@ -228,6 +229,11 @@ def _linearise(units: Sequence[ArrayUnit]) -> tuple[list[_Common], Square, Serie
         normal += corner[3:, 3:] - corner[3:, EARTH] @ gain
         gradient += right[3:] - gain.T @ right[EARTH]
         sections.append(made)
+    for unit, start in zip(units, np.cumsum([0, *sizes]), strict=False):
+        prior, own = unit.problem.prior, slice(start, start + unit.state.unknowns.size)
+        if prior is not None:
+            normal[own, own] += prior.precision
+            gradient[own] += prior.precision @ (unit.state.unknowns - prior.mean)
     at = _free(units)
     return sections, normal[np.ix_(at, at)], gradient[at]
 

@@ -260,13 +260,14 @@ def _modes(base: HoldsAndTurns, windows: int, seconds: float, rate: float) -> in
     return mode_count(windows, seconds * rate / (2.0 * np.pi))
 
 
-def mean_backward_rotation(spin: JointSpin, rate: Vectors) -> Matrices:
+def mean_backward_rotation(spin: JointSpin, rate: Vectors, lag: float = 0.0) -> Matrices:
     """Return (windows, 3, 3) the mean over each window of the rotation from its centre's frame to each sample's.
 
     Parameters
     ----------
     spin : windows.
     rate : (windows, 3) rad/s, corrected means of the gyros.
+    lag : s by which samples are of an earlier instant than their stamps say.
 
     Notes
     -----
@@ -275,7 +276,7 @@ def mean_backward_rotation(spin: JointSpin, rate: Vectors) -> Matrices:
     """
     speed = np.linalg.norm(rate, axis=1)
     count = spin.windows[:, 1] - spin.windows[:, 0]
-    phase = np.repeat(speed, count) * spin.offsets
+    phase = np.repeat(speed, count) * (spin.offsets - lag)
     starts = spin.windows[:, 0] - spin.windows[0, 0]
     sine = np.add.reduceat(np.sin(phase), starts) / count
     cosine = np.add.reduceat(np.cos(phase), starts) / count

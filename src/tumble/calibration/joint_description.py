@@ -12,8 +12,9 @@ from tumble.arrays import Series, Square
 from tumble.calibration.canonical import Described, canonical_names, gravity_covariance, named_parameters
 from tumble.calibration.estimate import NamedValue, correlation_matrix
 from tumble.calibration.joint_observability import NAME_PLATE_FORCE, NAME_PLATE_RATE, NAME_PLATE_SHARE
+from tumble.calibration.joint_table_parameters import WORTH_NAMING, table_parameters, told_table_parameters
 from tumble.calibration.joint_unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED
-from tumble.calibration.joint_wide import FIXTURE, FORCE_ASYMMETRY, RATE_ASYMMETRY, widened
+from tumble.calibration.joint_wide import FIXTURE, FORCE_ASYMMETRY, RATE_ASYMMETRY, RATE_QUADRATIC, widened
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE
 from tumble.earth import Site
 from tumble.recording.recording import Recording
@@ -22,8 +23,6 @@ from tumble.sensor.conventions.shin import matrix_from_shin
 from tumble.units import angular_rate_factor, specific_force_factor
 
 Complex = npt.NDArray[Any]
-# What is less certain than this share of the name plate's promise is no result.
-WORTH_NAMING = 0.45
 
 
 def describe_wide(
@@ -60,7 +59,8 @@ def describe_wide(
     labels, evaluate = named_function(terms, gyro, frame, units, factors)
     shown, told = propagate(evaluate, values, spread)
     sigmas = np.sqrt(np.maximum(np.diag(told), 0.0))
-    rows = [i for i in range(len(labels)) if all_told or _is_told(labels[i], shown[i], sigmas[i], values)]
+    named = told_table_parameters(labels, sigmas)
+    rows = [i for i in np.flatnonzero(named) if all_told or _is_told(labels[i], shown[i], sigmas[i], values)]
     parameters = [NamedValue(*_pair(labels[i], shown[i], sigmas[i])) for i in rows]
     return Described(
         _model(values, terms, gyro, frame),
@@ -75,8 +75,13 @@ def _pair(label: tuple[str, str], value: float, sigma: float) -> tuple[str, floa
     return label[0], float(value), float(sigma), label[1]
 
 
-def _rotation(x: Complex, frame: str) -> Complex:
-    """C_bf, analytic in the rotation vector; the identity in the sensors' own frame."""
+def rotation_of_frame(x: Complex, frame: str) -> Complex:
+    """Return C_bf, analytic in the rotation vector; the identity in the sensors' own frame.
+
+    Parameters
+    ----------
+    x, frame : all unknowns, and "accelerometer-x" or "fixture".
+    """
     if frame != "fixture":
         return np.eye(3)
     v = x[FIXTURE]
@@ -93,31 +98,36 @@ def _rotation(x: Complex, frame: str) -> Complex:
 
 def _canonical(terms: frozenset[str], gyro: str, frame: str) -> Callable[[Complex], Complex]:
     def evaluate(x: Complex) -> Complex:
-        C_bf = _rotation(x, frame)
+        C_bf = rotation_of_frame(x, frame)
         parts: list[Complex] = [(matrix_from_shin(x[SCALE], x[ANGLE]) @ C_bf).ravel(), x[BIAS]]
         parts += [x[QUADRATIC]] if "quadratic" in terms else []
         if gyro == "full":
             parts += [(x[GYRO_MATRIX].reshape(3, 3) @ C_bf).ravel(), x[GYRO_BIAS]]
         if "g_sensitivity" in terms:
             parts.append((x[G_SENSITIVITY].reshape(3, 3) @ C_bf).ravel())
-        parts += [x[place] for name, place in _ASYMMETRY if name in terms]
+        parts += [x[place] for name, place in _FURTHER if name in terms]
         return np.concatenate(parts)
 
     return evaluate
 
 
-_ASYMMETRY = (("accelerometer_asymmetry", FORCE_ASYMMETRY), ("gyro_asymmetry", RATE_ASYMMETRY))
-_ASYMMETRY_KEYS = {
+_FURTHER = (
+    ("accelerometer_asymmetry", FORCE_ASYMMETRY),
+    ("gyro_asymmetry", RATE_ASYMMETRY),
+    ("gyro_quadratic", RATE_QUADRATIC),
+)
+_FURTHER_KEYS = {
     "accelerometer_asymmetry": "accelerometer.asymmetry",
     "gyro_asymmetry": "gyroscope.asymmetry",
+    "gyro_quadratic": "gyroscope.quadratic",
 }
 
 
 def _canonical_names(terms: frozenset[str], gyro: str) -> list[str]:
     names = canonical_names(terms, gyro)
-    for name, _ in _ASYMMETRY:
+    for name, _ in _FURTHER:
         if name in terms:
-            names += [f"{_ASYMMETRY_KEYS[name]}[{i}]" for i in range(3)]
+            names += [f"{_FURTHER_KEYS[name]}[{i}]" for i in range(3)]
     return names
 
 
@@ -171,27 +181,30 @@ def named_function(
     terms, gyro, frame : as for `describe_wide`.
     units, factors : raw units, and SI per raw unit or None for counts.
     """
-    more = [(name, place) for name, place in _ASYMMETRY if name in terms]
+    more = [(name, place) for name, place in _FURTHER if name in terms]
     extra = [
-        (f"{'accelerometer' if name.startswith('acc') else 'gyro'} asymmetry {axis}", "1")
+        (f"{name.replace('_', ' ')} {axis}", f"1/({units[1]})" if name == "gyro_quadratic" else "1")
         for name, _ in more
         for axis in "xyz"
     ]
+    of_table, told = table_parameters(terms, lambda x: rotation_of_frame(x, frame), frame)
     if frame != "fixture":
         labels, own = named_parameters(terms=terms, gyro=gyro, units=units, factors=factors)
-        return [*labels, *extra], lambda x: np.concatenate([own(x[:36]), *(x[place] for _, place in more)])
+        return [*labels, *extra, *of_table], lambda x: np.concatenate(
+            [own(x[:36]), *(x[place] for _, place in more), *told(x)]
+        )
     labels = _fixture_labels("accelerometer", units[0], factors[0], "m/s²")
     if gyro == "full":
         labels += _fixture_labels("gyro", units[1], factors[1], "rad/s")
 
     def evaluate(x: Complex) -> Complex:
-        C_bf = _rotation(x, frame)
+        C_bf = rotation_of_frame(x, frame)
         parts = _fixture_values(matrix_from_shin(x[SCALE], x[ANGLE]) @ C_bf, x[BIAS], factors[0])
         if gyro == "full":
             parts += _fixture_values(x[GYRO_MATRIX].reshape(3, 3) @ C_bf, x[GYRO_BIAS], factors[1])
-        return np.concatenate([*parts, *(x[place] for _, place in more)])
+        return np.concatenate([*parts, *(x[place] for _, place in more), *told(x)])
 
-    return [*labels, *extra], evaluate
+    return [*labels, *extra, *of_table], evaluate
 
 
 def _fixture_labels(short: str, unit: str, factor: float | None, si: str) -> list[tuple[str, str]]:
@@ -211,7 +224,7 @@ def _fixture_values(matrix: Complex, bias: Complex, factor: float | None) -> lis
 
 
 def _model(x: Series, terms: frozenset[str], gyro: str, frame: str) -> ImuModel:
-    C_bf = np.real(_rotation(x, frame))
+    C_bf = np.real(rotation_of_frame(x, frame))
     accelerometer = Triad(
         np.real(matrix_from_shin(x[SCALE], x[ANGLE])) @ C_bf,
         x[BIAS].copy(),
@@ -224,6 +237,7 @@ def _model(x: Series, terms: frozenset[str], gyro: str, frame: str) -> ImuModel:
             x[GYRO_MATRIX].reshape(3, 3) @ C_bf,
             x[GYRO_BIAS].copy(),
             x[RATE_ASYMMETRY].copy() if "gyro_asymmetry" in terms else None,
+            x[RATE_QUADRATIC].copy() if "gyro_quadratic" in terms else None,
         )
     sensitivity = x[G_SENSITIVITY].reshape(3, 3) @ C_bf if "g_sensitivity" in terms else None
     return ImuModel(accelerometer, gyroscope, sensitivity)

@@ -6,18 +6,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import Series, Vectors
+from tumble.arrays import Matrix, Series, Vectors
 from tumble.calibration.canonical import Described, describe_unknowns
-from tumble.calibration.estimate import Estimate, LeftOut, TermTest, coverage_factor
+from tumble.calibration.estimate import Estimate, LeftOut, NamedValue, TermTest, coverage_factor
 from tumble.calibration.joint_budget import state_uncertainty
 from tumble.calibration.joint_data import JointData
-from tumble.calibration.joint_description import describe_wide
+from tumble.calibration.joint_description import describe_wide, rotation_of_frame
 from tumble.calibration.joint_influence import joint_influences
 from tumble.calibration.joint_noise import BalancedJoint
 from tumble.calibration.joint_observability import Untold
 from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
+from tumble.calibration.joint_table_parameters import lever_arms_of, table_remarks
 from tumble.calibration.joint_terms import Extra, Link, carry, link_covariance
-from tumble.calibration.joint_wide import FIXTURE, is_wide
+from tumble.calibration.joint_wide import FIXTURE, is_wide, widened
 from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.calibration.snooping import Outlier
 from tumble.calibration.turn_conditions import TOTAL
@@ -92,7 +93,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         left_out=[_left_out(outlier, norms, angles) for outlier in outcome.balanced.outliers],
         terms=outcome.terms,
         not_determined=_not_determined(outcome),
-        remarks=_remarks(outcome),
+        remarks=_remarks(outcome, described.parameters),
         objections=[
             *_objections(outcome),
             *(start.objections if start is not None and _tells_all(start) else []),
@@ -105,6 +106,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         spin_names=names,
         beside=start,
         frame=outcome.frame,
+        lever_arms=_lever_arms(outcome),
     )
     if not is_wide(outcome.state.unknowns) and outcome.untold is None and outcome.has_gyro:
         state_uncertainty(estimate, outcome)
@@ -128,7 +130,7 @@ def describe_joint(outcome: JointOutcome) -> Described:
     wide = outcome.state.unknowns.size
     covariance[:wide, :wide] += sum(neighbours.values(), np.zeros(()))
     covariance *= scale
-    terms = frozenset(test.name for test in outcome.terms if test.kept)
+    terms = _kept(outcome)
     if is_wide(outcome.state.unknowns) or outcome.untold is not None or not outcome.has_gyro:
         gyro = "full" if outcome.has_gyro else "none"
         return describe_wide(
@@ -139,6 +141,15 @@ def describe_joint(outcome: JointOutcome) -> Described:
             all_told=outcome.untold is None,
         )
     return describe_unknowns(values, covariance, outcome.site, outcome.recording, terms=terms, gyro="full")
+
+
+def _lever_arms(outcome: JointOutcome) -> Matrix | None:
+    x = widened(outcome.state.unknowns)
+    return lever_arms_of(x, _kept(outcome), np.real(rotation_of_frame(x, outcome.frame)))
+
+
+def _kept(outcome: JointOutcome) -> frozenset[str]:
+    return frozenset(test.name for test in outcome.terms if test.kept)
 
 
 def _components(outcome: JointOutcome) -> dict[str, float]:
@@ -299,8 +310,8 @@ def _left_out(outlier: Outlier, norms: Series, angles: Series) -> LeftOut:
     return LeftOut("turn", k, f"gravity carried by the gyro ends {np.degrees(angles[k]):.2f}° off, {times}")
 
 
-def _remarks(outcome: JointOutcome) -> list[str]:
-    told: list[str] = []
+def _remarks(outcome: JointOutcome, parameters: list[NamedValue]) -> list[str]:
+    told = table_remarks(_kept(outcome), {p.name: (p.value, p.standard_uncertainty) for p in parameters})
     data, state = outcome.data, outcome.state
     if data.spins:
         windows = sum(len(s.windows) for s in data.spins.values())

@@ -14,7 +14,14 @@ import numpy as np
 
 from tumble.arrays import Series, Square
 from tumble.calibration.joint_unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED, gyro_matrix
-from tumble.calibration.joint_wide import FIXTURE, FORCE_ASYMMETRY, LEVER_ARMS, RATE_ASYMMETRY
+from tumble.calibration.joint_wide import (
+    FIXTURE,
+    FORCE_ASYMMETRY,
+    LEVER_ARMS,
+    RATE_ASYMMETRY,
+    RATE_QUADRATIC,
+    TIME_LAG,
+)
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE
 from tumble.errors import ObservabilityError
 from tumble.estimation import Prior, find_weak_directions
@@ -23,6 +30,8 @@ from tumble.estimation.weak_directions import WeakDirection
 # What a unit's name plate promises, one sigma: 30 mg and 1 °/s of bias, 3 % of scale, 3 % of an angle in rad.
 NAME_PLATE_FORCE, NAME_PLATE_RATE, NAME_PLATE_SHARE = 0.3, 0.02, 0.03
 MOUNTING = 0.2  # rad
+# Accelerometers of a unit sit so far apart, and triads lag each other by so much, one sigma.
+LEVER_ARM, LAG = 0.03, 0.01  # m, s
 # An unknown is told if its sigma is below this share of the name plate's.
 TOLD = 0.5
 # More combinations than this are not read by anybody.
@@ -65,7 +74,9 @@ def name_plate(unknowns: Series) -> Series:
     if unknowns.size > SHARED:
         sizes[FIXTURE] = MOUNTING
         sizes[FORCE_ASYMMETRY] = sizes[RATE_ASYMMETRY] = 0.01
-        sizes[LEVER_ARMS] = 0.1
+        sizes[LEVER_ARMS] = LEVER_ARM
+        sizes[TIME_LAG] = LAG
+        sizes[RATE_QUADRATIC] = 1e-3 / rows
     return sizes
 
 
@@ -147,6 +158,7 @@ def name_of(index: int) -> str:
         (FIXTURE, "rotation of the unit in its fixture about {}"),
         (FORCE_ASYMMETRY, "asymmetry of accelerometer {}"),
         (RATE_ASYMMETRY, "asymmetry of gyro {}"),
+        (RATE_QUADRATIC, "quadratic term of gyro {}"),
     ):
         if place.start <= index < place.stop:
             return words.format(axis)
@@ -160,6 +172,8 @@ def name_of(index: int) -> str:
     if G_SENSITIVITY.start <= index < G_SENSITIVITY.stop:
         row, column = divmod(index - G_SENSITIVITY.start, 3)
         return f"g-sensitivity of gyro {'xyz'[row]} to force {'xyz'[column]}"
+    if index == TIME_LAG.start:
+        return "lag of the accelerometers behind the gyros"
     row, column = divmod(index - LEVER_ARMS.start, 3)
     return f"lever arm of accelerometer {'xyz'[row]} along {'xyz'[column]}"
 
@@ -191,7 +205,13 @@ def mending_of(index: int) -> str:
         return f"holds with {axis} up, down and level"
     if RATE_ASYMMETRY.start <= index < RATE_ASYMMETRY.stop:
         return f"turns both ways about {axis}"
-    return "fast turns about each axis"
+    if RATE_QUADRATIC.start <= index < RATE_QUADRATIC.stop:
+        return f"turns about {axis} at several rates, both ways"
+    if index == TIME_LAG.start:
+        return "a turn of the table about a level axis"
+    row, column = divmod(index - LEVER_ARMS.start, 3)
+    pair = f"{'xyz'[row]} and {'xyz'[column]}"
+    return f"fast turns of the table about both edges between {pair}"
 
 
 def _in_words(direction: WeakDirection, free: np.ndarray) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 from tumble.arrays import Series, Square
 from tumble.calibration.joint_estimate import JointOutcome
 from tumble.calibration.joint_noise import BalancedJoint, balance_joint, joint_tests
+from tumble.calibration.joint_observability import together as both_priors
 from tumble.calibration.joint_poses import mounting_prior
 from tumble.calibration.joint_system import (
     JointProblem,
@@ -25,6 +26,7 @@ from tumble.calibration.joint_system import (
     linearise_joint,
     solve_joint,
 )
+from tumble.calibration.joint_table_terms import lever_prior_of
 from tumble.calibration.joint_trials import copied_state, fresh_problem, narrowed_problem, widened_problem
 from tumble.calibration.joint_unknowns import GYRO_BIAS, SHARED
 from tumble.calibration.joint_wide import FIXTURE, is_wide
@@ -86,7 +88,8 @@ class TurnOn:
     @property
     def given(self) -> Prior | None:
         """What is believed of it without the others, and without any name plate."""
-        return None if self.problem.data.poses is None else mounting_prior(self.state.unknowns)
+        mounting = None if self.problem.data.poses is None else mounting_prior(self.state.unknowns)
+        return both_priors(mounting, lever_prior_of(self.problem.free, self.state.unknowns))
 
     @property
     def outliers(self) -> list[Outlier]:

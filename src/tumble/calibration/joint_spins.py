@@ -26,6 +26,7 @@ from tumble.attitude.rotations import (
     tangent_basis,
 )
 from tumble.calibration.joint_data import JointData, JointSpin, mean_backward_rotation
+from tumble.calibration.joint_table_terms import by_lever_arms, by_time_lag, size_effect
 from tumble.calibration.joint_terms import (
     BORDER,
     Extra,
@@ -45,6 +46,7 @@ from tumble.calibration.joint_unknowns import (
     without_asymmetry,
 )
 from tumble.calibration.joint_wander import faster_variance
+from tumble.calibration.joint_wide import LEVER_ARMS, TIME_LAG, is_wide, part_of
 from tumble.calibration.triad_unknowns import BIAS
 from tumble.estimation.bordered import BorderedChain, EliminatedChain, whiten
 
@@ -351,16 +353,25 @@ def _add_force(
     """Add the windows' specific force; return residuals (raw) and their weighted square sum."""
     layout = Layout.of(spin, unknowns)
     rates = _window_rates(spin, unknowns)
-    backward = mean_backward_rotation(spin, rates) @ np.swapaxes(state.C_wb, 1, 2)
+    lag = float(part_of(unknowns, TIME_LAG)[0])
+    backward = mean_backward_rotation(spin, rates, lag) @ np.swapaxes(state.C_wb, 1, 2)
     up = np.array([0.0, 0.0, -gravity])
     centripetal = skews(rates) @ skews(rates)
     bases = layout.bases(spin.modes)
-    shown = raw_force(unknowns, backward @ up + centripetal @ state.own[layout.inner(layout.lever())])
+    shown = raw_force(
+        unknowns,
+        backward @ up + centripetal @ state.own[layout.inner(layout.lever())],
+        size_effect(unknowns, centripetal),
+    )
     residual = shown.value + bases @ state.own[layout.inner(layout.force())] - spin.force
     by_border = np.zeros((len(residual), 3, layout.size))
     by_border[:, :, layout.lever()] = shown.by_true @ centripetal
     by_border[:, :, layout.force()] = bases
     by_border[:, :, layout.shared + 3 :] = shown.by_unknowns
+    if is_wide(unknowns):
+        wide = layout.shared + 3
+        by_border[:, :, wide + LEVER_ARMS.start : wide + LEVER_ARMS.stop] = by_lever_arms(shown, centripetal)
+        by_border[:, :, wide + TIME_LAG.start] = by_time_lag(shown, rates, backward @ up)
     by_node = shown.by_true @ backward @ skew(up)
     covariance = noise * spin.force_covariance + _faster(spin, data.force_density)
     white, by_node, by_border = whiten(covariance, residual[..., None], by_node, by_border)

@@ -31,6 +31,7 @@ from tumble.calibration.joint_unknowns import (
     GYRO_BIAS,
     GYRO_MATRIX,
     RATE_ASYMMETRY,
+    RATE_QUADRATIC,
     SHARED,
     force_matrix,
     gyro_matrix,
@@ -167,7 +168,7 @@ def carry(data: JointData, unknowns: Series) -> Carried:
     seen = integrate_magnitudes(data, unknowns, start, stop)
     if seen is None:
         return carried
-    magnitudes = np.zeros((data.holds, 3, 3, 3))
+    magnitudes = np.zeros((data.holds, *seen.shape[1:]))
     magnitudes[turns] = seen
     return replace(carried, magnitudes=magnitudes)
 
@@ -197,7 +198,7 @@ def integrate_magnitudes(
 ) -> AnyArray | None:
     """Return (ranges, 3, 3, 3) the integral of the rotation to the start times each gyro's own |input|.
 
-    None where the unknowns have no asymmetry.
+    None where the unknowns have no asymmetry. With a table's rotations (ranges, 3, 3, 6): times its square, too.
 
     Parameters
     ----------
@@ -207,19 +208,26 @@ def integrate_magnitudes(
         return None
     span = _span(starts, stops)
     rate = without_asymmetry(unknowns, data.base.raw_rate[span])
-    made = integrate_turns(
-        data.base.time[span],
-        rate,
-        np.abs(rate - unknowns[GYRO_BIAS]),
-        starts - span.start,
-        stops - span.start,
-        gyro_inverse=inverted(gyro_matrix(unknowns)),
-        gyro_bias=unknowns[GYRO_BIAS],
-        force_inverse=np.eye(3),
-        force_bias=np.zeros(3),
-        g_sensitivity=np.zeros((3, 3)),
-    )
-    return made.sums[..., 4:7]
+
+    def summed(inputs: Vectors) -> AnyArray:
+        made = integrate_turns(
+            data.base.time[span],
+            rate,
+            inputs,
+            starts - span.start,
+            stops - span.start,
+            gyro_inverse=inverted(gyro_matrix(unknowns)),
+            gyro_bias=unknowns[GYRO_BIAS],
+            force_inverse=np.eye(3),
+            force_bias=np.zeros(3),
+            g_sensitivity=np.zeros((3, 3)),
+        )
+        return made.sums[..., 4:7]
+
+    own = rate - unknowns[GYRO_BIAS]
+    if not data.spins or unknowns.size < RATE_QUADRATIC.stop:
+        return summed(np.abs(own))
+    return np.concatenate([summed(np.abs(own)), summed(own**2)], axis=-1)
 
 
 def _span(starts: np.ndarray, stops: np.ndarray) -> slice:
@@ -392,8 +400,14 @@ def link_residuals(
     by_border[:, :, at[GYRO_BIAS]] = -moves[..., 3]
     by_border[:, :, at[G_SENSITIVITY]] = -moves[..., 4:7].reshape(count, 3, 9)
     if link.magnitudes is not None:
-        by_border[:, :, at[RATE_ASYMMETRY]] = -np.einsum("tab,tbcj,cj->taj", outer, link.magnitudes, inverse)
+        for place, sums in zip((RATE_ASYMMETRY, RATE_QUADRATIC), _triples(link.magnitudes), strict=False):
+            by_border[:, :, at[place]] = -np.einsum("tab,tbcj,cj->taj", outer, sums, inverse)
     return residual, earth, np.broadcast_to(-np.eye(3), (count, 3, 3)), by_border
+
+
+def _triples(magnitudes: AnyArray) -> list[AnyArray]:
+    """Of |input|, and of its square where that is there."""
+    return np.split(magnitudes, magnitudes.shape[-1] // 3, axis=-1)
 
 
 def link_covariance(

@@ -9,7 +9,7 @@ import numpy as np
 
 from tumble.arrays import Series, Square, inverted
 from tumble.calibration.estimate import TermTest
-from tumble.calibration.joint import FORCE_ALONE, OF_GYROS, OPTIONAL_TERMS, PLAIN, TERM_LIMIT
+from tumble.calibration.joint import ALL_TERMS, FORCE_ALONE, OF_GYROS, OPTIONAL_TERMS, PLAIN, TERM_LIMIT
 from tumble.calibration.joint_estimate import JointOutcome
 from tumble.calibration.joint_observability import TOLD, find_untold, name_of, name_plate
 from tumble.calibration.joint_several import (
@@ -24,9 +24,9 @@ from tumble.calibration.joint_several import (
     tell,
     with_free,
 )
+from tumble.calibration.joint_table_terms import TABLE_TERMS, term_test
 from tumble.calibration.joint_unknowns import GYRO_MATRIX, gyro_matrix
 from tumble.calibration.joint_wide import FIXTURE, WIDE
-from tumble.calibration.term_tests import wald_test
 from tumble.calibration.triad_unknowns import ANGLE, SCALE
 from tumble.calibration.turn_ons import disagreement
 from tumble.errors import ObservabilityError, UsageError
@@ -80,14 +80,14 @@ def adjust_several(
     """
     parts = [TurnOn.of(name, outcome) for name, outcome in zip(names, outcomes, strict=True)]
     # Terms that are left out go into scale factors and angles, by the way that each recording was turned.
-    found = {name for name in OPTIONAL_TERMS if any(_has(outcome, name) for outcome in outcomes)}
+    found = {name for name in ALL_TERMS if any(_has(outcome, name) for outcome in outcomes)}
     refuse_another_unit([with_free(part, _free(part, [*(found | {"g_sensitivity"})])) for part in parts])
     chosen = [*found] if optional_terms else []
     adjusted = [with_free(part, _free(part, chosen)) for part in parts]
     _refuse_untold(adjusted)
     tests: list[TermTest] = []
     if optional_terms:
-        chosen, tests = _wanted(parts)
+        chosen, tests = _wanted(parts, found)
         adjusted = [with_free(part, _free(part, chosen)) for part in parts]
     solution = balance_several(solve_several(adjusted))
     return SeveralOutcome(solution, tests, _estimates(solution.parts, solution.stable, solution.told))
@@ -95,7 +95,7 @@ def adjust_several(
 
 def _has(outcome: JointOutcome, term: str) -> bool:
     """Whether a recording by itself was adjusted with an optional term."""
-    return bool(np.all(np.isin(OPTIONAL_TERMS[term], outcome.problem.free)))
+    return bool(np.all(np.isin(ALL_TERMS[term], outcome.problem.free)))
 
 
 def _free(part: TurnOn, terms: Sequence[str]) -> np.ndarray:
@@ -104,15 +104,24 @@ def _free(part: TurnOn, terms: Sequence[str]) -> np.ndarray:
     plain = [PLAIN if has_gyro else FORCE_ALONE]
     if part.problem.data.poses is not None:
         plain.append(np.arange(FIXTURE.start, FIXTURE.stop))
-    return np.sort(
-        np.concatenate([*plain, *(OPTIONAL_TERMS[t] for t in terms if has_gyro or t not in OF_GYROS)])
-    )
+    return np.sort(np.concatenate([*plain, *(ALL_TERMS[term] for term in terms if _may_have(part, term))]))
 
 
-def _wanted(parts: list[TurnOn]) -> tuple[list[str], list[TermTest]]:
-    """Try all terms at once on all recordings, drop the least significant until every one left is wanted."""
+def _may_have(part: TurnOn, term: str) -> bool:
+    """Whether a recording can have a term: gyros' ones a unit with gyros, a table's ones one on a table."""
+    if term in TABLE_TERMS:
+        return bool(part.problem.data.spins)
+    return part.outcome.has_gyro or term not in OF_GYROS
+
+
+def _wanted(parts: list[TurnOn], found: set[str]) -> tuple[list[str], list[TermTest]]:
+    """Try all terms at once on all recordings, drop the least significant until every one left is wanted.
+
+    What only tables show is tried where a recording by itself has `found` it.
+    """
     has_gyro = any(part.outcome.has_gyro for part in parts)
     names = [name for name in OPTIONAL_TERMS if has_gyro or name not in OF_GYROS]
+    names += [name for name in TABLE_TERMS if name in found]
     tests: dict[str, TermTest] = {}
     while names:
         trial = [with_free(part, _free(part, names)) for part in parts]
@@ -122,9 +131,9 @@ def _wanted(parts: list[TurnOn]) -> tuple[list[str], list[TermTest]]:
             names.pop()
             continue
         for name in names:
-            at = np.searchsorted(solution.stable, OPTIONAL_TERMS[name])
+            at = np.searchsorted(solution.stable, ALL_TERMS[name])
             covariance = solution.covariance[np.ix_(at, at)]
-            tests[name] = wald_test(name, solution.values[at], covariance, solution.redundancy, TERM_LIMIT)
+            tests[name] = term_test(name, solution.values[at], covariance, solution.redundancy, TERM_LIMIT)
         weakest = max(names, key=lambda name: tests[name].probability)
         if tests[weakest].kept:
             break

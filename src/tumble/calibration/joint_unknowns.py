@@ -22,7 +22,7 @@ GYRO_BIAS = slice(21, 24)
 G_SENSITIVITY = slice(24, 33)
 SHARED = 33
 # Further ones, see `joint_wide`; a shorter vector has none of them.
-FORCE_ASYMMETRY, RATE_ASYMMETRY = slice(36, 39), slice(39, 42)
+FORCE_ASYMMETRY, RATE_ASYMMETRY, RATE_QUADRATIC = slice(36, 39), slice(39, 42), slice(52, 55)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,17 +34,19 @@ class RawForce:
     by_unknowns: AnyArray
 
 
-def raw_force(unknowns: Series, true: Vectors) -> RawForce:
+def raw_force(unknowns: Series, true: Vectors, apart: AnyArray | None = None) -> RawForce:
     """Return what the accelerometers show for a specific force in b, with derivatives.
 
     Parameters
     ----------
     unknowns : (33,) or more.
     true : (rows, 3) m/s².
+    apart : (rows, 3, 3) m/s² that each accelerometer (second) feels beyond it where it sits; None for one place.
     """
     matrix = force_matrix(unknowns)
     quadratic = unknowns[QUADRATIC]
-    own = true @ matrix.T
+    felt = true[:, None, :] if apart is None else true[:, None, :] + apart
+    own = np.einsum("ab,nab->na", matrix, np.broadcast_to(felt, (len(true), 3, 3)))
     asymmetry = _asymmetry(unknowns, FORCE_ASYMMETRY)
     slope = 1.0 + asymmetry * np.sign(own) + 2.0 * quadratic * own
     by_unknowns = np.zeros((true.shape[0], 3, unknowns.size))
@@ -53,7 +55,7 @@ def raw_force(unknowns: Series, true: Vectors) -> RawForce:
     if unknowns.size >= FORCE_ASYMMETRY.stop:
         by_unknowns[:, range(3), range(FORCE_ASYMMETRY.start, FORCE_ASYMMETRY.stop)] = np.abs(own)
     moves = jacobian(lambda p: matrix_from_shin(p[:3], p[3:6]).ravel(), unknowns[SCALE.start : ANGLE.stop])
-    turned = np.einsum("abp,nb->nap", moves.reshape(3, 3, 6), true)
+    turned = np.einsum("abp,nab->nap", moves.reshape(3, 3, 6), np.broadcast_to(felt, (len(true), 3, 3)))
     by_unknowns[:, :, SCALE.start : ANGLE.stop] = slope[:, :, None] * turned
     return RawForce(
         own + asymmetry * np.abs(own) + quadratic * own**2 + unknowns[BIAS],
@@ -81,32 +83,38 @@ def raw_rate(unknowns: Series, true: Vectors, force: Vectors) -> RawRate:
     matrix, sensitivity = gyro_matrix(unknowns), unknowns[G_SENSITIVITY].reshape(3, 3)
     by_unknowns = np.zeros((true.shape[0], 3, unknowns.size))
     own, asymmetry = true @ matrix.T, _asymmetry(unknowns, RATE_ASYMMETRY)
-    slope = 1.0 + asymmetry * np.sign(own)
+    quadratic = _asymmetry(unknowns, RATE_QUADRATIC)
+    slope = 1.0 + asymmetry * np.sign(own) + 2.0 * quadratic * own
     if unknowns.size >= RATE_ASYMMETRY.stop:
         by_unknowns[:, range(3), range(RATE_ASYMMETRY.start, RATE_ASYMMETRY.stop)] = np.abs(own)
+    if unknowns.size >= RATE_QUADRATIC.stop:
+        by_unknowns[:, range(3), range(RATE_QUADRATIC.start, RATE_QUADRATIC.stop)] = own**2
     for i in range(3):
         by_unknowns[:, i, GYRO_MATRIX.start + 3 * i : GYRO_MATRIX.start + 3 * i + 3] = (
             slope[:, i : i + 1] * true
         )
         by_unknowns[:, i, GYRO_BIAS.start + i] = 1.0
         by_unknowns[:, i, G_SENSITIVITY.start + 3 * i : G_SENSITIVITY.start + 3 * i + 3] = force
-    value = own + asymmetry * np.abs(own) + force @ sensitivity.T + unknowns[GYRO_BIAS]
+    value = own + asymmetry * np.abs(own) + quadratic * own**2 + force @ sensitivity.T + unknowns[GYRO_BIAS]
     return RawRate(value, by_unknowns)
 
 
 def without_asymmetry(unknowns: Series, raw: Vectors) -> Vectors:
-    """Return what the gyros would show if they were symmetric, their own sign taken from the output.
+    """Return what the gyros would show if they were symmetric and linear, their own sign taken from the output.
 
     Parameters
     ----------
     unknowns : all.
     raw : (samples, 3).
     """
-    asymmetry = _asymmetry(unknowns, RATE_ASYMMETRY)
-    if not np.any(asymmetry):
+    asymmetry, quadratic = _asymmetry(unknowns, RATE_ASYMMETRY), _asymmetry(unknowns, RATE_QUADRATIC)
+    if not np.any(asymmetry) and not np.any(quadratic):
         return raw
     output = raw - unknowns[GYRO_BIAS]
-    return unknowns[GYRO_BIAS] + output / (1.0 + asymmetry * np.sign(output))
+    slope = 1.0 + asymmetry * np.sign(output)
+    # Of the two inputs that a parabola gives, the one that is near; beyond its vertex there is none.
+    root = np.sqrt(np.maximum(slope**2 + 4.0 * quadratic * output, 0.0))
+    return unknowns[GYRO_BIAS] + 2.0 * output / (slope + root)
 
 
 def _asymmetry(unknowns: Series, place: slice) -> Series:

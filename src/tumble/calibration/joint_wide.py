@@ -9,13 +9,17 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.calibration.joint_unknowns import FORCE_ASYMMETRY, RATE_ASYMMETRY, SHARED
+from tumble.calibration.joint_unknowns import FORCE_ASYMMETRY, RATE_ASYMMETRY, RATE_QUADRATIC, SHARED
 
 FIXTURE = slice(33, 36)
 """Rotation vector (rad) of C_bf, from the fixture's axes to the sensors' frame b."""
 LEVER_ARMS = slice(42, 51)
-"""Of each accelerometer, m in b, sensor by sensor; the x sensor's stays zero, for it is where the force is."""
-WIDE = 51
+"""Of each accelerometer, m in b, sensor by sensor. The point that they count from has the x of accelerometer x, the
+y of accelerometer y and the z of accelerometer z, so that each one's place along its own axis stays zero."""
+TIME_LAG = slice(51, 52)
+"""By how much the accelerometers lag behind the gyros, s."""
+# Quadratic terms of the gyros, per raw unit, stand behind it: `RATE_QUADRATIC`.
+WIDE = 55
 
 
 def widened(unknowns: Series) -> Series:
@@ -42,6 +46,8 @@ __all__ = [
     "FORCE_ASYMMETRY",
     "LEVER_ARMS",
     "RATE_ASYMMETRY",
+    "RATE_QUADRATIC",
+    "TIME_LAG",
     "WIDE",
     "is_wide",
     "part_of",

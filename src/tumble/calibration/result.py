@@ -171,6 +171,8 @@ class Calibration(_Strict):
     covariance, covariance_parameters : over the entries of matrices and biases, in their units.
     temperature_celsius : that the triads hold at; with a `thermal` block its reference temperature.
     thermal : how the triads change with temperature, or None.
+    lever_arms : m, where each accelerometer sits in frame b, a row each, from one point of the unit; None where they
+        are taken to be at one place. `correct` takes out what they feel while the unit turns.
     turn_ons : what several recordings of the unit tell, if it was made from several turn-ons, or None.
     input_corrected_by : identities of the calibrations that its raw numbers were corrected by already, first
         one first: it is right for such recordings only.
@@ -201,6 +203,7 @@ class Calibration(_Strict):
     remarks: list[str] = Field(default_factory=list)
     test_vectors: list[TestVector]
     thermal: ThermalBlock | None = None
+    lever_arms: tuple[Row, Row, Row] | None = None
     turn_ons: TurnOnsBlock | None = None
     input_corrected_by: list[str] = Field(default_factory=list)
     composed_with: Calibration | None = None
@@ -217,6 +220,8 @@ class Calibration(_Strict):
             include={"accelerometer", "gyroscope", "raw_units", "thermal"},
         )
         told["frame"] = self.frame.name
+        if self.lever_arms is not None:
+            told["lever_arms"] = self.lever_arms
         if told["thermal"] is not None:
             told["thermal"] = {key: told["thermal"][key] for key in _THERMAL_NUMBERS}
             told["thermal"]["basis"].pop("formula")
@@ -294,7 +299,8 @@ class Calibration(_Strict):
         ----------
         raw_specific_force, raw_angular_rate : (samples, 3) in `raw_units`; of a composed calibration in those
             of the first one.
-        time : (samples,) s; a calibration with a thermal block needs it wherever the temperature changes.
+        time : (samples,) s; a calibration with a thermal block needs it wherever the temperature changes, and one with
+            lever arms for the angular acceleration.
         temperature_celsius : (samples,) as recorded, or one for all; needed by a thermal block.
         outside : what to do beyond the calibrated temperatures: ``refuse``, ``hold`` or ``extrapolate``.
 
@@ -304,7 +310,7 @@ class Calibration(_Strict):
             If the document has no matrix of either triad, or the gyro's g-sensitivity is to be taken
             out and there is no corrected specific force.
         UsageError
-            If it has a thermal block and there is no temperature.
+            If it has a thermal block and there is no temperature, or lever arms and there is no time.
         ThermalSpanError
             If the temperature leaves the calibrated span and `outside` is ``refuse``.
         ValueError

@@ -12,6 +12,7 @@ from tumble.calibration.canonical import Described
 from tumble.calibration.estimate import Estimate, LeftOut, coverage_factor
 from tumble.calibration.joint_description import describe_wide, named_function
 from tumble.calibration.joint_estimate import joint_estimate
+from tumble.calibration.joint_table_parameters import lever_arms_of
 from tumble.calibration.joint_turn_ons import SeveralOutcome, settled_outcome, tells, whole_disagreement
 from tumble.calibration.joint_unknowns import GYRO_BIAS
 from tumble.calibration.joint_wide import WIDE, widened
@@ -288,6 +289,7 @@ def _joined(
             for name in own.spin_names
         ],
         frame=FRAME,
+        lever_arms=lever_arms_of(_common(outcome)[0], outcome.kept, np.eye(3)),
     )
 
 

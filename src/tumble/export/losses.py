@@ -73,6 +73,15 @@ def of_nonlinearity(triad: Triad, name: str) -> list[Loss]:
     ]
 
 
+def of_lever_arms(lever_arms: Matrix) -> Loss:
+    """Return the loss of lever arms, at 1 rad/s."""
+    apart = float(np.max(np.linalg.norm(lever_arms[:, None] - lever_arms[None], axis=2)))
+    return Loss(
+        f"the accelerometers' lever arms are left out: they are up to {1e3 * apart:.2g} mm apart, which is "
+        f"{1e3 * apart:.2g} mm/s² at 1 rad/s"
+    )
+
+
 def of_temperature(thermal: ThermalModel, there: ImuModel, celsius: float) -> Loss:
     """Return the loss of everything that changes with temperature, over the calibrated span."""
     low, high = thermal.span_celsius

@@ -147,6 +147,9 @@ def prepare(
         return Subject(ImuModel.ideal(), ("m/s^2", "rad/s"), "", "", None, wishes, noise=noise)
     found: list[Loss] = []
     model, thermal, said = _one_model(calibration, target, wishes, found)
+    arms = [stage.lever_arms for stage in calibration.stages if stage.lever_arms is not None]
+    if arms and MATRIX in target.holds:
+        found.append(losses.of_lever_arms(np.array(arms[-1], dtype=np.float64)))
     model, thermal, units = _in_units(model, thermal, calibration, target, wishes)
     model = _both_triads(model, found, units)
     model, thermal, frame = _in_frame(model, thermal, calibration, target, wishes)

@@ -90,6 +90,7 @@ def _pandas_columns(frame: Any) -> tuple[tuple[str, ...], list[Series]]:
             # in ns whatever the frame's own resolution; a missing stamp is NaN
             stamps = np.asarray(values.to_numpy(dtype=f"{kind}8[ns]"))
             column = np.where(np.isnat(stamps), np.nan, stamps.astype(np.int64) * NANOSECONDS)
+            name = name if "[" in name or "(" in name else f"{name} [s]"
         elif kind in "iufb":
             column = values.to_numpy(dtype=np.float64, na_value=np.nan)
         else:

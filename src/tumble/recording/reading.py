@@ -47,6 +47,11 @@ def recording_inputs(paths: Paths) -> list[Path | Frame]:
     return [Path(fspath(one)) if isinstance(one, str | PathLike) else one for one in named]
 
 
+def _names(topics: str | Sequence[str] | None) -> Sequence[str]:
+    """Return topics as a list of names; one alone may be a mere string."""
+    return (topics,) if isinstance(topics, str) else topics or ()
+
+
 def _table(one: Path | Frame, topics: Sequence[str]) -> RawTable:
     if isinstance(one, Path):
         return read_table(one, topics)
@@ -72,7 +77,7 @@ def read_recording(
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
     rate: float | None = None,
-    topics: Sequence[str] | None = None,
+    topics: str | Sequence[str] | None = None,
     parted: bool = False,
 ) -> Recording:
     """Read a recording from one file, or from two files with one triad each.
@@ -88,7 +93,7 @@ def read_recording(
         for a pair the two lists with ``;`` between.
     units : units as ``g,deg/s,ms`` in any order, ``counts``, or ``m/s,rad`` for increments.
     rate : sampling rate in Hz, for files without stamps.
-    topics : which topics or streams of a bag or log are read: one, or one of each triad.
+    topics : which topics or streams of a bag or log are read: one (a string will do), or one of each triad.
     parted : whether a clock that begins anew, and long runs of rows without numbers, part the recording instead
         of being refused: for what takes pieces, such as noise.
 
@@ -103,7 +108,7 @@ def read_recording(
     _refuse_many(listed)
     declared = read_units_option(units)
     return _recording_of(
-        [_table(one, topics or ()) for one in listed], columns, declared, rate, parted=parted
+        [_table(one, _names(topics)) for one in listed], columns, declared, rate, parted=parted
     )
 
 
@@ -113,7 +118,7 @@ def read_recordings(
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
     rate: float | None = None,
-    topics: Sequence[str] | None = None,
+    topics: str | Sequence[str] | None = None,
 ) -> list[Recording]:
     """Read files that are one recording each, or one pair; the parameters are `read_recording`'s.
 
@@ -125,7 +130,7 @@ def read_recordings(
         If an option is malformed.
     """
     declared = read_units_option(units)
-    tables = [_table(one, topics or ()) for one in recording_inputs(paths)]
+    tables = [_table(one, _names(topics)) for one in recording_inputs(paths)]
     if is_pair(tables):
         return [_recording_of(tables, columns, declared, rate)]
     return [_recording_of([t], columns, declared, rate) for t in tables]
@@ -177,7 +182,7 @@ def read_blocks(
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
     rate: float | None = None,
-    topics: Sequence[str] | None = None,
+    topics: str | Sequence[str] | None = None,
     parted: bool = False,
 ) -> Iterator[Recording]:
     """Read a recording of any length as consecutive blocks of bounded size.
@@ -209,7 +214,7 @@ def read_blocks(
     decided: Interpretation | None = None
     state = BlockState()
     sources = tuple[Source, ...]()
-    for table, plan, remarks in _planned_blocks(listed, columns, topics or ()):
+    for table, plan, remarks in _planned_blocks(listed, columns, _names(topics)):
         if decided is None:
             sources = tuple(source_of(p) if isinstance(p, Path) else frame_table(p).source for p in listed)
             decided, _ = interpret(table, plan, declared, rate, sources, remarks, parted=parted)

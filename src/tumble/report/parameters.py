@@ -96,7 +96,7 @@ def plain_unit(unit: str) -> str:
 def _group(name: str) -> str:
     if name.startswith("thermal "):
         return TEMPERATURE
-    if "quadratic" in name or "g-sensitivity" in name or "asymmetry" in name:
+    if any(term in name for term in ("quadratic", "g-sensitivity", "asymmetry", "lever arm")):
         return OPTIONAL
     if name.startswith("accelerometer "):
         return ACCELEROMETER
@@ -162,11 +162,11 @@ def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> lis
         practical = _g_sensitivities(calibration, members)
         other = _nothing(shown) if practical is None else practical
         drawn = practical or shown
-    elif "quadratic" in family:
+    elif "quadratic" in family and not family.startswith("gyro"):
         shown = measures
         other = drawn = _quadratics(calibration, members)
-    elif unit == "s" and group != TEMPERATURE:
-        shown = drawn = [m.times(1e3, "ms") for m in measures]
+    elif unit in ("s", "m") and group != TEMPERATURE:
+        shown = drawn = [m.times(1e3, f"m{unit}") for m in measures]
         other = _nothing(shown)
     else:
         shown = drawn = measures

@@ -12,6 +12,8 @@ TERMS = {
     "g_sensitivity": "g-sensitivity of the gyros",
     "quadratic": "quadratic terms of the accelerometers",
     "time_lag": "a time lag between the triads",
+    "gyro_quadratic": "quadratic terms of the gyros",
+    "lever_arms": "lever arms of the accelerometers",
     "accelerometer_asymmetry": "asymmetry of the accelerometers",
     "gyro_asymmetry": "asymmetry of the gyros",
     "asymmetry": "scale-factor asymmetry of the gyros",

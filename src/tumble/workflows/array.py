@@ -24,6 +24,7 @@ from tumble.workflows.calibrate import (
 )
 from tumble.workflows.joining import require_different_samples
 from tumble.workflows.procedures import Task, add_objections, run_joint
+from tumble.workflows.site import given_site
 from tumble.workflows.turn_ons import labels_of
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def calibrate_array(
     say("reading")
     read = [read_as_told(_files(text), None, columns, units, rate, topics)[0] for text in recordings]
     _check(names, read)
-    place = site or Site.unknown()
+    place = given_site(site) or Site.unknown()
     tasks = _observed(names, read, place, say)
     for task in tasks:
         task.optional_terms = optional_terms

@@ -28,6 +28,7 @@ from tumble.workflows.procedures import (
     run_procedure,
 )
 from tumble.workflows.protocols import GivenProtocol, read_given_protocol
+from tumble.workflows.site import given_site
 
 if TYPE_CHECKING:
     from tumble.calibration import Calibration, Estimate
@@ -80,7 +81,7 @@ def calibrate(
     columns: str | None = None,
     units: str | None = None,
     rate: float | None = None,
-    topics: Sequence[str] | None = None,
+    topics: str | Sequence[str] | None = None,
     prior: str | os.PathLike[str] | None = None,
     data_sheet: str | None = None,
     intervals: str | os.PathLike[str] | None = None,
@@ -127,6 +128,7 @@ def calibrate(
         If the results cannot be written; earlier ones are intact.
     """
     say = progress or _silent
+    site = given_site(site)
     check_procedure(procedure, unknowns, has_protocol=protocol is not None, data_sheet=data_sheet)
     if monte_carlo is not None and not FEWEST_DRAWS <= monte_carlo <= MOST_DRAWS:
         raise UsageError(
@@ -197,7 +199,7 @@ def read_as_told(
     columns: str | None,
     units: str | None,
     rate: float | None,
-    topics: Sequence[str] | None,
+    topics: str | Sequence[str] | None,
 ) -> tuple[Recording, Protocol | None]:
     """Read the recordings named, or the protocol's own; options go before what the protocol says.
 

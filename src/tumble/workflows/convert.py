@@ -74,6 +74,11 @@ def convert_to(
     noise: str | os.PathLike[str] | None = None,
     inflate: tuple[float, float] = (1.0, 1.0),
     rate: float | None = None,
+    largest_loss: float | None = None,
+    frame: str | None = None,
+    temperature: float | None = None,
+    instance: int | None = None,
+    per_count: tuple[float, float] | None = None,
     wishes: Wishes | None = None,
 ) -> Converted:
     """Write a calibration in another tool's form.
@@ -86,7 +91,12 @@ def convert_to(
     noise : a ``noise.json``, for targets that hold noise.
     inflate : factors for white noise and random walk.
     rate : Hz that the consumer samples at, where it is not the recording's.
-    wishes : frame, temperature, limit and others.
+    largest_loss : of the true vector's length, beyond which nothing is written; 0.02 by default.
+    frame : of corrected vectors, where the target leaves it open.
+    temperature : °C to take a thermal calibration at.
+    instance : which IMU of the vehicle, from 0.
+    per_count : m/s² and rad/s that the driver makes of one count.
+    wishes : all of these together, and what else there is; what is given by its own name goes before.
 
     Raises
     ------
@@ -108,6 +118,14 @@ def convert_to(
     if document is not None and not isinstance(document, Calibration):
         document = read_calibration(document)
     coefficients = None if noise is None else read_noise(Path(noise), inflate=inflate, rate=rate)
+    own = {
+        "largest_loss": largest_loss,
+        "frame": frame,
+        "temperature": temperature,
+        "instance": instance,
+        "per_count": per_count,
+    }
+    wishes = replace(wishes or Wishes(), **{name: value for name, value in own.items() if value is not None})
     subject = prepare(document, chosen, wishes, coefficients)
     texts = chosen.write(subject)
     files = _places(

@@ -48,6 +48,7 @@ from tumble.workflows.calibration_parts import (
     without_rest_rate,
 )
 from tumble.workflows.drive_filter import drive_filter
+from tumble.workflows.drive_innovations import about_innovations
 from tumble.workflows.drive_verification import DriveVerification, PartResult, judge_drive, no_proof
 from tumble.workflows.temperature import check_outside, refuse_twice
 
@@ -155,6 +156,7 @@ def verify_drive(
     lengths = _lengths(drive, durations)
     parts.insert(1, without_rest_rate(parts[0], *find_rest(parts[0].samples, drive.track)))
     results: list[PartResult] = []
+    why = ""
     say("smoothing")
     reference = smooth(drive.run(own, keep_covariances=True)).trajectory
     seconds = _seconds(lengths, float(reference.time[-1] - reference.time[0]))
@@ -165,6 +167,7 @@ def verify_drive(
         run = mine.run(told, interval=1.0)
         drift = free_drift(part.samples, reference, seconds.tolist(), every=_every(drive), gaps=gaps)
         results.append(_result(part.part, mine, told, run, drift, lengths))
+        why = about_innovations(mine, run)
     raw = next(result for result in results if result.part == AT_REST)
     free = drive.run(freely, interval=1.0)
     if no_proof(free) and raw.no_proof:
@@ -183,6 +186,7 @@ def verify_drive(
         moved={name: far for name, far in _departures(free, strict).items() if "bias" in name},
         no_proof=no_proof(free) and raw.no_proof,
         left_out=left_out,
+        why_innovations=why,
         refused_free=len(free.refused),
         turn_on=moved,
         seconds=seconds,

@@ -67,6 +67,7 @@ class DriveVerification:
     refused_free : positions refused by a filter of the calibrated samples that is free to find the biases.
     no_proof : whether even that filter finds no motion that both describe, nor one of the uncalibrated samples.
     left_out : positions that do not fit the receiver's own velocities.
+    why_innovations : why they are not of the size that the filter expects, with all of the calibration.
     seconds : s, lengths of the free drift.
     fit, reasons, remarks : the verdict, and sentences.
     """
@@ -87,6 +88,7 @@ class DriveVerification:
     refused_free: int = 0
     no_proof: bool = False
     left_out: int = 0
+    why_innovations: str = ""
     fit: bool = True
     reasons: list[str] = field(default_factory=list[str])
     remarks: list[str] = field(default_factory=list[str])
@@ -315,6 +317,7 @@ def _words(found: DriveVerification, ratio: Statistic) -> list[str]:
     words.append(
         f"Innovations: {result.innovations:.2f} times what the filter expects (1 when consistent); {result.refused} of "
         f"{result.fixes} positions refused as outliers{left_out}."
+        f"{' ' if found.why_innovations else ''}{found.why_innovations}"
     )
     return words
 

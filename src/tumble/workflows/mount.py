@@ -24,6 +24,7 @@ from tumble.recording import read_recordings
 from tumble.recording.corrections import corrections_of
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.workflows.apply import in_calibration_units, raw_factors
+from tumble.workflows.site import given_site
 from tumble.workflows.temperature import FAR_FROM_CALIBRATION, recorded_span, refuse_twice
 
 FORMAT = "tumble mount"
@@ -131,7 +132,8 @@ def mount(
     triad = document.model.accelerometer
     assert triad is not None
     forces = [np.asarray(triad.correct(rest.mean[None, :])[0], dtype=np.float64) for rest in rests]
-    gravity = document.site.gravity if site is None else site.gravity
+    place = given_site(site)
+    gravity = document.site.gravity if place is None else place.gravity
     norms = [float(np.linalg.norm(force) - gravity) for force in forces]
     for path, norm in zip((level, pitched), norms, strict=True):
         if abs(norm) > LARGEST_NORM_ERROR * gravity:

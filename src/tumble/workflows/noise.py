@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tumble.errors import UsageError
-from tumble.recording import read_blocks, read_recording
+from tumble.recording import Recording, read_blocks, read_recording
+from tumble.recording.frames import Frame
+from tumble.recording.reading import Paths, recording_inputs
 
 if TYPE_CHECKING:
     from tumble.noise.characterisation import Characterisation
@@ -38,13 +40,13 @@ class NoiseAnalysis:
 
 
 def analyse_noise(
-    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    paths: Paths | Recording,
     *,
     output: str | os.PathLike[str] | None = None,
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
     rate: float | None = None,
-    topics: Sequence[str] | None = None,
+    topics: str | Sequence[str] | None = None,
     skip: float = 0.0,
     remove_temperature: bool = False,
     kind: str = "overlapping",
@@ -57,7 +59,8 @@ def analyse_noise(
 
     Parameters
     ----------
-    paths, columns, units, rate, topics : as for `tumble.recording.read_recording`.
+    paths, columns, units, rate, topics : as for `tumble.recording.read_recording`; a `Recording` that was read already
+        stands for its files.
     output : folder for the two files; None writes nothing.
     skip : s at the start to leave out.
     remove_temperature : take a straight line in the temperature off first.
@@ -86,7 +89,11 @@ def analyse_noise(
         raise UsageError(f"-o {folder} is a file: give a folder.")
     which, wanted, method = _kind(kind), _taus(taus), _method(fit)
     say = progress or _silent
-    listed = [Path(p) for p in ([paths] if isinstance(paths, str | os.PathLike) else paths)]
+    if isinstance(paths, Recording) and (columns or units or rate or topics or stream):
+        raise UsageError(
+            "A Recording was read already: say columns, units, rate and topics when it is read, not afterwards."
+        )
+    listed = [] if isinstance(paths, Recording) else recording_inputs(paths)
     if stream or (stream is None and sum(map(_numbers_in, listed)) > STREAMED_ABOVE):
         noise = characterise_blocks(
             lambda: read_blocks(listed, columns=columns, units=units, rate=rate, topics=topics, parted=True),
@@ -99,8 +106,10 @@ def analyse_noise(
         )
     else:
         say("reading")
-        recording = read_recording(
-            listed, columns=columns, units=units, rate=rate, topics=topics, parted=True
+        recording = (
+            paths
+            if isinstance(paths, Recording)
+            else read_recording(listed, columns=columns, units=units, rate=rate, topics=topics, parted=True)
         )
         say("averaging")
         noise = characterise(
@@ -160,8 +169,10 @@ def _taus(text: str) -> Taus:
     return seconds
 
 
-def _numbers_in(path: Path) -> int:
+def _numbers_in(path: Path | Frame) -> int:
     """Bytes that a file's numbers take in memory, roughly; 0 where it cannot be read, which the reader will say."""
+    if not isinstance(path, Path):
+        return 0
     try:
         with path.open("rb") as file:
             packed = file.read(8).startswith(_COMPRESSED_STARTS)

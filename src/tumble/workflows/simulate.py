@@ -18,6 +18,7 @@ import numpy as np
 from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
 from tumble.workflows.played_protocol import read_played
+from tumble.workflows.site import given_site
 from tumble.workflows.truth import FORMAT, Settings, case_columns, read_in_other_axes, truth_document
 
 if TYPE_CHECKING:
@@ -126,7 +127,7 @@ def simulate(
     given = read_played(protocol, duration)
     chosen = find_grade(grade)
     remarks = _check_terms(chosen.name, nonlinear=nonlinear, wander=wander, axes=axes)
-    place = site or given.site
+    place = given_site(site) or given.site
     if place is None:
         place = Site.from_latitude(DEFAULT_LATITUDE)
         remarks.append("No site was given: it is played at latitude 45°, height 0 m; --site says another.")

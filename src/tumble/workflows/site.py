@@ -44,3 +44,19 @@ def choose_site(site: str | None, gravity: float | None) -> Site | None:
             "give the one that you trust."
         )
     return Site(local.gravity, 0.0, place.latitude, place.height, local.source)
+
+
+def given_site(site: object) -> Site | None:
+    """Return a site that a program gave, or None.
+
+    Raises
+    ------
+    UsageError
+        If it is something else, of which nobody knows whether it is in degrees or radians.
+    """
+    if site is None or isinstance(site, Site):
+        return site
+    raise UsageError(
+        f"site is a {type(site).__name__}: give a tumble.Site, as tumble.Site.from_latitude(math.radians(48.1), 520.0) "
+        "with the latitude in rad and the height in m, or tumble.Site.from_gravity(9.81)."
+    )

@@ -23,6 +23,7 @@ from tumble.recording.reading import Paths, recording_inputs
 from tumble.segmentation import find_timeline, observe_holds, read_intervals
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.expected_norms import conditions, corrected_whole, hold_noise, norm_sigmas
+from tumble.workflows.site import given_site
 from tumble.workflows.temperature import (
     about_temperature,
     check_outside,
@@ -88,7 +89,7 @@ def verify(
     columns: str | None = None,
     units: str | None = None,
     rate: float | None = None,
-    topics: Sequence[str] | None = None,
+    topics: str | Sequence[str] | None = None,
     intervals: str | os.PathLike[str] | None = None,
     temperature: float | None = None,
     outside: str = "refuse",
@@ -118,7 +119,7 @@ def verify(
             "The calibration is of the gyro alone: holds and turns are judged against gravity, which takes the "
             "accelerometers' calibration too; calibrate both triads (hand-held, modified-multi-position)."
         )
-    place = site or _site_of(document)
+    place = given_site(site) or _site_of(document)
     beyond = check_outside(outside)
     files = recording_inputs(paths)
     for file in files:

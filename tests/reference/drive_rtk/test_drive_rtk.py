@@ -57,6 +57,13 @@ def test_an_outage_of_two_seconds_costs_decimetres(found: DriveVerification) -> 
     assert found.accuracy("all")[2].startswith("low")
 
 
+def test_innovations_smaller_than_expected_are_explained_by_the_drive(found: DriveVerification) -> None:
+    """Positions scatter less than RTKLIB states, which an independent look at the rests confirms."""
+    assert found.part("all").innovations < 0.7
+    assert "mm are stated" in found.why_innovations
+    assert any(found.why_innovations in reason for reason in found.reasons)
+
+
 def test_missing_samples_do_not_change_what_is_said_of_the_calibration(
     found: DriveVerification, files: Path, tmp_path: Path
 ) -> None:

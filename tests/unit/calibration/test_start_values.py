@@ -84,7 +84,7 @@ def test_a_contradiction_of_axes_or_units_is_told(tumbled: Any) -> None:
 
 @pytest.mark.parametrize("lag", [0.012, -0.02])
 def test_a_lag_between_the_triads_is_found_with_its_sign(play: Any, model: Any, lag: float) -> None:
-    """The accelerometer's samples are taken `lag` later than their stamps say, the gyro's are not."""
+    """At each stamp the accelerometer shows what was `lag` before, the gyro what is."""
     tumbled = play(holds=14)
     recording = tumbled.recording
     # f sampled later by `lag`: at stamp t stands what belongs to t - lag of an accelerometer in time.

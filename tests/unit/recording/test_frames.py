@@ -93,3 +93,20 @@ def test_a_recording_that_was_read_takes_no_options() -> None:
     with pytest.raises(UsageError, match="was read already"):
         tumble.calibrate(recording, units="g")
     assert "50 Hz" in recording._repr_html_()
+
+
+def test_a_duration_of_polars_is_time_also_where_the_rate_is_slow() -> None:
+    slow = pl.Series("time", (STAMPS * 50 * 0.5e6).astype(np.int64)).cast(pl.Duration("us"))
+    got = tumble.read_recording(pl.DataFrame({"time": slow, **columns()}))
+    assert got.rate == pytest.approx(2.0)
+    of_day = pl.Series("time", (STAMPS * 1e9).astype(np.int64)).cast(pl.Time)
+    assert tumble.read_recording(pl.DataFrame({"time": of_day, **columns()})).rate == pytest.approx(50.0)
+
+
+def test_noise_takes_frames_and_what_was_read_already() -> None:
+    frame = pl.DataFrame({"time (s)": STAMPS, **columns()})
+    recording = tumble.read_recording(frame)
+    of_frame, of_recording = tumble.analyse_noise(frame), tumble.analyse_noise(recording)
+    assert of_frame.document == of_recording.document | {"created": of_frame.document.get("created")}
+    with pytest.raises(UsageError, match="A Recording was read already"):
+        tumble.analyse_noise(recording, rate=100.0)

@@ -34,19 +34,33 @@ def recognises(head: bytes) -> bool:
 
 
 def numeric_columns(frame: pl.DataFrame) -> tuple[tuple[str, ...], list[Series]]:
-    """Return the columns of numbers; dates become seconds of the Unix epoch."""
+    """Return the columns of numbers; dates become seconds of the Unix epoch, durations and times of day seconds."""
     import polars as pl
 
     names: list[str] = []
     columns: list[Series] = []
     for series in frame.iter_columns():
-        if series.dtype.is_temporal():
-            series = series.cast(pl.Datetime("ns")).dt.epoch("ns").cast(pl.Float64) * 1e-9
+        name, seconds = series.name, _in_seconds(series)
+        if seconds is not None:
+            series, name = seconds, name if "[" in name or "(" in name else f"{name} [s]"
         elif not (series.dtype.is_numeric() or series.dtype == pl.Boolean):
             continue
-        names.append(series.name)
+        names.append(name)
         columns.append(np.asarray(series.cast(pl.Float64).to_numpy(), dtype=np.float64))
     return tuple(names), columns
+
+
+def _in_seconds(series: pl.Series) -> pl.Series | None:
+    """Return dates, durations and times of day in seconds, None of any other column."""
+    import polars as pl
+
+    if series.dtype == pl.Duration:
+        return series.dt.total_nanoseconds().cast(pl.Float64) * 1e-9
+    if series.dtype == pl.Time:
+        return series.cast(pl.Int64).cast(pl.Float64) * 1e-9
+    if series.dtype.is_temporal():
+        return series.cast(pl.Datetime("ns")).dt.epoch("ns").cast(pl.Float64) * 1e-9
+    return None
 
 
 def read_table(path: Path) -> RawTable:

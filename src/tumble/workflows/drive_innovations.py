@@ -1,0 +1,112 @@
+"""Why a filter's innovations are smaller or larger than it expects: at rest and in motion, positions and vibration."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tumble.arrays import Series
+from tumble.errors import RecordingError
+from tumble.navigation import Drive, FilterRun, position_differences
+from tumble.navigation.time_alignment import track_velocities
+from tumble.workflows.calibration_parts import scatter
+
+# Between these, in squared normalised innovations, nothing has to be explained.
+_CONSISTENT = (0.7, 1.5)
+_SLOW = 0.2  # m/s
+_FEWEST = 10
+# s over which vibration averages out.
+_MEAN = 0.5
+
+
+def about_innovations(drive: Drive, run: FilterRun) -> str:
+    """Return why innovations are not of the size that a filter expects, with evidence from the drive, or "".
+
+    Parameters
+    ----------
+    drive, run : of the calibrated samples.
+    """
+    distances: Series = run.distances[:, 0] / 3.0
+    taken = np.isfinite(distances) & run.taken[:, 0]
+    if not taken.any() or _CONSISTENT[0] <= float(np.mean(distances[taken])) <= _CONSISTENT[1]:
+        return ""
+    speed = np.interp(
+        run.time[run.fix_events],
+        drive.track.time,
+        _speed(drive),
+    )
+    parts = [
+        (name, taken & chosen) for name, chosen in (("at rest", speed < _SLOW), ("in motion", speed >= _SLOW))
+    ]
+    means = [
+        f"{float(np.mean(distances[chosen])):.2f} {name}" for name, chosen in parts if chosen.sum() >= _FEWEST
+    ]
+    told = f"They are {' and '.join(means)}" if means else ""
+    evidence = [words for words in (_positions_at_rest(drive), _vibration(drive)) if words]
+    if float(np.mean(distances[taken])) > 1.0:
+        ends = "errors of the sensors, or of the positions, are larger than was said"
+    else:
+        ends = "what the filter was told is too large, and its stated uncertainties are"
+    return "; ".join([part for part in (told, *evidence) if part] + [ends]) + "."
+
+
+def _speed(drive: Drive) -> Series:
+    speed: Series = np.sqrt(np.nansum(track_velocities(drive.track)[:, :2] ** 2, axis=1))
+    return speed
+
+
+def _rest(drive: Drive) -> tuple[float, float]:
+    """The longest rest, less half a second at either end."""
+    speed = _speed(drive)
+    time = drive.track.time
+    slow = (speed < _SLOW) & (time >= drive.start.time)
+    slow &= time < drive.samples.time[-1]
+    edges = np.diff(np.concatenate([[0], slow.astype(int), [0]]))
+    ends = zip(np.flatnonzero(edges == 1).tolist(), (np.flatnonzero(edges == -1) - 1).tolist(), strict=True)
+    first, last = max(ends, key=lambda pair: float(time[pair[1]] - time[pair[0]]), default=(0, 0))
+    return float(time[first]) + 0.5, float(time[last]) - 0.5
+
+
+def _positions_at_rest(drive: Drive) -> str:
+    """How positions at rest scatter from one to the next, against what is stated."""
+    first, last = _rest(drive)
+    still = drive.track.rows((drive.track.time >= first) & (drive.track.time <= last))
+    if len(still) < _FEWEST:
+        return ""
+    origin = tuple(np.full(len(still), column[0]) for column in still.position)
+    away = position_differences(still.position, (origin[0], origin[1], origin[2]))[:, :2]
+    found = float(np.sqrt(np.mean(np.var(away, axis=0))))
+    stated = float(np.sqrt(np.mean(np.einsum("ijj->ij", still.position_covariance_n)[:, :2])))
+    centred = away - away.mean(axis=0)
+    later = max(1, round(1.0 / max(still.interval, 1e-3)))
+    alike = float(np.sum(centred[later:] * centred[:-later]) / max(float(np.sum(centred**2)), 1e-300))
+    correlated = f", and correlate by {alike:.1f} a second later" if alike > 0.2 else ""
+    return (
+        f"positions at rest scatter by {1e3 * found:.0f} mm in plane where {1e3 * stated:.0f} mm are stated"
+        f"{correlated}"
+    )
+
+
+def _vibration(drive: Drive) -> str:
+    """By how much samples at rest scatter more than means over half a second would: vibration is no white noise."""
+    try:
+        still = drive.samples.between(*_rest(drive))
+    except RecordingError:
+        return ""
+    many = max(1, round(_MEAN / still.interval))
+    rows = len(still) // many
+    if rows < _FEWEST:
+        return ""
+    ratios: list[float] = []
+    for signal in (still.specific_force_b, still.angular_rate_ib_b):
+        means = signal[: rows * many].reshape(rows, many, 3).mean(axis=1)
+        slow = scatter(means, still.interval * many)
+        ratios.append(float(np.max(scatter(signal, still.interval) / np.maximum(slow, 1e-12))))
+    if max(ratios) < 2.0:
+        return ""
+    return (
+        f"samples at rest scatter up to {ratios[0]:.0f} (specific force) and {ratios[1]:.0f} times (angular rate) as "
+        "much as their half-second means tell, so that vibration counts as white noise"
+    )
+
+
+__all__ = ["about_innovations"]
