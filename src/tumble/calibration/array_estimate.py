@@ -13,6 +13,7 @@ from tumble.calibration.estimate import Estimate, coverage_factor
 from tumble.calibration.joint_array import ArraySolution
 from tumble.calibration.joint_description import describe_wide
 from tumble.calibration.joint_estimate import JointOutcome
+from tumble.calibration.joint_influence import wander_factors
 from tumble.calibration.joint_table_parameters import lever_arms_of
 from tumble.calibration.joint_wide import WIDE
 from tumble.calibration.scores import hold_norm_errors, score_turns
@@ -117,7 +118,10 @@ def _estimate(solution: ArraySolution, index: int, alone: Estimate, site: Site) 
     values, covariance = np.zeros(WIDE), np.zeros((WIDE, WIDE))
     values[: unit.state.unknowns.size] = unit.state.unknowns
     place = solution.place(index)
-    covariance[np.ix_(free, free)] = _scale(solution) * solution.covariance[place, place]
+    # What the unit alone says of biases that wander holds of it among others.
+    factors = wander_factors(outcome.problem, outcome.state)[free]
+    own = np.outer(factors, factors) * solution.covariance[place, place]
+    covariance[np.ix_(free, free)] = _scale(solution) * own
     described = describe_wide(
         *(values, covariance, site, outcome.recording),
         terms=_kept(outcome),

@@ -15,6 +15,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square, inverted
 from tumble.calibration.joint_data import JointData
+from tumble.calibration.joint_neighbours import Stretch, hold_stretches, rotation_stretches, shared_wander
 from tumble.calibration.joint_poses import pose_terms, sees_heading
 from tumble.calibration.joint_spins import LEAST_WOBBLE, Layout, SpinEquations, add_spin_terms
 from tumble.calibration.joint_system import (
@@ -40,7 +41,6 @@ from tumble.calibration.joint_terms import (
     turn_terms,
 )
 from tumble.calibration.joint_unknowns import force_matrix, gyro_matrix
-from tumble.calibration.joint_wander import covariance_about_the_mean
 from tumble.estimation.bordered import NodeCovariance
 from tumble.estimation.gathered import GatheredTerms, GatheringChain
 from tumble.estimation.gauss_helmert import invert_normal_matrix
@@ -157,34 +157,47 @@ def joint_influences(problem: JointProblem, state: JointState) -> Influences:
         values, vectors = np.linalg.eigh(problem.prior.precision)
         gain = (covariance @ vectors) * np.sqrt(np.maximum(values, 0.0))
         made.append(_of_one("prior", PRIOR, gain))
-    neighbours = _neighbours(problem.data, made, covariance.shape[0])
+    neighbours = _neighbours(problem, state, made)
     return Influences(made, covariance + sum(neighbours.values(), np.zeros(())), neighbours)
 
 
-def _neighbours(data: JointData, told: list[Influence], size: int) -> dict[str, Square]:
-    """Return what the covariance by wandering biases is more than that of holds which wander each for itself.
+def wander_factors(problem: JointProblem, state: JointState) -> Series:
+    """Return (unknowns,) by how much wandering together changes each unknown's standard uncertainty.
 
-    The bias of a recording is its mean: what all holds have in common belongs to it, and is no error.
+    Parameters
+    ----------
+    problem, state : observations with their variances, and the solution.
     """
-    base = data.base
-    first, last = base.time[base.head[:, 0]], base.time[base.tail[:, 1] - 1]
-    together = covariance_about_the_mean(first, last, (float(base.time[0]), float(base.time[-1])))
-    made: dict[str, Square] = {}
-    for kind, source, floor, density in (
-        ("force", FORCE_WANDER, base.force_floor, data.force_density),
-        ("rate", RATE_WANDER, base.rate_floor, data.rate_density),
-    ):
-        if not np.any(floor > 0.0):
-            continue
-        gain = np.zeros((data.holds, size, 3))
-        for influence in told:
-            if influence.kind == kind:
-                active = influence.active
-                raw = influence.gain[active] @ np.linalg.inv(influence.root[active])
-                gain[influence.place[active]] = raw.reshape(*raw.shape[:2], raw.shape[2] // 3, 3).sum(axis=2)
-        made[source] = np.einsum("kai,i,kl,lbi->ab", gain, density, together, gain, optimize=True)
-        made[source] -= np.einsum("kai,i,kbi->ab", gain, floor, gain, optimize=True)
-    return made
+    influences = joint_influences(problem, state)
+    told = np.diag(influences.covariance)
+    independent = told - np.diag(sum(influences.neighbours.values(), np.zeros(influences.covariance.shape)))
+    known = independent > 0.0
+    return np.sqrt(np.where(known, np.maximum(told, 0.0) / np.where(known, independent, 1.0), 1.0))
+
+
+def _neighbours(problem: JointProblem, state: JointState, told: list[Influence]) -> dict[str, Square]:
+    """Return what the covariance by wandering biases is more than that of independent ones."""
+    data, base = problem.data, problem.data.base
+    stretches: dict[str, list[Stretch]] = {"force": [], "rate": []}
+    floors = {"force": base.force_floor, "rate": base.rate_floor}
+    for influence in told:
+        kind, active = influence.kind, influence.active
+        if kind in floors:
+            places = influence.place[active].tolist()
+            gains, roots = influence.gain[active], influence.root[active]
+            stretches[kind] += hold_stretches(data, places, gains, roots, floors[kind])
+        elif kind == "own":
+            k = int(influence.place[0])
+            both = rotation_stretches(problem, state.unknowns, k, influence.gain[0])
+            stretches["force"].append(both[0])
+            stretches["rate"].append(both[1])
+    span = float(base.time[0]), float(base.time[-1])
+    densities = {FORCE_WANDER: ("force", data.force_density), RATE_WANDER: ("rate", data.rate_density)}
+    return {
+        source: shared_wander(stretches[kind], density, span)
+        for source, (kind, density) in densities.items()
+        if np.any(density > 0.0) and stretches[kind]
+    }
 
 
 def _holds_and_turns(

@@ -522,16 +522,7 @@ def _add_own_prior(
     chain: BorderedChain, data: JointData, spin: JointSpin, state: SpinState, unknowns: Series, extra: Extra
 ) -> float:
     layout = Layout.of(spin, unknowns)
-    force = _wander_variance(
-        data, spin, data.force_density, extra.force * np.sum(force_matrix(unknowns) ** 2, axis=1)
-    )
-    rate = _wander_variance(
-        data, spin, data.rate_density, extra.rate * np.sum(gyro_matrix(unknowns) ** 2, axis=1)
-    )
-    step = spin.seconds / max(spin.offsets.size, 1)
-    # Never quite nothing, so that the wander is always determined.
-    force = force + 1e-6 * data.base.force_sample_variance
-    rate = rate + 1e-10 * data.base.rate_random_walk / step
+    force, rate = wander_variances(data, spin, unknowns, extra)
     # Of the axis nothing is known beforehand.
     anchor = np.full(3 if layout.rated else 0, np.inf)
     known = (
@@ -547,6 +538,26 @@ def _add_own_prior(
     residual = state.own / sigma
     chain.add_border(residual[None], by_border)
     return float(residual @ residual)
+
+
+def wander_variances(
+    data: JointData, spin: JointSpin, unknowns: Series, extra: Extra
+) -> tuple[AnyArray, AnyArray]:
+    """Return (1 + modes, 3) raw², of the constant and of each mode, of the accelerometers and of the gyros.
+
+    Parameters
+    ----------
+    data, spin, unknowns, extra : the noise, the rotation, and what is added to both.
+    """
+    force = _wander_variance(
+        data, spin, data.force_density, extra.force * np.sum(force_matrix(unknowns) ** 2, axis=1)
+    )
+    rate = _wander_variance(
+        data, spin, data.rate_density, extra.rate * np.sum(gyro_matrix(unknowns) ** 2, axis=1)
+    )
+    step = spin.seconds / max(spin.offsets.size, 1)
+    # Never quite nothing, so that the wander is always determined.
+    return force + 1e-6 * data.base.force_sample_variance, rate + 1e-10 * data.base.rate_random_walk / step
 
 
 def _wander_variance(data: JointData, spin: JointSpin, density: Vector, extra: Vector) -> AnyArray:
