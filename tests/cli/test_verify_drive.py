@@ -214,20 +214,34 @@ def test_axes_and_units_are_compared_with_the_course(
     sentence(verify(recording, track, "--units", "m/s^2,rad/s,s"), words)
 
 
-@pytest.mark.parametrize("share", [0.1, 0.2])
+def test_positions_that_are_none_or_in_radians_are_told(files: Files, verify: Callable[..., Any]) -> None:
+    gnss = files.gnss.copy()
+    recording, track = files.write(gnss=gnss[:1])
+    sentence(verify(recording, track), "has 1 position: a drive takes some minutes")
+    gnss[:, 1:3] = np.radians(gnss[:, 1:3])
+    sentence(verify(*files.write(gnss=gnss)), "look like radians", "latitude_rad")
+    gnss = files.gnss.copy()
+    gnss[:, 1] = np.nan
+    sentence(verify(*files.write(gnss=gnss)), "None of the 300 rows|None of the 301 rows", "no fix")
+
+
 def test_outliers_among_the_positions_are_left_out_and_counted(
-    files: Files, verify: Callable[..., Any], share: float
+    files: Files, verify: Callable[..., Any]
 ) -> None:
+    """A fifth of them, off by metres to hundreds, and five rows without a position."""
     rng = np.random.default_rng(3)
     gnss = files.gnss.copy()
-    bad = rng.uniform(size=len(gnss)) < share
+    bad = rng.uniform(size=len(gnss)) < 0.2
     gnss[bad, 1:3] += rng.choice([-1.0, 1.0], (bad.sum(), 2)) * rng.uniform(2e-5, 2e-3, (bad.sum(), 2))
+    gnss[40:45, 1] = np.nan
+    bad[40:45] = False
     recording, track = files.write(gnss=gnss)
     answer = verify(recording, track, "--outages", "10", "--gnss-time", -CLOCK, "--json")
     assert answer.status == 0, answer
     found = json.loads(answer.out)
     assert found["positions_left_out"] == bad.sum()
-    assert any(f"{bad.sum()} of {len(bad)} positions do not fit" in text for text in found["remarks"])
+    assert any(f"{bad.sum()} of {len(bad) - 5} positions do not fit" in text for text in found["remarks"])
+    assert any("5 of 301 rows" in text for text in found["remarks"])
     assert found["variants"][-1]["innovations"] == pytest.approx(1.0, abs=0.3)
 
 

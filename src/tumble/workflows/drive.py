@@ -52,6 +52,7 @@ from tumble.workflows.drive_innovations import about_innovations
 from tumble.workflows.drive_verification import DriveVerification, PartResult, judge_drive, no_proof
 from tumble.workflows.temperature import check_outside, refuse_twice
 
+_FEWEST_FIXES = 30
 OUTAGES = (2.0, 10.0, 30.0, 60.0)
 # How far biases move from one power cycle to the next, where nothing is told: no more than consumer units.
 TURN_ON = (0.05, 0.005)  # m/s², rad/s
@@ -124,6 +125,11 @@ def verify_drive(
         )
     recording = in_calibration_units(recordings[0], raw_factors(document, recordings[0]))
     track = read_track(Path(gnss))
+    if len(track) < _FEWEST_FIXES:
+        raise RecordingError(
+            f"{track.name} has {len(track)} position{'s' if len(track) != 1 else ''}: a drive takes some minutes of them, "
+            "one a second or more."
+        )
     fitting = fit_velocities(track)
     track, left_out = track.rows(fitting), int(np.count_nonzero(~fitting))
     parts, remarks = corrected_by_parts(document, recording, files, temperature=temperature, outside=beyond)
