@@ -49,7 +49,7 @@ _SHARES = (
 )
 _SLIDING = (
     "Outages one by one, error over that of the uncalibrated samples: the filter has had all positions before each. It "
-    "has estimated the sensors' errors by then as far as the drive shows them, so that less is left for the calibration."
+    "has estimated the sensors' errors by then as far as the drive shows them: less is left for the calibration."
 )
 _GAPS = (
     "Outages again and again, with one position between, error over that of the uncalibrated samples: the filter "
