@@ -127,7 +127,7 @@ def test_a_verdict_that_hangs_on_how_far_biases_may_have_moved_says_so(
     assert re.search(r"It serves if this unit's\s+biases\s+may\s+move", answer.out)
     answer = verify(recording, track, "-q", "--outages", "10", "--gnss-time", -CLOCK, "--turn-on", "0.1,10")
     assert answer.status == 1, answer
-    assert re.search(r"The drive finds the (gyroscope|accelerometer) bias", answer.out)
+    assert re.search(r"The drive finds the (gyro|accelerometer) bias", answer.out)
     assert "no proof" not in answer.out
 
 
@@ -298,3 +298,7 @@ def test_a_prediction_names_the_states_of_a_filter(
     answer = tumble("predict", calibrated, "--trajectory", track, "--seconds", "60", "--turn-on", "5,100")
     assert answer.status == 0, answer
     assert "States for a filter" in answer.out
+    # in the words of the report and the glossary
+    assert "gyro bias x" in answer.out
+    assert "g-sensitivity of gyro" in answer.out
+    assert "gyroscope." not in answer.out
