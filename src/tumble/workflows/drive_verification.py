@@ -291,8 +291,8 @@ def _on_turn_on(found: DriveVerification) -> list[str]:
     return [
         (
             f"It serves if this unit's biases may move by {_allowed(found)} from one turn-on to the next (--turn-on): "
-            f"the drive finds the {_plain(name)} moved by {_practical(name, estimate)}, {abs(times):.1f} times what the "
-            "calibration's own uncertainty allows."
+            f"the drive finds the {_plain(name)} moved by {_practical(name, estimate)}, {abs(times):.1f} times what "
+            "the calibration's own uncertainty allows."
         )
     ]
 
