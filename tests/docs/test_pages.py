@@ -23,7 +23,7 @@ EXECUTED = {
     "docs/denoising.md": 7,
     "docs/file-format.md": 10,
     "docs/joint.md": 4,
-    "docs/navigation.md": 2,
+    "docs/navigation.md": 5,
     "docs/plan.md": 2,
     "docs/noise.md": 3,
     "docs/noise-models.md": 7,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +13,7 @@ import numpy as np
 import typer
 
 if TYPE_CHECKING:
+    from tumble.navigation.prediction import StateAdvice
     from tumble.workflows.predict_navigation import NavigationPrediction
 
 # Parameters that are listed: those that make more than this share of the largest one's error.
@@ -98,6 +101,8 @@ def _print(found: NavigationPrediction) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from tumble.calibration.verdict import two_digits
+
     console = Console(highlight=False)
     errors = _errors(found)
     table = Table(
@@ -115,7 +120,7 @@ def _print(found: NavigationPrediction) -> None:
         ("tilt", "tilt", math.degrees(1.0), "°"),
         ("heading", "heading", math.degrees(1.0), "°"),
     ):
-        table.add_row(words, *(f"{factor * row[key]:.2g} {unit}" for row in errors))
+        table.add_row(words, *(f"{two_digits(factor * row[key])} {unit}" for row in errors))
     console.print(table)
     largest = max(errors[-1]["horizontal_by_parameter"].values(), default=0.0)
     listed = sorted(errors[-1]["horizontal_by_parameter"].items(), key=lambda item: -item[1])
@@ -130,15 +135,16 @@ def _print(found: NavigationPrediction) -> None:
         table.add_column(f"{row['seconds']:g} s", justify="right")
     for name, value in listed:
         if value > _LISTED * largest:
-            table.add_row(name, *(f"{row['horizontal_by_parameter'][name]:.2g} m" for row in errors))
+            sizes = (two_digits(row["horizontal_by_parameter"][name]) for row in errors)
+            table.add_row(_in_words(name), *(f"{size} m" for size in sizes))
     console.print(table)
     carried = [state for state in found.states if state.carry]
     table = Table(title="States for a filter", title_justify="left", box=None, pad_edge=False)
-    for head in ("state", "sigma at the start", "largest share of a variance"):
+    for head in ("state", "one sigma at the start", "largest share of a variance"):
         table.add_column(head)
     for state in carried:
         table.add_row(
-            state.name, _practical(state.kind, state.column, state.sigma), f"{100.0 * state.share:.0f} %"
+            _state_in_words(state), _practical(state, two_digits), f"{two_digits(100.0 * state.share)} %"
         )
     console.print(table)
     left = len(found.states) - len(carried)
@@ -149,14 +155,45 @@ def _print(found: NavigationPrediction) -> None:
         console.print(f"• {sentence}", markup=False)
 
 
-def _practical(kind: str, column: int, sigma: float) -> str:
-    if kind == "g-sensitivity":
-        return f"{math.degrees(sigma) * 3600.0 * 9.80665:.2g} °/h/g"
-    if column >= 0:
-        return f"{1e6 * sigma:.2g} ppm or µrad"
-    if kind == "accelerometer":
-        return f"{1e3 * sigma / 9.80665e-3:.2g} µg"
-    return f"{math.degrees(sigma) * 3600.0:.2g} °/h"
+def _in_words(name: str) -> str:
+    """A parameter of the covariance in the report's words: gyroscope.bias[1] is gyro bias y."""
+    found = re.fullmatch(r"(accelerometer|gyroscope)\.(bias|matrix|g_sensitivity)\[(\d)(?:,(\d))?\]", name)
+    if found is None:
+        return name
+    triad, what, row, column = found.groups()
+    triad = "gyro" if triad == "gyroscope" else triad
+    sensor = "xyz"[int(row)]
+    if what == "bias" or column is None:
+        return f"{triad} bias {sensor}"
+    return _of_matrix(triad, what == "g_sensitivity", int(row), int(column))
+
+
+def _state_in_words(state: StateAdvice) -> str:
+    if state.kind == "g-sensitivity":
+        return _of_matrix("gyro", True, state.row, state.column)
+    triad = "gyro" if state.kind == "gyroscope" else state.kind
+    if state.column < 0:
+        return state.name.replace("gyroscope", "gyro")
+    return _of_matrix(triad, False, state.row, state.column)
+
+
+def _of_matrix(triad: str, g_sensitivity: bool, row: int, column: int) -> str:
+    if g_sensitivity:
+        return f"g-sensitivity of gyro {'xyz'[row]} to force {'xyz'[column]}"
+    if row == column:
+        return f"{triad} scale factor {'xyz'[row]}"
+    return f"{triad} misalignment {'xyz'[row]} to {'xyz'[column]}"
+
+
+def _practical(state: StateAdvice, digits: Callable[[float], str]) -> str:
+    sigma = state.sigma
+    if state.kind == "g-sensitivity":
+        return f"{digits(math.degrees(sigma) * 3600.0 * 9.80665)} (°/h)/g"
+    if state.column >= 0:
+        return f"{digits(1e6 * sigma)} {'ppm' if state.row == state.column else 'µrad'}"
+    if state.kind == "accelerometer":
+        return f"{digits(sigma / 9.80665e-3)} mg"
+    return f"{digits(math.degrees(sigma) * 3600.0)} °/h"
 
 
 __all__ = ["show_navigation"]

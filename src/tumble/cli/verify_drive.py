@@ -84,7 +84,7 @@ def show_drive(found: DriveVerification, *, output: Path | None, as_json: bool, 
     document = drive_document(found)
     files: list[Path] = []
     if output is not None:
-        files = write_drive(found, output, shlex.join(["tumble", *sys.argv[1:]]))
+        files = write_drive(document, output, shlex.join(["tumble", *sys.argv[1:]]))
         results_stand()
     if as_json:
         typer.echo(json.dumps(document, indent=1, ensure_ascii=False))

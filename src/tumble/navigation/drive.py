@@ -27,6 +27,8 @@ from tumble.noise.terms import NoiseModel
 _REACHES = (0.15, 0.05, 0.03)
 # The same with a filter of the unit's own noise.
 _FINE = (0.05, 0.02)
+# s of a drive that tell the offset to the coarser steps.
+_ENOUGH = 200.0
 # How often each is tried until the least lies between its steps; and how many of the course's standard uncertainties
 # the filter may move the offset.
 _TRIALS, _FURTHEST = 3, 4.0
@@ -212,7 +214,8 @@ def sharpen_clock(
     track, total, told, sigma = drive.track, 0.0, True, drive.clock.sigma
     for reach in reaches:
         for _ in range(_TRIALS):
-            step, sigma, told = _least_innovations(quiet, setup, reach)
+            until = _ENOUGH if reach != reaches[-1] else np.inf
+            step, sigma, told = _least_innovations(quiet, setup, reach, until)
             total += step
             start, alignment = _aligned(drive.samples, track.shifted(total), rest)
             quiet = replace(quiet, track=track.shifted(total), start=start, alignment=alignment)
@@ -264,10 +267,13 @@ def _less_rest_rate(samples: InertialSamples, track: GnssTrack) -> InertialSampl
     )
 
 
-def _least_innovations(drive: Drive, setup: FilterSetup, reach: float) -> tuple[float, float, bool]:
+def _least_innovations(
+    drive: Drive, setup: FilterSetup, reach: float, until: float
+) -> tuple[float, float, bool]:
     """The shift, s, at which the normalised innovations are least by a parabola, its sigma, and if there is one."""
     interval = max(1.0, drive.track.interval)
     wanted = drive.track.thinned(interval)[0]
+    wanted = wanted.rows(wanted.time < drive.start.time + until)
     own = drive.setup(setup)
 
     def cost(shift: float) -> float:

@@ -82,6 +82,7 @@ def outages(
     every: float = 1.0,
     settle: float = 120.0,
     repeated: bool = False,
+    before: FilterRun | None = None,
 ) -> list[OutageErrors]:
     """Return position errors at the ends of outages, against the fixes that were not taken.
 
@@ -98,6 +99,7 @@ def outages(
     settle : s after the start before the first outage.
     repeated : False for sliding outages: each one by itself, the filter having had all fixes before it. True for
         gaps: the filter loses all fixes but one at the end of each gap, again and again.
+    before : the run of this filter with all of these fixes, where it is there already.
 
     Raises
     ------
@@ -117,7 +119,7 @@ def outages(
     missing = drive.samples.missing()
     if repeated:
         return [_gaps(drive, setup, duration, interval, first).clear_of(missing) for duration in durations]
-    run = drive.run(setup, interval=interval)
+    run = drive.run(setup, interval=interval) if before is None else before
     _refuse_lost(run)
     chosen = _spaced(run, first, every, _settling(drive))
     found: dict[float, list[tuple[float, Vector]]] = {duration: [] for duration in durations}
@@ -162,13 +164,14 @@ def _slide(
 ) -> Iterator[tuple[float, Vector]]:
     """Navigate freely from an event and give the error at each length of outage that has a good fix there."""
     begin, track = float(run.time[row]), drive.track
+    half, best = 0.5 * track.interval, np.min(track.quality)
     goals = [(duration, int(np.argmin(np.abs(track.time - begin - duration)))) for duration in durations]
     goals = [
         (duration, goal)
         for duration, goal in goals
-        if abs(track.time[goal] - begin - duration) <= 0.5 * track.interval + 1e-6
+        if abs(track.time[goal] - begin - duration) <= half + 1e-6
         and track.time[goal] <= last
-        and track.quality[goal] == np.min(track.quality)
+        and track.quality[goal] == best
     ]
     if not goals:
         return

@@ -40,8 +40,8 @@ class TimeAlignment:
     correlation : of the course's rate with the gyros' rate about the vertical, at that offset; 1 at best.
     second_best : highest correlation further than five seconds from it; near the first, the offset is a guess.
     seconds : of motion that both saw and that was compared.
-    moved : s, by how much a filter moved the offset that the course tells.
     note : what else was done, appended to the sentence.
+    moved : s, by how much a filter moved the offset that the course tells.
     """
 
     offset: float
@@ -49,8 +49,8 @@ class TimeAlignment:
     correlation: float
     second_best: float
     seconds: float
-    moved: float = 0.0
     note: str = ""
+    moved: float = 0.0
 
     def __str__(self) -> str:
         """One sentence for the user."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import re
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from tumble.report.figure import RED, Figure, base_layout, plain, text_axis
 from tumble.report.reproduction import cell_text, summary_lines
-from tumble.report.svg_plot import COLOURS, above_zero
+from tumble.report.svg_plot import COLOURS, above_zero, few_places
 
 if TYPE_CHECKING:
     from tumble.studies.outcome import Outcome, Plot, Row, Value
@@ -21,7 +22,8 @@ main { max-width: 1240px; }
 table.rows { font-size: .86rem; }
 table.rows th { white-space: normal; vertical-align: bottom; }
 table.rows th, table.rows td { padding-right: .9rem; }
-table.rows td.label { white-space: normal; min-width: 4rem; max-width: 30rem; }
+table.rows td.label { white-space: normal; min-width: 11rem; max-width: 30rem; }
+table.rows td { white-space: nowrap; }
 table.rows .number { text-align: right; }
 table.rows tr.why td { color: var(--soft); white-space: normal; padding-left: 1.2rem; }
 table.rows tr.has-why td { border-bottom: 0; padding-bottom: 0; }
@@ -41,6 +43,7 @@ def render_outcome(outcome: Outcome) -> str:
         f"<style>{_STYLE}</style><h1>{html.escape(outcome.title)}</h1><p>{html.escape(outcome.source)}</p>"
         f"<p>{html.escape(' '.join(summary_lines(outcome)))}</p>"
         f"{''.join(_place(plot, figure) for plot, figure in zip(outcome.plots, figures, strict=True))}"
+        f"{_common_words(outcome)}"
         f'<div class="scroll">{_table(outcome)}</div>'
         f"<ul>{''.join(f'<li>{html.escape(note)}</li>' for note in outcome.notes)}</ul>"
         f"<p>Again: <code>{html.escape(outcome.command)}</code></p>"
@@ -64,9 +67,25 @@ def _page_of_words(title: str, body: str) -> str:
     )
 
 
+def _common_reason(outcome: Outcome) -> str:
+    """The reason that several rows have and no other is given: said once, and not below each."""
+    reasons = [row.reason for row in outcome.rows if row.reason]
+    return reasons[0] if len(reasons) > 1 and len(set(reasons)) == 1 else ""
+
+
+def _common_words(outcome: Outcome) -> str:
+    common = _common_reason(outcome)
+    return f"<p>No row is judged: {html.escape(common)}.</p>" if common and not _verdicts(outcome) else ""
+
+
+def _verdicts(outcome: Outcome) -> list[str]:
+    return [row.verdict for row in outcome.rows if row.verdict]
+
+
 def _table(outcome: Outcome) -> str:
     heads = ("", "unit", "verdict", *outcome.columns)
-    rows = "".join(_row(row, len(heads)) for row in outcome.rows)
+    said = _common_reason(outcome) if not _verdicts(outcome) else ""
+    rows = "".join(_row(row, len(heads), row.reason != said) for row in outcome.rows)
     first = outcome.rows[0].cells if outcome.rows else outcome.columns
     numbers = [False] * 3 + [isinstance(value, int | float) for value in first]
     cells = "".join(
@@ -76,13 +95,13 @@ def _table(outcome: Outcome) -> str:
     return f'<table class="rows"><thead><tr>{cells}</tr></thead><tbody>{rows}</tbody></table>'
 
 
-def _row(row: Row, columns: int) -> str:
+def _row(row: Row, columns: int, with_reason: bool = True) -> str:
     verdict = f'<span class="{row.verdict}">{row.verdict}</span>' if row.verdict else ""
     cells = (
         f'<td class="label">{html.escape(row.label)}</td><td>{html.escape(row.unit)}</td><td>{verdict}</td>'
         + "".join(_cell(value) for value in row.cells)
     )
-    if not row.reason:
+    if not row.reason or not with_reason:
         return f"<tr>{cells}</tr>"
     why = f'<tr class="why"><td colspan="{columns}">{html.escape(row.reason)}</td></tr>'
     return f'<tr class="has-why">{cells}</tr>{why}'
@@ -90,7 +109,7 @@ def _row(row: Row, columns: int) -> str:
 
 def _cell(value: Value) -> str:
     kind = "" if value is None or isinstance(value, str) else ' class="number"'
-    return f"<td{kind}>{html.escape(cell_text(value).replace('-', '−') if kind else cell_text(value))}</td>"
+    return f"<td{kind}>{html.escape(re.sub(r'-(?=[0-9.])', '−', cell_text(value)))}</td>"
 
 
 def _place(plot: Plot, figure: Figure) -> str:
@@ -114,7 +133,9 @@ def _figure(plot: Plot) -> Figure:
         marker = {"symbol": "x-thin", "size": 9, "color": RED, "line": {"width": 2, "color": RED}}
         data.append(_points(plot.marks.name, plain(plot.marks.x), plot.marks.y, "markers", marker=marker))
     kind: dict[str, Any] = {} if plot.linear else {"type": "log", "exponentformat": "power", "dtick": 1}
-    layout = base_layout(380, xaxis=text_axis(plot.x_label, **kind), yaxis=text_axis(plot.y_label, **kind))
+    few = few_places(plot)
+    across = {"type": "log", "tickvals": few, "ticktext": [f"{x:g}" for x in few]} if few else kind
+    layout = base_layout(380, xaxis=text_axis(plot.x_label, **across), yaxis=text_axis(plot.y_label, **kind))
     layout["legend"]["traceorder"] = "normal"
     return Figure(plot.name, plot.title, data, layout)
 

@@ -18,6 +18,8 @@ LEFT, RIGHT, TOP, BOTTOM = 84, 20, 46, 56
 COLOURS = (BLUE, GREEN, ORANGE, PURPLE, TEAL)
 # A line through more points than this shows no point.
 _DOTS = 100
+# Up to so many places of a logarithmic axis have a tick each.
+_FEW = 8
 _DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -35,6 +37,8 @@ def draw_plot(plot: Plot) -> str:
         seen_y.append(plot.marks.y)
     limits = _steps if plot.linear else _decades
     (x_low, x_high), (y_low, y_high) = limits([curve.x for curve in curves]), limits(seen_y)
+    if few := few_places(plot):
+        x_low, x_high = (float(np.log10(x)) for x in (few[0] / 1.2, few[-1] * 1.2))
 
     def at(x: Series, y: Series) -> list[str]:
         x, y = (x, y) if plot.linear else (np.log10(x), np.log10(y))
@@ -58,6 +62,19 @@ def draw_plot(plot: Plot) -> str:
     if plot.marks is not None:
         parts += [_cross(*map(float, point.split(","))) for point in at(plot.marks.x, plot.marks.y)]
     return "\n".join([*parts, "</g>", *_legend(plot, curves), "</svg>", ""])
+
+
+def few_places(plot: Plot) -> list[float]:
+    """Return where the points stand of a logarithmic plot below two decades, which has hardly a power of ten.
+
+    Parameters
+    ----------
+    plot : of any kind; of others the list is empty.
+    """
+    places = np.unique(np.concatenate([np.zeros(0), *(curve.x for curve in plot.curves)]))
+    if plot.linear or not 2 <= len(places) <= _FEW or not places[0] > 0.0 or places[-1] >= 100.0 * places[0]:
+        return []
+    return [float(place) for place in places]
 
 
 def above_zero(curve: Curve) -> Series:
@@ -107,7 +124,9 @@ def _frame(plot: Plot, x_range: tuple[float, float], y_range: tuple[float, float
         f'<text x="{LEFT}" y="20" font-weight="600">{html.escape(plot.title)}</text>',
         f'<rect x="{LEFT}" y="{TOP}" width="{inner_width}" height="{inner_height}" fill="none" stroke="{GREY}"/>',
     ]
-    for tick, words in _ticks(x_range, plot.linear):
+    few = few_places(plot)
+    across = [(float(np.log10(x)), f"{x:g}") for x in few] if few else _ticks(x_range, plot.linear)
+    for tick, words in across:
         x = LEFT + inner_width * (tick - x_range[0]) / (x_range[1] - x_range[0])
         parts.append(f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}" stroke="#e3e6ea"/>')
         parts.append(f'<text x="{x:.1f}" y="{HEIGHT - BOTTOM + 18}" text-anchor="middle">{words}</text>')

@@ -5,21 +5,26 @@ is, and `simulate_recording` plays it; `simulate_protocol` plays a protocol with
 random number comes from the generator that is passed in.
 """
 
-from tumble.simulation.axis_angles import FixtureAngles, fixture_angles
-from tumble.simulation.chamber import Chamber, ChamberTruth, simulate_chamber
-from tumble.simulation.disturbances import Detours, Disturbance, Knock, Oscillation, simulate_tremor
-from tumble.simulation.fixtures import PlayedProtocol, TrueRotation, TrueSpin, play_protocol
-from tumble.simulation.grades import GRADES, Grade, TriadGrade, find_grade
-from tumble.simulation.motion import Motion
-from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise
-from tumble.simulation.poses import poses_26, simulate_hand_poses
-from tumble.simulation.protocols import motion_from_protocol, simulate_protocol
-from tumble.simulation.recordings import Distort, Truth, simulate_recording
-from tumble.simulation.sampling import Imperfections
-from tumble.simulation.table import TableErrors
-from tumble.simulation.thermal_grades import THERMAL_GRADES, ThermalGrade, find_thermal_grade
-from tumble.simulation.trajectories import SplineTrajectory, TravelledStates, drive_along, simulate_drive
-from tumble.simulation.two_axis import FixtureErrors, play_sequences
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tumble.simulation.axis_angles import FixtureAngles, fixture_angles
+    from tumble.simulation.chamber import Chamber, ChamberTruth, simulate_chamber
+    from tumble.simulation.disturbances import Detours, Disturbance, Knock, Oscillation, simulate_tremor
+    from tumble.simulation.fixtures import PlayedProtocol, TrueRotation, TrueSpin, play_protocol
+    from tumble.simulation.grades import GRADES, Grade, TriadGrade, find_grade
+    from tumble.simulation.motion import Motion
+    from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise
+    from tumble.simulation.poses import poses_26, simulate_hand_poses
+    from tumble.simulation.protocols import motion_from_protocol, simulate_protocol
+    from tumble.simulation.recordings import Distort, Truth, simulate_recording
+    from tumble.simulation.sampling import Imperfections
+    from tumble.simulation.table import TableErrors
+    from tumble.simulation.thermal_grades import THERMAL_GRADES, ThermalGrade, find_thermal_grade
+    from tumble.simulation.trajectories import SplineTrajectory, TravelledStates, drive_along, simulate_drive
+    from tumble.simulation.two_axis import FixtureErrors, play_sequences
 
 __all__ = [
     "GRADES",
@@ -63,3 +68,61 @@ __all__ = [
     "simulate_recording",
     "simulate_tremor",
 ]
+
+_MODULES = {
+    "GRADES": "grades",
+    "THERMAL_GRADES": "thermal_grades",
+    "Chamber": "chamber",
+    "ChamberTruth": "chamber",
+    "Detours": "disturbances",
+    "Distort": "recordings",
+    "Disturbance": "disturbances",
+    "FixtureAngles": "axis_angles",
+    "FixtureErrors": "two_axis",
+    "Grade": "grades",
+    "Imperfections": "sampling",
+    "Knock": "disturbances",
+    "Motion": "motion",
+    "Oscillation": "disturbances",
+    "PlayedProtocol": "fixtures",
+    "SplineTrajectory": "trajectories",
+    "TableErrors": "table",
+    "ThermalGrade": "thermal_grades",
+    "TravelledStates": "trajectories",
+    "TriadGrade": "grades",
+    "TriadNoise": "noise",
+    "TrueRotation": "fixtures",
+    "TrueSpin": "fixtures",
+    "Truth": "recordings",
+    "convert_to_digital": "noise",
+    "drive_along": "trajectories",
+    "find_grade": "grades",
+    "find_thermal_grade": "thermal_grades",
+    "fixture_angles": "axis_angles",
+    "motion_from_protocol": "protocols",
+    "play_protocol": "fixtures",
+    "play_sequences": "two_axis",
+    "poses_26": "poses",
+    "simulate_chamber": "chamber",
+    "simulate_drive": "trajectories",
+    "simulate_hand_poses": "poses",
+    "simulate_noise": "noise",
+    "simulate_protocol": "protocols",
+    "simulate_recording": "recordings",
+    "simulate_tremor": "disturbances",
+}
+
+
+def __getattr__(name: str) -> object:
+    """Fetch a name from its module at first use: a data sheet needs no splines.
+
+    Raises
+    ------
+    AttributeError
+        If the room has no such name.
+    """
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)

@@ -118,9 +118,12 @@ def _nine_row(said: dict[int, AnyArray], found: Found) -> Row:
     )
 
 
-def _row(label: str, said: float, ours: Series, words: str, either: tuple[str, str]) -> Row:
+def _row(
+    label: str, said: float, ours: Series, words: str, either: tuple[str, str], campaigns: int | None = None
+) -> Row:
+    """The thesis' number beside ours, of which a campaign may have several."""
     cells = (said, float(np.median(ours)), float(ours.min()), float(ours.max()))
-    if len(ours) < RANGE:
+    if (len(ours) if campaigns is None else campaigns) < RANGE:
         return Row(label, "", cells, UNJUDGED, f"fewer than {RANGE} campaigns have no range")
     if cells[2] <= said <= cells[3]:
         return Row(label, "", cells, INSIDE)
@@ -201,7 +204,15 @@ def _growth_row(name: str, at: int, said: Series, ours: Positions) -> Row:
     both = np.concatenate(exponents)
     growth = float(np.log(said[at + 1] / said[at]) / ratio)
     label = f"{name}: exponent from {_LENGTHS[at]:g} to {_LENGTHS[at + 1]:g} s"
-    return _row(label, growth, both[np.isfinite(both)], "it grows {} than ours", ("faster", "more slowly"))
+    whole = np.isfinite(np.stack(exponents)).any(axis=0)
+    return _row(
+        label,
+        growth,
+        both[np.isfinite(both)],
+        "it grows {} than ours",
+        ("faster", "more slowly"),
+        int(whole.sum()),
+    )
 
 
 def _outage_plot(imu: str, protocol: str, said: AnyArray, found: Found) -> Plot:

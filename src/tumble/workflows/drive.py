@@ -37,7 +37,7 @@ from tumble.navigation.plausibility import (
 )
 from tumble.recording import read_recordings
 from tumble.recording.corrections import corrections_of
-from tumble.simulation import Grade, find_grade
+from tumble.simulation.grades import Grade, find_grade
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.calibration_parts import (
     AT_REST,
@@ -52,6 +52,7 @@ from tumble.workflows.drive_innovations import about_innovations
 from tumble.workflows.drive_verification import DriveVerification, PartResult, judge_drive, no_proof
 from tumble.workflows.temperature import check_outside, refuse_twice
 
+_FEWEST_FIXES = 30
 OUTAGES = (2.0, 10.0, 30.0, 60.0)
 # How far biases move from one power cycle to the next, where nothing is told: no more than consumer units.
 TURN_ON = (0.05, 0.005)  # m/s², rad/s
@@ -124,6 +125,11 @@ def verify_drive(
         )
     recording = in_calibration_units(recordings[0], raw_factors(document, recordings[0]))
     track = read_track(Path(gnss))
+    if len(track) < _FEWEST_FIXES:
+        raise RecordingError(
+            f"{track.name} has {len(track)} position{'s' if len(track) != 1 else ''}: a drive takes some minutes of "
+            "them, one a second or more."
+        )
     fitting = fit_velocities(track)
     track, left_out = track.rows(fitting), int(np.count_nonzero(~fitting))
     parts, remarks = corrected_by_parts(document, recording, files, temperature=temperature, outside=beyond)
@@ -312,9 +318,10 @@ def _result(
     lengths: Sequence[float],
 ) -> PartResult:
     settle = _settle(drive)
-    every = max(1.0, round((float(drive.track.time[-1]) - drive.start.time) / 300.0))
+    every = max(2.0, round((float(drive.track.time[-1]) - drive.start.time) / 150.0))
     found = [
-        outages(drive, setup, lengths, every=every, settle=settle, repeated=again) for again in (False, True)
+        outages(drive, setup, lengths, every=every, settle=settle, repeated=again, before=run)
+        for again in (False, True)
     ]
     distances: Series = run.distances[:, 0]
     seen = np.isfinite(distances)

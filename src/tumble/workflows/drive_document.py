@@ -50,12 +50,12 @@ def drive_document(found: DriveVerification) -> dict[str, Any]:
     }
 
 
-def write_drive(found: DriveVerification, folder: Path, command: str) -> list[Path]:
+def write_drive(document: dict[str, Any], folder: Path, command: str) -> list[Path]:
     """Write ``verify.json`` and ``verify.html`` into a folder, and return them.
 
     Parameters
     ----------
-    found, folder : what and where.
+    document, folder : of `drive_document`, and where.
     command : how to make it again.
 
     Raises
@@ -67,7 +67,6 @@ def write_drive(found: DriveVerification, folder: Path, command: str) -> list[Pa
     from tumble.report.drive_page import render_drive
 
     files = [folder / "verify.json", folder / "verify.html"]
-    document = drive_document(found)
     page = render_drive(document, command)
     write_text(files[0], json.dumps(document, indent=1, ensure_ascii=False) + "\n")
     write_text(files[1], page)

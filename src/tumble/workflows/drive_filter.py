@@ -11,7 +11,7 @@ from tumble.arrays import Series
 from tumble.errors import UsageError
 from tumble.navigation import FilterSetup, TriadSpread, plan_filter
 from tumble.noise.terms import NoiseModel
-from tumble.simulation import Grade, TriadGrade
+from tumble.simulation.grades import Grade, TriadGrade
 from tumble.workflows.calibration_parts import CorrectedBy, scatter
 
 # A minute shows a bias by its walk: K is the bias instability over the root of this, s.

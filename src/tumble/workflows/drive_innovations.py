@@ -104,8 +104,8 @@ def _vibration(drive: Drive) -> str:
     if max(ratios) < 2.0:
         return ""
     return (
-        f"samples at rest scatter up to {ratios[0]:.0f} (specific force) and {ratios[1]:.0f} times (angular rate) as "
-        "much as their half-second means tell, so that vibration counts as white noise"
+        f"samples at rest scatter up to {ratios[0]:.1f} (specific force) and {ratios[1]:.1f} times (angular rate) "
+        "as much as their half-second means tell, so that vibration counts as white noise"
     )
 
 

@@ -219,7 +219,7 @@ def judge_drive(found: DriveVerification, own_recording: bool) -> None:
     if worst and abs(worst[0][1][1]) > LARGEST_NORMALISED:
         name, (estimate, times) = worst[0]
         against.append(
-            f"The drive finds the {name} off by {_practical(name, estimate)}, {abs(times):.1f} times what the "
+            f"The drive finds the {_plain(name)} off by {_practical(name, estimate)}, {abs(times):.1f} times what the "
             f"calibration's uncertainty allows{_beside(found, name)}."
         )
     result = found.part(WHOLE)
@@ -291,8 +291,8 @@ def _on_turn_on(found: DriveVerification) -> list[str]:
     return [
         (
             f"It serves if this unit's biases may move by {_allowed(found)} from one turn-on to the next (--turn-on): "
-            f"the drive finds the {name} moved by {_practical(name, estimate)}, {abs(times):.1f} times what the "
-            "calibration's own uncertainty allows."
+            f"the drive finds the {_plain(name)} moved by {_practical(name, estimate)}, {abs(times):.1f} times what "
+            "the calibration's own uncertainty allows."
         )
     ]
 
@@ -351,9 +351,18 @@ def far(number: Statistic) -> str:
 def _practical(name: str, value: float) -> str:
     if "bias" in name:
         if name.startswith("accelerometer"):
-            return f"{two_digits(value / 9.80665e-3)} mg"
-        return f"{two_digits(float(np.degrees(value)) * 3600.0)} °/h"
-    return f"{two_digits(100.0 * value)} %" if "scale" in name else f"{two_digits(1e3 * value)} mrad"
+            return f"{_signed(value / 9.80665e-3)} mg"
+        return f"{_signed(float(np.degrees(value)) * 3600.0)} °/h"
+    return f"{_signed(100.0 * value)} %" if "scale" in name else f"{_signed(1e3 * value)} mrad"
+
+
+def _plain(name: str) -> str:
+    """A state's name in the glossary's words."""
+    return name.replace("gyroscope", "gyro")
+
+
+def _signed(value: float) -> str:
+    return f"{'−' if value < 0.0 else ''}{two_digits(abs(value))}"
 
 
 __all__ = [

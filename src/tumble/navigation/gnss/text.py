@@ -84,14 +84,22 @@ def read_text_track(path: Path) -> GnssTrack:
     value = {
         name: _numbers(rows, at, header[at], path.name) for name, at in columns.items() if name != "time"
     }
+    whole = _whole_rows(rows, columns, header, value, path.name)
+    without = len(rows) - int(whole.sum())
+    rows = [row for row, good in zip(rows, whole.tolist(), strict=True) if good]
+    value = {name: column[whole] for name, column in value.items()}
+    _refuse_radians(value, header, columns, path.name)
     time, remark = _time(rows, columns, header, value, path.name)
     factor = {name: _angle_factor(header[columns[name]]) for name in ("latitude", "longitude")}
     latitude, longitude = (value[name] * factor[name] for name in ("latitude", "longitude"))
     sigmas, velocity, speeds, assumed = _accuracies(value, len(rows))
     remarks = [Remark("found", remark)]
+    if without:
+        text = f"{without} of {len(whole)} rows of {path.name} have no time or no position and were left out."
+        remarks.append(Remark("mended", text))
     if assumed:
         remarks.append(Remark("assumed", assumed))
-    quality = value["quality"].astype(int) if "quality" in value else None
+    quality = np.nan_to_num(value["quality"]).astype(int) if "quality" in value else None
     return make_track(
         time,
         (latitude, longitude, value["height"]),
@@ -130,6 +138,63 @@ def _numbers(rows: Sequence[Sequence[str]], at: int, word: str, name: str) -> Se
         raise RecordingError(
             f"The column {word} of {name} has a value that is no number: {error}."
         ) from error
+
+
+def _whole_rows(
+    rows: Sequence[Sequence[str]],
+    columns: dict[str, int],
+    header: Sequence[str],
+    value: dict[str, Series],
+    name: str,
+) -> np.ndarray:
+    """Which rows have a time, a position and what is stated of it; others are a receiver without a fix."""
+    needed = (
+        "week",
+        "tow",
+        "latitude",
+        "longitude",
+        "height",
+        "sigma north",
+        "sigma east",
+        "sigma height",
+        "accuracy",
+    )
+    good = np.ones(len(rows), dtype=bool)
+    for what in needed:
+        if what in value:
+            good &= np.isfinite(value[what])
+    if "time" in columns:
+        at = columns["time"]
+        dates = any(re.match(r"\s*\d{4}[-/]", row[at]) for row in rows)
+        stamped = (
+            [bool(row[at]) for row in rows] if dates else np.isfinite(_numbers(rows, at, header[at], name))
+        )
+        good &= np.asarray(stamped)
+    if not good.any():
+        raise RecordingError(
+            f"None of the {len(rows)} rows of {name} has a time and a position that are numbers: the receiver had no "
+            "fix, or the columns are others than their names say."
+        )
+    return good
+
+
+def _refuse_radians(
+    value: dict[str, Series], header: Sequence[str], columns: dict[str, int], name: str
+) -> None:
+    """Refuse radians under a name that says no unit: as degrees they all lie in the sea off Africa, where 0, 0 is."""
+    if any(re.search(r"rad|deg|°", header[columns[what]].lower()) for what in ("latitude", "longitude")):
+        return
+    latitude, longitude = value["latitude"], value["longitude"]
+    if (
+        np.all(np.abs(latitude) <= 0.5 * np.pi)
+        and np.all(np.abs(longitude) <= np.pi)
+        and np.any(latitude != 0.0)
+    ):
+        raise RecordingError(
+            f"The positions of {name} lie at {latitude[0]:.4f}, {longitude[0]:.4f}: as degrees that is in the Gulf of "
+            "Guinea, so they look like radians. Name the columns latitude_rad and longitude_rad, or latitude_deg and "
+            "longitude_deg."
+        )
 
 
 def _time(

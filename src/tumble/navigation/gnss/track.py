@@ -190,6 +190,12 @@ def in_order(track: GnssTrack) -> GnssTrack:
 
 
 def _refuse_impossible(track: GnssTrack) -> None:
+    lost = ~np.isfinite(np.column_stack([track.time, *track.position])).all(axis=1)
+    if lost.any():
+        raise RecordingError(
+            f"Fix {int(lost.argmax()) + 1} of {track.name} has a time or a position that is no number: "
+            "leave such fixes out."
+        )
     wrong = ~(np.abs(track.latitude) <= 0.5 * np.pi)
     if wrong.any():
         row = int(np.flatnonzero(wrong)[0])

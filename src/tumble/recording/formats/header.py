@@ -34,6 +34,12 @@ def header_names(path: Path) -> list[str]:
 
 def _parquet_names(path: Path) -> list[str]:
     """Return the names of the columns; of a damaged file none."""
+    from tumble.recording.formats.parquet_plain import Unfamiliar, read_footer
+
+    try:
+        return list(read_footer(path).names)
+    except Unfamiliar:
+        pass
     import polars as pl
 
     try:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from tumble.errors import OutputError, UsageError
-from tumble.recording.formats.parquet import UNITS_KEY
+from tumble.recording.formats.parquet_plain import UNITS_KEY
 from tumble.recording.recording import Recording
 from tumble.recording.writing import written_beside
 from tumble.units import COUNTS
@@ -141,9 +141,9 @@ def _write_parquet(
             for number, block in enumerate(blocks):
                 units = judged_units(block)
                 frame_of(block, marks).write_parquet(Path(parts) / f"{number:08d}.parquet", compression="lz4")
-            # Samples hardly compress: what counts is how fast they are there again.
+            # Not compressed, for samples hardly do, and so that numpy alone can read it again.
             pl.scan_parquet(str(Path(parts) / "*.parquet")).sink_parquet(
-                file, compression="lz4", metadata={UNITS_KEY: json.dumps(units)}
+                file, compression="uncompressed", metadata={UNITS_KEY: json.dumps(units)}
             )
         except pl.exceptions.PolarsError as error:  # a full disk arrives as polars' own error
             raise OutputError(f"The Parquet file could not be written to {folder}: {error}.") from error

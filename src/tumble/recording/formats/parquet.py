@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.arrays import Series
 from tumble.errors import RecordingError
+from tumble.recording.formats.parquet_plain import Damaged, column_groups, read_footer, read_plain
 from tumble.recording.formats.table import RawTable, hash_file
 from tumble.recording.formats.text_parsing import side_by_side
 from tumble.recording.recording import Source
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 NAME = "Parquet"
 ENDINGS = (".parquet", ".pq")
 SUMMARY = "Parquet with one column a channel"
-
-UNITS_KEY = "tumble.units"
-"""Key of the file's metadata under which tumble notes the units, by column, that it has judged."""
 
 
 def recognises(head: bytes) -> bool:
@@ -73,12 +70,20 @@ def read_table(path: Path) -> RawTable:
     OSError
         If the file cannot be read.
     """
-    import polars as pl
-
     with ThreadPoolExecutor(1) as pool:
         hashing = pool.submit(hash_file, path)
         try:
-            units, frame = _judged_units(path), pl.read_parquet(path)
+            plain = read_plain(path)
+        except Damaged as error:
+            raise RecordingError(f"{path.name} is a damaged Parquet file.") from error
+        if plain is not None:
+            footer, columns = plain
+            named = _with_units(footer.names, footer.units)
+            return RawTable(path, named, columns, hashing.result(), judged=True)
+        import polars as pl
+
+        try:
+            units, frame = read_footer(path).units, pl.read_parquet(path)
             names, columns = _own_columns(frame) if units else numeric_columns(frame)
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
             raise _damaged(path, error) from error
@@ -90,26 +95,10 @@ def read_table(path: Path) -> RawTable:
 def _own_columns(frame: pl.DataFrame) -> tuple[tuple[str, ...], list[Series]]:
     """Return the columns of a file of tumble's own, those of a triad as views of one (rows, 3) array."""
     names = tuple(frame.columns)
-    groups = [list(names[:1])]
-    for name in names[1:]:
-        starts = name[0] != groups[-1][-1][0] or len(groups[-1]) == len("xyz")
-        groups += [[name]] if starts else []
-        groups[-1] += [] if starts else [name]
+    groups = column_groups(names)
     with ThreadPoolExecutor(2) as pool:
         blocks = list(pool.map(partial(side_by_side, frame), groups))
     return names, [block[:, i] for block in blocks for i in range(block.shape[1])]
-
-
-def _judged_units(path: Path) -> dict[str, str]:
-    """Return the units by column that tumble noted when it wrote the file, none for files of others."""
-    import polars as pl
-
-    try:
-        noted: Any = json.loads(pl.read_parquet_metadata(path).get(UNITS_KEY, "{}"))
-    except ValueError:
-        return {}
-    by_column = cast("dict[Any, Any]", noted) if isinstance(noted, dict) else {}
-    return {str(column): str(unit) for column, unit in by_column.items()}
 
 
 def _with_units(names: tuple[str, ...], units: dict[str, str]) -> tuple[str, ...]:
@@ -129,9 +118,12 @@ def read_table_blocks(path: Path, rows: int = 500_000) -> Iterator[RawTable]:
     import polars as pl
 
     start = 0
+    try:
+        units = read_footer(path).units
+    except Damaged as error:
+        raise RecordingError(f"{path.name} is a damaged Parquet file.") from error
     lazy = pl.scan_parquet(path)
     try:
-        units = _judged_units(path)
         total = int(lazy.select(pl.len()).collect().item())
         while start < total:
             names, columns = numeric_columns(lazy.slice(start, rows).collect())
