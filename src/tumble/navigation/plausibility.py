@@ -44,19 +44,6 @@ def refuse_wrong_scale(samples: InertialSamples, track: GnssTrack) -> None:
     slope = course_rate_slope(samples, track)
     if 1.0 / _LARGEST_SLOPE < slope < _LARGEST_SLOPE:
         return
-    vertical = int(np.argmax(np.abs(samples.specific_force_b.mean(axis=0))))
-    for axis in range(3):
-        level = np.zeros((len(samples), 3))
-        level[:, axis] = 1.0
-        turned = InertialSamples(samples.time, level, samples.angular_rate_ib_b, samples.means)
-        if (
-            axis != vertical
-            and 1.0 / _LARGEST_SLOPE < course_rate_slope(turned, track, either=True) < _LARGEST_SLOPE
-        ):
-            raise RecordingError(
-                f"The course goes with gyro {'xyz'[axis]}, but gravity lies along {'xyz'[vertical]}: axes of one triad "
-                "are swapped. Check which column is which."
-            )
     guess = ""
     for factor, words in (
         (np.degrees(1.0), "rad/s were read as deg/s"),
@@ -64,6 +51,20 @@ def refuse_wrong_scale(samples: InertialSamples, track: GnssTrack) -> None:
     ):
         if 1.0 / _LARGEST_SLOPE < slope / factor < _LARGEST_SLOPE:
             guess = f", as if {words}"
+    vertical = int(np.argmax(np.abs(samples.specific_force_b.mean(axis=0))))
+    for axis in range(3):
+        level = np.zeros((len(samples), 3))
+        level[:, axis] = 1.0
+        turned = InertialSamples(samples.time, level, samples.angular_rate_ib_b, samples.means)
+        if (
+            not guess
+            and axis != vertical
+            and 1.0 / _LARGEST_SLOPE < course_rate_slope(turned, track, either=True) < _LARGEST_SLOPE
+        ):
+            raise RecordingError(
+                f"The course goes with gyro {'xyz'[axis]}, but gravity lies along {'xyz'[vertical]}: axes of one triad "
+                "are swapped. Check which column is which."
+            )
     raise RecordingError(
         f"The course turns {slope:.3g} times as fast as the gyros say{guess}: the unit of the angular rates is "
         "another. Say it with --units."
@@ -154,29 +155,31 @@ def why_no_agreement(samples: InertialSamples, track: GnssTrack) -> str:
     """
     down = -samples.specific_force_b.mean(axis=0)
     vertical = int(np.argmax(np.abs(down)))
+    best, which = 0.8, -1
     for axis in range(3):
         for sign in (1.0, -1.0):
+            if axis == vertical and sign == np.sign(down[vertical]):
+                continue
             level = np.zeros((len(samples), 3))
             level[:, axis] = -sign
+            turned = InertialSamples(samples.time, level, samples.angular_rate_ib_b, samples.means)
             try:
-                found = estimate_time_offset(
-                    InertialSamples(samples.time, level, samples.angular_rate_ib_b, samples.means), track
-                )
+                found = estimate_time_offset(turned, track)
             except RecordingError:
                 continue
-            if found.correlation < 0.8:
-                continue
-            if axis == vertical:
-                return (
-                    f"The gyros turn against the course (correlation {-found.correlation:.2f}): their signs, or those "
-                    "of the accelerometers, are reversed. Check the body axes; they must be right-handed for both "
-                    "triads."
-                )
-            return (
-                f"The course goes with gyro {'xyz'[axis]} (correlation {found.correlation:.2f}), but gravity lies "
-                f"along {'xyz'[vertical]}: axes of one triad are swapped. Check which column is which."
-            )
-    return ""
+            if found.correlation > best:
+                best, which = found.correlation, axis
+    if which < 0:
+        return ""
+    if which == vertical:
+        return (
+            f"The gyros turn against the course (correlation {-best:.2f}): their signs, or those of the "
+            "accelerometers, are reversed. Check the body axes; they must be right-handed for both triads."
+        )
+    return (
+        f"The course goes with gyro {'xyz'[which]} (correlation {best:.2f}), but gravity lies along "
+        f"{'xyz'[vertical]}: axes of one triad are swapped. Check which column is which."
+    )
 
 
 def about_clocks(offset: float, sigma: float, track: GnssTrack, samples: InertialSamples) -> str:

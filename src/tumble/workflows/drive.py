@@ -17,6 +17,7 @@ from tumble.navigation import (
     FilterRun,
     FilterSetup,
     GnssTrack,
+    check_axes,
     estimate_time_offset,
     find_rest,
     outages,
@@ -214,6 +215,7 @@ def _prepared(
     try:
         drive = prepare_drive(part.samples, track, setup=wide_setup(arm), offset=offset)
     except RecordingError as error:
+        _refuse_unit(part, track, offset)
         reason = _why(part, track, offset)
         if reason:
             raise RecordingError(reason) from error
@@ -234,6 +236,17 @@ def _prepared(
             f"{drive.clock.correlation:.2f} and {drive.clock.second_best:.2f}): give it with --gnss-time."
         )
     return drive, words
+
+
+def _refuse_unit(part: CorrectedBy, track: GnssTrack, offset: float | None) -> None:
+    """Refuse gyros of another unit, whose course still tells the clock when nothing else fits."""
+    try:
+        shift = estimate_time_offset(part.samples, track).offset if offset is None else offset
+    except RecordingError:
+        return
+    if check_axes(part.samples, track.shifted(shift)).problem:
+        return
+    refuse_wrong_scale(part.samples, track.shifted(shift))
 
 
 def _refuse_swapped(part: CorrectedBy, track: GnssTrack, arm: Series, cause: Exception | None = None) -> None:

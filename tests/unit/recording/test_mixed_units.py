@@ -140,3 +140,12 @@ def test_a_unit_that_nobody_knows_is_said_unless_another_is_declared() -> None:
     said = [r.text for r in read_recording(named).remarks]
     assert any("the unit 'foo/s' of 'gx [foo/s]' is no known unit of angular rate" in text for text in said)
     assert not any("foo/s' of" in r.text for r in read_recording(named, units="deg/s").remarks)
+
+
+def test_increments_of_ten_hertz_look_like_g_which_is_said() -> None:
+    """0.98 m/s over a tenth of a second is also the norm of a unit in g: the other reading is named."""
+    force = tumbled(np.random.default_rng(3)) / 10.0
+    columns = {f"a{axis}": force[:, i] for i, axis in enumerate("xyz")}
+    recording = read_recording(pl.DataFrame({"t": np.arange(COUNT) / 10.0, **columns}))
+    assert recording.specific_force_unit == "g"
+    assert any("if it holds those, say --units m/s,rad" in r.text for r in recording.remarks)
