@@ -15,9 +15,16 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square, inverted
 from tumble.calibration.joint_data import JointData
-from tumble.calibration.joint_neighbours import Stretch, hold_stretches, rotation_stretches, shared_wander
+from tumble.calibration.joint_neighbours import Drift, shared_wander
 from tumble.calibration.joint_poses import pose_terms, sees_heading
-from tumble.calibration.joint_spins import LEAST_WOBBLE, Layout, SpinEquations, add_spin_terms
+from tumble.calibration.joint_spins import (
+    LEAST_WOBBLE,
+    Layout,
+    SpinEquations,
+    add_spin_terms,
+    link_ranges,
+    wander_variances,
+)
 from tumble.calibration.joint_system import (
     HEADING_SIGMA,
     LEFT_OUT,
@@ -40,7 +47,9 @@ from tumble.calibration.joint_terms import (
     hold_terms,
     turn_terms,
 )
-from tumble.calibration.joint_unknowns import force_matrix, gyro_matrix
+from tumble.calibration.joint_unknowns import GYRO_BIAS, force_matrix, gyro_matrix
+from tumble.calibration.joint_wander import faster_variance
+from tumble.calibration.triad_unknowns import BIAS
 from tumble.estimation.bordered import NodeCovariance
 from tumble.estimation.gathered import GatheredTerms, GatheringChain
 from tumble.estimation.gauss_helmert import invert_normal_matrix
@@ -85,6 +94,7 @@ class Influence:
     parts : source -> (terms, m, m), the whitened covariance that it causes; they add up to the identity.
     taken : (terms, m, m) whitened covariance of the adjusted observations; zeros for what is not tested.
     root : (terms, m, m) Cholesky factor of the covariance: raw errors are ``root @ whitened``.
+    drifts : how its terms show what biases wander by.
     """
 
     kind: str
@@ -94,6 +104,7 @@ class Influence:
     parts: dict[str, AnyArray]
     taken: AnyArray
     root: AnyArray
+    drifts: tuple[Drift, ...] = ()
 
     def share(self, source: str) -> Square:
         """Return (unknowns, unknowns) what a source adds to the covariance by these observations."""
@@ -157,7 +168,7 @@ def joint_influences(problem: JointProblem, state: JointState) -> Influences:
         values, vectors = np.linalg.eigh(problem.prior.precision)
         gain = (covariance @ vectors) * np.sqrt(np.maximum(values, 0.0))
         made.append(_of_one("prior", PRIOR, gain))
-    neighbours = _neighbours(problem, state, made)
+    neighbours = _neighbours(problem.data, made)
     return Influences(made, covariance + sum(neighbours.values(), np.zeros(())), neighbours)
 
 
@@ -175,29 +186,18 @@ def wander_factors(problem: JointProblem, state: JointState) -> Series:
     return np.sqrt(np.where(known, np.maximum(told, 0.0) / np.where(known, independent, 1.0), 1.0))
 
 
-def _neighbours(problem: JointProblem, state: JointState, told: list[Influence]) -> dict[str, Square]:
+def _neighbours(data: JointData, told: list[Influence]) -> dict[str, Square]:
     """Return what the covariance by wandering biases is more than that of independent ones."""
-    data, base = problem.data, problem.data.base
-    stretches: dict[str, list[Stretch]] = {"force": [], "rate": []}
-    floors = {"force": base.force_floor, "rate": base.rate_floor}
-    for influence in told:
-        kind, active = influence.kind, influence.active
-        if kind in floors:
-            places = influence.place[active].tolist()
-            gains, roots = influence.gain[active], influence.root[active]
-            stretches[kind] += hold_stretches(data, places, gains, roots, floors[kind])
-        elif kind == "own":
-            k = int(influence.place[0])
-            both = rotation_stretches(problem, state.unknowns, k, influence.gain[0])
-            stretches["force"].append(both[0])
-            stretches["rate"].append(both[1])
-    span = float(base.time[0]), float(base.time[-1])
-    densities = {FORCE_WANDER: ("force", data.force_density), RATE_WANDER: ("rate", data.rate_density)}
-    return {
-        source: shared_wander(stretches[kind], density, span)
-        for source, (kind, density) in densities.items()
-        if np.any(density > 0.0) and stretches[kind]
-    }
+    span = float(data.base.time[0]), float(data.base.time[-1])
+    made: dict[str, Square] = {}
+    for source, triad, density in (
+        (FORCE_WANDER, "force", data.force_density),
+        (RATE_WANDER, "rate", data.rate_density),
+    ):
+        drifts = [(drift, i.gain) for i in told for drift in i.drifts if drift.triad == triad]
+        if np.any(density > 0.0) and drifts:
+            made[source] = shared_wander(drifts, density, span)
+    return made
 
 
 def _holds_and_turns(
@@ -230,8 +230,32 @@ def _holds_and_turns(
         if not np.all(active):
             parts[OUTLYING] = ~active[:, None, None] * np.eye(root.shape[1])
         gain, taken = told.gain(nodes, border, SHARED_ROWS), told.taken(nodes, border)
-        made.append(Influence(kind.kind, kind.place, active, gain, parts, taken, root))
+        drifts = _drifts_of_holds_and_turns(data, state.unknowns, carried, kind, inverse)
+        made.append(Influence(kind.kind, kind.place, active, gain, parts, taken, root, drifts))
     return made
+
+
+def _drifts_of_holds_and_turns(
+    data: JointData, unknowns: Series, carried: Carried, kind: Terms, inverse: AnyArray
+) -> tuple[Drift, ...]:
+    base, k = data.base, kind.place
+    if kind.kind not in ("force", "rate", "turn"):
+        return ()
+    if kind.kind == "turn":
+        start, stop = base.time[base.turn_start[k]], base.time[base.turn_stop[k] - 1]
+        gyro = inverted(gyro_matrix(unknowns))
+        floor = float(np.trace((gyro * base.rate_floor) @ gyro.T)) / 3.0
+        alone = (floor * carried.duration[k] ** 2)[:, None, None] * np.eye(3)
+    else:
+        start, stop = base.time[base.head[k, 0]], base.time[base.tail[k, 1] - 1]
+        if kind.kind == "force":
+            alone = np.broadcast_to(np.tile(np.diag(base.force_floor), (3, 3)), (k.size, 9, 9))
+        else:
+            alone = np.minimum(_rate_floors(data)[k], np.diag(base.rate_floor))
+    of_bias = BIAS if kind.kind == "force" else GYRO_BIAS
+    by_bias = (inverse @ kind.by_border)[:, :, 3 + of_bias.start : 3 + of_bias.stop]
+    independent = inverse @ alone @ np.swapaxes(inverse, 1, 2)
+    return (Drift("force" if kind.kind == "force" else "rate", start, stop, by_bias, independent),)
 
 
 def _causes(problem: JointProblem, unknowns: Series, carried: Carried, kind: Terms) -> dict[str, AnyArray]:
@@ -310,6 +334,7 @@ def _rotation(
     )
     windows = made.chain.covariance(whole)
     told: list[Influence] = []
+    links = 0
     for terms in chain.terms:
         size, count = terms.by_border.shape[1], len(terms.by_border)
         moved = terms.gain(windows, whole, slice(layout.shared + 3, layout.size))
@@ -323,10 +348,59 @@ def _rotation(
             source: np.broadcast_to(np.diag(rows), taken.shape)
             for source, rows in _rotation_causes(terms.source, size, layout).items()
         }
+        drifts = _drifts_of_rotation(problem, state, k, terms, layout, links)
+        links += count if terms.source == "links" else 0
         told.append(
-            Influence(terms.source, np.full(count, k), np.ones(count, bool), moved, parts, taken, root)
+            Influence(
+                terms.source, np.full(count, k), np.ones(count, bool), moved, parts, taken, root, drifts
+            )
         )
     return told
+
+
+def _drifts_of_rotation(
+    problem: JointProblem, state: JointState, k: int, terms: GatheredTerms, layout: Layout, links: int
+) -> tuple[Drift, ...]:
+    """`links` : how many links of the rotation came before."""
+    data, spin, count = problem.data, problem.data.spins[k], len(terms.by_border)
+    time, faster = data.base.time, faster_variance(*spin.modes.shape)
+    shared = layout.shared + 3
+    if terms.source == "windows":
+        by_bias = terms.by_border[:, :, shared + BIAS.start : shared + BIAS.stop]
+        start, stop = time[spin.windows[:, 0]], time[spin.windows[:, 1] - 1]
+        triad, density = "force", data.force_density
+    elif terms.source == "links":
+        by_bias = terms.by_border[:, :, shared + GYRO_BIAS.start : shared + GYRO_BIAS.stop]
+        ranges = link_ranges(data, spin)[links : links + count]
+        start, stop = time[ranges[:, 0]], time[ranges[:, 1] - 1]
+        triad, density = "rate", data.rate_density
+    elif terms.source == "own":
+        return _drifts_of_own(problem, state, k, layout)
+    else:
+        return ()
+    independent = (by_bias * (faster * density)) @ np.swapaxes(by_bias, 1, 2)
+    return (Drift(triad, start, stop, by_bias, independent),)
+
+
+def _drifts_of_own(problem: JointProblem, state: JointState, k: int, layout: Layout) -> tuple[Drift, ...]:
+    """A rotation's own wander, as it is believed before anything is observed."""
+    data, spin = problem.data, problem.data.spins[k]
+    nothing = np.zeros((1, layout.own, 3))
+    made: list[Drift] = []
+    for triad, place, variances, extra in zip(
+        ("force", "rate"),
+        (layout.force(), layout.rate()),
+        wander_variances(data, spin, state.unknowns, problem.extra),
+        (problem.extra.force, problem.extra.rate),
+        strict=True,
+    ):
+        matrix = force_matrix(state.unknowns) if triad == "force" else gyro_matrix(state.unknowns)
+        share = np.ones_like(variances)
+        share[0] = 1.0 - extra * np.sum(matrix**2, axis=1) / variances[0]
+        rows = np.zeros(layout.own)
+        rows[layout.inner(place)] = share.ravel()
+        made.append(Drift(triad, np.zeros(1), np.zeros(1), nothing, np.diag(rows)[None]))
+    return tuple(made)
 
 
 def _rotation_causes(source: str, size: int, layout: Layout) -> dict[str, Series]:

@@ -213,7 +213,7 @@ def start_spin(
     data: JointData, spin: JointSpin, C_tail: AnyArray, unknowns: Series, earth_w: Vector
 ) -> SpinState:
     """Return attitudes of the windows as the gyros carry them from the hold before."""
-    ranges = _ranges(data, spin)
+    ranges = link_ranges(data, spin)
     C_se, _, duration = integrate_ranges(data, unknowns, ranges[:-1, 0], ranges[:-1, 1])
     made = [C_tail]
     for rotation, t in zip(C_se, duration, strict=True):
@@ -334,7 +334,7 @@ def add_spin_terms(
     return SpinResiduals(force[0], angle, rate, wobbled, shaken, leaning, duration, square_sum)
 
 
-def _ranges(data: JointData, spin: JointSpin) -> np.ndarray:
+def link_ranges(data: JointData, spin: JointSpin) -> np.ndarray:
     """Half-open sample ranges of the links: tail of the hold before, each centre, head of the hold after."""
     base, k = data.base, spin.before
     points = np.concatenate([[base.tail[k, 1] - 1], spin.centres, [base.head[k + 1, 0]]])
@@ -405,7 +405,7 @@ def _add_links(
     unknowns: Series,
 ) -> tuple[float, float]:
     """Add the gyros from the hold before through all windows to the hold after."""
-    ranges = _ranges(data, spin)
+    ranges = link_ranges(data, spin)
     made = integrate_ranges(data, unknowns, ranges[:, 0], ranges[:, 1])
     link = Link(*made, integrate_magnitudes(data, unknowns, ranges[:, 0], ranges[:, 1]))
     # A gyro whose bias has wandered turns on by it: as the bias itself would.
