@@ -53,7 +53,9 @@ def verify_command(
     lever_arm: Annotated[
         str | None,
         typer.Option(
-            "--lever-arm", metavar="X,Y,Z", help="Metres from the IMU to the antenna, in b. Without it, 0,0,0."
+            "--lever-arm",
+            metavar="X,Y,Z",
+            help="Metres from the IMU to the antenna, in b. Without it, 0,0,0.",
         ),
     ] = None,
     gnss_time: Annotated[

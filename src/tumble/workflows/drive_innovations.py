@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Series
+from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
 from tumble.navigation import Drive, FilterRun, position_differences
 from tumble.navigation.time_alignment import track_velocities
@@ -73,7 +73,8 @@ def _positions_at_rest(drive: Drive) -> str:
     if len(still) < _FEWEST:
         return ""
     origin = tuple(np.full(len(still), column[0]) for column in still.position)
-    away = position_differences(still.position, (origin[0], origin[1], origin[2]))[:, :2]
+    apart: Vectors = position_differences(still.position, (origin[0], origin[1], origin[2]))
+    away = apart[:, :2]
     found = float(np.sqrt(np.mean(np.var(away, axis=0))))
     stated = float(np.sqrt(np.mean(np.einsum("ijj->ij", still.position_covariance_n)[:, :2])))
     centred = away - away.mean(axis=0)
