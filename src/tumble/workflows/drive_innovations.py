@@ -72,11 +72,12 @@ def _positions_at_rest(drive: Drive) -> str:
     still = drive.track.rows((drive.track.time >= first) & (drive.track.time <= last))
     if len(still) < _FEWEST:
         return ""
-    origin = tuple(np.full(len(still), column[0]) for column in still.position)
-    apart: Vectors = position_differences(still.position, (origin[0], origin[1], origin[2]))
-    away = apart[:, :2]
-    found = float(np.sqrt(np.mean(np.var(away, axis=0))))
-    stated = float(np.sqrt(np.mean(np.einsum("ijj->ij", still.position_covariance_n)[:, :2])))
+    north, east, down = (np.full(len(still), float(column[0])) for column in still.position)
+    apart: Vectors = position_differences(still.position, (north, east, down))
+    away = np.asarray(apart[:, :2], dtype=np.float64)
+    scattered: Series = np.var(away, axis=0)
+    found = float(np.sqrt(scattered.mean()))
+    stated = float(np.sqrt(np.mean(np.diagonal(still.position_covariance_n, axis1=1, axis2=2)[:, :2])))
     centred = away - away.mean(axis=0)
     later = max(1, round(1.0 / max(still.interval, 1e-3)))
     alike = float(np.sum(centred[later:] * centred[:-later]) / max(float(np.sum(centred**2)), 1e-300))
