@@ -35,8 +35,8 @@ FULL: dict[str, tuple[str, tuple[str, ...]]] = {
     "strapdown-rotation": ("strapdown-rotation", ("accelerometer", "gyroscope")),
 }
 # The strapdown rotation test integrates samples' mean rates while the Earth turns: second order is left of it. On a
-# turntable the joint estimator gives samples without noise a ten-millionth of the largest, and states 1.3e-8 itself: three
-# of these.
+# turntable the joint estimator gives samples without noise a ten-millionth of the largest, and states 1.3e-8 itself:
+# three of these.
 ROUNDING = {"strapdown-rotation": 5e-8, "turntable": 4e-8}
 
 
