@@ -49,7 +49,6 @@ from tumble.calibration.joint_terms import (
 )
 from tumble.calibration.joint_unknowns import GYRO_BIAS, force_matrix, gyro_matrix
 from tumble.calibration.joint_wander import faster_variance
-from tumble.calibration.triad_unknowns import BIAS
 from tumble.estimation.bordered import NodeCovariance
 from tumble.estimation.gathered import GatheredTerms, GatheringChain
 from tumble.estimation.gauss_helmert import invert_normal_matrix
@@ -94,7 +93,7 @@ class Influence:
     parts : source -> (terms, m, m), the whitened covariance that it causes; they add up to the identity.
     taken : (terms, m, m) whitened covariance of the adjusted observations; zeros for what is not tested.
     root : (terms, m, m) Cholesky factor of the covariance: raw errors are ``root @ whitened``.
-    drifts : how its terms show what biases wander by.
+    drift : how its terms show what the gyros' biases wander by; None where they do not.
     """
 
     kind: str
@@ -104,7 +103,7 @@ class Influence:
     parts: dict[str, AnyArray]
     taken: AnyArray
     root: AnyArray
-    drifts: tuple[Drift, ...] = ()
+    drift: Drift | None = None
 
     def share(self, source: str) -> Square:
         """Return (unknowns, unknowns) what a source adds to the covariance by these observations."""
@@ -193,7 +192,7 @@ def _neighbours(data: JointData, told: list[Influence]) -> dict[str, Square]:
     simulated holds of consumer units it comes out 1.6 times as large as that is), and the rest is each hold's own.
     """
     span = float(data.base.time[0]), float(data.base.time[-1])
-    drifts = [(drift, i.gain) for i in told for drift in i.drifts if drift.triad == "rate"]
+    drifts = [(i.drift, i.gain) for i in told if i.drift is not None]
     if not (np.any(data.rate_density > 0.0) and drifts):
         return {}
     return {RATE_WANDER: shared_wander(drifts, data.rate_density, span)}
@@ -229,32 +228,27 @@ def _holds_and_turns(
         if not np.all(active):
             parts[OUTLYING] = ~active[:, None, None] * np.eye(root.shape[1])
         gain, taken = told.gain(nodes, border, SHARED_ROWS), told.taken(nodes, border)
-        drifts = _drifts_of_holds_and_turns(data, state.unknowns, carried, kind, inverse)
-        made.append(Influence(kind.kind, kind.place, active, gain, parts, taken, root, drifts))
+        drift = _drift_of_holds_or_turns(data, state.unknowns, carried, kind, inverse)
+        made.append(Influence(kind.kind, kind.place, active, gain, parts, taken, root, drift))
     return made
 
 
-def _drifts_of_holds_and_turns(
+def _drift_of_holds_or_turns(
     data: JointData, unknowns: Series, carried: Carried, kind: Terms, inverse: AnyArray
-) -> tuple[Drift, ...]:
+) -> Drift | None:
     base, k = data.base, kind.place
-    if kind.kind not in ("force", "rate", "turn"):
-        return ()
     if kind.kind == "turn":
         start, stop = base.time[base.turn_start[k]], base.time[base.turn_stop[k] - 1]
         gyro = inverted(gyro_matrix(unknowns))
         floor = float(np.trace((gyro * base.rate_floor) @ gyro.T)) / 3.0
         alone = (floor * carried.duration[k] ** 2)[:, None, None] * np.eye(3)
-    else:
+    elif kind.kind == "rate":
         start, stop = base.time[base.head[k, 0]], base.time[base.tail[k, 1] - 1]
-        if kind.kind == "force":
-            alone = np.broadcast_to(np.tile(np.diag(base.force_floor), (3, 3)), (k.size, 9, 9))
-        else:
-            alone = np.minimum(_rate_floors(data)[k], np.diag(base.rate_floor))
-    of_bias = BIAS if kind.kind == "force" else GYRO_BIAS
-    by_bias = (inverse @ kind.by_border)[:, :, 3 + of_bias.start : 3 + of_bias.stop]
-    independent = inverse @ alone @ np.swapaxes(inverse, 1, 2)
-    return (Drift("force" if kind.kind == "force" else "rate", start, stop, by_bias, independent),)
+        alone = np.minimum(_rate_floors(data)[k], np.diag(base.rate_floor))
+    else:
+        return None
+    by_bias = (inverse @ kind.by_border)[:, :, 3 + GYRO_BIAS.start : 3 + GYRO_BIAS.stop]
+    return Drift(start, stop, by_bias, inverse @ alone @ np.swapaxes(inverse, 1, 2))
 
 
 def _causes(problem: JointProblem, unknowns: Series, carried: Carried, kind: Terms) -> dict[str, AnyArray]:
@@ -347,59 +341,40 @@ def _rotation(
             source: np.broadcast_to(np.diag(rows), taken.shape)
             for source, rows in _rotation_causes(terms.source, size, layout).items()
         }
-        drifts = _drifts_of_rotation(problem, state, k, terms, layout, links)
+        drift = _drift_of_rotation(problem, state, k, terms, layout, links)
         links += count if terms.source == "links" else 0
         told.append(
-            Influence(
-                terms.source, np.full(count, k), np.ones(count, bool), moved, parts, taken, root, drifts
-            )
+            Influence(terms.source, np.full(count, k), np.ones(count, bool), moved, parts, taken, root, drift)
         )
     return told
 
 
-def _drifts_of_rotation(
+def _drift_of_rotation(
     problem: JointProblem, state: JointState, k: int, terms: GatheredTerms, layout: Layout, links: int
-) -> tuple[Drift, ...]:
+) -> Drift | None:
     """`links` : how many links of the rotation came before."""
     data, spin, count = problem.data, problem.data.spins[k], len(terms.by_border)
-    time, faster = data.base.time, faster_variance(*spin.modes.shape)
-    shared = layout.shared + 3
-    if terms.source == "windows":
-        by_bias = terms.by_border[:, :, shared + BIAS.start : shared + BIAS.stop]
-        start, stop = time[spin.windows[:, 0]], time[spin.windows[:, 1] - 1]
-        triad, density = "force", data.force_density
-    elif terms.source == "links":
-        by_bias = terms.by_border[:, :, shared + GYRO_BIAS.start : shared + GYRO_BIAS.stop]
-        ranges = link_ranges(data, spin)[links : links + count]
-        start, stop = time[ranges[:, 0]], time[ranges[:, 1] - 1]
-        triad, density = "rate", data.rate_density
-    elif terms.source == "own":
-        return _drifts_of_own(problem, state, k, layout)
-    else:
-        return ()
-    independent = (by_bias * (faster * density)) @ np.swapaxes(by_bias, 1, 2)
-    return (Drift(triad, start, stop, by_bias, independent),)
+    if terms.source == "own":
+        return _drift_of_own(problem, state, k, layout)
+    if terms.source != "links":
+        return None
+    first = layout.shared + 3 + GYRO_BIAS.start
+    by_bias = terms.by_border[:, :, first : first + 3]
+    ranges = link_ranges(data, spin)[links : links + count]
+    faster = faster_variance(*spin.modes.shape) * data.rate_density
+    independent = (by_bias * faster) @ np.swapaxes(by_bias, 1, 2)
+    return Drift(data.base.time[ranges[:, 0]], data.base.time[ranges[:, 1] - 1], by_bias, independent)
 
 
-def _drifts_of_own(problem: JointProblem, state: JointState, k: int, layout: Layout) -> tuple[Drift, ...]:
-    """A rotation's own wander, as it is believed before anything is observed."""
-    data, spin = problem.data, problem.data.spins[k]
-    nothing = np.zeros((1, layout.own, 3))
-    made: list[Drift] = []
-    for triad, place, variances, extra in zip(
-        ("force", "rate"),
-        (layout.force(), layout.rate()),
-        wander_variances(data, spin, state.unknowns, problem.extra),
-        (problem.extra.force, problem.extra.rate),
-        strict=True,
-    ):
-        matrix = force_matrix(state.unknowns) if triad == "force" else gyro_matrix(state.unknowns)
-        share = np.ones_like(variances)
-        share[0] = 1.0 - extra * np.sum(matrix**2, axis=1) / variances[0]
-        rows = np.zeros(layout.own)
-        rows[layout.inner(place)] = share.ravel()
-        made.append(Drift(triad, np.zeros(1), np.zeros(1), nothing, np.diag(rows)[None]))
-    return tuple(made)
+def _drift_of_own(problem: JointProblem, state: JointState, k: int, layout: Layout) -> Drift:
+    """The wander of the gyros over a rotation, as it is believed before anything is observed."""
+    spin, extra = problem.data.spins[k], problem.extra
+    _, variances = wander_variances(problem.data, spin, state.unknowns, extra)
+    share = np.ones_like(variances)
+    share[0] = 1.0 - extra.rate * np.sum(gyro_matrix(state.unknowns) ** 2, axis=1) / variances[0]
+    rows = np.zeros(layout.own)
+    rows[layout.inner(layout.rate())] = share.ravel()
+    return Drift(np.zeros(1), np.zeros(1), np.zeros((1, layout.own, 3)), np.diag(rows)[None])
 
 
 def _rotation_causes(source: str, size: int, layout: Layout) -> dict[str, Series]:

@@ -25,13 +25,11 @@ class Drift:
 
     Attributes
     ----------
-    triad : "force" or "rate".
     start, stop : (terms,) s.
     by_bias : (terms, m, 3) derivatives of the whitened residuals by the bias, raw.
     independent : (terms, m, m) whitened covariance that the adjustment gives the wander, each term for itself.
     """
 
-    triad: str
     start: Series
     stop: Series
     by_bias: AnyArray
@@ -43,7 +41,7 @@ def shared_wander(drifts: list[tuple[Drift, AnyArray]], density: Vector, span: t
 
     Parameters
     ----------
-    drifts : of one triad, with the gains (terms, unknowns, m) by whitened errors.
+    drifts : of one triad's terms, with the gains (terms, unknowns, m) by whitened errors.
     density : (3,) raw², of the wander per unit of ``ln f``.
     span : s, of the recording.
     """
