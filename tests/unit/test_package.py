@@ -51,7 +51,7 @@ def test_a_workflow_is_a_function_though_its_module_has_the_same_name() -> None:
 
 def test_a_site_that_is_no_site_is_refused_with_how_to_make_one() -> None:
     with pytest.raises(tumble.TumbleError, match=r"site is a tuple: give a tumble\.Site, as tumble"):
-        tumble.calibrate("none.csv", site=(48.1, 520.0))  # type: ignore[arg-type]
+        tumble.calibrate("none.csv", site=(48.1, 520.0))  # type: ignore[arg-type]  # on purpose
 
 
 SHAPES = """

@@ -12,7 +12,6 @@ from tumble.attitude.rotations import rotation_vector_from_matrix
 from tumble.calibration.estimate import Estimate, coverage_factor
 from tumble.calibration.joint_array import ArraySolution
 from tumble.calibration.joint_description import describe_wide
-from tumble.calibration.joint_estimate import JointOutcome
 from tumble.calibration.joint_influence import wander_factors
 from tumble.calibration.joint_table_parameters import lever_arms_of
 from tumble.calibration.joint_wide import WIDE
@@ -124,7 +123,7 @@ def _estimate(solution: ArraySolution, index: int, alone: Estimate, site: Site) 
     covariance[np.ix_(free, free)] = _scale(solution) * own
     described = describe_wide(
         *(values, covariance, site, outcome.recording),
-        terms=_kept(outcome),
+        terms=outcome.kept,
         gyro="full",
         all_told=True,
     )
@@ -150,12 +149,8 @@ def _estimate(solution: ArraySolution, index: int, alone: Estimate, site: Site) 
         budget={},
         statement=None,
         beside=None,
-        lever_arms=lever_arms_of(values, _kept(outcome), np.eye(3)),
+        lever_arms=lever_arms_of(values, outcome.kept, np.eye(3)),
     )
-
-
-def _kept(outcome: JointOutcome) -> frozenset[str]:
-    return frozenset(test.name for test in outcome.terms if test.kept)
 
 
 def _mounting(solution: ArraySolution, index: int) -> tuple[Vector, Vector]:

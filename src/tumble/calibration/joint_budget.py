@@ -24,7 +24,6 @@ from tumble.calibration.joint_influence import (
     TURNS,
     Influence,
     Influences,
-    joint_influences,
 )
 from tumble.calibration.joint_noise import KindTests
 from tumble.calibration.joint_system import solve_joint
@@ -77,7 +76,7 @@ class NamedParameters:
         recording = outcome.recording
         units = recording.specific_force_unit, recording.angular_rate_unit
         _, function = named_parameters(
-            terms=frozenset(test.name for test in outcome.terms if test.kept),
+            terms=outcome.kept,
             gyro="full",
             units=units,
             factors=(specific_force_factor(units[0]), angular_rate_factor(units[1])),
@@ -95,19 +94,19 @@ class NamedParameters:
         return np.real(self.function(moved.astype(complex)))
 
 
-def state_uncertainty(estimate: Estimate, outcome: JointOutcome) -> None:
+def state_uncertainty(estimate: Estimate, outcome: JointOutcome, influences: Influences) -> None:
     """Fill an estimate's budget and statement of uncertainty.
 
     Parameters
     ----------
     estimate : of the outcome; its `budget` and `statement` are set.
     outcome : the settled solution with its noise.
+    influences : of the same solution.
     """
     named = NamedParameters.of(outcome)
     if len(named.slope) != len(estimate.parameters):
         # Parameters that are not a function of the 33 have no budget yet.
         return
-    influences = joint_influences(outcome.problem, outcome.state)
     scale = _scale(estimate)
     everything = budget_of(influences, named, outcome, scale)
     total = sum((part**2 for part in everything.values()), np.zeros(len(named.slope)))

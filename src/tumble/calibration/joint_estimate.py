@@ -12,7 +12,7 @@ from tumble.calibration.estimate import Estimate, LeftOut, NamedValue, TermTest,
 from tumble.calibration.joint_budget import state_uncertainty
 from tumble.calibration.joint_data import JointData
 from tumble.calibration.joint_description import describe_wide, rotation_of_frame
-from tumble.calibration.joint_influence import joint_influences
+from tumble.calibration.joint_influence import Influences, joint_influences
 from tumble.calibration.joint_noise import BalancedJoint
 from tumble.calibration.joint_observability import Untold
 from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
@@ -57,6 +57,11 @@ class JointOutcome:
     frame: str = "accelerometer-x"
     has_gyro: bool = True
 
+    @property
+    def kept(self) -> frozenset[str]:
+        """Names of the optional terms that were kept."""
+        return frozenset(test.name for test in self.terms if test.kept)
+
 
 def joint_estimate(outcome: JointOutcome) -> Estimate:
     """Return the outcome as an estimate.
@@ -66,7 +71,8 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
     outcome : see there.
     """
     solution = outcome.balanced.solution
-    described = describe_joint(outcome)
+    influences = joint_influences(outcome.problem, outcome.state)
+    described = describe_joint(outcome, influences)
     alone = _alone(outcome)
     norms, sigmas = _norms(outcome, described.model)
     angles, sizes = _turn_scores(outcome, described.model)
@@ -109,16 +115,17 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         lever_arms=_lever_arms(outcome),
     )
     if not is_wide(outcome.state.unknowns) and outcome.untold is None and outcome.has_gyro:
-        state_uncertainty(estimate, outcome)
+        state_uncertainty(estimate, outcome, influences)
     return estimate
 
 
-def describe_joint(outcome: JointOutcome) -> Described:
+def describe_joint(outcome: JointOutcome, influences: Influences) -> Described:
     """Return the model and its parameters, with the covariance that the residuals ask for.
 
     Parameters
     ----------
     outcome : see there.
+    influences : of its solution.
     """
     solution = outcome.balanced.solution
     size = max(TOTAL, outcome.state.unknowns.size)
@@ -126,11 +133,11 @@ def describe_joint(outcome: JointOutcome) -> Described:
     values[: outcome.state.unknowns.size] = outcome.state.unknowns
     scale = max(1.0, _sigma0(solution)) ** 2 if solution.redundancy > 0 else 1.0
     covariance[np.ix_(solution.free, solution.free)] = solution.cofactor
-    neighbours = joint_influences(outcome.problem, outcome.state).neighbours
+    neighbours = influences.neighbours
     wide = outcome.state.unknowns.size
     covariance[:wide, :wide] += sum(neighbours.values(), np.zeros(()))
     covariance *= scale
-    terms = _kept(outcome)
+    terms = outcome.kept
     if is_wide(outcome.state.unknowns) or outcome.untold is not None or not outcome.has_gyro:
         gyro = "full" if outcome.has_gyro else "none"
         return describe_wide(
@@ -145,11 +152,7 @@ def describe_joint(outcome: JointOutcome) -> Described:
 
 def _lever_arms(outcome: JointOutcome) -> Matrix | None:
     x = widened(outcome.state.unknowns)
-    return lever_arms_of(x, _kept(outcome), np.real(rotation_of_frame(x, outcome.frame)))
-
-
-def _kept(outcome: JointOutcome) -> frozenset[str]:
-    return frozenset(test.name for test in outcome.terms if test.kept)
+    return lever_arms_of(x, outcome.kept, np.real(rotation_of_frame(x, outcome.frame)))
 
 
 def _components(outcome: JointOutcome) -> dict[str, float]:
@@ -311,7 +314,7 @@ def _left_out(outlier: Outlier, norms: Series, angles: Series) -> LeftOut:
 
 
 def _remarks(outcome: JointOutcome, parameters: list[NamedValue]) -> list[str]:
-    told = table_remarks(_kept(outcome), {p.name: (p.value, p.standard_uncertainty) for p in parameters})
+    told = table_remarks(outcome.kept, {p.name: (p.value, p.standard_uncertainty) for p in parameters})
     data, state = outcome.data, outcome.state
     if data.spins:
         windows = sum(len(s.windows) for s in data.spins.values())

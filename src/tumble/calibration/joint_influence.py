@@ -188,8 +188,8 @@ def wander_factors(problem: JointProblem, state: JointState) -> Series:
 def _neighbours(data: JointData, told: list[Influence]) -> dict[str, Square]:
     """Return what the covariance by the gyros' wandering biases is more than that of independent ones.
 
-    Of the gyros alone: what accelerometers' means scatter by beyond their white noise is only in part a wander (in
-    simulated holds of consumer units it comes out 1.6 times as large as that is), and the rest is each hold's own.
+    Of the gyros alone: what accelerometers' means scatter by beyond their white noise is only in part a wander, and
+    the rest is each hold's own (docs/joint.md).
     """
     span = float(data.base.time[0]), float(data.base.time[-1])
     drifts = [(i.drift, i.gain) for i in told if i.drift is not None]

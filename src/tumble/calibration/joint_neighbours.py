@@ -2,8 +2,7 @@
 
 The adjustment takes the bias of each hold, each turn and each rotation for an independent draw. 1/f noise is none:
 close stretches have it nearly in common, and what all have in common is no error, for the bias of a recording is its
-mean.
-What the wander over each stretch does to each unknown is known, and so is the covariance of any two stretches.
+mean. What the wander over each stretch does to each unknown is known, and so is the covariance of any two stretches.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ MOST_STRETCHES = 2000
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """How the terms of one kind show what a triad's bias wanders by.
+    """How the terms of one kind show what the gyros' biases wander by.
 
     Attributes
     ----------
@@ -41,7 +40,7 @@ def shared_wander(drifts: list[tuple[Drift, AnyArray]], density: Vector, span: t
 
     Parameters
     ----------
-    drifts : of one triad's terms, with the gains (terms, unknowns, m) by whitened errors.
+    drifts : of all terms that show it, with the gains (terms, unknowns, m) by whitened errors.
     density : (3,) raw², of the wander per unit of ``ln f``.
     span : s, of the recording.
     """

@@ -96,9 +96,11 @@ class Masks:
 
     def of(self, terms: Terms) -> np.ndarray:
         """Return which of the terms take part."""
-        if terms.kind in ("rest", "swing"):
+        if terms.kind == "rest":
             return np.ones(terms.place.size, dtype=bool)
-        mask = {"force": self.force, "rate": self.rate, "turn": self.turn}.get(terms.kind, self.pose)
+        # The swing is the gyros', as the rate is: without one neither counts.
+        of_kind = {"force": self.force, "rate": self.rate, "swing": self.rate, "turn": self.turn}
+        mask = of_kind.get(terms.kind, self.pose)
         return mask[terms.place]
 
 

@@ -13,7 +13,7 @@ from tumble.calibration.joint_data import joint_data
 from tumble.calibration.joint_noise import balance_joint
 from tumble.calibration.joint_swing import hold_swings
 from tumble.calibration.joint_system import JointProblem, Masks, start_state
-from tumble.calibration.joint_terms import Extra
+from tumble.calibration.joint_terms import Extra, hold_terms
 from tumble.calibration.turn_conditions import HoldsAndTurns
 
 
@@ -94,3 +94,14 @@ def test_one_hold_that_sways_does_not_loosen_the_others(play: Any, site: Any, mo
     assert np.sqrt(extra.sway) < 2e-4
     # to the middle and back: of six numbers two are between 2/pi of 5 mrad and the whole of it
     assert 5e-3 * 2.0 / np.pi / np.sqrt(3.0) < np.sqrt(extra.sways(np.array([4]))[0]) < 5.1e-3 / np.sqrt(3.0)
+
+
+def test_without_a_rate_there_is_no_swing(base: HoldsAndTurns, site: Any, model: Any) -> None:
+    """Of a recording without gyros the rates are zeros, which would say that nothing ever sways."""
+    values = unknowns_of(model)
+    data = joint_data(base, values)
+    section = start_state(data, values, site).sections[0]
+    (swing,) = [t for t in hold_terms(data, section, values, site.gravity, Extra()) if t.kind == "swing"]
+    masks = Masks.everything(data.holds)
+    masks.rate[[1, 4]] = False
+    assert masks.of(swing).tolist() == [True, False, True, True, False, True]

@@ -166,7 +166,9 @@ def test_px4_s_curve_is_that_of_the_sensor_with_the_same_number(tmp_path: Path) 
     convert_from(path, "px4", output=tmp_path / "a.json")
     model = read_calibration(tmp_path / "a.json").thermal_model
     assert model is not None
-    assert np.allclose(model.at(50.0).accelerometer.bias, [0.6, 0.1, 0.1])  # type: ignore[union-attr]
+    warm = model.at(50.0).accelerometer
+    assert warm is not None
+    assert np.allclose(warm.bias, [0.6, 0.1, 0.1])
     path.write_text(PX4 + px4_curve(0, 7, 0.1))
     found = convert_from(path, "px4", output=tmp_path / "b.json")
     assert read_calibration(tmp_path / "b.json").thermal is None
@@ -206,5 +208,7 @@ def test_ardupilot_s_curves_may_be_of_two_temperatures(tmp_path: Path) -> None:
     assert model is not None
     there = model.at(60.0)
     # 1e-3 ((60 - 35)² - (T_cal - 35)²)
-    assert np.allclose(there.accelerometer.bias, np.array([0.5, 0, 0]) + 1e-3 * (625 - 225))  # type: ignore[union-attr]
-    assert np.allclose(there.gyroscope.bias, np.array([0.01, 0, 0]) + 1e-3 * (625 - 100))  # type: ignore[union-attr]
+    assert there.accelerometer is not None
+    assert there.gyroscope is not None
+    assert np.allclose(there.accelerometer.bias, np.array([0.5, 0, 0]) + 1e-3 * (625 - 225))
+    assert np.allclose(there.gyroscope.bias, np.array([0.01, 0, 0]) + 1e-3 * (625 - 100))

@@ -262,7 +262,9 @@ def test_a_unit_that_sways_slowly_is_said_not_to_rest(period: float) -> None:
     said = next(
         text for text in found.remarks if text.startswith("Gravity goes to and fro in the unit's axes by ")
     )
-    assert float(re.search(r"([0-9.]+)°", said)[1]) == pytest.approx(0.98, abs=0.015)  # type: ignore[index]
+    angle = re.search(r"([0-9.]+)°", said)
+    assert angle is not None
+    assert float(angle[1]) == pytest.approx(0.98, abs=0.015)
 
 
 def test_a_bias_that_drifts_by_three_mg_is_no_sway() -> None:
