@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.joint import TERM_LIMIT, calibrate_joint
+from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.joint_unknowns import (
     FORCE_ASYMMETRY,
     G_SENSITIVITY,
@@ -20,6 +20,7 @@ from tumble.calibration.joint_unknowns import (
     raw_rate,
     without_asymmetry,
 )
+from tumble.calibration.joint_wanted import TERM_LIMIT
 from tumble.calibration.joint_wide import WIDE
 from tumble.earth import Site
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds

@@ -18,7 +18,7 @@ import numpy as np
 
 from tumble.arrays import Series, inverted
 from tumble.calibration.estimate import Estimate, TermTest
-from tumble.calibration.hand_held import LAG_LIMIT, add_bias_step, add_time_lag
+from tumble.calibration.hand_held import add_bias_step, add_time_lag
 from tumble.calibration.joint_believed import BelievedPoses
 from tumble.calibration.joint_data import JointSpin, joint_data, window_spin
 from tumble.calibration.joint_estimate import JointOutcome, joint_estimate
@@ -33,7 +33,6 @@ from tumble.calibration.joint_poses import mounting_prior
 from tumble.calibration.joint_start import gather_what_there_is, rough_start, rough_variances
 from tumble.calibration.joint_system import (
     JointProblem,
-    JointSolution,
     JointState,
     Masks,
     linearise_joint,
@@ -43,7 +42,6 @@ from tumble.calibration.joint_table_terms import (
     TABLE_TERMS,
     lever_prior_of,
     seen_table_terms,
-    term_test,
 )
 from tumble.calibration.joint_terms import Extra
 from tumble.calibration.joint_trials import (
@@ -53,7 +51,8 @@ from tumble.calibration.joint_trials import (
     widened_problem,
 )
 from tumble.calibration.joint_unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED, force_matrix
-from tumble.calibration.joint_wide import FIXTURE, FORCE_ASYMMETRY, RATE_ASYMMETRY, widened
+from tumble.calibration.joint_wanted import ALL_TERMS, OF_GYROS, OPTIONAL_TERMS, term_limits, wanted_terms
+from tumble.calibration.joint_wide import FIXTURE, widened
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE, unknowns_from_triad
 from tumble.calibration.turn_conditions import HoldsAndTurns
@@ -66,18 +65,6 @@ from tumble.segmentation.rotations import LONGEST_GAP, Rotation
 from tumble.sensor import ImuModel
 from tumble.sensor.gauge import change_frame
 
-OPTIONAL_TERMS = {
-    "g_sensitivity": np.arange(G_SENSITIVITY.start, G_SENSITIVITY.stop),
-    "quadratic": np.arange(QUADRATIC.start, QUADRATIC.stop),
-    "accelerometer_asymmetry": np.arange(FORCE_ASYMMETRY.start, FORCE_ASYMMETRY.stop),
-    "gyro_asymmetry": np.arange(RATE_ASYMMETRY.start, RATE_ASYMMETRY.stop),
-}
-OF_GYROS = ("g_sensitivity", "gyro_asymmetry")
-ALL_TERMS = {**OPTIONAL_TERMS, **TABLE_TERMS}
-# A term that is not there is kept in fewer than this share of recordings, all terms together, the time lag too.
-TERM_FALSE_ALARM = 0.02
-# What the test of the time lag takes of it, each of the others gets an equal share of the rest; by hand these.
-TERM_LIMIT = (TERM_FALSE_ALARM - LAG_LIMIT) / len(OPTIONAL_TERMS)
 # Both triads without optional terms.
 PLAIN = np.concatenate([np.arange(0, 9), np.arange(GYRO_MATRIX.start, GYRO_BIAS.stop)])
 # An axis that leans by less than this is upright; a window may then turn so far.
@@ -339,7 +326,7 @@ def _with_terms(
     has_gyro = bool(np.any(plain >= GYRO_MATRIX.start))
     names = [name for name in OPTIONAL_TERMS if has_gyro or name not in OF_GYROS]
     names += of_table
-    limits = _limits(names)
+    limits = term_limits(names)
     tests: dict[str, TermTest] = {}
     while names:
         free = np.sort(np.concatenate([plain, *(ALL_TERMS[name] for name in names)]))
@@ -351,7 +338,7 @@ def _with_terms(
         except ObservabilityError:
             names.pop()
             continue
-        wanted = _wanted_terms(balanced.solution, names, tests, limits)
+        wanted = wanted_terms(trial, balanced, names, tests, limits)
         if wanted == names:
             if free[-1] < (narrow or 0):
                 trial, moved, balanced = _settled_again(trial, moved, free, narrow)
@@ -360,37 +347,6 @@ def _with_terms(
     if base.solution.free.size > plain.size:
         before = _settled_again(problem, state, plain, narrow)
     return *before, list(tests.values())
-
-
-def _limits(names: list[str]) -> dict[str, float]:
-    """Return how rarely chance may keep each term."""
-    others = [name for name in names if name != "time_lag"]
-    share = (TERM_FALSE_ALARM - LAG_LIMIT) / max(len(others), len(OPTIONAL_TERMS))
-    return {**dict.fromkeys(others, share), "time_lag": LAG_LIMIT}
-
-
-def _wanted_terms(
-    solution: JointSolution, names: list[str], tests: dict[str, TermTest], limits: dict[str, float]
-) -> list[str]:
-    """Drop the least significant term until every one left is wanted; of each, its last test goes into `tests`.
-
-    What the others would be without a term follows from the covariance: nothing is adjusted anew for it.
-    """
-    left, values, cofactor = list(names), solution.state.unknowns.copy(), solution.cofactor.copy()
-    while left:
-        at = {name: np.searchsorted(solution.free, ALL_TERMS[name]) for name in left}
-        for name, own in at.items():
-            block = cofactor[np.ix_(own, own)]
-            tests[name] = term_test(name, values[ALL_TERMS[name]], block, solution.redundancy, limits[name])
-        weakest = max(left, key=lambda name: tests[name].probability)
-        if tests[weakest].kept:
-            break
-        left.remove(weakest)
-        gone = at[weakest]
-        share = cofactor[:, gone] @ inverted(cofactor[np.ix_(gone, gone)])
-        values[solution.free] -= share @ values[ALL_TERMS[weakest]]
-        cofactor = cofactor - share @ cofactor[gone]
-    return left
 
 
 def _settled_again(
@@ -408,4 +364,4 @@ def _silent(_: str) -> None:
     """Tell nobody."""
 
 
-__all__ = ["ALL_TERMS", "OPTIONAL_TERMS", "calibrate_joint", "unknowns_of"]
+__all__ = ["calibrate_joint", "unknowns_of"]

@@ -15,9 +15,11 @@ from tumble.calibration.joint_description import describe_wide, rotation_of_fram
 from tumble.calibration.joint_influence import Influences, joint_influences
 from tumble.calibration.joint_noise import BalancedJoint
 from tumble.calibration.joint_observability import Untold
+from tumble.calibration.joint_scatter import shared_scatter, wider
 from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
 from tumble.calibration.joint_table_parameters import lever_arms_of, table_remarks
 from tumble.calibration.joint_terms import Extra, Link, carry, link_covariance
+from tumble.calibration.joint_wanted import OF_FORCE
 from tumble.calibration.joint_wide import FIXTURE, is_wide, widened
 from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.calibration.snooping import Outlier
@@ -136,8 +138,11 @@ def describe_joint(outcome: JointOutcome, influences: Influences) -> Described:
     neighbours = influences.neighbours
     wide = outcome.state.unknowns.size
     covariance[:wide, :wide] += sum(neighbours.values(), np.zeros(()))
-    covariance *= scale
     terms = outcome.kept
+    if terms & set(OF_FORCE) and not solution.state.spins:
+        at = np.ix_(solution.free, solution.free)
+        covariance[at] = wider(covariance[at], shared_scatter(outcome.problem, solution)[at])
+    covariance *= scale
     if is_wide(outcome.state.unknowns) or outcome.untold is not None or not outcome.has_gyro:
         gyro = "full" if outcome.has_gyro else "none"
         return describe_wide(

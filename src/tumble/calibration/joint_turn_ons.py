@@ -9,7 +9,7 @@ import numpy as np
 
 from tumble.arrays import Series, Square, inverted
 from tumble.calibration.estimate import TermTest
-from tumble.calibration.joint import ALL_TERMS, FORCE_ALONE, OF_GYROS, OPTIONAL_TERMS, PLAIN, TERM_LIMIT
+from tumble.calibration.joint import FORCE_ALONE, PLAIN
 from tumble.calibration.joint_estimate import JointOutcome
 from tumble.calibration.joint_observability import TOLD, find_untold, name_of, name_plate
 from tumble.calibration.joint_several import (
@@ -26,6 +26,7 @@ from tumble.calibration.joint_several import (
 )
 from tumble.calibration.joint_table_terms import TABLE_TERMS, term_test
 from tumble.calibration.joint_unknowns import GYRO_MATRIX, gyro_matrix
+from tumble.calibration.joint_wanted import ALL_TERMS, OF_GYROS, OPTIONAL_TERMS, TERM_LIMIT
 from tumble.calibration.joint_wide import FIXTURE, WIDE
 from tumble.calibration.triad_unknowns import ANGLE, SCALE
 from tumble.calibration.turn_ons import disagreement
