@@ -1,11 +1,13 @@
 """Is a plan worth what it foretells? Plans simulated sample by sample and calibrated, beside their predictions.
 
-    python benchmarks/plan.py --runs 100
+    python benchmarks/plan.py poses --runs 100
+    python benchmarks/plan.py protocol --hand-held 100 --turntable 40
 
-Each run draws a unit of the grade, plays the plan with it (placement by hand, noise, flicker, converter), finds the
-holds, calibrates, and compares with the unit's truth; the bias with its mean over the session, which is what a
-calibration of that session is to tell. The rms error over the runs, with an interval for its chance (chi-square, all
-parameters together 1 % false alarms), is to hold the prediction.
+`poses` are plans of poses alone; `protocol` those of whole protocols, see `plan_joint.py`. Each run of the former draws
+a unit of the grade, plays the plan with it (placement by hand, noise, flicker, converter), finds the holds, calibrates,
+and compares with the unit's truth; the bias with its mean over the session, which is what a calibration of that session
+is to tell. The rms error over the runs, with an interval for its chance (chi-square, all parameters together 1 % false
+alarms), is to hold the prediction.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from plan_joint import judge_protocols
 from scipy.stats import chi2
 
 from tumble.attitude.directions import twenty_six_directions
@@ -114,11 +117,8 @@ def errors_of(procedure: str, plan: PosePlan, grade: Grade, placement: float, se
     return np.array([*np.diag(off), off[1, 0], -off[2, 0], off[2, 1], *bias])
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=int, default=100)
-    runs = parser.parse_args().runs
+def judge_poses(runs: int) -> None:
+    """Print the table of plans of poses."""
     tried = cases()
     told = [plan.sigmas < 0.3 for _, _, plan, _, _ in tried]
     level = FALSE_ALARM / sum(int(one.sum()) for one in told)
@@ -144,6 +144,24 @@ def main() -> None:
         if count < runs:
             print(f"{words}: the holds were not found in {runs - count} of {runs} runs")
     print(f"\nInside: rms times {low:.2f} to {high:.2f} ({runs} runs, all together 1 % false alarms).")
+
+
+def main() -> None:
+    """Run what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    commands = parser.add_subparsers(dest="command", required=True)
+    poses = commands.add_parser("poses", help="plans of poses")
+    poses.add_argument("--runs", type=int, default=100)
+    protocol = commands.add_parser("protocol", help="plans of whole protocols, calibrated jointly")
+    protocol.add_argument("--hand-held", type=int, default=100, help="runs of each grade")
+    protocol.add_argument("--turntable", type=int, default=40)
+    protocol.add_argument("--case", help="only this one, such as hand-held,tactical")
+    protocol.add_argument("--workers", type=int, default=1)
+    asked = parser.parse_args()
+    if asked.command == "poses":
+        judge_poses(asked.runs)
+    else:
+        judge_protocols(asked.hand_held, asked.turntable, asked.case, asked.workers)
 
 
 if __name__ == "__main__":

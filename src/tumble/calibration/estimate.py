@@ -33,6 +33,25 @@ class LeftOut:
 
 
 @dataclass(frozen=True, slots=True)
+class RestlessHold:
+    """A hold that sways more than the others.
+
+    Attributes
+    ----------
+    hold : its index.
+    start, stop : s from the recording's first sample.
+    sway, others : rad about each axis, one sigma, from its start to its middle and from there to its end: its own,
+        and what the others sway by.
+    """
+
+    hold: int
+    start: float
+    stop: float
+    sway: float
+    others: float
+
+
+@dataclass(frozen=True, slots=True)
 class TermTest:
     """The test of an optional term: kept if `probability` (of chance) is below `limit`."""
 
@@ -134,6 +153,7 @@ class Estimate:
     turn_angles, turn_sigmas : (holds,) rad, of the turn after each hold; nan where there is none.
     turn_sizes : (holds,) how far the turn went, rad.
     left_out : holds and turns without part in the estimate.
+    restless : holds that sway more than the others, and count for less.
     terms : tests of optional terms.
     not_determined : sentences.
     remarks : sentences on how the estimate was made.
@@ -174,6 +194,7 @@ class Estimate:
     turn_sizes: Series
     variance_components: dict[str, float] = field(default_factory=dict[str, float])
     left_out: list[LeftOut] = field(default_factory=list[LeftOut])
+    restless: list[RestlessHold] = field(default_factory=list[RestlessHold])
     terms: list[TermTest] = field(default_factory=list[TermTest])
     not_determined: list[str] = field(default_factory=list[str])
     remarks: list[str] = field(default_factory=list[str])

@@ -15,6 +15,7 @@ from tumble.calibration.joint_description import describe_wide, rotation_of_fram
 from tumble.calibration.joint_influence import Influences, joint_influences
 from tumble.calibration.joint_noise import BalancedJoint
 from tumble.calibration.joint_observability import Untold
+from tumble.calibration.joint_restless import find_restless, restless_remarks
 from tumble.calibration.joint_scatter import shared_scatter, wider
 from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
 from tumble.calibration.joint_table_parameters import lever_arms_of, table_remarks
@@ -99,6 +100,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         turn_sizes=sizes,
         variance_components=_components(outcome),
         left_out=[_left_out(outlier, norms, angles) for outlier in outcome.balanced.outliers],
+        restless=find_restless(outcome.data, outcome.problem.extra, float(outcome.recording.time[0])),
         terms=outcome.terms,
         not_determined=_not_determined(outcome),
         remarks=_remarks(outcome, described.parameters),
@@ -352,6 +354,7 @@ def _remarks(outcome: JointOutcome, parameters: list[NamedValue]) -> list[str]:
         told.append(
             f"Within a hold the pose sways by {1e3 * sway:.2g} mrad (one sigma, from its start to its end)."
         )
+    told += restless_remarks(find_restless(data, outcome.problem.extra, float(outcome.recording.time[0])))
     if len(state.sections) > 1:
         told.append(
             f"The recording falls into {len(state.sections)} parts between which the gyros could not be followed; "

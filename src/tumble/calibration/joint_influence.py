@@ -129,6 +129,11 @@ class Influences:
     covariance: Square
     neighbours: dict[str, Square] = field(default_factory=dict[str, Square])
 
+    @property
+    def independent(self) -> Square:
+        """Covariance (unknowns, unknowns) as it would be were each hold's wander its own."""
+        return self.covariance - sum(self.neighbours.values(), np.zeros(self.covariance.shape))
+
     def shares(self) -> dict[str, Square]:
         """Return source -> (unknowns, unknowns) share of the covariance, for the `SOURCES` that there are."""
         made = {s: sum((i.share(s) for i in self.each if s in i.parts), np.zeros(())) for s in SOURCES}
@@ -179,8 +184,7 @@ def wander_factors(problem: JointProblem, state: JointState) -> Series:
     problem, state : observations with their variances, and the solution.
     """
     influences = joint_influences(problem, state)
-    told = np.diag(influences.covariance)
-    independent = told - np.diag(sum(influences.neighbours.values(), np.zeros(influences.covariance.shape)))
+    told, independent = np.diag(influences.covariance), np.diag(influences.independent)
     known = independent > 0.0
     return np.sqrt(np.where(known, np.maximum(told, 0.0) / np.where(known, independent, 1.0), 1.0))
 

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import AnyArray, Series, Square, inverted
+from tumble.arrays import Series, Square, Table, inverted
 from tumble.calibration.canonical import named_parameters
 from tumble.calibration.joint import PLAIN, unknowns_of
 from tumble.calibration.joint_data import JointData
+from tumble.calibration.joint_influence import Influences, joint_influences
 from tumble.calibration.joint_spins import SpinEquations, spin_equations
 from tumble.calibration.joint_system import (
     HEADING_SIGMA,
@@ -103,6 +104,17 @@ def parameter_sizes(grade: Grade) -> Series:
     return np.maximum(sizes, 1e-12)
 
 
+def open_spreads(sizes: Series, *, sheet: bool) -> Series:
+    """Return (30,) by how much each parameter is open before anything is observed.
+
+    Parameters
+    ----------
+    sizes : (30,) of `parameter_sizes`.
+    sheet : believe them.
+    """
+    return sizes * (1.0 if sheet else IGNORANCE)
+
+
 @dataclass(frozen=True, slots=True)
 class JointInformation:
     """What is known of the thirty parameters.
@@ -128,7 +140,7 @@ class JointInformation:
         sheet : believe the data sheet's spreads beforehand.
         """
         at = np.arange(PARAMETERS) if g_sensitivity else WITHOUT_G
-        open_by = sizes[at] * (1.0 if sheet else IGNORANCE)
+        open_by = open_spreads(sizes, sheet=sheet)[at]
         scaled = _symmetric(self.matrix[np.ix_(at, at)] * np.outer(open_by, open_by))
         # By eigenvalues, of which round-off may have made those of nothing a little negative.
         values, vectors = np.linalg.eigh(scaled)
@@ -198,39 +210,30 @@ class PlannedProblem:
             normal += corner[3:, 3:] - corner[3:, :3] @ gain
         return JointInformation(information_in_names(normal[np.ix_(FREE, FREE)], self.state.unknowns))
 
-    def hold_responses(self) -> dict[str, AnyArray]:
-        """Return how the parameters' equations answer to a hold that shows more: "force" and "rate" (30, holds, 3).
+    def influences(self, known: Square, *, g_sensitivity: bool) -> Influences:
+        """Return what each observation does to the unknowns, the wander that neighbours share in their covariance.
 
-        With a covariance C of the parameters, ``C @ response`` is what the estimate moves by for each m/s² and
-        rad/s by which all of a hold is off along x, y and z.
-
-        Notes
-        -----
-        The nodes' steps for a unit step of the border are what a node's own gradient counts in the border's.
+        Parameters
+        ----------
+        known : (30, 30) information of the parameters beside the test's own, that leaves none of them open.
+        g_sensitivity : whether it is estimated.
         """
-        data = self.problem.data
-        carried = carry(data, self.state.unknowns)
-        size = 3 + self.state.unknowns.size
-        made = {kind: np.zeros((PARAMETERS, data.holds, 3)) for kind in ("force", "rate")}
-        back = _back(self.state.unknowns)
-        for section in self.state.sections:
-            chain = self._chain(self.problem, section, carried, None)
-            chain.gradient[:] = 0.0
-            eliminated = chain.eliminated()
-            nodes = np.array([eliminated.steps(row) for row in np.eye(size)])
-            gain = inverted(np.ascontiguousarray(eliminated.corner[:3, :3])) @ eliminated.corner[:3, 3:]
-            for kind in hold_terms(
-                data, section, self.state.unknowns, self.problem.site.gravity, self.problem.extra
-            ):
-                if kind.kind not in made:
-                    continue
-                shift = np.tile(np.eye(3), (kind.place.size, kind.residual.shape[1] // 3, 1))
-                white, by_node, by_border = whiten(kind.covariance, shift, kind.by_node, kind.by_border)
-                moved = np.einsum("tmb,tmi->bti", by_border, white)
-                moved += np.einsum("btd,tmd,tmi->bti", nodes[:, kind.node], by_node, white)
-                free = (moved[3:] - np.einsum("ea,eti->ati", gain, moved[:3]))[FREE]
-                made[kind.kind][:, kind.place] = np.einsum("fp,fti->pti", back, free)
-        return made
+        slope = inverted(_back(self.state.unknowns))
+        precision = np.zeros((self.state.unknowns.size, self.state.unknowns.size))
+        precision[np.ix_(FREE, FREE)] = slope.T @ known @ slope
+        prior = Prior(self.state.unknowns.copy(), precision)
+        free = FREE if g_sensitivity else PLAIN
+        return joint_influences(replace(self.problem, free=free, prior=prior), self.state)
+
+    def in_names(self, covariance: Table) -> Square:
+        """Return the covariance (30, 30) of the parameters of that of the shared unknowns.
+
+        Parameters
+        ----------
+        covariance : (33, 33).
+        """
+        slope = inverted(_back(self.state.unknowns))
+        return _symmetric(slope @ covariance[np.ix_(FREE, FREE)] @ slope.T)
 
     def _chain(
         self, problem: JointProblem, section: Section, carried: Carried, without: int | None

@@ -20,6 +20,7 @@ from tumble.design.joint_information import (
     TOLD,
     JointInformation,
     PlannedProblem,
+    open_spreads,
     parameter_sizes,
     planned_problem,
 )
@@ -85,6 +86,11 @@ class PlanTask:
         """Return (30, 30) of what is there already and this information together."""
         total = information if self.known is None else information.plus(self.known)
         return total.covariance(self.sizes, g_sensitivity=self.g_sensitivity, sheet=self.sheet)
+
+    def known_before(self) -> Square:
+        """Return (30, 30) information of what is there already, and of the sizes as far as they are believed."""
+        own = np.diag(1.0 / open_spreads(self.sizes, sheet=self.sheet) ** 2)
+        return own if self.known is None else own + self.known.matrix
 
     def parameters(self) -> np.ndarray:
         """Return the indices of the parameters that are estimated."""
@@ -169,12 +175,7 @@ def plan_protocol(task: PlanTask, say: Callable[[str], None] | None = None) -> J
         played = play_plan(task.protocol, task.site, np.random.default_rng([task.seed, draw]))
         problem = planned_problem(planned_data(played, task.noise), task.site, task.sizes)
         made.append((played, problem, problem.information()))
-    variances = np.array(
-        [
-            np.diag(true_covariance(task, played, problem, task.covariance(information)))
-            for played, problem, information in made
-        ]
-    )
+    variances = np.array([np.diag(true_covariance(task, played, problem)) for played, problem, _ in made])
     return _plan(task, made, variances)
 
 
@@ -214,38 +215,33 @@ def _plan(
     return plan
 
 
-def true_covariance(
-    task: PlanTask, played: PlayedPlan, problem: PlannedProblem, covariance: Square
-) -> Square:
-    """Return the covariance of the estimate where biases wander: from hold to hold alike, not each hold for itself.
+def true_covariance(task: PlanTask, played: PlayedPlan, problem: PlannedProblem) -> Square:
+    """Return (30, 30) covariance of the estimate where biases wander from hold to turn to hold, neighbours alike.
 
-    The estimator takes the wander of each hold for its own. Neighbours in time share it in truth, and what all holds
-    have in common is no error: a bias is asked for as its mean over the holds of the session.
+    A bias is asked for as its mean over the session. Of the gyros this is what the joint estimator states; the wander
+    of the accelerometers' biases it takes for each hold's own, and here it is shared, too.
 
     Parameters
     ----------
     task, played, problem : noise, motion and equations.
-    covariance : (30, 30) that the estimator states.
     """
-    made = covariance.copy()
-    if not (task.noise.accelerometer.wanders or task.noise.gyroscope.wanders):
-        return made
-    times = played.truth.hold_edges
-    seconds = times[:, 1] - times[:, 0]
-    centred = np.eye(seconds.size) - seconds / seconds.sum()
-    base = problem.problem.data.base
-    responses = problem.hold_responses()
-    for kind, triad, floor in (
-        ("force", task.noise.accelerometer, float(base.force_floor[0])),
-        ("rate", task.noise.gyroscope, float(base.rate_floor[0])),
-    ):
-        if not triad.wanders:
-            continue
-        wander = centred @ hold_covariance(times, replace(triad, random_walk=0.0, resolution=0.0)) @ centred.T
-        gain = np.einsum("pq,qti->pti", covariance, responses[kind])
-        made += np.einsum("pti,tu,qui->pq", gain, wander - floor * np.eye(seconds.size), gain)
-    # What is left out of the model of the noise (rotations wander with their holds) may take too much.
-    np.fill_diagonal(made, np.maximum(np.diag(made), LEAST_SHARE * np.diag(covariance)))
+    influences = problem.influences(task.known_before(), g_sensitivity=task.g_sensitivity)
+    covariance = influences.covariance.copy()
+    triad = task.noise.accelerometer
+    if triad.wanders:
+        times = played.truth.hold_edges
+        floor = float(problem.problem.data.base.force_floor[0])
+        wander = hold_covariance(times, replace(triad, random_walk=0.0, resolution=0.0))
+        # By how much the unknowns move if all of a hold shows more by one along an axis.
+        gain = np.zeros((len(times), len(covariance), 3))
+        for one in influences.each:
+            if one.kind == "force":
+                gain[one.place] = one.gain @ np.linalg.solve(one.root, np.tile(np.eye(3), (3, 1)))
+        covariance += np.einsum("tpi,tu,uqi->pq", gain, wander - floor * np.eye(len(times)), gain)
+    made = problem.in_names(covariance)
+    # What is left out of the model of the noise may take too much: rotations' accelerometers wander by themselves.
+    alone = np.diag(problem.in_names(influences.independent))
+    np.fill_diagonal(made, np.maximum(np.diag(made), LEAST_SHARE * alone))
     return made
 
 

@@ -1,9 +1,12 @@
 """Strapdown navigation, step by step, compiled.
 
-A step takes angular rate and specific force at its two ends, `before` and `after` (six numbers each: rate,
-force, in b), as linear in time between. The local-level state `nav` is latitude, longitude, height, velocity
-(north, east, down) and the quaternion of C_nb, scalar last; the Earth frame's is position, velocity and the
-quaternion of C_eb in e. Euler-type errors are those of the second order of the step everywhere.
+A step takes angular rate and specific force (six numbers, in b) as linear in time. The local-level state is
+latitude, longitude, height, velocity (north, east, down) and the quaternion of C_nb, scalar last; the Earth
+frame's is position, velocity and the quaternion of C_eb in e. Euler-type errors are those of the second order of
+the step everywhere.
+
+States and increments are tuples, which stay in registers. What costs is the chain from one state to the next, so
+that a step has one root and one division: sine and cosine of the latitude are turned from a place nearby.
 """
 
 from __future__ import annotations
@@ -35,6 +38,7 @@ _SLOPE = 4.0 / _A * FLATTENING
 _BEND = 3.0 / _A**2
 
 Floats: TypeAlias = npt.NDArray[np.float64]
+Place: TypeAlias = tuple[float, float, float]
 
 _ROW = types.float64[::1]
 _ROWS = types.float64[:, ::1]
@@ -42,6 +46,11 @@ _READ_ROW = types.Array(types.float64, 1, "C", readonly=True)
 _READ_ROWS = types.Array(types.float64, 2, "C", readonly=True)
 # Products fused into sums and no signed zeros; orders are kept, and what is not a number stays so.
 _FAST = {"contract", "nsz", "arcp"}
+_INLINE = {"cache": True, "nogil": True, "fastmath": _FAST, "forceinline": True}
+# Up to here from a latitude, rad, the series of its sine to the third order is exact: 2e-4**4 / 24 is 7e-17.
+_NEAR = 2e-4
+# A place that no latitude is near.
+_NOWHERE = (1e9, 0.0, 0.0)
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
@@ -57,33 +66,60 @@ def ends_of_interval(before, mean, after, first, interval, previous_interval):
         after[j] = mean[j] + half
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
-def body_increments(before, after, interval, increments):
-    """Fill rotation vector (3) and velocity increment (3), in b at the step's start, with coning and sculling.
+@njit(**_INLINE)
+def sample(rate, force, row):
+    """Return rate and force of a row."""
+    return rate[row, 0], rate[row, 1], rate[row, 2], force[row, 0], force[row, 1], force[row, 2]
 
-    Coning and sculling for linear signals (Savage 1998, J. Guid. Control Dyn. 21, 19 and 208), the velocity's
-    rotation to the third order of the step's angle.
+
+@njit(**_INLINE)
+def body_increments(old, new, weight, share, interval):
+    """Return rotation vector (3) and velocity increment (3), in b at the step's start, with coning and sculling.
+
+    The signals' mean over the step is `new + weight (old - new)` and their change over half of it `share (new -
+    old)`: 1/2 and 1/2 of instants. Coning and sculling for linear signals (Savage 1998, J. Guid. Control Dyn. 21,
+    19 and 208), the velocity's rotation to the third order of the step's angle.
     """
-    h = 0.5 * interval
-    ax, ay, az = h * (before[0] + after[0]), h * (before[1] + after[1]), h * (before[2] + after[2])
-    vx, vy, vz = h * (before[3] + after[3]), h * (before[4] + after[4]), h * (before[5] + after[5])
-    k = interval * interval / 12.0
-    w0, w1, w2, f0, f1, f2 = before[0], before[1], before[2], before[3], before[4], before[5]
-    u0, u1, u2, g0, g1, g2 = after[0], after[1], after[2], after[3], after[4], after[5]
+    w0, w1, w2 = (
+        new[0] + weight * (old[0] - new[0]),
+        new[1] + weight * (old[1] - new[1]),
+        new[2] + weight * (old[2] - new[2]),
+    )
+    f0, f1, f2 = (
+        new[3] + weight * (old[3] - new[3]),
+        new[4] + weight * (old[4] - new[4]),
+        new[5] + weight * (old[5] - new[5]),
+    )
+    u0, u1, u2 = share * (new[0] - old[0]), share * (new[1] - old[1]), share * (new[2] - old[2])
+    g0, g1, g2 = share * (new[3] - old[3]), share * (new[4] - old[4]), share * (new[5] - old[5])
+    ax, ay, az = interval * w0, interval * w1, interval * w2
+    vx, vy, vz = interval * f0, interval * f1, interval * f2
     cx, cy, cz = ay * vz - az * vy, az * vx - ax * vz, ax * vy - ay * vx
     square = ax * ax + ay * ay + az * az
-    one, two = 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
-    increments[0] = ax + k * (w1 * u2 - w2 * u1)
-    increments[1] = ay + k * (w2 * u0 - w0 * u2)
-    increments[2] = az + k * (w0 * u1 - w1 * u0)
-    increments[3] = vx + k * (w1 * g2 - w2 * g1 + f1 * u2 - f2 * u1) + one * cx + two * (ay * cz - az * cy)
-    increments[4] = vy + k * (w2 * g0 - w0 * g2 + f2 * u0 - f0 * u2) + one * cy + two * (az * cx - ax * cz)
-    increments[5] = vz + k * (w0 * g1 - w1 * g0 + f0 * u1 - f1 * u0) + one * cz + two * (ax * cy - ay * cx)
+    one, two = 0.5 - square * (1.0 / 24.0), 1.0 / 6.0 - square * (1.0 / 120.0)
+    k = interval * interval * (1.0 / 6.0)
+    return (
+        ax + k * (w1 * u2 - w2 * u1),
+        ay + k * (w2 * u0 - w0 * u2),
+        az + k * (w0 * u1 - w1 * u0),
+        vx + k * (w1 * g2 - w2 * g1 + f1 * u2 - f2 * u1) + one * cx + two * (ay * cz - az * cy),
+        vy + k * (w2 * g0 - w0 * g2 + f2 * u0 - f0 * u2) + one * cy + two * (az * cx - ax * cz),
+        vz + k * (w0 * g1 - w1 * g0 + f0 * u1 - f1 * u0) + one * cz + two * (ax * cy - ay * cx),
+    )
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
-def turn_attitude(state, increments, tx, ty, tz):
-    """Turn the quaternion state[6:10] by the body's rotation vector from the right and the frame's from the left.
+@njit(**_INLINE)
+def turned_velocity(state, increments):
+    """Return the velocity increment in the frame of the state's quaternion."""
+    x, y, z, w = state[6], state[7], state[8], state[9]
+    vx, vy, vz = increments[3], increments[4], increments[5]
+    tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
+    return vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
+
+
+@njit(**_INLINE)
+def turned_attitude(state, increments, tx, ty, tz):
+    """Return the state's quaternion turned by the body's rotation vector from the right, the frame's from the left.
 
     (tx, ty, tz) is what the frame has turned, rad, small: its quaternion is exact to the fourth order.
     """
@@ -95,56 +131,86 @@ def turn_attitude(state, increments, tx, ty, tz):
     else:
         angle = np.sqrt(s)
         sinc, c = np.sin(angle) / angle, np.cos(angle)
-    hx, hy, hz = hx * sinc, hy * sinc, hz * sinc
     x, y, z, w = state[6], state[7], state[8], state[9]
+    # one Newton step to unit length
+    length = 1.5 - 0.5 * (x * x + y * y + z * z + w * w)
+    hx, hy, hz, c = hx * sinc * length, hy * sinc * length, hz * sinc * length, c * length
     a = w * hx + x * c + y * hz - z * hy
     b = w * hy - x * hz + y * c + z * hx
     d = w * hz + x * hy - y * hx + z * c
     e = w * c - x * hx - y * hy - z * hz
     px, py, pz = -0.5 * tx, -0.5 * ty, -0.5 * tz
     p = 1.0 - 0.5 * (px * px + py * py + pz * pz)
-    x = p * a + px * e + py * d - pz * b
-    y = p * b - px * d + py * e + pz * a
-    z = p * d + px * b - py * a + pz * e
-    w = p * e - px * a - py * b - pz * d
-    # one Newton step to unit length
-    length = 1.5 - 0.5 * (x * x + y * y + z * z + w * w)
-    state[6], state[7], state[8], state[9] = x * length, y * length, z * length, w * length
+    return (
+        p * a + px * e + py * d - pz * b,
+        p * b - px * d + py * e + pz * a,
+        p * d + px * b - py * a + pz * e,
+        p * e - px * a - py * b - pz * d,
+    )
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
-def advance(nav, before, after, interval, increments):
-    """Carry a local-level state over one step; `increments` (6,) is left with the body's.
+@njit(**_INLINE)
+def sine_and_cosine(latitude: float, place: Place) -> tuple[float, float, Place]:
+    """Return sine and cosine of a latitude, and the place (latitude, its sine and cosine) for the next one.
+
+    Near the place they are turned from there, exact to rounding; further off it is moved here.
+    """
+    turn = latitude - place[0]
+    if abs(turn) > _NEAR:
+        s, c = np.sin(latitude), np.cos(latitude)
+        return s, c, (latitude, s, c)
+    square = turn * turn
+    odd, even = turn - turn * square * (1.0 / 6.0), 1.0 - 0.5 * square
+    return place[1] * even + place[2] * odd, place[2] * even - place[1] * odd, place
+
+
+@njit(**_INLINE)
+def reciprocals(s, c, height):
+    """Return 1 over the radius across the meridian, that along it, cos latitude and root, by one division.
+
+    The root is of 1 - e² sin²; with it the radii are (a + h root) / root and (a (1 - e²) + h root³) / root³.
+    """
+    reduced = 1.0 - _E2 * s * s
+    root = np.sqrt(reduced)
+    cube = reduced * root
+    across, meridian = _A + height * root, _A * (1.0 - _E2) + height * cube
+    one, two = across * c, meridian * root
+    over = 1.0 / (one * two)
+    return (
+        root * (over * (c * two)),
+        cube * (over * (root * one)),
+        over * (across * two),
+        over * (one * meridian),
+    )
+
+
+@njit(**_INLINE)
+def gravity_down_and_north(s, c, over_root, height):
+    """Return normal gravity (Somigliana, with height to the second order) and its lean to the north, m/s²."""
+    gravity = GRAVITY_AT_EQUATOR * (1.0 + SOMIGLIANA_CONSTANT * s * s) * over_root
+    gravity *= 1.0 - (_OPEN - _SLOPE * s * s) * height + _BEND * height * height
+    return gravity, -PLUMB_LINE_CURVATURE * height * 2.0 * s * c
+
+
+@njit(**_INLINE)
+def step_in_local_level(nav, increments, place, interval):
+    """Return the local-level state after a step, and the place for the next.
 
     Earth and transport rate, Coriolis and gravity are taken at the step's middle; position by the trapezoid.
     """
-    body_increments(before, after, interval, increments)
-    x, y, z, w = nav[6], nav[7], nav[8], nav[9]
-    vx, vy, vz = increments[3], increments[4], increments[5]
-    # C_nb v
-    tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
-    dn = vx + w * tx + y * tz - z * ty
-    de = vy + w * ty + z * tx - x * tz
-    dd = vz + w * tz + x * ty - y * tx
+    dn, de, dd = turned_velocity(nav, increments)
     north, east, down = nav[3], nav[4], nav[5]
-    height = nav[2] - 0.5 * interval * down
-    latitude = nav[0] + 0.5 * interval * north / (_A + height)
-    s, c = np.sin(latitude), np.cos(latitude)
-    reduced = 1.0 - _E2 * s * s
-    root = np.sqrt(reduced)
-    across = _A / root
-    meridian = across * (1.0 - _E2) / reduced + height
-    across += height
-    gravity = GRAVITY_AT_EQUATOR * (1.0 + SOMIGLIANA_CONSTANT * s * s) / root
-    gravity *= 1.0 - (_OPEN - _SLOPE * s * s) * height + _BEND * height * height
-    lean = -PLUMB_LINE_CURVATURE * height * 2.0 * s * c
+    half = 0.5 * interval
+    height = nav[2] - half * down
+    s, c, place = sine_and_cosine(nav[0] + half * north / (_A + height), place)
+    over_across, over_meridian, over_c, over_root = reciprocals(s, c, height)
+    gravity, lean = gravity_down_and_north(s, c, over_root, height)
     middle_north = north + 0.5 * dn
     middle_east = east + 0.5 * de
     middle_down = down + 0.5 * (dd + gravity * interval)
-    tangent = s / c
     # transport rate and Earth rate, n against e and e against i
-    rn, re = middle_east / across, -middle_north / meridian
-    rd = -middle_east / across * tangent
+    rn, re = middle_east * over_across, -middle_north * over_meridian
+    rd = -rn * (s * over_c)
     en, ed = _W * c, -_W * s
     un, ue, ud = 2.0 * en + rn, re, 2.0 * ed + rd
     hn, he, hd = interval * (en + rn), interval * re, interval * (ed + rd)
@@ -155,23 +221,22 @@ def advance(nav, before, after, interval, increments):
     new_down = (
         down + dd - 0.5 * (hn * de - he * dn) + interval * (gravity - (un * middle_east - ue * middle_north))
     )
-    nav[0] += 0.5 * interval * (north + new_north) / meridian
-    nav[1] += 0.5 * interval * (east + new_east) / (across * c)
-    nav[2] -= 0.5 * interval * (down + new_down)
-    nav[3], nav[4], nav[5] = new_north, new_east, new_down
-    turn_attitude(nav, increments, hn, he, hd)
+    after = (
+        nav[0] + half * (north + new_north) * over_meridian,
+        nav[1] + half * (east + new_east) * (over_across * over_c),
+        nav[2] - half * (down + new_down),
+        new_north,
+        new_east,
+        new_down,
+        *turned_attitude(nav, increments, hn, he, hd),
+    )
+    return after, place
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
-def advance_in_earth_frame(state, before, after, interval, increments):
-    """Carry a state of the Earth frame over one step, with the same gravity as `advance`."""
-    body_increments(before, after, interval, increments)
-    x, y, z, w = state[6], state[7], state[8], state[9]
-    vx, vy, vz = increments[3], increments[4], increments[5]
-    tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
-    dx = vx + w * tx + y * tz - z * ty
-    dy = vy + w * ty + z * tx - x * tz
-    dz = vz + w * tz + x * ty - y * tx
+@njit(**_INLINE)
+def step_in_earth_frame(state, increments, interval):
+    """Return the state of the Earth frame after a step, with the same gravity as in the local level."""
+    dx, dy, dz = turned_velocity(state, increments)
     half = 0.5 * interval
     px, py, pz = state[0] + half * state[3], state[1] + half * state[4], state[2] + half * state[5]
     # latitude by Bowring's formula, without angles
@@ -183,30 +248,28 @@ def advance_in_earth_frame(state, before, after, interval, increments):
     s, c = up * over, out * over
     root = np.sqrt(1.0 - _E2 * s * s)
     height = radius * c + pz * s - _A * root
-    gravity = GRAVITY_AT_EQUATOR * (1.0 + SOMIGLIANA_CONSTANT * s * s) / root
-    gravity *= 1.0 - (_OPEN - _SLOPE * s * s) * height + _BEND * height * height
-    lean = -PLUMB_LINE_CURVATURE * height * 2.0 * s * c
-    outward = -lean * s - gravity * c
-    gx, gy = 0.0, 0.0
-    if radius > 0.0:
-        gx, gy = outward * px / radius, outward * py / radius
-    gz = lean * c - gravity * s
-    mx = state[3] + 0.5 * (dx + gx * interval)
-    my = state[4] + 0.5 * (dy + gy * interval)
+    gravity, lean = gravity_down_and_north(s, c, 1.0 / root, height)
+    outward = (-lean * s - gravity * c) / radius if radius > 0.0 else 0.0
+    gx, gy, gz = outward * px, outward * py, lean * c - gravity * s
+    mx, my = state[3] + 0.5 * (dx + gx * interval), state[4] + 0.5 * (dy + gy * interval)
     turn = _W * interval
     nx = state[3] + dx + 0.5 * turn * dy + interval * gx + 2.0 * turn * my
     ny = state[4] + dy - 0.5 * turn * dx + interval * gy - 2.0 * turn * mx
     nz = state[5] + dz + interval * gz
-    state[0] += half * (state[3] + nx)
-    state[1] += half * (state[4] + ny)
-    state[2] += half * (state[5] + nz)
-    state[3], state[4], state[5] = nx, ny, nz
-    turn_attitude(state, increments, 0.0, 0.0, turn)
+    return (
+        state[0] + half * (state[3] + nx),
+        state[1] + half * (state[4] + ny),
+        state[2] + half * (state[5] + nz),
+        nx,
+        ny,
+        nz,
+        *turned_attitude(state, increments, 0.0, 0.0, turn),
+    )
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
-def to_local_level(state, nav):
-    """Fill the local-level state of a state of the Earth frame."""
+@njit(**_INLINE)
+def to_local_level(state):
+    """Return the local-level state of a state of the Earth frame."""
     px, py, pz = state[0], state[1], state[2]
     radius = np.sqrt(px * px + py * py)
     over = 1.0 / np.sqrt((pz * _A) * (pz * _A) + (radius * _B) * (radius * _B))
@@ -218,39 +281,56 @@ def to_local_level(state, nav):
         sb, cb = _B * up * over, _A * out * over
     over = 1.0 / np.sqrt(up * up + out * out)
     s, c = up * over, out * over
-    nav[0] = np.arctan2(up, out)
-    nav[1] = np.arctan2(py, px)
-    nav[2] = radius * c + pz * s - _A * np.sqrt(1.0 - _E2 * s * s)
+    latitude, longitude = np.arctan2(up, out), np.arctan2(py, px)
     sl, cl = 0.0, 1.0
     if radius > 0.0:
         sl, cl = py / radius, px / radius
     vx, vy, vz = state[3], state[4], state[5]
     outward = cl * vx + sl * vy
-    nav[3] = -s * outward + c * vz
-    nav[4] = -sl * vx + cl * vy
-    nav[5] = -c * outward - s * vz
     # conj(q_en) q_eb with q_en a turn by the longitude about z, then by -(90 deg + latitude) about y
-    a, b = 0.5 * nav[1], -0.5 * (0.5 * np.pi + nav[0])
+    a, b = 0.5 * longitude, -0.5 * (0.5 * np.pi + latitude)
     sa, ca, sb, cb = np.sin(a), np.cos(a), np.sin(b), np.cos(b)
     ex, ey, ez, ew = sa * sb, -ca * sb, -sa * cb, ca * cb
     x, y, z, w = state[6], state[7], state[8], state[9]
-    nav[6] = ew * x + ex * w + ey * z - ez * y
-    nav[7] = ew * y - ex * z + ey * w + ez * x
-    nav[8] = ew * z + ex * y - ey * x + ez * w
-    nav[9] = ew * w - ex * x - ey * y - ez * z
+    return (
+        latitude,
+        longitude,
+        radius * c + pz * s - _A * np.sqrt(1.0 - _E2 * s * s),
+        -s * outward + c * vz,
+        -sl * vx + cl * vy,
+        -c * outward - s * vz,
+        ew * x + ex * w + ey * z - ez * y,
+        ew * y - ex * z + ey * w + ez * x,
+        ew * z + ex * y - ey * x + ez * w,
+        ew * w - ex * x - ey * y - ez * z,
+    )
+
+
+@njit(**_INLINE)
+def unpacked(state):
+    """Return a state's array (10,) as a tuple."""
+    return (
+        *(state[0], state[1], state[2], state[3], state[4]),
+        *(state[5], state[6], state[7], state[8], state[9]),
+    )
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
-def keep(state, earth_frame, nav, position, velocity, quaternion, row):
-    """Write a state to its row of the outputs."""
-    if earth_frame:
-        to_local_level(state, nav)
-    shown = nav if earth_frame else state
-    for j in range(3):
-        position[row, j] = shown[j]
-        velocity[row, j] = shown[3 + j]
-    for j in range(4):
-        quaternion[row, j] = shown[6 + j]
+def advance(nav: Floats, before: Floats, after: Floats, interval: float) -> None:
+    """Carry a local-level state (10,) over one step between two instants."""
+    increments = body_increments(before, after, 0.5, 0.5, interval)
+    moved, _ = step_in_local_level(unpacked(nav), increments, _NOWHERE, interval)
+    for j, value in enumerate(moved):
+        nav[j] = value
+
+
+@njit(**_INLINE)
+def keep(nav, position, velocity, quaternion, row):
+    """Write a local-level state to its row of the outputs."""
+    position[row, 0], position[row, 1], position[row, 2] = nav[0], nav[1], nav[2]
+    velocity[row, 0], velocity[row, 1], velocity[row, 2] = nav[3], nav[4], nav[5]
+    quaternion[row, 0], quaternion[row, 1] = nav[6], nav[7]
+    quaternion[row, 2], quaternion[row, 3] = nav[8], nav[9]
 
 
 @njit(
@@ -279,47 +359,40 @@ def integrate(
     means: bool,
     earth_frame: bool,
     every: int,
-    state: Floats,
+    start: Floats,
     position: Floats,
     velocity: Floats,
     quaternion: Floats,
 ) -> None:
-    """Carry `state` (10,) through all samples and keep every `every`-th, and the last, beginning with the start.
+    """Carry a start (10,) through all samples and keep every `every`-th, and the last, beginning with the start.
 
     `rate` and `force` (samples, 3) in b: at the instants `time`, or, with `means`, the mean over the interval
     that ends there (the first row is then not read). `position` (kept, 3) is latitude, longitude, height,
     `velocity` (kept, 3) and `quaternion` (kept, 4) those of the local level, whatever the frame.
     """
-    before, after, mean, increments = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
-    nav = np.empty(10)
-    count = time.shape[0]
-    keep(state, earth_frame, nav, position, velocity, quaternion, 0)
-    for j in range(3):
-        after[j] = rate[0, j]
-        after[3 + j] = force[0, j]
-    row, kept = 1, 0
-    previous = 1.0
+    state, place = unpacked(start), _NOWHERE
+    keep(to_local_level(state) if earth_frame else state, position, velocity, quaternion, 0)
+    # the change over half an interval of means comes from the interval before, of which the first has none
+    old = sample(rate, force, 1 if means else 0)
+    weight, share = (0.0, 0.0) if means else (0.5, 0.5)
+    row, kept, previous, count = 1, 0, np.inf, time.shape[0]
     for i in range(1, count):
         interval = time[i] - time[i - 1]
         if means:
-            for j in range(3):
-                before[j], before[3 + j] = mean[j], mean[3 + j]
-                mean[j], mean[3 + j] = rate[i, j], force[i, j]
-            ends_of_interval(before, mean, after, i == 1, interval, previous)
+            share = interval / (interval + previous)
             previous = interval
-        else:
-            for j in range(3):
-                before[j], before[3 + j] = after[j], after[3 + j]
-                after[j], after[3 + j] = rate[i, j], force[i, j]
+        new = sample(rate, force, i)
+        increments = body_increments(old, new, weight, share, interval)
+        old = new
         if earth_frame:
-            advance_in_earth_frame(state, before, after, interval, increments)
+            state = step_in_earth_frame(state, increments, interval)
         else:
-            advance(state, before, after, interval, increments)
+            state, place = step_in_local_level(state, increments, place, interval)
         kept += 1
         if kept == every or i == count - 1:
-            keep(state, earth_frame, nav, position, velocity, quaternion, row)
+            keep(to_local_level(state) if earth_frame else state, position, velocity, quaternion, row)
             row += 1
             kept = 0
 
 
-__all__ = ["advance", "advance_in_earth_frame", "body_increments", "ends_of_interval", "integrate"]
+__all__ = ["advance", "ends_of_interval", "integrate", "sine_and_cosine"]

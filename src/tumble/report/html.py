@@ -26,7 +26,7 @@ from tumble.report.parameters import GROUPS, ParameterRow, parameter_rows, plain
 from tumble.report.pose_figure import pose_section, pose_words
 from tumble.report.prediction_section import prediction_table
 from tumble.report.protocol_section import protocol_table, spin_section
-from tumble.report.residual_figures import hold_section, turn_section
+from tumble.report.residual_figures import hold_section, restless_table, turn_section
 from tumble.report.rotation_section import rotation_section, rotation_table
 from tumble.report.sequence_section import sequence_tables
 from tumble.report.thermal_section import thermal_sections
@@ -116,6 +116,7 @@ def render_report(
         else protocol_table(protocol, matching, recording, timeline),
         rotation_table(estimate),
         sequence_tables(estimate),
+        restless_table(estimate),
         *(_figures(section) for section in sections),
         beside_table(estimate, rows),
         budget_table(estimate, rows),

@@ -190,3 +190,25 @@ def _points(number: np.ndarray, values: Series, name: str, marker: Plot, words: 
         "marker": marker,
         "hovertemplate": "turn %{x}: %{y:.3f}°<br>%{text}<extra></extra>",
     }
+
+
+def restless_table(estimate: Estimate) -> str:
+    """Return the holds that sway more than the others as an HTML table; nothing without such.
+
+    Parameters
+    ----------
+    estimate : with the holds that the procedure found restless.
+    """
+    if not estimate.restless:
+        return ""
+    rows = "".join(
+        f"<tr><td>{one.hold + 1}</td><td>{one.start:.1f} to {one.stop:.1f}</td><td>{1e3 * one.sway:.2g}</td>"
+        f"<td>{1e3 * one.others:.2g}</td></tr>"
+        for one in estimate.restless
+    )
+    heads = "".join(f"<th>{head}</th>" for head in ("hold", "s", "sways by, mrad", "the others, mrad"))
+    return (
+        "<h2>Holds that do not rest</h2>\n<p>One sigma about each axis, from a hold's start to its middle and from "
+        "there to its end. These holds count for less. Support the unit firmly and record them again.</p>"
+        f'<div class="scroll"><table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></div>'
+    )

@@ -165,12 +165,16 @@ def _strip(
 ) -> list[Plot]:
     """Return the bars on top: what each stretch of the recording was taken for."""
     why = {(left.kind, left.index): left.reason for left in estimate.left_out}
+    restless = {one.hold: one.sway for one in estimate.restless}
     holds: list[tuple[int, int, str, str]] = []
     turns: list[tuple[int, int, str, str]] = []
     for index, hold in enumerate(timeline.holds):
         reason = why.get(("hold", index))
         words = f"hold {index + 1}" + (f", left out: {reason}" if reason else "")
-        holds.append((hold.start, hold.stop, words, RED if reason else BLUE))
+        if index in restless:
+            words += f", sways by {1e3 * restless[index]:.2g} mrad"
+        colour = RED if reason else ORANGE if index in restless else BLUE
+        holds.append((hold.start, hold.stop, words, colour))
     for turn in timeline.turns:
         reason = why.get(("turn", turn.before))
         words = f"turn {turn.before + 1}: from hold {turn.before + 1} to hold {turn.after + 1}"

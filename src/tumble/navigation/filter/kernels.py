@@ -533,7 +533,7 @@ def run(
     offset = _gather_sensors(sensor, kind, row, column, correction, lever, nominal_lever)
     T, shrink, Q, drift = np.zeros((9, n)), np.ones(m), np.zeros((9, 9)), np.zeros(m)
     total, work, F = np.eye(n), np.empty((9, n)), np.zeros((9, 9))
-    C, C_before, increments = np.empty((3, 3)), np.empty((3, 3)), np.empty(6)
+    C, C_before = np.empty((3, 3)), np.empty((3, 3))
     raw_before, raw_after, raw_mean = np.empty(6), np.empty(6), np.empty(6)
     raw_now, raw_next, before, after, mean = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.zeros(6)
     acceleration, velocity_before = np.zeros(3), np.empty(3)
@@ -580,7 +580,7 @@ def run(
                     velocity_before[i] = nav[3 + i]
                     for j in range(3):
                         C_before[i, j] = C[i, j]
-                advance(nav, before, after, dt, increments)
+                advance(nav, before, after, dt)
                 _attitude(nav, C)
                 for i in range(3):
                     acceleration[i] = (nav[3 + i] - velocity_before[i]) / dt
