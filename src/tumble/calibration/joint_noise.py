@@ -50,6 +50,7 @@ _COMPONENTS = (
     ("placement", "tilt", 0.0),
     ("placement", "pose", 0.0),
 )
+SWAY_SHOWN = ("parts", "swing")
 PASSES, ROUNDS = 10, 8
 # A hold sways more than the others where chance would make any one do so this rarely; its own sway is told by six
 # numbers at most, so that a tenth of it is near enough.
@@ -140,15 +141,17 @@ def balance_joint(problem: JointProblem, state: JointState, *, false_alarm: floa
     for name, kind, nothing in _COMPONENTS:
         # A component that chance explains is no component.
         kept = float(getattr(problem.extra, name))
-        # Whether a hold is still, its parts say: a sway that is all but nothing leaves no residual of its own.
-        witness, nothing = ("parts", _still(problem, state)) if kind == "rest" else (kind, nothing)
-        if kept > nothing and witness in joint_tests(problem, solution):
+        # Whether a hold is still, its parts and the gyros say: a sway that is all but nothing leaves no residual of its
+        # own.
+        witnesses, nothing = (SWAY_SHOWN, _still(problem, state)) if kind == "rest" else ((kind,), nothing)
+        if kept > nothing and witnesses[0] in joint_tests(problem, solution):
             restless = problem.extra.restless
             _set_component(problem.extra, name, nothing)
             before = deepcopy(state)
             try:
                 solution = solve_joint(problem, state)
-                chance = _explained_by_chance(joint_tests(problem, solution).get(witness))
+                told = joint_tests(problem, solution)
+                chance = all(_explained_by_chance(told.get(witness)) for witness in witnesses)
             except ConvergenceError:
                 chance = False
             if not chance:
