@@ -81,6 +81,17 @@ def test_a_two_axis_fixture_tells_both_triads_in_its_own_axes_within_their_sigma
     assert 1e-3 / np.sqrt(34.0) < leaning < 3e-3 / np.sqrt(34.0)
 
 
+def test_parameters_in_the_fixtures_axes_have_a_budget_in_which_placement_stands() -> None:
+    estimate, _ = _run("strapdown-rotation", "tactical", noise=True, frame="fixture")
+    stated = np.array([p.standard_uncertainty for p in estimate.parameters])
+    whole = np.sqrt(sum(part**2 for part in estimate.budget.values()))
+    # sources below 1e-4 of every variance are not in it
+    np.testing.assert_allclose(whole, stated, rtol=1e-3)
+    leaning = [p.name for p in estimate.parameters].index("gyro misalignment xy")
+    # poses of a milliradian are what the axes of the fixture are known by
+    assert estimate.budget["placement"][leaning] > 0.9 * stated[leaning]
+
+
 def test_six_noisy_faces_name_what_their_turns_leave_open() -> None:
     estimate, model = _run("six-position", "industrial-mems", noise=True, frame="accelerometer-x")
     true = {n: v for n, v in _canonical(model).items() if n in estimate.names}

@@ -297,3 +297,19 @@ def test_derivatives_by_lag_and_lever_arms_are_those_of_differences(index: int) 
     difference = (shown(unknowns + step).value - shown(unknowns - step).value) / 2e-6
     # Second order in 1e-6 of forces of ten, over 1e-6 with 1e-15 of ten.
     np.testing.assert_allclose(difference, shown(unknowns).by_unknowns[:, :, index], atol=2e-7)
+
+
+def test_lag_and_lever_arms_have_a_budget_that_adds_up() -> None:
+    """Of every parameter, the ones that only a table tells too; what these take is in the others' budget."""
+    estimate = _estimate(ALL, lag=LAG, apart=True)
+    assert estimate.statement is not None
+    stated = np.array([p.standard_uncertainty for p in estimate.parameters])
+    whole = np.sqrt(sum(part**2 for part in estimate.budget.values()))
+    # sources below 1e-4 of every variance are not in it
+    np.testing.assert_allclose(whole, stated, rtol=1e-3)
+    names = [p.name for p in estimate.parameters]
+    lag = {source: part[names.index(LAG_NAME)] for source, part in estimate.budget.items()}
+    # when gravity comes round in the accelerometers is what tells when they are read
+    assert lag["accelerometers while turning"] > 0.5 * stated[names.index(LAG_NAME)]
+    assert lag["reference gravity"] == 0.0 if "reference gravity" in lag else True
+    assert len(estimate.statement.effective_degrees) == len(names)

@@ -155,7 +155,7 @@ def test_an_error_that_would_go_unnoticed_moves_its_parameter_by_what_is_said() 
     assert estimate.statement is not None
     forces = [d for d in estimate.statement.detectable if d.kind == "force"]
     worst = max(forces, key=lambda d: d.effect)
-    named = NamedParameters.of(outcome)
+    named = NamedParameters.of(outcome, [p.name for p in hand_held().parameters])
     sigma = estimate.parameters[worst.parameter].standard_uncertainty
     state = deepcopy(outcome.state)
     solve_joint(outcome.problem, state)

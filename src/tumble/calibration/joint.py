@@ -54,6 +54,7 @@ from tumble.calibration.joint_unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MAT
 from tumble.calibration.joint_wanted import ALL_TERMS, OF_GYROS, OPTIONAL_TERMS, term_limits, wanted_terms
 from tumble.calibration.joint_wide import FIXTURE, widened
 from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.snooping import Outlier
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE, unknowns_from_triad
 from tumble.calibration.turn_conditions import HoldsAndTurns
 from tumble.earth import Site
@@ -161,7 +162,7 @@ def calibrate_joint(
         say("optional terms")
         problem, state, balanced, tests = _with_terms(problem, state, balanced, plain, of_table)
     outcome = JointOutcome(
-        recording, data, site, problem, state, balanced, tests, start, untold, frame, has_gyro
+        recording, problem.data, site, problem, state, balanced, tests, start, untold, frame, has_gyro
     )
     if keep is not None:
         keep(outcome)
@@ -338,26 +339,30 @@ def _with_terms(
         except ObservabilityError:
             names.pop()
             continue
+        # What was left out before there were any terms stays out, and is told.
+        balanced.outliers[:0] = base.outliers
         wanted = wanted_terms(trial, balanced, names, tests, limits)
         if wanted == names:
             if free[-1] < (narrow or 0):
-                trial, moved, balanced = _settled_again(trial, moved, free, narrow)
+                trial, moved, balanced = _settled_again(trial, moved, free, narrow, balanced.outliers)
             return trial, moved, balanced, list(tests.values())
         names = wanted
     if base.solution.free.size > plain.size:
-        before = _settled_again(problem, state, plain, narrow)
+        before = _settled_again(problem, state, plain, narrow, base.outliers)
     return *before, list(tests.values())
 
 
 def _settled_again(
-    problem: JointProblem, state: JointState, free: np.ndarray, size: int | None
+    problem: JointProblem, state: JointState, free: np.ndarray, size: int | None, gone: list[Outlier]
 ) -> tuple[JointProblem, JointState, BalancedJoint]:
-    """Adjust once more with these unknowns only, in a vector of `size`, or as long as it is."""
+    """Adjust once more with these unknowns only, in a vector of `size`, or as long as it is; `gone` is out already."""
     problem = fresh_problem(problem, free)
     state = copied_state(state, free)
     if size is not None:
         narrowed_problem(problem, state, size)
-    return problem, state, balance_joint(problem, state)
+    balanced = balance_joint(problem, state)
+    balanced.outliers[:0] = gone
+    return problem, state, balanced
 
 
 def _silent(_: str) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, inverted
-from tumble.calibration.canonical import named_parameters
+from tumble.calibration.joint_description import named_function
 from tumble.calibration.joint_influence import (
     AXIS,
     FORCE_REST,
@@ -27,7 +27,15 @@ from tumble.calibration.joint_influence import (
 )
 from tumble.calibration.joint_noise import KindTests
 from tumble.calibration.joint_system import solve_joint
-from tumble.calibration.joint_unknowns import G_SENSITIVITY, SHARED, force_matrix, gyro_matrix
+from tumble.calibration.joint_unknowns import (
+    FORCE_ASYMMETRY,
+    G_SENSITIVITY,
+    RATE_ASYMMETRY,
+    RATE_QUADRATIC,
+    force_matrix,
+    gyro_matrix,
+)
+from tumble.calibration.joint_wide import TIME_LAG, widened
 from tumble.calibration.reliability import ALPHA, POWER, undetected
 from tumble.calibration.triad_unknowns import QUADRATIC, SCALE
 from tumble.calibration.uncertainty_statement import (
@@ -52,7 +60,14 @@ SHOWN = 1e-4
 DEGREES_OF_A_HOLD = 7.0
 # A term is near its limit if its probability is within this factor of it, and below the last.
 NEAR, LARGEST_PROBABILITY = 100.0, 0.5
-_TERMS = {"quadratic": QUADRATIC, "g_sensitivity": G_SENSITIVITY}
+_TERMS = {
+    "quadratic": QUADRATIC,
+    "g_sensitivity": G_SENSITIVITY,
+    "accelerometer_asymmetry": FORCE_ASYMMETRY,
+    "gyro_asymmetry": RATE_ASYMMETRY,
+    "gyro_quadratic": RATE_QUADRATIC,
+    "time_lag": TIME_LAG,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +76,8 @@ class NamedParameters:
 
     Attributes
     ----------
-    function : of the 36 unknowns.
-    values : (36,) the solution.
+    function : of all unknowns that there may be (`joint_wide`).
+    values : the solution, widened.
     slope : (parameters, unknowns) derivatives.
     """
 
@@ -71,27 +86,28 @@ class NamedParameters:
     slope: Table
 
     @staticmethod
-    def of(outcome: JointOutcome) -> NamedParameters:
-        """Return those of a settled outcome, in the recording's units."""
+    def of(outcome: JointOutcome, names: list[str]) -> NamedParameters:
+        """Return those of a settled outcome, in the recording's units.
+
+        Parameters
+        ----------
+        outcome : the solution.
+        names : of the estimate's parameters: not every one that a function gives is told, and named.
+        """
         recording = outcome.recording
         units = recording.specific_force_unit, recording.angular_rate_unit
-        _, function = named_parameters(
-            terms=outcome.kept,
-            gyro="full",
-            units=units,
-            factors=(specific_force_factor(units[0]), angular_rate_factor(units[1])),
-        )
-        values = np.concatenate([outcome.state.unknowns[:SHARED], np.zeros(3)])
-        own = jacobian(function, values)
-        slope = np.zeros((len(own), outcome.state.unknowns.size))
-        slope[:, :SHARED] = own[:, :SHARED]
-        return NamedParameters(function, values, slope)
+        factors = specific_force_factor(units[0]), angular_rate_factor(units[1])
+        gyro = "full" if outcome.has_gyro else "none"
+        labels, function = named_function(outcome.kept, gyro, outcome.frame, units, factors)
+        at = {name: row for row, (name, _) in enumerate(labels)}
+        rows = [at[name] for name in names]
+        values = widened(outcome.state.unknowns)
+        slope = jacobian(function, values)[rows, : outcome.state.unknowns.size]
+        return NamedParameters(lambda x: function(x)[rows], values, slope)
 
     def at(self, unknowns: Series) -> Series:
         """Return the parameters at other unknowns."""
-        moved = self.values.copy()
-        moved[:SHARED] = unknowns[:SHARED]
-        return np.real(self.function(moved.astype(complex)))
+        return np.real(self.function(widened(unknowns).astype(complex)))
 
 
 def state_uncertainty(estimate: Estimate, outcome: JointOutcome, influences: Influences) -> None:
@@ -103,10 +119,7 @@ def state_uncertainty(estimate: Estimate, outcome: JointOutcome, influences: Inf
     outcome : the settled solution with its noise.
     influences : of the same solution.
     """
-    named = NamedParameters.of(outcome)
-    if len(named.slope) != len(estimate.parameters):
-        # Parameters that are not a function of the 33 have no budget yet.
-        return
+    named = NamedParameters.of(outcome, [p.name for p in estimate.parameters])
     scale = _scale(estimate)
     everything = budget_of(influences, named, outcome, scale)
     total = sum((part**2 for part in everything.values()), np.zeros(len(named.slope)))
@@ -292,7 +305,7 @@ def _model_choice(influences: Influences, named: NamedParameters, outcome: Joint
     for test in outcome.terms:
         if not test.limit / NEAR < test.probability < min(NEAR * test.limit, LARGEST_PROBABILITY):
             continue
-        place = np.arange(SHARED)[_TERMS[test.name]] if test.name in _TERMS else np.zeros(0, dtype=int)
+        place = np.arange(outcome.state.unknowns.size)[_TERMS.get(test.name, slice(0))]
         if not place.size:
             continue
         other = (

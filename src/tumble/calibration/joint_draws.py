@@ -73,7 +73,7 @@ def draw_distributions(
             f"({estimate.procedure}) has no budget of uncertainty to draw from: leave it out, or take --procedure "
             "joint."
         )
-    named = NamedParameters.of(outcome)
+    named = NamedParameters.of(outcome, [p.name for p in estimate.parameters])
     drawn = _parameters(named, draw_unknowns(outcome, runs, rng, _scale(estimate)), progress)
     low, high = shortest_intervals(drawn, COVERAGE)
     values = np.array([p.value for p in estimate.parameters])

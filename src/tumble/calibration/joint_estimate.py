@@ -118,7 +118,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         frame=outcome.frame,
         lever_arms=_lever_arms(outcome),
     )
-    if not is_wide(outcome.state.unknowns) and outcome.untold is None and outcome.has_gyro:
+    if outcome.untold is None and outcome.has_gyro:
         state_uncertainty(estimate, outcome, influences)
     return estimate
 

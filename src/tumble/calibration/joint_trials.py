@@ -43,18 +43,21 @@ def narrowed_problem(problem: JointProblem, state: JointState, size: int) -> Non
 
 
 def fresh_problem(problem: JointProblem, free: np.ndarray) -> JointProblem:
-    """Return a copy with other free unknowns, and with variances and masks of its own.
+    """Return a copy with other free unknowns, and with variances, masks and read angles of its own.
 
     Parameters
     ----------
     problem, free : the problem, and indices of the unknowns to adjust.
     """
+    spins = {k: replace(spin) for k, spin in problem.data.spins.items()}
     return replace(
         problem,
+        data=replace(problem.data, spins=spins),
         free=free,
-        extra=replace(problem.extra),
+        extra=replace(problem.extra, restless=dict(problem.extra.restless)),
         masks=problem.masks.copy(),
         spin_noise=dict(problem.spin_noise),
+        wobble=dict(problem.wobble),
     )
 
 
