@@ -187,9 +187,12 @@ class TurntableSystem:
         ----------
         change : of all inputs.
         """
+        return self._missed(change, self._across())
+
+    def _missed(self, change: Series, across: AnyArray) -> Series:
         axes_o, axes_p = self.axes(change)
         expected = axes_p @ self.rotation_ob.T
-        return np.einsum("kij,kj->ki", self._across(), axes_o - expected).ravel()
+        return np.einsum("kij,kj->ki", across, axes_o - expected).ravel()
 
     def _across(self) -> AnyArray:
         """(planes, 2, 3) unit vectors in o across each axis, the same for all changes."""
@@ -222,8 +225,8 @@ class TurntableSystem:
 
     def missed_covariance(self) -> Square:
         """Return (2 planes, 2 planes) of `missed`."""
-        covariance = self.inputs.covariance()
-        derivatives = _derivatives(self.missed, np.sqrt(np.diag(covariance)))
+        covariance, across = self.inputs.covariance(), self._across()
+        derivatives = _derivatives(lambda change: self._missed(change, across), np.sqrt(np.diag(covariance)))
         return derivatives @ covariance @ derivatives.T
 
     def axes_residuals(self, change: Series) -> tuple[Series, Series]:
