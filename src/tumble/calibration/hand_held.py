@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import Series, inverted
+from tumble.arrays import Series, Vectors, inverted
 from tumble.calibration.bias_steps import find_bias_step
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.estimate import (
@@ -51,6 +51,7 @@ from tumble.calibration.turn_conditions import (
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.estimation import Adjustment, Prior, adjust
+from tumble.estimation.gauss_helmert import Linearisation
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline
 from tumble.units import specific_force_factor
@@ -144,7 +145,9 @@ def calibrate_hand_held(
     estimate = _estimate(recording, data, site, alone, solution, outliers, tests)
     if optional_terms:
         add_time_lag(estimate, data)
-    add_bias_step(estimate, data, recording)
+    _, linear = _all_conditions(data, site, solution)
+    variances = np.diagonal(linear.covariance, axis1=1, axis2=2)[:, RATE]
+    add_bias_step(estimate, data, recording, -linear.misclosure[:, RATE], variances)
     return estimate
 
 
@@ -202,24 +205,19 @@ def add_time_lag(estimate: Estimate, data: HoldsAndTurns) -> None:
     )
 
 
-def add_bias_step(estimate: Estimate, data: HoldsAndTurns, recording: Recording) -> None:
+def add_bias_step(
+    estimate: Estimate, data: HoldsAndTurns, recording: Recording, residual: Vectors, variance: Vectors
+) -> None:
     """Note a jump of the gyro's bias between two holds.
 
     Parameters
     ----------
     estimate : gets a remark.
     data, recording : holds and turns, and the clock.
+    residual, variance : (holds, 3) rad/s and (rad/s)², what the holds' mean rates show beyond bias, g-sensitivity
+        and Earth rate: the Earth's alone is 0.004 °/s, and changes its sign with the pose.
     """
-    model = estimate.model
-    assert model.gyroscope is not None
-    assert model.accelerometer is not None
-    inverse = inverted(model.gyroscope.matrix)
-    rest = data.rate_mean - model.gyroscope.bias
-    if model.g_sensitivity is not None:
-        rest = rest - model.accelerometer.correct(data.force_mean) @ model.g_sensitivity.T
-    wander = estimate.variance_components["gyro bias from hold to hold, rad/s"] ** 2
-    variance = np.diagonal(inverse @ data.rate_covariance @ inverse.T, axis1=1, axis2=2) + wander
-    step = find_bias_step(rest @ inverse.T, variance)
+    step = find_bias_step(residual, variance)
     if step is None:
         return
     when = 0.5 * (
@@ -389,15 +387,7 @@ def _estimate(
     scale = max(1.0, solution.adjustment.sigma0) ** 2
     covariance[np.ix_(solution.free, solution.free)] = scale * solution.adjustment.cofactor
     described = describe_unknowns(solution.values, covariance, site, recording, terms=terms, gyro="full")
-    conditions = TurnConditions(
-        data,
-        site.gravity,
-        solution.values,
-        solution.free,
-        np.ones((data.holds, 6), dtype=bool),
-        ExtraVariances(solution.extra["norm"], solution.extra["rate"], solution.extra["turn"]),
-    )
-    linear = conditions.linearise(solution.values[solution.free])
+    conditions, linear = _all_conditions(data, site, solution)
     norms = linear.misclosure[:, 0].copy()
     # The yardstick of `tumble verify`, so that both can be compared.
     angles = score_turns(described.model, data).angle
@@ -429,6 +419,21 @@ def _estimate(
         terms=tests,
         not_determined=[],
     )
+
+
+def _all_conditions(
+    data: HoldsAndTurns, site: Site, solution: _Solution
+) -> tuple[TurnConditions, Linearisation]:
+    """Return all conditions at the solution, those that were left out, too."""
+    conditions = TurnConditions(
+        data,
+        site.gravity,
+        solution.values,
+        solution.free,
+        np.ones((data.holds, 6), dtype=bool),
+        ExtraVariances(solution.extra["norm"], solution.extra["rate"], solution.extra["turn"]),
+    )
+    return conditions, conditions.linearise(solution.values[solution.free])
 
 
 def _largest_normalised(adjustment: Adjustment) -> float:

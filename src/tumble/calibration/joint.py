@@ -21,7 +21,7 @@ from tumble.calibration.estimate import Estimate, TermTest
 from tumble.calibration.hand_held import add_bias_step, add_time_lag
 from tumble.calibration.joint_believed import BelievedPoses
 from tumble.calibration.joint_data import JointSpin, joint_data, window_spin
-from tumble.calibration.joint_estimate import JointOutcome, joint_estimate
+from tumble.calibration.joint_estimate import JointOutcome, joint_estimate, rest_residuals
 from tumble.calibration.joint_noise import BalancedJoint, balance_joint
 from tumble.calibration.joint_observability import (
     Untold,
@@ -171,7 +171,7 @@ def calibrate_joint(
         add_time_lag(estimate, base)
     estimate.remarks += broken
     if has_gyro:
-        add_bias_step(estimate, base, recording)
+        add_bias_step(estimate, base, recording, *rest_residuals(outcome))
     return estimate
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import Matrix, Series, Vectors
+from tumble.arrays import Matrix, Series, Vectors, inverted
 from tumble.calibration.canonical import Described, describe_unknowns
 from tumble.calibration.estimate import Estimate, LeftOut, NamedValue, TermTest, coverage_factor
 from tumble.calibration.joint_budget import state_uncertainty
@@ -19,7 +19,8 @@ from tumble.calibration.joint_restless import find_restless, restless_remarks
 from tumble.calibration.joint_scatter import shared_scatter, wider
 from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
 from tumble.calibration.joint_table_parameters import lever_arms_of, table_remarks
-from tumble.calibration.joint_terms import Extra, Link, carry, link_covariance
+from tumble.calibration.joint_terms import Extra, Link, carry, hold_terms, link_covariance
+from tumble.calibration.joint_unknowns import gyro_matrix
 from tumble.calibration.joint_wanted import OF_FORCE
 from tumble.calibration.joint_wide import FIXTURE, is_wide, widened
 from tumble.calibration.scores import hold_norm_errors, score_turns
@@ -155,6 +156,25 @@ def describe_joint(outcome: JointOutcome, influences: Influences) -> Described:
             all_told=outcome.untold is None,
         )
     return describe_unknowns(values, covariance, outcome.site, outcome.recording, terms=terms, gyro="full")
+
+
+def rest_residuals(outcome: JointOutcome) -> tuple[Vectors, Vectors]:
+    """Return what the gyros show at rest beyond what they should, (holds, 3) rad/s, and its variance, (rad/s)².
+
+    Parameters
+    ----------
+    outcome : the settled solution; observations that were left out have theirs, too.
+    """
+    state, gravity = outcome.state, outcome.site.gravity
+    inverse = inverted(gyro_matrix(state.unknowns))
+    residual, variance = np.zeros((outcome.data.holds, 3)), np.ones((outcome.data.holds, 3))
+    for section in state.sections:
+        for terms in hold_terms(outcome.data, section, state.unknowns, gravity, outcome.problem.extra):
+            if terms.kind == "rate":
+                residual[terms.place] = -terms.residual @ inverse.T
+                spread = inverse @ terms.covariance @ inverse.T
+                variance[terms.place] = np.diagonal(spread, axis1=1, axis2=2)
+    return residual, variance
 
 
 def _lever_arms(outcome: JointOutcome) -> Matrix | None:

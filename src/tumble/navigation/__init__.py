@@ -6,6 +6,7 @@ the small rotation phi of ``C_nb_estimate = exp(-skew(phi)) C_nb``.
 """
 
 from tumble.navigation.alignment import Alignment, align_coarse, align_fine, align_in_motion, find_rest
+from tumble.navigation.axis_agreement import AxisAgreement, check_axes
 from tumble.navigation.drive import Drive, prepare_drive, wide_setup
 from tumble.navigation.filter import (
     FilterRun,
@@ -22,7 +23,7 @@ from tumble.navigation.gnss import GnssTrack, read_track
 from tumble.navigation.mechanisation import navigate
 from tumble.navigation.outages import OutageErrors, corrected_samples, outages
 from tumble.navigation.samples import InertialSamples
-from tumble.navigation.time_alignment import AxisAgreement, TimeAlignment, check_axes, estimate_time_offset
+from tumble.navigation.time_alignment import TimeAlignment, estimate_time_offset
 from tumble.navigation.trajectory import NavigationState, Trajectory, position_differences
 
 __all__ = [

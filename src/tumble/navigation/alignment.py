@@ -200,7 +200,7 @@ def align_in_motion(
     RecordingError
         If there is no rest, or the track's velocity does not change by a metre a second after it.
     """
-    from tumble.navigation.time_alignment import track_velocities
+    from tumble.navigation.course import track_velocities
 
     still = samples.between(start, start + rest)
     row = int(np.argmin(np.abs(track.time - start)))
@@ -249,7 +249,7 @@ def find_rest(samples: InertialSamples, track: GnssTrack, *, shortest: float = 2
     RecordingError
         If there is no such rest.
     """
-    from tumble.navigation.time_alignment import track_velocities
+    from tumble.navigation.course import track_velocities
 
     velocity = track_velocities(track)
     # as slow as its own noise, of which four sigmas are allowed

@@ -11,15 +11,11 @@ from tumble.arrays import Series, Vector
 from tumble.earth import curvature_radii
 from tumble.errors import RecordingError
 from tumble.navigation.alignment import Alignment, align_in_motion, find_rest
+from tumble.navigation.axis_agreement import AxisAgreement, check_axes
 from tumble.navigation.filter import FilterRun, FilterSetup, plan_filter, run_filter
 from tumble.navigation.gnss.track import GnssTrack
 from tumble.navigation.samples import InertialSamples
-from tumble.navigation.time_alignment import (
-    AxisAgreement,
-    TimeAlignment,
-    check_axes,
-    estimate_time_offset,
-)
+from tumble.navigation.time_alignment import TimeAlignment, estimate_time_offset
 from tumble.navigation.trajectory import NavigationState
 from tumble.noise.terms import NoiseModel
 

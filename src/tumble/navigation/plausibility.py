@@ -6,20 +6,19 @@ import numpy as np
 
 from tumble.errors import RecordingError
 from tumble.navigation.alignment import find_rest
+from tumble.navigation.axis_agreement import course_rate_slope
+from tumble.navigation.course import track_velocities
 from tumble.navigation.gnss.time_scales import UNIX_TO_GPS, WEEK, date_of_seconds, leap_seconds
 from tumble.navigation.gnss.track import GnssTrack
 from tumble.navigation.mechanisation import navigate
 from tumble.navigation.samples import InertialSamples
-from tumble.navigation.time_alignment import (
-    course_rate_slope,
-    estimate_time_offset,
-    spans_in_words,
-    track_velocities,
-)
+from tumble.navigation.time_alignment import best_correlation, estimate_time_offset, spans_in_words
 from tumble.navigation.trajectory import NavigationState
 
 # A gyro's scale is off by no more in any unit that works: beyond, the unit is another.
 _LARGEST_SLOPE = 1.3
+# An axis that is named leaves less of the course unexplained than this share of what the vertical one does.
+_CLEARLY = 0.25
 # Clocks may be apart by this beside the leap seconds, s.
 _BESIDE = 1.5
 # Local times are apart by quarters of an hour, s.
@@ -148,6 +147,9 @@ def refuse_mirrored(samples: InertialSamples, track: GnssTrack, seconds: float =
 def why_no_agreement(samples: InertialSamples, track: GnssTrack) -> str:
     """Return why gyros and course do not agree, where an axis that is not vertical does with the course; or "".
 
+    An axis is named only where it fits clearly better than the vertical one does at any offset: turns leak into
+    axes that are not quite level, and in little motion everything fits something.
+
     Parameters
     ----------
     samples : taken to be in SI.
@@ -160,16 +162,16 @@ def why_no_agreement(samples: InertialSamples, track: GnssTrack) -> str:
         for sign in (1.0, -1.0):
             if axis == vertical and sign == np.sign(down[vertical]):
                 continue
-            level = np.zeros((len(samples), 3))
-            level[:, axis] = -sign
-            turned = InertialSamples(samples.time, level, samples.angular_rate_ib_b, samples.means)
             try:
-                found = estimate_time_offset(turned, track)
+                found = estimate_time_offset(_about(samples, axis, sign), track)
             except RecordingError:
                 continue
             if found.correlation > best:
                 best, which = found.correlation, axis
     if which < 0:
+        return ""
+    own = max(best_correlation(_about(samples, vertical, float(np.sign(down[vertical]))), track), 0.0)
+    if 1.0 - best**2 > _CLEARLY * (1.0 - own**2):
         return ""
     if which == vertical:
         return (
@@ -180,6 +182,13 @@ def why_no_agreement(samples: InertialSamples, track: GnssTrack) -> str:
         f"The course goes with gyro {'xyz'[which]} (correlation {best:.2f}), but gravity lies along "
         f"{'xyz'[vertical]}: axes of one triad are swapped. Check which column is which."
     )
+
+
+def _about(samples: InertialSamples, axis: int, sign: float) -> InertialSamples:
+    """The samples as if down were along an axis of the body."""
+    level = np.zeros((len(samples), 3))
+    level[:, axis] = -sign
+    return InertialSamples(samples.time, level, samples.angular_rate_ib_b, samples.means)
 
 
 def about_clocks(offset: float, sigma: float, track: GnssTrack, samples: InertialSamples) -> str:

@@ -6,25 +6,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Series, Vector, Vectors, inverted
+from tumble.arrays import Series, inverted
 from tumble.errors import RecordingError
+from tumble.navigation.course import (
+    FEWEST,
+    SLOWEST,
+    STEP,
+    WINDOW,
+    correlate,
+    find_course_rate,
+    rate_about_down,
+    seen_by,
+    track_velocities,
+)
 from tumble.navigation.gnss.track import GnssTrack
 from tumble.navigation.samples import InertialSamples
 
-# Below this speed a course is noise.
-_SLOWEST = 1.5
-_STEP = 0.05
 # A course leads the body's heading by the time in which the vehicle covers the way from the axle that does not
 # steer to the antenna; of that way nothing is known but its size, m.
 _ANTENNA_TO_AXLE = 1.5
-# Motion that is compared is averaged over this, s, on both sides.
-_WINDOW = 1.0
-# Fewer times than this make no correlation; more stretches than this (two days) are not transformed at once.
-_FEWEST, _MOST_STRETCHES = 10, 1 << 22
+# More stretches than this (two days) are not transformed at once.
+_MOST_STRETCHES = 1 << 22
 # Clocks that were meant to be one are apart by less, s: leap seconds and delays.
 _SYNCHRONISED = 30.0
-# Least correlation at any other offset, where a few turns fit by chance; of more motion than this, s, less will do.
-_LEAST, _LEAST_LONG, _LONG = 0.95, 0.85, 300.0
+# Least correlation at any other offset, by the motion seen there up to so many seconds: in less, turns of another
+# drive fit by chance, at 0.99 in 42 s and 0.96 in 80 s, where those of the same one fit at 0.998.
+_LEAST = ((60.0, 0.995), (120.0, 0.98), (300.0, 0.95), (np.inf, 0.85))
+# s of motion that may be too little whatever it is of.
+_SHORT = 120.0
 # s by which stamps overlap where they are compared as they are.
 _LEAST_OVERLAP = 20.0
 
@@ -60,24 +69,6 @@ class TimeAlignment:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class AxisAgreement:
-    """How the course's rate goes with each axis of the IMU, at the offset found.
-
-    Attributes
-    ----------
-    correlations : (3,) with the gyro about each body axis.
-    about_vertical : with the gyros' rate about down, as the accelerometers have it; near +1 when all is well.
-    down_b : (3,) unit vector of down in the body, from the mean specific force.
-    problem : what is wrong in a sentence, or "".
-    """
-
-    correlations: Vector
-    about_vertical: float
-    down_b: Vector
-    problem: str
-
-
 def estimate_time_offset(
     samples: InertialSamples, track: GnssTrack, *, around: float | None = None, reach: float | None = None
 ) -> TimeAlignment:
@@ -101,8 +92,8 @@ def estimate_time_offset(
     RecordingError
         If the track does not move fast enough to have a course, or nothing correlates.
     """
-    grid, yaw_rate = _yaw_rate(samples)
-    times, course_rate, weights = _course_rate(track)
+    grid, yaw_rate = rate_about_down(samples)
+    times, course_rate, weights = find_course_rate(track)
     lags = _lags(grid, times, around, reach)
     curve = _correlation_curve(grid, yaw_rate, times, course_rate, weights, lags)
     best, second = _best_lag(curve, lags)
@@ -110,10 +101,19 @@ def estimate_time_offset(
     near, other = _best_lag(np.where(np.abs(lags) < _SYNCHRONISED, curve, np.nan), lags)
     if near >= 0 and curve[near] > 0.8 and _alike(float(curve[best]), float(curve[near])):
         best, second = near, other
-    seconds = float(np.count_nonzero(weights)) * track.interval
+    inside = seen_by(grid, yaw_rate, times + lags[max(best, 0)]) & (weights > 0.0)
+    seconds = float(np.count_nonzero(inside)) * track.interval
     free = around is None and best != near
-    least = _LEAST_LONG if seconds > _LONG else _LEAST
+    least = next(value for until, value in _LEAST if seconds <= until)
     if best < 0 or curve[best] < (least if free else 0.5) or (free and _alike(float(curve[best]), second)):
+        moved = float(np.count_nonzero(weights)) * track.interval
+        if moved < _SHORT:
+            raise RecordingError(
+                f"{moved:.0f} s of motion are too little to find the offset between the clocks: course and gyros "
+                f"correlate at {curve[best] if best >= 0 else 0.0:.2f} at best and at {second:.2f} at other offsets, "
+                f"as they may by chance. {spans_in_words(samples, track)}: take a longer part of the drive, with "
+                "turns, or give the offset; and check that the files belong together."
+            )
         raise RecordingError(
             "IMU and GNSS do not seem to have seen the same motion: at no offset between their clocks does the "
             f"course's rate fit the gyros alone (correlation {curve[best] if best >= 0 else 0.0:.2f} at best, "
@@ -121,10 +121,30 @@ def estimate_time_offset(
             "units of the gyros, and that the vehicle turned; or give the offset."
         )
     offset, sigma = _refined(grid, yaw_rate, times, course_rate, weights, float(lags[best]))
-    at_best = _correlation(grid, yaw_rate, times + offset, course_rate, weights)
+    at_best = correlate(grid, yaw_rate, times + offset, course_rate, weights)
     speed: Series = np.sqrt(np.nansum(track_velocities(track)[:, :2] ** 2, axis=1))
-    lead = _ANTENNA_TO_AXLE / float(np.mean(speed[speed > _SLOWEST]))
+    lead = _ANTENNA_TO_AXLE / float(np.mean(speed[speed > SLOWEST]))
     return TimeAlignment(offset, float(np.hypot(sigma, lead)), float(at_best), second, seconds)
+
+
+def best_correlation(samples: InertialSamples, track: GnssTrack) -> float:
+    """Return the highest correlation of course and gyros at any offset, 0 where there is none.
+
+    Parameters
+    ----------
+    samples : in SI.
+    track : on its own clock.
+
+    Raises
+    ------
+    RecordingError
+        If the track does not move fast enough to have a course.
+    """
+    grid, yaw_rate = rate_about_down(samples)
+    times, course_rate, weights = find_course_rate(track)
+    lags = _lags(grid, times, None, None)
+    curve = _correlation_curve(grid, yaw_rate, times, course_rate, weights, lags)
+    return float(np.nanmax(curve)) if np.isfinite(curve).any() else 0.0
 
 
 def spans_in_words(samples: InertialSamples, track: GnssTrack, offset: float = 0.0) -> str:
@@ -142,143 +162,10 @@ def spans_in_words(samples: InertialSamples, track: GnssTrack, offset: float = 0
     return f"{both}, {apart:.0f} s apart" if apart > 0.0 else both
 
 
-def check_axes(samples: InertialSamples, track: GnssTrack) -> AxisAgreement:
-    """Compare a track's course with each axis of the IMU, to find swapped or reversed axes.
-
-    Parameters
-    ----------
-    samples : in SI.
-    track : on the IMU's clock.
-
-    Raises
-    ------
-    RecordingError
-        If the track does not move fast enough to have a course.
-    """
-    times, course_rate, weights = _course_rate(track)
-    down = _down_b(samples)
-    signals = [*samples.angular_rate_ib_b.T, samples.angular_rate_ib_b @ down]
-    found: list[float] = []
-    for signal in signals:
-        grid, rate = _averaged(samples, signal)
-        found.append(_correlation(grid, rate, times, course_rate, weights))
-    correlations, about = np.array(found[:3]), float(found[3])
-    return AxisAgreement(correlations, about, down, _axis_problem(correlations, about, down))
-
-
-def course_rate_slope(samples: InertialSamples, track: GnssTrack, *, either: bool = False) -> float:
-    """Return by how much the course turns faster than the gyros say about the vertical: 1 with the right unit.
-
-    Parameters
-    ----------
-    samples : taken to be in SI.
-    track : on the IMU's clock.
-    either : whether the gyros may also turn against the course.
-
-    Raises
-    ------
-    RecordingError
-        If the track does not move fast enough to have a course, or the gyros do not turn at all.
-    """
-    times, course_rate, weights = _course_rate(track)
-    grid, yaw_rate = _yaw_rate(samples)
-    inside = _seen_by(grid, yaw_rate, times) & (weights > 0.0)
-    seen = np.interp(times[inside], grid, yaw_rate)
-    seen = seen - seen.mean()
-    turned = course_rate[inside] - course_rate[inside].mean()
-    strength, other = float(seen @ turned), float(seen @ seen)
-    strength = abs(strength) if either else strength
-    if not other > 0.0 or not strength > 0.0:
-        raise RecordingError(
-            "The gyros do not turn with the course at all: check that the files belong together."
-        )
-    return strength / other
-
-
-def _axis_problem(correlations: Vector, about: float, down: Vector) -> str:
-    if about > 0.8:
-        return ""
-    axis = int(np.argmax(np.abs(correlations)))
-    vertical = int(np.argmax(np.abs(down)))
-    best, seen = "xyz"[axis], correlations[axis]
-    if abs(seen) > max(0.8, abs(about) + 0.01) and axis != vertical:
-        return (
-            f"The course goes with gyro {best} (correlation {seen:.2f}), but gravity lies along {'xyz'[vertical]}: "
-            "axes of one triad are swapped. Check which column is which."
-        )
-    if about < -0.8:
-        return (
-            f"The gyros turn against the course (correlation {about:.2f}): their signs, or those of the "
-            "accelerometers, are reversed. Check the body axes; they must be right-handed for both triads."
-        )
-    return (
-        f"No gyro axis goes with the course (best is {best} with a correlation of {seen:.2f}): the clocks are apart, "
-        "the positions scatter too much to have a course, or the files do not belong together."
-    )
-
-
-def _down_b(samples: InertialSamples) -> Vector:
-    """Down in b: against the mean specific force, as a vehicle that stays upright has it."""
-    mean = np.mean(samples.specific_force_b[1:], axis=0)
-    return -mean / float(np.sqrt(mean @ mean))
-
-
-def _yaw_rate(samples: InertialSamples) -> tuple[Series, Series]:
-    return _averaged(samples, samples.angular_rate_ib_b @ _down_b(samples))
-
-
-def _averaged(samples: InertialSamples, signal: Series) -> tuple[Series, Series]:
-    """A signal's running mean over the window, on an even grid; NaN where samples are missing in it."""
-    time = samples.time
-    total = np.concatenate([[0.0], np.cumsum(0.5 * (signal[1:] + signal[:-1]) * np.diff(time))])
-    grid = np.arange(time[0] + 0.5 * _WINDOW, time[-1] - 0.5 * _WINDOW, _STEP)
-    ends = (np.interp(grid + half, time, total) for half in (0.5 * _WINDOW, -0.5 * _WINDOW))
-    last, first = ends
-    mean = (last - first) / _WINDOW
-    for begin, end in samples.missing():
-        mean[(grid + 0.5 * _WINDOW > begin) & (grid - 0.5 * _WINDOW < end)] = np.nan
-    return grid, mean
-
-
-def _course_rate(track: GnssTrack) -> tuple[Series, Series, Series]:
-    """Middle, rate of the course and weight of each stretch of about a window of a track."""
-    velocity = track_velocities(track)
-    good = np.isfinite(velocity).all(axis=1)
-    time, velocity = track.time[good], velocity[good]
-    speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    if np.count_nonzero(speed > _SLOWEST) < 10:
-        raise RecordingError(
-            f"The track {track.name} moves faster than {_SLOWEST:g} m/s at {np.count_nonzero(speed > _SLOWEST)} "
-            "fixes only, and a course takes speed: the clocks cannot be compared by it."
-        )
-    steps = max(1, round(_WINDOW / max(track.interval, 1e-3)))
-    course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
-    span = time[steps:] - time[:-steps]
-    turn = np.remainder(course[steps:] - course[:-steps] + np.pi, 2.0 * np.pi) - np.pi
-    slowest = np.array([speed[i : i + steps + 1].min() for i in range(len(span))])
-    weights = ((slowest > _SLOWEST) & (span < 1.5 * max(_WINDOW, track.interval))).astype(float)
-    return 0.5 * (time[steps:] + time[:-steps]), turn / span, weights
-
-
-def track_velocities(track: GnssTrack) -> Vectors:
-    """Velocities of the track, or differences of its positions where it has none."""
-    if track.has_velocity.sum() > 10:
-        return track.velocity_n
-    from tumble.navigation.trajectory import position_differences
-
-    def cut(rows: slice) -> tuple[Series, Series, Series]:
-        return track.latitude[rows], track.longitude[rows], track.height[rows]
-
-    moved = position_differences(cut(slice(2, None)), cut(slice(None, -2)))
-    velocity = np.full((len(track), 3), np.nan)
-    velocity[1:-1] = moved / (track.time[2:] - track.time[:-2])[:, None]
-    return velocity
-
-
 def _lags(grid: Series, times: Series, around: float | None, reach: float | None) -> Series:
     if around is not None:
         extent = 10.0 if reach is None else reach
-        return np.arange(around - extent, around + extent + _STEP, _STEP)
+        return np.arange(around - extent, around + extent + STEP, STEP)
     half = 0.5 * min(grid[-1] - grid[0], times[-1] - times[0])
     first, last = grid[0] + half - times[-1], grid[-1] - half - times[0]
     # as they are stamped, they may overlap by less
@@ -286,7 +173,7 @@ def _lags(grid: Series, times: Series, around: float | None, reach: float | None
     if widest[0] < 0.0 < widest[1]:
         first = min(first, max(-_SYNCHRONISED, float(widest[0])))
         last = max(last, min(_SYNCHRONISED, float(widest[1])))
-    return np.arange(first, last + _STEP, _STEP)
+    return np.arange(first, last + STEP, STEP)
 
 
 def _correlation_curve(
@@ -298,11 +185,11 @@ def _correlation_curve(
     stays at the same share of it: every sum over the times is a correlation of two series, made by Fourier transforms.
     """
     seen = weights > 0.0
-    at = (times[seen] + lags[0] - grid[0]) / _STEP
+    at = (times[seen] + lags[0] - grid[0]) / STEP
     stretch = np.floor(at).astype(np.int64)
     share, course = at - stretch, course_rate[seen]
     if not len(at) or np.ptp(stretch) + len(grid) > _MOST_STRETCHES:
-        return np.array([_correlation(grid, yaw_rate, times + lag, course_rate, weights) for lag in lags])
+        return np.array([correlate(grid, yaw_rate, times + lag, course_rate, weights) for lag in lags])
     sums = _SumsOverTimes(stretch, len(grid) - 1, len(lags))
     known = np.isfinite(yaw_rate[:-1]) & np.isfinite(yaw_rate[1:])
     one = known.astype(np.float64)
@@ -319,7 +206,7 @@ def _correlation_curve(
     left = (square - rate**2 / number) * (turn_square - turn**2 / number)
     centred = (both - rate * turn / number) / np.sqrt(np.maximum(left, 0.0) + 1e-30)
     found = np.where(np.abs(centred) > np.abs(plain), centred, plain)
-    return np.asarray(np.where(count >= _FEWEST, found, np.nan))
+    return np.asarray(np.where(count >= FEWEST, found, np.nan))
 
 
 def _best_lag(curve: Series, lags: Series) -> tuple[int, float]:
@@ -357,29 +244,6 @@ class _SumsOverTimes:
         return np.asarray(np.where(self._known, np.fft.irfft(total, self._length)[self._shift], 0.0))
 
 
-def _seen_by(grid: Series, values: Series, times: Series) -> np.ndarray:
-    """Which times lie on a grid where its values are known."""
-    inside = (times >= grid[0]) & (times <= grid[-1])
-    return np.asarray(inside & np.isfinite(np.interp(times, grid, values)))
-
-
-def _correlation(
-    grid: Series, yaw_rate: Series, times: Series, course_rate: Series, weights: Series
-) -> float:
-    inside = _seen_by(grid, yaw_rate, times) & (weights > 0.0)
-    if np.count_nonzero(inside) < _FEWEST:
-        return float("nan")
-    rate = np.interp(times[inside], grid, yaw_rate)
-    course = course_rate[inside]
-    # less their means too: a gyro's bias would drown the turns of a unit that is not calibrated
-    found = [_cosine(rate, course), _cosine(rate - rate.mean(), course - course.mean())]
-    return max(found, key=abs)
-
-
-def _cosine(one: Series, other: Series) -> float:
-    return float((one @ other) / np.sqrt((one @ one) * (other @ other) + 1e-30))
-
-
 def _refined(
     grid: Series, yaw_rate: Series, times: Series, course_rate: Series, weights: Series, start: float
 ) -> tuple[float, float]:
@@ -387,11 +251,11 @@ def _refined(
 
     Stretches overlap and their residuals go together: they count as one a window, not as many as there are.
     """
-    slope = np.gradient(yaw_rate, _STEP)
+    slope = np.gradient(yaw_rate, STEP)
     offset, sigma = start, np.inf
     for _ in range(20):
         at = times + offset
-        inside = _seen_by(grid, slope, at) & (weights > 0.0)
+        inside = seen_by(grid, slope, at) & (weights > 0.0)
         design = np.column_stack([np.interp(at[inside], grid, slope), np.ones(inside.sum())])
         left = course_rate[inside] - np.interp(at[inside], grid, yaw_rate)
         # a turn on the spot or a course that flips is no motion of a vehicle
@@ -402,19 +266,11 @@ def _refined(
         step = float((cofactor @ (design.T @ (trusted * left)))[0])
         offset += step
         variance = float((trusted * left**2).sum() / max(trusted.sum() - 2.0, 1.0))
-        overlap = max(1.0, _WINDOW / max(float(np.median(np.diff(times))), 1e-3))
+        overlap = max(1.0, WINDOW / max(float(np.median(np.diff(times))), 1e-3))
         sigma = float(np.sqrt(variance * overlap * cofactor[0, 0]))
         if abs(step) < 1e-5:
             break
     return offset, sigma
 
 
-__all__ = [
-    "AxisAgreement",
-    "TimeAlignment",
-    "check_axes",
-    "course_rate_slope",
-    "estimate_time_offset",
-    "spans_in_words",
-    "track_velocities",
-]
+__all__ = ["TimeAlignment", "best_correlation", "estimate_time_offset", "spans_in_words"]

@@ -7,7 +7,7 @@ import numpy as np
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
 from tumble.navigation import Drive, FilterRun, position_differences
-from tumble.navigation.time_alignment import track_velocities
+from tumble.navigation.course import track_velocities
 from tumble.workflows.calibration_parts import scatter
 
 # Between these, in squared normalised innovations, nothing has to be explained.

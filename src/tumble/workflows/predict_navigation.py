@@ -22,8 +22,8 @@ from tumble.navigation import (
     plan_filter,
     read_track,
 )
+from tumble.navigation.course import track_velocities
 from tumble.navigation.prediction import PredictedErrors, StateAdvice, advise_states, predict_errors
-from tumble.navigation.time_alignment import track_velocities
 from tumble.noise.terms import NoiseModel
 from tumble.simulation import find_grade
 from tumble.simulation.standard_trajectories import STANDARD, standard_trajectory, trajectory_of_track

@@ -9,11 +9,11 @@ import numpy as np
 from tumble.arrays import Series, Table, Vector, Vectors
 from tumble.attitude.quaternions import matrix_from_angles
 from tumble.earth import curvature_radii
+from tumble.navigation.course import track_velocities
 from tumble.navigation.filter.run import FilterRun, run_stretch
 from tumble.navigation.filter.setup import FilterSetup
 from tumble.navigation.gnss.track import GnssTrack
 from tumble.navigation.samples import InertialSamples
-from tumble.navigation.time_alignment import track_velocities
 from tumble.navigation.trajectory import NavigationState, Trajectory, position_differences
 
 # Missing samples are bridged by a straight line up to this, s; a vehicle turns a corner in more.
