@@ -89,6 +89,16 @@ def held_out(recording, timeline, means, site: Site, *, joint: bool = False, tur
     return norms, angles
 
 
+def compare_held_out(joint: np.ndarray, other: np.ndarray, unit: str, factor: float) -> None:
+    """Print by how much the mean squares of both differ, with a 95 % interval of a bootstrap over what is hidden."""
+    known = np.isfinite(joint) & np.isfinite(other)
+    change = (factor * joint[known]) ** 2 - (factor * other[known]) ** 2
+    rng = np.random.default_rng(0)
+    drawn = change[rng.integers(0, change.size, (10_000, change.size))].mean(axis=1)
+    low, high = np.quantile(drawn, (0.025, 0.975))
+    print(f"    mean square, joint less hand-held {change.mean():+10.4g} [{low:+.4g}, {high:+.4g}] ({unit})²")
+
+
 def held_out_plain_norms(data, gravity: float) -> np.ndarray:
     """Return held-out norms of the plain fit: hold norms alone, all holds weighing alike (imu_tk's way)."""
     norms = np.full(data.holds, np.nan)
@@ -119,7 +129,10 @@ def show_joint(recording, timeline, means, site: Site, start) -> None:
     for left in estimate.left_out:
         print(f"  joint, {left.kind} {left.index + 1} left out: {left.reason}")
     line("joint, on all of the recording", *score(estimate.model, data, site.gravity))
-    line("joint, held out (5 interleaved folds)", *held_out(recording, timeline, means, site, joint=True))
+    seen_by_neither = [held_out(recording, timeline, means, site, joint=joint) for joint in (True, False)]
+    line("joint, held out (5 interleaved folds)", *seen_by_neither[0])
+    for at, unit, factor in ((0, "mm/s²", 1e3), (1, "°", 180.0 / np.pi)):
+        compare_held_out(seen_by_neither[0][at], seen_by_neither[1][at], unit, factor)
     for name, joint in (("hand-held", False), ("joint", True)):
         scored = held_out(recording, timeline, means, site, joint=joint, turns_alone=True)
         line(f"{name}, turns alone held out", *scored)

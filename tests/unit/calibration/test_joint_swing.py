@@ -105,3 +105,20 @@ def test_without_a_rate_there_is_no_swing(base: HoldsAndTurns, site: Any, model:
     masks = Masks.everything(data.holds)
     masks.rate[[1, 4]] = False
     assert masks.of(swing).tolist() == [True, False, True, True, False, True]
+
+
+def test_gyros_that_see_holds_swing_are_believed_where_accelerometers_scatter_too_much_to_tell(
+    play: Any, site: Any, model: Any
+) -> None:
+    """Twelve nods of 0.1 mrad; parts of noisy accelerometers know their tilt to 0.3 mrad, gyros to 5 µrad."""
+    base = play(noise=(3e-2, 1e-5), holds=12).data()
+    for hold in range(12):
+        base = nodding(base, hold, 1e-4 * (-1.0) ** hold, hold % 3)
+    values = unknowns_of(model)
+    data = joint_data(base, values)
+    problem = JointProblem(data, site, PLAIN, Extra(), Masks.everything(data.holds))
+    balanced = balance_joint(problem, start_state(data, values, site))
+    # a nod is a half wave of one axis of three there and back: its two steps are some 60 µrad about that axis
+    assert 1e-5 < np.sqrt(problem.extra.sway) < 1e-4
+    swing = balanced.tests["swing"]
+    assert swing.square.sum() < 2.0 * swing.redundancy.sum()
