@@ -12,6 +12,7 @@ from tumble.calibration.estimate import TermTest
 from tumble.calibration.joint import FORCE_ALONE, PLAIN
 from tumble.calibration.joint_estimate import JointOutcome
 from tumble.calibration.joint_observability import TOLD, find_untold, name_of, name_plate
+from tumble.calibration.joint_scatter import shared_scatter
 from tumble.calibration.joint_several import (
     SeveralSolution,
     Told,
@@ -24,13 +25,15 @@ from tumble.calibration.joint_several import (
     tell,
     with_free,
 )
+from tumble.calibration.joint_system import JointSolution, linearise_joint
 from tumble.calibration.joint_table_terms import TABLE_TERMS, term_test
 from tumble.calibration.joint_unknowns import GYRO_MATRIX, gyro_matrix
-from tumble.calibration.joint_wanted import ALL_TERMS, OF_GYROS, OPTIONAL_TERMS, TERM_LIMIT
+from tumble.calibration.joint_wanted import ALL_TERMS, OF_FORCE, OF_GYROS, OPTIONAL_TERMS, TERM_LIMIT
 from tumble.calibration.joint_wide import FIXTURE, WIDE
 from tumble.calibration.triad_unknowns import ANGLE, SCALE
 from tumble.calibration.turn_ons import disagreement
 from tumble.errors import ObservabilityError, UsageError
+from tumble.estimation.gauss_helmert import invert_normal_matrix
 
 # Recordings whose stable parameters differ as chance does once in so many are no one unit's, if they differ by more
 # than any unit's scale factors and angles change from one day to the next (a MEMS unit over 40 °C: 0.2 %, 2 mrad).
@@ -131,15 +134,55 @@ def _wanted(parts: list[TurnOn], found: set[str]) -> tuple[list[str], list[TermT
         except ObservabilityError:
             names.pop()
             continue
-        for name in names:
-            at = np.searchsorted(solution.stable, ALL_TERMS[name])
-            covariance = solution.covariance[np.ix_(at, at)]
-            tests[name] = term_test(name, solution.values[at], covariance, solution.redundancy, TERM_LIMIT)
+        shared = _shared_scatter(solution)
+        tests.update({name: _test(name, solution, shared) for name in names})
         weakest = max(names, key=lambda name: tests[name].probability)
         if tests[weakest].kept:
             break
         names.remove(weakest)
     return names, list(tests.values())
+
+
+def _test(name: str, solution: SeveralSolution, shared: Square) -> TermTest:
+    """Of the accelerometers' terms the less significant: with and without what neighbouring holds share."""
+    at = np.searchsorted(solution.stable, ALL_TERMS[name])
+    own, here = np.ix_(at, at), solution.values[at]
+    taken = [solution.covariance[own]]
+    if name in OF_FORCE:
+        taken.append(taken[0] + shared[own])
+    tests = [term_test(name, here, matrix, solution.redundancy, TERM_LIMIT) for matrix in taken]
+    return max(tests, key=lambda test: test.probability)
+
+
+def _shared_scatter(solution: SeveralSolution) -> Square:
+    """Return (stable, stable) by how much the covariance of what recordings have in common would differ.
+
+    Recordings with a table's rotations are left as they are. Each tells ``P_i x_i``, and together ``C Σ P_i x_i``: a
+    change D_i of the covariance of x_i is ``C P_i D_i P_i C`` of the whole.
+    """
+    size = solution.stable.size
+    total = np.zeros((size, size))
+    for part, told in zip(solution.parts, solution.told, strict=True):
+        if part.state.spins:
+            continue
+        change = _scatter_of_one(part)
+        place = np.searchsorted(solution.stable, part.stable)
+        weights = told.precision[:, place]
+        total += weights @ change[np.ix_(part.stable, part.stable)] @ weights.T
+    covariance = solution.covariance[:size, :size]
+    return covariance @ total @ covariance
+
+
+def _scatter_of_one(part: TurnOn) -> Square:
+    """Of a recording by itself; zeros where it does not tell its unknowns alone."""
+    problem = replace(part.problem, prior=part.given)
+    equations, normal, _ = linearise_joint(problem, part.state)
+    try:
+        cofactor = invert_normal_matrix(normal)
+    except ObservabilityError:
+        return np.zeros((part.state.unknowns.size, part.state.unknowns.size))
+    solution = JointSolution(part.state, problem.free, cofactor, 0.0, 0, equations, problem.extra, 0)
+    return part.scale * shared_scatter(problem, solution)
 
 
 def refuse_another_unit(parts: Sequence[TurnOn]) -> None:
