@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Series, Vector, Vectors, inverted
+from tumble.arrays import AnyArray, Matrices, Series, Square, Vector, Vectors, inverted
 from tumble.attitude.rotations import skews
 from tumble.calibration.joint_believed import BelievedPoses
 from tumble.calibration.joint_swing import Swings, hold_swings
 from tumble.calibration.joint_unknowns import force_matrix, gyro_matrix
-from tumble.calibration.joint_wander import mode_count, wander_basis
+from tumble.calibration.joint_wander import covariance_about_the_mean, mode_count, wander_basis
 from tumble.calibration.triad_unknowns import BIAS
 from tumble.calibration.turn_conditions import HoldsAndTurns, window_directions
 
@@ -174,12 +174,24 @@ def _parts(base: HoldsAndTurns, density: Vector) -> tuple[AnyArray, AnyArray]:
         covariance[:, part, :, part, :] = (white / weight[:, None])[:, :, None] * np.eye(3)
     covariance += floor[None, None, :, None, :]
     # What wanders within a hold moves its parts against one another and leaves its mean alone.
-    share = np.where(empty[:, None] & (np.arange(3) == 1), 0.0, count / n[:, None])
-    within = np.where(share > 0.0, np.log(1.0 / np.maximum(share, 1e-12)), 0.0)
-    to_mean = np.eye(3) - share[:, None, :]
-    moved = np.einsum("kpa,ka,kqa->kpq", to_mean, within, to_mean)
-    covariance += moved[:, :, None, :, None] * np.diag(density)[None, None, :, None, :]
+    alike: dict[tuple[float, ...], Square] = {}
+    for k, samples in enumerate(count.tolist()):
+        own = tuple(samples)
+        if own not in alike:
+            alike[own] = _wander_of_parts(count[k], has_middle=not empty[k])
+        covariance[k] += alike[own][:, None, :, None] * np.diag(density)[None, :, None, :]
     return np.stack([head, middle, tail], axis=1), covariance.reshape(-1, 9, 9)
+
+
+def _wander_of_parts(samples: Series, *, has_middle: bool) -> Square:
+    """Return (3, 3) covariance of head, middle and tail about their hold's mean, per density of 1/f noise."""
+    edges = np.concatenate([[0.0], np.cumsum(samples)])
+    there = np.array([True, has_middle, True])
+    made = np.zeros((3, 3))
+    made[np.ix_(there, there)] = covariance_about_the_mean(
+        edges[:-1][there], edges[1:][there], (0.0, float(edges[-1]))
+    )
+    return made
 
 
 def _counts(windows: np.ndarray) -> Series:

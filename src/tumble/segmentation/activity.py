@@ -6,12 +6,14 @@ tenth of the recording and from what the two triads tell of each other in motion
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
 from tumble.segmentation.blocks import Blocks, TriadBlocks, find_runs
+from tumble.segmentation.timeline import Hold
 
 # Slower than any turn made on purpose (10 deg/s = 0.17 rad/s), faster than hand tremor after
 # smoothing (0.003 rad/s) with a MEMS gyro's g-sensitive bias (0.02 rad/s) on top.
@@ -23,6 +25,8 @@ CHI_1E5 = 5.09
 SAME_LEVEL = 0.02
 # ... and a level is visited if it stays for this long.
 SHORTEST_VISIT_SECONDS = 0.5
+# A knock spoils a piece of a hold of so many samples.
+PIECE_SAMPLES = 100
 # A typical turn by hand, used only where nothing in the recording tells the gyro's scale.
 TYPICAL_TURN_RATE = 1.0
 
@@ -249,15 +253,26 @@ def _threshold(activity: Series, floor: float) -> float:
     return float(np.sqrt(edges[chosen] * edges[chosen + 1]))
 
 
-def noise_per_sample(triad: TriadBlocks, rest: np.ndarray) -> Vector:
-    """Standard deviation of one sample per axis over the resting blocks, raw units.
+def noise_per_sample(signal: Vectors, holds: Sequence[Hold]) -> Vector:
+    """Standard deviation of one sample per axis at rest, raw units.
 
-    It comes from successive differences, so slow tremor and drift hardly enter.
+    It comes from successive differences, so slow tremor and drift hardly enter, and is the median of pieces of the
+    holds, so that a knock does not.
 
     Parameters
     ----------
-    triad : of the whole recording.
-    rest : (blocks,) true where the unit rests.
+    signal : (samples, 3).
+    holds : one at least.
     """
-    chosen = triad.roughness[rest] if np.any(rest) else triad.roughness
-    return np.sqrt(np.median(chosen, axis=0).astype(float))
+    pieces: list[Vectors] = []
+    for start, stop in (stretch for hold in holds for stretch in hold.stretches()):
+        squares = 0.5 * np.diff(signal[start:stop], axis=0) ** 2
+        edges = np.arange(0, max(len(squares) - PIECE_SAMPLES // 2, 1), PIECE_SAMPLES)
+        if len(squares):
+            pieces.append(np.add.reduceat(squares, edges) / np.diff(edges, append=len(squares))[:, None])
+    if not pieces:
+        return np.full(3, np.nan)
+    # half the mean square of n successive differences is as sure as a variance of 2 n / 3 degrees of freedom
+    freedom = 2.0 * PIECE_SAMPLES / 3.0
+    median_of_mean = (1.0 - 2.0 / (9.0 * freedom)) ** 3
+    return np.sqrt(np.median(np.concatenate(pieces), axis=0) / median_of_mean)

@@ -82,7 +82,7 @@ def find_timeline(
         tuple(
             sorted([*rejections, *_outside(recording, holds, intervals is not None)], key=lambda r: r.start)
         ),
-        _noise_floor(blocks, activity),
+        _noise_floor(recording, holds, activity),
     )
 
 
@@ -218,13 +218,12 @@ def _outside(recording: Recording, holds: list[Hold], given: bool) -> list[Rejec
     return rejections
 
 
-def _noise_floor(blocks: Blocks, activity: Activity) -> NoiseFloor:
-    rest = activity.rate < activity.threshold
-    force, rate = blocks.specific_force, blocks.angular_rate
+def _noise_floor(recording: Recording, holds: list[Hold], activity: Activity) -> NoiseFloor:
+    force, rate = recording.specific_force, recording.angular_rate
     unknown = np.full(3, np.nan)
     return NoiseFloor(
-        unknown if force is None else noise_per_sample(force, rest),
-        unknown if rate is None else noise_per_sample(rate, rest),
+        unknown if force is None else noise_per_sample(force, holds),
+        unknown if rate is None else noise_per_sample(rate, holds),
         activity.threshold,
         STATISTIC
         if rate is not None
