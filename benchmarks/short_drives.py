@@ -92,6 +92,17 @@ def simulated(count: int, length: float, calibration: Path, out: Path) -> Iterat
         yield f"seed {7000 + seed}", imu, track
 
 
+def spoil(imu: Path, fault: str) -> None:
+    """Swap or reverse gyros in a file of columns ax,ay,az,gx,gy,gz,t."""
+    header, *lines = imu.read_text().splitlines()
+    rows = [line.split(",") for line in lines]
+    for row in rows:
+        row[3:6] = (
+            [row[5], row[4], row[3]] if fault == "swap" else [f"{-float(value):.5f}" for value in row[3:6]]
+        )
+    imu.write_text("\n".join([header, *(",".join(row) for row in rows)]) + "\n")
+
+
 def said(calibration: Path, imu: Path, track: Path, offset: float | None) -> tuple[str, str]:
     """Return what kind of an answer the command gave, and its words."""
     try:
@@ -117,6 +128,7 @@ def main() -> None:
     parser.add_argument("--lengths", default="30,45,60,90,120")
     parser.add_argument("--every", type=float, default=20.0)
     parser.add_argument("--offset", type=float)
+    parser.add_argument("--fault", choices=["swap", "reverse"], help="gyros x and z swapped, or all reversed")
     parser.add_argument("--verbose", action="store_true")
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
@@ -127,7 +139,12 @@ def main() -> None:
             else:
                 parts = real_parts(asked.folder, length, asked.every, Path(name))
             for part, imu, track in parts:
+                if asked.fault:
+                    spoil(imu, asked.fault)
                 kind, words = said(asked.calibration, imu, track, asked.offset)
+                if asked.fault and kind == "FALSE ALARM":
+                    word = {"swap": "are swapped", "reverse": "turn against the course"}[asked.fault]
+                    kind = "named" if word in words else "refused for another reason"
                 counted[kind] += 1
                 if asked.verbose or kind in ("FALSE ALARM", "other refusal", "does not serve"):
                     print(f"    {part}: {kind}: {words[:400]}")
