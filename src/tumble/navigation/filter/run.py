@@ -11,6 +11,7 @@ from tumble.arrays import AnyArray, Series, Table, Vectors
 from tumble.errors import RecordingError, UsageError
 from tumble.navigation.filter.setup import FilterSetup
 from tumble.navigation.gnss.track import GnssTrack
+from tumble.navigation.loading import collector_paused
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import HIGHEST_LATITUDE, NavigationState, Trajectory
 
@@ -111,7 +112,8 @@ def run_stretch(
     UsageError
         If the start is at a pole, where the local level has no north.
     """
-    from tumble.navigation.filter.kernels import run
+    with collector_paused():
+        from tumble.navigation.filter.kernels import run
 
     part = _from_start(samples, start)
     inside = np.flatnonzero((track.time > start.time) & (track.time <= part.time[-1]))
