@@ -59,7 +59,7 @@ from tumble.calibration.snooping import Outlier
 from tumble.calibration.triad_unknowns import BIAS, QUADRATIC, SCALE, unknowns_from_triad
 from tumble.calibration.turn_conditions import HoldsAndTurns
 from tumble.earth import Site
-from tumble.errors import ObservabilityError
+from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline
 from tumble.segmentation.rotations import LONGEST_GAP, Rotation
@@ -327,7 +327,8 @@ def _with_terms(
         trial.prior = together(trial.prior, lever_prior_of(free, moved.unknowns))
         try:
             balanced = balance_joint(trial, moved)
-        except ObservabilityError:
+        except (ObservabilityError, ConvergenceError):
+            # Few holds and turns may tell the plain unknowns, and not so many more.
             names.pop()
             continue
         # What was left out before there were any terms stays out, and is told.
