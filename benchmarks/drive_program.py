@@ -12,6 +12,7 @@ state and its standard deviations at every sample of the IMU, as KF-GINS does, a
 from __future__ import annotations
 
 import argparse
+import gc
 import os
 import sys
 import time
@@ -21,6 +22,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def run(asked: argparse.Namespace) -> None:
+    # a program that ends after one drive has nothing to collect
+    gc.disable()
     import numpy as np
 
     from tumble.navigation import InertialSamples, TriadSpread, plan_filter, prepare_drive, read_track

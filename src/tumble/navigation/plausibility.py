@@ -19,8 +19,6 @@ from tumble.navigation.trajectory import NavigationState
 _LARGEST_SLOPE = 1.3
 # An axis that is named leaves less of the course unexplained than this share of what the vertical one does.
 _CLEARLY = 0.25
-# Units are apart by more than this; what is less has another reason.
-_LEAST_UNIT = 5.0
 # A mirror image that fits no better than this is none: gyros with wrong signs make one of 0.5.
 _MIRRORED = 0.7
 # Clocks may be apart by this beside the leap seconds, s.
@@ -68,11 +66,11 @@ def refuse_wrong_scale(samples: InertialSamples, track: GnssTrack) -> None:
                 f"The course goes with gyro {'xyz'[axis]}, but gravity lies along {'xyz'[vertical]}: axes of one triad "
                 "are swapped. Check which column is which."
             )
-    if not guess and 1.0 / _LEAST_UNIT < slope < _LEAST_UNIT:
+    if not guess:
         raise RecordingError(
-            f"The course turns {slope:.3g} times as fast as the gyros say, which is no other unit: signs or axes of "
-            "the gyros are wrong, the clocks are apart, or the files do not belong together. Check the columns with "
-            "`tumble inspect`."
+            f"The course turns {slope:.3g} times as fast as the gyros say, and rad/s taken for deg/s do not explain "
+            "it: signs or axes of the gyros are wrong, their unit is another, the clocks are apart, or the files do not "
+            "belong together. Check the columns with `tumble inspect`."
         )
     raise RecordingError(
         f"The course turns {slope:.3g} times as fast as the gyros say{guess}: the unit of the angular rates is "
