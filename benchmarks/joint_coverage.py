@@ -2,14 +2,17 @@
 
     python benchmarks/joint_coverage.py --procedure hand-held --grade consumer-mems --runs 100
     python benchmarks/joint_coverage.py --procedure turntable --grade tactical --runs 20 --white
+    python benchmarks/joint_coverage.py --procedure strapdown-rotation --grade tactical --runs 100
 
 Every run draws a unit of the grade, plays the named protocol with it, and calibrates it with the dedicated
 procedure and jointly, each as a user gets it: segments found, outliers left out, optional terms tried. Printed,
-per group of parameters: root mean square of error over stated sigma (z), the share inside the stated 95 %, the
-rms error against the dedicated procedure's (ratio below one: the joint one is nearer), all with the 95 %
-interval of a bootstrap over runs. Then the mean normalised estimation error squared (NEES) over its degrees
-of freedom, which optional terms were kept though the unit has none or missed though it has them, and coverage
-in the runs where a term was kept. The truth of a wandering bias is its mean over the recording.
+per group of parameters: root mean square of error over stated sigma (z), the share inside the 95 % interval, with
+the factor of all degrees of freedom and with each parameter's own, the rms error against the dedicated procedure's
+(ratio below one: the joint one is nearer), all with the 95 % interval of a bootstrap over runs. Then the mean
+normalised estimation error squared (NEES) over its degrees of freedom, which optional terms were kept though the
+unit has none or missed though it has them, and coverage in the runs where a term was kept. The truth of a wandering
+bias is its mean over the recording. Both are compared in the axes of the accelerometers; where the dedicated
+procedure knows its fixture's axes alone, or nothing of a group, the joint estimate's figures stand by themselves.
 """
 
 from __future__ import annotations
@@ -29,21 +32,28 @@ from unittest.mock import patch
 import numpy as np
 from uncertainty import GROUPS, true_values, without_wander
 
-from tumble.calibration import Estimate, calibrate_hand_held
-from tumble.calibration.joint import calibrate_joint
-from tumble.calibration.turntable import calibrate_turntable
+from tumble.calibration import Estimate
 from tumble.earth import Site
 from tumble.errors import TumbleError
 from tumble.protocol import named_protocol
 from tumble.recording.recording import Recording
 from tumble.segmentation import find_timeline, observe_holds
-from tumble.segmentation.matching import match_protocol, observe_matched_spins
-from tumble.segmentation.rotations import observe_rotations
+from tumble.segmentation.matching import match_protocol
 from tumble.sensor import ImuModel
 from tumble.simulation import find_grade, recordings, simulate_protocol
 from tumble.simulation.noise import simulate_wander
+from tumble.workflows.procedures import Task, run_joint
 
-PROTOCOLS = {"hand-held": "hand-held", "turntable": "turntable-9"}
+PROTOCOLS = {
+    "hand-held": "hand-held",
+    "multi-position": "multi-position-26",
+    "six-position": "six-position",
+    "rate-table": "rate-table",
+    "modified-multi-position": "modified-multi-position",
+    "turntable": "turntable-9",
+    "laboratory": "laboratory",
+    "strapdown-rotation": "strapdown-rotation",
+}
 PLAIN = GROUPS[:-1]
 WAYS = ("dedicated", "joint")
 
@@ -57,6 +67,7 @@ class Run:
     errors: dict[str, dict[str, float]] = field(default_factory=dict)
     sigmas: dict[str, dict[str, float]] = field(default_factory=dict)
     factor: dict[str, float] = field(default_factory=dict)
+    own_factors: dict[str, float] = field(default_factory=dict)
     kept: dict[str, tuple[str, ...]] = field(default_factory=dict)
     nees: dict[str, float] = field(default_factory=dict)
     left_out: dict[str, int] = field(default_factory=dict)
@@ -92,18 +103,17 @@ def simulate(procedure: str, grade_name: str, rate: float, white: bool, seed: in
 
 
 def calibrate(procedure: str, recording: Recording, protocol, site: Site) -> dict[str, Estimate]:
-    """Return the dedicated procedure's estimate and the joint one."""
+    """Return the dedicated procedure's estimate, where it is in the same axes, and the joint one."""
     timeline = find_timeline(recording)
     means = observe_holds(recording, timeline)
-    if procedure == "hand-held":
-        start = calibrate_hand_held(recording, timeline, means, site)
-        return {"dedicated": start, "joint": calibrate_joint(recording, timeline, means, site, start)}
-    matching = match_protocol(protocol, recording, timeline, means)
-    spins = observe_matched_spins(protocol, recording, timeline, matching)
-    rotations = observe_rotations(protocol, recording, timeline, matching, means, spins)
-    start = calibrate_turntable(recording, timeline, means, rotations, matching, protocol, site)
-    joint = calibrate_joint(recording, timeline, means, site, start, rotations=rotations)
-    return {"dedicated": start, "joint": joint}
+    task = Task(recording, timeline, means, site)
+    if procedure != "hand-held":
+        task.protocol, task.matching = protocol, match_protocol(protocol, recording, timeline, means)
+    joint = run_joint(task)
+    beside = joint.beside
+    if beside is None or beside.frame != joint.frame:
+        return {"joint": joint}
+    return {"dedicated": beside, "joint": joint}
 
 
 def run(seed: int, procedure: str, grade: str, rate: float, white: bool) -> Run:
@@ -116,20 +126,28 @@ def run(seed: int, procedure: str, grade: str, rate: float, white: bool) -> Run:
         return Run(seed, failure=f"{type(error).__name__}: {error}")
     done = Run(seed, senses_force=senses_force(model), seconds=time.perf_counter() - started)
     for way, estimate in made.items():
-        truth = true_values(model, estimate)
-        at = [k for k, p in enumerate(estimate.parameters) if p.standard_uncertainty > 0.0]
-        named = [estimate.parameters[k] for k in at]
-        done.errors[way] = {p.name: p.value - truth.get(p.name, 0.0) for p in named}
-        done.sigmas[way] = {p.name: p.standard_uncertainty for p in named}
-        done.factor[way] = estimate.coverage_factor
-        done.kept[way] = tuple(term.name for term in estimate.terms if term.kept)
-        done.left_out[way] = len(estimate.left_out)
-        plain = [k for k, p in zip(at, named, strict=True) if p.name.startswith(PLAIN)]
-        z = np.array([done.errors[way][estimate.parameters[k].name] for k in plain])
-        z /= np.array([estimate.parameters[k].standard_uncertainty for k in plain])
-        correlations = estimate.correlations[np.ix_(plain, plain)]
-        done.nees[way] = float(z @ np.linalg.solve(correlations, z)) / len(plain)
+        add_errors(done, way, estimate, model)
     return done
+
+
+def add_errors(done: Run, way: str, estimate: Estimate, model: ImuModel) -> None:
+    truth = true_values(model, estimate)
+    at = [k for k, p in enumerate(estimate.parameters) if p.standard_uncertainty > 0.0]
+    named = [estimate.parameters[k] for k in at]
+    done.errors[way] = {p.name: p.value - truth.get(p.name, 0.0) for p in named}
+    done.sigmas[way] = {p.name: p.standard_uncertainty for p in named}
+    done.factor[way] = estimate.coverage_factor
+    if way == "joint":
+        told = estimate.statement
+        own = [estimate.coverage_factor] * len(estimate.parameters) if told is None else told.coverage_factors
+        done.own_factors = {estimate.parameters[k].name: float(own[k]) for k in at}
+    done.kept[way] = tuple(term.name for term in estimate.terms if term.kept)
+    done.left_out[way] = len(estimate.left_out)
+    plain = [k for k, p in zip(at, named, strict=True) if p.name.startswith(PLAIN)]
+    z = np.array([done.errors[way][estimate.parameters[k].name] for k in plain])
+    z /= np.array([estimate.parameters[k].standard_uncertainty for k in plain])
+    correlations = estimate.correlations[np.ix_(plain, plain)]
+    done.nees[way] = float(z @ np.linalg.solve(correlations, z)) / len(plain)
 
 
 def senses_force(model: ImuModel) -> bool:
@@ -148,37 +166,48 @@ def report(runs: list[Run]) -> None:
     for r in runs:
         if r.failure:
             print(f"  run {r.seed}: {r.failure}")
-    left = [np.mean([r.left_out[way] for r in good]) for way in WAYS]
+    left = ", ".join(f"{np.mean([r.left_out[way] for r in given]):.2f} {way}" for way, given in by_way(good))
     print(
         f"  {len(good)} good runs, {np.mean([r.seconds for r in good]):.1f} s each for both; "
-        f"left out per run: {left[0]:.2f} dedicated, {left[1]:.2f} joint"
+        f"left out per run: {left}"
     )
     print(
         f"  {'group':33s}{'dedicated: rms z':>22s}{'joint: rms z':>22s}{'joint: inside 95 %':>24s}"
-        f"{'rms joint / dedicated':>24s}{'sigma ratio':>13s}"
+        f"{'own factor':>12s}{'rms joint / dedicated':>24s}{'sigma ratio':>13s}"
     )
     for group in (*PLAIN, "all of these", "g-sensitivity"):
         row(good, PLAIN if group == "all of these" else (group,), group)
-    for way in WAYS:
-        nees = np.array([r.nees[way] for r in good])
-        print(f"  NEES / degrees of freedom, {way:9s} {interval(lambda d, n=nees: n[d].mean(), len(good))}")
+    for way, given in by_way(good):
+        nees = np.array([r.nees[way] for r in given])
+        print(f"  NEES / degrees of freedom, {way:9s} {interval(lambda d, n=nees: n[d].mean(), len(given))}")
     selection(good)
 
 
+def by_way(runs: list[Run]) -> list[tuple[str, list[Run]]]:
+    """Return the ways that there are, each with its runs."""
+    given = [(way, [r for r in runs if way in r.errors]) for way in WAYS]
+    return [(way, some) for way, some in given if some]
+
+
 def row(good: list[Run], starts: tuple[str, ...], label: str) -> None:
-    chosen = [r for r in good if all(any(n.startswith(starts) for n in r.errors[way]) for way in WAYS)]
+    def of_group(run: Run, way: str) -> set[str]:
+        # What is known of a group differs from run to run only where a term was kept or not.
+        return {n for n in run.errors.get(way, {}) if n.startswith(starts)}
+
+    chosen = [r for r in good if of_group(r, "joint")]
     if len(chosen) < 2:
         return
-    square, inside, ratio, spread = ({way: [] for way in WAYS} for _ in range(4))
-    names = sorted({n for r in chosen for n in r.errors["joint"] if n.startswith(starts)})
-    names = [n for n in names if all(n in r.errors[way] for r in chosen for way in WAYS)]
-    for way in WAYS:
+    names = sorted(set.intersection(*(of_group(r, "joint") for r in chosen)))
+    both = all(set(names) <= of_group(r, "dedicated") for r in chosen)
+    square, ratio, spread = ({} for _ in range(3))
+    for way in WAYS if both else ("joint",):
         e = np.array([[r.errors[way][n] for n in names] for r in chosen])
         s = np.array([[r.sigmas[way][n] for n in names] for r in chosen])
-        k = np.array([r.factor[way] for r in chosen])
-        square[way], inside[way] = (e / s) ** 2, np.abs(e) <= k[:, None] * s
-        ratio[way], spread[way] = e**2, s**2
+        square[way], ratio[way], spread[way] = (e / s) ** 2, e**2, s**2
     n = len(chosen)
+    k = np.array([r.factor["joint"] for r in chosen])
+    own = np.array([[r.own_factors[m] for m in names] for r in chosen])
+    covered, covered_own = square["joint"] <= k[:, None] ** 2, square["joint"] <= own**2
 
     def root_mean(values):
         return lambda d: math.sqrt(values[d].mean())
@@ -187,24 +216,29 @@ def row(good: list[Run], starts: tuple[str, ...], label: str) -> None:
         # parameters of one group have one unit, all together do not: the mean of their logarithms
         return math.exp(0.5 * np.mean(np.log(ratio["joint"][d].mean(0) / ratio["dedicated"][d].mean(0))))
 
-    stated = math.exp(0.5 * np.mean(np.log(spread["joint"].mean(0) / spread["dedicated"].mean(0))))
-    covered = inside["joint"]
+    dedicated, gained, stated = "-", "-", "-"
+    if both:
+        dedicated, gained = interval(root_mean(square["dedicated"]), n), interval(gain, n)
+        stated = (
+            f"{math.exp(0.5 * np.mean(np.log(spread['joint'].mean(0) / spread['dedicated'].mean(0)))):.3f}"
+        )
     print(
-        f"  {label:33s}{interval(root_mean(square['dedicated']), n):>22s}{interval(root_mean(square['joint']), n):>22s}"
-        f"{interval(lambda d: 100.0 * covered[d].mean(), n):>24s}{interval(gain, n):>24s}{stated:13.3f}"
+        f"  {f'{label} ({len(names)})':33s}{dedicated:>22s}{interval(root_mean(square['joint']), n):>22s}"
+        f"{interval(lambda d: 100.0 * covered[d].mean(), n):>24s}{100.0 * covered_own.mean():12.2f}"
+        f"{gained:>24s}{stated:>13s}"
     )
 
 
 def selection(good: list[Run]) -> None:
     """Print which terms were kept for nothing or missed, and what that does to coverage."""
-    for way in WAYS:
-        wrong = [[t for t in r.kept[way] if t != "g_sensitivity" or not r.senses_force] for r in good]
+    for way, given in by_way(good):
+        wrong = [[t for t in r.kept[way] if t != "g_sensitivity" or not r.senses_force] for r in given]
         names = sorted({t for w in wrong for t in w})
         share = sum(bool(w) for w in wrong)
-        missed = sum(r.senses_force and "g_sensitivity" not in r.kept[way] for r in good)
-        have = sum(r.senses_force for r in good)
+        missed = sum(r.senses_force and "g_sensitivity" not in r.kept[way] for r in given)
+        have = sum(r.senses_force for r in given)
         told = ", ".join(f"{n} {sum(n in w for w in wrong)}" for n in names) or "none"
-        print(f"  {way}: a term that is not there kept in {share} of {len(good)} runs ({told}); ", end="")
+        print(f"  {way}: a term that is not there kept in {share} of {len(given)} runs ({told}); ", end="")
         print(f"g-sensitivity missed in {missed} of the {have} that have it")
     kept = [r for r in good if r.kept["joint"]]
     if kept:

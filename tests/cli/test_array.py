@@ -30,11 +30,15 @@ def folder(
     return made
 
 
-def test_each_unit_gets_a_calibration_and_the_array_a_table(tumble: Any, folder: Path) -> None:
-    done = tumble(
+@pytest.fixture(scope="module")
+def done(tumble: Any, folder: Path) -> Any:
+    return tumble(
         *("calibrate", folder / "left.csv", folder / "right.csv", "--array", TERMS),
         *("--gravity", GRAVITY, "-o", folder / "results"),
     )
+
+
+def test_each_unit_gets_a_calibration_and_the_array_a_table(done: Any, folder: Path) -> None:
     assert done.status == 0, done
     assert "mounting / deg" in done.out
     assert "fixed to one another" in done.out
@@ -48,6 +52,47 @@ def test_each_unit_gets_a_calibration_and_the_array_a_table(tumble: Any, folder:
     np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-12)
     # Both are drawn with the same axes, up to the misalignments of a consumer unit's sensors.
     np.testing.assert_allclose(matrix, np.eye(3), atol=0.05)
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_each_unit_has_an_earlier_calibration_of_its_own(
+    tumble: Any, done: Any, folder: Path, tmp_path: Path, *, swapped: bool
+) -> None:
+    """Its non-orthogonalities count as observed once more; those of another unit contradict the poses."""
+    assert done.status == 0
+    priors = [folder / "results" / name for name in (("right", "left") if swapped else ("left", "right"))]
+    again = tumble(
+        *("calibrate", folder / "left.csv", folder / "right.csv", "--array", TERMS, "--gravity", GRAVITY),
+        *("--prior", priors[0], "--prior", priors[1] / "calibration.json", "-o", tmp_path / "again"),
+    )
+    assert again.status == int(swapped)
+    for name in ("left", "right"):
+        before, after = (read_calibration(place / name) for place in (folder / "results", tmp_path / "again"))
+        reasons = " ".join(after.verdict.reasons)
+        assert ("The prior contradicts the recording" in reasons) == swapped
+        if swapped:
+            continue
+        sigmas = [
+            {p.name: p.standard_uncertainty for p in one.parameters if "accelerometer non-orth" in p.name}
+            for one in (before, after)
+        ]
+        for angle, sigma in sigmas[0].items():
+            # as much again as was observed, and by common poses some of what the other unit's prior tells
+            assert 0.55 * sigma < sigmas[1][angle] < 1.01 * sigma / np.sqrt(2.0)
+
+
+def test_too_many_earlier_calibrations_are_refused(
+    tumble: Any, done: Any, folder: Path, tmp_path: Path
+) -> None:
+    assert done.status == 0
+    prior = folder / "results" / "left"
+    answer = tumble(
+        *("calibrate", folder / "left.csv", folder / "right.csv", "--array", "-o", tmp_path / "none"),
+        *("--prior", prior, "--prior", prior, "--prior", prior),
+    )
+    assert answer.status == 2
+    assert "--prior was given 3 times for 2 units" in " ".join(answer.err.split())
+    assert not (tmp_path / "none").exists()
 
 
 @pytest.mark.parametrize(

@@ -162,3 +162,39 @@ def test_a_turn_on_that_moves_biases_by_less_than_nothing_is_refused(tumble: Any
     done = tumble("simulate", "six-position", "--turn-on=-1,60", "-o", tmp_path / "none")
     assert done.status == 2
     assert "--turn-on takes two numbers that are not negative" in done.err
+
+
+def test_an_earlier_calibration_counts_once_and_a_strangers_is_objected_to(
+    tumble: Any, answer: Any, folder: Path, tmp_path: Path
+) -> None:
+    assert answer.status == 0
+    both = (folder / "monday.csv", folder / "tuesday.csv", "--turn-ons", TERMS, "--gravity", GRAVITY)
+    again = tumble("calibrate", *both, "--prior", folder / "results", "-o", tmp_path / "again")
+    assert again.status == 0, again
+    sigmas = [
+        {
+            p.name: p.standard_uncertainty
+            for p in read_calibration(place).parameters
+            if "accelerometer non" in p.name
+        }
+        for place in (folder / "results", tmp_path / "again")
+    ]
+    for angle, sigma in sigmas[0].items():
+        # as much again as both recordings told; what they disagree by is in both
+        assert sigmas[1][angle] == pytest.approx(sigma / np.sqrt(2.0), rel=0.15)
+    alone = tumble("calibrate", folder / "stranger.csv", "--gravity", GRAVITY, "-o", tmp_path / "stranger")
+    assert alone.status == 0, alone
+    other = tumble("calibrate", *both, "--prior", tmp_path / "stranger", "-o", tmp_path / "other")
+    assert other.status == 1
+    assert "The prior contradicts the recording" in " ".join(other.out.split())
+
+
+def test_a_unit_has_one_earlier_calibration(tumble: Any, answer: Any, folder: Path, tmp_path: Path) -> None:
+    assert answer.status == 0
+    for way in ([], ["--turn-ons"]):
+        refused = tumble(
+            *("calibrate", folder / "monday.csv", *way, "-o", tmp_path / "none"),
+            *("--prior", folder / "results", "--prior", folder / "results"),
+        )
+        assert refused.status == 2
+        assert "--prior was given 2 times" in " ".join(refused.err.split())

@@ -15,7 +15,7 @@ from tumble.earth import Site
 from tumble.protocol import named_protocol
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.segmentation.matching import match_protocol
-from tumble.sensor import ImuModel
+from tumble.sensor import ImuModel, change_frame
 from tumble.simulation import find_grade, simulate_protocol
 
 SITE = Site.from_latitude(0.8)
@@ -103,3 +103,20 @@ def test_six_noisy_faces_name_what_their_turns_leave_open() -> None:
         assert abs(found[name] - true[name]) < 3.5 * sigma[name] + 1e-4
         assert sigma[name] < 2e-4
     assert any("turn about" in sentence for sentence in estimate.not_determined)
+
+
+def test_optional_terms_that_few_holds_cannot_tell_do_not_stop_the_adjustment() -> None:
+    """Six faces and the five turns between them tell both triads, and nothing of eighteen more unknowns."""
+    protocol, rng = named_protocol("six-position"), np.random.default_rng([1000, 1])
+    recording, truth = simulate_protocol(protocol, 50.0, rng, site=SITE, grade=find_grade("tactical"))
+    timeline = find_timeline(recording)
+    means = observe_holds(recording, timeline)
+    poses = believed_poses(protocol, match_protocol(protocol, recording, timeline, means))
+    estimate = calibrate_joint(recording, timeline, means, SITE, poses=poses)
+    assert not any(term.kept for term in estimate.terms)
+    assert truth.model is not None
+    found, true = _canonical(estimate.model), _canonical(change_frame(truth.model, "accelerometer-x"))
+    sigma = dict(zip(estimate.names, np.sqrt(np.diag(estimate.covariance)).tolist(), strict=True))
+    told = [n for i in range(3) for n in (f"accelerometer.bias[{i}]", f"accelerometer.matrix[{i},{i}]")]
+    # six normal errors are beyond five sigma once in 300,000 recordings
+    assert all(abs(found[n] - true[n]) < 5.0 * sigma[n] for n in told)

@@ -25,6 +25,7 @@ from tumble.calibration.joint_estimate import JointOutcome, joint_estimate, rest
 from tumble.calibration.joint_noise import BalancedJoint, balance_joint
 from tumble.calibration.joint_observability import (
     Untold,
+    angle_prior,
     find_untold,
     name_plate_prior,
     together,
@@ -55,11 +56,10 @@ from tumble.calibration.joint_wanted import ALL_TERMS, OF_GYROS, OPTIONAL_TERMS,
 from tumble.calibration.joint_wide import FIXTURE, widened
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.snooping import Outlier
-from tumble.calibration.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE, unknowns_from_triad
+from tumble.calibration.triad_unknowns import BIAS, QUADRATIC, SCALE, unknowns_from_triad
 from tumble.calibration.turn_conditions import HoldsAndTurns
 from tumble.earth import Site
-from tumble.errors import ObservabilityError
-from tumble.estimation import Prior
+from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline
 from tumble.segmentation.rotations import LONGEST_GAP, Rotation
@@ -137,7 +137,7 @@ def calibrate_joint(
     if poses is not None:
         plain = np.concatenate([plain, np.arange(FIXTURE.start, FIXTURE.stop)])
     problem = JointProblem(
-        data, site, plain, Extra(), masks, together(_prior(values, prior), mounting_prior(values))
+        data, site, plain, Extra(), masks, together(angle_prior(values, prior), mounting_prior(values))
     )
     known = {name: OPTIONAL_TERMS[name] for name in ("g_sensitivity", "quadratic")}
     known = {name: unknowns for name, unknowns in known.items() if np.any(values[unknowns])}
@@ -162,7 +162,7 @@ def calibrate_joint(
         say("optional terms")
         problem, state, balanced, tests = _with_terms(problem, state, balanced, plain, of_table)
     outcome = JointOutcome(
-        recording, problem.data, site, problem, state, balanced, tests, start, untold, frame, has_gyro
+        recording, problem.data, site, problem, state, balanced, tests, start, untold, frame, has_gyro, prior
     )
     if keep is not None:
         keep(outcome)
@@ -265,15 +265,6 @@ def _window_sizes(values: Series, base: HoldsAndTurns, before: int, rate: Series
     return {"largest_angle": UPRIGHT_ANGLE} if leaning < UPRIGHT else {}
 
 
-def _prior(values: Series, prior: StableKnowledge | None) -> Prior | None:
-    if prior is None:
-        return None
-    mean, precision = values.copy(), np.zeros((values.size, values.size))
-    mean[ANGLE] = prior.angles
-    precision[ANGLE, ANGLE] = inverted(prior.angle_covariance)
-    return Prior(mean, precision)
-
-
 def _start_values(
     recording: Recording, timeline: Timeline, means: HoldMeans, site: Site, start: Estimate | None
 ) -> Series:
@@ -336,7 +327,8 @@ def _with_terms(
         trial.prior = together(trial.prior, lever_prior_of(free, moved.unknowns))
         try:
             balanced = balance_joint(trial, moved)
-        except ObservabilityError:
+        except (ObservabilityError, ConvergenceError):
+            # Few holds and turns may tell the plain unknowns, and not so many more.
             names.pop()
             continue
         # What was left out before there were any terms stays out, and is told.

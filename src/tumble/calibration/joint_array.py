@@ -25,7 +25,6 @@ from tumble.calibration.joint_system import (
     SectionChain,
     section_chain,
 )
-from tumble.calibration.joint_table_terms import lever_prior_of
 from tumble.calibration.joint_terms import HEAD, NODE, TAIL, Section, carry
 from tumble.calibration.joint_trials import copied_state, fresh_problem
 from tumble.errors import ConvergenceError, UsageError
@@ -64,7 +63,6 @@ class ArrayUnit:
     def of(name: str, outcome: JointOutcome) -> ArrayUnit:
         """Return a unit that was adjusted by itself; the outcome stays as it is."""
         problem = fresh_problem(outcome.problem, outcome.problem.free)
-        problem.prior = lever_prior_of(problem.free, outcome.state.unknowns)
         state = copied_state(outcome.state, np.arange(outcome.state.unknowns.size))
         return ArrayUnit(name, outcome, problem, state, np.eye(3), unit_weight(outcome.balanced.solution))
 
@@ -342,13 +340,14 @@ def _solution(units: list[ArrayUnit], sections: Sequence[_Common], covariance: S
     """Sums of squares at the solution, and those of the units by themselves."""
     holds = sum(section.last - section.first for section in units[0].state.sections)
     observations = sum(part.observations for made in sections for part in made.parts) + len(sections)
+    known = sum(unit.problem.prior.rank for unit in units if unit.problem.prior is not None)
     alone = [unit.outcome.balanced.solution for unit in units]
     squares = sum(s.square_sum / unit.scale for s, unit in zip(alone, units, strict=True))
     return ArraySolution(
         units,
         covariance,
         sum(made.square_sum for made in sections),
-        observations - NODE * holds - len(covariance),
+        observations - NODE * holds - len(covariance) + known,
         squares,
         sum(s.redundancy for s in alone),
     )

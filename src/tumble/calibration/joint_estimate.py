@@ -23,6 +23,7 @@ from tumble.calibration.joint_terms import Extra, Link, carry, hold_terms, link_
 from tumble.calibration.joint_unknowns import gyro_matrix
 from tumble.calibration.joint_wanted import OF_FORCE
 from tumble.calibration.joint_wide import FIXTURE, is_wide, widened
+from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.calibration.snooping import Outlier
 from tumble.calibration.turn_conditions import TOTAL
@@ -47,6 +48,7 @@ class JointOutcome:
     untold : what the motion does not tell; None if it tells everything.
     frame : in which the result is asked for.
     has_gyro : whether the recording has one.
+    knowledge : of the accelerometers' angles, from an earlier calibration; None for none.
     """
 
     recording: Recording
@@ -60,6 +62,7 @@ class JointOutcome:
     untold: Untold | None = None
     frame: str = "accelerometer-x"
     has_gyro: bool = True
+    knowledge: StableKnowledge | None = None
 
     @property
     def kept(self) -> frozenset[str]:

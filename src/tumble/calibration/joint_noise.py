@@ -143,7 +143,9 @@ def balance_joint(problem: JointProblem, state: JointState, *, false_alarm: floa
         kept = float(getattr(problem.extra, name))
         # Whether a hold is still, its parts and the gyros say: a sway that is all but nothing leaves no residual of its
         # own.
-        witnesses, nothing = (SWAY_SHOWN, _still(problem, state)) if kind == "rest" else ((kind,), nothing)
+        witnesses, nothing = (
+            (SWAY_SHOWN, still_sway(problem, state)) if kind == "rest" else ((kind,), nothing)
+        )
         if kept > nothing and witnesses[0] in joint_tests(problem, solution):
             restless = problem.extra.restless
             _set_component(problem.extra, name, nothing)
@@ -162,8 +164,13 @@ def balance_joint(problem: JointProblem, state: JointState, *, false_alarm: floa
     return BalancedJoint(solution, outliers, dict(problem.spin_noise), joint_tests(problem, solution))
 
 
-def _still(problem: JointProblem, state: JointState) -> float:
-    """Return the sway (rad²) that is none for these accelerometers."""
+def still_sway(problem: JointProblem, state: JointState) -> float:
+    """Return the sway (rad²) that is none for these accelerometers.
+
+    Parameters
+    ----------
+    problem, state : observations, and where the accelerometers' scale factors are.
+    """
     base = problem.data.base
     scale = np.sum(force_matrix(state.unknowns) ** 2, axis=1)
     mean = np.min(base.force_sample_variance / scale) / max(float(np.max(base.hold_samples)), 1.0)
@@ -450,4 +457,4 @@ def _leave_out(problem: JointProblem, outlier: Outlier) -> None:
     getattr(problem.masks, name)[outlier.group] = False
 
 
-__all__ = ["KINDS", "BalancedJoint", "KindTests", "Masks", "balance_joint", "joint_tests"]
+__all__ = ["KINDS", "BalancedJoint", "KindTests", "Masks", "balance_joint", "joint_tests", "still_sway"]

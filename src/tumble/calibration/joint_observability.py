@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Series, Square
+from tumble.arrays import Series, Square, inverted
 from tumble.calibration.joint_unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED, gyro_matrix
 from tumble.calibration.joint_wide import (
     FIXTURE,
@@ -22,6 +22,7 @@ from tumble.calibration.joint_wide import (
     RATE_QUADRATIC,
     TIME_LAG,
 )
+from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE
 from tumble.errors import ObservabilityError
 from tumble.estimation import Prior, find_weak_directions
@@ -114,6 +115,22 @@ def name_plate_prior(unknowns: Series, free: np.ndarray) -> Prior:
     precision = np.zeros((unknowns.size, unknowns.size))
     precision[free, free] = 1.0 / name_plate(unknowns)[free] ** 2
     return Prior(unknowns.copy(), precision)
+
+
+def angle_prior(values: Series, knowledge: StableKnowledge | None) -> Prior | None:
+    """Return what an earlier calibration knows of the accelerometers' angles as a prior; None without one.
+
+    Parameters
+    ----------
+    values : (33,) unknowns or more, whose number the prior has.
+    knowledge : of the angles.
+    """
+    if knowledge is None:
+        return None
+    mean, precision = values.copy(), np.zeros((values.size, values.size))
+    mean[ANGLE] = knowledge.angles
+    precision[ANGLE, ANGLE] = inverted(knowledge.angle_covariance)
+    return Prior(mean, precision)
 
 
 def together(first: Prior | None, second: Prior | None) -> Prior | None:

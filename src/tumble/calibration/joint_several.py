@@ -17,6 +17,7 @@ import numpy as np
 from tumble.arrays import Series, Square
 from tumble.calibration.joint_estimate import JointOutcome
 from tumble.calibration.joint_noise import BalancedJoint, balance_joint, joint_tests
+from tumble.calibration.joint_observability import angle_prior
 from tumble.calibration.joint_observability import together as both_priors
 from tumble.calibration.joint_poses import mounting_prior
 from tumble.calibration.joint_system import (
@@ -89,7 +90,9 @@ class TurnOn:
     def given(self) -> Prior | None:
         """What is believed of it without the others, and without any name plate."""
         mounting = None if self.problem.data.poses is None else mounting_prior(self.state.unknowns)
-        return both_priors(mounting, lever_prior_of(self.problem.free, self.state.unknowns))
+        levers = lever_prior_of(self.problem.free, self.state.unknowns)
+        angles = angle_prior(self.state.unknowns, self.outcome.knowledge)
+        return both_priors(both_priors(mounting, levers), angles)
 
     @property
     def outliers(self) -> list[Outlier]:

@@ -43,6 +43,7 @@ HEADING_SIGMA = 1e-4  # rad
 # Of the Earth rate, for a latitude given to a hundredth of a degree.
 LATITUDE_SIGMA = 1e-4
 ITERATIONS = 100
+DIVERGED = "The joint adjustment diverged: its unknowns left all bounds."
 # What holds the attitudes of a hold whose force is left out, where nothing else does.
 LOOSE_SIGMA = 0.1  # rad
 # Factor on the variance of an observation that is left out.
@@ -251,11 +252,15 @@ def solve_joint(problem: JointProblem, state: JointState, *, once: bool = False)
     """
     free, before = problem.free, np.inf
     for iteration in range(1, ITERATIONS + 1):
-        equations, normal, gradient = linearise_joint(problem, state)
-        cofactor = invert_normal_matrix(normal)
+        try:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                equations, normal, gradient = linearise_joint(problem, state)
+            cofactor = invert_normal_matrix(normal)
+        except np.linalg.LinAlgError as error:
+            raise ConvergenceError(DIVERGED) from error
         step = -cofactor @ gradient
         if not np.all(np.isfinite(step)):
-            raise ConvergenceError("The joint adjustment diverged: its unknowns left all bounds.")
+            raise ConvergenceError(DIVERGED)
         _move(problem, state, equations, step)
         size = float(np.max(np.abs(step) / np.sqrt(np.diag(cofactor))))
         _look_north(problem, state, equations, cofactor)

@@ -85,7 +85,9 @@ def adjust_several(
     parts = [TurnOn.of(name, outcome) for name, outcome in zip(names, outcomes, strict=True)]
     # Terms that are left out go into scale factors and angles, by the way that each recording was turned.
     found = {name for name in ALL_TERMS if any(_has(outcome, name) for outcome in outcomes)}
-    refuse_another_unit([with_free(part, _free(part, [*(found | {"g_sensitivity"})])) for part in parts])
+    # By what was recorded alone: a prior of another unit would make one of the recordings the stranger.
+    alone = [replace(part, outcome=replace(part.outcome, knowledge=None)) for part in parts]
+    refuse_another_unit([with_free(part, _free(part, [*(found | {"g_sensitivity"})])) for part in alone])
     chosen = [*found] if optional_terms else []
     adjusted = [with_free(part, _free(part, chosen)) for part in parts]
     _refuse_untold(adjusted)

@@ -7,11 +7,12 @@ gives its non-orthogonalities, with their covariance, and nothing else.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Square, Vector
+from tumble.arrays import Square, Vector, inverted
 from tumble.errors import CalibrationFileError
 from tumble.sensor import propagate
 from tumble.sensor.conventions.shin import shin_from_matrix
@@ -43,6 +44,19 @@ def stable_knowledge(matrix: np.ndarray, covariance: Square) -> StableKnowledge:
             "so that it cannot be weighed: give one that has a covariance of the accelerometer matrix."
         )
     return StableKnowledge(np.real(angles), spread)
+
+
+def weighted_knowledge(each: Sequence[StableKnowledge]) -> StableKnowledge:
+    """Return what several recordings of one unit know together.
+
+    Parameters
+    ----------
+    each : one or more, independent of one another.
+    """
+    precisions = [inverted(one.angle_covariance) for one in each]
+    covariance = inverted(np.sum(precisions, axis=0))
+    right = np.sum([p @ one.angles for p, one in zip(precisions, each, strict=True)], axis=0)
+    return StableKnowledge(covariance @ right, covariance)
 
 
 # Chance of objecting to a prior that is the unit's own.

@@ -22,7 +22,7 @@ from tumble.cli.options import (
     Verbose,
 )
 from tumble.cli.progress import progress, results_stand
-from tumble.cli.several import Several, refuse_what_is_of_one
+from tumble.cli.several import Several, one_prior, refuse_what_is_of_one
 
 if TYPE_CHECKING:
     from tumble.workflows.calibrate import CalibrationRun
@@ -52,9 +52,10 @@ def calibrate_command(
     rate: Rate = None,
     topic: Topics = None,
     prior: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
-            help="An earlier calibration.json of this unit: its non-orthogonalities are kept, and six poses suffice."
+            help="An earlier calibration.json of this unit: its non-orthogonalities are kept, and six poses suffice. "
+            "With --array once for each unit, in their order, or once for all."
         ),
     ] = None,
     data_sheet: Annotated[
@@ -139,7 +140,6 @@ def calibrate_command(
     from tumble.workflows.turn_ons import calibrate_turn_ons
 
     of_one: dict[str, object] = {
-        "--prior": prior,
         "--data-sheet": data_sheet,
         "--intervals": intervals,
         "--unknowns": unknowns,
@@ -161,16 +161,26 @@ def calibrate_command(
         of_one |= {"--imu-model": imu_model, "--imu-serial": imu_serial}
         refuse_what_is_of_one("--array", procedure, of_one)
         with progress(quiet or as_json) as say:
-            made = calibrate_array(output=output or default_folder(recordings or []), progress=say, **several)
+            made = calibrate_array(
+                output=output or default_folder(recordings or []),
+                prior=prior or None,
+                progress=say,
+                **several,
+            )
         results_stand()
         print_array(made, as_json=as_json, quiet=quiet)
         raise typer.Exit(0 if all(run.calibration.verdict.fit for run in made.runs) else 1)
-    folder = output or _default_folder(recordings or [], protocol)
+    folder, known = output or _default_folder(recordings or [], protocol), one_prior(prior)
     if turn_ons:
         refuse_what_is_of_one("--turn-ons", procedure, of_one)
         with progress(quiet or as_json) as say:
             run = calibrate_turn_ons(
-                output=folder, protocol=protocol, imu=(imu_model, imu_serial), progress=say, **several
+                output=folder,
+                protocol=protocol,
+                prior=known,
+                imu=(imu_model, imu_serial),
+                progress=say,
+                **several,
             )
         _end(run, as_json=as_json, quiet=quiet, verbose=verbose)
     with progress(quiet or as_json) as say:
@@ -184,7 +194,7 @@ def calibrate_command(
             units=units,
             rate=rate,
             topics=topic,
-            prior=prior,
+            prior=known,
             data_sheet=data_sheet,
             intervals=intervals,
             optional_terms=optional_terms,

@@ -47,4 +47,24 @@ def refuse_what_is_of_one(way: str, procedure: str | None, of_one: Mapping[str, 
             raise UsageError(f"{name} does not go with {way}: leave one of them out.")
 
 
-__all__ = ["Several", "refuse_what_is_of_one"]
+def one_prior(given: Sequence[Path] | None) -> Path | None:
+    """Return the one earlier calibration that a single unit may have.
+
+    Parameters
+    ----------
+    given : as typed.
+
+    Raises
+    ------
+    UsageError
+        If there are more.
+    """
+    if given and len(given) > 1:
+        raise UsageError(
+            f"--prior was given {len(given)} times, and a unit has one earlier calibration: give the best one, or "
+            "--array if each recording is another unit's."
+        )
+    return given[0] if given else None
+
+
+__all__ = ["Several", "one_prior", "refuse_what_is_of_one"]

@@ -17,6 +17,7 @@ from tumble.calibration.canonical import named_parameters
 from tumble.calibration.joint import PLAIN, unknowns_of
 from tumble.calibration.joint_data import JointData
 from tumble.calibration.joint_influence import Influences, joint_influences
+from tumble.calibration.joint_noise import still_sway
 from tumble.calibration.joint_spins import SpinEquations, spin_equations
 from tumble.calibration.joint_system import (
     HEADING_SIGMA,
@@ -325,6 +326,8 @@ def planned_problem(
     prior = Prior(at.copy(), np.diag(_precision(sizes)))
     problem = JointProblem(data, site, FREE, Extra(), Masks.everything(data.holds), prior)
     state = start_state(data, at, site)
+    # No smaller than what counts as none: a stiffer hold leaves weak directions to round-off.
+    problem.extra.sway = still_sway(problem, state)
     # One step finds whether the gyros see north; attitudes are where they belong already.
     solve_joint(problem, state, once=True)
     state.unknowns = at.copy()

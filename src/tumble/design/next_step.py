@@ -213,7 +213,11 @@ def what_would_tell(
 
 
 def judge_stop(
-    task: PlanTask, known: JointInformation, following: Sequence[NextStep], limits: Series | None
+    task: PlanTask,
+    known: JointInformation,
+    following: Sequence[NextStep],
+    limits: Series | None,
+    sigmas: Series | None = None,
 ) -> tuple[bool, list[str]]:
     """Return whether to stop, and why, in sentences.
 
@@ -222,9 +226,11 @@ def judge_stop(
     task, known : what is there.
     following : of `find_next_steps`.
     limits : (30,) wished-for sigmas, SI, infinite where nothing is wished; None for none at all.
+    sigmas : (30,) what is known, as far as that is better known than by the information: of a plan, whose biases
+        wander from hold to hold alike.
     """
     at: list[int] = task.parameters().tolist()
-    sigmas = np.sqrt(np.diag(task.covariance(known)))
+    sigmas = np.sqrt(np.diag(task.covariance(known))) if sigmas is None else sigmas
     untold = [NAMES[i] for i in at if sigmas[i] >= TOLD * task.sizes[i]]
     if untold:
         return False, [f"Not told yet: {', '.join(untold)}."]

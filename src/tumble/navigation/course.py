@@ -44,7 +44,17 @@ def averaged(samples: InertialSamples, signal: Series) -> tuple[Series, Series]:
 
 
 def find_course_rate(track: GnssTrack) -> tuple[Series, Series, Series]:
-    """Middle, rate of the course and weight of each stretch of about a window of a track."""
+    """Return middle (s), rate of the course (rad/s) and weight of each stretch of about a window of a track.
+
+    Parameters
+    ----------
+    track : with velocities, or positions close enough to make them.
+
+    Raises
+    ------
+    RecordingError
+        If the track does not move fast enough to have a course.
+    """
     velocity = track_velocities(track)
     good = np.isfinite(velocity).all(axis=1)
     time, velocity = track.time[good], velocity[good]

@@ -9,7 +9,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series
 from tumble.errors import RecordingError
-from tumble.navigation.mechanisation import navigate
+from tumble.navigation.filter.run import unpacked
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import Trajectory, position_differences
 
@@ -78,47 +78,40 @@ def free_drift(
             f"The drive's reference lasts {last - float(reference.time[0]):.0f} s, which is too short for "
             f"{lengths[0]:g} s of free navigation."
         )
-    errors = np.full((len(rows), len(lengths), 3), np.nan)
-    for at, row in enumerate(rows):
-        errors[at] = _errors_from(samples, reference, row, lengths, last, gaps)
-    return FreeDrift(lengths, reference.time[rows].copy(), errors)
+    return FreeDrift(
+        lengths, reference.time[rows].copy(), _errors(samples, reference, rows, lengths, last, gaps)
+    )
 
 
-def _errors_from(
+def _errors(
     samples: InertialSamples,
     reference: Trajectory,
-    row: int,
+    rows: Sequence[int],
     lengths: Series,
     last: float,
     gaps: Sequence[tuple[float, float]],
 ) -> AnyArray:
-    begin = float(reference.time[row])
-    ahead = [first for first, _ in gaps if first >= begin] + [
-        begin for first, to in gaps if first < begin < to
-    ]
-    stop = min([last, begin + float(lengths[-1]) + 1.0, *ahead])
-    found = np.full((len(lengths), 3), np.nan)
-    reached = begin + lengths <= stop + 1e-6
-    if not reached.any():
-        return found
-    free = navigate(samples.between(begin, stop), reference.state(row))
-    goals = np.array([int(np.argmin(np.abs(reference.time - begin - length))) for length in lengths])
+    """Errors after each length, (starts, lengths, 3), NaN where the reference or the samples do not reach."""
+    from tumble.navigation.free_runs import navigate_from_each
+
+    begins = reference.time[np.asarray(rows, dtype=np.int64)]
+    stops = np.full(len(rows), last)
+    for first, to in gaps:
+        stops = np.where(begins < to, np.minimum(stops, np.maximum(first, begins)), stops)
+    wanted = begins[:, None] + lengths
+    there = np.clip(np.searchsorted(reference.time, wanted), 1, len(reference) - 1)
+    there -= wanted - reference.time[there - 1] < reference.time[there] - wanted
     # the reference has no rows for a while after missing samples
-    near = np.abs(reference.time[goals] - begin - lengths) < 0.75 * float(np.median(np.diff(reference.time)))
-    reached &= near
-    if not reached.any():
-        return found
-    goals = goals[reached]
-    rows = np.clip(np.searchsorted(free.time, reference.time[goals]), 1, len(free) - 1)
-    rows -= np.abs(free.time[rows - 1] - reference.time[goals]) < np.abs(
-        free.time[rows] - reference.time[goals]
+    near = np.abs(reference.time[there] - wanted) < 0.75 * float(np.median(np.diff(reference.time)))
+    reached = near & (wanted <= stops[:, None] + 1e-6) & (reference.time[there] <= stops[:, None] + 1e-6)
+    goals = np.where(reached, reference.time[there], np.nan)
+    states = navigate_from_each(samples, reference.rows(np.asarray(rows)).packed, begins, goals)
+    errors = np.full((*wanted.shape, 3), np.nan)
+    free, seen = unpacked(goals[reached], states[reached]), reference.rows(there[reached])
+    errors[reached] = position_differences(
+        (free.latitude, free.longitude, free.height), (seen.latitude, seen.longitude, seen.height)
     )
-    there, seen = free.rows(rows), reference.rows(goals)
-    errors = position_differences(
-        (there.latitude, there.longitude, there.height), (seen.latitude, seen.longitude, seen.height)
-    )
-    found[reached] = errors + there.velocity_n * (seen.time - there.time)[:, None]
-    return found
+    return errors
 
 
 __all__ = ["FreeDrift", "free_drift"]

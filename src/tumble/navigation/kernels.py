@@ -50,7 +50,7 @@ _INLINE = {"cache": True, "nogil": True, "fastmath": _FAST, "forceinline": True}
 # Up to here from a latitude, rad, the series of its sine to the third order is exact: 2e-4**4 / 24 is 7e-17.
 _NEAR = 2e-4
 # A place that no latitude is near.
-_NOWHERE = (1e9, 0.0, 0.0)
+NOWHERE = (1e9, 0.0, 0.0)
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
@@ -319,7 +319,7 @@ def unpacked(state):
 def advance(nav: Floats, before: Floats, after: Floats, interval: float) -> None:
     """Carry a local-level state (10,) over one step between two instants."""
     increments = body_increments(before, after, 0.5, 0.5, interval)
-    moved, _ = step_in_local_level(unpacked(nav), increments, _NOWHERE, interval)
+    moved, _ = step_in_local_level(unpacked(nav), increments, NOWHERE, interval)
     for j, value in enumerate(moved):
         nav[j] = value
 
@@ -370,7 +370,7 @@ def integrate(
     that ends there (the first row is then not read). `position` (kept, 3) is latitude, longitude, height,
     `velocity` (kept, 3) and `quaternion` (kept, 4) those of the local level, whatever the frame.
     """
-    state, place = unpacked(start), _NOWHERE
+    state, place = unpacked(start), NOWHERE
     keep(to_local_level(state) if earth_frame else state, position, velocity, quaternion, 0)
     # the change over half an interval of means comes from the interval before, of which the first has none
     old = sample(rate, force, 1 if means else 0)
@@ -395,4 +395,13 @@ def integrate(
             kept = 0
 
 
-__all__ = ["advance", "ends_of_interval", "integrate", "sine_and_cosine"]
+__all__ = [
+    "NOWHERE",
+    "advance",
+    "body_increments",
+    "ends_of_interval",
+    "integrate",
+    "sine_and_cosine",
+    "step_in_local_level",
+    "unpacked",
+]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.errors import RecordingError, UsageError
+from tumble.navigation.loading import collector_paused
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import HIGHEST_LATITUDE, NavigationState, Trajectory
 
@@ -37,7 +38,8 @@ def navigate(
     RecordingError
         If the samples do not reach over the start.
     """
-    from tumble.navigation.kernels import integrate
+    with collector_paused():
+        from tumble.navigation.kernels import integrate
 
     if frame not in FRAMES:
         raise UsageError(

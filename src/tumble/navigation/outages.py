@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import Series, Vector, Vectors
+from tumble.arrays import AnyArray, Series, Table, Vectors
 from tumble.errors import ConvergenceError, RecordingError
 from tumble.navigation.drive import Drive
 from tumble.navigation.filter import FilterRun, FilterSetup, run_filter
+from tumble.navigation.filter.run import unpacked
 from tumble.navigation.filter.stretches import LONGEST_BRIDGED
-from tumble.navigation.mechanisation import navigate
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import position_differences
 
@@ -118,15 +119,17 @@ def outages(
             )
     missing = drive.samples.missing()
     if repeated:
-        return [_gaps(drive, setup, duration, interval, first).clear_of(missing) for duration in durations]
+
+        def gaps(duration: float) -> OutageErrors:
+            return _gaps(drive, setup, duration, interval, first).clear_of(missing)
+
+        # the compiled filter lets other threads run
+        with ThreadPoolExecutor(2) as pool:
+            return list(pool.map(gaps, durations))
     run = drive.run(setup, interval=interval) if before is None else before
     _refuse_lost(run)
     chosen = _spaced(run, first, every, _settling(drive))
-    found: dict[float, list[tuple[float, Vector]]] = {duration: [] for duration in durations}
-    for row in chosen:
-        for duration, error in _slide(drive, run, row, durations, last):
-            found[duration].append((float(run.time[row]), error))
-    return [_gathered(duration, rows).clear_of(missing) for duration, rows in found.items()]
+    return [one.clear_of(missing) for one in _slide(drive, run, chosen, durations, last)]
 
 
 def corrected_samples(samples: InertialSamples, setup: FilterSetup, estimates: Series) -> InertialSamples:
@@ -160,36 +163,30 @@ def corrected_samples(samples: InertialSamples, setup: FilterSetup, estimates: S
 
 
 def _slide(
-    drive: Drive, run: FilterRun, row: int, durations: Sequence[float], last: float
-) -> Iterator[tuple[float, Vector]]:
-    """Navigate freely from an event and give the error at each length of outage that has a good fix there."""
-    begin, track = float(run.time[row]), drive.track
-    half, best = 0.5 * track.interval, np.min(track.quality)
-    goals = [(duration, int(np.argmin(np.abs(track.time - begin - duration)))) for duration in durations]
-    goals = [
-        (duration, goal)
-        for duration, goal in goals
-        if abs(track.time[goal] - begin - duration) <= half + 1e-6
-        and track.time[goal] <= last
-        and track.quality[goal] == best
-    ]
-    if not goals:
-        return
-    stop = max(float(track.time[goal]) for _, goal in goals)
-    part = corrected_samples(drive.samples.between(begin, stop), run.setup, run.sensors[row])
-    free = navigate(part, run.trajectory.state(row))
-    offset, lever = _time_offset(run.setup, run.sensors[row]), _lever_arm(run.setup, run.sensors[row])
-    for duration, goal in goals:
-        at = int(np.argmin(np.abs(free.time - track.time[goal])))
-        late = float(track.time[goal] - free.time[at]) + offset
-        there = free.rows(np.array([at]))
-        seen = (
-            track.latitude[goal : goal + 1],
-            track.longitude[goal : goal + 1],
-            track.height[goal : goal + 1],
-        )
-        error = position_differences(there.points(lever), seen)[0] + there.velocity_n[0] * late
-        yield duration, error
+    drive: Drive, run: FilterRun, chosen: Sequence[int], durations: Sequence[float], last: float
+) -> list[OutageErrors]:
+    """Navigate freely from each event and give the error at each length of outage that has a good fix there."""
+    from tumble.navigation.free_runs import navigate_from_each
+
+    rows, track = np.asarray(chosen, dtype=np.int64), drive.track
+    begins, lengths = run.time[rows], np.sort(np.asarray(durations, dtype=float))
+    wanted = begins[:, None] + lengths
+    fixes = np.clip(np.searchsorted(track.time, wanted), 1, len(track) - 1)
+    fixes -= wanted - track.time[fixes - 1] < track.time[fixes] - wanted
+    good = np.abs(track.time[fixes] - wanted) <= 0.5 * track.interval + 1e-6
+    good &= (track.time[fixes] <= last) & (track.quality[fixes] == np.min(track.quality))
+    goals = np.where(good, track.time[fixes], np.nan)
+    corrections, levers, offsets = _by_sensors(run.setup, run.sensors[rows])
+    states = navigate_from_each(drive.samples, run.trajectory.rows(rows).packed, begins, goals, corrections)
+    found: list[OutageErrors] = []
+    for duration in durations:
+        at = int(np.searchsorted(lengths, duration))
+        use = good[:, at]
+        there, seen = unpacked(goals[use, at], states[use, at]), track.rows(fixes[use, at])
+        errors = position_differences(there.points(levers[use]), seen.position)
+        errors += there.velocity_n * offsets[use, None]
+        found.append(OutageErrors(duration, begins[use], errors))
+    return found
 
 
 def _gaps(drive: Drive, setup: FilterSetup, duration: float, interval: float, first: float) -> OutageErrors:
@@ -240,22 +237,17 @@ def _spaced(run: FilterRun, first: float, every: float, anew: Sequence[tuple[flo
     return rows
 
 
-def _gathered(duration: float, rows: list[tuple[float, Vector]]) -> OutageErrors:
-    starts = np.array([start for start, _ in rows], dtype=float)
-    return OutageErrors(duration, starts, np.array([error for _, error in rows], dtype=float).reshape(-1, 3))
+def _by_sensors(setup: FilterSetup, estimates: Table) -> tuple[AnyArray, Vectors, Series]:
+    """What estimates of the sensor states do: to samples (events, 4, 3, 3), lever arm, and offset of the clocks."""
+    from tumble.navigation.filter.kernels import gather_sensors
 
-
-def _time_offset(setup: FilterSetup, estimates: Series) -> float:
-    pairs = zip(setup.states, estimates, strict=True)
-    return float(sum(value for state, value in pairs if state.kind == "time offset"))
-
-
-def _lever_arm(setup: FilterSetup, estimates: Series) -> Vector:
-    lever = setup.lever_arm_b.astype(float).copy()
-    for state, value in zip(setup.states, estimates, strict=True):
-        if state.kind == "lever arm":
-            lever[state.row] += value
-    return lever
+    kinds, rows, columns = setup.indices
+    corrections = np.zeros((len(estimates), 4, 3, 3))
+    levers, offsets = np.zeros((len(estimates), 3)), np.zeros(len(estimates))
+    nominal = setup.lever_arm_b.astype(float)
+    for at, sensor in enumerate(estimates):
+        offsets[at] = gather_sensors(sensor, kinds, rows, columns, corrections[at], levers[at], nominal)
+    return corrections, levers, offsets
 
 
 def _bootstrap(squares: Series, block: int, rng: np.random.Generator, resamples: int) -> float:

@@ -19,6 +19,8 @@ from tumble.navigation.trajectory import NavigationState
 _LARGEST_SLOPE = 1.3
 # An axis that is named leaves less of the course unexplained than this share of what the vertical one does.
 _CLEARLY = 0.25
+# A mirror image that fits no better than this is none: gyros with wrong signs make one of 0.5.
+_MIRRORED = 0.7
 # Clocks may be apart by this beside the leap seconds, s.
 _BESIDE = 1.5
 # Local times are apart by quarters of an hour, s.
@@ -64,6 +66,12 @@ def refuse_wrong_scale(samples: InertialSamples, track: GnssTrack) -> None:
                 f"The course goes with gyro {'xyz'[axis]}, but gravity lies along {'xyz'[vertical]}: axes of one triad "
                 "are swapped. Check which column is which."
             )
+    if not guess:
+        raise RecordingError(
+            f"The course turns {slope:.3g} times as fast as the gyros say, and rad/s taken for deg/s do not explain "
+            "it: signs or axes of the gyros are wrong, their unit is another, the clocks are apart, or the files do "
+            "not belong together. Check the columns with `tumble inspect`."
+        )
     raise RecordingError(
         f"The course turns {slope:.3g} times as fast as the gyros say{guess}: the unit of the angular rates is "
         "another. Say it with --units."
@@ -132,15 +140,15 @@ def refuse_mirrored(samples: InertialSamples, track: GnssTrack, seconds: float =
     straight = float(np.abs(np.sum(np.conj(free) * seen))) / norm
     mirrored = float(np.abs(np.sum(free * seen))) / norm
     # the course turns against the gyros' heading in the mirror, so that it fits in straight stretches only
-    if straight < 0.6 and mirrored > straight + 0.15:
+    if straight < 0.6 and mirrored > max(_MIRRORED, straight + 0.15):
         raise RecordingError(
             f"The accelerations are the course's mirror image (fit {mirrored:.2f}, as they are {straight:.2f}): "
             "two level axes of the accelerometers are swapped, or one is reversed. Check which column is which."
         )
     if straight < 0.4:
         raise RecordingError(
-            f"The accelerations do not fit the course (fit {straight:.2f} of 1): an axis or the unit of the "
-            "accelerometers is another, or the clocks are apart. Check the columns with `tumble inspect`."
+            f"The accelerations do not fit the course (fit {straight:.2f} of 1): an axis, a sign or the unit of "
+            "accelerometers or gyros is another, or the clocks are apart. Check the columns with `tumble inspect`."
         )
 
 

@@ -34,6 +34,8 @@ _SYNCHRONISED = 30.0
 _LEAST = ((60.0, 0.995), (120.0, 0.98), (300.0, 0.95), (np.inf, 0.85))
 # s of motion that may be too little whatever it is of.
 _SHORT = 120.0
+# s by which least squares may move what the correlation found.
+_FURTHEST = 5.0
 # s by which stamps overlap where they are compared as they are.
 _LEAST_OVERLAP = 20.0
 
@@ -106,25 +108,33 @@ def estimate_time_offset(
     free = around is None and best != near
     least = next(value for until, value in _LEAST if seconds <= until)
     if best < 0 or curve[best] < (least if free else 0.5) or (free and _alike(float(curve[best]), second)):
-        moved = float(np.count_nonzero(weights)) * track.interval
-        if moved < _SHORT:
-            raise RecordingError(
-                f"{moved:.0f} s of motion are too little to find the offset between the clocks: course and gyros "
-                f"correlate at {curve[best] if best >= 0 else 0.0:.2f} at best and at {second:.2f} at other offsets, "
-                f"as they may by chance. {spans_in_words(samples, track)}: take a longer part of the drive, with "
-                "turns, or give the offset; and check that the files belong together."
-            )
-        raise RecordingError(
-            "IMU and GNSS do not seem to have seen the same motion: at no offset between their clocks does the "
-            f"course's rate fit the gyros alone (correlation {curve[best] if best >= 0 else 0.0:.2f} at best, "
-            f"{second:.2f} at others). {spans_in_words(samples, track)}: check that the files belong together, the "
-            "units of the gyros, and that the vehicle turned; or give the offset."
-        )
+        raise _no_match(samples, track, weights, float(curve[best]) if best >= 0 else 0.0, second)
     offset, sigma = _refined(grid, yaw_rate, times, course_rate, weights, float(lags[best]))
+    if not np.isfinite(sigma):
+        raise _no_match(samples, track, weights, float(curve[best]), second)
     at_best = correlate(grid, yaw_rate, times + offset, course_rate, weights)
     speed: Series = np.sqrt(np.nansum(track_velocities(track)[:, :2] ** 2, axis=1))
     lead = _ANTENNA_TO_AXLE / float(np.mean(speed[speed > SLOWEST]))
     return TimeAlignment(offset, float(np.hypot(sigma, lead)), float(at_best), second, seconds)
+
+
+def _no_match(
+    samples: InertialSamples, track: GnssTrack, weights: Series, best: float, second: float
+) -> RecordingError:
+    """What is wrong where no offset fits: too little motion for any, or another drive."""
+    moved = float(np.count_nonzero(weights)) * track.interval
+    spans = spans_in_words(samples, track)
+    if moved < _SHORT:
+        return RecordingError(
+            f"{moved:.0f} s of motion are too little to find the offset between the clocks: course and gyros correlate "
+            f"at {best:.2f} at best and at {second:.2f} at other offsets, as they may by chance. {spans}: take a "
+            "longer part of the drive, with turns, or give the offset; and check that the files belong together."
+        )
+    return RecordingError(
+        "IMU and GNSS do not seem to have seen the same motion: at no offset between their clocks does the course's "
+        f"rate fit the gyros alone (correlation {best:.2f} at best, {second:.2f} at others). {spans}: check that the "
+        "files belong together, the units of the gyros, and that the vehicle turned; or give the offset."
+    )
 
 
 def best_correlation(samples: InertialSamples, track: GnssTrack) -> float:
@@ -249,6 +259,8 @@ def _refined(
 ) -> tuple[float, float]:
     """Offset and its standard uncertainty by least squares, with a constant bias of the gyro beside it.
 
+    The uncertainty is infinite where it does not stay near its start.
+
     Stretches overlap and their residuals go together: they count as one a window, not as many as there are.
     """
     slope = np.gradient(yaw_rate, STEP)
@@ -256,6 +268,8 @@ def _refined(
     for _ in range(20):
         at = times + offset
         inside = seen_by(grid, slope, at) & (weights > 0.0)
+        if np.count_nonzero(inside) < FEWEST or abs(offset - start) > _FURTHEST:
+            return start, np.inf
         design = np.column_stack([np.interp(at[inside], grid, slope), np.ones(inside.sum())])
         left = course_rate[inside] - np.interp(at[inside], grid, yaw_rate)
         # a turn on the spot or a course that flips is no motion of a vehicle

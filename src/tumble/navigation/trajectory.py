@@ -146,14 +146,14 @@ class Trajectory:
             self.quaternion_nb[index],
         )
 
-    def points(self, lever_arm_b: Vector) -> tuple[Series, Series, Series]:
+    def points(self, lever_arm_b: Vector | Vectors) -> tuple[Series, Series, Series]:
         """Return latitude, longitude and height of a point fixed in the body.
 
         Parameters
         ----------
-        lever_arm_b : (3,) m, from the IMU to the point.
+        lever_arm_b : (3,) or (instants, 3) m, from the IMU to the point.
         """
-        arm_n = self.C_nb @ lever_arm_b
+        arm_n = (self.C_nb @ lever_arm_b[..., None])[..., 0]
         meridian, across = curvature_radii(self.latitude)
         return (
             self.latitude + arm_n[:, 0] / (meridian + self.height),

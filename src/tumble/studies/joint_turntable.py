@@ -4,6 +4,9 @@ Five samples a second stand for a hundred: white noise of the same density, and 
 so that nothing is lost but time. Each dwell is a recording of its own, and each axis with its two rotations:
 nobody carries the attitude from one to the next. Before, between and after the rotations the table rests for less
 than a second, which tells little by itself.
+
+On request biases wander as 1/f noise. The unit stays switched on and is set up anew in no time: one wander goes
+through all dwells and rotations, fifty minutes of it.
 """
 
 from __future__ import annotations
@@ -12,17 +15,28 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors
+from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, Vectors
 from tumble.attitude.rotations import matrices_from_rotation_vectors, rotation_between
 from tumble.calibration.joint import PLAIN, unknowns_of
 from tumble.calibration.joint_data import JointData, JointSpin, joint_data, window_spin
-from tumble.calibration.joint_system import JointProblem, Masks, linearise_joint, solve_joint, start_state
+from tumble.calibration.joint_influence import joint_influences
+from tumble.calibration.joint_system import (
+    JointProblem,
+    JointState,
+    Masks,
+    linearise_joint,
+    solve_joint,
+    start_state,
+)
 from tumble.calibration.joint_terms import Extra
+from tumble.calibration.joint_unknowns import GYRO_BIAS
+from tumble.calibration.triad_unknowns import BIAS
 from tumble.calibration.turn_conditions import HoldsAndTurns
 from tumble.earth import EARTH_RATE, Site
 from tumble.sensor import ImuModel, Triad, propagate
 from tumble.sensor.conventions.shin import matrix_from_shin
 from tumble.sensor.gauge import inverse, lower_factor
+from tumble.simulation.noise import TriadNoise, simulate_wander
 from tumble.studies.turntable_simulation import GRAVITY, Setting
 
 STEP = 0.2  # s: at 2 degrees a step the Earth rate goes round finely enough for an axis that is exact
@@ -68,20 +82,27 @@ class TruePlan:
     pieces : dwells first, then the rotations, both ways about each axis in turn.
     site : gravity and latitude.
     truth : (33,) the unit's unknowns.
+    latitude_sigma : rad, by which the site's latitude is another one in each run than the estimator is told.
+    instability : (6,) of the biases, B of the density B² / (2 pi f), counts; zero where none wanders.
     """
 
     setting: Setting
     pieces: tuple[Piece, ...]
     site: Site
     truth: Series
+    latitude_sigma: float
+    instability: Series
 
 
-def true_plan(setting: Setting) -> TruePlan:
+def true_plan(setting: Setting, *, latitude_sigma: float = 0.0, white_until: float = np.inf) -> TruePlan:
     """Return the true motion of a study.
 
     Parameters
     ----------
     setting : see `table_setting`.
+    latitude_sigma : rad, see `TruePlan`.
+    white_until : s over which white noise is averaged until its Allan deviation is no more than the floor of the
+        biases' 1/f noise; infinite for biases that stay.
     """
     still = np.zeros(round(setting.dwell / STEP))
     pieces = [Piece(rotation_between(up, UP), np.zeros(3), still) for up in setting.up]
@@ -93,11 +114,13 @@ def true_plan(setting: Setting) -> TruePlan:
         Triad(unit.force_matrix, unit.force_bias), Triad(unit.rate_matrix @ unit.rotation, unit.rate_bias)
     )
     site = Site(GRAVITY, 0.0, setting.latitude)
-    return TruePlan(setting, tuple(pieces), site, unknowns_of(model))
+    white = setting.sigma / np.sqrt(setting.sampling * white_until)
+    instability = white / np.sqrt(2.0 * np.log(2.0) / np.pi)
+    return TruePlan(setting, tuple(pieces), site, unknowns_of(model), latitude_sigma, instability)
 
 
-def simulated_data(plan: TruePlan, rng: np.random.Generator) -> JointData:
-    """Return one run's observations.
+def simulated_data(plan: TruePlan, rng: np.random.Generator) -> tuple[JointData, Series]:
+    """Return one run's observations, and the (33,) true unknowns, biases as they are on average.
 
     Parameters
     ----------
@@ -110,7 +133,10 @@ def simulated_data(plan: TruePlan, rng: np.random.Generator) -> JointData:
     holds: list[tuple[int, int]] = []
     turns: list[tuple[int, int, float]] = []
     at, ratio = 0, np.sqrt(STEP * setting.sampling)
-    earth = EARTH_RATE * np.array([np.cos(setting.latitude), 0.0, -np.sin(setting.latitude)])
+    latitude = setting.latitude
+    if plan.latitude_sigma > 0.0:
+        latitude += plan.latitude_sigma * rng.standard_normal()
+    earth = EARTH_RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
     for piece in plan.pieces:
         turning = piece.speed != 0.0
         # The table turns by what it is told and its error.
@@ -131,18 +157,29 @@ def simulated_data(plan: TruePlan, rng: np.random.Generator) -> JointData:
         else:
             holds.append((at, at + samples))
         at += samples
-    base = _base(setting, np.concatenate(raw_force), np.concatenate(raw_rate), holds, turns)
+    truth = plan.truth.copy()
+    made_force, made_rate = np.concatenate(raw_force), np.concatenate(raw_rate)
+    if np.any(plan.instability > 0.0):
+        for signal, instability, own in (
+            (made_force, plan.instability[:3], BIAS),
+            (made_rate, plan.instability[3:], GYRO_BIAS),
+        ):
+            wander = instability * simulate_wander(TriadNoise(bias_instability=1.0), at, 1.0 / STEP, rng)
+            signal += wander
+            truth[own] += wander.mean(axis=0)
+    base = _base(plan, made_force, made_rate, holds, turns)
     spins = [_spin(plan, base, hold, start, speed) for hold, start, speed in turns]
-    return joint_data(base, plan.truth, spins)
+    return joint_data(base, plan.truth, spins), truth
 
 
 def _base(
-    setting: Setting,
+    plan: TruePlan,
     raw_force: Vectors,
     raw_rate: Vectors,
     holds: list[tuple[int, int]],
     turns: list[tuple[int, int, float]],
 ) -> HoldsAndTurns:
+    setting = plan.setting
     ratio = STEP * setting.sampling
     count = np.array([b - a for a, b in holds], dtype=float)
     force_variance, rate_variance = setting.sigma[:3] ** 2 / ratio, setting.sigma[3:] ** 2 / ratio
@@ -151,14 +188,17 @@ def _base(
     for hold, _, _ in turns:
         start[hold], stop[hold] = holds[hold][1] - 1, holds[hold + 1][0] + 1
     means = [np.array([signal[a:b].mean(axis=0) for a, b in holds]) for signal in (raw_force, raw_rate)]
+    # What no averaging takes away of each hold's mean: 1/f noise between one over the recording and one over the hold.
+    floors = plan.instability**2 / np.pi * np.log(len(raw_force) / count)[:, None]
+    floor = np.median(floors, axis=0)
     return HoldsAndTurns(
         time=STEP * np.arange(len(raw_force), dtype=np.float64),
         raw_force=raw_force,
         raw_rate=raw_rate,
         force_mean=means[0],
-        force_covariance=(force_variance / count[:, None])[:, :, None] * np.eye(3),
+        force_covariance=(force_variance / count[:, None] + floors[:, :3])[:, :, None] * np.eye(3),
         rate_mean=means[1],
-        rate_covariance=(rate_variance / count[:, None])[:, :, None] * np.eye(3),
+        rate_covariance=(rate_variance / count[:, None] + floors[:, 3:])[:, :, None] * np.eye(3),
         hold_samples=count,
         head=np.array([(a, a + n) for (a, _), n in zip(holds, edge, strict=True)]),
         tail=np.array([(b - n, b) for (_, b), n in zip(holds, edge, strict=True)]),
@@ -166,8 +206,8 @@ def _base(
         turn_stop=stop,
         force_sample_variance=force_variance,
         rate_random_walk=rate_variance * STEP,
-        force_floor=np.zeros(3),
-        rate_floor=np.zeros(3),
+        force_floor=floor[:3],
+        rate_floor=floor[3:],
     )
 
 
@@ -197,14 +237,34 @@ def estimate_run(plan: TruePlan, rng: np.random.Generator) -> tuple[Series, Seri
     ----------
     plan, rng : the true motion, and the noise.
     """
-    data = simulated_data(plan, rng)
-    problem = _problem(plan, data)
-    # Where the paper's estimator would start it: off by ten times its own errors.
+    data, _ = simulated_data(plan, rng)
+    problem, state = _started(plan, data, rng)
+    solution = solve_joint(problem, state)
+    values, covariance = _parameters(state.unknowns, solution.cofactor)
+    return values, np.sqrt(np.diag(covariance))
+
+
+def _started(plan: TruePlan, data: JointData, rng: np.random.Generator) -> tuple[JointProblem, JointState]:
+    """Return the problem, and a start as the paper's estimator gives it: off by ten times its own errors."""
     start = plan.truth.copy()
     start[PLAIN] *= 1.0 + 1e-4 * rng.standard_normal(PLAIN.size)
-    state = start_state(data, start, plan.site)
+    return _problem(plan, data), start_state(data, start, plan.site)
+
+
+def coloured_run(plan: TruePlan, rng: np.random.Generator) -> tuple[Series, Square]:
+    """Simulate one run and return the errors of its 21 parameters, and their covariance as `calibrate_joint` states it.
+
+    Parameters
+    ----------
+    plan, rng : the true motion, with biases that wander, and the noise.
+    """
+    data, truth = simulated_data(plan, rng)
+    problem, state = _started(plan, data, rng)
     solution = solve_joint(problem, state)
-    return _parameters(state.unknowns, solution.cofactor)
+    scale = max(1.0, solution.square_sum / solution.redundancy)
+    told = scale * joint_influences(problem, state).covariance[np.ix_(PLAIN, PLAIN)]
+    values, covariance = _parameters(state.unknowns, told)
+    return values - np.real(_in_paper(truth[PLAIN])), covariance
 
 
 def bound(plan: TruePlan, rng: np.random.Generator) -> Series:
@@ -215,14 +275,15 @@ def bound(plan: TruePlan, rng: np.random.Generator) -> Series:
     plan : the true motion.
     rng : for one set of data, at whose true parameters the information is taken.
     """
-    data = simulated_data(plan, rng)
+    data, _ = simulated_data(plan, rng)
     problem = _problem(plan, data)
     state = start_state(data, plan.truth, plan.site)
     # Attitudes have to be where they belong; the shared unknowns stay the true ones.
     solve_joint(problem, state)
     state.unknowns = plan.truth.copy()
     _, normal, _ = linearise_joint(problem, state)
-    return _parameters(plan.truth, np.asarray(np.linalg.inv(normal), dtype=np.float64))[1]
+    cofactor = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+    return np.sqrt(np.diag(_parameters(plan.truth, cofactor)[1]))
 
 
 def _problem(plan: TruePlan, data: JointData) -> JointProblem:
@@ -231,9 +292,9 @@ def _problem(plan: TruePlan, data: JointData) -> JointProblem:
     return JointProblem(data, plan.site, PLAIN, Extra(), Masks.everything(data.holds), wobble=wobble)
 
 
-def _parameters(unknowns: Series, cofactor: AnyArray) -> tuple[Series, Series]:
+def _parameters(unknowns: Series, cofactor: AnyArray) -> tuple[Series, Square]:
     values, spread = propagate(_in_paper, unknowns[PLAIN], cofactor)
-    return np.real(values), np.sqrt(np.diag(spread))
+    return np.real(values), spread
 
 
 def _in_paper(plain: AnyArray) -> AnyArray:

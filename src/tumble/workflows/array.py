@@ -19,11 +19,12 @@ from tumble.workflows.calibrate import (
     about_gravity,
     corrected_by_before,
     read_as_told,
+    read_prior,
     require_writable,
     write_run,
 )
 from tumble.workflows.joining import require_different_samples
-from tumble.workflows.procedures import Task, add_objections, run_joint
+from tumble.workflows.procedures import Task, add_objections, check_prior, run_joint
 from tumble.workflows.site import given_site
 from tumble.workflows.turn_ons import labels_of
 
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from tumble.calibration import Estimate
     from tumble.calibration.array_estimate import ArrayEstimate
     from tumble.calibration.joint_estimate import JointOutcome
+    from tumble.calibration.prior import StableKnowledge
     from tumble.segmentation import Timeline
 
 FORMAT, VERSION = "tumble array", 1
@@ -60,6 +62,7 @@ def calibrate_array(
     rate: float | None = None,
     topics: Sequence[str] | None = None,
     optional_terms: bool = True,
+    prior: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> ArrayRun:
     """Calibrate units that were tumbled together, fixed to one another, by the joint estimator.
@@ -71,12 +74,13 @@ def calibrate_array(
     output : folder for ``array.json`` and a folder with ``calibration.json`` and ``report.html`` of each unit; None
         writes nothing.
     site, columns, units, rate, topics, optional_terms, progress : as for `calibrate`, for all recordings.
+    prior : earlier calibrations of the units in their order, whose non-orthogonalities are kept, or one for all.
 
     Raises
     ------
     RecordingError, SegmentationError, ObservabilityError, ConvergenceError
         If a recording cannot serve; the message names it.
-    UsageError
+    UsageError, CalibrationFileError
         If they were not made together, or an option is wrong.
     OutputError
         If the results cannot be written.
@@ -88,13 +92,14 @@ def calibrate_array(
     if len(recordings) < 2:
         raise UsageError("--array takes the recordings of two units or more that were tumbled together.")
     names = labels_of([str(r) for r in recordings])
+    priors = _priors(prior, len(recordings))
     say("reading")
     read = [read_as_told(_files(text), None, columns, units, rate, topics)[0] for text in recordings]
     _check(names, read)
     place = given_site(site) or Site.unknown()
     tasks = _observed(names, read, place, say)
-    for task in tasks:
-        task.optional_terms = optional_terms
+    for task, knowledge in zip(tasks, priors, strict=True):
+        task.optional_terms, task.knowledge = optional_terms, knowledge
     settled = [_settle(name, task, say) for name, task in zip(names, tasks, strict=True)]
     say("all units together")
     array = _together(names, settled, place)
@@ -110,6 +115,22 @@ def calibrate_array(
         say("writing the reports")
         _write(done, folder)
     return done
+
+
+def _priors(
+    prior: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None, units: int
+) -> list[StableKnowledge | None]:
+    """What is known of each unit beforehand."""
+    if prior is None:
+        return [None] * units
+    given = [prior] if isinstance(prior, str | os.PathLike) else list(prior)
+    if len(given) not in (1, units):
+        raise UsageError(
+            f"--prior was given {len(given)} times for {units} units: give one for each, in the order of the "
+            "recordings, or one for all."
+        )
+    known: list[StableKnowledge | None] = [read_prior(one) for one in given]
+    return known if len(known) == units else known * units
 
 
 def _files(text: str | os.PathLike[str]) -> list[str]:
@@ -201,6 +222,8 @@ def _settle(name: str, task: Task, say: Callable[[str], None]) -> tuple[Estimate
             f"{name} cannot take part: its holds and turns do not tell the unit. {kept[0].untold.sentences[0]}"
         )
     add_objections(task, estimate, "joint", "")
+    if task.knowledge is not None:
+        check_prior([task], task.knowledge, estimate)
     return estimate, kept[0]
 
 

@@ -146,7 +146,7 @@ def calibrate(
         # What the protocol says against itself would else look like a fault of the recording.
         refuse_contradicting_turns(given.protocol)
     recording, told = read_as_told(paths, given, columns, units, rate, topics)
-    knowledge = _knowledge(prior, imu[1])
+    knowledge = None if prior is None else read_prior(prior, imu[1])
     modelled = None if noise is None else NoiseOfHolds.read(noise, recording)
     clock.lap("reading")
 
@@ -161,7 +161,7 @@ def calibrate(
     if modelled is not None:
         estimate.remarks += modelled.said(estimate.procedure)
     if knowledge is not None:
-        check_prior(task, estimate)
+        check_prior([task], knowledge, estimate)
     if site is None and (told is None or told.site is None):
         estimate.remarks.append(about_gravity(task.site))
     if monte_carlo is not None:
@@ -367,10 +367,21 @@ def require_writable(folder: Path) -> None:
         raise OutputError(f"{existing} cannot be written to: give another folder with -o.")
 
 
-def _knowledge(prior: str | os.PathLike[str] | None, serial: str | None) -> StableKnowledge | None:
-    """Read what an earlier calibration knows of the accelerometers' angles."""
-    if prior is None:
-        return None
+def read_prior(prior: str | os.PathLike[str], serial: str | None = None) -> StableKnowledge:
+    """Read what an earlier calibration knows of the accelerometers' angles.
+
+    Parameters
+    ----------
+    prior : a calibration.json, or the folder with it.
+    serial : of the unit, if it is known.
+
+    Raises
+    ------
+    CalibrationFileError
+        If it cannot be read, or states no uncertainty of these.
+    UsageError
+        If it is of another unit, or states no accelerometer matrix with its covariance.
+    """
     from tumble.calibration.prior import stable_knowledge
     from tumble.calibration.result import read_calibration
 

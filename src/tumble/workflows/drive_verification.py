@@ -20,6 +20,8 @@ LARGEST_SHARE_REFUSED = 0.1
 # And the positions that are taken fit worse than this, in squared normalised innovations.
 LARGEST_LEFT = 2.0
 _FEWEST = 4
+# A drive of less, s, speaks against a calibration by its drift only where that is beyond doubt.
+_SHORT = 120.0
 _TRIADS = ("accelerometer", "gyroscope")
 _UNKNOWN = Statistic(float("nan"), float("nan"))
 _GRAVITY, _EARTH_RADIUS = 9.81, 6.371e6
@@ -210,7 +212,9 @@ def judge_drive(found: DriveVerification, own_recording: bool) -> None:
     last = found.longest
     ratio = found.drift_ratio(WHOLE, last)
     seconds = found.seconds[last]
-    if np.isfinite(ratio.sigma) and ratio.value - 2.0 * ratio.sigma > 1.0:
+    # few blocks of starts understate how their ratio scatters
+    surely = 2.0 if found.duration >= _SHORT else 4.0
+    if np.isfinite(ratio.sigma) and ratio.value - surely * ratio.sigma > 1.0:
         against.append(
             f"After {seconds:g} s of free navigation the drift with the calibration is {ratio.value:.2f} ± "
             f"{ratio.sigma:.2f} times that without: it is of another unit, or the unit has changed; calibrate again."

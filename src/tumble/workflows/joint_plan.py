@@ -321,7 +321,8 @@ def _advise(
     start = plan.information if known is None else known
     base = replace(task, known=None)
     done.following = find_next_steps(base, start, candidates)
-    done.stop, words = judge_stop(base, start, done.following, limits)
+    foretold = plan.noise_sigmas if known is None else None
+    done.stop, words = judge_stop(base, start, done.following, limits, foretold)
     if known is not None or limits is not None:
         done.given = [*done.given, *words]
     everything = start if known is None else plan.information.plus(known)
@@ -335,6 +336,7 @@ def _advise(
 
 def _remarks(done: JointPlanned, site: Site | None) -> list[str]:
     from tumble.protocol import SpinStep
+    from tumble.workflows.procedures import JOINT_IS_BETTER
 
     plan, task = done.plan, done.plan.task
     words: list[str] = []
@@ -350,6 +352,11 @@ def _remarks(done: JointPlanned, site: Site | None) -> list[str]:
         words.append(
             f"Foretold is what the joint estimator tells that believes no pose and no rate; the procedure "
             f"{task.protocol.procedure} believes them, and tells more where they deserve it."
+        )
+    elif task.protocol.procedure not in (*JOINT_IS_BETTER, "joint"):
+        words.append(
+            f"Foretold is what the joint estimator tells: calibrate with --procedure joint, for the protocol's own "
+            f"procedure is {task.protocol.procedure}."
         )
     if not task.g_sensitivity:
         g = 648000.0 / math.pi * 9.80665 * float(np.sqrt(np.mean(plan.g_sigmas**2)))

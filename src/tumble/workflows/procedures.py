@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -434,22 +434,37 @@ def add_objections(task: Task, estimate: Estimate, procedure: str | None, reason
         )
 
 
-def check_prior(task: Task, estimate: Estimate) -> None:
-    """Object to a prior that the poses contradict, where they can tell the angles without it."""
-    from tumble.calibration import calibrate_multi_position
-    from tumble.calibration.prior import find_contradiction, stable_knowledge
+def check_prior(tasks: Sequence[Task], knowledge: StableKnowledge, estimate: Estimate) -> None:
+    """Object to a prior that the poses contradict, where they can tell the angles without it.
 
-    assert task.knowledge is not None
-    try:
-        alone = calibrate_multi_position(task.recording, task.means, task.site)
-    except (ObservabilityError, ConvergenceError):
+    Parameters
+    ----------
+    tasks : recordings of one unit, that tell its angles together.
+    knowledge : the prior.
+    estimate : gets an objection, or a caution where nothing can be checked.
+    """
+    from tumble.calibration.prior import find_contradiction, weighted_knowledge
+
+    seen = [own for own in map(_own_angles, tasks) if own is not None]
+    if not seen:
         estimate.cautions.append(
             "The prior is taken on trust: the poses are too few to check it against them, and with another unit's the "
             "result would look the same and be wrong. Be sure that it is this unit's, or record nine poses or more."
         )
         return
-    assert alone.model.accelerometer is not None
-    own = stable_knowledge(alone.model.accelerometer.matrix, alone.covariance[:9, :9])
-    contradiction = find_contradiction(task.knowledge, own)
+    contradiction = find_contradiction(knowledge, weighted_knowledge(seen))
     if contradiction is not None:
         estimate.objections.append(contradiction)
+
+
+def _own_angles(task: Task) -> StableKnowledge | None:
+    """What a recording's poses tell of the angles without any prior; None where they are too few."""
+    from tumble.calibration import calibrate_multi_position
+    from tumble.calibration.prior import stable_knowledge
+
+    try:
+        alone = calibrate_multi_position(task.recording, task.means, task.site)
+    except (ObservabilityError, ConvergenceError):
+        return None
+    assert alone.model.accelerometer is not None
+    return stable_knowledge(alone.model.accelerometer.matrix, alone.covariance[:9, :9])

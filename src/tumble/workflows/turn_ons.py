@@ -20,11 +20,12 @@ from tumble.workflows.calibrate import (
     corrected_by_before,
     prepare_task,
     read_as_told,
+    read_prior,
     require_writable,
     write_run,
 )
 from tumble.workflows.joining import join_recordings, join_timelines, require_one_unit
-from tumble.workflows.procedures import Task, add_objections, run_joint
+from tumble.workflows.procedures import Task, add_objections, check_prior, run_joint
 from tumble.workflows.protocols import GivenProtocol, read_given_protocol
 
 if TYPE_CHECKING:
@@ -59,6 +60,7 @@ def calibrate_turn_ons(
     rate: float | None = None,
     topics: Sequence[str] | None = None,
     optional_terms: bool = True,
+    prior: str | os.PathLike[str] | None = None,
     imu: tuple[str | None, str | None] = (None, None),
     progress: Callable[[str], None] | None = None,
 ) -> CalibrationRun:
@@ -73,12 +75,14 @@ def calibrate_turn_ons(
     output : folder for ``calibration.json`` and ``report.html``; None writes nothing.
     protocol : what was done in the recordings that are no protocol files themselves; None for tumbling by hand.
     site, columns, units, rate, topics, optional_terms, imu, progress : as for `calibrate`, for all recordings.
+    prior : an earlier calibration of the unit, whose non-orthogonalities count once, as if the first recording told
+        them, too.
 
     Raises
     ------
     RecordingError, SegmentationError, ObservabilityError, ConvergenceError
         If a recording cannot serve; the message names it.
-    UsageError, ProtocolError
+    UsageError, ProtocolError, CalibrationFileError
         If the recordings are not of one unit, or an option is wrong.
     OutputError
         If the results cannot be written; earlier ones are intact.
@@ -88,6 +92,7 @@ def calibrate_turn_ons(
     if folder is not None:
         require_writable(folder)
     named = _named(recordings, protocol)
+    knowledge = None if prior is None else read_prior(prior, imu[1])
     clock = Clock()
     read = [(one, *_read(one, columns, units, rate, topics)) for one in named]
     require_one_unit([recording for _, recording, _ in read])
@@ -100,6 +105,7 @@ def calibrate_turn_ons(
         try:
             task = prepare_task(recording, told, site, None, clock, with_name)
             task.optional_terms = optional_terms
+            task.knowledge = knowledge if not tasks else None
             settled.append(_settle(task))
         except TumbleError as error:
             raise type(error)(f"{one.name} cannot take part: {error}") from error
@@ -107,6 +113,8 @@ def calibrate_turn_ons(
         clock.lap("solving")
     say("all recordings together")
     several = _together([one.name for one in named], settled, _one_site(tasks), optional_terms=optional_terms)
+    if knowledge is not None:
+        check_prior(tasks, knowledge, several.estimate)
     if site is None and all(task.protocol is None or task.protocol.site is None for task in tasks):
         several.estimate.remarks.append(about_gravity(tasks[0].site))
     clock.lap("solving")

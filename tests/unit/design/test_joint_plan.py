@@ -244,3 +244,13 @@ def test_sizes_are_the_data_sheets_spreads() -> None:
         np.full(3, np.sqrt(2.0) * TACTICAL.accelerometer.misalignment)
     )
     assert np.all(sizes > 0.0)
+
+
+def test_targets_are_held_against_what_is_foretold(hand_held: JointPlan) -> None:
+    """By the information alone each hold's wander is its own, and gyro biases would miss a target that they reach."""
+    task, foretold = hand_held.task, hand_held.noise_sigmas
+    for factor, reached in ((1.01, True), (0.99, False)):
+        limits = np.where(np.isfinite(foretold), factor * foretold, np.inf)
+        stop, words = judge_stop(task, hand_held.information, [], limits, foretold)
+        assert stop == reached
+        assert ("All targets are reached" in words[0]) == reached

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from tumble.errors import RecordingError
-from tumble.navigation import GnssTrack, InertialSamples, estimate_time_offset, prepare_drive
+from tumble.navigation import GnssTrack, InertialSamples, check_axes, estimate_time_offset, prepare_drive
 from tumble.navigation.gnss import make_track
 from tumble.navigation.gnss.time_scales import UNIX_TO_GPS, WEEK
-from tumble.navigation.plausibility import about_clocks, refuse_no_overlap
+from tumble.navigation.plausibility import about_clocks, refuse_no_overlap, why_no_agreement
 from tumble.simulation import simulate_drive
 
 GPS = 1.4e9
@@ -104,3 +104,30 @@ def test_an_offset_is_said_with_both_spans_and_what_it_looks_like(
     said = about_clocks(offset, 0.01, track.shifted(imu - offset if imu else GPS), samples)
     assert re.search(words, said), said
     assert not said or re.search(r"samples run from \d+\.\d to \d+\.\d s and the fixes from", said)
+
+
+def test_in_little_motion_no_axis_is_named_and_it_is_said(
+    drives: dict[int, tuple[InertialSamples, GnssTrack]],
+) -> None:
+    samples, track = drives[12]
+    told = 0
+    for begin in range(20, 130, 10):
+        part, seen = samples.between(begin, begin + 30.0), track.rows(abs(track.time - begin - 15.0) < 15.0)
+        assert why_no_agreement(part, seen) == ""
+        problem = check_axes(part, seen).problem
+        assert not problem or "too little" in problem
+        told += not problem
+    # most parts have enough turns
+    assert told > 5
+
+
+def test_an_axis_that_sees_a_share_of_the_turns_is_not_taken_for_the_vertical_one(
+    drives: dict[int, tuple[InertialSamples, GnssTrack]],
+) -> None:
+    samples, track = drives[13]
+    leaning = samples.angular_rate_ib_b.copy()
+    leaning[:, 0] = 0.15 * leaning[:, 2] + 0.02 * leaning[:, 0]
+    assert why_no_agreement(replace(samples, angular_rate_ib_b=leaning), track) == ""
+    # and where they are swapped indeed, it is
+    swapped = np.ascontiguousarray(samples.angular_rate_ib_b[:, [2, 1, 0]])
+    assert "goes with gyro x" in why_no_agreement(replace(samples, angular_rate_ib_b=swapped), track)

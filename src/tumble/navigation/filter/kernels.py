@@ -61,7 +61,15 @@ def _inverse(matrix, inverse):
 
 
 @njit(cache=True, nogil=True)
-def _gather_sensors(sensor, kind, row, column, correction, lever, nominal):
+def gather_sensors(
+    sensor: Floats,
+    kind: Integers,
+    row: Integers,
+    column: Integers,
+    correction: Floats,
+    lever: Floats,
+    nominal: Floats,
+) -> float:
     """Fill correction (4, 3, 3): inverse of the force's matrix, of the rate's, g-sensitivity, and both biases."""
     force, rate = np.eye(3), np.eye(3)
     correction[2:] = 0.0
@@ -91,7 +99,7 @@ def _gather_sensors(sensor, kind, row, column, correction, lever, nominal):
 
 
 @njit(cache=True, nogil=True)
-def _correct(raw, correction, true):
+def correct(raw, correction, true):
     """Fill rate and force (6,) as they are by the sensor states."""
     f0, f1, f2 = raw[3] - correction[3, 0, 0], raw[4] - correction[3, 0, 1], raw[5] - correction[3, 0, 2]
     for i in range(3):
@@ -530,7 +538,7 @@ def run(
     m = n - 9
     keep_all = covariances.shape[0] > 0
     correction, lever = np.zeros((4, 3, 3)), np.zeros(3)
-    offset = _gather_sensors(sensor, kind, row, column, correction, lever, nominal_lever)
+    offset = gather_sensors(sensor, kind, row, column, correction, lever, nominal_lever)
     T, shrink, Q, drift = np.zeros((9, n)), np.ones(m), np.zeros((9, 9)), np.zeros(m)
     total, work, F = np.eye(n), np.empty((9, n)), np.zeros((9, 9))
     C, C_before = np.empty((3, 3)), np.empty((3, 3))
@@ -574,8 +582,8 @@ def run(
                 for j in range(6):
                     raw_now[j] = raw_before[j] + begin * (raw_after[j] - raw_before[j])
                     raw_next[j] = raw_before[j] + share * (raw_after[j] - raw_before[j])
-                _correct(raw_now, correction, before)
-                _correct(raw_next, correction, after)
+                correct(raw_now, correction, before)
+                correct(raw_next, correction, after)
                 for i in range(3):
                     velocity_before[i] = nav[3 + i]
                     for j in range(3):
@@ -618,7 +626,7 @@ def run(
                 if keep_all:
                     _compose(total, T, shrink, work)
                 if np.any(decay > 0.0):
-                    offset = _gather_sensors(sensor, kind, row, column, correction, lever, nominal_lever)
+                    offset = gather_sensors(sensor, kind, row, column, correction, lever, nominal_lever)
                 T[:] = 0.0
                 for i in range(9):
                     T[i, i] = 1.0
@@ -673,7 +681,7 @@ def run(
                             z[i] += H[i, j] * error[j]
                     _take(P, z, H, error, PH, gain)
                 apply_errors(nav, sensor, error)
-                offset = _gather_sensors(sensor, kind, row, column, correction, lever, nominal_lever)
+                offset = gather_sensors(sensor, kind, row, column, correction, lever, nominal_lever)
                 _attitude(nav, C)
             navs[event] = nav
             sensors[event] = sensor
@@ -685,4 +693,14 @@ def run(
             event += 1
 
 
-__all__ = ["ACCELEROMETER", "GYROSCOPE", "G_SENSITIVITY", "LEVER_ARM", "TIME_OFFSET", "apply_errors", "run"]
+__all__ = [
+    "ACCELEROMETER",
+    "GYROSCOPE",
+    "G_SENSITIVITY",
+    "LEVER_ARM",
+    "TIME_OFFSET",
+    "apply_errors",
+    "correct",
+    "gather_sensors",
+    "run",
+]

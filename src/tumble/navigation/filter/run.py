@@ -9,9 +9,9 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table, Vectors
 from tumble.errors import RecordingError, UsageError
-from tumble.navigation.filter.sensor_states import KINDS
 from tumble.navigation.filter.setup import FilterSetup
 from tumble.navigation.gnss.track import GnssTrack
+from tumble.navigation.loading import collector_paused
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import HIGHEST_LATITUDE, NavigationState, Trajectory
 
@@ -112,7 +112,8 @@ def run_stretch(
     UsageError
         If the start is at a pole, where the local level has no north.
     """
-    from tumble.navigation.filter.kernels import run
+    with collector_paused():
+        from tumble.navigation.filter.kernels import run
 
     part = _from_start(samples, start)
     inside = np.flatnonzero((track.time > start.time) & (track.time <= part.time[-1]))
@@ -142,9 +143,7 @@ def run_stretch(
         start.packed,
         np.zeros(n - 9) if sensors is None else sensors.astype(float),
         covariance,
-        np.array([KINDS.index(state.kind) for state in setup.states], dtype=np.int64),
-        np.array([state.row for state in setup.states], dtype=np.int64),
-        np.array([state.column for state in setup.states], dtype=np.int64),
+        *setup.indices,
         np.array([state.decay for state in setup.states], dtype=float),
         np.array([state.drive for state in setup.states], dtype=float),
         np.concatenate([setup.angle_random_walk, setup.velocity_random_walk]).astype(float) ** 2,

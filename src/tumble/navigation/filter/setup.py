@@ -9,6 +9,7 @@ import numpy as np
 from tumble.arrays import Table, Vector
 from tumble.errors import UsageError
 from tumble.navigation.filter.sensor_states import (
+    KINDS,
     SensorState,
     TriadSpread,
     covariance_of,
@@ -55,6 +56,13 @@ class FilterSetup:
         nine = [f"{what} {axis}" for what in ("position", "velocity") for axis in ("north", "east", "down")]
         nine += [f"attitude {axis}" for axis in ("north", "east", "down")]
         return (*nine, *(state.name for state in self.states))
+
+    @property
+    def indices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Kind (its place in `KINDS`), row and column of each sensor state, (states,) each, for the compiled loops."""
+        kinds = [KINDS.index(state.kind) for state in self.states]
+        places = [state.row for state in self.states], [state.column for state in self.states]
+        return np.array(kinds, np.int64), np.array(places[0], np.int64), np.array(places[1], np.int64)
 
     @property
     def covariance(self) -> Table:

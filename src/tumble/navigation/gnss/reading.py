@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from tumble.errors import RecordingError
@@ -19,7 +20,7 @@ FORMATS = {
 }
 
 
-def read_track(path: Path) -> GnssTrack:
+def read_track(path: str | os.PathLike[str]) -> GnssTrack:
     """Return the track of a file of any of the known kinds, on GPS time.
 
     Parameters
@@ -31,6 +32,7 @@ def read_track(path: Path) -> GnssTrack:
     RecordingError
         If it cannot be read, is of no known kind, or says something that cannot be.
     """
+    path = Path(path)
     try:
         with path.open("rb") as file:
             head = file.read(4096)

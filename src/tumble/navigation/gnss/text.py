@@ -115,7 +115,8 @@ def read_text_track(path: Path) -> GnssTrack:
 def _columns(header: Sequence[str], name: str) -> dict[str, int]:
     found: dict[str, int] = {}
     for at, word in enumerate(header):
-        plain = re.sub(r"[^a-z]", "", re.sub(r"[\[(].*", "", word.lower()))
+        bare = re.sub(r"_(s|m|mps|m_s|m/s)$", "", re.sub(r"[\[(].*", "", word.lower()).strip())
+        plain = re.sub(r"[^a-z]", "", bare)
         plain = re.sub(r"(deg|rad)$", "", plain)
         for what, names in _NAMES.items():
             if plain in names and what not in found:
