@@ -25,8 +25,8 @@ from tumble.calibration.joint_influence import (
     Influence,
     Influences,
 )
-from tumble.calibration.joint_noise import KindTests
 from tumble.calibration.joint_system import solve_joint
+from tumble.calibration.joint_tests import KindTests
 from tumble.calibration.joint_unknowns import (
     FORCE_ASYMMETRY,
     G_SENSITIVITY,

@@ -13,13 +13,14 @@ from tumble.calibration.joint_budget import state_uncertainty
 from tumble.calibration.joint_data import JointData
 from tumble.calibration.joint_description import describe_wide, rotation_of_frame
 from tumble.calibration.joint_influence import Influences, joint_influences
-from tumble.calibration.joint_noise import BalancedJoint
+from tumble.calibration.joint_noise import CHECKED_ANGLE, BalancedJoint
 from tumble.calibration.joint_observability import Untold
 from tumble.calibration.joint_restless import find_restless, restless_remarks
 from tumble.calibration.joint_scatter import shared_scatter, wider
 from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
 from tumble.calibration.joint_table_parameters import lever_arms_of, table_remarks
 from tumble.calibration.joint_terms import Extra, Link, carry, hold_terms, link_covariance
+from tumble.calibration.joint_tests import angle_redundancies
 from tumble.calibration.joint_unknowns import gyro_matrix
 from tumble.calibration.joint_wanted import OF_FORCE
 from tumble.calibration.joint_wide import FIXTURE, is_wide, widened
@@ -27,6 +28,7 @@ from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.calibration.snooping import Outlier
 from tumble.calibration.turn_conditions import TOTAL
+from tumble.calibration.turntable_words import NOT_ESTIMATED
 from tumble.earth import Site
 from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel
@@ -100,7 +102,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         hold_norms=norms,
         hold_sigmas=sigmas,
         turn_angles=angles,
-        turn_sigmas=_turn_sigmas(outcome),
+        turn_sigmas=np.where(np.isfinite(angles), _turn_sigmas(outcome), np.nan),
         turn_sizes=sizes,
         variance_components=_components(outcome),
         left_out=[_left_out(outlier, norms, angles) for outlier in outcome.balanced.outliers],
@@ -209,6 +211,7 @@ def _tells_all(start: Estimate) -> bool:
 def _not_determined(outcome: JointOutcome) -> list[str]:
     start = outcome.start
     said = list(start.not_determined) if start is not None and _tells_all(start) else []
+    said = [sentence for sentence in said if sentence != NOT_ESTIMATED]
     if not outcome.has_gyro:
         said.append("The gyros: the recording has none.")
     if outcome.untold is not None:
@@ -290,8 +293,12 @@ def _turn_sigmas(outcome: JointOutcome) -> Series:
 
 
 def _spins(outcome: JointOutcome) -> tuple[Series, Vectors, Vectors, list[str]]:
-    """Return rates, residuals along each axis, their sigmas and names of all rotations."""
+    """Return rates, residuals along each axis, their sigmas and names of all rotations.
+
+    An angle that hardly anything checks leaves hardly any residual: its sigma is the residual's, not the angle's.
+    """
     solution = outcome.balanced.solution
+    checked = angle_redundancies(outcome.problem, solution)
     found = [(e, k, s) for e in solution.equations for k, s in e.spins.items()]
     rates = np.zeros(len(found))
     residuals, sigmas = np.full((len(found), 3), np.nan), np.full((len(found), 3), np.nan)
@@ -304,7 +311,8 @@ def _spins(outcome: JointOutcome) -> tuple[Series, Vectors, Vectors, list[str]]:
         if told.angle is not None:
             rates[at] = told.angle / spin.duration
             residuals[at] = axis_b * spin.angle_residual / spin.duration
-            sigmas[at] = max(told.angle_sigma, 1e-9) / spin.duration
+            left = np.sqrt(max(checked.get(k, 0.0), CHECKED_ANGLE))
+            sigmas[at] = left * max(told.angle_sigma, 1e-9) / spin.duration
         elif told.turn_rate is not None:
             rates[at] = told.turn_rate
             residuals[at] = axis_b * spin.rate_residual

@@ -16,7 +16,7 @@ import numpy as np
 
 from tumble.arrays import Series, Square
 from tumble.calibration.joint_estimate import JointOutcome
-from tumble.calibration.joint_noise import BalancedJoint, balance_joint, joint_tests
+from tumble.calibration.joint_noise import BalancedJoint, balance_joint
 from tumble.calibration.joint_observability import angle_prior
 from tumble.calibration.joint_observability import together as both_priors
 from tumble.calibration.joint_poses import mounting_prior
@@ -28,6 +28,7 @@ from tumble.calibration.joint_system import (
     solve_joint,
 )
 from tumble.calibration.joint_table_terms import lever_prior_of
+from tumble.calibration.joint_tests import joint_tests
 from tumble.calibration.joint_trials import copied_state, fresh_problem, narrowed_problem, widened_problem
 from tumble.calibration.joint_unknowns import GYRO_BIAS, SHARED
 from tumble.calibration.joint_wide import FIXTURE, is_wide

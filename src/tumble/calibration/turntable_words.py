@@ -23,16 +23,17 @@ LARGEST_FACTOR = 20.0
 # Residuals of a table's angle beyond this many times those of the other axes, or of the noise, are no bias.
 MISREAD = 5.5
 _ARCSEC = np.pi / 648000.0
+NOT_ESTIMATED = (
+    "Nonlinear terms of the sensors are not estimated. A g-sensitivity does not reach the gyros' matrix: its "
+    "constant part goes out of the difference of the two ways round, and what goes round with the unit averages "
+    "out over whole revolutions."
+)
+"""What the turntable procedure by itself leaves out; the joint estimator tries it."""
 
 
 def not_determined(solution: TurntableOutcome) -> list[str]:
     """Return sentences on what these rotations do not tell."""
-    terms = (
-        "Nonlinear terms of the sensors are not estimated. A g-sensitivity does not reach the gyros' matrix: its "
-        "constant part goes out of the difference of the two ways round, and what goes round with the unit averages "
-        "out over whole revolutions."
-    )
-    sentences = [terms]
+    sentences = [NOT_ESTIMATED]
     if solution.system.gain is None:
         sentences.insert(
             0,

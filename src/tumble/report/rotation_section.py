@@ -60,7 +60,7 @@ def _rows(fit: RotationFit) -> str:
     cells: list[str] = []
     for number, turned in enumerate(fit.angles):
         way = f"{np.degrees(turned.angle):+.9g}° in {turned.seconds:.1f} s".replace("-", "−")
-        off = f"{with_uncertainty(turned.residual / ARCSEC, turned.sigma / ARCSEC)} ″"
+        off = f"{with_uncertainty(turned.residual / ARCSEC, turned.sigma / ARCSEC)} ″".replace("-", "−")
         note = "" if turned.from_rest else "at the constant rate"
         first = "<td></td><td></td>"
         last = f"<td></td><td></td><td>{note}</td>"
