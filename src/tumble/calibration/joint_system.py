@@ -40,8 +40,10 @@ from tumble.estimation.gauss_helmert import invert_normal_matrix
 
 # The heading of a section is nobody's business; this fixes it.
 HEADING_SIGMA = 1e-4  # rad
-# Of the Earth rate, for a latitude given to a hundredth of a degree.
-LATITUDE_SIGMA = 1e-4
+# Of a latitude that is given to a hundredth of a degree; near a pole or the equator one component of the Earth rate
+# would be all but exact.
+LATITUDE_SIGMA = 1e-4  # rad
+LEAST_SHARE = 0.1
 ITERATIONS = 100
 DIVERGED = "The joint adjustment diverged: its unknowns left all bounds."
 # What holds the attitudes of a hold whose force is left out, where nothing else does.
@@ -443,7 +445,7 @@ def earth_terms(site: Site, section: Section) -> tuple[Series, Table]:
         return residual, by_earth
     # Its direction is the gyros' to tell; its length the latitude does.
     across = section.earth_w[:2]
-    length, known = float(np.linalg.norm(across)), LATITUDE_SIGMA * EARTH_RATE
+    length, known = float(np.linalg.norm(across)), _known_to(np.sin(site.latitude))
     short = (length - EARTH_RATE * float(np.cos(site.latitude))) / known
     along = np.array([[across[0], across[1], 0.0]]) / (length * known)
     return np.append(residual, short), np.concatenate([by_earth, along])
@@ -474,8 +476,13 @@ def earth_prior(site: Site) -> tuple[Series, Series]:
     else:
         across = EARTH_RATE * max(float(np.cos(latitude)), 1e-3) / np.sqrt(2.0)
         mean = np.array([0.0, 0.0, -EARTH_RATE * np.sin(latitude)])
-        sigma = np.array([across, across, LATITUDE_SIGMA * EARTH_RATE])
+        sigma = np.array([across, across, _known_to(np.cos(latitude))])
     return mean, sigma
+
+
+def _known_to(share: float) -> float:
+    """Return the sigma, rad/s, of a component of the Earth rate that a latitude moves by a share of its error."""
+    return LATITUDE_SIGMA * EARTH_RATE * max(abs(float(share)), LEAST_SHARE)
 
 
 def _move(problem: JointProblem, state: JointState, equations: list[SectionEquations], step: Series) -> None:
