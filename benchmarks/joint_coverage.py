@@ -198,6 +198,8 @@ def row(good: list[Run], starts: tuple[str, ...], label: str) -> None:
     if len(chosen) < 2:
         return
     names = sorted(set.intersection(*(of_group(r, "joint") for r in chosen)))
+    if not names:  # told in some recordings only
+        return
     both = all(set(names) <= of_group(r, "dedicated") for r in chosen)
     square, ratio, spread = ({} for _ in range(3))
     for way in WAYS if both else ("joint",):
