@@ -12,11 +12,11 @@ from tumble.calibration.estimate import Estimate, LeftOut, NamedValue, TermTest,
 from tumble.calibration.joint_budget import state_uncertainty
 from tumble.calibration.joint_data import JointData
 from tumble.calibration.joint_description import describe_wide, rotation_of_frame
-from tumble.calibration.joint_influence import Influences, joint_influences
+from tumble.calibration.joint_influence import FORCE_WANDER, Influences, joint_influences
 from tumble.calibration.joint_noise import CHECKED_ANGLE, BalancedJoint
 from tumble.calibration.joint_observability import Untold
 from tumble.calibration.joint_restless import find_restless, restless_remarks
-from tumble.calibration.joint_scatter import shared_scatter, wider
+from tumble.calibration.joint_scatter import wider
 from tumble.calibration.joint_system import JointProblem, JointSolution, JointState, Masks, solve_joint
 from tumble.calibration.joint_table_parameters import lever_arms_of, table_remarks
 from tumble.calibration.joint_terms import Extra, Link, carry, hold_terms, link_covariance
@@ -149,7 +149,8 @@ def describe_joint(outcome: JointOutcome, influences: Influences) -> Described:
     terms = outcome.kept
     if terms & set(OF_FORCE) and not solution.state.spins:
         at = np.ix_(solution.free, solution.free)
-        covariance[at] = wider(covariance[at], shared_scatter(outcome.problem, solution)[at])
+        shared = neighbours.get(FORCE_WANDER, np.zeros((wide, wide)))
+        covariance[at] = wider(covariance[at], -shared[at])
     covariance *= scale
     if is_wide(outcome.state.unknowns) or outcome.untold is not None or not outcome.has_gyro:
         gyro = "full" if outcome.has_gyro else "none"

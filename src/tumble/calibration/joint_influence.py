@@ -49,6 +49,7 @@ from tumble.calibration.joint_terms import (
 )
 from tumble.calibration.joint_unknowns import GYRO_BIAS, force_matrix, gyro_matrix
 from tumble.calibration.joint_wander import faster_variance
+from tumble.calibration.triad_unknowns import BIAS
 from tumble.estimation.bordered import NodeCovariance
 from tumble.estimation.gathered import GatheredTerms, GatheringChain
 from tumble.estimation.gauss_helmert import invert_normal_matrix
@@ -93,7 +94,7 @@ class Influence:
     parts : source -> (terms, m, m), the whitened covariance that it causes; they add up to the identity.
     taken : (terms, m, m) whitened covariance of the adjusted observations; zeros for what is not tested.
     root : (terms, m, m) Cholesky factor of the covariance: raw errors are ``root @ whitened``.
-    drift : how its terms show what the gyros' biases wander by; None where they do not.
+    drifts : source -> how its terms show what the biases of a triad wander by.
     """
 
     kind: str
@@ -103,7 +104,7 @@ class Influence:
     parts: dict[str, AnyArray]
     taken: AnyArray
     root: AnyArray
-    drift: Drift | None = None
+    drifts: dict[str, Drift] = field(default_factory=dict[str, Drift])
 
     def share(self, source: str) -> Square:
         """Return (unknowns, unknowns) what a source adds to the covariance by these observations."""
@@ -190,16 +191,14 @@ def wander_factors(problem: JointProblem, state: JointState) -> Series:
 
 
 def _neighbours(data: JointData, told: list[Influence]) -> dict[str, Square]:
-    """Return what the covariance by the gyros' wandering biases is more than that of independent ones.
-
-    Of the gyros alone: what accelerometers' means scatter by beyond their white noise is only in part a wander, and
-    the rest is each hold's own (docs/joint.md).
-    """
+    """Return, by triad, what the covariance by its wandering biases is more than that of independent ones."""
     span = float(data.base.time[0]), float(data.base.time[-1])
-    drifts = [(i.drift, i.gain) for i in told if i.drift is not None]
-    if not (np.any(data.rate_density > 0.0) and drifts):
-        return {}
-    return {RATE_WANDER: shared_wander(drifts, data.rate_density, span)}
+    made: dict[str, Square] = {}
+    for source, density in ((FORCE_WANDER, data.force_density), (RATE_WANDER, data.rate_density)):
+        drifts = [(i.drifts[source], i.gain) for i in told if source in i.drifts]
+        if drifts and np.any(density > 0.0):
+            made[source] = shared_wander(drifts, density, span)
+    return made
 
 
 def _holds_and_turns(
@@ -232,27 +231,31 @@ def _holds_and_turns(
         if not np.all(active):
             parts[OUTLYING] = ~active[:, None, None] * np.eye(root.shape[1])
         gain, taken = told.gain(nodes, border, SHARED_ROWS), told.taken(nodes, border)
-        drift = _drift_of_holds_or_turns(data, state.unknowns, carried, kind, inverse)
-        made.append(Influence(kind.kind, kind.place, active, gain, parts, taken, root, drift))
+        drifts = _drifts_of_holds_or_turns(data, state.unknowns, carried, kind, inverse)
+        made.append(Influence(kind.kind, kind.place, active, gain, parts, taken, root, drifts))
     return made
 
 
-def _drift_of_holds_or_turns(
+def _drifts_of_holds_or_turns(
     data: JointData, unknowns: Series, carried: Carried, kind: Terms, inverse: AnyArray
-) -> Drift | None:
+) -> dict[str, Drift]:
     base, k = data.base, kind.place
     if kind.kind == "turn":
         start, stop = base.time[base.turn_start[k]], base.time[base.turn_stop[k] - 1]
         gyro = inverted(gyro_matrix(unknowns))
         floor = float(np.trace((gyro * base.rate_floor) @ gyro.T)) / 3.0
         alone = (floor * carried.duration[k] ** 2)[:, None, None] * np.eye(3)
-    elif kind.kind == "rate":
-        start, stop = base.time[base.head[k, 0]], base.time[base.tail[k, 1] - 1]
-        alone = np.minimum(_rate_floors(data)[k], np.diag(base.rate_floor))
     else:
-        return None
-    by_bias = (inverse @ kind.by_border)[:, :, 3 + GYRO_BIAS.start : 3 + GYRO_BIAS.stop]
-    return Drift(start, stop, by_bias, inverse @ alone @ np.swapaxes(inverse, 1, 2))
+        start, stop = base.time[base.head[k, 0]], base.time[base.tail[k, 1] - 1]
+        if kind.kind == "rate":
+            alone = np.minimum(_rate_floors(data)[k], np.diag(base.rate_floor))
+        elif kind.kind == "force":
+            alone = np.tile(np.diag(base.force_floor), (k.size, 3, 3))
+        else:
+            return {}
+    source, bias = (FORCE_WANDER, BIAS) if kind.kind == "force" else (RATE_WANDER, GYRO_BIAS)
+    by_bias = (inverse @ kind.by_border)[:, :, 3 + bias.start : 3 + bias.stop]
+    return {source: Drift(start, stop, by_bias, inverse @ alone @ np.swapaxes(inverse, 1, 2))}
 
 
 def _causes(problem: JointProblem, unknowns: Series, carried: Carried, kind: Terms) -> dict[str, AnyArray]:
@@ -345,40 +348,55 @@ def _rotation(
             source: np.broadcast_to(np.diag(rows), taken.shape)
             for source, rows in _rotation_causes(terms.source, size, layout).items()
         }
-        drift = _drift_of_rotation(problem, state, k, terms, layout, links)
+        drifts = _drifts_of_rotation(problem, state, k, terms, layout, links)
         links += count if terms.source == "links" else 0
         told.append(
-            Influence(terms.source, np.full(count, k), np.ones(count, bool), moved, parts, taken, root, drift)
+            Influence(
+                terms.source, np.full(count, k), np.ones(count, bool), moved, parts, taken, root, drifts
+            )
         )
     return told
 
 
-def _drift_of_rotation(
+def _drifts_of_rotation(
     problem: JointProblem, state: JointState, k: int, terms: GatheredTerms, layout: Layout, links: int
-) -> Drift | None:
+) -> dict[str, Drift]:
     """`links` : how many links of the rotation came before."""
     data, spin, count = problem.data, problem.data.spins[k], len(terms.by_border)
     if terms.source == "own":
-        return _drift_of_own(problem, state, k, layout)
-    if terms.source != "links":
-        return None
-    first = layout.shared + 3 + GYRO_BIAS.start
+        return _drifts_of_own(problem, state, k, layout)
+    if terms.source == "links":
+        source, bias, density = RATE_WANDER, GYRO_BIAS, data.rate_density
+        ranges = link_ranges(data, spin)[links : links + count]
+    elif terms.source == "windows":
+        source, bias, density, ranges = FORCE_WANDER, BIAS, data.force_density, spin.windows
+    else:
+        return {}
+    first = layout.shared + 3 + bias.start
     by_bias = terms.by_border[:, :, first : first + 3]
-    ranges = link_ranges(data, spin)[links : links + count]
-    faster = faster_variance(*spin.modes.shape) * data.rate_density
-    independent = (by_bias * faster) @ np.swapaxes(by_bias, 1, 2)
-    return Drift(data.base.time[ranges[:, 0]], data.base.time[ranges[:, 1] - 1], by_bias, independent)
+    independent = (by_bias * (faster_variance(*spin.modes.shape) * density)) @ np.swapaxes(by_bias, 1, 2)
+    start, stop = data.base.time[ranges[:, 0]], data.base.time[ranges[:, 1] - 1]
+    return {source: Drift(start, stop, by_bias, independent)}
 
 
-def _drift_of_own(problem: JointProblem, state: JointState, k: int, layout: Layout) -> Drift:
-    """The wander of the gyros over a rotation, as it is believed before anything is observed."""
+def _drifts_of_own(problem: JointProblem, state: JointState, k: int, layout: Layout) -> dict[str, Drift]:
+    """The wanders over a rotation, as they are believed before anything is observed."""
     spin, extra = problem.data.spins[k], problem.extra
-    _, variances = wander_variances(problem.data, spin, state.unknowns, extra)
-    share = np.ones_like(variances)
-    share[0] = 1.0 - extra.rate * np.sum(gyro_matrix(state.unknowns) ** 2, axis=1) / variances[0]
-    rows = np.zeros(layout.own)
-    rows[layout.inner(layout.rate())] = share.ravel()
-    return Drift(np.zeros(1), np.zeros(1), np.zeros((1, layout.own, 3)), np.diag(rows)[None])
+    variances = wander_variances(problem.data, spin, state.unknowns, extra)
+    added = (
+        extra.force * np.sum(force_matrix(state.unknowns) ** 2, axis=1),
+        extra.rate * np.sum(gyro_matrix(state.unknowns) ** 2, axis=1),
+    )
+    made: dict[str, Drift] = {}
+    for source, place, of_triad, more in zip(
+        (FORCE_WANDER, RATE_WANDER), (layout.force(), layout.rate()), variances, added, strict=True
+    ):
+        share = np.ones_like(of_triad)
+        share[0] = 1.0 - more / of_triad[0]
+        rows = np.zeros(layout.own)
+        rows[layout.inner(place)] = share.ravel()
+        made[source] = Drift(np.zeros(1), np.zeros(1), np.zeros((1, layout.own, 3)), np.diag(rows)[None])
+    return made
 
 
 def _rotation_causes(source: str, size: int, layout: Layout) -> dict[str, Series]:

@@ -2,8 +2,8 @@
 
 Means of holds scatter by more than their white noise: partly by what is each hold's own, partly by a bias that
 wanders, which neighbours have nearly in common. The adjustment takes all of it for each hold's own. For biases and
-scale factors that is near enough; what a term of the second order would explain, a slow wander explains as well,
-and three times as often as independent draws say.
+scale factors that is near enough for weighing; what a term of the second order would explain, a slow wander explains
+as well, and three times as often as independent draws say.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
+from tumble.calibration.joint_influence import FORCE_WANDER
 from tumble.design.hold_noise import hold_covariance
 from tumble.design.joint_information import (
     GROUPS,
@@ -218,15 +219,15 @@ def _plan(
 def true_covariance(task: PlanTask, played: PlayedPlan, problem: PlannedProblem) -> Square:
     """Return (30, 30) covariance of the estimate where biases wander from hold to turn to hold, neighbours alike.
 
-    A bias is asked for as its mean over the session. Of the gyros this is what the joint estimator states; the wander
-    of the accelerometers' biases it takes for each hold's own, and here it is shared, too.
+    A bias is asked for as its mean over the session. Of the gyros this is what the joint estimator states; of the
+    accelerometers it knows 1/f noise as it is found, and here their random walk counts, too.
 
     Parameters
     ----------
     task, played, problem : noise, motion and equations.
     """
     influences = problem.influences(task.known_before(), g_sensitivity=task.g_sensitivity)
-    covariance = influences.covariance.copy()
+    covariance = influences.covariance - influences.neighbours.get(FORCE_WANDER, 0.0)
     triad = task.noise.accelerometer
     if triad.wanders:
         times = played.truth.hold_edges

@@ -10,7 +10,7 @@ import pytest
 
 from tumble.calibration.joint import PLAIN, unknowns_of
 from tumble.calibration.joint_data import joint_data
-from tumble.calibration.joint_influence import Influences, joint_influences
+from tumble.calibration.joint_influence import FORCE_WANDER, RATE_WANDER, Influences, joint_influences
 from tumble.calibration.joint_neighbours import Drift, shared_wander
 from tumble.calibration.joint_system import JointProblem, Masks, solve_joint, start_state
 from tumble.calibration.joint_terms import Extra
@@ -39,11 +39,12 @@ def influences(play: Any, site: Any, model: Any) -> Influences:
 def test_a_bias_that_is_the_same_throughout_moves_the_bias_alone_and_by_all_of_it(
     influences: Influences,
 ) -> None:
-    responses = [i.gain @ i.drift.by_bias for i in influences.each if i.drift is not None]
-    total = np.concatenate(responses).sum(axis=0)
-    expected = np.zeros_like(total)
-    expected[21:24] = np.eye(3)
-    np.testing.assert_allclose(total, expected, atol=1e-6)
+    for source, place in ((RATE_WANDER, slice(21, 24)), (FORCE_WANDER, slice(0, 3))):
+        told = [i for i in influences.each if source in i.drifts]
+        total = np.concatenate([i.gain @ i.drifts[source].by_bias for i in told]).sum(axis=0)
+        expected = np.zeros_like(total)
+        expected[place] = np.eye(3)
+        np.testing.assert_allclose(total, expected, atol=1e-6)
 
 
 def test_gyro_biases_are_better_known_than_by_holds_that_wander_each_for_itself(

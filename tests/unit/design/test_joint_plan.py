@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tumble.calibration.joint_influence import RATE_WANDER
 from tumble.calibration.joint_system import linearise_joint
 from tumble.calibration.joint_unknowns import GYRO_BIAS
 from tumble.design.joint_information import (
@@ -138,9 +139,10 @@ def test_what_is_foretold_is_what_drawn_wanders_do_to_the_estimate() -> None:
         wander = simulate_wander(flicker, samples, rate, rng)
         wander -= wander.mean(axis=0)
         for one in influences.each:
-            if one.drift is not None:
+            drift = one.drifts.get(RATE_WANDER)
+            if drift is not None:
                 for start, stop, by_bias, gain in zip(
-                    one.drift.start, one.drift.stop, one.drift.by_bias, one.gain, strict=True
+                    drift.start, drift.stop, drift.by_bias, one.gain, strict=True
                 ):
                     error += gain @ by_bias @ wander[int(start * rate) : int(stop * rate) + 1].mean(axis=0)
     part = GROUPS["gyro bias"]
