@@ -138,5 +138,5 @@ def test_a_prior_of_another_unit_is_objected_to_and_the_units_own_is_not() -> No
     for off, objected in ((np.zeros(3), False), (np.array([0.01, -0.02, 0.015]), True)):
         believed = StableKnowledge(angles + off, 1e-8 * np.eye(3))
         estimate = _calibrated(recording, timeline, believed)
-        check_prior(Task(recording, timeline, means, SITE, knowledge=believed), estimate)
+        check_prior([Task(recording, timeline, means, SITE)], believed, estimate)
         assert any("contradicts" in sentence for sentence in estimate.objections) == objected

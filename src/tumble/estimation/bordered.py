@@ -60,12 +60,9 @@ class BorderedChain:
         residual : (terms, m) of unit variance.
         by_node, by_border : (terms, m, d), (terms, m, b) derivatives.
         """
-        from tumble.estimation.kernels import add_nodes
-
-        add_nodes(
-            *(self.diagonal, self.border, self.gradient),
-            *_alike(node, residual, by_node, by_border),
-        )
+        np.add.at(self.diagonal, node, np.swapaxes(by_node, 1, 2) @ by_node)
+        np.add.at(self.border, node, np.swapaxes(by_node, 1, 2) @ by_border)
+        np.add.at(self.gradient, node, np.einsum("tmd,tm->td", by_node, residual))
         self.add_border(residual, by_border)
 
     def add_links(
@@ -79,15 +76,10 @@ class BorderedChain:
         residual : (terms, m) of unit variance.
         by_node, by_next, by_border : (terms, m, d), (terms, m, d), (terms, m, b) derivatives.
         """
-        from tumble.estimation.kernels import add_nodes, add_to_lower
-
-        places, _, first, border = _alike(node, residual, by_node, by_border)
-        following = np.ascontiguousarray(by_next, dtype=np.float64)
-        add_to_lower(self.lower, places, following, first)
-        add_nodes(
-            *(self.diagonal, self.border, self.gradient),
-            *_alike(node + 1, residual, following, border),
-        )
+        np.add.at(self.lower, node, np.swapaxes(by_next, 1, 2) @ by_node)
+        np.add.at(self.diagonal, node + 1, np.swapaxes(by_next, 1, 2) @ by_next)
+        np.add.at(self.border, node + 1, np.swapaxes(by_next, 1, 2) @ by_border)
+        np.add.at(self.gradient, node + 1, np.einsum("tmd,tm->td", by_next, residual))
         self.add_unary(node, residual, by_node, by_border)
 
     def add_border(self, residual: Table, by_border: AnyArray) -> None:
@@ -114,14 +106,13 @@ class BorderedChain:
             self.corner.copy(),
             self.corner_gradient.copy(),
         )
-        bad = eliminate(made.diagonal, made.lower, made.border, made.gradient)
+        bad = eliminate(
+            made.diagonal, made.lower, made.border, made.gradient, made.corner, made.corner_gradient
+        )
         if bad >= 0:
             raise ObservabilityError(
                 f"Node {bad + 1} of {len(self.diagonal)} of the motion is not determined by what was observed."
             )
-        taken = made.border.reshape(-1, made.border.shape[2])
-        made.corner -= taken.T @ taken
-        made.corner_gradient -= taken.T @ made.gradient.ravel()
         return made
 
 
@@ -173,18 +164,6 @@ class EliminatedChain:
     def decrease(self, corner_step: Series) -> float:
         """Return by how much the square sum falls with the step, the border's whole equations aside."""
         return float(np.sum(self.gradient**2)) - float(corner_step @ self.corner_gradient)
-
-
-def _alike(
-    node: np.ndarray, residual: Table, by_node: AnyArray, by_border: AnyArray
-) -> tuple[np.ndarray, Table, AnyArray, AnyArray]:
-    """As the compiled loops take them: one layout, so that they are compiled once."""
-    return (
-        np.ascontiguousarray(node, dtype=np.int64),
-        np.ascontiguousarray(residual, dtype=np.float64),
-        np.ascontiguousarray(by_node, dtype=np.float64),
-        np.ascontiguousarray(by_border, dtype=np.float64),
-    )
 
 
 def whiten(covariance: AnyArray, *arrays: AnyArray) -> list[AnyArray]:

@@ -9,47 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
-
-
-@numba.njit(cache=True, nogil=True)
-def add_nodes(
-    diagonal: Floats,
-    border: Floats,
-    gradient: Floats,
-    node: Integers,
-    residual: Floats,
-    by_node: Floats,
-    by_border: Floats,
-) -> None:
-    """Add whitened terms of one node each to its `diagonal` (nodes, d, d), `border` (.., d, b), `gradient` (.., d)."""
-    terms, m, d = by_node.shape
-    b = by_border.shape[2]
-    for t in range(terms):
-        k = node[t]
-        for r in range(m):
-            for i in range(d):
-                factor = by_node[t, r, i]
-                if factor == 0.0:
-                    continue
-                gradient[k, i] += factor * residual[t, r]
-                for j in range(d):
-                    diagonal[k, i, j] += factor * by_node[t, r, j]
-                for j in range(b):
-                    border[k, i, j] += factor * by_border[t, r, j]
-
-
-@numba.njit(cache=True, nogil=True)
-def add_to_lower(lower: Floats, node: Integers, by_next: Floats, by_node: Floats) -> None:
-    """Add what whitened terms tie a node and the next one by to `lower` (nodes - 1, d, d)."""
-    terms, m, d = by_node.shape
-    for t in range(terms):
-        for r in range(m):
-            for i in range(d):
-                factor = by_next[t, r, i]
-                if factor != 0.0:
-                    for j in range(d):
-                        lower[node[t], i, j] += factor * by_node[t, r, j]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -58,12 +17,14 @@ def eliminate(
     lower: Floats,
     border: Floats,
     gradient: Floats,
+    corner: Floats,
+    corner_gradient: Floats,
 ) -> int:
     """Factor a bordered chain in place, nodes from first to last; return -1, or the node that is not positive.
 
     `diagonal` (nodes, d, d) becomes the Cholesky factors L_k; `lower` (nodes - 1, d, d), blocks in row k + 1 and
     column k, becomes L_k^-1 lower_k'; `border` (nodes, d, b) and `gradient` (nodes, d) become L_k^-1 times
-    what is left of them. The corner then loses the border's products with itself and with the gradient.
+    what is left of them; `corner` (b, b) and `corner_gradient` (b,) lose what the nodes take.
     """
     nodes, d, b = border.shape
     for k in range(nodes):
@@ -115,6 +76,13 @@ def eliminate(
                         lower[k, i, j] -= diagonal[k, i, m] * lower[k, m, j]
                 for j in range(d):
                     lower[k, i, j] /= diagonal[k, i, i]
+        for i in range(d):
+            for j in range(b):
+                factor = border[k, i, j]
+                if factor != 0.0:
+                    for m in range(b):
+                        corner[j, m] -= factor * border[k, i, m]
+                    corner_gradient[j] -= factor * gradient[k, i]
     return -1
 
 
