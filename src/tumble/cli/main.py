@@ -111,6 +111,9 @@ def _run() -> None:
     except MemoryError:
         _end("The recording does not fit into memory: cut it, or use a machine with more.", 2)
     except Exception as error:  # noqa: BLE001 (the last line of defence: a sentence, not a traceback)
+        # Where a class is being made, Python hands Ctrl-C on as the cause of an error of its own.
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            _end(STOPPED, INTERRUPTED)
         _usage_or_internal(error)
     else:
         # typer turns Ctrl-C into this status without a word.
