@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import tumble
-from tumble.calibration.result import (
+from tumble.document.result import (
     FORMAT,
     Calibration,
     FrameBlock,

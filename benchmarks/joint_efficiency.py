@@ -31,10 +31,17 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import binom, chi2
 
-from tumble.calibration.joint_system import LATITUDE_SIGMA
-from tumble.studies.joint_turntable import TruePlan, bound, coloured_run, paper_truth, study_runs, true_plan
-from tumble.studies.turntable_evaluation import evaluate, in_paper_units, unit_parameters
-from tumble.studies.turntable_simulation import simulate, table_setting
+from tumble.calibration.joint.system import LATITUDE_SIGMA
+from tumble_papers.zhang.joint_turntable import (
+    TruePlan,
+    bound,
+    coloured_run,
+    paper_truth,
+    study_runs,
+    true_plan,
+)
+from tumble_papers.zhang.turntable_evaluation import evaluate, in_paper_units, unit_parameters
+from tumble_papers.zhang.turntable_simulation import simulate, table_setting
 
 FALSE_ALARM = 0.01
 NAMES = (

@@ -22,13 +22,13 @@ import tracemalloc
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tumble.calibration.gathering import gather
-from tumble.calibration.joint import PLAIN, unknowns_of
-from tumble.calibration.joint_data import joint_data
-from tumble.calibration.joint_noise import balance_joint
-from tumble.calibration.joint_system import JointProblem, Masks, linearise_joint, start_state
-from tumble.calibration.joint_terms import Extra
-from tumble.calibration.norm_batch import adjust_norms
+from tumble.calibration.closed_forms.norm_batch import adjust_norms
+from tumble.calibration.equations.gathering import gather
+from tumble.calibration.joint.data import joint_data
+from tumble.calibration.joint.noise import balance_joint
+from tumble.calibration.joint.procedure import PLAIN, unknowns_of
+from tumble.calibration.joint.system import JointProblem, Masks, linearise_joint, start_state
+from tumble.calibration.joint.terms import Extra
 from tumble.earth import Site
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
 from tumble.sensor import ImuModel, Triad

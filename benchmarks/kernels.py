@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from tumble.attitude import integrate_turns
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration.multi_position import fit_norms
+from tumble.calibration.procedures.multi_position import fit_norms
 from tumble.calibration.start_values import rough_triad
 from tumble.sensor.conventions.shin import matrix_from_shin
 

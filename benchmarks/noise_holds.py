@@ -22,7 +22,7 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration.multi_position import fit_norms
+from tumble.calibration.procedures.multi_position import fit_norms
 from tumble.noise.terms import NoiseModel
 from tumble.recording import Recording
 from tumble.segmentation import Hold, NoiseFloor, Timeline, observe_holds

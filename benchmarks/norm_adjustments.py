@@ -21,9 +21,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import least_squares
 
-from tumble.calibration.norm_batch import adjust_norms
+from tumble.calibration.closed_forms.norm_batch import adjust_norms
 from tumble.sensor.conventions.shin import matrix_from_shin
-from tumble.studies.thesis_simulation import (
+from tumble_papers.hayal.thesis_simulation import (
     ATTITUDES,
     FORCE_NOISE,
     GRAVITY,

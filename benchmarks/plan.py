@@ -101,13 +101,13 @@ def errors_of(procedure: str, plan: PosePlan, grade: Grade, placement: float, se
     if len(means) != len(plan.dwells):
         return None
     if procedure == "six-position":
-        from tumble.calibration.six_position import calibrate_six_position
+        from tumble.calibration.procedures.six_position import calibrate_six_position
 
         matching = match_protocol(protocol, recording, timeline, means)
         found = calibrate_six_position(recording, means, matching, protocol, SITE, improved=False).model
         truth = model.accelerometer
     else:
-        from tumble.calibration.multi_position import calibrate_multi_position
+        from tumble.calibration.procedures.multi_position import calibrate_multi_position
 
         found = calibrate_multi_position(recording, means, SITE).model
         truth = change_frame(model, "accelerometer-x").accelerometer

@@ -35,7 +35,7 @@ def one_run(job: tuple[str, str, int, bool, float]) -> tuple[list[tuple[str, flo
     """Return (parameter, error over sigma, coverage factor) of each entry, and the verdict; or what went wrong."""
     import numpy as np
 
-    from tumble.calibration import calibration_from_estimate
+    from tumble.document import calibration_from_estimate
     from tumble.earth import Site
     from tumble.errors import TumbleError
     from tumble.protocol import named_protocol

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tumble.calibration.result import read_calibration
+from tumble.document.result import read_calibration
 from tumble.errors import TumbleError
 from tumble.simulation import simulate_drive
 from tumble.workflows.drive import verify_drive

@@ -22,7 +22,7 @@ import numba
 import numpy as np
 
 from tumble.attitude.kernels import transform_sequence
-from tumble.studies.strapdown_simulation import GRADES, START_NORM, Setting, run_study, simulate_run
+from tumble_papers.savage.strapdown_simulation import GRADES, START_NORM, Setting, run_study, simulate_run
 
 RUNS = 200
 SAMPLES = 4_000

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.stats import binom
 
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.thermal import calibrate_thermal
-from tumble.calibration.thermal_evidence import ThermalEvidence
+from tumble.calibration.thermal.evidence import ThermalEvidence
+from tumble.calibration.thermal.procedure import calibrate_thermal
 from tumble.earth import Site
 from tumble.protocol import named_protocol
 from tumble.segmentation import find_thermal_timeline

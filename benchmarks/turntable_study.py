@@ -19,8 +19,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tumble.studies.turntable_evaluation import evaluate, in_paper_units, unit_parameters
-from tumble.studies.turntable_simulation import Setting, simulate, table_setting
+from tumble_papers.zhang.turntable_evaluation import evaluate, in_paper_units, unit_parameters
+from tumble_papers.zhang.turntable_simulation import Setting, simulate, table_setting
 
 RUNS = 500
 

@@ -27,7 +27,7 @@ from scipy.spatial.transform import Rotation
 
 from tumble.calibration import Estimate, calibrate_hand_held, calibrate_multi_position
 from tumble.calibration.canonical import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, named_values
-from tumble.calibration.triad_unknowns import unknowns_from_triad
+from tumble.calibration.equations.triad_unknowns import unknowns_from_triad
 from tumble.earth import Site
 from tumble.errors import TumbleError
 from tumble.segmentation import find_timeline, observe_holds

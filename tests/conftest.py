@@ -26,6 +26,7 @@ CHECKED_ROOMS = (
     "simulation",
     "navigation",
     "calibration",
+    "document",
     "design",
 )
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from tumble.calibration.result import calibration_schema
+from tumble.document.result import calibration_schema
 from tumble.protocol import protocol_schema
 from tumble.report.filter_document import filter_schema
 from tumble.report.noise_document import noise_schema

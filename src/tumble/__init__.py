@@ -39,7 +39,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tumble.calibration import Calibration, read_calibration
+    from tumble.document import Calibration, read_calibration
     from tumble.earth import Site
     from tumble.errors import TumbleError
     from tumble.recording import Recording, read_recording
@@ -73,7 +73,7 @@ __all__ = [
 ]
 
 _ROOMS = {
-    "Calibration": "calibration",
+    "Calibration": "document",
     "ImuModel": "sensor",
     "Recording": "recording",
     "Site": "earth",
@@ -84,7 +84,7 @@ _ROOMS = {
     "calibrate": "workflows.calibrate",
     "convert_to": "workflows.convert",
     "find_timeline": "segmentation",
-    "read_calibration": "calibration",
+    "read_calibration": "document",
     "read_recording": "recording",
     "simulate": "workflows.simulate",
     "verify": "workflows.verify",

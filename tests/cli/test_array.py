@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.calibration import read_calibration
+from tumble.document import read_calibration
 
 GRAVITY = 9.81
 TERMS = "--no-optional-terms"

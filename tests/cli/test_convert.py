@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.calibration import read_calibration
-from tumble.calibration.imported import calibration_from_model
+from tumble.document import read_calibration
+from tumble.document.imported import calibration_from_model
 from tumble.export.registry import TARGETS
 from tumble.sensor import ImuModel, Triad
 

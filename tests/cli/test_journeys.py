@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tumble.calibration import read_calibration
+from tumble.document import read_calibration
 
 GRAVITY = 9.81
 COLUMNS = ["t", "ax", "ay", "az", "gx", "gy", "gz"]

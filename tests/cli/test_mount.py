@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tumble.attitude import matrix_from_rotation_vector, rotation_vector_from_matrix
-from tumble.calibration import read_calibration
+from tumble.document import read_calibration
 from tumble.simulation import find_grade
 from tumble.simulation.noise import simulate_noise
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from tumble.studies.catalogue import ITEMS
+from tumble_papers.catalogue import ITEMS
 
 KINDS = ("csv", "html", "json", "txt")
 PROGRAM = "import sys, tumble.cli.main as m; sys.argv[0] = 'tumble'; {before}; print('ready', flush=True); m.program()"

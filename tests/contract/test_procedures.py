@@ -11,14 +11,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tumble.calibration import (
-    Calibration,
-    Estimate,
-    calibrate_hand_held,
-    calibrate_multi_position,
-    calibration_from_estimate,
-)
+from tumble.calibration import Estimate, calibrate_hand_held, calibrate_multi_position
 from tumble.calibration.prior import StableKnowledge
+from tumble.document import Calibration, calibration_from_estimate
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
 from tumble.recording import Recording

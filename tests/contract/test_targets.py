@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 import yaml
 
-from tumble.calibration import read_calibration
-from tumble.calibration.imported import calibration_from_model
-from tumble.calibration.result import Calibration
+from tumble.document import read_calibration
+from tumble.document.imported import calibration_from_model
+from tumble.document.result import Calibration
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.export.noise import SensorNoise, TriadNoise
 from tumble.export.registry import TARGETS

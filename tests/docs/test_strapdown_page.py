@@ -12,8 +12,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from tumble.calibration.rotation_sequences import sequence_model
-from tumble.calibration.sequence_inversion import solve_measurements, undetermined_words
+from tumble.calibration.closed_forms.rotation_sequences import sequence_model
+from tumble.calibration.closed_forms.sequence_inversion import solve_measurements, undetermined_words
 from tumble.protocol import read_protocol, sequence_steps
 from tumble.protocol.strapdown_rotation import SEQUENCES, start_down
 

@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.calibration import Estimate, calibrate_hand_held, read_calibration
+from tumble.calibration import Estimate, calibrate_hand_held
 from tumble.calibration.canonical import named_values
-from tumble.calibration.gathering import gather
+from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.triad_unknowns import unknowns_from_triad
 from tumble.calibration.scores import hold_norm_errors, score_turns
-from tumble.calibration.triad_unknowns import unknowns_from_triad
+from tumble.document import read_calibration
 from tumble.earth import Site
 from tumble.sensor import ImuModel, Triad, change_frame
 from tumble.sensor.conventions.imu_tk import MISALIGNMENTS, matrix_from_imu_tk

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.calibration.algebra import inverted, merged, polar_rotation, turned_to
-from tumble.calibration.composed import compose_calibrations
-from tumble.calibration.difference import compare_calibrations
-from tumble.calibration.entries import entry_names, model_of_vector, stacked, vector_of_model
-from tumble.calibration.imported import calibration_from_model
-from tumble.calibration.merging import merge_models
-from tumble.calibration.result import Calibration
+from tumble.document.algebra import inverted, merged, polar_rotation, turned_to
+from tumble.document.composed import compose_calibrations
+from tumble.document.difference import compare_calibrations
+from tumble.document.entries import entry_names, model_of_vector, stacked, vector_of_model
+from tumble.document.imported import calibration_from_model
+from tumble.document.merging import merge_models
+from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.sensor import FRAMES, ImuModel, Triad, change_frame
 from tumble.sensor.gauge import mean_gyro_rotation

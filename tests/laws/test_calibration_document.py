@@ -13,10 +13,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tumble.calibration import Calibration, Estimate, calibration_from_estimate, read_calibration
+from tumble.calibration import Estimate
 from tumble.calibration.canonical import canonical_names
 from tumble.calibration.estimate import NamedValue, TermTest
-from tumble.calibration.result import calibration_schema
+from tumble.document import Calibration, calibration_from_estimate, read_calibration
+from tumble.document.result import calibration_schema
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError
 from tumble.recording import Recording

@@ -9,11 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration import Calibration, Estimate, calibration_from_estimate
-from tumble.calibration.modified_multi_position import calibrate_modified_multi_position
-from tumble.calibration.rate_table import calibrate_rate_table
-from tumble.calibration.six_position import calibrate_six_position
+from tumble.calibration import Estimate
+from tumble.calibration.procedures.modified_multi_position import calibrate_modified_multi_position
+from tumble.calibration.procedures.rate_table import calibrate_rate_table
+from tumble.calibration.procedures.six_position import calibrate_six_position
 from tumble.calibration.verdict import judge
+from tumble.document import Calibration, calibration_from_estimate
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tumble.arrays import Vectors
-from tumble.calibration.norm_batch import NormBatch, adjust_norms
+from tumble.calibration.closed_forms.norm_batch import NormBatch, adjust_norms
 from tumble.earth import Site
 from tumble.earth.site import EARTH_RATE
 from tumble.protocol import HoldStep, named_protocol
@@ -16,8 +16,8 @@ from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, find_timeline, observe_holds
 from tumble.simulation import Truth, find_grade
 from tumble.simulation.protocols import simulate_protocol
-from tumble.studies.hayal_scenarios import SCENARIOS
-from tumble.studies.thesis_simulation import FORCE_NOISE, RATE_NOISE
+from tumble_papers.hayal.scenarios import SCENARIOS
+from tumble_papers.hayal.thesis_simulation import FORCE_NOISE, RATE_NOISE
 
 RATE, SECONDS = 20.0, 60.0
 SITE = Site.from_latitude(np.radians(40.0))

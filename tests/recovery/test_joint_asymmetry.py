@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.joint import calibrate_joint
-from tumble.calibration.joint_unknowns import (
+from tumble.calibration.joint.procedure import calibrate_joint
+from tumble.calibration.joint.unknowns import (
     FORCE_ASYMMETRY,
     G_SENSITIVITY,
     GYRO_BIAS,
@@ -20,8 +20,8 @@ from tumble.calibration.joint_unknowns import (
     raw_rate,
     without_asymmetry,
 )
-from tumble.calibration.joint_wanted import TERM_LIMIT
-from tumble.calibration.joint_wide import WIDE
+from tumble.calibration.joint.wanted import TERM_LIMIT
+from tumble.calibration.joint.wide import WIDE
 from tumble.earth import Site
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
 from tumble.sensor import ImuModel, Triad

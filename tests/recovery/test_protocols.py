@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.calibration.result import Calibration
+from tumble.document.result import Calibration
 from tumble.earth import Site
 from tumble.protocol import named_protocol, write_protocol
 from tumble.sensor import change_frame

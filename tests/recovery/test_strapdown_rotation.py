@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from tumble.calibration import Estimate
-from tumble.calibration.strapdown_rotation import calibrate_strapdown_rotation
+from tumble.calibration.procedures.strapdown_rotation import calibrate_strapdown_rotation
 from tumble.earth import Site
 from tumble.errors import ObservabilityError, SegmentationError, TumbleError
 from tumble.protocol import HoldStep, Pose, Protocol, Step, TurnStep, named_protocol

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.thermal import calibrate_thermal
+from tumble.calibration.thermal.procedure import calibrate_thermal
 from tumble.earth import Site
 from tumble.protocol import named_protocol
 from tumble.segmentation import Timeline, find_thermal_timeline

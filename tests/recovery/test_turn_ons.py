@@ -14,11 +14,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.calibration import Estimate
-from tumble.calibration.joint import calibrate_joint, unknowns_of
-from tumble.calibration.joint_estimate import JointOutcome
-from tumble.calibration.joint_several import TurnOn, solve_several, with_free
-from tumble.calibration.joint_turn_ons import SeveralOutcome, adjust_several
-from tumble.calibration.turn_ons_estimate import SeveralEstimate, several_estimate
+from tumble.calibration.joint.estimate import JointOutcome
+from tumble.calibration.joint.procedure import calibrate_joint, unknowns_of
+from tumble.calibration.joint.several import TurnOn, solve_several, with_free
+from tumble.calibration.joint.turn_ons import SeveralOutcome, adjust_several
+from tumble.calibration.turn_ons.estimate import SeveralEstimate, several_estimate
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.segmentation import find_timeline, observe_holds

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from tumble.calibration import Estimate
-from tumble.calibration.laboratory import calibrate_laboratory
-from tumble.calibration.turntable import calibrate_turntable
+from tumble.calibration.procedures.laboratory import calibrate_laboratory
+from tumble.calibration.procedures.turntable import calibrate_turntable
 from tumble.earth import Site
 from tumble.errors import ObservabilityError, SegmentationError
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, named_protocol

@@ -17,11 +17,11 @@ from scipy.spatial.transform import Rotation
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration import Estimate
-from tumble.calibration.modified_multi_position import calibrate_modified_multi_position
-from tumble.calibration.multi_position import fit_norms
-from tumble.calibration.placement import plain_least_squares, up_down_pair
-from tumble.calibration.rate_table import calibrate_rate_table
-from tumble.calibration.six_position import calibrate_six_position
+from tumble.calibration.equations.placement import plain_least_squares, up_down_pair
+from tumble.calibration.procedures.modified_multi_position import calibrate_modified_multi_position
+from tumble.calibration.procedures.multi_position import fit_norms
+from tumble.calibration.procedures.rate_table import calibrate_rate_table
+from tumble.calibration.procedures.six_position import calibrate_six_position
 from tumble.earth import EARTH_RATE, Site
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.recording import Recording

@@ -13,16 +13,17 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from tumble.calibration import calibrate_hand_held, joint_draws
-from tumble.calibration.joint import PLAIN, calibrate_joint
-from tumble.calibration.joint_budget import NamedParameters
-from tumble.calibration.joint_data import joint_data, window_spin
-from tumble.calibration.joint_draws import draw_distributions, redrawn
-from tumble.calibration.joint_estimate import JointOutcome
-from tumble.calibration.joint_influence import ANGLES, FORCE_REST, SWAY, TURNS, joint_influences
-from tumble.calibration.joint_system import JointProblem, Masks, linearise_joint, solve_joint, start_state
-from tumble.calibration.joint_terms import Extra
-from tumble.calibration.joint_unknowns import GYRO_BIAS, force_matrix, gyro_matrix
+from tumble.calibration import calibrate_hand_held
+from tumble.calibration.joint import draws as joint_draws
+from tumble.calibration.joint.budget import NamedParameters
+from tumble.calibration.joint.data import joint_data, window_spin
+from tumble.calibration.joint.draws import draw_distributions, redrawn
+from tumble.calibration.joint.estimate import JointOutcome
+from tumble.calibration.joint.influence import ANGLES, FORCE_REST, SWAY, TURNS, joint_influences
+from tumble.calibration.joint.procedure import PLAIN, calibrate_joint
+from tumble.calibration.joint.system import JointProblem, Masks, linearise_joint, solve_joint, start_state
+from tumble.calibration.joint.terms import Extra
+from tumble.calibration.joint.unknowns import GYRO_BIAS, force_matrix, gyro_matrix
 from tumble.earth import Site
 from tumble.estimation.gauss_helmert import invert_normal_matrix
 from tumble.protocol import named_protocol

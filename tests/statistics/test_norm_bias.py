@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tumble.calibration.norm_batch import ESTIMATORS
+from tumble.calibration.closed_forms.norm_batch import ESTIMATORS
 from tumble.earth.site import EARTH_RATE
-from tumble.studies.hayal_estimators import THEORY, reproduce_norm_bias
-from tumble.studies.thesis_simulation import RATE_NOISE, run_setting, table_setting
+from tumble_papers.hayal.estimators import THEORY, reproduce_norm_bias
+from tumble_papers.hayal.thesis_simulation import RATE_NOISE, run_setting, table_setting
 
 RUNS = 1500
 # Two-sided chance of a normal deviate beyond this: 7e-6; ten such comparisons and two programs.

@@ -15,7 +15,7 @@ from tumble.design.strapdown_accuracy import analyse_strapdown_rotation
 from tumble.design.strapdown_setup import SensorQuality, StrapdownSetup
 from tumble.earth import Site
 from tumble.sensor.conventions.savage import GROUPS
-from tumble.studies.strapdown_simulation import GRADES, Setting, Variant, run_study
+from tumble_papers.savage.strapdown_simulation import GRADES, Setting, Variant, run_study
 
 RUNS = 100
 

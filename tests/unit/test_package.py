@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import tumble
-from tumble.calibration.imported import calibration_from_model
+from tumble.document.imported import calibration_from_model
 from tumble.sensor import ImuModel, Triad
 
 

@@ -8,42 +8,34 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tumble.calibration.composition import calibration_from_estimate
     from tumble.calibration.estimate import Estimate
-    from tumble.calibration.hand_held import calibrate_hand_held
-    from tumble.calibration.modified_multi_position import calibrate_modified_multi_position
-    from tumble.calibration.multi_position import calibrate_multi_position
-    from tumble.calibration.rate_table import calibrate_rate_table
-    from tumble.calibration.result import Calibration, read_calibration
-    from tumble.calibration.six_position import calibrate_six_position
+    from tumble.calibration.procedures.hand_held import calibrate_hand_held
+    from tumble.calibration.procedures.modified_multi_position import calibrate_modified_multi_position
+    from tumble.calibration.procedures.multi_position import calibrate_multi_position
+    from tumble.calibration.procedures.rate_table import calibrate_rate_table
+    from tumble.calibration.procedures.six_position import calibrate_six_position
 
 __all__ = [
-    "Calibration",
     "Estimate",
     "calibrate_hand_held",
     "calibrate_modified_multi_position",
     "calibrate_multi_position",
     "calibrate_rate_table",
     "calibrate_six_position",
-    "calibration_from_estimate",
-    "read_calibration",
 ]
 
 _MODULES = {
-    "Calibration": "result",
     "Estimate": "estimate",
-    "calibrate_hand_held": "hand_held",
-    "calibrate_modified_multi_position": "modified_multi_position",
-    "calibrate_multi_position": "multi_position",
-    "calibrate_rate_table": "rate_table",
-    "calibrate_six_position": "six_position",
-    "calibration_from_estimate": "composition",
-    "read_calibration": "result",
+    "calibrate_hand_held": "procedures.hand_held",
+    "calibrate_modified_multi_position": "procedures.modified_multi_position",
+    "calibrate_multi_position": "procedures.multi_position",
+    "calibrate_rate_table": "procedures.rate_table",
+    "calibrate_six_position": "procedures.six_position",
 }
 
 
 def __getattr__(name: str) -> object:
-    """Fetch a name from its module at first use: reading a calibration needs no estimator.
+    """Fetch a name from its module at first use: whoever reads an estimate needs no estimator.
 
     Raises
     ------

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Square, Table
+from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE
 from tumble.calibration.estimate import NamedValue, correlation_matrix
-from tumble.calibration.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE
 from tumble.earth import Site
 from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel, Triad, propagate

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Series
+from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, SCALE
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.triad_unknowns import ANGLE, BIAS, SCALE
 from tumble.estimation import Prior
 from tumble.simulation import TriadGrade
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Square, Table, Vector, Vectors
-from tumble.calibration.thermal_evidence import ThermalEvidence
+from tumble.calibration.thermal.evidence import ThermalEvidence
 from tumble.calibration.uncertainty_statement import UncertaintyStatement
 from tumble.sensor import ImuModel
 from tumble.sensor.thermal import ThermalModel

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Series, Vectors
+from tumble.calibration.equations.triad_unknowns import BIAS, SCALE
 from tumble.calibration.poses import distinct_poses
 from tumble.calibration.singular_poses import describe_mending, describe_untold
-from tumble.calibration.triad_unknowns import BIAS, SCALE
 from tumble.errors import ObservabilityError
 
 # Of a rough solution in SI units: a sphere fitted to one pose, laid down again and again, is beyond these.

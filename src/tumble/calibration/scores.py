@@ -9,7 +9,7 @@ import numpy as np
 from tumble.arrays import Matrix, Series, Vectors, inverted
 from tumble.attitude import angle_between, integrate_turns
 from tumble.attitude.integration import average_at_edge
-from tumble.calibration.turn_conditions import HoldsAndTurns
+from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.sensor import ImuModel
 
 # A turn smaller than this says nothing of scale factors.

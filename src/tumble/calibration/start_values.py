@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors
-from tumble.calibration.triad_unknowns import BIAS, COUNT, SCALE
+from tumble.calibration.equations.triad_unknowns import BIAS, COUNT, SCALE
 
 
 def rough_triad(means: Vectors, reference: float) -> Series:

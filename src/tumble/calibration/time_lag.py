@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.calibration.turn_conditions import HoldsAndTurns
+from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.sensor import ImuModel
 
 WINDOW = 0.1  # s: short against a turn's acceleration, long against accelerometer noise

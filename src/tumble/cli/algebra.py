@@ -15,8 +15,8 @@ from tumble.cli.progress import results_stand
 from tumble.errors import UsageError
 
 if TYPE_CHECKING:
-    from tumble.calibration import Calibration
-    from tumble.calibration.difference import Difference
+    from tumble.document import Calibration
+    from tumble.document.difference import Difference
 
 Output = Annotated[Path, typer.Option("--output", "-o", help="The file, or a folder for calibration.json.")]
 

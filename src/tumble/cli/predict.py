@@ -13,7 +13,7 @@ from tumble.cli.options import Json
 from tumble.errors import UsageError
 
 if TYPE_CHECKING:
-    from tumble.calibration.predictions import Answer
+    from tumble.document.predictions import Answer
 
 
 def predict_command(

@@ -68,7 +68,7 @@ def reproduce_command(
 
 
 def _print_list() -> None:
-    from tumble.studies.catalogue import ITEMS
+    from tumble_papers.catalogue import ITEMS
 
     width = max(len(name) for name in ITEMS)
     title = max(len(entry.title) for entry in ITEMS.values())

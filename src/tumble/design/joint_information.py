@@ -14,12 +14,13 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Square, Table, inverted
 from tumble.calibration.canonical import named_parameters
-from tumble.calibration.joint import PLAIN, unknowns_of
-from tumble.calibration.joint_data import JointData
-from tumble.calibration.joint_influence import Influences, joint_influences
-from tumble.calibration.joint_noise import still_sway
-from tumble.calibration.joint_spins import SpinEquations, spin_equations
-from tumble.calibration.joint_system import (
+from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, SCALE
+from tumble.calibration.joint.data import JointData
+from tumble.calibration.joint.influence import Influences, joint_influences
+from tumble.calibration.joint.noise import still_sway
+from tumble.calibration.joint.procedure import PLAIN, unknowns_of
+from tumble.calibration.joint.spins import SpinEquations, spin_equations
+from tumble.calibration.joint.system import (
     HEADING_SIGMA,
     LEFT_OUT,
     JointProblem,
@@ -29,7 +30,7 @@ from tumble.calibration.joint_system import (
     solve_joint,
     start_state,
 )
-from tumble.calibration.joint_terms import (
+from tumble.calibration.joint.terms import (
     HEAD,
     NODE,
     TAIL,
@@ -40,8 +41,7 @@ from tumble.calibration.joint_terms import (
     hold_terms,
     turn_terms,
 )
-from tumble.calibration.joint_unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED
-from tumble.calibration.triad_unknowns import ANGLE, BIAS, SCALE
+from tumble.calibration.joint.unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED
 from tumble.earth import Site
 from tumble.estimation import Prior
 from tumble.estimation.bordered import BorderedChain, whiten

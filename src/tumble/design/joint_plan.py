@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
-from tumble.calibration.joint_influence import FORCE_WANDER
+from tumble.calibration.joint.influence import FORCE_WANDER
 from tumble.design.hold_noise import hold_covariance
 from tumble.design.joint_information import (
     GROUPS,

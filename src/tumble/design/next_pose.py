@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Square, Vector, Vectors, inverted
-from tumble.calibration.result import Calibration
 from tumble.design.candidates import GROUPS, PARAMETERS, pose_rows
 from tumble.design.criteria import Criterion
 from tumble.design.pose_plan import Reach
+from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.simulation.noise import TriadNoise
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
-from tumble.calibration.gathering import EDGE_WINDOW
-from tumble.calibration.joint import unknowns_of
-from tumble.calibration.joint_data import JointData, JointSpin, joint_data, window_spin
-from tumble.calibration.turn_conditions import HoldsAndTurns
+from tumble.calibration.equations.gathering import EDGE_WINDOW
+from tumble.calibration.equations.turn import HoldsAndTurns
+from tumble.calibration.joint.data import JointData, JointSpin, joint_data, window_spin
+from tumble.calibration.joint.procedure import unknowns_of
 from tumble.design.hold_noise import wander_sigma, white_density
 from tumble.earth import Site
 from tumble.errors import UsageError

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, inverted
-from tumble.calibration.rotation_sequences import across_down
-from tumble.calibration.sequence_inversion import invert_measurements
+from tumble.calibration.closed_forms.rotation_sequences import across_down
+from tumble.calibration.closed_forms.sequence_inversion import invert_measurements
 from tumble.design.strapdown_effects import Effect
 from tumble.design.strapdown_sequences import TimedSequence
 from tumble.design.strapdown_setup import StrapdownSetup

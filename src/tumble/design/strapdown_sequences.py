@@ -15,7 +15,7 @@ import numpy as np
 
 from tumble.arrays import Matrix, Series, Table, Vector
 from tumble.attitude import matrix_from_rotation_vector, skew
-from tumble.calibration.rotation_sequences import SequenceModel, sequence_model
+from tumble.calibration.closed_forms.rotation_sequences import SequenceModel, sequence_model
 from tumble.design.strapdown_setup import StrapdownSetup, Timing
 from tumble.protocol.strapdown_rotation import (
     SEQUENCES,

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tumble.arrays import Vectors
-from tumble.calibration.merging import merge_models
-from tumble.calibration.result import Calibration
+from tumble.document.merging import merge_models
+from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.export import losses
 from tumble.export.losses import Loss

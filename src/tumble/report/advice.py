@@ -15,7 +15,7 @@ from tumble.report.rounding import with_uncertainty
 from tumble.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
-    from tumble.calibration.result import Calibration
+    from tumble.document.result import Calibration
     from tumble.recording.recording import Recording
     from tumble.segmentation import Timeline
 

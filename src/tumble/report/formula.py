@@ -9,7 +9,7 @@ import numpy as np
 from tumble.report.parameters import plain_unit
 
 if TYPE_CHECKING:
-    from tumble.calibration.result import Calibration, TriadBlock
+    from tumble.document.result import Calibration, TriadBlock
 
 
 def formula_text(calibration: Calibration) -> str:

@@ -44,7 +44,7 @@ from tumble.report.words import (
 
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Estimate
-    from tumble.calibration.result import Calibration
+    from tumble.document.result import Calibration
     from tumble.protocol import Protocol
     from tumble.recording.recording import Recording
     from tumble.segmentation import HoldMeans, Timeline
@@ -75,7 +75,7 @@ def write_report(
     OutputError
         If it cannot be written; what was at `path` is intact.
     """
-    from tumble.calibration.result import write_text
+    from tumble.document.result import write_text
 
     page = render_report(
         calibration=calibration, estimate=estimate, recording=recording, timeline=timeline, means=means

@@ -18,7 +18,7 @@ from tumble.report.rounding import interval, with_uncertainty
 from tumble.units import STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
 
 if TYPE_CHECKING:
-    from tumble.calibration.result import Calibration, ParameterBlock, TriadBlock
+    from tumble.document.result import Calibration, ParameterBlock, TriadBlock
 
 ACCELEROMETER, GYRO, BETWEEN, OPTIONAL = "Accelerometer", "Gyro", "Between the triads", "Optional terms"
 TEMPERATURE = "Changes with temperature"

@@ -10,8 +10,8 @@ from tumble.calibration.verdict import two_digits
 from tumble.report.rounding import with_uncertainty
 
 if TYPE_CHECKING:
-    from tumble.calibration.predictions import Answer
-    from tumble.calibration.result import Calibration
+    from tumble.document.predictions import Answer
+    from tumble.document.result import Calibration
 
 FOOTNOTE = (
     "Horizontal position from a known start; attitude in all three components. From the calibration's covariance "
@@ -43,7 +43,7 @@ def prediction_table(calibration: Calibration) -> str:
     ----------
     calibration : judged fit or not.
     """
-    from tumble.calibration.predictions import answers
+    from tumble.document.predictions import answers
 
     if calibration.composed_with is not None:
         return ""
@@ -73,7 +73,7 @@ def cells(answer: Answer, *, with_sheet: bool = False) -> list[str]:
     answer : a prediction.
     with_sheet : put what the data sheet promises third.
     """
-    from tumble.calibration.predictions import practical
+    from tumble.document.predictions import practical
 
     before = "–"
     if answer.before is not None and not math.isfinite(answer.before):

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from tumble.calibration.result import Calibration
+    from tumble.document.result import Calibration
 
 _HEADINGS = ("parameter", "value ± standard uncertainty", "95 % interval", "in other units")
 

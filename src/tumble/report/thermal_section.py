@@ -24,8 +24,8 @@ from tumble.report.figure import (
 if TYPE_CHECKING:
     from tumble.arrays import Series, Vectors
     from tumble.calibration.estimate import Estimate
-    from tumble.calibration.result import Calibration
-    from tumble.calibration.thermal_evidence import ThermalEvidence
+    from tumble.calibration.thermal.evidence import ThermalEvidence
+    from tumble.document.result import Calibration
 
 # A state of the hysteresis beyond this is a branch, heating or cooling.
 _BRANCH = 0.5

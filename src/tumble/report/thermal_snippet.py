@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from tumble.calibration.result import Calibration
+    from tumble.document.result import Calibration
     from tumble.sensor import Triad
     from tumble.sensor.thermal import TemperatureBasis, ThermalModel
 

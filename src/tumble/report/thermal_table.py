@@ -16,8 +16,8 @@ from tumble.report.rounding import with_uncertainty
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tumble.calibration.result import Calibration
-    from tumble.calibration.thermal_block import ThermalBlock
+    from tumble.document.result import Calibration
+    from tumble.document.thermal_block import ThermalBlock
 
 # Degrees per radian, and millis: what biases are read in.
 _SHOWN = {"m/s^2": (1e3, "mm/s²"), "rad/s": (float(np.degrees(1.0)), "°/s")}

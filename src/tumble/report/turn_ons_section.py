@@ -12,8 +12,8 @@ from tumble.report.rounding import fixed, with_uncertainty
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tumble.calibration.result import Calibration
-    from tumble.calibration.turn_ons_block import BiasBlock, StableBlock, TurnOnsBlock
+    from tumble.document.result import Calibration
+    from tumble.document.turn_ons_block import BiasBlock, StableBlock, TurnOnsBlock
 
 # More recordings than this do not stand beside each other in a terminal.
 MOST_COLUMNS = 4

@@ -36,8 +36,8 @@ def nominal_hold_norms(recording: Recording, means: HoldMeans, gravity: float) -
         return Uncalibrated(
             np.linalg.norm(factor * means.specific_force, axis=1) - gravity, "the raw values in their unit"
         )
+    from tumble.calibration.equations.triad_unknowns import BIAS, SCALE
     from tumble.calibration.start_values import rough_triad
-    from tumble.calibration.triad_unknowns import BIAS, SCALE
 
     rough = rough_triad(means.specific_force, gravity)
     corrected = (means.specific_force - rough[BIAS]) / rough[SCALE]
@@ -60,8 +60,8 @@ def nominal_turn_angles(
     if gyro is None or force is None or recording.angular_rate is None or recording.specific_force is None:
         return None
     from tumble.attitude import integrate_turns
-    from tumble.calibration.gathering import gather
-    from tumble.calibration.turn_conditions import window_directions
+    from tumble.calibration.equations.gathering import gather
+    from tumble.calibration.equations.turn import window_directions
 
     factor = angular_rate_factor(recording.angular_rate_unit)
     inverse = np.diag(1.0 / np.diag(gyro.matrix)) if factor is None else factor * np.eye(3)

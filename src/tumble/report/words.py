@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tumble.calibration.result import Calibration, TermBlock
+    from tumble.document.result import Calibration, TermBlock
 
 TERMS = {
     "g_sensitivity": "g-sensitivity of the gyros",

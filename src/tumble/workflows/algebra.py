@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tumble.calibration import Calibration, read_calibration
-from tumble.calibration.algebra import inverted, merged, turned_to
-from tumble.calibration.composed import compose_calibrations
-from tumble.calibration.difference import Difference, compare_calibrations
+from tumble.document import Calibration, read_calibration
+from tumble.document.algebra import inverted, merged, turned_to
+from tumble.document.composed import compose_calibrations
+from tumble.document.difference import Difference, compare_calibrations
 from tumble.errors import UsageError
 from tumble.units import STANDARD_GRAVITY
 

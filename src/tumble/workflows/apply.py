@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.calibration import Calibration, read_calibration
-from tumble.calibration.corrector import Corrector
-from tumble.calibration.result import TriadBlock
+from tumble.document import Calibration, read_calibration
+from tumble.document.corrector import Corrector
+from tumble.document.result import TriadBlock
 from tumble.errors import UsageError
 from tumble.recording import Recording, read_blocks
 from tumble.recording.corrections import PREFIX, corrections_of

@@ -30,8 +30,8 @@ from tumble.workflows.turn_ons import labels_of
 
 if TYPE_CHECKING:
     from tumble.calibration import Estimate
-    from tumble.calibration.array_estimate import ArrayEstimate
-    from tumble.calibration.joint_estimate import JointOutcome
+    from tumble.calibration.joint.array_estimate import ArrayEstimate
+    from tumble.calibration.joint.estimate import JointOutcome
     from tumble.calibration.prior import StableKnowledge
     from tumble.segmentation import Timeline
 
@@ -230,15 +230,15 @@ def _settle(name: str, task: Task, say: Callable[[str], None]) -> tuple[Estimate
 def _together(
     names: Sequence[str], settled: Sequence[tuple[Estimate, JointOutcome]], site: Site
 ) -> ArrayEstimate:
-    from tumble.calibration.array_estimate import array_estimate
-    from tumble.calibration.joint_array import solve_array
+    from tumble.calibration.joint.array import solve_array
+    from tumble.calibration.joint.array_estimate import array_estimate
 
     solution = solve_array(names, [kept for _, kept in settled])
     return array_estimate(solution, [estimate for estimate, _ in settled], site)
 
 
 def _run(task: Task, estimate: Estimate, text: str | os.PathLike[str], count: int) -> CalibrationRun:
-    from tumble.calibration import calibration_from_estimate
+    from tumble.document import calibration_from_estimate
 
     reason = f"Procedure joint: {count} units of one array, whose poses are common, in one adjustment."
     remarks = (reason, *(remark.text for remark in task.recording.remarks))
@@ -292,7 +292,7 @@ def _stem(name: str) -> str:
 
 def _write(done: ArrayRun, folder: Path) -> None:
     """Write each unit's folder, then the table of the array."""
-    from tumble.calibration.result import write_text
+    from tumble.document.result import write_text
 
     for run, name in zip(done.runs, _folders(done.array), strict=True):
         write_run(run, folder / name)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from tumble.calibration.display import calibration_html
+from tumble.document.display import calibration_html
 from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
 from tumble.recording import Recording, read_recordings
@@ -31,8 +31,9 @@ from tumble.workflows.protocols import GivenProtocol, read_given_protocol
 from tumble.workflows.site import given_site
 
 if TYPE_CHECKING:
-    from tumble.calibration import Calibration, Estimate
+    from tumble.calibration import Estimate
     from tumble.calibration.prior import StableKnowledge
+    from tumble.document import Calibration
     from tumble.protocol import Protocol
     from tumble.segmentation import HoldMeans, Timeline
     from tumble.segmentation.matching import Matching
@@ -168,7 +169,7 @@ def calibrate(
         _draw(estimate, monte_carlo, say)
     clock.lap("solving")
 
-    from tumble.calibration import calibration_from_estimate
+    from tumble.document import calibration_from_estimate
 
     remarks = (reason, *(r.text for r in recording.remarks))
     calibration = calibration_from_estimate(estimate, recording, task.site, remarks=remarks, imu=imu)
@@ -188,7 +189,7 @@ def calibrate(
 
 def _draw(estimate: Estimate, runs: int, say: Callable[[str], None]) -> None:
     """Draw the distributions of the parameters; the seed is fixed, so that the same call says the same."""
-    from tumble.calibration.joint_draws import draw_distributions
+    from tumble.calibration.joint.draws import draw_distributions
 
     draw_distributions(estimate, runs, np.random.default_rng(101), say)
 
@@ -309,7 +310,7 @@ def prepare_task(
     clock.lap("importing")
     given = None if intervals is None else read_intervals(Path(intervals))
     if is_thermal:
-        from tumble.calibration.thermal_coverage import require_time_base
+        from tumble.calibration.thermal.coverage import require_time_base
 
         require_time_base(recording, protocol)
     timeline = (find_thermal_timeline if is_thermal else find_timeline)(recording, intervals=given)
@@ -383,7 +384,7 @@ def read_prior(prior: str | os.PathLike[str], serial: str | None = None) -> Stab
         If it is of another unit, or states no accelerometer matrix with its covariance.
     """
     from tumble.calibration.prior import stable_knowledge
-    from tumble.calibration.result import read_calibration
+    from tumble.document.result import read_calibration
 
     earlier = read_calibration(prior)
     if serial is not None and earlier.imu.serial_number not in (None, serial):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Table, Vector
-from tumble.calibration import Calibration
+from tumble.document import Calibration
 from tumble.earth import EARTH_RATE
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.navigation import InertialSamples, SensorState, covariance_from_calibration

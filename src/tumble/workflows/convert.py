@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
-from tumble.calibration import Calibration, read_calibration
-from tumble.calibration.imported import calibration_from_model
-from tumble.calibration.result import RecordingName, write_text
+from tumble.document import Calibration, read_calibration
+from tumble.document.imported import calibration_from_model
+from tumble.document.result import RecordingName, write_text
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.export.noise import read_noise
 from tumble.export.registry import TARGETS, find_target

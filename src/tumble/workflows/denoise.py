@@ -481,7 +481,7 @@ def _targets(
 
 
 def _write(result: Denoised, target: Path, statement: Path) -> None:
-    from tumble.calibration.result import write_text
+    from tumble.document.result import write_text
     from tumble.recording import write_recording
     from tumble.recording.writing import uninterrupted
 

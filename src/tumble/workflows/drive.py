@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.calibration import Calibration, read_calibration
 from tumble.calibration.verdict import two_digits
+from tumble.document import Calibration, read_calibration
 from tumble.errors import RecordingError, UsageError
 from tumble.navigation import (
     Drive,

@@ -63,7 +63,7 @@ def write_drive(document: dict[str, Any], folder: Path, command: str) -> list[Pa
     OutputError
         If they cannot be written; earlier ones are intact.
     """
-    from tumble.calibration.result import write_text
+    from tumble.document.result import write_text
     from tumble.report.drive_page import render_drive
 
     files = [folder / "verify.json", folder / "verify.html"]

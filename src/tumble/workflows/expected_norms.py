@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Table, Vectors
-from tumble.calibration import Calibration
-from tumble.calibration.corrector import Corrector
+from tumble.document import Calibration
+from tumble.document.corrector import Corrector
 from tumble.earth import Site
 from tumble.recording import Recording
 from tumble.recording.frames import Frame

@@ -11,9 +11,9 @@ import numpy as np
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
 
 if TYPE_CHECKING:
-    from tumble.calibration import Calibration
     from tumble.design.joint_information import JointInformation
     from tumble.design.joint_plan import PlanTask
+    from tumble.document import Calibration
 
 # Of a correlation matrix, what is round-off.
 _FLAT = 1e-10
@@ -39,7 +39,7 @@ def read_given_information(
     if not path.exists():
         raise UsageError(f"--given {path}: there is no such file; give a calibration.json or a recording.")
     if path.is_dir() or path.suffix.lower() == ".json":
-        from tumble.calibration.result import read_calibration
+        from tumble.document.result import read_calibration
 
         calibration = read_calibration(path)
         words = f"{path} is a {calibration.procedure} calibration from {calibration.quality.holds} holds."
@@ -145,9 +145,9 @@ def _parameters(values: dict[str, complex]) -> Any:
 
 def _of_few_holds(path: Path, task: PlanTask) -> tuple[JointInformation, list[str]]:
     """The information of a recording that determines too little for a calibration."""
-    from tumble.calibration.gathering import gather
-    from tumble.calibration.joint import unknowns_of
-    from tumble.calibration.joint_data import joint_data
+    from tumble.calibration.equations.gathering import gather
+    from tumble.calibration.joint.data import joint_data
+    from tumble.calibration.joint.procedure import unknowns_of
     from tumble.design.joint_information import planned_problem
     from tumble.recording import read_recording
     from tumble.segmentation import find_timeline, observe_holds

@@ -15,9 +15,9 @@ import numpy as np
 
 import tumble
 from tumble.arrays import Square, Vector
-from tumble.calibration import Calibration, read_calibration
 from tumble.calibration.mount import MountAlignment, align_to_mount, check_poses, mean_covariances
-from tumble.calibration.result import write_text
+from tumble.document import Calibration, read_calibration
+from tumble.document.result import write_text
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError, SegmentationError, UsageError
 from tumble.recording import read_recordings

@@ -193,7 +193,7 @@ def _command(
 
 
 def _write(folder: Path, noise: Characterisation, document: dict[str, Any], command: str) -> tuple[Path, ...]:
-    from tumble.calibration.result import write_text
+    from tumble.document.result import write_text
     from tumble.recording.writing import uninterrupted
     from tumble.report.noise_document import document_text
     from tumble.report.noise_page import render_noise

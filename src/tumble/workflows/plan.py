@@ -155,7 +155,7 @@ def plan(
     verdict, advice = judge_fixture(setup, budget), advise(setup, budget)
     remarks = [*remarks, *more, *budget.remarks]
     if target is not None:
-        from tumble.calibration.result import write_text
+        from tumble.document.result import write_text
 
         document = {
             **budget.to_dict(),

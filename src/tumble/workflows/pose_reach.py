@@ -73,8 +73,8 @@ def read_known(given: str | os.PathLike[str]) -> tuple[Square, list[str]]:
     if not path.exists():
         raise UsageError(f"--given {path}: there is no such file; give a calibration.json or a recording.")
     if path.is_dir() or path.suffix.lower() == ".json":
-        from tumble.calibration.result import read_calibration
         from tumble.design.next_pose import known_from_calibration
+        from tumble.document.result import read_calibration
 
         calibration = read_calibration(path)
         return known_from_calibration(calibration), [

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from tumble.errors import UsageError
 
 if TYPE_CHECKING:
-    from tumble.calibration.predictions import Answer
+    from tumble.document.predictions import Answer
 
 LARGEST_TURN, LARGEST_RATE = 36_000.0, 10_000.0  # degrees, degrees per second
 
@@ -39,8 +39,8 @@ def predict(
         If the file is no calibration, or is composed of several.
     """
     from tumble.calibration.free_inertial import LONGEST
-    from tumble.calibration.predictions import answers
-    from tumble.calibration.result import read_calibration
+    from tumble.document.predictions import answers
+    from tumble.document.result import read_calibration
 
     for t in seconds:
         if not 0.0 < t <= LONGEST:

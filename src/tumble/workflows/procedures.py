@@ -17,8 +17,8 @@ from tumble.recording import (
 
 if TYPE_CHECKING:
     from tumble.calibration import Estimate
-    from tumble.calibration.joint_believed import BelievedPoses
-    from tumble.calibration.joint_estimate import JointOutcome
+    from tumble.calibration.joint.believed import BelievedPoses
+    from tumble.calibration.joint.estimate import JointOutcome
     from tumble.calibration.prior import StableKnowledge
     from tumble.protocol import Protocol
     from tumble.segmentation import HoldMeans, SpinMeans, Timeline
@@ -179,7 +179,7 @@ def _how_it_matched(task: Task) -> str:
 
 
 def _most_telling(task: Task) -> tuple[Estimate, str]:
-    from tumble.calibration.hand_held import SMALLEST_TURNS
+    from tumble.calibration.procedures.hand_held import SMALLEST_TURNS
 
     recording, timeline = task.recording, task.timeline
     turns = sum(turn.usable for turn in timeline.turns)
@@ -240,7 +240,7 @@ def _improved_six_position(task: Task) -> Estimate:
 
 
 def _faces(task: Task, *, improved: bool) -> Estimate:
-    from tumble.calibration.six_position import calibrate_six_position
+    from tumble.calibration.procedures.six_position import calibrate_six_position
     from tumble.workflows.faces import match_faces
 
     protocol, matching = task.protocol, task.matching
@@ -254,14 +254,14 @@ def _faces(task: Task, *, improved: bool) -> Estimate:
 
 
 def _rate_table(task: Task) -> Estimate:
-    from tumble.calibration.rate_table import calibrate_rate_table
+    from tumble.calibration.procedures.rate_table import calibrate_rate_table
 
     protocol, matching, spins = _spins(task)
     return calibrate_rate_table(task.recording, task.means, spins, matching, protocol, task.site)
 
 
 def _modified_multi_position(task: Task) -> Estimate:
-    from tumble.calibration.modified_multi_position import calibrate_modified_multi_position
+    from tumble.calibration.procedures.modified_multi_position import calibrate_modified_multi_position
 
     protocol, matching, spins = _spins(task)
     return calibrate_modified_multi_position(
@@ -270,7 +270,7 @@ def _modified_multi_position(task: Task) -> Estimate:
 
 
 def _turntable(task: Task) -> Estimate:
-    from tumble.calibration.turntable import calibrate_turntable
+    from tumble.calibration.procedures.turntable import calibrate_turntable
     from tumble.segmentation.rotations import observe_rotations
 
     protocol, matching, spins = _spins(task)
@@ -288,7 +288,7 @@ def _turntable(task: Task) -> Estimate:
 
 
 def _laboratory(task: Task) -> Estimate:
-    from tumble.calibration.laboratory import calibrate_laboratory
+    from tumble.calibration.procedures.laboratory import calibrate_laboratory
     from tumble.segmentation.rotations import observe_rotations
 
     protocol, matching, spins = _spins(task)
@@ -297,7 +297,7 @@ def _laboratory(task: Task) -> Estimate:
 
 
 def _strapdown_rotation(task: Task) -> Estimate:
-    from tumble.calibration.strapdown_rotation import calibrate_strapdown_rotation
+    from tumble.calibration.procedures.strapdown_rotation import calibrate_strapdown_rotation
 
     if task.protocol is None or task.matching is None:
         raise UsageError("This procedure needs a protocol: give --protocol FILE.")
@@ -317,7 +317,7 @@ def run_joint(
     start : another procedure's estimate; None runs the recording's own first.
     keep : is handed the settled solution, see `calibrate_joint`.
     """
-    from tumble.calibration.joint import calibrate_joint
+    from tumble.calibration.joint.procedure import calibrate_joint
 
     first = _start_of_joint(task) if start is None else start
     return calibrate_joint(
@@ -347,7 +347,7 @@ def _start_of_joint(task: Task) -> Estimate | None:
 
 
 def _poses(task: Task) -> BelievedPoses | None:
-    from tumble.calibration.joint_believed import believed_poses
+    from tumble.calibration.joint.believed import believed_poses
 
     if (
         task.protocol is None
@@ -371,7 +371,7 @@ def _rotations_if_any(task: Task) -> list[Rotation]:
 
 
 def _thermal(task: Task) -> Estimate:
-    from tumble.calibration.thermal import calibrate_thermal
+    from tumble.calibration.thermal.procedure import calibrate_thermal
 
     return calibrate_thermal(
         task.recording, task.timeline, task.site, protocol=task.protocol, progress=task.say
@@ -407,7 +407,7 @@ _PROCEDURES: dict[str, Callable[[Task], Estimate]] = {
 
 def add_objections(task: Task, estimate: Estimate, procedure: str | None, reason: str) -> None:
     """Say what a user who meant a whole calibration does not get, and what was wrong with the sensors."""
-    from tumble.calibration.hand_held import SMALLEST_TURNS
+    from tumble.calibration.procedures.hand_held import SMALLEST_TURNS
 
     recording, timeline = task.recording, task.timeline
     estimate.objections += find_dead_channels(recording)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tumble.calibration import Calibration
-from tumble.calibration.corrector import NO_TEMPERATURE, Corrector
+from tumble.document import Calibration
+from tumble.document.corrector import NO_TEMPERATURE, Corrector
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import Recording
 from tumble.recording.corrections import temperature_in_counts

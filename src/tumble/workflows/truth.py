@@ -73,7 +73,7 @@ def truth_document(
     protocol, recording, truth : what was played, what came of it, and what was true.
     settings : how.
     """
-    from tumble.calibration.result import BACKWARD, FORWARD
+    from tumble.document.result import BACKWARD, FORWARD
 
     assert truth.model is not None
     in_gauge, mean_gyro = _in_gauge(truth.model, "accelerometer-x"), _in_gauge(truth.model, "mean-gyro")

@@ -29,9 +29,10 @@ from tumble.workflows.procedures import Task, add_objections, check_prior, run_j
 from tumble.workflows.protocols import GivenProtocol, read_given_protocol
 
 if TYPE_CHECKING:
-    from tumble.calibration import Calibration, Estimate
-    from tumble.calibration.joint_estimate import JointOutcome
-    from tumble.calibration.turn_ons_estimate import SeveralEstimate
+    from tumble.calibration import Estimate
+    from tumble.calibration.joint.estimate import JointOutcome
+    from tumble.calibration.turn_ons.estimate import SeveralEstimate
+    from tumble.document import Calibration
     from tumble.protocol import Protocol
     from tumble.segmentation import HoldMeans, Timeline
 
@@ -196,8 +197,8 @@ def _together(
     *,
     optional_terms: bool,
 ) -> SeveralEstimate:
-    from tumble.calibration.joint_turn_ons import adjust_several
-    from tumble.calibration.turn_ons_estimate import several_estimate
+    from tumble.calibration.joint.turn_ons import adjust_several
+    from tumble.calibration.turn_ons.estimate import several_estimate
 
     outcome = adjust_several(names, [kept for _, kept in settled], optional_terms=optional_terms)
     return several_estimate(outcome, [estimate for estimate, _ in settled], site)
@@ -234,8 +235,8 @@ def _document(
     imu: tuple[str | None, str | None],
 ) -> Calibration:
     """The document: judged by what was measured, with the biases' uncertainty that of the next turn-on."""
-    from tumble.calibration import calibration_from_estimate
-    from tumble.calibration.turn_ons_block import turn_ons_block
+    from tumble.document import calibration_from_estimate
+    from tumble.document.turn_ons_block import turn_ons_block
 
     estimate, measured = several.estimate, {b.parameter: b.mean_sigma for b in several.turn_ons.biases}
     judged = replace(

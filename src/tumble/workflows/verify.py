@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.calibration import Calibration, read_calibration
-from tumble.calibration.gathering import gather
+from tumble.calibration.equations.gathering import gather
 from tumble.calibration.poses import distinct_poses
 from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.calibration.verdict import two_digits
+from tumble.document import Calibration, read_calibration
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError
 from tumble.recording import read_recordings

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tumble.sensor.conventions.savage import GROUPS
-from tumble.studies.strapdown_simulation import (
+from tumble_papers.savage.strapdown_simulation import (
     AS_PRINTED,
     GRADES,
     START_NORM,

@@ -7,7 +7,7 @@ import pytest
 
 from tumble.protocol.strapdown_rotation import SEQUENCES
 from tumble.sensor.conventions.savage import NAMES
-from tumble.studies.savage_formulas import simulated_coefficients
+from tumble_papers.savage.formulas import simulated_coefficients
 
 PI = np.pi
 X, Y, Z, START, END = range(5)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tumble.calibration.inter_triad import rotation_from_two_axes, triad_rotation
-from tumble.calibration.separate_norms import (
+from tumble.calibration.closed_forms.inter_triad import rotation_from_two_axes, triad_rotation
+from tumble.calibration.closed_forms.separate_norms import (
     bias_from_static_pairs,
     ellipsoid_from_norms,
     matrix_from_rotations,
 )
-from tumble.studies.zhang_formulas import (
+from tumble_papers.zhang.formulas import (
     pair_bias,
     printed_derivatives,
     printed_design,

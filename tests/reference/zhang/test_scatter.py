@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.separate_norms import ellipsoid_from_norms
-from tumble.studies.turntable_evaluation import (
+from tumble.calibration.closed_forms.separate_norms import ellipsoid_from_norms
+from tumble_papers.zhang.tables import theory_of_nine
+from tumble_papers.zhang.turntable_evaluation import (
     CHOICES,
     Estimates,
     evaluate,
@@ -14,8 +15,7 @@ from tumble.studies.turntable_evaluation import (
     triad_parameters,
     unit_parameters,
 )
-from tumble.studies.turntable_simulation import GRAVITY, simulate, table_setting
-from tumble.studies.zhang_tables import theory_of_nine
+from tumble_papers.zhang.turntable_simulation import GRAVITY, simulate, table_setting
 
 RUNS = 500
 # Group -> range in table 3 and in table 4; see SOURCE.md.

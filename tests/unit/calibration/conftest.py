@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tumble.calibration.gathering import gather
-from tumble.calibration.turn_conditions import HoldsAndTurns
+from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.earth import Site
 from tumble.recording import Recording
 from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline, Turn, observe_holds
@@ -82,7 +82,7 @@ def tumble_by_hand(
 
 def true_unknowns(first_attitude: Rotation | None = None) -> np.ndarray:
     """The 36 unknowns of MODEL; the Earth rate is left at zero."""
-    from tumble.calibration.triad_unknowns import unknowns_from_triad
+    from tumble.calibration.equations.triad_unknowns import unknowns_from_triad
 
     assert MODEL.accelerometer is not None
     assert MODEL.gyroscope is not None

@@ -7,10 +7,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tumble.calibration.iterative_norms import IteratedNorms, iterate_linearised, minimise_norm_cost
-from tumble.calibration.separate_norms import ellipsoid_from_norms
+from tumble.calibration.closed_forms.iterative_norms import (
+    IteratedNorms,
+    iterate_linearised,
+    minimise_norm_cost,
+)
+from tumble.calibration.closed_forms.separate_norms import ellipsoid_from_norms
+from tumble.calibration.equations.triad_unknowns import triad_from_unknowns
 from tumble.calibration.start_values import rough_triad
-from tumble.calibration.triad_unknowns import triad_from_unknowns
 from tumble.errors import ConvergenceError
 
 G = 9.81

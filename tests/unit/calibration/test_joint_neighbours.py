@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.calibration.joint import PLAIN, unknowns_of
-from tumble.calibration.joint_data import joint_data
-from tumble.calibration.joint_influence import FORCE_WANDER, RATE_WANDER, Influences, joint_influences
-from tumble.calibration.joint_neighbours import Drift, shared_wander
-from tumble.calibration.joint_system import JointProblem, Masks, solve_joint, start_state
-from tumble.calibration.joint_terms import Extra
+from tumble.calibration.joint.data import joint_data
+from tumble.calibration.joint.influence import FORCE_WANDER, RATE_WANDER, Influences, joint_influences
+from tumble.calibration.joint.neighbours import Drift, shared_wander
+from tumble.calibration.joint.procedure import PLAIN, unknowns_of
+from tumble.calibration.joint.system import JointProblem, Masks, solve_joint, start_state
+from tumble.calibration.joint.terms import Extra
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def test_many_stretches_are_taken_together_and_tell_the_same(monkeypatch: pytest
     gain = np.broadcast_to(np.diag([1.0, 2.0, 3.0]), (count, 3, 3))
     density = np.array([1.0, 2.0, 5.0])
     whole = shared_wander([(drift, gain)], density, (0.0, span))
-    monkeypatch.setattr("tumble.calibration.joint_neighbours.MOST_STRETCHES", 20)
+    monkeypatch.setattr("tumble.calibration.joint.neighbours.MOST_STRETCHES", 20)
     fewer = shared_wander([(drift, gain)], density, (0.0, span))
     np.testing.assert_allclose(fewer, whole, rtol=1e-9, atol=1e-15)
     assert np.diag(whole)[2] == pytest.approx(9.0 * 5.0 * np.diag(whole)[0], rel=1e-9)

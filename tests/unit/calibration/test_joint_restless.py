@@ -10,8 +10,8 @@ import pytest
 
 from tumble.calibration import Estimate
 from tumble.calibration.estimate import RestlessHold
-from tumble.calibration.joint import calibrate_joint
-from tumble.calibration.joint_restless import restless_remarks
+from tumble.calibration.joint.procedure import calibrate_joint
+from tumble.calibration.joint.restless import restless_remarks
 from tumble.report.residual_figures import restless_table
 from tumble.segmentation import observe_holds
 

@@ -10,18 +10,18 @@ import pytest
 
 from tumble.arrays import AnyArray, Table
 from tumble.attitude.rotations import matrices_from_rotation_vectors
-from tumble.calibration.gathering import gather
-from tumble.calibration.joint import unknowns_of
-from tumble.calibration.joint_data import (
+from tumble.calibration.equations.gathering import gather
+from tumble.calibration.joint.data import (
     JointData,
     JointSpin,
     joint_data,
     mean_backward_rotation,
     window_spin,
 )
-from tumble.calibration.joint_spins import Layout, SpinState, add_spin_terms, spin_equations, start_spin
-from tumble.calibration.joint_system import JointProblem, JointState, Masks, solve_joint, start_state
-from tumble.calibration.joint_terms import BORDER, Extra
+from tumble.calibration.joint.procedure import unknowns_of
+from tumble.calibration.joint.spins import Layout, SpinState, add_spin_terms, spin_equations, start_spin
+from tumble.calibration.joint.system import JointProblem, JointState, Masks, solve_joint, start_state
+from tumble.calibration.joint.terms import BORDER, Extra
 from tumble.earth import Site
 from tumble.estimation.bordered import BorderedChain
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.calibration.joint import PLAIN, unknowns_of
-from tumble.calibration.joint_data import joint_data
-from tumble.calibration.joint_noise import balance_joint
-from tumble.calibration.joint_swing import hold_swings
-from tumble.calibration.joint_system import JointProblem, Masks, start_state
-from tumble.calibration.joint_terms import Extra, hold_terms
-from tumble.calibration.turn_conditions import HoldsAndTurns
+from tumble.calibration.equations.turn import HoldsAndTurns
+from tumble.calibration.joint.data import joint_data
+from tumble.calibration.joint.noise import balance_joint
+from tumble.calibration.joint.procedure import PLAIN, unknowns_of
+from tumble.calibration.joint.swing import hold_swings
+from tumble.calibration.joint.system import JointProblem, Masks, start_state
+from tumble.calibration.joint.terms import Extra, hold_terms
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,10 @@ import numpy.typing as npt
 import pytest
 
 from tumble.attitude.rotations import matrices_from_rotation_vectors
-from tumble.calibration.joint import unknowns_of
-from tumble.calibration.joint_data import JointData, joint_data
-from tumble.calibration.joint_system import start_state
-from tumble.calibration.joint_terms import (
+from tumble.calibration.joint.data import JointData, joint_data
+from tumble.calibration.joint.procedure import unknowns_of
+from tumble.calibration.joint.system import start_state
+from tumble.calibration.joint.terms import (
     BORDER,
     NODE,
     Extra,
@@ -24,7 +24,7 @@ from tumble.calibration.joint_terms import (
     selected,
     turn_terms,
 )
-from tumble.calibration.joint_unknowns import SHARED, raw_force, raw_rate
+from tumble.calibration.joint.unknowns import SHARED, raw_force, raw_rate
 from tumble.earth import Site
 
 Array = npt.NDArray[np.float64]

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from tumble.calibration.joint import PLAIN, calibrate_joint, unknowns_of
-from tumble.calibration.joint_data import joint_data, window_spin
-from tumble.calibration.joint_system import JointProblem, Masks
-from tumble.calibration.joint_terms import Extra
-from tumble.calibration.joint_trials import fresh_problem
+from tumble.calibration.joint.data import joint_data, window_spin
+from tumble.calibration.joint.procedure import PLAIN, calibrate_joint, unknowns_of
+from tumble.calibration.joint.system import JointProblem, Masks
+from tumble.calibration.joint.terms import Extra
+from tumble.calibration.joint.trials import fresh_problem
 from tumble.segmentation import observe_holds
 
 

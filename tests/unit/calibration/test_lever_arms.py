@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from tumble.calibration import Calibration, read_calibration
-from tumble.calibration.algebra import inverted, turned_to
-from tumble.calibration.imported import calibration_from_model
-from tumble.calibration.lever_arms import LeverArms
+from tumble.calibration.equations.lever_arms import LeverArms
+from tumble.document import Calibration, read_calibration
+from tumble.document.algebra import inverted, turned_to
+from tumble.document.imported import calibration_from_model
 from tumble.errors import UsageError
 from tumble.export import find_target, prepare
 from tumble.sensor import ImuModel, Triad

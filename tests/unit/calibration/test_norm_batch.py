@@ -11,9 +11,9 @@ from numpy import cos, sin
 from scipy.optimize import least_squares
 
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration.multi_position import fit_norms
-from tumble.calibration.norm_batch import ESTIMATORS, NormBatch, adjust_norms
-from tumble.calibration.norm_conditions import NormConditions
+from tumble.calibration.closed_forms.norm_batch import ESTIMATORS, NormBatch, adjust_norms
+from tumble.calibration.equations.norm import NormConditions
+from tumble.calibration.procedures.multi_position import fit_norms
 from tumble.errors import UsageError
 from tumble.estimation import adjust
 

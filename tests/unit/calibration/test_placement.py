@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tumble.calibration.placement import (
+from tumble.calibration.equations.placement import (
     PlacedReadings,
     find_added_sigma,
     fit_placed,
@@ -17,8 +17,8 @@ from tumble.calibration.placement import (
     plain_least_squares,
     up_down_pair,
 )
-from tumble.calibration.placement_bias import fit_placement_biases
-from tumble.calibration.spin_conditions import SpinConditions, SpinReadings
+from tumble.calibration.equations.placement_bias import fit_placement_biases
+from tumble.calibration.equations.spin import SpinConditions, SpinReadings
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 

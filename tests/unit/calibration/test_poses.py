@@ -90,7 +90,7 @@ def test_what_a_pose_says_is_the_derivative_of_the_corrected_norm() -> None:
 
     The corrected norm falls with what the true output would raise: the sign is the convention's.
     """
-    from tumble.calibration.triad_unknowns import correct_with_derivatives
+    from tumble.calibration.equations.triad_unknowns import correct_with_derivatives
 
     ideal = np.zeros(12)
     ideal[3:6] = 1.0

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tumble.calibration.rotation_sequences import (
+from tumble.calibration.closed_forms.rotation_sequences import (
     COMPONENTS,
     SequenceModel,
     across_down,
     sequence_model,
 )
-from tumble.calibration.sequence_measurements import measure_sequence
+from tumble.calibration.closed_forms.sequence_measurements import measure_sequence
 from tumble.protocol.strapdown_rotation import SEQUENCES, start_down
 from tumble.sensor.conventions.savage import NAMES, SavageErrors
 

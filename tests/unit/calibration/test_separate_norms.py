@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from tumble.calibration.separate_norms import (
+from tumble.calibration.closed_forms.separate_norms import (
     bias_from_static_pairs,
     ellipsoid_from_norms,
     matrix_from_rotations,

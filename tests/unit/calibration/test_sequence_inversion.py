@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.rotation_sequences import SequenceModel, sequence_model
-from tumble.calibration.sequence_inversion import (
+from tumble.calibration.closed_forms.rotation_sequences import SequenceModel, sequence_model
+from tumble.calibration.closed_forms.sequence_inversion import (
     invert_measurements,
     solve_measurements,
     undetermined_words,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tumble.calibration.sequence_measurements import (
+from tumble.calibration.closed_forms.sequence_measurements import (
     AVERAGING,
     SequenceMeasurement,
     measure_sequence,

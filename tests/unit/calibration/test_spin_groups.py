@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.calibration.spin_groups import group_spins
+from tumble.calibration.equations.spin_groups import group_spins
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep
 from tumble.segmentation.matching import MatchedHold, MatchedSpin, Matching
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.calibration.table_conditions import VERTICAL, TableConditions, TableReadings
-from tumble.calibration.turn_conditions import TOTAL
+from tumble.calibration.equations.table import VERTICAL, TableConditions, TableReadings
+from tumble.calibration.equations.turn import TOTAL
 
 GRAVITY = 9.81
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.thermal_points import white_variance
+from tumble.calibration.thermal.points import white_variance
 from tumble.simulation.noise import TriadNoise, simulate_noise
 
 RATE = 5.0

@@ -9,7 +9,7 @@ import pytest
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.thermal import calibrate_thermal
+from tumble.calibration.thermal.procedure import calibrate_thermal
 from tumble.earth import Site
 from tumble.protocol import HoldStep, Pose, Protocol, SoakStep, Step, TurnStep
 from tumble.segmentation import find_thermal_timeline

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.calibration.turn_conditions import (
+from tumble.calibration.equations.turn import (
     EARTH,
     FORCE,
     G_SENSITIVITY,
@@ -46,7 +46,7 @@ def with_earth_rate(quiet: Any, site: Any, truth: np.ndarray) -> np.ndarray:
 
 
 def matrix_of(values: np.ndarray) -> np.ndarray:
-    from tumble.calibration.triad_unknowns import triad_from_unknowns
+    from tumble.calibration.equations.triad_unknowns import triad_from_unknowns
 
     return triad_from_unknowns(values[FORCE]).matrix
 
@@ -121,7 +121,7 @@ def test_the_design_by_the_accelerometer_leaves_out_only_what_passes_through_g_s
     What is left out is known in closed form for the rates, inverse(M_g) G d f / d unknown, and over a
     turn (2 s and both edge samples) at most its integral.
     """
-    from tumble.calibration.triad_unknowns import correct_with_derivatives
+    from tumble.calibration.equations.triad_unknowns import correct_with_derivatives
 
     exact = conditions_of(still_earth, site, truth).linearise(truth).design[:, :, FORCE]
     missing = numerical_design(still_earth, site, truth)[:, :, FORCE] - exact
@@ -301,7 +301,7 @@ def test_a_hold_s_mean_is_adjusted_towards_gravity(tumbled: Any, site: Any, trut
         multipliers = np.zeros_like(linear.misclosure)
         multipliers[:, 0] = linear.misclosure[:, 0] / linear.covariance[:, 0, 0]
         conditions.adjust_observations(multipliers)
-    from tumble.calibration.triad_unknowns import triad_from_unknowns
+    from tumble.calibration.equations.triad_unknowns import triad_from_unknowns
 
     adjusted = triad_from_unknowns(truth[FORCE]).correct(conditions._mean)
     before = triad_from_unknowns(truth[FORCE]).correct(data.force_mean)

@@ -5,8 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.turn_ons import RecordingOfUnit, TurnOns, agreement_of, bias_scatter, disagreement
-from tumble.calibration.turn_ons_words import amount, turn_on_cautions, turn_on_sentences
+from tumble.calibration.turn_ons.biases import (
+    RecordingOfUnit,
+    TurnOns,
+    agreement_of,
+    bias_scatter,
+    disagreement,
+)
+from tumble.calibration.turn_ons.words import amount, turn_on_cautions, turn_on_sentences
 
 
 def test_scatter_and_the_next_turn_on_by_hand() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.joint_draws import numerical_tolerance, shortest_intervals
+from tumble.calibration.joint.draws import numerical_tolerance, shortest_intervals
 from tumble.calibration.reliability import noncentrality, undetected
 from tumble.calibration.uncertainty_statement import (
     chi_square_probability,

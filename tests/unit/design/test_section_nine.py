@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.rotation_sequences import sequence_model
-from tumble.calibration.sequence_inversion import invert_measurements
+from tumble.calibration.closed_forms.rotation_sequences import sequence_model
+from tumble.calibration.closed_forms.sequence_inversion import invert_measurements
 from tumble.design.section_nine import earth_angle, pulse_angle, single_sequence_sigma, walk_angle
 from tumble.design.strapdown_sequences import timed_sequences
 from tumble.design.strapdown_setup import SensorQuality, StrapdownSetup, Timing

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tumble.attitude import matrix_from_rotation_vector, skew
-from tumble.calibration.sequence_measurements import measure_sequence
+from tumble.calibration.closed_forms.sequence_measurements import measure_sequence
 from tumble.design.strapdown_accuracy import analyse_strapdown_rotation, simulate_test_errors
 from tumble.design.strapdown_advice import advise, judge_fixture
 from tumble.design.strapdown_effects import constant_effects, earth_by_attitude, earth_by_gyro, noise_effects

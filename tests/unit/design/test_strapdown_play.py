@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.rotation_sequences import sequence_model
+from tumble.calibration.closed_forms.rotation_sequences import sequence_model
 from tumble.design.strapdown_play import MOUNTING, SENSORS, SHARED, TILT, error_count, play_exactly
 from tumble.protocol.strapdown_rotation import SEQUENCES, RotationSequence, start_down
 from tumble.simulation.two_axis import FixtureErrors

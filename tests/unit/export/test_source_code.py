@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tumble.calibration.imported import calibration_from_model
+from tumble.document.imported import calibration_from_model
 from tumble.export.registry import TARGETS
 from tumble.export.subject import prepare
 from tumble.recording import read_recording

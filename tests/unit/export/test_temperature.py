@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tumble.calibration import read_calibration
-from tumble.calibration.imported import calibration_from_model
-from tumble.calibration.result import Calibration
-from tumble.calibration.thermal_block import thermal_block
+from tumble.document import read_calibration
+from tumble.document.imported import calibration_from_model
+from tumble.document.result import Calibration
+from tumble.document.thermal_block import thermal_block
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.export.registry import TARGETS
 from tumble.export.subject import Wishes, prepare

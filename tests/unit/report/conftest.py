@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
-from tumble.calibration import calibrate_multi_position, calibration_from_estimate
-from tumble.calibration.result import Calibration
+from tumble.calibration import calibrate_multi_position
+from tumble.document import calibration_from_estimate
+from tumble.document.result import Calibration
 from tumble.earth import Site
 from tumble.recording.recording import Source
 from tumble.segmentation import find_timeline, observe_holds

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.calibration import Calibration
+from tumble.document import Calibration
 from tumble.report.formula import formula_text, python_snippet
 from tumble.report.html import _title, component_words, render_report, write_report
 from tumble.report.parameters import parameter_rows

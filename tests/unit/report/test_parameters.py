@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from tumble.calibration.result import Calibration
+from tumble.document.result import Calibration
 from tumble.report.parameters import ParameterRow, parameter_rows
 
 

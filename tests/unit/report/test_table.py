@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 from rich.console import Console
 
-from tumble.calibration.result import Calibration
+from tumble.document.result import Calibration
 from tumble.report.parameters import parameter_rows
 from tumble.report.table import parameter_text, print_calibration
 

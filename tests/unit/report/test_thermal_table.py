@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from tumble.calibration.thermal_block import ThermalBlock, thermal_block
+from tumble.document.thermal_block import ThermalBlock, thermal_block
 from tumble.report.parameters import TEMPERATURE, parameter_rows
 from tumble.report.thermal_table import thermal_lines, thermal_table
 from tumble.sensor import ImuModel, Triad

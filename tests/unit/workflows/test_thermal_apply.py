@@ -10,11 +10,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tumble.calibration import Calibration, Estimate, calibration_from_estimate, read_calibration
+from tumble.calibration import Estimate
 from tumble.calibration.canonical import canonical_names
-from tumble.calibration.composed import compose_calibrations
-from tumble.calibration.corrector import Corrector
-from tumble.calibration.result import RecordingName
+from tumble.document import Calibration, calibration_from_estimate, read_calibration
+from tumble.document.composed import compose_calibrations
+from tumble.document.corrector import Corrector
+from tumble.document.result import RecordingName
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError, ThermalSpanError, TumbleError, UsageError
 from tumble.protocol import named_protocol

@@ -1,0 +1,1 @@
+"""The papers' own closed forms and iterations, by name: starts of the adjustments, and for comparison."""

@@ -1,0 +1,1 @@
+"""The equations of holds, turns, spins and believed poses, as arrays with their derivatives."""

@@ -1,0 +1,1 @@
+"""The joint estimator: one maximum-likelihood adjustment of everything that was recorded."""

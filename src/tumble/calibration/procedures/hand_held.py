@@ -1,0 +1,458 @@
+"""Calibration from a recording tumbled by hand: both triads from holds and the turns between them.
+
+The accelerometers see gravity in each hold; over each turn the gyro carries gravity from one hold to
+the next. One Gauss-Helmert adjustment of `turn_conditions` uses both, and each hold's mean rate for
+the gyro's bias and g-sensitivity. Start values need no knowledge of scale, sign or axis order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tumble.arrays import Series, Vectors, inverted
+from tumble.calibration.bias_steps import find_bias_step
+from tumble.calibration.canonical import describe_unknowns
+from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.norm import NormConditions
+from tumble.calibration.equations.triad_unknowns import BIAS, QUADRATIC, triad_from_unknowns
+from tumble.calibration.equations.turn import (
+    EARTH,
+    FORCE,
+    G_SENSITIVITY,
+    GYRO_BIAS,
+    GYRO_MATRIX,
+    NORM,
+    RATE,
+    TOTAL,
+    TURN,
+    ExtraVariances,
+    HoldsAndTurns,
+    TurnConditions,
+)
+from tumble.calibration.estimate import (
+    Estimate,
+    LeftOut,
+    NamedValue,
+    TermTest,
+    coverage_factor,
+)
+from tumble.calibration.handedness import refuse_contradicting_axes
+from tumble.calibration.poses import distinct_poses
+from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.requirements import require_poses
+from tumble.calibration.scores import score_turns
+from tumble.calibration.snooping import Kind, Outlier, balance
+from tumble.calibration.start_values import rough_gyro_matrix, rough_triad
+from tumble.calibration.term_tests import wald_test
+from tumble.calibration.time_lag import estimate_time_lag
+from tumble.earth import EARTH_RATE, Site
+from tumble.errors import ObservabilityError
+from tumble.estimation import Adjustment, Prior, adjust
+from tumble.estimation.gauss_helmert import Linearisation
+from tumble.recording.recording import Recording
+from tumble.segmentation import HoldMeans, Timeline
+from tumble.units import specific_force_factor
+
+# Optional terms, tried together and dropped one by one: name -> unknowns.
+OPTIONAL_TERMS: dict[str, np.ndarray] = {
+    "g_sensitivity": np.arange(G_SENSITIVITY.start, G_SENSITIVITY.stop),
+    "quadratic": np.arange(QUADRATIC.start, QUADRATIC.stop),
+}
+# A term that is not there is kept in fewer than this share of recordings, all terms together.
+TERM_FALSE_ALARM = 0.02
+# With the time lag, which is tested apart because nothing else depends on it.
+TERMS_TRIED = len(OPTIONAL_TERMS) + 1
+LAG_LIMIT = TERM_FALSE_ALARM / TERMS_TRIED
+SMALLEST_TURNS = 5
+
+_FORCE_NINE = np.arange(0, 9)
+_GYRO_TWELVE = np.arange(GYRO_MATRIX.start, GYRO_BIAS.stop)
+_EARTH = np.arange(EARTH.start, EARTH.stop)
+
+
+@dataclass(slots=True)
+class _Solution:
+    """An adjustment with its free unknowns and the noise that it was given."""
+
+    adjustment: Adjustment
+    values: Series
+    free: np.ndarray
+    extra: dict[str, float]
+    turned: Series
+
+
+def calibrate_hand_held(
+    recording: Recording,
+    timeline: Timeline,
+    means: HoldMeans,
+    site: Site,
+    *,
+    prior: StableKnowledge | None = None,
+    optional_terms: bool = True,
+    unused_holds: Sequence[int] = (),
+    progress: Callable[[str], None] | None = None,
+) -> Estimate:
+    """Calibrate accelerometers and gyros from holds and turns.
+
+    Parameters
+    ----------
+    recording, timeline, means : raw samples, what was found in them, and the holds' means.
+    site : gravity; with a latitude, the Earth rate's part along gravity is known too.
+    prior : what an earlier calibration knows of the terms that do not change.
+    optional_terms : try g-sensitivity and quadratic terms, keep what the data want.
+    unused_holds : holds whose norm and mean rate are kept out of the estimate, for cross-validation;
+        a turn is kept out by marking it unusable in the timeline.
+    progress : is told in words what is being done.
+
+    Raises
+    ------
+    ObservabilityError
+        If poses or turns are too few or too alike.
+    ConvergenceError
+        If the adjustment does not settle.
+    RecordingError
+        If the turns contradict the order, signs or units of the columns.
+    """
+    say = progress or _silent
+    data = gather(recording, timeline, means)
+    if int(np.count_nonzero(data.turn_start >= 0)) < SMALLEST_TURNS:
+        raise ObservabilityError(
+            f"Only {int(np.count_nonzero(data.turn_start >= 0))} turns between holds can be used and the "
+            f"gyro needs at least {SMALLEST_TURNS}: rest, turn, rest, turn, about all three axes."
+        )
+    say("start values")
+    values = _start(recording, data, site.gravity, prior)
+    refuse_contradicting_axes(recording, inverted(values[GYRO_MATRIX].reshape(3, 3)))
+
+    say("adjustment")
+    active = np.ones((data.holds, 6), dtype=bool)
+    active[list(unused_holds), NORM.start : RATE.stop] = False
+    everything = active.copy()
+    free = np.concatenate([_FORCE_NINE, _GYRO_TWELVE, _EARTH])
+    alone = _solve(data, site, prior, values, free, active.copy(), {"norm": 0.0, "rate": 0.0, "turn": 0.0})
+    solution, outliers = _balanced(data, site, prior, alone.values, free, active)
+    tests: list[TermTest] = []
+    if optional_terms:
+        say("optional terms")
+        solution, tests, outliers = _with_terms(data, site, prior, solution, outliers, everything)
+    if solution.free.size > free.size:
+        # What the noise at rest leaves unexplained is a matter of the model that was kept.
+        nothing = {"norm": 0.0, "rate": 0.0, "turn": 0.0}
+        alone = _solve(data, site, prior, solution.values, solution.free, everything.copy(), nothing)
+    estimate = _estimate(recording, data, site, alone, solution, outliers, tests)
+    if optional_terms:
+        add_time_lag(estimate, data)
+    _, linear = _all_conditions(data, site, solution)
+    variances = np.diagonal(linear.covariance, axis1=1, axis2=2)[:, RATE]
+    add_bias_step(estimate, data, recording, -linear.misclosure[:, RATE], variances)
+    return estimate
+
+
+def add_time_lag(estimate: Estimate, data: HoldsAndTurns) -> None:
+    """Test whether the triads are sampled at the same instants; note a lag that is significant.
+
+    Parameters
+    ----------
+    estimate : gets the test, and the lag as a parameter and a remark.
+    data : holds and turns.
+    """
+    from scipy.special import stdtr
+
+    found = estimate_time_lag(data, estimate.model)
+    if found is None:
+        return
+    ratio = found.lag / max(found.sigma, 1e-12)
+    probability = 2.0 * float(stdtr(found.turns - 1, -abs(ratio)))
+    kept = probability < LAG_LIMIT
+    estimate.terms.append(
+        TermTest("time_lag", kept, ratio**2, 1, probability, LAG_LIMIT, f"{ratio:+.1f} sigma")
+    )
+    if not kept:
+        return
+    name = "lag of the accelerometer behind the gyro"
+    estimate.parameters.append(NamedValue(name, found.lag, found.sigma, "s"))
+    size = estimate.correlations.shape[0]
+    correlations = np.eye(size + 1)
+    correlations[:size, :size] = estimate.correlations
+    estimate.correlations = correlations
+    if estimate.budget:
+        # The turns tell the lag, and nothing else of the budget does.
+        cause = (
+            "gyros while turning" if "gyros while turning" in estimate.budget else next(iter(estimate.budget))
+        )
+        estimate.budget = {
+            name: np.append(part, found.sigma if name == cause else 0.0)
+            for name, part in estimate.budget.items()
+        }
+    if estimate.statement is not None:
+        told = estimate.statement
+        estimate.statement = replace(
+            told,
+            effective_degrees=np.append(told.effective_degrees, float(found.turns - 1)),
+            coverage_factors=np.append(told.coverage_factors, coverage_factor(found.turns - 1)),
+            model_choice=[
+                replace(choice, change=np.append(choice.change, 0.0)) for choice in told.model_choice
+            ],
+        )
+    earlier = "earlier" if found.lag > 0 else "later"
+    estimate.remarks.append(
+        f"The accelerometer's samples belong to instants {abs(1e3 * found.lag):.1f} ms "
+        f"(± {1e3 * found.sigma:.1f} ms) {earlier} than the gyro's. The estimate does not depend on it, and "
+        "`tumble apply` does not shift samples: tell your filter."
+    )
+
+
+def add_bias_step(
+    estimate: Estimate, data: HoldsAndTurns, recording: Recording, residual: Vectors, variance: Vectors
+) -> None:
+    """Note a jump of the gyro's bias between two holds.
+
+    Parameters
+    ----------
+    estimate : gets a remark.
+    data, recording : holds and turns, and the clock.
+    residual, variance : (holds, 3) rad/s and (rad/s)², what the holds' mean rates show beyond bias, g-sensitivity
+        and Earth rate: the Earth's alone is 0.004 °/s, and changes its sign with the pose.
+    """
+    step = find_bias_step(residual, variance)
+    if step is None:
+        return
+    when = 0.5 * (
+        recording.time[data.tail[step.before, 1] - 1] + recording.time[data.head[step.before + 1, 0]]
+    )
+    estimate.remarks.append(
+        f"The bias of gyro {'xyz'[step.axis]} jumps by {np.degrees(step.size):+.3f} °/s "
+        f"(± {np.degrees(step.sigma):.3f}) between hold {step.before + 1} and hold {step.before + 2}, at about "
+        f"{when:.0f} s: the stated bias is a mean of both. A knock or the supply can do it; record again."
+    )
+
+
+def _start(
+    recording: Recording, data: HoldsAndTurns, gravity: float, prior: StableKnowledge | None
+) -> Series:
+    """Return start values of all unknowns: accelerometers from holds, gyro from windows of the turns."""
+    values = np.zeros(TOTAL)
+    force = rough_triad(data.force_mean, gravity)
+    if prior is not None:
+        force[6:9] = prior.angles
+    factor = specific_force_factor(recording.specific_force_unit)
+    require_poses(data.force_mean, force, has_prior=prior is not None, factor=factor)
+    spread = (0.01 * gravity) ** 2
+    if len(distinct_poses(data.force_mean - force[BIAS])) >= 9:
+        conditions = NormConditions(
+            data.force_mean, data.force_covariance, gravity, force, _FORCE_NINE, extra_variance=spread
+        )
+        force[:9] = adjust(conditions, force[:9]).parameters
+    values[FORCE] = force
+    specific_force_b = triad_from_unknowns(force).correct(data.raw_force)
+    bias = np.median(data.rate_mean, axis=0)
+    usable = np.flatnonzero(data.turn_start >= 0)
+    stretches = [(int(data.turn_start[k]), int(data.turn_stop[k])) for k in usable]
+    try:
+        inverse, _ = rough_gyro_matrix(data.time, data.raw_rate, specific_force_b, bias, stretches)
+        values[GYRO_MATRIX] = inverted(inverse).ravel()
+    except (ValueError, np.linalg.LinAlgError) as error:
+        raise ObservabilityError(
+            f"The turns do not tell the gyro's axes ({error}): turn the unit about all three axes between holds."
+        ) from error
+    values[GYRO_BIAS] = bias
+    return values
+
+
+def _prior(
+    data: HoldsAndTurns, site: Site, values: Series, free: np.ndarray, prior: StableKnowledge | None
+) -> Prior:
+    """Return what is known beforehand: the Earth rate, as far as the site tells it, and the unit.
+
+    In a hold the Earth rate's vertical part looks like a g-sensitivity of the gyros, equal on all
+    axes; a latitude tells the two apart.
+    """
+    mean, precision = np.zeros(free.size), np.zeros((free.size, free.size))
+    at = np.searchsorted(free, _EARTH)
+    if site.latitude is None:
+        precision[np.ix_(at, at)] = np.eye(3) * 3.0 / EARTH_RATE**2
+    else:
+        # Up in the first hold's body frame, where the three unknowns are given.
+        up = triad_from_unknowns(values[FORCE]).correct(data.force_mean[:1])[0]
+        vertical = np.outer(up, up) / (up @ up)
+        # 1e-3: the first pose's direction is known to a milliradian or so.
+        precision[np.ix_(at, at)] = vertical / (1e-3 * EARTH_RATE) ** 2
+        horizontal = EARTH_RATE * max(np.cos(site.latitude), 1e-3)
+        precision[np.ix_(at, at)] += (np.eye(3) - vertical) * 2.0 / horizontal**2
+        mean[at] = EARTH_RATE * np.sin(site.latitude) * up / np.linalg.norm(up)
+    if prior is not None:
+        where = np.searchsorted(free, np.arange(6, 9))
+        mean[where] = prior.angles
+        precision[np.ix_(where, where)] += inverted(prior.angle_covariance)
+    return Prior(mean, precision)
+
+
+def _solve(
+    data: HoldsAndTurns,
+    site: Site,
+    prior: StableKnowledge | None,
+    values: Series,
+    free: np.ndarray,
+    active: np.ndarray,
+    extra: dict[str, float],
+    *,
+    once: bool = False,
+) -> _Solution:
+    variances = ExtraVariances(extra["norm"], extra["rate"], extra["turn"])
+    conditions = TurnConditions(data, site.gravity, values, free, active, variances)
+    known = _prior(data, site, values, free, prior)
+    # A thousandth of a sigma: the step itself is still taken, and the next would be a millionth.
+    adjustment = adjust(conditions, values[free], prior=known, tolerance=1e-3, once=once)
+    return _Solution(adjustment, conditions.full(adjustment.parameters), free, dict(extra), conditions.turned)
+
+
+def _balanced(
+    data: HoldsAndTurns,
+    site: Site,
+    prior: StableKnowledge | None,
+    values: Series,
+    free: np.ndarray,
+    active: np.ndarray,
+) -> tuple[_Solution, list[Outlier]]:
+    """Adjust with variance components, gross errors left out (`active` changes)."""
+    latest: list[_Solution] = []
+
+    def solve(extra: dict[str, float], active: np.ndarray, *, once: bool) -> Adjustment:
+        start = latest[-1].values if latest else values
+        latest.append(_solve(data, site, prior, start, free, active, extra, once=once))
+        return latest[-1].adjustment
+
+    # The last call is the one whose adjustment is returned, so that the latest solution goes with it.
+    kinds = [Kind("rate", RATE), Kind("turn", TURN), Kind("norm", NORM)]
+    outliers = balance(solve, kinds, active).outliers
+    return latest[-1], outliers
+
+
+def _with_terms(
+    data: HoldsAndTurns,
+    site: Site,
+    prior: StableKnowledge | None,
+    base: _Solution,
+    base_outliers: list[Outlier],
+    everything: np.ndarray,
+) -> tuple[_Solution, list[TermTest], list[Outlier]]:
+    """Try all optional terms at once, drop the least significant until every one left is wanted.
+
+    Each term's estimates are tested against zero with their own covariance (Wald's test as F), at
+    the noise level of the fit that contains them.
+    """
+    names = [
+        name for name, unknowns in OPTIONAL_TERMS.items() if base.adjustment.redundancy > 3 * unknowns.size
+    ]
+    limit = TERM_FALSE_ALARM / TERMS_TRIED
+    tests: dict[str, TermTest] = {}
+    while names:
+        free = np.sort(np.concatenate([base.free, *(OPTIONAL_TERMS[name] for name in names)]))
+        try:
+            solution, outliers = _balanced(data, site, prior, base.values, free, everything.copy())
+        except ObservabilityError:
+            names.pop()
+            continue
+        for name in names:
+            tests[name] = _test_term(solution, name, limit)
+        weakest = max(names, key=lambda name: tests[name].probability)
+        if tests[weakest].kept:
+            return solution, list(tests.values()), outliers
+        names.remove(weakest)
+    return base, list(tests.values()), base_outliers
+
+
+def _test_term(solution: _Solution, name: str, limit: float) -> TermTest:
+    at = np.searchsorted(solution.free, OPTIONAL_TERMS[name])
+    adjustment = solution.adjustment
+    covariance = adjustment.cofactor[np.ix_(at, at)]
+    return wald_test(name, adjustment.parameters[at], covariance, adjustment.redundancy, limit)
+
+
+def _estimate(
+    recording: Recording,
+    data: HoldsAndTurns,
+    site: Site,
+    alone: _Solution,
+    solution: _Solution,
+    outliers: list[Outlier],
+    tests: list[TermTest],
+) -> Estimate:
+    """Put the outcome together, with gravity's own uncertainty in the covariance."""
+    terms = frozenset(test.name for test in tests if test.kept)
+    covariance = np.zeros((TOTAL, TOTAL))
+    scale = max(1.0, solution.adjustment.sigma0) ** 2
+    covariance[np.ix_(solution.free, solution.free)] = scale * solution.adjustment.cofactor
+    described = describe_unknowns(solution.values, covariance, site, recording, terms=terms, gyro="full")
+    conditions, linear = _all_conditions(data, site, solution)
+    norms = linear.misclosure[:, 0].copy()
+    # The yardstick of `tumble verify`, so that both can be compared.
+    angles = score_turns(described.model, data).angle
+    variances = np.diagonal(linear.covariance, axis1=1, axis2=2)
+    turn_sigmas = np.where(data.turn_start >= 0, np.sqrt(variances[:, TURN].sum(axis=1)), np.nan)
+    return Estimate(
+        procedure="hand-held",
+        model=described.model,
+        names=described.names,
+        covariance=described.covariance,
+        parameters=described.parameters,
+        correlations=described.correlations,
+        sigma0=alone.adjustment.sigma0,
+        sigma0_final=solution.adjustment.sigma0,
+        degrees_of_freedom=solution.adjustment.redundancy,
+        coverage_factor=coverage_factor(solution.adjustment.redundancy),
+        largest_normalised=_largest_normalised(solution.adjustment),
+        hold_norms=norms,
+        hold_sigmas=np.sqrt(variances[:, 0]),
+        turn_angles=angles,
+        turn_sigmas=turn_sigmas,
+        turn_sizes=conditions.turned.copy(),
+        variance_components={
+            "accelerometer bias from hold to hold, m/s²": float(np.sqrt(solution.extra["norm"])),
+            "gyro bias from hold to hold, rad/s": float(np.sqrt(solution.extra["rate"])),
+            "direction after a turn, rad": float(np.sqrt(solution.extra["turn"])),
+        },
+        left_out=[_left_out(outlier, norms, angles) for outlier in outliers],
+        terms=tests,
+        not_determined=[],
+    )
+
+
+def _all_conditions(
+    data: HoldsAndTurns, site: Site, solution: _Solution
+) -> tuple[TurnConditions, Linearisation]:
+    """Return all conditions at the solution, those that were left out, too."""
+    conditions = TurnConditions(
+        data,
+        site.gravity,
+        solution.values,
+        solution.free,
+        np.ones((data.holds, 6), dtype=bool),
+        ExtraVariances(solution.extra["norm"], solution.extra["rate"], solution.extra["turn"]),
+    )
+    return conditions, conditions.linearise(solution.values[solution.free])
+
+
+def _largest_normalised(adjustment: Adjustment) -> float:
+    from tumble.estimation import snoop_groups
+
+    tests = [t for columns in (NORM, RATE, TURN) for t in snoop_groups(adjustment, columns) if t.degrees]
+    return max((test.normalised for test in tests), default=0.0)
+
+
+def _left_out(outlier: Outlier, norms: Series, angles: Series) -> LeftOut:
+    k, times = outlier.group, f"{outlier.normalised:.1f} times what the others show"
+    if outlier.kind == "norm":
+        return LeftOut(
+            "hold", k, f"its specific force is off gravity by {1e3 * norms[k]:+.1f} mm/s², {times}"
+        )
+    if outlier.kind == "rate":
+        return LeftOut("hold", k, f"the gyro's output at rest is off by {times}: did it really rest?")
+    return LeftOut("turn", k, f"gravity carried by the gyro ends {np.degrees(angles[k]):.2f}° off, {times}")
+
+
+def _silent(_: str) -> None:
+    """Tell nobody."""

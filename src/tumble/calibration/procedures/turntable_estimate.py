@@ -1,0 +1,194 @@
+"""The turntable's solution as an estimate: parameters, covariance, budget, residuals of every rotation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Series, Square, Table, Vector, inverted
+from tumble.attitude import skew
+from tumble.calibration.canonical import describe_unknowns
+from tumble.calibration.equations.triad_unknowns import triad_from_unknowns
+from tumble.calibration.equations.turn import FORCE, G_SENSITIVITY, GYRO_MATRIX, TOTAL
+from tumble.calibration.estimate import (
+    Estimate,
+    LeftOut,
+    RotationFit,
+    TurnedAngle,
+    coverage_factor,
+)
+from tumble.calibration.procedures.multi_position import ROTATION_SIGMA
+from tumble.calibration.procedures.turntable_solution import (
+    GROUPS,
+    MATRIX,
+)
+from tumble.calibration.procedures.turntable_task import TurntableOutcome, TurntableTask
+from tumble.calibration.procedures.turntable_words import misread_words, not_determined, objections, remarks
+from tumble.estimation import snoop_groups
+
+
+def turntable_estimate(task: TurntableTask, solution: TurntableOutcome) -> Estimate:
+    """Return the outcome as an estimate.
+
+    Parameters
+    ----------
+    task, solution : what was to be done, and the solution.
+    """
+    shares = solution.system.covariance()[1]
+    unknown_rotation = _rotation_share(solution)
+    values, _ = _in_full(solution.unknowns, shares[0])
+    everything = sum((_in_full(solution.unknowns, share)[1] for share in shares), unknown_rotation)
+    described = describe_unknowns(
+        values, np.asarray(everything), task.site, task.recording, terms=solution.terms, gyro="full"
+    )
+    budget = {
+        name: _sigmas(task, solution, values, _in_full(solution.unknowns, share)[1])
+        for name, share in zip(GROUPS, shares, strict=True)
+    }
+    means, adjustment = task.means, task.force.adjustment
+    assert means.specific_force is not None
+    corrected = triad_from_unknowns(task.force.unknowns).correct(means.specific_force)
+    variance = np.diagonal(adjustment.linearisation.covariance, axis1=1, axis2=2)[:, 0]
+    nothing = np.full(len(means), np.nan)
+    tests = solution.tests
+    square = adjustment.square_sum + tests.angles[0] + tests.axes[0] + tests.rests[0]
+    degrees = adjustment.redundancy + tests.angles[1] + tests.axes[1] + tests.rests[1]
+    norms = np.linalg.norm(corrected, axis=1) - task.site.gravity
+    rates, residuals, sigmas, names = _spins(task, solution)
+    fits = _rotation_fits(task, solution)
+    return Estimate(
+        procedure="turntable",
+        model=described.model,
+        names=described.names,
+        covariance=described.covariance,
+        parameters=described.parameters,
+        correlations=described.correlations,
+        sigma0=float(np.sqrt(square / degrees)) if degrees > 0 else float("nan"),
+        sigma0_final=adjustment.sigma0,
+        degrees_of_freedom=degrees,
+        coverage_factor=coverage_factor(degrees),
+        largest_normalised=max(
+            (test.normalised for test in snoop_groups(adjustment, slice(0, 1)) if test.degrees), default=0.0
+        ),
+        hold_norms=norms,
+        hold_sigmas=np.sqrt(variance),
+        turn_angles=nothing,
+        turn_sigmas=nothing.copy(),
+        turn_sizes=nothing.copy(),
+        variance_components={
+            "accelerometer bias from hold to hold, m/s²": float(np.sqrt(task.force.extra)),
+            **{f"factor on the noise of {name}": factor for name, factor in solution.scaled.items()},
+        },
+        left_out=[
+            LeftOut(
+                "hold",
+                o.group,
+                f"its specific force is off gravity by {1e3 * norms[o.group]:+.1f} mm/s², "
+                f"{o.normalised:.1f} times what the others show",
+            )
+            for o in task.force.outliers
+        ],
+        terms=[] if solution.term is None else [solution.term],
+        not_determined=not_determined(solution),
+        remarks=remarks(task, solution),
+        objections=[*objections(task, solution), *misread_words(fits)],
+        spin_rates=rates,
+        spin_residuals=residuals,
+        spin_sigmas=sigmas,
+        spin_names=names,
+        rotations=fits,
+        budget=budget,
+    )
+
+
+def _in_full(unknowns: Series, covariance: Table) -> tuple[Series, Square]:
+    """Return the 36 unknowns of `turn_conditions` and their covariance."""
+    values, full = np.zeros(TOTAL), np.zeros((TOTAL, TOTAL))
+    at = [*range(FORCE.start, FORCE.start + 9), *range(GYRO_MATRIX.start, G_SENSITIVITY.stop)]
+    values[at] = unknowns
+    full[np.ix_(at, at)] = covariance
+    return values, full
+
+
+def _rotation_share(solution: TurntableOutcome) -> Square:
+    """Return (36, 36): what the rotation between the triads adds where no axes tell it."""
+    full = np.zeros((TOTAL, TOTAL))
+    if solution.system.gain is None:
+        matrix = solution.unknowns[MATRIX].reshape(3, 3)
+        moves = np.stack([(matrix @ skew(axis)).ravel() for axis in np.eye(3)], axis=1)
+        full[GYRO_MATRIX, GYRO_MATRIX] = ROTATION_SIGMA**2 * (moves @ moves.T)
+    return full
+
+
+def _sigmas(task: TurntableTask, solution: TurntableOutcome, values: Series, covariance: Square) -> Series:
+    """Return standard uncertainties of the named parameters for one share of the covariance; gravity exact."""
+    site = replace(task.site, gravity_sigma=0.0)
+    described = describe_unknowns(values, covariance, site, task.recording, terms=solution.terms, gyro="full")
+    return np.array([value.standard_uncertainty for value in described.parameters])
+
+
+def _about_axis(task: TurntableTask, solution: TurntableOutcome) -> list[Vector]:
+    """The axis of each pair in b, as the calibrated gyros show it."""
+    matrix = solution.unknowns[MATRIX].reshape(3, 3)
+    turned = solution.system.inputs.rotation @ inverted(matrix).T
+    return list(turned / np.linalg.norm(turned, axis=1, keepdims=True))
+
+
+def _spins(task: TurntableTask, solution: TurntableOutcome) -> tuple[Series, AnyArray, AnyArray, list[str]]:
+    """Return rates, residuals, sigmas and names of all spins, found in a pair or not."""
+    count = 1 + max(r.row for pair in task.pairs for r in pair.rotations)
+    matrix = solution.unknowns[MATRIX].reshape(3, 3)
+    inverse = inverted(matrix)
+    rates = np.zeros(count)
+    residuals, sigmas = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
+    names = ["a rotation without its counterpart"] * count
+    for pair, axis in zip(task.pairs, _about_axis(task, solution), strict=True):
+        for side, sign in ((pair.forward, 1.0), (pair.backward, -1.0)):
+            for r in side:
+                rates[r.row] = sign * abs(r.angle) / r.seconds
+                turned = inverse @ (r.integral - solution.parts[r.row])
+                residuals[r.row] = (turned - sign * abs(r.angle) * axis) / r.seconds
+                spread = inverse @ r.covariance @ inverse.T + r.angle_sigma**2 * np.outer(axis, axis)
+                sigmas[r.row] = np.sqrt(np.diag(spread)) / r.seconds
+                way = "counter-clockwise" if sign > 0 else "clockwise"
+                names[r.row] = f"{pair.name}, {way}"
+    return rates, residuals, sigmas, names
+
+
+def _rotation_fits(task: TurntableTask, solution: TurntableOutcome) -> list[RotationFit]:
+    inputs = solution.system.inputs
+    missed = {}
+    if solution.system.gain is not None:
+        off, sigma = solution.system.axes_residuals(inputs.unchanged)
+        missed = {int(k): (float(o), float(s)) for k, o, s in zip(inputs.plane, off, sigma, strict=True)}
+    inverse = inverted(solution.unknowns[MATRIX].reshape(3, 3))
+    fits: list[RotationFit] = []
+    for k, (pair, plane, axis) in enumerate(
+        zip(task.pairs, task.planes, _about_axis(task, solution), strict=True)
+    ):
+        angles: list[TurnedAngle] = []
+        for r in pair.rotations:
+            sign = 1.0 if r in pair.forward else -1.0
+            turned = float(axis @ (inverse @ (r.integral - solution.parts[r.row]))) * sign
+            weight = axis @ inverse
+            sigma = float(np.sqrt(weight @ r.covariance @ weight + r.angle_sigma**2))
+            angles.append(
+                TurnedAngle(
+                    r.row, sign * abs(r.angle), turned - abs(r.angle), sigma, r.seconds, r.is_from_rest
+                )
+            )
+        off, off_sigma = missed.get(k, (float("nan"), float("nan")))
+        fits.append(
+            RotationFit(
+                pair.name,
+                axis,
+                float(np.arcsin(min(plane.sine, 1.0))),
+                off,
+                off_sigma,
+                plane.residual,
+                tuple(angles),
+                plane.why or ("" if k in missed else "too few other axes tell the inter-triad angles"),
+            )
+        )
+    return fits

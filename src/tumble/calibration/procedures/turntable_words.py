@@ -1,0 +1,173 @@
+"""What a user is told of a turntable calibration."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tumble.arrays import inverted
+from tumble.calibration.closed_forms.separate_norms import bias_from_static_pairs, ellipsoid_from_norms
+from tumble.calibration.equations.triad_unknowns import triad_from_unknowns
+from tumble.calibration.estimate import RotationFit
+from tumble.calibration.procedures.multi_position import ROTATION_SIGMA
+from tumble.calibration.procedures.turntable_solution import (
+    BIAS,
+    MATRIX,
+)
+from tumble.calibration.procedures.turntable_task import TurntableOutcome, TurntableTask, sees_earth
+from tumble.calibration.verdict import two_digits
+from tumble.errors import ObservabilityError
+from tumble.sensor.conventions.shin import shin_from_matrix
+
+# Residuals so many times their noise are no noise.
+LARGEST_FACTOR = 20.0
+# Residuals of a table's angle beyond this many times those of the other axes, or of the noise, are no bias.
+MISREAD = 5.5
+_ARCSEC = np.pi / 648000.0
+NOT_ESTIMATED = (
+    "Nonlinear terms of the sensors are not estimated. A g-sensitivity does not reach the gyros' matrix: its "
+    "constant part goes out of the difference of the two ways round, and what goes round with the unit averages "
+    "out over whole revolutions."
+)
+"""What the turntable procedure by itself leaves out; the joint estimator tries it."""
+
+
+def not_determined(solution: TurntableOutcome) -> list[str]:
+    """Return sentences on what these rotations do not tell."""
+    sentences = [NOT_ESTIMATED]
+    if solution.system.gain is None:
+        sentences.insert(
+            0,
+            "The rotation between the triads is not determined: it is taken as zero, with a prior standard "
+            f"uncertainty of {1e3 * ROTATION_SIGMA:g} mrad about each axis.",
+        )
+    return sentences
+
+
+def objections(task: TurntableTask, solution: TurntableOutcome) -> list[str]:
+    """Return sentences on what makes the result unfit."""
+    against = [
+        f"{name[0].upper()}{name[1:]} disagree by {factor:.2g} times what the noise and the stated table explain: that "
+        "is no noise. Check the angles and axes in the protocol, and whether the unit sat firmly on the table."
+        for name, factor in solution.scaled.items()
+        if factor > LARGEST_FACTOR
+    ]
+    if solution.system.gain is None:
+        reasons = " ".join(plane.why for plane in task.planes if plane.why)
+        against.append(
+            "The rotations do not tell how the gyros stand against the accelerometers: two axes across one another "
+            f"that are not vertical are needed. {reasons} Tilt the table's axis by 30° or more, best to the "
+            "horizontal; on a table whose axis has to stay vertical use the modified-multi-position procedure."
+        )
+    return against
+
+
+def misread_words(fits: list[RotationFit]) -> list[str]:
+    """Return sentences on axes whose two ways round disagree as no noise of the others does.
+
+    A bias of that hour does the same, and does it to all axes; one angle that was misread does it to one.
+
+    Parameters
+    ----------
+    fits : of all axes.
+    """
+    odd = [
+        max((abs(turned.residual) / turned.sigma for turned in fit.angles if turned.sigma > 0.0), default=0.0)
+        for fit in fits
+    ]
+    usual = max(float(np.median(odd)), 1.0) if odd else 1.0
+    return [
+        f"About {fit.name} the gyros turned {max(abs(t.residual) for t in fit.angles) / _ARCSEC:.0f}″ more one way and "
+        f"less the other than the table's display says, {value:.1f} times their noise, and no other axis shows the "
+        "like: an angle was misread or mistyped (`angle_deg`), or the unit slipped on the table."
+        for fit, value in zip(fits, odd, strict=True)
+        if value > MISREAD * usual
+    ]
+
+
+def remarks(task: TurntableTask, solution: TurntableOutcome) -> list[str]:
+    """Return sentences on how the result was made, and on what the table does to it."""
+    words = [f"A rotation took no part: {lonely}." for lonely in task.lonely]
+    words += [plane.why for plane in task.planes if plane.why and solution.system.gain is not None]
+    rough = [r for pair in task.pairs for r in pair.rotations if not r.is_from_rest]
+    if rough:
+        words.append(
+            f"{len(rough)} of {sum(len(p.rotations) for p in task.pairs)} rotations were taken at their constant rate, "
+            f"and the protocol's rate was believed ({rough[0].why}). Write the angle that the display turned from rest "
+            "to rest into the protocol (`angle_deg`), and the ramps do not matter."
+        )
+    words.append(_against_closed_form(task))
+    words.append(_about_bias(task, solution))
+    words.append(_about_table(task))
+    words += [
+        f"{name[0].upper()}{name[1:]} disagree by {factor:.2g} times what the noise and the stated table explain: the "
+        "uncertainties that rest on them are raised by that."
+        for name, factor in solution.scaled.items()
+        if factor <= LARGEST_FACTOR
+    ]
+    return words
+
+
+def _against_closed_form(task: TurntableTask) -> str:
+    """Return how Zhang's closed form compares with the adjustment."""
+    means, force = task.means, task.force
+    assert means.specific_force is not None
+    assert means.specific_force_covariance is not None
+    inverse = inverted(triad_from_unknowns(force.unknowns).matrix)
+    variance = np.einsum("ij,kjl,il->k", inverse, means.specific_force_covariance, inverse)[task.rests]
+    try:
+        matrix, bias = ellipsoid_from_norms(
+            means.specific_force[task.rests], task.site.gravity, 1.0 / (variance + force.extra)
+        )
+    except ObservabilityError:
+        return "Without the prior the accelerometers' closed form (12) to (14) has no solution in these attitudes."
+    scale, angles = shin_from_matrix(matrix)
+    closed = np.concatenate([bias, np.real(scale), np.real(angles)])
+    sigma = np.sqrt(np.diag(force.covariance)[:9])
+    off = float(np.max(np.abs(closed - force.unknowns[:9]) / sigma))
+    return (
+        "The closed form without start values (Zhang et al. 2010, 12 to 14) gives the accelerometers' nine parameters "
+        f"to {two_digits(off)} of their standard uncertainties as they are stated here."
+    )
+
+
+def _about_bias(task: TurntableTask, solution: TurntableOutcome) -> str:
+    """Return where the gyros' biases come from, and what the other way gives."""
+    inputs, system = solution.system.inputs, solution.system
+    matrix, bias = solution.unknowns[MATRIX].reshape(3, 3), solution.unknowns[BIAS]
+    if system.by_pairs:
+        return (
+            "No latitude was given: the gyros' biases are from the norms of their readings at rest, which are the "
+            "Earth rate in every attitude (24, 25). With --site LATITUDE they come out several times better."
+        )
+    if task.site.latitude is None:
+        return (
+            "No latitude was given, and the gyros do not see the Earth rate in a hold: it counts as noise of their "
+            "biases (4.2e-5 rad/s a hold). Give --site LATITUDE."
+        )
+    told = "The gyros' biases are from the Earth rate's part along the vertical in every hold"
+    if not sees_earth(matrix, inputs.rest_covariance):
+        return told + "."
+    weights = 1.0 / np.einsum("ij,kjl,il->k", inverted(matrix), inputs.rest_covariance, inverted(matrix))
+    try:
+        other = bias_from_static_pairs(matrix, inputs.rest, weights)
+    except ObservabilityError:
+        return told + "."
+    off = np.linalg.solve(matrix, other - bias)
+    return (
+        f"{told}; by the norms of static pairs (24, 25), which need no latitude, they differ by at most "
+        f"{two_digits(float(np.max(np.abs(off))) / np.radians(1.0) * 3600.0)} °/h."
+    )
+
+
+def _about_table(task: TurntableTask) -> str:
+    """Return what the table's errors do to each kind of parameter, in numbers for these rotations."""
+    angle = float(np.median([pair.angle for pair in task.pairs]))
+    stated = float(np.median([pair.angle_sigma for pair in task.pairs]))
+    share = 1e6 * _ARCSEC / angle
+    said = f"{stated / _ARCSEC:.2g}″ of the difference of two rotations" if stated > 0.0 else "exact angles"
+    return (
+        f"What the table does (the protocol states {said}): 1″ more in that difference is {share:.2g} ppm less gyro "
+        "scale factor and as many µrad of a misalignment; a wrong angle that both ways share goes out only if it has "
+        "the same sign in both. An axis that leans moves nothing, because both triads see it; one that "
+        "wobbles moves the rotation between the triads by up to as much. Attitudes of holds need not be known at all."
+    )

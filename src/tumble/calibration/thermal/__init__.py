@@ -1,0 +1,1 @@
+"""The thermal procedure: how biases, scale factors and angles change with temperature."""

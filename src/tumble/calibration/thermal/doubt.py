@@ -1,0 +1,127 @@
+"""What a thermal test cannot show, as a part of its uncertainties: hysteresis, what the rate does, g-sensitivity.
+
+Where temperatures were come to from one side only, a loop of the biases looks like a function of temperature, and so
+does what the rate of temperature does while the unit settles. Neither can be estimated; both are believed to be within
+what such units show, in kelvins (or seconds) of the change with temperature that this unit shows itself. The estimate
+stays what it is, and its covariance grows by what it would be wrong by (consider covariance, Schmidt 1966). In too few
+poses a g-sensitivity of the gyros looks like a bias; it goes the same way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Series, Square
+from tumble.calibration.thermal.conditions import ThermalConditions
+from tumble.calibration.thermal.fit import ThermalFit
+from tumble.calibration.thermal.wander import WanderingConditions
+
+# One sigma of half a loop: as much as this many kelvins change the bias. The simulator's grades assume half of it.
+LOOP_KELVINS = 2.0
+# The state before the first sample is anywhere from -1 to 1.
+START_STATE = 1.0 / np.sqrt(3.0)
+# One sigma of what the rate does, in seconds of the change with temperature: lag beside 30 s, and the rate itself.
+RATE_SECONDS = 85.0
+# One sigma of a g-sensitivity in 1 g, in what the bias is unsteady by; the simulator's grades have 3 to 20.
+PULL_FACTOR = 25.0
+_KINDS = (("b", "h"), ("gb", "gh"))
+
+
+@dataclass(frozen=True, slots=True)
+class Doubts:
+    """What is in the uncertainties because the recording cannot show it.
+
+    Attributes
+    ----------
+    loops : (m/s², rad/s), one sigma of half a loop; None where both branches were seen.
+    rate : whether lag and dependence on the rate are, too.
+    pull : rad/s, one sigma of what a g-sensitivity does in 1 g; zero where poses tell it.
+    earth : rad/s, one sigma of the Earth rate's part across the vertical in one pose; zero where unknown.
+    """
+
+    loops: tuple[float, float] | None = None
+    rate: bool = False
+    pull: float = 0.0
+    earth: float = 0.0
+
+
+def changes_per_kelvin(fit: ThermalFit) -> tuple[float, float]:
+    """Return the root mean square over axes and rests of the biases' slopes, (m/s²)/K and (rad/s)/K."""
+    terms, celsius = fit.layout.terms, fit.conditions.points.celsius
+    slopes = terms.basis.derivatives(celsius)
+    found = [0.0, 0.0]
+    for k, (name, _) in enumerate(_KINDS):
+        if name in fit.layout.places:
+            by_kelvin = slopes @ fit.values[fit.layout.places[name]].reshape(-1, 3)
+            found[k] = float(np.sqrt(np.mean(by_kelvin**2)))
+    return found[0], found[1]
+
+
+def with_hysteresis_doubt(fit: ThermalFit) -> tuple[ThermalFit, tuple[float, float]]:
+    """Return a fit without hysteresis whose covariance has in it what one could have done.
+
+    Parameters
+    ----------
+    fit : of temperatures that were come to from one side.
+
+    Returns
+    -------
+    fit : with a larger covariance.
+    loops : m/s² and rad/s, one sigma of half a loop as it was believed.
+    """
+    first, second = changes_per_kelvin(fit)
+    loops = LOOP_KELVINS * first, LOOP_KELVINS * second
+    state = np.abs(fit.conditions.functions(fit.values)[:, -1])
+    covariance = fit.covariance.copy()
+    for column, share in ((state, 1.0), (1.0 - state, START_STATE)):
+        covariance += _moved_by_loop(fit, column, (share * loops[0], share * loops[1]))
+    return replace(fit, covariance=covariance), loops
+
+
+def pull_sigma(fit: ThermalFit) -> float:
+    """Return one sigma (rad/s) of what a g-sensitivity that the poses do not tell is in the gyros' biases."""
+    points = fit.conditions.points
+    if fit.layout.terms.poses == 9 or points.rate_covariance is None or points.force is None:
+        return 0.0
+    noise = float(np.mean(np.diagonal(points.rate_covariance, axis1=1, axis2=2)))
+    return PULL_FACTOR * float(np.sqrt(fit.levels.flicker["rate"] + fit.levels.single["rate"] + noise))
+
+
+def with_pull(fit: ThermalFit, sigma: float) -> Square:
+    """Return the covariance of all unknowns with a g-sensitivity's part in the gyros' biases.
+
+    Parameters
+    ----------
+    fit : of too few poses to tell one.
+    sigma : rad/s.
+    """
+    covariance = fit.covariance.copy()
+    if "gb0" in fit.layout.places:
+        at = fit.layout.places["gb0"]
+        covariance[at, at] += sigma**2 * np.eye(at.stop - at.start)
+    return covariance
+
+
+def _moved_by_loop(fit: ThermalFit, state: Series, sigmas: tuple[float, float]) -> Square:
+    """Return the covariance of what loops of this size, in these states, move the unknowns by."""
+    old, terms = fit.conditions, replace(fit.layout.terms, hysteresis=True)
+    more = ThermalConditions(old.points, terms, old.gravity, old.earth, old.lag, old.width)
+    more.directions, more.tangents, more.active = old.directions, old.tangents, old.active
+    values = np.zeros(more.layout.size)
+    for name, place in fit.layout.places.items():
+        if place.stop > place.start:
+            values[more.layout.places[name]] = fit.values[place]
+    more.centre(values)
+    assert more.middle is not None
+    more.middle = more.middle.copy()
+    more.middle[:, -1] = state
+    whitened = WanderingConditions(more, fit.levels).linearise(values).design.reshape(-1, more.layout.size)
+    own = fit.adjustment.linearisation.design.reshape(-1, fit.layout.size)
+    summed: AnyArray = np.zeros((fit.layout.size, fit.layout.size))
+    for (_, name), sigma in zip(_KINDS, sigmas, strict=True):
+        if name in more.layout.places:
+            moved = sigma * fit.adjustment.cofactor @ own.T @ whitened[:, more.layout.places[name]]
+            summed += moved @ moved.T
+    return summed

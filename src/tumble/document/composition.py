@@ -1,0 +1,222 @@
+"""From an estimate to the document that is written: judged, with provenance and test vectors."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Any, Literal
+
+import numpy as np
+
+import tumble
+from tumble.arrays import Vectors
+from tumble.calibration.estimate import Estimate
+from tumble.calibration.verdict import judge
+from tumble.document.result import (
+    Calibration,
+    FrameBlock,
+    Imu,
+    LeftOutBlock,
+    ParameterBlock,
+    QualityBlock,
+    RawUnits,
+    RecordingName,
+    SiteBlock,
+    TermBlock,
+    TestVector,
+    TriadBlock,
+    VerdictBlock,
+)
+from tumble.document.thermal_block import ThermalBlock, thermal_block
+from tumble.earth import EARTH_RATE, Site
+from tumble.recording.recording import Recording
+from tumble.sensor import FRAMES, ImuModel, Triad
+from tumble.units import angular_rate_factor, specific_force_factor
+
+_KINDS: dict[str, Literal["hold", "turn", "spin"]] = {"hold": "hold", "turn": "turn", "spin": "spin"}
+_FRAME_WORDS = {
+    **FRAMES,
+    "fixture": (
+        "the axes of the fixture (or table) that the unit was placed with: the nominal poses of the protocol "
+        "are exact in it on average; each sensor's misalignment is against these axes"
+    ),
+}
+
+
+def calibration_from_estimate(
+    estimate: Estimate,
+    recording: Recording,
+    site: Site,
+    *,
+    created: datetime | None = None,
+    remarks: tuple[str, ...] = (),
+    imu: tuple[str | None, str | None] = (None, None),
+) -> Calibration:
+    """Return the document of an estimate, judged and with test vectors."""
+    judgement = judge(estimate, recording)
+    temperature = _temperature(recording)
+    thermal = _thermal(estimate)
+    if thermal is not None:
+        temperature = thermal.basis.reference_celsius
+    model = estimate.model
+    known = any(name.startswith("gyroscope.matrix") for name in estimate.names)
+    nominal = angular_rate_factor(recording.angular_rate_unit) is not None
+    gyroscope = None
+    if model.gyroscope is not None:
+        gyroscope = _block(model.gyroscope, model.g_sensitivity, has_matrix=known or nominal)
+    return Calibration(
+        created=(created or datetime.now(UTC)).isoformat(timespec="seconds"),
+        software=f"tumble {tumble.__version__}",
+        imu=Imu(model=imu[0], serial_number=imu[1]),
+        procedure=estimate.procedure,
+        recordings=[RecordingName(name=s.name, sha256=s.sha256) for s in recording.sources],
+        site=_site_block(site),
+        temperature_celsius=temperature,
+        frame=FrameBlock(name=estimate.frame, description=_FRAME_WORDS[estimate.frame]),
+        not_determined=list(estimate.not_determined),
+        raw_units=RawUnits(
+            specific_force=recording.specific_force_unit, angular_rate=recording.angular_rate_unit
+        ),
+        accelerometer=None
+        if model.accelerometer is None
+        else _block(model.accelerometer, None, has_matrix=True),
+        gyroscope=gyroscope,
+        parameters=[
+            ParameterBlock(
+                name=p.name,
+                value=p.value,
+                standard_uncertainty=p.standard_uncertainty,
+                unit=p.unit,
+                coverage_factor=factor,
+            )
+            for p, factor in zip(estimate.parameters, _factors(estimate), strict=True)
+        ],
+        covariance_parameters=list(estimate.names),
+        covariance=(0.5 * (estimate.covariance + estimate.covariance.T)).tolist(),
+        quality=_quality(estimate),
+        verdict=VerdictBlock(fit=judgement.fit, reasons=judgement.reasons),
+        remarks=[*estimate.remarks, *remarks],
+        test_vectors=_test_vectors(model, recording, gyroscope),
+        thermal=thermal,
+        lever_arms=None if estimate.lever_arms is None else _rows(estimate.lever_arms),
+    )
+
+
+def _temperature(recording: Recording) -> float | None:
+    """Return the mean temperature of a recording, None where no sample has one."""
+    celsius = recording.temperature
+    if celsius is None or not np.isfinite(celsius).any():
+        return None
+    return float(np.nanmean(celsius))
+
+
+def _thermal(estimate: Estimate) -> ThermalBlock | None:
+    """Return the block of what changes with temperature, None where nothing was modelled."""
+    if estimate.thermal is None:
+        return None
+    return thermal_block(estimate.thermal, estimate.thermal_names, estimate.thermal_covariance)
+
+
+def _factors(estimate: Estimate) -> list[float | None]:
+    """Return each parameter's own coverage factor, None where the procedure tells no degrees of freedom of its own."""
+    if estimate.statement is None or len(estimate.statement.coverage_factors) != len(estimate.parameters):
+        return [None for _ in estimate.parameters]
+    return [float(factor) for factor in estimate.statement.coverage_factors]
+
+
+def _rows(matrix: Any) -> Any:
+    return tuple(tuple(float(v) for v in row) for row in matrix)
+
+
+def _row(vector: Any) -> Any:
+    return tuple(float(v) for v in vector)
+
+
+def _block(triad: Triad, g_sensitivity: Any, *, has_matrix: bool) -> TriadBlock:
+    return TriadBlock(
+        matrix=_rows(triad.matrix) if has_matrix else None,
+        bias=_row(triad.bias),
+        asymmetry=None if triad.asymmetry is None else _row(triad.asymmetry),
+        quadratic=None if triad.quadratic is None else _row(triad.quadratic),
+        g_sensitivity=None if g_sensitivity is None else _rows(g_sensitivity),
+    )
+
+
+def _site_block(site: Site) -> SiteBlock:
+    return SiteBlock(
+        latitude_deg=None if site.latitude is None else float(np.degrees(site.latitude)),
+        height_m=site.height if site.latitude is not None else None,
+        gravity=site.gravity,
+        gravity_standard_uncertainty=site.gravity_sigma,
+        gravity_source=site.source,
+        earth_rate=EARTH_RATE,
+    )
+
+
+def _quality(estimate: Estimate) -> QualityBlock:
+    turns = estimate.turn_angles[np.isfinite(estimate.turn_angles)]
+
+    def finite(value: float) -> float | None:
+        return value if np.isfinite(value) else None
+
+    return QualityBlock(
+        sigma0=finite(estimate.sigma0),
+        sigma0_with_variance_components=finite(estimate.sigma0_final),
+        degrees_of_freedom=estimate.degrees_of_freedom,
+        largest_normalised_residual=estimate.largest_normalised,
+        coverage_factor=estimate.coverage_factor,
+        rms_hold_norm=float(np.sqrt(np.mean(estimate.hold_norms**2))) if estimate.hold_norms.size else None,
+        rms_turn_angle=float(np.sqrt(np.mean(turns**2))) if turns.size else None,
+        holds=int(estimate.hold_norms.size),
+        turns=int(turns.size),
+        spins=int(estimate.spin_rates.size),
+        variance_components=estimate.variance_components,
+        left_out=[
+            LeftOutBlock(kind=_KINDS[o.kind], number=o.index + 1, reason=o.reason) for o in estimate.left_out
+        ],
+        optional_terms=[
+            TermBlock(
+                name=t.name,
+                kept=t.kept,
+                f_statistic=t.statistic,
+                degrees_of_freedom=t.degrees,
+                probability=t.probability,
+                limit=t.limit,
+            )
+            for t in estimate.terms
+        ],
+    )
+
+
+def _test_vectors(model: ImuModel, recording: Recording, gyroscope: TriadBlock | None) -> list[TestVector]:
+    """Return round raw numbers near the recording's own and what they become."""
+    raw_force, raw_rate, force, rate = None, None, None, None
+    if model.accelerometer is not None:
+        round_numbers = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, -1.0], [3.0, -4.0, 5.0]])
+        factor = specific_force_factor(recording.specific_force_unit)
+        raw_force = _raw_numbers(model.accelerometer, round_numbers, factor)
+        force = model.accelerometer.correct(raw_force)
+    if model.gyroscope is not None and gyroscope is not None and gyroscope.matrix is not None:
+        round_numbers = np.array([[0.1, 0.0, 0.0], [0.0, 0.2, -0.1], [0.3, -0.4, 0.5]])
+        raw_rate = _raw_numbers(
+            model.gyroscope, round_numbers, angular_rate_factor(recording.angular_rate_unit)
+        )
+        seen = raw_rate
+        if model.g_sensitivity is not None and force is not None:
+            seen = raw_rate - force @ model.g_sensitivity.T
+        rate = model.gyroscope.correct(seen)
+    return [
+        TestVector(
+            raw_specific_force=None if raw_force is None else _row(raw_force[i]),
+            raw_angular_rate=None if raw_rate is None else _row(raw_rate[i]),
+            specific_force=None if force is None else _row(force[i]),
+            angular_rate=None if rate is None else _row(rate[i]),
+        )
+        for i in range(3)
+    ]
+
+
+def _raw_numbers(triad: Triad, true: Vectors, factor: float | None) -> Vectors:
+    """Return raw numbers for about these true ones; of counts whole ones about the bias."""
+    if factor is not None:
+        return true * (1.0 / factor)
+    return np.round(triad.bias + true * np.abs(np.diag(triad.matrix)))

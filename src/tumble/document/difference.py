@@ -1,0 +1,380 @@
+"""What changed between two calibrations of one unit, in sigmas, and what that does to corrected numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.arrays import AnyArray, Series, Table
+from tumble.document.algebra import turned_to
+from tumble.document.entries import PLACES, SIZE, model_of_vector, named_parameters, part, stacked
+from tumble.document.result import Calibration, ParameterBlock
+from tumble.errors import UsageError
+from tumble.sensor import FRAMES
+from tumble.sensor.gauge import inverse
+from tumble.sensor.propagation import jacobian
+from tumble.units import STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
+
+Complex = npt.NDArray[Any]
+
+# Farther apart in temperature two calibrations are of different states of the unit.
+_FAR = 5.0
+
+
+# Of a parameter's natural size: what a change of frame and back makes of zero.
+_ROUNDING = 1e-12
+_NATURAL = 1e-9  # of a parameter's natural size, below which an uncertainty is rounding too
+_OPTIONAL = ("asymmetry", "quadratic", "g_sensitivity")
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterChange:
+    """A parameter in both calibrations; `sigmas` is the change over its standard uncertainty, NaN without one.
+
+    A change that is mere rounding is none: `second` is then `first`.
+    """
+
+    name: str
+    first: float
+    second: float
+    standard_uncertainty: float
+    sigmas: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class GroupChange:
+    """Several parameters together: chi-square of their change with its probability by chance.
+
+    Where a number changed that both calibrations state as certain, chi-square is infinite.
+    """
+
+    name: str
+    chi_square: float
+    degrees_of_freedom: int
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """How far apart corrected numbers of one raw sample are, SI, at the worst place, with its standard uncertainty."""
+
+    name: str
+    value: float
+    standard_uncertainty: float
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Two calibrations compared.
+
+    Attributes
+    ----------
+    parameters, groups : what changed, in the frame `frame`, one by one and together.
+    force : m/s², largest change of a corrected specific force of 1 g.
+    rest_rate : rad/s, change of the corrected rate at rest, worst pose.
+    rate_scale : change of a corrected rate over the rate, largest.
+    remarks : sentences.
+    """
+
+    frame: str
+    parameters: list[ParameterChange]
+    groups: list[GroupChange]
+    force: Effect | None
+    rest_rate: Effect | None
+    rate_scale: Effect | None
+    remarks: list[str]
+
+    @property
+    def significant(self) -> bool:
+        """Whether any group changed by more than chance, at 5 % over all groups."""
+        return any(group.probability < 0.05 / len(self.groups) for group in self.groups)
+
+
+def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
+    """Return what changed from `first` to `second`.
+
+    Both are brought into the first one's frame and raw units. Their errors are taken as independent; what they
+    share (the same gravity, fixture or noise model) makes true differences look smaller in sigmas than they are.
+
+    Raises
+    ------
+    UsageError
+        If a frame or the units cannot be matched, they are composed, or have no triad in common.
+    CalibrationFileError
+        If one has no matrix of either triad.
+    """
+    remarks: list[str] = []
+    if first.composed_with is not None or second.composed_with is not None:
+        raise UsageError(
+            "Composed calibrations are compared stage by stage, or merged first (`tumble compose --merge`)."
+        )
+    first, second = _same_frame(first, second, remarks)
+    scale = _unit_factors(first, second)
+    one, spread_one = stacked(first)
+    two, spread_two = stacked(second)
+    change = _scaling(scale)
+    two, spread_two = change * two, spread_two * np.outer(change, change)
+    models = (model_of_vector(one, first.own_model), model_of_vector(two, second.own_model))
+    for kind in ("accelerometer", "gyroscope"):
+        if (getattr(models[0], kind) is None) != (getattr(models[1], kind) is None):
+            remarks.append(f"Only one of the two has a calibrated {kind}: it is left out.")
+    has = [
+        all(getattr(model, kind) is not None for model in models) for kind in ("accelerometer", "gyroscope")
+    ]
+    if not any(has):
+        raise UsageError("The two calibrations have no triad in common.")
+    _about_temperature(first, second, remarks)
+    if not first.covariance_parameters or not second.covariance_parameters:
+        remarks.append(
+            "One of the two has no uncertainties: the sigmas are those of the other alone, or missing."
+        )
+    table = [
+        {p.name: p for p in named_parameters(model, spread, first.raw_units)}
+        for model, spread in zip(models, (spread_one, spread_two), strict=True)
+    ]
+    natural = _natural_sizes(one)
+    changes = [
+        _changed(table[0][name], table[1][name], _natural_size(name, natural))
+        for name in table[0]
+        if name in table[1]
+    ]
+    terms = [name for name in PLACES if name.endswith(_OPTIONAL) and has[name.startswith("gyroscope")]]
+    terms = [name for name in terms if np.any(part(one, name)) or np.any(part(two, name))]
+    changes += _optional_changes(terms, (one, two), (spread_one, spread_two), natural, first)
+    remarks += _one_sided(terms, one, two)
+    changes.sort(key=lambda change: change.name.startswith("gyro"))
+    joint = np.block([[spread_one, np.zeros((SIZE, SIZE))], [np.zeros((SIZE, SIZE)), spread_two]])
+    both = np.concatenate([one, two])
+    return Difference(
+        frame=first.frame.name,
+        parameters=changes,
+        groups=_groups(one, two, spread_one + spread_two, has, terms, natural),
+        force=_worst("specific force of 1 g", _force_change, both, joint) if has[0] else None,
+        rest_rate=_worst("rate at rest", _rest_change(has[0]), both, joint) if has[1] else None,
+        rate_scale=_worst("rate, relative", _rate_change, both, joint) if has[1] else None,
+        remarks=remarks,
+    )
+
+
+def _same_frame(
+    first: Calibration, second: Calibration, remarks: list[str]
+) -> tuple[Calibration, Calibration]:
+    if first.frame.name == second.frame.name:
+        return first, second
+    if first.frame.name in FRAMES:
+        remarks.append(f"The second calibration was turned to the first one's frame, {first.frame.name}.")
+        return first, turned_to(second, first.frame.name)
+    if second.frame.name in FRAMES:
+        remarks.append(f"The first calibration was turned to the second one's frame, {second.frame.name}.")
+        return turned_to(first, second.frame.name), second
+    frame = "accelerometer-x"
+    remarks.append(
+        f"The frames {first.frame.name} and {second.frame.name} are fixed from outside: both were turned to {frame}."
+    )
+    return turned_to(first, frame), turned_to(second, frame)
+
+
+def _unit_factors(first: Calibration, second: Calibration) -> tuple[float, float]:
+    """What the second one's raw numbers are multiplied by to be the first one's."""
+    factors: list[float] = []
+    for name, of in (("specific_force", specific_force_factor), ("angular_rate", angular_rate_factor)):
+        units = getattr(first.raw_units, name), getattr(second.raw_units, name)
+        ours, theirs = of(units[0]), of(units[1])
+        if (ours is None) != (theirs is None):
+            raise UsageError(
+                f"One calibration takes {units[0]}, the other {units[1]}: they cannot be compared."
+            )
+        factors.append(1.0 if ours is None or theirs is None else theirs / ours)
+    return factors[0], factors[1]
+
+
+def _scaling(scale: tuple[float, float]) -> Series:
+    change = np.ones(SIZE)
+    change[:12] = scale[0]
+    change[15:18] = 1.0 / scale[0]
+    change[18:30] = scale[1]
+    change[33:36] = 1.0 / scale[1]
+    change[36:] = scale[1]
+    return change
+
+
+def _about_temperature(first: Calibration, second: Calibration, remarks: list[str]) -> None:
+    celsius = (first.temperature_celsius, second.temperature_celsius)
+    if first.thermal is not None or second.thermal is not None:
+        remarks.append(
+            "What changes with temperature is not compared: the numbers are those at the reference temperature."
+        )
+    if celsius[0] is not None and celsius[1] is not None and abs(celsius[0] - celsius[1]) > _FAR:
+        remarks.append(
+            f"They are of {celsius[0]:.1f} °C and {celsius[1]:.1f} °C: part of the change may be the temperature's."
+        )
+
+
+def _natural_sizes(values: Series) -> tuple[float, float]:
+    """Raw units per SI unit of the two triads: what a bias of zero is compared with."""
+    sizes = [float(np.linalg.norm(part(values, f"{kind}.matrix"))) for kind in ("accelerometer", "gyroscope")]
+    return sizes[0] or 1.0, sizes[1] or 1.0
+
+
+def _natural_size(name: str, natural: tuple[float, float]) -> float:
+    """How large a number of that name would be if it were not small, in its own unit."""
+    own = natural[name.startswith("gyro")]
+    if "quadratic" in name:
+        return 1.0 / own
+    return own if "bias" in name or "sensitivity" in name or name[:-2].endswith("scale factor") else 1.0
+
+
+def _changed(one: Any, two: Any, size: float) -> ParameterChange:
+    sigma = float(np.hypot(one.standard_uncertainty, two.standard_uncertainty))
+    moved = two.value - one.value
+    largest = max(size, abs(one.value), abs(two.value))
+    if sigma <= _NATURAL * largest:
+        sigma = 0.0
+    if abs(moved) <= _ROUNDING * largest:
+        return ParameterChange(
+            one.name, one.value, one.value, sigma, 0.0 if sigma > 0.0 else float("nan"), one.unit
+        )
+    return ParameterChange(
+        one.name, one.value, two.value, sigma, moved / sigma if sigma > 0.0 else float("nan"), one.unit
+    )
+
+
+def _optional_changes(
+    terms: list[str],
+    values: tuple[Series, Series],
+    spreads: tuple[Table, Table],
+    natural: tuple[float, float],
+    first: Calibration,
+) -> list[ParameterChange]:
+    """Rows of the terms that at least one calibration has; where the other has none it says zero."""
+    changes: list[ParameterChange] = []
+    for term in terms:
+        kind, _, what = term.partition(".")
+        place = PLACES[term][0]
+        unit = first.raw_units.specific_force if kind == "accelerometer" else first.raw_units.angular_rate
+        said = {"asymmetry": "1", "quadratic": f"1/({unit})"}.get(what, f"{unit}/(m/s²)")
+        for at in range(place.start, place.stop):
+            axis = "xyz"[(at - place.start) % 3]
+            if what == "g_sensitivity":
+                axis = "xyz"[(at - place.start) // 3] + axis
+            name = f"{'gyro' if kind == 'gyroscope' else kind} {what.replace('g_s', 'g-s')} {axis}"
+            pair = [
+                ParameterBlock(
+                    name=name,
+                    value=float(numbers[at]),
+                    standard_uncertainty=float(np.sqrt(max(float(spread[at, at]), 0.0))),
+                    unit=said,
+                )
+                for numbers, spread in zip(values, spreads, strict=True)
+            ]
+            changes.append(_changed(pair[0], pair[1], _natural_size(name, natural)))
+    return changes
+
+
+def _one_sided(terms: list[str], one: Series, two: Series) -> list[str]:
+    """Say which terms only one of the two has."""
+    said: list[str] = []
+    for term in terms:
+        if np.any(part(one, term)) != np.any(part(two, term)):
+            which = "first" if np.any(part(one, term)) else "second"
+            words = term.replace(".", " ").replace("g_s", "g-s")
+            said.append(f"Only the {which} has {words}: in the other it is taken as zero.")
+    return said
+
+
+def _groups(
+    one: Series, two: Series, spread: Table, has: list[bool], terms: list[str], natural: tuple[float, float]
+) -> list[GroupChange]:
+    """Biases, matrices and optional terms of each triad together."""
+    found: list[GroupChange] = []
+    for number, (short, kind) in enumerate((("accelerometers", "accelerometer"), ("gyros", "gyroscope"))):
+        if not has[number]:
+            continue
+        own = [f"{kind}.bias", f"{kind}.matrix", *(t for t in terms if t.startswith(kind))]
+        for term in own:
+            what = term.partition(".")[2].replace("bias", "biases").replace("g_s", "g-s")
+            place = PLACES[term][0]
+            size = max(
+                _natural_size(what, (natural[number], natural[number])), float(np.max(np.abs(one[place])))
+            )
+            group = _group(f"{short}: {what}", (two - one)[place], spread[place, place], size)
+            found += [] if group is None else [group]
+    return found
+
+
+def _group(name: str, moved: Series, spread: Table, size: float) -> GroupChange | None:
+    """Chi-square of some numbers together, None where nothing is known of their uncertainty."""
+    from scipy.stats import chi2
+
+    values, vectors = np.linalg.eigh(spread)
+    seen = values > max(1e-12 * max(float(values[-1]), 0.0), (_NATURAL * size) ** 2)
+    if not seen.any():
+        return None
+    along = vectors.T @ moved
+    count = int(seen.sum())
+    if np.any(np.abs(along[~seen]) > 10.0 * _NATURAL * size):
+        return GroupChange(name, float("inf"), count, 0.0)
+    statistic = float(np.sum(along[seen] ** 2 / values[seen]))
+    return GroupChange(name, statistic, count, float(chi2.sf(statistic, count)))
+
+
+def _directions() -> Table:
+    """26 directions: axes, edges and corners of a cube."""
+    grid = np.array(
+        [[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)]
+    )
+    return grid / np.linalg.norm(grid, axis=1, keepdims=True)
+
+
+def _raw(x: Complex, kind: str, true: AnyArray) -> tuple[Complex, Complex]:
+    """Return what a triad reads for a true vector, and its sensors' own inputs."""
+    own = part(x, f"{kind}.matrix") @ true
+    bent = part(x, f"{kind}.asymmetry") * own * np.sign(np.real(own)) + part(x, f"{kind}.quadratic") * own**2
+    return own + part(x, f"{kind}.bias") + bent, own
+
+
+def _corrected(x: Complex, kind: str, raw: Complex, near: Complex) -> Complex:
+    """Return the true vector of a reading; what bends it is small, and taken at own inputs near by."""
+    bent = (
+        part(x, f"{kind}.asymmetry") * near * np.sign(np.real(near)) + part(x, f"{kind}.quadratic") * near**2
+    )
+    return inverse(part(x, f"{kind}.matrix")) @ (raw - part(x, f"{kind}.bias") - bent)
+
+
+def _force_change(x: Complex, direction: AnyArray) -> Complex:
+    raw, own = _raw(x[:SIZE], "accelerometer", STANDARD_GRAVITY * direction)
+    return _corrected(x[SIZE:], "accelerometer", raw, own) - STANDARD_GRAVITY * direction
+
+
+def _rest_change(has_force: bool) -> Any:
+    def change(x: Complex, direction: AnyArray) -> Complex:
+        one, two = x[:SIZE], x[SIZE:]
+        force = STANDARD_GRAVITY * direction
+        seen = _force_change(x, direction) + force if has_force else force
+        raw = part(one, "gyroscope.bias") + part(one, "gyroscope.g_sensitivity") @ force
+        rest = raw - part(two, "gyroscope.bias") - part(two, "gyroscope.g_sensitivity") @ seen
+        return inverse(part(two, "gyroscope.matrix")) @ rest
+
+    return change
+
+
+def _rate_change(x: Complex, direction: AnyArray) -> Complex:
+    """At 1 rad/s, biases apart."""
+    raw, own = _raw(x[:SIZE], "gyroscope", direction)
+    bias = part(x[:SIZE], "gyroscope.bias") - part(x[SIZE:], "gyroscope.bias")
+    return _corrected(x[SIZE:], "gyroscope", raw - bias, own) - direction
+
+
+def _worst(name: str, change: Any, both: Series, joint: Table) -> Effect:
+    """The largest change over directions, with the uncertainty of its component along itself."""
+    directions = _directions()
+    changes = [np.real(change(both.astype(complex), direction)) for direction in directions]
+    sizes = [float(np.linalg.norm(vector)) for vector in changes]
+    at = int(np.argmax(sizes))
+    along = changes[at] / sizes[at] if sizes[at] > 0.0 else np.array([1.0, 0.0, 0.0])
+    effect = jacobian(lambda x: np.array([along @ change(x, directions[at])]), both)
+    return Effect(name, sizes[at], float(np.sqrt(max(float((effect @ joint @ effect.T)[0, 0]), 0.0))))

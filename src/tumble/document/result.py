@@ -1,0 +1,450 @@
+"""`Calibration`: the result as one self-describing, versioned document (``calibration.json``)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from tumble.arrays import Series, Square, Vectors
+from tumble.document.thermal_block import ThermalBlock
+from tumble.document.thermal_block import contradiction as thermal_contradiction
+from tumble.document.turn_ons_block import TurnOnsBlock
+from tumble.errors import CalibrationFileError, OutputError, TumbleError
+from tumble.recording.writing import written_beside
+from tumble.sensor import ImuModel, Triad
+from tumble.sensor.thermal import Outside, ThermalModel
+from tumble.units import angular_rate_factor, specific_force_factor
+
+FORMAT = "tumble calibration"
+VERSION = 1
+# Of sensing axes as unit vectors; three within a degree of one plane have 0.017.
+SMALLEST_DETERMINANT = 1e-6
+FORWARD = (
+    "raw = u + asymmetry * |u| + quadratic * u^2 + g_sensitivity * f + bias, u = matrix * true; "
+    "true in m/s^2 and rad/s in frame b, f the true specific force in b (gyroscope only); "
+    "asymmetry and quadratic act element by element; a term that is absent is zero"
+)
+BACKWARD = (
+    "true = inverse(matrix) * u with u the solution of u + asymmetry * |u| + quadratic * u^2 = "
+    "raw - bias - g_sensitivity * f; without optional terms: true = inverse(matrix) * (raw - bias). "
+    "Correct the accelerometer first: the gyroscope's g_sensitivity acts on its corrected f. "
+    "At rest the specific force points up: f = -gravity"
+)
+Row = tuple[float, float, float]
+# What a thermal block corrects by, without words, covariance and test vectors.
+_THERMAL_NUMBERS = (
+    *("basis", "coefficients", "rate_coefficients", "hysteresis", "hysteresis_width", "lag", "smoothing"),
+    *("dead_band", "start_hysteresis"),
+)
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+
+class Imu(_Strict):
+    """Which unit was calibrated."""
+
+    model: str | None = None
+    serial_number: str | None = None
+    sensor_index: int | None = None
+
+
+class RecordingName(_Strict):
+    """A recording that the calibration was made from."""
+
+    name: str
+    sha256: str
+
+
+class SiteBlock(_Strict):
+    """Where the recording was made; gravity in m/s², Earth rate in rad/s."""
+
+    latitude_deg: float | None = None
+    height_m: float | None = None
+    gravity: float
+    gravity_standard_uncertainty: float
+    gravity_source: str
+    earth_rate: float
+
+
+class FrameBlock(_Strict):
+    """The gauge of body frame b, by name and in words."""
+
+    name: str
+    description: str
+
+
+class RawUnits(_Strict):
+    """Units of the raw numbers that the calibration takes."""
+
+    specific_force: str
+    angular_rate: str
+
+
+class TriadBlock(_Strict):
+    """One triad: `matrix` raw units per SI unit (rows), `bias` raw units. A missing matrix is unknown."""
+
+    matrix: tuple[Row, Row, Row] | None
+    bias: Row
+    asymmetry: Row | None = None
+    quadratic: Row | None = None
+    g_sensitivity: tuple[Row, Row, Row] | None = None
+
+
+class ParameterBlock(_Strict):
+    """One parameter in the procedure's own convention; without a coverage factor the quality's holds."""
+
+    name: str
+    value: float
+    standard_uncertainty: float
+    unit: str
+    coverage_factor: float | None = None
+
+
+class LeftOutBlock(_Strict):
+    """A hold, turn or spin (numbered from 1) without part in the estimate."""
+
+    kind: Literal["hold", "turn", "spin"]
+    number: int
+    reason: str
+
+
+class TermBlock(_Strict):
+    """The test of an optional term against chance."""
+
+    name: str
+    kept: bool
+    f_statistic: float
+    degrees_of_freedom: int
+    probability: float
+    limit: float
+
+
+class QualityBlock(_Strict):
+    """How well the data fit, and what was left out."""
+
+    sigma0: float | None
+    sigma0_with_variance_components: float | None
+    degrees_of_freedom: int
+    largest_normalised_residual: float
+    coverage_factor: float
+    rms_hold_norm: float | None
+    rms_turn_angle: float | None
+    holds: int
+    turns: int
+    spins: int = 0
+    variance_components: dict[str, float]
+    left_out: list[LeftOutBlock]
+    optional_terms: list[TermBlock]
+
+
+class VerdictBlock(_Strict):
+    """Whether the calibration is fit for use, and why, in sentences."""
+
+    fit: bool
+    reasons: list[str]
+
+
+class TestVector(_Strict):
+    """Raw in, corrected out: m/s² and rad/s in frame b; null for a triad that is not calibrated."""
+
+    raw_specific_force: Row | None = None
+    raw_angular_rate: Row | None = None
+    specific_force: Row | None = None
+    angular_rate: Row | None = None
+
+
+class Calibration(_Strict):
+    """A calibration of one IMU, with everything needed to apply and to judge it.
+
+    Attributes
+    ----------
+    accelerometer, gyroscope : what `model` is made of; a triad that was not calibrated is None.
+    parameters : in the procedure's own convention, with standard uncertainties.
+    covariance, covariance_parameters : over the entries of matrices and biases, in their units.
+    temperature_celsius : that the triads hold at; with a `thermal` block its reference temperature.
+    thermal : how the triads change with temperature, or None.
+    lever_arms : m, where each accelerometer sits in frame b, a row each, from one point of the unit; None where they
+        are taken to be at one place. `correct` takes out what they feel while the unit turns.
+    turn_ons : what several recordings of the unit tell, if it was made from several turn-ons, or None.
+    input_corrected_by : identities of the calibrations that its raw numbers were corrected by already, first
+        one first: it is right for such recordings only.
+    composed_with : a calibration to correct by first, with temperature and all; this one takes its output.
+    """
+
+    format: Literal["tumble calibration"] = FORMAT
+    version: int = VERSION
+    created: str
+    software: str
+    imu: Imu = Field(default_factory=Imu)
+    procedure: str
+    recordings: list[RecordingName]
+    site: SiteBlock
+    temperature_celsius: float | None = None
+    frame: FrameBlock
+    not_determined: list[str]
+    raw_units: RawUnits
+    formula: str = FORWARD
+    inverse_formula: str = BACKWARD
+    accelerometer: TriadBlock | None
+    gyroscope: TriadBlock | None = None
+    parameters: list[ParameterBlock]
+    covariance_parameters: list[str]
+    covariance: list[list[float]]
+    quality: QualityBlock
+    verdict: VerdictBlock
+    remarks: list[str] = Field(default_factory=list)
+    test_vectors: list[TestVector]
+    thermal: ThermalBlock | None = None
+    lever_arms: tuple[Row, Row, Row] | None = None
+    turn_ons: TurnOnsBlock | None = None
+    input_corrected_by: list[str] = Field(default_factory=list)
+    composed_with: Calibration | None = None
+
+    @property
+    def identity(self) -> str:
+        """Twelve hexadecimal digits of what it corrects by: equal numbers, equal identity.
+
+        The numbers of the triads, their temperature dependence, the raw units and the frame count; date,
+        covariance and words do not, nor do the calibrations that it is composed with.
+        """
+        told = self.model_dump(
+            mode="json",
+            include={"accelerometer", "gyroscope", "raw_units", "thermal"},
+        )
+        told["frame"] = self.frame.name
+        if self.lever_arms is not None:
+            told["lever_arms"] = self.lever_arms
+        if told["thermal"] is not None:
+            told["thermal"] = {key: told["thermal"][key] for key in _THERMAL_NUMBERS}
+            told["thermal"]["basis"].pop("formula")
+        return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:12]
+
+    @property
+    def stages(self) -> tuple[Calibration, ...]:
+        """The calibrations to correct by, one after another: itself last."""
+        return (*(() if self.composed_with is None else self.composed_with.stages), self)
+
+    @property
+    def thermal_model(self) -> ThermalModel | None:
+        """The sensor model with what changes with temperature, None without a `thermal` block.
+
+        Raises
+        ------
+        CalibrationFileError
+            If the document has no matrix of either triad.
+        """
+        return None if self.thermal is None else self.thermal.model(self.own_model)
+
+    @property
+    def model(self) -> ImuModel:
+        """The sensor model; a triad whose matrix is not known is None in it.
+
+        With a `thermal` block it is the unit at the reference temperature.
+
+        Raises
+        ------
+        CalibrationFileError
+            If the document has no matrix of either triad, or is composed of several calibrations.
+        """
+        if self.composed_with is not None:
+            raise CalibrationFileError(
+                f"The calibration is composed of {len(self.stages)}, which no single matrix and bias can say: correct "
+                "recordings with it (`tumble apply`)."
+            )
+        return self.own_model
+
+    @property
+    def own_model(self) -> ImuModel:
+        """The sensor model of this calibration without those before it; a triad of unknown matrix is None in it.
+
+        Raises
+        ------
+        CalibrationFileError
+            If the document has no matrix of either triad.
+        """
+        accelerometer = None if self.accelerometer is None else _triad(self.accelerometer)
+        gyroscope = None if self.gyroscope is None else _triad(self.gyroscope)
+        if accelerometer is None and gyroscope is None:
+            raise CalibrationFileError("The calibration has no matrix of either triad: it cannot be applied.")
+        sensitivity = None if self.gyroscope is None else self.gyroscope.g_sensitivity
+        return ImuModel(accelerometer, gyroscope, None if sensitivity is None else np.array(sensitivity))
+
+    @property
+    def covariance_matrix(self) -> Square:
+        """(n, n) covariance over `covariance_parameters`."""
+        return np.array(self.covariance, dtype=float)
+
+    def correct(
+        self,
+        raw_specific_force: Vectors | None,
+        raw_angular_rate: Vectors | None = None,
+        time: Series | None = None,
+        temperature_celsius: Series | float | None = None,
+        *,
+        outside: Outside = "refuse",
+    ) -> tuple[Vectors | None, Vectors | None]:
+        """Return corrected specific force (m/s²) and angular rate (rad/s), (samples, 3) in frame b.
+
+        The part of a triad that is not calibrated, or has no raw numbers, is None.
+
+        Parameters
+        ----------
+        raw_specific_force, raw_angular_rate : (samples, 3) in `raw_units`; of a composed calibration in those
+            of the first one.
+        time : (samples,) s; a calibration with a thermal block needs it wherever the temperature changes, and one with
+            lever arms for the angular acceleration.
+        temperature_celsius : (samples,) as recorded, or one for all; needed by a thermal block.
+        outside : what to do beyond the calibrated temperatures: ``refuse``, ``hold`` or ``extrapolate``.
+
+        Raises
+        ------
+        CalibrationFileError
+            If the document has no matrix of either triad, or the gyro's g-sensitivity is to be taken
+            out and there is no corrected specific force.
+        UsageError
+            If it has a thermal block and there is no temperature, or lever arms and there is no time.
+        ThermalSpanError
+            If the temperature leaves the calibrated span and `outside` is ``refuse``.
+        ValueError
+            If a matrix is singular.
+        """
+        from tumble.document.corrector import Corrector
+
+        return Corrector(self, outside).correct(
+            raw_specific_force, raw_angular_rate, time, temperature_celsius
+        )
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows."""
+        from tumble.document.display import calibration_html
+
+        return calibration_html(self)
+
+    def to_json(self) -> str:
+        """Return the document as JSON text, numbers with all their digits."""
+        return json.dumps(self.model_dump(mode="json"), indent=1, ensure_ascii=False) + "\n"
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the document beside `path`, then rename it there: never half a file.
+
+        Raises
+        ------
+        OutputError
+            If the folder cannot be written to.
+        """
+        write_text(Path(path), self.to_json())
+
+
+def read_calibration(path: str | os.PathLike[str]) -> Calibration:
+    """Read a ``calibration.json``, or a folder that holds one.
+
+    Raises
+    ------
+    CalibrationFileError
+        If there is no such file, or it is not a calibration of a version that this tumble knows.
+    """
+    file = Path(path)
+    if file.is_dir():
+        file = file / "calibration.json"
+    try:
+        document: Any = json.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise CalibrationFileError(
+            f"There is no calibration {file}: give the calibration.json that `tumble calibrate` wrote."
+        ) from None
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise CalibrationFileError(
+            f"{file} cannot be read as a calibration (it is not JSON, or not readable): {error}."
+        ) from error
+    if not isinstance(document, dict) or cast("dict[str, Any]", document).get("format") != FORMAT:
+        raise CalibrationFileError(
+            f'{file} is not a calibration of tumble: it does not say "format": "{FORMAT}".'
+        )
+    version: Any = cast("dict[str, Any]", document).get("version")
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+        raise CalibrationFileError(
+            f"{file} is damaged: its version is {version!r}, which is no whole number from 1 on."
+        )
+    if version > VERSION:
+        raise CalibrationFileError(
+            f"{file} is of version {version!r} and this tumble reads up to {VERSION}: update tumble."
+        )
+    try:
+        calibration = Calibration.model_validate(document)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise CalibrationFileError(f"{file} is damaged: {where}: {first['msg']}.") from error
+    for number, stage in enumerate(calibration.stages, 1):
+        contradiction = _contradiction(stage)
+        if contradiction is not None:
+            which = (
+                f"calibration {number} of {len(calibration.stages)}: " if calibration.composed_with else ""
+            )
+            raise CalibrationFileError(f"{file} is damaged: {which}{contradiction}.")
+    return calibration
+
+
+def _contradiction(calibration: Calibration) -> str | None:
+    """Return what the types of the fields cannot show: sizes, singular matrices, unknown units."""
+    size = len(calibration.covariance_parameters)
+    if len(calibration.covariance) != size or any(len(row) != size for row in calibration.covariance):
+        return f"covariance: it is not {size} by {size}, as covariance_parameters has it"
+    for name, block in (("accelerometer", calibration.accelerometer), ("gyroscope", calibration.gyroscope)):
+        if block is not None and block.matrix is not None:
+            matrix = np.array(block.matrix, dtype=float)
+            length = np.linalg.norm(matrix, axis=1, keepdims=True)
+            if not np.all(length > 0) or abs(float(np.linalg.det(matrix / length))) < SMALLEST_DETERMINANT:
+                return f"{name}.matrix: it cannot be inverted"
+    try:
+        specific_force_factor(calibration.raw_units.specific_force)
+        angular_rate_factor(calibration.raw_units.angular_rate)
+    except TumbleError as error:
+        return f"raw_units: {str(error).rstrip('.')}"
+    if calibration.thermal is not None:
+        return thermal_contradiction(calibration.thermal, calibration.own_model)
+    return None
+
+
+def calibration_schema() -> dict[str, Any]:
+    """Return the JSON schema of the document."""
+    schema = Calibration.model_json_schema()
+    # A document may hold another one (composed_with): its keys are told at the top as well.
+    return {**schema["$defs"]["Calibration"], "$defs": schema["$defs"]}
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write `text` beside `path` and rename it there, making the folder if it is not there.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written; what was at `path` is intact.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"The folder {path.parent} cannot be made: {error.strerror or error}.") from error
+    with written_beside(path) as beside, beside.open("w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _triad(block: TriadBlock) -> Triad | None:
+    if block.matrix is None:
+        return None
+    return Triad(
+        np.array(block.matrix, dtype=float),
+        np.array(block.bias, dtype=float),
+        None if block.asymmetry is None else np.array(block.asymmetry, dtype=float),
+        None if block.quadratic is None else np.array(block.quadratic, dtype=float),
+    )

@@ -1,0 +1,301 @@
+"""What can be made anew: each item by name, with how long one run and a full study take."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from tumble.errors import UsageError
+from tumble_papers.hayal.contradictions import reproduce_contradictions
+from tumble_papers.hayal.estimators import reproduce_convergence, reproduce_norm_bias
+from tumble_papers.hayal.figures import reproduce_figure
+from tumble_papers.hayal.position_figures import reproduce_outage_figure, reproduce_scenario_figure
+from tumble_papers.hayal.positions import reproduce_scenario_positions, reproduce_sub_scenarios
+from tumble_papers.hayal.scenarios import TABLES, reproduce_scenario_table
+from tumble_papers.hayal.tables import reproduce_table
+from tumble_papers.outcome import Outcome
+from tumble_papers.published import hayal, savage, zhang
+from tumble_papers.savage.accuracy import reproduce_accuracy
+from tumble_papers.savage.contradictions import reproduce_contradictions as reproduce_savage_contradictions
+from tumble_papers.savage.formulas import reproduce_equation_12
+from tumble_papers.savage.formulas import reproduce_table_1 as reproduce_savage_table_1
+from tumble_papers.savage.formulas import reproduce_table_2 as reproduce_savage_table_2
+from tumble_papers.savage.section_9 import (
+    reproduce_accelerometer_noise,
+    reproduce_earth_rate,
+    reproduce_gyro_bias,
+    reproduce_random_noise,
+)
+from tumble_papers.zhang.comparison import reproduce_figure as reproduce_norm_errors
+from tumble_papers.zhang.comparison import reproduce_table_6
+from tumble_papers.zhang.contradictions import reproduce_contradictions as reproduce_zhang_contradictions
+from tumble_papers.zhang.navigation import reproduce_measurements, reproduce_positions
+from tumble_papers.zhang.sensitivity import reproduce_designs, reproduce_sensitivity
+from tumble_papers.zhang.tables import reproduce_scatter_table, reproduce_table_2, reproduce_table_5
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One table or figure.
+
+    Attributes
+    ----------
+    name, title : as it is asked for, and what it is.
+    run : makes it from repetitions and a seed.
+    repetitions : by default; None for an item that has none.
+    seconds : that 500 repetitions take, about, on one core; what they took is in the outcome.
+    dear : of which hundreds of runs take hours: as one of a paper's items it makes no more than its own number.
+    """
+
+    name: str
+    title: str
+    run: Callable[[int, int], Outcome]
+    repetitions: int | None = 1
+    seconds: float = 0.2
+    dear: bool = False
+
+    @property
+    def effort(self) -> str:
+        """How many runs it makes by itself, and how long 500 take, in words."""
+        if self.repetitions is None:
+            return "no runs; at once"
+        runs = "1 run" if self.repetitions == 1 else f"{self.repetitions} runs"
+        return f"{runs}; 500 take about {self.seconds:g} s"
+
+    def runs_among_others(self, asked: int | None) -> int | None:
+        """Return how many runs it makes where all of a paper was asked for with so many.
+
+        Parameters
+        ----------
+        asked : None for the item's own number.
+        """
+        if asked is None or not self.dear or self.repetitions is None:
+            return asked
+        return min(asked, self.repetitions)
+
+
+def _hayal_items() -> list[Item]:
+    tables = hayal()["tables"]
+    items = [
+        Item(f"hayal-{t}", f"table {t}: {tables[t]['title']}", partial(reproduce_table, t))
+        for t in ("4.2", "4.3", "4.4", "4.5")
+    ]
+    items += [
+        Item(
+            "hayal-figure-4.2",
+            "figure 4.2: gyros against the reference rate",
+            partial(reproduce_figure, "4.2"),
+            20,
+            0.6,
+        ),
+        Item(
+            "hayal-figure-4.3",
+            "figure 4.3: gyros against the noise",
+            partial(reproduce_figure, "4.3"),
+            20,
+            0.6,
+        ),
+        Item("hayal-convergence", "how often the gyro solutions converge", reproduce_convergence, 500, 1.0),
+        Item(
+            "hayal-norm-bias",
+            "how far noise biases the estimators of the norm",
+            reproduce_norm_bias,
+            500,
+            2.0,
+        ),
+    ]
+    items += [
+        Item(
+            f"hayal-{t}",
+            f"table {t}: {tables[t]['title']}",
+            partial(reproduce_scenario_table, t),
+            seconds=1.5,
+        )
+        for t in TABLES
+    ]
+    items += _position_items()
+    items.append(
+        Item(
+            "hayal-contradictions",
+            "what the thesis says against its own tables",
+            reproduce_contradictions,
+            None,
+        )
+    )
+    return items
+
+
+def _position_items() -> list[Item]:
+    tables = hayal()["position_tables"]
+    items = [
+        Item(
+            f"hayal-{t}",
+            f"table {t}: {tables[t]['title']}",
+            partial(reproduce_scenario_positions, t),
+            8,
+            1200.0,
+            dear=True,
+        )
+        for t in ("5.5", "5.6")
+    ]
+    title = f"table 5.7: {tables['5.7']['title']}"
+    wandering = partial(reproduce_sub_scenarios, wandering=True)
+    items += [
+        Item("hayal-5.7", title, reproduce_sub_scenarios, 6, 3100.0, dear=True),
+        Item("hayal-5.7-wandering", "the same with biases that wander", wandering, 4, 3100.0, dear=True),
+    ]
+    items += [
+        Item(
+            f"hayal-figure-{f}",
+            f"figure {f}: table {f} as a picture",
+            partial(reproduce_scenario_figure, f),
+            8,
+            1200.0,
+            dear=True,
+        )
+        for f in ("5.5", "5.6")
+    ]
+    return items + [
+        Item(
+            f"hayal-figure-{f}",
+            f"figure {f}: table 5.7 as a picture, {imu}",
+            partial(reproduce_outage_figure, f),
+            6,
+            1600.0,
+            dear=True,
+        )
+        for f, imu in (("5.7", "HG1700"), ("5.8", "HG1900"))
+    ]
+
+
+def _zhang_items() -> list[Item]:
+    printed = zhang()
+    tables, figures = printed["tables"], printed["figures"]
+    runs = {
+        "2": (reproduce_table_2, 2.0),
+        "3": (partial(reproduce_scatter_table, "3"), 2.0),
+        "4": (partial(reproduce_scatter_table, "4"), 2.0),
+        "5": (reproduce_table_5, 2.0),
+        "6": (reproduce_table_6, 0.1),
+    }
+    items = [
+        Item(f"zhang-{t}", f"table {t}: {tables[t]['title']}", run, 500, seconds)
+        for t, (run, seconds) in runs.items()
+    ]
+    items += [
+        Item(
+            f"zhang-figure-{f}",
+            f"figure {f}: {figures[f]['title']}",
+            partial(reproduce_norm_errors, f),
+            500,
+            0.1,
+        )
+        for f in figures
+    ]
+    items += _zhang_navigation_items()
+    items += [
+        Item("zhang-sensitivity", "where a norm tells most of each parameter", reproduce_sensitivity, None),
+        Item(
+            "zhang-designs",
+            "what sets of poses tell, the paper's and better ones",
+            reproduce_designs,
+            500,
+            2.0,
+        ),
+        Item(
+            "zhang-contradictions",
+            "the formulas tried, and what the paper says against its own tables",
+            reproduce_zhang_contradictions,
+            None,
+        ),
+    ]
+    return items
+
+
+def _zhang_navigation_items() -> list[Item]:
+    items: list[Item] = []
+    for name, entry in zhang()["navigation_tests"].items():
+        for sensor, figure in entry["measurements"].items():
+            words = "specific forces" if sensor == "accelerometer" else "angular rates"
+            title = f"figure {figure}: {words} in navigation test {name}"
+            run = partial(reproduce_measurements, figure)
+            items.append(Item(f"zhang-figure-{figure}", title, run, 1, 1.0))
+        figure = entry["positions"]
+        title = f"figure {figure}: errors of position in navigation test {name}, three methods"
+        run = partial(reproduce_positions, figure)
+        items.append(Item(f"zhang-figure-{figure}", title, run, 20, 600.0, dear=True))
+    return items
+
+
+def _savage_items() -> list[Item]:
+    tables = savage()["tables"]
+    return [
+        Item("savage-1", f"table 1: {tables['1']['title']}", reproduce_savage_table_1, None),
+        Item("savage-2", f"table 2: {tables['2']['title']}", reproduce_savage_table_2, None),
+        Item("savage-12", "(12): what each error does to each measurement", reproduce_equation_12, None),
+        Item("savage-9.1", "section 9.1: gyro random noise", reproduce_random_noise, 200, 5.0),
+        Item("savage-9.2", "section 9.2: accelerometer noise", reproduce_accelerometer_noise, 200, 10.0),
+        Item("savage-9.3", "section 9.3: Earth rate", reproduce_earth_rate, 200, 4.0),
+        Item("savage-9.4", "section 9.4: gyro bias", reproduce_gyro_bias, 200, 5.0),
+        Item(
+            "savage-accuracy",
+            "accuracy of the test: three grades, ways to evaluate it, play-backs",
+            reproduce_accuracy,
+            200,
+            80.0,
+        ),
+        Item(
+            "savage-contradictions",
+            "the slips of the paper, each with its check",
+            reproduce_savage_contradictions,
+            None,
+        ),
+    ]
+
+
+ITEMS: dict[str, Item] = {item.name: item for item in (*_hayal_items(), *_zhang_items(), *_savage_items())}
+"""Every item by name, a paper after the other, each in its own order."""
+
+
+def find_items(name: str) -> list[Item]:
+    """Return the item of that name, or all of a paper.
+
+    Parameters
+    ----------
+    name : one of `ITEMS`, or the beginning that a paper's items share, such as "hayal", "hayal-A" or
+        "savage".
+
+    Raises
+    ------
+    UsageError
+        If there is none.
+    """
+    if name in ITEMS:
+        return [ITEMS[name]]
+    found = [item for key, item in ITEMS.items() if key.startswith((f"{name}-", f"{name}."))]
+    if not found:
+        import difflib
+
+        near = difflib.get_close_matches(name, ITEMS, 1, 0.4)
+        hint = f" Did you mean {near[0]}?" if near else ""
+        raise UsageError(
+            f"There is nothing to reproduce by the name of {name!r}.{hint} `tumble reproduce` lists what there is."
+        )
+    return found
+
+
+def run_item(item: Item, repetitions: int | None, seed: int) -> Outcome:
+    """Make an item anew.
+
+    Parameters
+    ----------
+    item : which.
+    repetitions : how many runs; None for the item's own number.
+    seed : of all random numbers.
+    """
+    began = time.perf_counter()
+    outcome = item.run(repetitions or item.repetitions or 1, seed)
+    outcome.seconds = time.perf_counter() - began
+    return outcome

@@ -1,0 +1,1 @@
+"""Savage (2018): the strapdown rotation test."""

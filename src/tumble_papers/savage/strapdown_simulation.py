@@ -1,0 +1,726 @@
+"""Savage's strapdown rotation test simulated: units with errors on a two-axis fixture that is not exact.
+
+A run is one unit with errors at random, in a place and on a heading at random, through all seventeen
+sequences of table 1. The fixture is off in its installation, in the unit's mounting, between its axes and
+wherever it stops. The raw increments of both triads are made sample by sample: the gyros' exactly, of what
+each turns about its own axis with the Earth, with asymmetry, bias, random walk and whole pulses of the
+integrated output. The test knows the site, the heading and the angles as they are meant to be, and plays
+the same increments back with better compensation each time (section 8).
+
+Chosen, because the paper does not print it: all errors normal, with the standard deviations given here;
+rotations at an even rate without ramps or pauses; pulses that begin anywhere; the lever arm is zero.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors
+from tumble.calibration.closed_forms.rotation_sequences import SequenceModel, sequence_model
+from tumble.calibration.closed_forms.sequence_inversion import invert_measurements, solve_measurements
+from tumble.calibration.closed_forms.sequence_measurements import measure_sequence, window_weights
+from tumble.earth.site import EARTH_RATE, Site
+from tumble.protocol.strapdown_rotation import SEQUENCES, RotationSequence, fixture_rotation, start_down
+from tumble.sensor.conventions.savage import GROUPS, SavageErrors, savage_from_model
+from tumble.sensor.imu import ImuModel
+from tumble.sensor.triad import Triad
+
+STANDARD = 9.80665  # m/s² in a g of the paper's units
+MICRO_G = 1e-6 * STANDARD
+ARCSECOND = np.pi / 648000.0
+DEGREE_PER_ROOT_HOUR = np.pi / 180.0 / 60.0
+DEGREE_PER_HOUR = np.pi / 648000.0
+LARGEST_LATITUDE = 75.0 * np.pi / 180.0
+"""Beyond it a place has hardly a heading."""
+
+UNITS_SI = np.ones(24) * 1e-6
+UNITS_SI[GROUPS["lambda_bias"]] = MICRO_G
+"""ppm, µrad and µg, in the order of `savage.NAMES`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Grade:
+    """A kind of unit.
+
+    Attributes
+    ----------
+    name : what it is called.
+    angle_random_walk, velocity_random_walk : rad/√s and m/s/√s.
+    angle_pulse, velocity_pulse : rad and m/s of the integrated outputs, 0 for none.
+    scale, asymmetry, angle, bias : standard deviations of the errors before the test: of scale factors, of their
+        asymmetry, of misalignments (rad), of accelerometer biases (m/s²).
+    gyro_bias : rad/s, the same.
+    """
+
+    name: str
+    angle_random_walk: float
+    velocity_random_walk: float
+    angle_pulse: float = 0.0
+    velocity_pulse: float = 0.0
+    scale: float = 1e-3
+    asymmetry: float = 3e-4
+    angle: float = 1e-3
+    bias: float = 1e3 * MICRO_G
+    gyro_bias: float = 0.0
+
+
+GRADES = {
+    "nav": Grade(
+        "nav",
+        0.002 * DEGREE_PER_ROOT_HOUR,
+        3.0 * MICRO_G,
+        0.5 * ARCSECOND,
+        1e-5,
+        gyro_bias=0.02 * DEGREE_PER_HOUR,
+    ),
+    "tactical": Grade(
+        "tactical",
+        0.05 * DEGREE_PER_ROOT_HOUR,
+        30.0 * MICRO_G,
+        gyro_bias=1.0 * DEGREE_PER_HOUR,
+    ),
+    "MEMS": Grade(
+        "MEMS",
+        0.3 * DEGREE_PER_ROOT_HOUR,
+        100.0 * MICRO_G,
+        scale=5e-3,
+        asymmetry=1.5e-3,
+        angle=5e-3,
+        bias=5e3 * MICRO_G,
+        gyro_bias=30.0 * DEGREE_PER_HOUR,
+    ),
+}
+"""Navigation grade and MEMS as in the paper's section 9 and for its section 1, and one between."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What one study simulates.
+
+    Attributes
+    ----------
+    grade : of the unit.
+    fixture : rad, standard deviation of installation (about three axes, north among them), mounting (three),
+        non-orthogonality, and of each angle that an axis stops at.
+    heading : rad, of the installation about the vertical; None for as much as `fixture`.
+    seconds : s of a measurement at rest.
+    rate : rad/s of the rotations.
+    sampling : Hz.
+    earth : whether the Earth turns.
+    sequences : rows of table 1.
+    """
+
+    grade: Grade
+    fixture: float = 1e-3
+    heading: float | None = None
+    seconds: float = 10.0
+    rate: float = 1.0
+    sampling: float = 100.0
+    earth: bool = True
+    sequences: tuple[RotationSequence, ...] = SEQUENCES
+
+    @property
+    def window(self) -> int:
+        """Samples of a measurement at rest."""
+        return round(self.seconds * self.sampling)
+
+
+@dataclass(frozen=True, slots=True)
+class Recordings:
+    """The raw outputs of one run, sequence by sequence, and what the test knows.
+
+    Attributes
+    ----------
+    truth : of the unit.
+    rate, force : (samples, 3) raw, as means over each step; force at rest alone.
+    starts : (sequences + 1,) first sample of each sequence.
+    earth : (sequences, 3) rad/s, nominal Earth rate in the frame of each start.
+    gravity : m/s².
+    setting : that it was simulated with.
+    """
+
+    truth: SavageErrors
+    rate: Vectors
+    force: Vectors
+    starts: npt.NDArray[np.int64]
+    earth: Vectors
+    gravity: float
+    setting: Setting
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """A way to evaluate the test.
+
+    Attributes
+    ----------
+    name : in words.
+    start_bias, norm, averaging : as in `measure_sequence`.
+    asymmetry : estimate that of the gyros (13), or not (14).
+    common_bias : subtract the mean of all first windows beyond the Earth rate, one bias for all sequences.
+    printed_signs : take λiii with the sign that (13) prints.
+    all_components : least squares over all that was measured, instead of (13).
+    matched : horizontal averages with the weights of the least noise; those down stay plain.
+    """
+
+    name: str
+    start_bias: bool = True
+    norm: bool = True
+    averaging: str = "plain"
+    asymmetry: bool = True
+    common_bias: bool = False
+    printed_signs: bool = False
+    all_components: bool = False
+    matched: bool = False
+
+    def weights(self, setting: Setting) -> Series:
+        """Return the weights of the average before the rotations; that after them has them the other way round.
+
+        Parameters
+        ----------
+        setting : whose samples and noise.
+        """
+        if not self.matched:
+            return window_weights(setting.window, self.averaging)
+        return matched_weights(setting)
+
+
+def matched_weights(setting: Setting) -> Series:
+    """Return the weights of the average with the least noise of both triads before the rotations.
+
+    The gyros' random walk turns the computed frame away while the accelerometers' noise is averaged: what lies
+    farther from the rotations than the one over the other tells less and less.
+
+    Parameters
+    ----------
+    setting : whose samples and noise.
+    """
+    grade = setting.grade
+    distance = (np.arange(setting.window)[::-1] + 0.5) / setting.sampling
+    time = grade.velocity_random_walk / max(STANDARD * grade.angle_random_walk, 1e-300)
+    time = min(max(time, 1e-3), 1e3 * setting.seconds)
+    left = (setting.seconds - distance) / time
+    weights = np.exp(left - left.max()) + np.exp(-left - left.max())
+    return weights / weights.sum()
+
+
+AS_PRINTED = Variant("as printed, signs corrected", start_bias=False, norm=False)
+START_NORM = Variant("start bias and norm")
+VARIANTS = (
+    AS_PRINTED,
+    Variant("as printed, its signs too", start_bias=False, norm=False, printed_signs=True),
+    Variant("norm", start_bias=False),
+    START_NORM,
+    Variant("start bias and norm, average of averages", averaging="average-of-averages"),
+    Variant("start bias and norm, without asymmetry (14)", asymmetry=False),
+    Variant("start bias and norm, all components", all_components=True),
+    Variant("common bias and norm", start_bias=False, common_bias=True),
+    Variant("common bias and norm, all components", start_bias=False, common_bias=True, all_components=True),
+    Variant(
+        "common bias and norm, all components, matched averages",
+        start_bias=False,
+        common_bias=True,
+        all_components=True,
+        matched=True,
+    ),
+)
+
+
+def draw_truth(setting: Setting, rng: np.random.Generator, *, asymmetry: bool = True) -> SavageErrors:
+    """Return the errors of one unit.
+
+    Parameters
+    ----------
+    setting : whose grade says how large they are.
+    rng : source of all numbers.
+    asymmetry : whether the gyros have any.
+    """
+    grade = setting.grade
+    sigma = np.full(24, grade.scale)
+    sigma[GROUPS["upsilon"]] = sigma[GROUPS["mu"]] = grade.angle
+    sigma[GROUPS["lambda_bias"]] = grade.bias
+    sigma[GROUPS["kappa_asym"]] = grade.asymmetry if asymmetry else 0.0
+    sigma[GROUPS["lambda_asym"]] = grade.asymmetry
+    values = sigma * rng.standard_normal(24)
+    return SavageErrors.from_vector(values, gyro_bias=grade.gyro_bias * rng.standard_normal(3))
+
+
+def simulate_run(
+    setting: Setting,
+    rng: np.random.Generator,
+    *,
+    truth: SavageErrors | None = None,
+    asymmetry: bool = True,
+) -> Recordings:
+    """Simulate one unit through all sequences.
+
+    Parameters
+    ----------
+    setting : what to simulate.
+    rng : source of all numbers.
+    truth : the unit's errors; None draws them.
+    asymmetry : whether drawn gyros have any.
+    """
+    from tumble_papers.savage.strapdown_kernel import play_sequences
+
+    truth = truth or draw_truth(setting, rng, asymmetry=asymmetry)
+    site = Site.from_latitude(float(rng.uniform(-LARGEST_LATITUDE, LARGEST_LATITUDE)))
+    earth_n = site.earth_rate_n if setting.earth else np.zeros(3)
+    azimuth = float(rng.uniform(-np.pi, np.pi))
+    fixture = _Fixture.drawn(setting, azimuth, rng)
+    C_bn, axes, angles, samples = fixture.play(setting, rng)
+    window = setting.window
+    lengths = 2 * window + samples.sum(axis=1)
+    starts = np.zeros(len(lengths) + 1, dtype=np.int64)
+    starts[1:] = np.cumsum(lengths)
+    rate, force = np.empty((starts[-1], 3)), np.empty((starts[-1], 3))
+    step, grade = 1.0 / setting.sampling, setting.grade
+    walk = np.array([grade.angle_random_walk, grade.velocity_random_walk]) * np.sqrt(step)
+    pulse = np.array([grade.angle_pulse, grade.velocity_pulse])
+    model = truth.model()
+    assert model.gyroscope is not None
+    assert model.accelerometer is not None
+    triads = np.stack((_stacked(model.gyroscope), _stacked(model.accelerometer)))
+    gravity = site.gravity
+    play_sequences(
+        rng, C_bn, axes, angles, samples, window, earth_n, gravity, step, triads, walk, pulse, rate, force
+    )
+    earth = np.empty((len(setting.sequences), 3))
+    for number, sequence in enumerate(setting.sequences):
+        earth[number] = fixture.nominal_nb(sequence).T @ earth_n
+    return Recordings(truth, rate, force, starts, earth, gravity, setting)
+
+
+def _stacked(triad: Triad) -> AnyArray:
+    asymmetry = np.zeros(3) if triad.asymmetry is None else triad.asymmetry
+    return np.concatenate([triad.matrix, [triad.bias], [asymmetry]])
+
+
+def _about(axis: int, angle: float) -> Matrix:
+    """Rotation matrix about x, y or z."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    found = np.eye(3)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    found[i, i] = found[j, j] = cosine
+    found[i, j], found[j, i] = -sine, sine
+    return found
+
+
+def _small(angles: AnyArray) -> Matrix:
+    return _about(2, float(angles[2])) @ _about(1, float(angles[1])) @ _about(0, float(angles[0]))
+
+
+@dataclass(frozen=True, slots=True)
+class _Fixture:
+    azimuth: float
+    room: Matrix
+    orthogonality: Matrix
+    mounting: Matrix
+
+    @staticmethod
+    def drawn(setting: Setting, azimuth: float, rng: np.random.Generator) -> _Fixture:
+        chance = setting.fixture * rng.standard_normal(7)
+        if setting.heading is not None:
+            chance[2] = setting.heading * rng.standard_normal()
+        room = _small(chance[:3]) @ _about(2, azimuth)
+        return _Fixture(azimuth, room, _about(0, float(chance[3])), _small(chance[4:]))
+
+    def nominal_nb(self, sequence: RotationSequence) -> Matrix:
+        """The attitude at the start of a sequence as it is meant to be."""
+        return _about(2, self.azimuth) @ _nominal_tb(sequence.inner, sequence.outer)
+
+    def play(
+        self, setting: Setting, rng: np.random.Generator
+    ) -> tuple[AnyArray, AnyArray, AnyArray, npt.NDArray[np.int64]]:
+        """C_bn at the starts; axes in b, angles and samples of all rotations."""
+        sequences = setting.sequences
+        most = max(len(s.rotations) for s in sequences)
+        C_bn, axes = np.empty((len(sequences), 3, 3)), np.zeros((len(sequences), most, 3))
+        angles, samples = np.zeros((len(sequences), most)), np.zeros((len(sequences), most), dtype=np.int64)
+        off = setting.fixture * rng.standard_normal((len(sequences), most + 1, 2))
+        for number, sequence in enumerate(sequences):
+            planned = _fixture_angles(sequence)
+            inner, outer = np.array(planned[0]) + off[number, 0]
+            C_bn[number] = (self.room @ _about(1, outer) @ self._from_outer(inner)).T
+            for turn, (axis, angle) in enumerate(sequence.rotations):
+                samples[number, turn] = round(abs(angle) / setting.rate * setting.sampling)
+                if axis == 2:
+                    reached = planned[turn + 1][0] + off[number, turn + 1, 0]
+                    axes[number, turn] = self.mounting.T[:, 2]
+                    angles[number, turn], inner = reached - inner, reached
+                else:
+                    reached = planned[turn + 1][1] + off[number, turn + 1, 1]
+                    axes[number, turn] = self._from_outer(inner).T[:, 1]
+                    angles[number, turn], outer = reached - outer, reached
+        return C_bn, axes, angles, samples
+
+    def _from_outer(self, inner: float) -> Matrix:
+        return self.orthogonality @ _about(2, inner) @ self.mounting
+
+
+@cache
+def _nominal_tb(inner: float, outer: float) -> Matrix:
+    return np.asarray(fixture_rotation(inner, outer).as_matrix(), dtype=np.float64)
+
+
+@cache
+def _down(sequence: RotationSequence) -> Vector:
+    return start_down(sequence)
+
+
+@cache
+def _fixture_angles(sequence: RotationSequence) -> list[tuple[float, float]]:
+    return sequence.fixture_angles()
+
+
+@dataclass(slots=True)
+class Evaluation:
+    """The passes over one run by one variant.
+
+    Attributes
+    ----------
+    errors : (iterations, 24) estimated less true, in the mean-gyro frame, SI.
+    measurements : of the last pass, by sequence, (5,) m/s².
+    estimate : the model after the last pass.
+    """
+
+    errors: AnyArray
+    measurements: dict[str, Series]
+    estimate: ImuModel
+
+
+@dataclass(slots=True)
+class Models:
+    """The error models of the sequences with the noise that each measurement has.
+
+    Attributes
+    ----------
+    models, covariances : of each sequence, at a nominal gravity.
+    """
+
+    models: list[SequenceModel] = field(default_factory=list[SequenceModel])
+    covariances: list[AnyArray] = field(default_factory=list[AnyArray])
+
+
+def evaluate_run(
+    recordings: Recordings, variant: Variant, *, iterations: int = 3, models: Models | None = None
+) -> Evaluation:
+    """Play a run back: compensate, measure, invert, better the compensation, again.
+
+    Parameters
+    ----------
+    recordings : one run.
+    variant : how.
+    iterations : passes.
+    models : for a variant over all components; None makes them.
+    """
+    truth = recordings.truth.vector
+    current = ImuModel.ideal()
+    errors = np.empty((iterations, 24))
+    measurements: dict[str, Series] = {}
+    for k in range(iterations):
+        measurements, gyro_bias = _measure(recordings, current, variant)
+        found = _invert(measurements, recordings, variant, models)
+        # A bias that is known is taken off before the asymmetry is, which needs the sign of the input alone.
+        current = composed(current, SavageErrors.from_vector(found, gyro_bias=gyro_bias))
+        errors[k] = savage_from_model(current)[0].vector - truth
+    return Evaluation(errors, measurements, current)
+
+
+def measure_run(recordings: Recordings, current: ImuModel, variant: Variant) -> dict[str, Series]:
+    """Return (5,) of each sequence, of raw outputs compensated by a model.
+
+    Parameters
+    ----------
+    recordings : one run.
+    current : what is known of the unit.
+    variant : how to measure.
+    """
+    return _measure(recordings, current, variant)[0]
+
+
+def _measure(recordings: Recordings, current: ImuModel, variant: Variant) -> tuple[dict[str, Series], Vector]:
+    """The measurements, and the gyros' mean bias where the variant looks at any."""
+    from tumble_papers.savage.strapdown_kernel import compensate
+
+    setting = recordings.setting
+    rate, force = np.empty_like(recordings.rate), np.empty_like(recordings.force)
+    for triad, raw, true in (
+        (current.gyroscope, recordings.rate, rate),
+        (current.accelerometer, recordings.force, force),
+    ):
+        assert triad is not None
+        stacked = _stacked(triad)
+        compensate(raw, stacked[3], stacked[4], np.linalg.inv(stacked[:3]), true)
+    window, step = setting.window, 1.0 / setting.sampling
+    starts = recordings.starts
+    gyro_bias = np.zeros(3)
+    if variant.common_bias or variant.start_bias:
+        for first, earth in zip(starts[:-1], recordings.earth, strict=True):
+            gyro_bias += (rate[first : first + window].mean(axis=0) - earth) / len(recordings.earth)
+    if variant.common_bias:
+        rate -= gyro_bias
+    found: dict[str, Series] = {}
+    for number, sequence in enumerate(setting.sequences):
+        first, last = int(starts[number]), int(starts[number + 1])
+        measured = measure_sequence(
+            rate[first:last],
+            force[first:last],
+            step,
+            recordings.earth[number],
+            (0, window),
+            (last - first - window, last - first),
+            recordings.gravity,
+            _down(sequence),
+            start_bias=variant.start_bias,
+            norm=variant.norm,
+            averaging=variant.averaging,
+        )
+        vector = measured.vector
+        if variant.matched:
+            off = measured.gyro_bias if variant.start_bias else np.zeros(3)
+            vector[:3] = _matched_change(
+                rate[first:last] - off, force[first:last], recordings, number, variant.weights(setting)
+            )
+        found[sequence.name] = vector
+    return found, gyro_bias
+
+
+def _matched_change(
+    rate: Vectors, force: Vectors, recordings: Recordings, number: int, weights: Series
+) -> Series:
+    """The horizontal change with other weights than a plain average's, those after the rotations reversed."""
+    from tumble.attitude.kernels import transform_sequence
+
+    averages, C = np.zeros((2, 3)), np.zeros((3, 3))
+    transform_sequence(
+        rate,
+        np.ascontiguousarray(force),
+        1.0 / recordings.setting.sampling,
+        recordings.earth[number],
+        weights,
+        0,
+        np.ascontiguousarray(weights[::-1]),
+        len(rate) - len(weights),
+        averages,
+        C,
+    )
+    change, down = averages[1] - averages[0], _down(recordings.setting.sequences[number])
+    return np.asarray(change - down * float(down @ change), dtype=np.float64)
+
+
+def _invert(
+    measurements: dict[str, Series], recordings: Recordings, variant: Variant, models: Models | None
+) -> Series:
+    if variant.all_components:
+        models = models or model_sequences(recordings.setting, variant)
+        return solve_measurements(
+            models.models,
+            list(measurements.values()),
+            models.covariances,
+            asymmetry=variant.asymmetry,
+        ).errors
+    found = invert_measurements(measurements, recordings.gravity, asymmetry=variant.asymmetry)
+    if variant.printed_signs:
+        bias, gravity = found[GROUPS["lambda_bias"]], recordings.gravity
+        # printed: -(end - start - 2 λ) / 2g
+        found[GROUPS["lambda_asym"]] += 2.0 * bias / gravity
+    return found
+
+
+def composed(current: ImuModel, found: SavageErrors) -> ImuModel:
+    """Return the model of a unit whose outputs, compensated by `current`, have the errors `found`.
+
+    The asymmetry is added, which is right to the first order.
+
+    Parameters
+    ----------
+    current : what the outputs were compensated by.
+    found : errors of what is left.
+    """
+    rest = found.model()
+    parts: list[Triad] = []
+    for known, more in ((current.accelerometer, rest.accelerometer), (current.gyroscope, rest.gyroscope)):
+        assert known is not None
+        assert more is not None
+        a, b = (np.zeros(3) if t.asymmetry is None else t.asymmetry for t in (known, more))
+        parts.append(Triad(known.matrix @ more.matrix, known.bias + known.matrix @ more.bias, a + b))
+    return ImuModel(parts[0], parts[1])
+
+
+def model_sequences(setting: Setting, variant: Variant, gravity: float = STANDARD) -> Models:
+    """Return the error models of a setting's sequences, with the noise of their measurements.
+
+    The noise is that of the random walks, of the pulses, and of what a start attitude that is off makes of the
+    Earth rate; taken as independent from sequence to sequence.
+
+    Parameters
+    ----------
+    setting, variant : of what.
+    gravity : m/s².
+    """
+    from tumble.attitude import skew
+
+    grade, seconds, step = setting.grade, setting.seconds, 1.0 / setting.sampling
+    heading = setting.fixture if setting.heading is None else setting.heading
+    weights = variant.weights(setting)
+    # What of the first average is taken before a moment: the part of its turn that the change of averages has.
+    before = np.cumsum(weights)
+    share = float(np.sum(before)) * step / seconds
+    noise = (
+        float(np.sum(weights**2)),
+        (1.0 / setting.window if variant.matched else float(np.sum(weights**2))),
+    )
+    walk = grade.velocity_random_walk**2 / step
+    # A pulse of the velocity counts once at either end of a plain average, less for one that begins gently.
+    pulse = (grade.velocity_pulse / seconds) ** 2 / 6.0
+    force, down_force = (max(walk * n + pulse, (1e-3 * MICRO_G) ** 2) for n in noise)
+    made = Models()
+    for sequence in setting.sequences:
+        down = start_down(sequence)
+        rotations = list(sequence.rotations)
+        model = sequence_model(rotations, down, gravity, rate=setting.rate, seconds=seconds, share=share)
+        turning = model.angle / setting.rate
+        integral = _integral(sequence, setting, share)
+        squared = float(np.sum(before**2)) * step
+        tilt = (turning + 2.0 * squared) * np.eye(3)
+        pulses = grade.angle_pulse**2 / 6.0 * np.eye(3)
+        # A start that is off by an angle turns the Earth rate, by less than the Earth rate times the angle.
+        earth = (turning + 2.0 * seconds * share) * np.eye(3)
+        if variant.start_bias:
+            tilt += -share * (integral + integral.T) + integral @ integral.T / seconds
+            pulses += (grade.angle_pulse / seconds) ** 2 / 6.0 * integral @ integral.T
+            earth -= integral
+        off = (3.0 * setting.fixture**2 + heading**2) / 3.0
+        size = (EARTH_RATE if setting.earth else 0.0) ** 2 * off
+        tilt = grade.angle_random_walk**2 * tilt + pulses + size * earth @ earth.T
+        across = gravity * skew(down)
+        covariance = np.zeros((5, 5))
+        covariance[:3, :3] = across @ tilt @ across.T + 2.0 * force * np.eye(3)
+        covariance[3, 3] = covariance[4, 4] = down_force
+        made.models.append(model)
+        made.covariances.append(covariance)
+    return made
+
+
+def _integral(sequence: RotationSequence, setting: Setting, share: float) -> Matrix:
+    """What a constant rate in b adds to the attitude between the two averages, s."""
+    rotations = list(sequence.rotations)
+    by_x, by_y = (
+        sequence_model(
+            rotations, np.eye(3)[k], 1.0, rate=setting.rate, seconds=setting.seconds, share=share
+        ).bias_coefficients
+        for k in range(2)
+    )
+    # rows are e_k × tilt: x gives -z and y, y gives z and -x
+    return np.array([-by_y[2], by_x[2], -by_x[1]])
+
+
+def run_study(
+    setting: Setting,
+    variants: Sequence[Variant],
+    runs: int,
+    rng: np.random.Generator,
+    *,
+    iterations: int = 3,
+    threads: int | None = None,
+) -> AnyArray:
+    """Simulate many units and evaluate each in every way; return (variants, runs, iterations, 24) errors, SI.
+
+    Parameters
+    ----------
+    setting : what to simulate.
+    variants : ways to evaluate; a variant without the gyros' asymmetry has units of its own that have none.
+    runs : how many.
+    rng : source of all numbers; every run has a stream of its own, so that threads change nothing.
+    iterations : passes.
+    threads : at once; None for as many as the machine has.
+    """
+    streams = rng.spawn(runs)
+    models = [model_sequences(setting, v) if v.all_components else None for v in variants]
+    errors = np.empty((len(variants), runs, iterations, 24))
+
+    def play(run: int) -> None:
+        with_asymmetry = simulate_run(setting, streams[run]) if any(v.asymmetry for v in variants) else None
+        without: Recordings | None = None
+        for number, variant in enumerate(variants):
+            if not variant.asymmetry and without is None:
+                without = simulate_run(setting, streams[run], asymmetry=False)
+            recordings = with_asymmetry if variant.asymmetry else without
+            assert recordings is not None
+            errors[number, run] = evaluate_run(
+                recordings, variant, iterations=iterations, models=models[number]
+            ).errors
+
+    _in_threads(play, runs, threads)
+    return errors
+
+
+def _in_threads(play: Callable[[int], None], runs: int, threads: int | None) -> None:
+    pool = ThreadPoolExecutor(threads or os.cpu_count() or 1)
+    try:
+        list(pool.map(play, range(runs)))
+    finally:  # who stops a long study does not wait for all of it
+        pool.shutdown(cancel_futures=True)
+
+
+def group_rms(errors: AnyArray) -> dict[str, AnyArray]:
+    """Return each run's root mean square of each group, in ppm, µrad and µg.
+
+    Parameters
+    ----------
+    errors : (..., 24) SI, as `savage.NAMES`.
+    """
+    scaled = np.asarray(errors, dtype=np.float64) / UNITS_SI
+    return {
+        name: np.asarray(np.sqrt(np.mean(scaled[..., at] ** 2, axis=-1)), dtype=np.float64)
+        for name, at in GROUPS.items()
+    }
+
+
+def exact_unit(grade: Grade | None = None) -> Grade:
+    """Return a grade whose outputs have no noise and no pulses.
+
+    Parameters
+    ----------
+    grade : whose errors before the test it has; navigation grade by default.
+    """
+    like = grade or GRADES["nav"]
+    return Grade(
+        "exact", 0.0, 0.0, scale=like.scale, asymmetry=like.asymmetry, angle=like.angle, bias=like.bias
+    )
+
+
+__all__ = [
+    "ARCSECOND",
+    "AS_PRINTED",
+    "DEGREE_PER_HOUR",
+    "DEGREE_PER_ROOT_HOUR",
+    "GRADES",
+    "MICRO_G",
+    "STANDARD",
+    "START_NORM",
+    "VARIANTS",
+    "Evaluation",
+    "Grade",
+    "Models",
+    "Recordings",
+    "Setting",
+    "Variant",
+    "composed",
+    "draw_truth",
+    "evaluate_run",
+    "exact_unit",
+    "group_rms",
+    "measure_run",
+    "model_sequences",
+    "run_study",
+    "simulate_run",
+]

@@ -1,0 +1,158 @@
+"""What the items of Savage (2018) say, by their rows: computed, and as worked out by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tumble_papers.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
+from tumble_papers.published import savage
+from tumble_papers.savage.accuracy import resampled
+from tumble_papers.savage.contradictions import reproduce_contradictions
+from tumble_papers.savage.formulas import (
+    evaluated,
+    reproduce_equation_12,
+    reproduce_table_1,
+    reproduce_table_2,
+)
+from tumble_papers.savage.section_9 import (
+    reproduce_accelerometer_noise,
+    reproduce_earth_rate,
+    reproduce_gyro_bias,
+    reproduce_random_noise,
+    to_digits,
+)
+
+
+def row(outcome: Outcome, beginning: str) -> Row:
+    (found,) = [r for r in outcome.rows if r.label.startswith(beginning)]
+    return found
+
+
+def test_table_1_starts_where_its_angles_lead_and_its_outer_axis_goes_the_other_way_where_y_is_against_it() -> (
+    None
+):
+    outcome = reproduce_table_1(1, 0)
+    assert outcome.counts == (16, 16)
+    outer = {r.label: r.cells[5] for r in outcome.rows}
+    assert outer["sequence 4"] == "0, 180, 180, 0, 0"
+    assert outer["sequence 6"] == "-90, 90, 90, 270, 270, 90, 90, -90, -90"
+    assert str(outer["sequence 13"]).endswith("-180")
+    assert str(outer["sequence 14"]).endswith("-180")
+    six = row(outcome, "sequence 6")
+    assert six.cells[1] == "x, y"
+    assert six.verdict == UNJUDGED
+
+
+def test_table_2_s_forty_is_four_g() -> None:
+    outcome = reproduce_table_2(1, 0)
+    assert outcome.counts == (1, 2)
+    assert row(outcome, "gyro scale").cells == (
+        None,
+        "2 π g",
+        pytest.approx(2 * np.pi),
+        pytest.approx(2 * np.pi),
+    )
+
+
+def test_of_12_the_signs_of_the_bias_in_sequence_9_are_wrong_and_no_others() -> None:
+    outcome = reproduce_equation_12(1, 0)
+    assert [r.label for r in outcome.rows if r.verdict == OUTSIDE] == [
+        "down, start, 9: λ x",
+        "down, end, 9: λ x",
+    ]
+    assert evaluated("-2 π g", 10.0) == pytest.approx(-20 * np.pi)
+    assert evaluated("-1 g", 10.0) == -10.0
+
+
+def test_section_9_1_is_what_its_formulas_give() -> None:
+    outcome = reproduce_random_noise(30, 0)
+    # 0.002 / (57.3 · 60) · √40 = 3.68e-6; 3.7 / 2π, / 4, / 2; 0.41 of 0.5″ over the same
+    for beginning, said in (("random walk: tilt", 3.7), ("gyro scale", 0.59), ("pulses: tilt", 0.99)):
+        assert row(outcome, beginning).cells[0] == said
+    assert outcome.counts[0] == outcome.counts[1] == 13
+    # N √(turning + 2/3 of 10 s) of 360°: 0.5818 µrad/√s · √12.95 = 2.094 µrad
+    assert row(outcome, "gyro scale").cells[2] == pytest.approx(2.094 / (2 * np.pi), rel=0.01)
+
+
+def test_an_average_of_averages_is_noisier_and_minds_pulses_less() -> None:
+    outcome = reproduce_accelerometer_noise(40, 0)
+    # a triangle of weights: √(4/3) = 1.155
+    assert float(str(row(outcome, "random noise").cells[1])) == pytest.approx(1.155, abs=0.06)
+    assert row(outcome, "random noise").verdict == OUTSIDE
+    assert row(outcome, "pulses: average").verdict == INSIDE
+
+
+def test_section_9_3_bounds_what_the_earth_rate_does() -> None:
+    outcome = reproduce_earth_rate(24, 0)
+    assert outcome.counts[0] == outcome.counts[1] == 8
+
+
+def test_of_22_the_signs_that_are_wrong_are_these() -> None:
+    outcome = reproduce_gyro_bias(8, 0)
+    wrong = {r.label.partition(", ")[0] for r in outcome.rows if r.verdict == OUTSIDE}
+    assert wrong == {
+        *("κ yy + κ yyy by κ y", "κ xx + κ xxx by κ x", "κ zz + κ zzz by κ z", "υ yz by κ x"),
+        "λ z/g + (π/2)(κ xx + κ xxx) by κ x",
+        *("λ y/g + υ yz by κ x", "λ y/g + υ yz by κ y", "λ y/g + υ yz by κ z"),
+        *("λ x/g + υ zx by κ x", "λ x/g + υ zx by κ z"),
+        "example: λ y/g + υ yz",
+    }
+    # 4.85e-7 · (1 + 5) = 2.91e-6, the other way
+    assert row(outcome, "example: λ y").cells[1:] == (pytest.approx(-2.91), pytest.approx(-2.91, abs=0.01))
+
+
+CONTRADICTED = [
+    ("table 1, sequence 4", "0, 180, 180, 360, 360", "0, 180, 180, 0, 0"),
+    ("(7): down", 0.0, -1.0),
+    ("(12): down at the start", -1.0, 1.0),
+    ("(12): down at the end", 1.0, -1.0),
+    ("section 7: share of υ", 0.5, 1.0),
+    ("section 7: share of λ", 0.5, 1.0),
+    ("(17): tilt", 1.0, 3.0),
+    ("9.2: random", 1.0, 1.155),
+    ("9.1, 9.3: time", 40.0, 30.0),
+    ("(22): υ yz", -2.5, 2.5),
+]
+
+
+def test_each_slip_is_shown_by_its_check() -> None:
+    outcome = reproduce_contradictions(1, 0)
+    for beginning, said, found in CONTRADICTED:
+        shown = row(outcome, beginning)
+        expected = found if isinstance(found, str) else pytest.approx(found, abs=2e-3)
+        assert shown.cells == (said, expected), beginning
+        assert shown.verdict == OUTSIDE
+    # twice 1 mg over the place's g
+    assert row(outcome, "(13): λ yyy").cells[1] == pytest.approx(2000.0, rel=5e-3)
+    for r in outcome.rows:
+        if r.label.startswith("8: accelerometer scale"):
+            assert float(str(r.cells[1])) > 3.0
+    assert [r.label for r in outcome.rows if r.verdict == INSIDE] == [
+        "8: the same after one iteration, and after two"
+    ]
+
+
+def test_stored_numbers_are_the_paper_s() -> None:
+    section = savage()["section_9"]
+    assert (section["random_walk"]["kappa_ppm"], section["pulses"]["mu_urad"]) == (0.59, 0.50)
+    assert (section["earth"]["tilt_urad"], section["gyro_bias"]["lambda_y_ug"]) == (2.9, 2.91)
+    assert len(savage()["tables"]["1"]["rows"]) == 17
+    assert len(savage()["equation_12"]) == 24
+
+
+@pytest.mark.parametrize(
+    ("printed", "value", "same"),
+    [(3.7, 3.679, True), (1.8, 1.84, True), (0.93, 0.925, True), (0.93, 0.95, False), (2.9, 3.1, False)],
+)
+def test_digits_are_rounded_or_cut_off(printed: float, value: float, same: bool) -> None:
+    assert to_digits(printed, value) is same
+
+
+def test_a_bootstrap_interval_has_the_width_of_the_statistic_s_scatter() -> None:
+    rng = np.random.default_rng(0)
+    values = rng.standard_normal(400)
+    low, high = resampled(values, lambda drawn: np.mean(drawn, axis=-1), rng)
+    # 2 · 1.96 / √400
+    assert high - low == pytest.approx(0.196, rel=0.15)
+    assert low < np.mean(values) < high
