@@ -1,13 +1,10 @@
-"""What can be made anew: each item by name, with how long one run and a full study take."""
+"""The papers' items: every table, figure and claim that can be made anew."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
-from tumble.errors import UsageError
+from tumble.reproduction.items import Item
 from tumble_papers.hayal.contradictions import reproduce_contradictions
 from tumble_papers.hayal.estimators import reproduce_convergence, reproduce_norm_bias
 from tumble_papers.hayal.figures import reproduce_figure
@@ -15,7 +12,6 @@ from tumble_papers.hayal.position_figures import reproduce_outage_figure, reprod
 from tumble_papers.hayal.positions import reproduce_scenario_positions, reproduce_sub_scenarios
 from tumble_papers.hayal.scenarios import TABLES, reproduce_scenario_table
 from tumble_papers.hayal.tables import reproduce_table
-from tumble_papers.outcome import Outcome
 from tumble_papers.published import hayal, savage, zhang
 from tumble_papers.savage.accuracy import reproduce_accuracy
 from tumble_papers.savage.contradictions import reproduce_contradictions as reproduce_savage_contradictions
@@ -34,46 +30,6 @@ from tumble_papers.zhang.contradictions import reproduce_contradictions as repro
 from tumble_papers.zhang.navigation import reproduce_measurements, reproduce_positions
 from tumble_papers.zhang.sensitivity import reproduce_designs, reproduce_sensitivity
 from tumble_papers.zhang.tables import reproduce_scatter_table, reproduce_table_2, reproduce_table_5
-
-
-@dataclass(frozen=True, slots=True)
-class Item:
-    """One table or figure.
-
-    Attributes
-    ----------
-    name, title : as it is asked for, and what it is.
-    run : makes it from repetitions and a seed.
-    repetitions : by default; None for an item that has none.
-    seconds : that 500 repetitions take, about, on one core; what they took is in the outcome.
-    dear : of which hundreds of runs take hours: as one of a paper's items it makes no more than its own number.
-    """
-
-    name: str
-    title: str
-    run: Callable[[int, int], Outcome]
-    repetitions: int | None = 1
-    seconds: float = 0.2
-    dear: bool = False
-
-    @property
-    def effort(self) -> str:
-        """How many runs it makes by itself, and how long 500 take, in words."""
-        if self.repetitions is None:
-            return "no runs; at once"
-        runs = "1 run" if self.repetitions == 1 else f"{self.repetitions} runs"
-        return f"{runs}; 500 take about {self.seconds:g} s"
-
-    def runs_among_others(self, asked: int | None) -> int | None:
-        """Return how many runs it makes where all of a paper was asked for with so many.
-
-        Parameters
-        ----------
-        asked : None for the item's own number.
-        """
-        if asked is None or not self.dear or self.repetitions is None:
-            return asked
-        return min(asked, self.repetitions)
 
 
 def _hayal_items() -> list[Item]:
@@ -256,46 +212,4 @@ def _savage_items() -> list[Item]:
 
 
 ITEMS: dict[str, Item] = {item.name: item for item in (*_hayal_items(), *_zhang_items(), *_savage_items())}
-"""Every item by name, a paper after the other, each in its own order."""
-
-
-def find_items(name: str) -> list[Item]:
-    """Return the item of that name, or all of a paper.
-
-    Parameters
-    ----------
-    name : one of `ITEMS`, or the beginning that a paper's items share, such as "hayal", "hayal-A" or
-        "savage".
-
-    Raises
-    ------
-    UsageError
-        If there is none.
-    """
-    if name in ITEMS:
-        return [ITEMS[name]]
-    found = [item for key, item in ITEMS.items() if key.startswith((f"{name}-", f"{name}."))]
-    if not found:
-        import difflib
-
-        near = difflib.get_close_matches(name, ITEMS, 1, 0.4)
-        hint = f" Did you mean {near[0]}?" if near else ""
-        raise UsageError(
-            f"There is nothing to reproduce by the name of {name!r}.{hint} `tumble reproduce` lists what there is."
-        )
-    return found
-
-
-def run_item(item: Item, repetitions: int | None, seed: int) -> Outcome:
-    """Make an item anew.
-
-    Parameters
-    ----------
-    item : which.
-    repetitions : how many runs; None for the item's own number.
-    seed : of all random numbers.
-    """
-    began = time.perf_counter()
-    outcome = item.run(repetitions or item.repetitions or 1, seed)
-    outcome.seconds = time.perf_counter() - began
-    return outcome
+"""Every item by name, a paper after the other, each in its own order: the entry point `tumble.reproduction`."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 
-SOURCE = Path(__file__).resolve().parents[2] / "src" / "tumble"
+SOURCE = Path(__file__).resolve().parents[2] / "src"
 MODULES = sorted(SOURCE.rglob("*.py"))
 CORE = (
     "attitude",
@@ -21,6 +22,7 @@ CORE = (
     "simulation",
     "navigation",
     "calibration",
+    "document",
 )
 
 # Suffixes of what is not SI. `_celsius` is let in: every temperature of this field is given in it.
@@ -92,6 +94,7 @@ def names_that_are_not_si(tree: ast.Module) -> list[str]:
     return [name for name in names_of(tree) if NOT_SI.search(name) and not FRAME_G.search(name)]
 
 
+@cache
 def tree_of(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
@@ -100,35 +103,43 @@ def label(path: Path) -> str:
     return path.relative_to(SOURCE).as_posix()
 
 
-@pytest.mark.parametrize("path", MODULES, ids=label)
-def test_every_public_function_that_raises_says_so(path: Path) -> None:
-    if path.is_relative_to(SOURCE / "cli"):
-        return  # a command's docstring is its help text; what it raises is its exit status
-    silent = [name for name, function in functions_of(tree_of(path)) if has_silent_raise(function)]
-    assert not silent, f"{label(path)} raises without a Raises section: {', '.join(silent)}"
+def faults_of(fault: Callable[[ast.Module], list[str]], *, among: Iterable[Path] = MODULES) -> list[str]:
+    """What a check finds in each module, as lines that name the module."""
+    return [f"{label(path)}: {name}" for path in among for name in fault(tree_of(path))]
 
 
-@pytest.mark.parametrize("path", MODULES, ids=label)
-def test_everything_public_has_a_docstring(path: Path) -> None:
-    tree = tree_of(path)
+def functions_that_raise_in_silence(tree: ast.Module) -> list[str]:
+    return [name for name, function in functions_of(tree) if has_silent_raise(function)]
+
+
+def bare_names(tree: ast.Module) -> list[str]:
+    """What is public and has no docstring."""
     bare = [] if ast.get_docstring(tree) else ["the module"]
     bare += [
         node.name
         for node in tree.body
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_") and not ast.get_docstring(node)
     ]
-    bare += [
+    return bare + [
         name
         for name, function in functions_of(tree)
         if not ast.get_docstring(function) and not wears_other_s_docstring(function)
     ]
-    assert not bare, f"{label(path)} has no docstring on: {', '.join(bare)}"
 
 
-@pytest.mark.parametrize("path", [p for p in MODULES if p.relative_to(SOURCE).parts[0] in CORE], ids=label)
-def test_the_core_names_no_unit_that_is_not_si(path: Path) -> None:
-    found = names_that_are_not_si(tree_of(path))
-    assert not found, f"{label(path)} takes other units than SI inside: {', '.join(found)}"
+def test_every_public_function_that_raises_says_so() -> None:
+    # A command's docstring is its help text; what it raises is its exit status.
+    outside = [path for path in MODULES if "cli" not in path.relative_to(SOURCE).parts]
+    assert not faults_of(functions_that_raise_in_silence, among=outside)
+
+
+def test_everything_public_has_a_docstring() -> None:
+    assert not faults_of(bare_names)
+
+
+def test_the_core_names_no_unit_that_is_not_si() -> None:
+    core = [path for path in MODULES if path.relative_to(SOURCE).parts[1] in CORE]
+    assert not faults_of(names_that_are_not_si, among=core)
 
 
 def test_no_module_is_a_drawer_for_anything() -> None:

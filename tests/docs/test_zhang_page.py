@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tumble_papers.catalogue import ITEMS, run_item
+from tumble.reproduction.items import run_item
+from tumble_papers.catalogue import ITEMS
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "papers" / "zhang-2010.md"
 SAID = dict(

@@ -68,11 +68,13 @@ def reproduce_command(
 
 
 def _print_list() -> None:
-    from tumble_papers.catalogue import ITEMS
+    from tumble.reproduction.items import all_items
 
-    width = max(len(name) for name in ITEMS)
-    title = max(len(entry.title) for entry in ITEMS.values())
-    for name, entry in ITEMS.items():
+    items = all_items()
+
+    width = max(len(name) for name in items)
+    title = max(len(entry.title) for entry in items.values())
+    for name, entry in items.items():
         typer.echo(f"{name:<{width}}  {entry.title:<{title}}  {entry.effort}")
     typer.echo(
         "\n`tumble reproduce hayal`, `zhang` or `savage` makes all of a paper; of what takes hours then no more than "

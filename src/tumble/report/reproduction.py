@@ -13,7 +13,7 @@ import numpy as np
 from tumble.report.svg_plot import draw_plot
 
 if TYPE_CHECKING:
-    from tumble_papers.outcome import Outcome, Row, Value
+    from tumble.reproduction.outcome import Outcome, Row, Value
 
 
 def cell_text(value: Value) -> str:

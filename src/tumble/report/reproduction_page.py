@@ -14,7 +14,7 @@ from tumble.report.reproduction import cell_text, summary_lines
 from tumble.report.svg_plot import COLOURS, above_zero, few_places
 
 if TYPE_CHECKING:
-    from tumble_papers.outcome import Outcome, Plot, Row, Value
+    from tumble.reproduction.outcome import Outcome, Plot, Row, Value
 
 # Wider than a report: tables of papers have many columns. The reason stands below its row, in all its width.
 _STYLE = """

@@ -11,7 +11,7 @@ from tumble.report.figure import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, TEAL
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
-    from tumble_papers.outcome import Curve, Plot
+    from tumble.reproduction.outcome import Curve, Plot
 
 WIDTH, HEIGHT = 640, 400
 LEFT, RIGHT, TOP, BOTTOM = 84, 20, 46, 56

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from tumble.errors import OutputError, UsageError
 
 if TYPE_CHECKING:
-    from tumble_papers.outcome import Outcome
+    from tumble.reproduction.outcome import Outcome
 
 # More than this takes hours, and tells no more.
 MOST_REPETITIONS = 100_000
@@ -44,7 +44,7 @@ def reproduce(
     OutputError
         If the files cannot be written; earlier ones are intact.
     """
-    from tumble_papers.catalogue import find_items, run_item
+    from tumble.reproduction.items import find_items, run_item
 
     if repetitions is not None and not 1 <= repetitions <= MOST_REPETITIONS:
         raise UsageError(f"--repetitions {repetitions}: give a number from 1 to {MOST_REPETITIONS}.")

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tumble_papers.outcome import Row, claim_row
+from tumble.reproduction.outcome import Row, claim_row
 
 # Unknowns -> the tables of gyros with so many, by scenario; and those of the accelerometers.
 GYRO_TABLES = {3: {1: "A.1", 2: "A.3", 3: "5.2", 4: "A.5"}, 9: {1: "A.2", 2: "A.4", 3: "5.3", 4: "A.6"}}

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from tumble.reproduction.outcome import Outcome, Row, claim_row
 from tumble.units import STANDARD_GRAVITY
 from tumble_papers.hayal.claims import IMUS, claims_of_calibrations
-from tumble_papers.outcome import Outcome, Row, claim_row
 from tumble_papers.published import hayal
 
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, Curve, Marks, Outcome, Plot, Row
 from tumble_papers.hayal.thesis_simulation import FASTER, RATE_NOISE, Setting, run_setting, table_setting
-from tumble_papers.outcome import INSIDE, OUTSIDE, Curve, Marks, Outcome, Plot, Row
 from tumble_papers.published import hayal
 
 GROUPS = (

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Curve, Marks, Outcome, Plot, Row
 from tumble_papers.hayal.field_campaign import (
     GAPS,
     OUTAGES,
@@ -27,7 +28,6 @@ from tumble_papers.hayal.positions import (
     sub_scenario_positions,
 )
 from tumble_papers.hayal.scenarios import MINUTES, SCENARIOS
-from tumble_papers.outcome import INSIDE, OUTSIDE, UNJUDGED, Curve, Marks, Outcome, Plot, Row
 from tumble_papers.published import hayal
 
 _MINUTES = np.array(MINUTES, dtype=float)

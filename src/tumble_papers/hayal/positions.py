@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row, Value
 from tumble.simulation import find_grade
 from tumble_papers.hayal.field_campaign import (
     EVERY_SCENARIO,
@@ -28,7 +29,6 @@ from tumble_papers.hayal.field_campaign import (
 )
 from tumble_papers.hayal.field_navigation import FIX_SIGMAS
 from tumble_papers.hayal.scenarios import IMUS
-from tumble_papers.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row, Value
 from tumble_papers.published import hayal
 
 SOURCE = "Hayal 2010, chapter 5; the thesis' recordings are not public, ours are simulated"

@@ -20,6 +20,7 @@ import numpy as np
 from tumble.arrays import AnyArray, Series, Table, Vectors
 from tumble.calibration.closed_forms.norm_batch import NormBatch, adjust_norms
 from tumble.estimation.weak_directions import find_weak_directions
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.simulation import TriadNoise, find_grade
 from tumble.simulation.noise import simulate_noise
 from tumble_papers.hayal.thesis_simulation import (
@@ -31,7 +32,6 @@ from tumble_papers.hayal.thesis_simulation import (
     simulate_true,
 )
 from tumble_papers.hayal.verdicts import criterion, judge_estimate, judge_sigma
-from tumble_papers.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble_papers.published import hayal
 
 MINUTES = (1, 3, 5)

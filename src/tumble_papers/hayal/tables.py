@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, Outcome, Row
 from tumble_papers.hayal.thesis_simulation import Runs, run_setting, table_setting
-from tumble_papers.outcome import INSIDE, OUTSIDE, Outcome, Row
 from tumble_papers.published import hayal
 
 COLUMNS = (

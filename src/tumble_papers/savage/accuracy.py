@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
-from tumble_papers.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble_papers.published import savage
 from tumble_papers.savage.strapdown_simulation import (
     GRADES,

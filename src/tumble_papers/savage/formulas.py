@@ -16,9 +16,9 @@ from tumble.protocol.strapdown_rotation import (
     fixture_rotation,
     start_down,
 )
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.sensor.conventions.savage import NAMES, SavageErrors
 from tumble.sensor.imu import ImuModel
-from tumble_papers.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble_papers.published import savage
 from tumble_papers.savage.strapdown_simulation import (
     AS_PRINTED,

@@ -11,9 +11,9 @@ from tumble.arrays import AnyArray, Series
 from tumble.calibration.closed_forms.rotation_sequences import sequence_model
 from tumble.calibration.closed_forms.sequence_measurements import window_weights
 from tumble.protocol.strapdown_rotation import start_down
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row, claim_row
 from tumble.sensor.conventions.savage import GROUPS, NAMES, SavageErrors
 from tumble.sensor.imu import ImuModel
-from tumble_papers.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row, claim_row
 from tumble_papers.published import savage
 from tumble_papers.savage.formulas import BY_NAME, COMPONENTS, evaluated
 from tumble_papers.savage.strapdown_simulation import (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
-from tumble_papers.outcome import INSIDE, OUTSIDE, UNJUDGED, Curve, Outcome, Plot, Row
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Curve, Outcome, Plot, Row
 from tumble_papers.published import zhang
 from tumble_papers.zhang.laboratory import (
     AXIS_ERROR,

@@ -9,7 +9,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series
 from tumble.attitude.directions import twenty_six_directions
-from tumble_papers.outcome import Outcome, Row, claim_row
+from tumble.reproduction.outcome import Outcome, Row, claim_row
 from tumble_papers.published import zhang
 from tumble_papers.zhang.comparison import gyros_apart, norm_shift
 from tumble_papers.zhang.formulas import formula_rows

@@ -13,13 +13,13 @@ from tumble.calibration.closed_forms.inter_triad import rotation_from_two_axes
 from tumble.calibration.closed_forms.rotation_axes import axis_from_scatter
 from tumble.calibration.closed_forms.separate_norms import bias_from_static_pairs, ellipsoid_from_norms
 from tumble.errors import ObservabilityError
+from tumble.reproduction.outcome import Row, claim_row
 from tumble.sensor.conventions.zhang import (
     FORMS,
     inter_triad_angles,
     inter_triad_rotation,
     zhang_from_matrix,
 )
-from tumble_papers.outcome import Row, claim_row
 from tumble_papers.published import zhang
 from tumble_papers.zhang.tables import refusal
 from tumble_papers.zhang.turntable_simulation import (

@@ -12,8 +12,8 @@ from functools import lru_cache
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Curve, Outcome, Plot, Row
 from tumble.units import STANDARD_GRAVITY
-from tumble_papers.outcome import INSIDE, OUTSIDE, UNJUDGED, Curve, Outcome, Plot, Row
 from tumble_papers.published import zhang
 from tumble_papers.zhang.joint_turntable import estimate_run, true_plan
 from tumble_papers.zhang.laboratory import calibrate_in_laboratory, paper_setting, paper_unit

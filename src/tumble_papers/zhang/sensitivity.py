@@ -22,8 +22,8 @@ from tumble.design.sensitivity import (
     most_sensitive_directions,
     norm_sensitivity,
 )
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.sensor.conventions.zhang import matrix_from_zhang
-from tumble_papers.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble_papers.published import zhang
 
 ARCSECOND = np.pi / 648000.0

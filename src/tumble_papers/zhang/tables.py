@@ -10,7 +10,7 @@ import numpy as np
 from tumble.arrays import AnyArray, Series
 from tumble.calibration.closed_forms.separate_norms import ellipsoid_from_norms
 from tumble.errors import ObservabilityError
-from tumble_papers.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble_papers.published import zhang
 from tumble_papers.zhang.turntable_evaluation import (
     CHOICES,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import AnyArray, Vectors
-from tumble_papers.outcome import INSIDE, OUTSIDE, UNJUDGED
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED
 from tumble_papers.zhang.turntable_simulation import norths
 
 PRINTED_RUNS = 500

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from tumble.errors import UsageError
+from tumble.reproduction.items import find_items, run_item
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble.simulation import find_grade
-from tumble_papers.catalogue import ITEMS, find_items, run_item
+from tumble_papers.catalogue import ITEMS
 from tumble_papers.hayal.contradictions import reproduce_contradictions
 from tumble_papers.hayal.estimators import reproduce_convergence
 from tumble_papers.hayal.figures import NOISES, RATES, reproduce_figure
 from tumble_papers.hayal.scenarios import ABSURD, TABLES, reproduce_scenario_table, simulate_field_means
-from tumble_papers.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble_papers.published import hayal, zhang
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tumble.navigation import navigate, position_differences
+from tumble.reproduction.outcome import UNJUDGED
 from tumble.simulation.field_campaign import (
     CART,
     ORIGIN,
@@ -43,7 +44,6 @@ from tumble_papers.hayal.field_navigation import (
 from tumble_papers.hayal.position_figures import reproduce_scenario_figure
 from tumble_papers.hayal.positions import reproduce_scenario_positions
 from tumble_papers.hayal.scenarios import SCENARIOS
-from tumble_papers.outcome import UNJUDGED
 
 CASES = (ORIGINAL, SUB_SCENARIOS["3.0"])
 

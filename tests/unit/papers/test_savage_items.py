@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble_papers.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
 from tumble_papers.published import savage
 from tumble_papers.savage.accuracy import resampled
 from tumble_papers.savage.contradictions import reproduce_contradictions

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, Outcome
 from tumble_papers.hayal.tables import reproduce_table
 from tumble_papers.hayal.thesis_simulation import Runs, run_setting, table_setting
-from tumble_papers.outcome import INSIDE, OUTSIDE, Outcome
 
 BIAS, SCALE, ANGLE = slice(0, 3), slice(3, 6), slice(6, 9)
 # Stated sigmas: mean, lowest and highest of 500 runs of another implementation (26 attitudes, 180 samples,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble_papers.outcome import OUTSIDE, UNJUDGED
+from tumble.reproduction.outcome import OUTSIDE, UNJUDGED
 from tumble_papers.zhang.laboratory import paper_setting, paper_unit
 from tumble_papers.zhang.navigation import (
     JOINT,

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tumble_papers.catalogue import ITEMS, run_item
-from tumble_papers.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
+from tumble.reproduction.items import run_item
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, UNJUDGED, Outcome, Row
+from tumble_papers.catalogue import ITEMS
 from tumble_papers.published import zhang
 from tumble_papers.zhang.comparison import gyros_apart, norm_shift, reproduce_figure, reproduce_table_6
 from tumble_papers.zhang.contradictions import reproduce_contradictions

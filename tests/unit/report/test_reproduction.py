@@ -19,7 +19,7 @@ from tumble.report.reproduction import (
 )
 from tumble.report.reproduction_page import render_outcome
 from tumble.report.svg_plot import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, draw_plot
-from tumble_papers.outcome import INSIDE, OUTSIDE, Curve, Marks, Outcome, Plot, Row
+from tumble.reproduction.outcome import INSIDE, OUTSIDE, Curve, Marks, Outcome, Plot, Row
 
 X = np.array([1.0, 10.0, 100.0])
 Y = np.array([3e-6, 3e-7, 3e-8])

@@ -1,0 +1,107 @@
+"""What can be made anew: each item by name, with how long one run and a full study take.
+
+Items come from installed packages, by the entry point group ``tumble.reproduction``: each entry names a dictionary of
+`Item` by name. `tumble_papers`, which is installed with tumble, has those of the three papers.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
+
+from tumble.errors import UsageError
+from tumble.reproduction.outcome import Outcome
+
+GROUP = "tumble.reproduction"
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One table or figure.
+
+    Attributes
+    ----------
+    name, title : as it is asked for, and what it is.
+    run : makes it from repetitions and a seed.
+    repetitions : by default; None for an item that has none.
+    seconds : that 500 repetitions take, about, on one core; what they took is in the outcome.
+    dear : of which hundreds of runs take hours: as one of a paper's items it makes no more than its own number.
+    """
+
+    name: str
+    title: str
+    run: Callable[[int, int], Outcome]
+    repetitions: int | None = 1
+    seconds: float = 0.2
+    dear: bool = False
+
+    @property
+    def effort(self) -> str:
+        """How many runs it makes by itself, and how long 500 take, in words."""
+        if self.repetitions is None:
+            return "no runs; at once"
+        runs = "1 run" if self.repetitions == 1 else f"{self.repetitions} runs"
+        return f"{runs}; 500 take about {self.seconds:g} s"
+
+    def runs_among_others(self, asked: int | None) -> int | None:
+        """Return how many runs it makes where all of a paper was asked for with so many.
+
+        Parameters
+        ----------
+        asked : None for the item's own number.
+        """
+        if asked is None or not self.dear or self.repetitions is None:
+            return asked
+        return min(asked, self.repetitions)
+
+
+@cache
+def all_items() -> dict[str, Item]:
+    """Return every item by name, a paper after the other, each in its own order."""
+    return {name: item for entry in entry_points(group=GROUP) for name, item in entry.load().items()}
+
+
+def find_items(name: str) -> list[Item]:
+    """Return the item of that name, or all of a paper.
+
+    Parameters
+    ----------
+    name : of one item, or the beginning that a paper's items share, such as "hayal", "hayal-A" or
+        "savage".
+
+    Raises
+    ------
+    UsageError
+        If there is none.
+    """
+    items = all_items()
+    if name in items:
+        return [items[name]]
+    found = [item for key, item in items.items() if key.startswith((f"{name}-", f"{name}."))]
+    if not found:
+        import difflib
+
+        near = difflib.get_close_matches(name, items, 1, 0.4)
+        hint = f" Did you mean {near[0]}?" if near else ""
+        raise UsageError(
+            f"There is nothing to reproduce by the name of {name!r}.{hint} `tumble reproduce` lists what there is."
+        )
+    return found
+
+
+def run_item(item: Item, repetitions: int | None, seed: int) -> Outcome:
+    """Make an item anew.
+
+    Parameters
+    ----------
+    item : which.
+    repetitions : how many runs; None for the item's own number.
+    seed : of all random numbers.
+    """
+    began = time.perf_counter()
+    outcome = item.run(repetitions or item.repetitions or 1, seed)
+    outcome.seconds = time.perf_counter() - began
+    return outcome
