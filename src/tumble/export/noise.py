@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from tumble.arrays import Vector
 from tumble.errors import UsageError
+from tumble.noise.fit import MISSED
 
 _FORMAT = "tumble noise"
 _TRIADS = {"accelerometer": "a", "gyroscope": "g"}
@@ -26,6 +27,8 @@ class TriadNoise:
     densities : (3,) axis by axis.
     walk_is_limit : the walk is not seen in the recording; `walk` is the upper limit.
     instability : B, worst axis, or None.
+    missed : of the letters that are passed on, by channel and letter, the factor by which the fitted curve misses the
+        measured one where the letter makes most of it.
     """
 
     density: float
@@ -33,6 +36,7 @@ class TriadNoise:
     densities: Vector
     walk_is_limit: bool = False
     instability: float | None = None
+    missed: dict[tuple[str, str], float] = field(default_factory=dict[tuple[str, str], float])
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +72,11 @@ class SensorNoise:
                 said.append(
                     f"the {name} random walk is not seen in the recording: its upper limit stands in its place"
                 )
+            said += [
+                f"{letter} of {channel} is known no better than to a factor of {factor:.2g}: the fitted model misses "
+                "the measured curve by as much (see noise.html). Inflate it, or record again at rest and undisturbed"
+                for (channel, letter), factor in triad.missed.items()
+            ]
         return said
 
 
@@ -142,6 +151,12 @@ def _triad(
             for c in channel_list
             if "K" in c["upper_limits_of_unseen"]
         ]
+        missed = {
+            (key, letter): float(term["curve_missed_by"])
+            for key, channel in channels.items()
+            for letter, term in channel["terms"].items()
+            if letter in "NBK" and (term.get("curve_missed_by") or 1.0) > MISSED
+        }
         unstable = [float(c["terms"]["B"]["value"]) for c in channel_list if "B" in c["terms"]]
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise UsageError(f"{file} is damaged: {type(error).__name__} at {error}.") from error
@@ -157,4 +172,5 @@ def _triad(
         densities=densities * inflate[0],
         walk_is_limit=not walks,
         instability=max(unstable) if unstable else None,
+        missed=missed,
     )

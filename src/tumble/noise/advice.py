@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.noise.deviation import Deviation
-from tumble.noise.fit import NoiseFit
+from tumble.noise.fit import MISFIT, MISSED, NoiseFit
 from tumble.noise.recording_length import seconds_for
 from tumble.noise.terms import NoiseModel
 from tumble.noise.units import ACCELEROMETER, GYRO, practical_noise_unit
@@ -16,7 +16,6 @@ from tumble.noise.white_part import slower_part
 if TYPE_CHECKING:
     from tumble.noise.channel import Channel
 
-_MISFIT = 0.01
 _SHORT = 5000  # samples, of which N is known to 2 %
 _MOST_LINES = 3  # of a channel that are told
 _MORE = 1.2  # times N, from which what a slower process adds is told
@@ -47,13 +46,20 @@ def _on_fits(channels: tuple[Channel, ...]) -> list[str]:
     for channel in channels:
         if channel.fit is None:
             reasons.setdefault(channel.without_fit, []).append(channel.name)
-    bad = [c.name for c in channels if c.fit is not None and c.fit.probability < _MISFIT]
+    bad = [c.name for c in channels if c.fit is not None and c.fit.probability < MISFIT]
     said = [f"{', '.join(names)}: no model, the curve stands alone. {why}" for why, names in reasons.items()]
     if bad:
         words = f"{', '.join(bad)}: the curve has a shape that the model does not make (by chance in less than one of "
         said.append(
-            f"{words}{1.0 / _MISFIT:.0f} cases): vibration lines, motion or drift; look at the spectrum."
+            f"{words}{1.0 / MISFIT:.0f} cases): vibration lines, motion or drift; look at the spectrum."
         )
+    for channel in channels:
+        known = {} if channel.fit is None else channel.fit.missed
+        if missed := {name: factor for name, factor in known.items() if factor > MISSED}:
+            said.append(
+                f"{channel.name}: the model misses the measured curve by a factor of {max(missed.values()):.2g} over a "
+                f"decade of averaging times that is mostly {' and '.join(missed)}: known no better than to this factor."
+            )
     return said
 
 
@@ -134,7 +140,7 @@ def _advice(channels: tuple[Channel, ...], curves: Deviation) -> list[str]:
     seconds = curves.samples / curves.rate
     for letter, title in (("a", "Accelerometers"), ("g", "Gyros")):
         of_triad = [c.fit for c in channels if c.name.startswith(letter)]
-        fits = [fit for fit in of_triad if fit is not None and fit.probability >= _MISFIT]
+        fits = [fit for fit in of_triad if fit is not None and fit.probability >= MISFIT]
         parts: list[str] = []
         hidden: list[str] = []
         for term in "BK":

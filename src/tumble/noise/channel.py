@@ -10,7 +10,7 @@ import numpy as np
 from tumble.arrays import Series
 from tumble.errors import UsageError
 from tumble.noise.deviation import Deviation
-from tumble.noise.fit import NoiseFit, fit_curve, fit_moments_of
+from tumble.noise.fit import MISFIT, NoiseFit, fit_curve, fit_moments_of
 from tumble.noise.lines import FoundLine
 from tumble.noise.weighted_fit import Method
 from tumble.noise.white_part import WhitePart, white_beyond
@@ -20,7 +20,6 @@ FLOOR = sqrt(2.0 * log(2.0) / pi)
 
 # Ten degrees of freedom for each averaging time in the record: 1 over the square root of twice that is 22 %.
 _WELL_KNOWN = 10.0
-_MISFIT = 0.01  # probability below which a second and a third Gauss-Markov process are tried
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +139,7 @@ def characterise_channel(
         float(allan.deviation[lowest, 0]),
         float(allan.tau[lowest]),
         why,
-        None if fit is None else white_beyond(fit, octaves, _MISFIT),
+        None if fit is None else white_beyond(fit, octaves),
     )
 
 
@@ -153,7 +152,7 @@ def _fit(octaves: Deviation, lines: tuple[FoundLine, ...], method: Method) -> tu
         return None, str(error)
     except np.linalg.LinAlgError as error:
         return None, f"{_NO_WEIGHTS} ({error})."
-    if fit.probability >= _MISFIT:
+    if fit.probability >= MISFIT:
         return fit, ""
     try:
         richer = fit_by(octaves, lines=lines, gauss_markov=3)

@@ -19,7 +19,7 @@ Statistical Association 108 (2013) 1021-1030.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -43,6 +43,12 @@ from tumble.noise.weighted_fit import AllanTask, Method, Solution, misfit_of_sco
 
 CONFIDENCE = 0.95
 """Probability of intervals and of upper limits unless another is asked for."""
+
+MISFIT = 0.01
+"""Probability of a fit below which its model is taken as wrong, and its weights with it."""
+
+MISSED = 1.5
+"""Factor by which a model misses the measured curve over a decade, from which on it is said."""
 
 # Averaging times up to this share of the recording: two degrees of freedom at least, for any noise.
 _LONGEST_SHARE = 0.25
@@ -85,6 +91,9 @@ class NoiseFit:
     confidence, rate, lengths : of the intervals; Hz; samples of each piece of the recording.
     lines : as the spectrum has them.
     remarks : sentences on terms that the recording does not tell apart.
+    missed : of each term, the factor by which the model's curve misses the measured deviation over a decade of
+        averaging times, its logarithm counted by the term's share in the model there; empty where the model fits.
+        Covariance and limits count it.
     """
 
     method: Method
@@ -104,6 +113,7 @@ class NoiseFit:
     lengths: tuple[int, ...]
     lines: tuple[FoundLine, ...] = ()
     remarks: tuple[str, ...] = ()
+    missed: dict[str, float] = field(default_factory=dict[str, float])
 
     @property
     def chosen(self) -> tuple[str, ...]:
@@ -274,7 +284,11 @@ def _gather(
     expected = task.expected(task.design(solution.letters, solution.times), solution)
     scores = normal_scores(task.variance, expected, task.covariance(solution.model))
     chi_square, freedom = _goodness(task, solution, tried)
+    probability = float(gammaincc(0.5 * freedom, 0.5 * chi_square)) if freedom else 1.0
     terms, covariance = _terms(task, solution, tried, scale, confidence)
+    remarks = remarks_on(solution, covariance, terms_of(solution))
+    missed = _missed(task, solution) if probability < MISFIT else {}
+    terms, covariance = _widened(terms, covariance, missed)
     once = float(ndtri(confidence))
     unseen = [letter for letter in tried if letter not in solution.letters]
     return NoiseFit(
@@ -285,7 +299,7 @@ def _gather(
         limits={letter: scale * letter_interval(task, solution, letter, tried, once)[1] for letter in unseen},
         chi_square=chi_square,
         freedom=freedom,
-        probability=float(gammaincc(0.5 * freedom, 0.5 * chi_square)) if freedom else 1.0,
+        probability=probability,
         tau=task.tau,
         variance=task.variance * scale**2,
         expected=expected * scale**2,
@@ -294,7 +308,8 @@ def _gather(
         rate=task.rate,
         lengths=lengths,
         lines=lines,
-        remarks=remarks_on(solution, covariance, terms_of(solution)),
+        remarks=remarks,
+        missed=missed,
     )
 
 
@@ -306,6 +321,35 @@ def _goodness(task: AllanTask, solution: Solution, tried: tuple[str, ...]) -> tu
     chi_square = misfit_of_scores(normal_scores(task.variance, expected, covariance), covariance)
     count = np.count_nonzero(whole.squares) + len(solution.times)
     return chi_square, max(len(task.tau) - int(count), 0)
+
+
+def _missed(task: AllanTask, solution: Solution) -> dict[str, float]:
+    """Mean factor by which a decade of the curve is missed, of each term by its share in the model there."""
+    parts = task.design(solution.letters, solution.times) * solution.squares
+    curve = np.maximum(np.sum(parts, axis=1) + task.lines, 1e-12 * task.variance)
+    miss = 0.5 * np.abs(np.log(curve / task.variance))
+    decades = [
+        (task.tau >= first) & (task.tau <= 10.0 * first)
+        for first in task.tau
+        if first <= max(task.tau[-1] / 8.0, task.tau[0])
+    ]
+    blame = parts / curve[:, None] * miss[:, None]
+    worst = np.exp(np.max([np.mean(blame[decade], axis=0) for decade in decades], axis=0)).tolist()
+    # a correlation time is as its process
+    return dict(zip(terms_of(solution), worst + worst[len(solution.letters) :], strict=True))
+
+
+def _widened(
+    terms: tuple[FittedTerm, ...], covariance: Square, missed: dict[str, float]
+) -> tuple[tuple[FittedTerm, ...], Square]:
+    """Terms and covariance with one sigma more of what a model that does not fit misses."""
+    factors = np.array([missed.get(term.name, 1.0) for term in terms])
+    values = np.array([term.value for term in terms])
+    wide = tuple(
+        replace(term, low=min(term.low, term.value / f**2), high=max(term.high, term.value * f**2))
+        for term, f in zip(terms, factors.tolist(), strict=True)
+    )
+    return wide, covariance + np.diag((values * np.log(factors)) ** 2)
 
 
 def terms_of(solution: Solution) -> tuple[str, ...]:
@@ -351,6 +395,8 @@ def _terms(
 __all__ = [
     "CONFIDENCE",
     "FALSE_ALARM",
+    "MISFIT",
+    "MISSED",
     "FittedTerm",
     "NoiseFit",
     "fit_curve",

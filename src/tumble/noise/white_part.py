@@ -14,7 +14,7 @@ import numpy as np
 
 from tumble.errors import UsageError
 from tumble.noise.deviation import Deviation
-from tumble.noise.fit import NoiseFit, fit_curve
+from tumble.noise.fit import MISFIT, NoiseFit, fit_curve
 from tumble.noise.terms import GaussMarkov
 
 SHORT = 0.1
@@ -54,17 +54,18 @@ def shortest_time(rate: float) -> float:
     return max(SHORT, _SHORT_SAMPLES / rate)
 
 
-def white_beyond(fit: NoiseFit, octaves: Deviation, misfit: float) -> WhitePart | None:
+def white_beyond(fit: NoiseFit, octaves: Deviation) -> WhitePart | None:
     """Return N over times longer than those of short processes, or None without such a process.
+
+    Where the model does not fit, the curve itself is asked, right of the processes.
 
     Parameters
     ----------
     fit : of one channel.
     octaves : overlapping Allan deviation that it was fitted to.
-    misfit : probability of the fit below which the curve itself is asked, right of the processes.
     """
     part = white_part(fit)
-    if part is None or fit.probability >= misfit:
+    if part is None or fit.probability >= MISFIT:
         return part
     for times in _BEYOND:
         try:

@@ -65,6 +65,11 @@ class TermBlock(_Strict):
     high: float
     unit: str = Field(description="of value, standard_uncertainty, low and high: SI, or counts")
     practical: Practical
+    curve_missed_by: float | None = Field(
+        default=None,
+        description="factor by which the fitted curve misses the measured one over a decade of averaging times, as far "
+        "as it is this term's, counted in the uncertainty; null where the model fits",
+    )
 
 
 class LimitBlock(_Strict):
@@ -282,6 +287,7 @@ def _channel(channel: Channel) -> ChannelBlock:
             practical=Practical(
                 value=factor * term.value, standard_uncertainty=_number(factor * term.sigma), unit=unit
             ),
+            curve_missed_by=None if channel.fit is None else channel.fit.missed.get(term.letter),
         )
     return ChannelBlock(
         unit=channel.unit,

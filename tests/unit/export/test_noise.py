@@ -44,6 +44,15 @@ def test_the_worst_axis_counts_and_a_limit_only_where_no_axis_shows_it(tmp_path:
     assert any("upper limit" in remark for remark in noise.remarks)
 
 
+def test_a_letter_whose_curve_misses_the_measured_one_is_not_passed_on_silently(tmp_path: Path) -> None:
+    whole = json.loads((written(tmp_path) / "noise.json").read_text())
+    whole["channels"]["ay"]["terms"]["K"]["curve_missed_by"] = 4.2
+    whole["channels"]["ax"]["terms"]["K"]["curve_missed_by"] = 1.2
+    said = [r for r in read_noise(written(tmp_path, channels=whole["channels"])).remarks if "misses" in r]
+    assert len(said) == 1
+    assert said[0].startswith("K of ay is known no better than to a factor of 4.2")
+
+
 def test_inflation_and_another_rate_are_taken_and_said(tmp_path: Path) -> None:
     noise = read_noise(written(tmp_path), inflate=(2.0, 10.0), rate=200.0)
     assert noise.accelerometer.density == pytest.approx(6e-3)

@@ -144,7 +144,7 @@ def test_where_no_process_makes_the_shape_the_curve_beyond_it_counts() -> None:
 
     fit = fit_curve(octaves)
     assert fit.probability < 0.01
-    part = white_beyond(fit, octaves, 0.01)
+    part = white_beyond(fit, octaves)
     assert part is not None
     assert part.value == pytest.approx(1.0, abs=3.0 * part.sigma + 0.03)
     assert part.low < 1.0 < 1.1 * part.high
