@@ -522,3 +522,116 @@ def test_counts_need_the_driver_s_factor() -> None:
     assert np.allclose(
         force, truth(ImuModel(Triad(M_A, B_A), Triad(M_G, B_G)), TARGETS["kalibr"])[0], atol=1e-11
     )
+
+
+HOSTILE = (
+    "x\nimport os\n#",
+    "x\r\n#error\r\n",
+    "*/ int broken; /*",
+    "ends in a backslash \\",
+    "ends in a trigraph ??/",
+    "coding: utf_7 +AAo-import os",
+    "a\u2028b\u2029c\x0bd\x0ce\x85f\x1cg\x00h",
+    "%} \n%{",
+    "\u202egnihton",
+    '"\n}; system("true"); {"',
+)
+
+
+def hostile(target: Target, text: str) -> dict[str, str]:
+    """What is written of a calibration all of whose texts are one."""
+    calibration = document(model_for(target))
+    calibration = calibration.model_copy(
+        update={
+            "imu": calibration.imu.model_copy(update={"model": text, "serial_number": text}),
+            "created": text,
+            "remarks": [text],
+            "frame": calibration.frame.model_copy(update={"description": text}),
+            "raw_units": calibration.raw_units.model_copy(update={"specific_force": "m/s^2\n"}),
+        }
+    )
+    wishes = Wishes(per_count=(1e-3, 1e-4), topic=text)
+    return target.write(prepare(calibration, target, wishes, NOISE_NUMBERS))
+
+
+def code_of(target: Target, text: str) -> str:
+    """A file without its comments, as its own language leaves them out."""
+    if target.name == "c":
+        # Phases of translation 1 to 3: trigraphs, joined lines, comments.
+        text = text.replace("??/", "\\").replace("\\\n", "")
+        return re.sub(r"/\*.*?\*/", " ", text, flags=re.S)
+    if target.comment == "//":
+        text = text.replace("??/", "\\").replace("\\\n", "")
+        return re.sub(r"//[^\n]*", "", re.sub(r"/\*.*?\*/", " ", text, flags=re.S))
+    return "\n".join(
+        line for line in re.split(r"\r\n|\r|\n", text) if not line.startswith(target.comment or "\0")
+    )
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+@pytest.mark.parametrize("name", TARGETS)
+def test_no_text_of_a_calibration_becomes_code(name: str, text: str) -> None:
+    target = TARGETS[name]
+    for file, content in hostile(target, text).items():
+        plain = hostile(target, "plain")[file]
+        if file.endswith(".json"):
+            assert json.loads(content).keys() == json.loads(plain).keys()
+        elif file.endswith((".yaml", ".yml")):
+            found, expected = (yaml.safe_load(t.removeprefix("%YAML:1.0\n")) for t in (content, plain))
+            for one in (found, expected):
+                for part in (one, one.get("imu0", {})):
+                    for key in ("rostopic", "imu_topic"):
+                        part.pop(key, None)
+            assert found == expected
+        else:
+            assert code_of(target, content) == code_of(target, plain)
+        assert not re.search(r"[\x00-\x09\x0b-\x1f\x85\u2028\u2029\u202e]", content.replace("\t", ""))
+
+
+def test_a_python_file_takes_no_encoding_from_a_name() -> None:
+    for content in hostile(TARGETS["python"], "coding: utf_7 +AAo-import os").values():
+        tree = compile(content.encode(), "generated", "exec")
+        assert "os" not in tree.co_names
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_a_model_name_with_a_control_character_is_refused_on_reading(tmp_path: Path, text: str) -> None:
+    calibration = document(ImuModel(Triad(M_A, B_A), Triad(M_G, B_G)))
+    file = tmp_path / "calibration.json"
+    calibration.model_copy(update={"imu": calibration.imu.model_copy(update={"model": text})}).write(file)
+    if text.isprintable():
+        assert read_calibration(file).imu.model == text
+    else:
+        with pytest.raises(
+            CalibrationFileError, match=r"imu\.model: it holds a line break or another control"
+        ):
+            read_calibration(file)
+
+
+@pytest.mark.parametrize("scale", ["1e-300", "1e300", "1e9", "0.01", "nan", "1_0"])
+@pytest.mark.parametrize("name", ["ardupilot", "px4"])
+def test_a_scale_that_no_sensor_has_is_refused(tmp_path: Path, name: str, scale: str) -> None:
+    target = TARGETS[name]
+    (file, content), *_ = target.write(prepare(document(model_for(target)), target)).items()
+    what = r"(INS_ACCSCAL_X,)\S+" if name == "ardupilot" else r"(CAL_ACC0_XSCALE\t)\S+"
+    (tmp_path / file).write_text(re.sub(what, rf"\g<1>{scale}", content))
+    with pytest.raises(CalibrationFileError, match=r"scale|number|finite|NAME"):
+        convert_from(tmp_path / file, name, output=tmp_path / "calibration.json")
+    assert not (tmp_path / "calibration.json").exists()
+
+
+@pytest.mark.parametrize("kind", ["kalibr", "ikalibr"])
+def test_aliases_that_multiply_are_refused_soon(tmp_path: Path, kind: str) -> None:
+    levels = "".join(
+        f"{new}: &{new} [{', '.join([f'*{old}'] * 9)}]\n"
+        for old, new in zip("abcdefgh", "bcdefghi", strict=True)
+    )
+    file = tmp_path / "imu.yaml"
+    file.write_text(
+        "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]\n"
+        + levels
+        + "imu0: {model: scale-misalignment, accelerometers: {M: *i}}\n"
+        "Intrinsics: {ACCE: {MAP_COEFF: *i, BIAS: *i}}\n"
+    )
+    with pytest.raises(CalibrationFileError, match="aliases"):
+        convert_from(file, kind, output=tmp_path / "calibration.json")

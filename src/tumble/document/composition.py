@@ -28,6 +28,7 @@ from tumble.document.result import (
 )
 from tumble.document.thermal_block import ThermalBlock, thermal_block
 from tumble.earth import EARTH_RATE, Site
+from tumble.files import shown
 from tumble.recording.recording import Recording
 from tumble.sensor import FRAMES, ImuModel, Triad
 from tumble.units import angular_rate_factor, specific_force_factor
@@ -66,7 +67,7 @@ def calibration_from_estimate(
     return Calibration(
         created=(created or datetime.now(UTC)).isoformat(timespec="seconds"),
         software=f"tumble {tumble.__version__}",
-        imu=Imu(model=imu[0], serial_number=imu[1]),
+        imu=Imu(model=_name(imu[0]), serial_number=_name(imu[1])),
         procedure=estimate.procedure,
         recordings=[RecordingName(name=s.name, sha256=s.sha256) for s in recording.sources],
         site=_site_block(site),
@@ -185,6 +186,11 @@ def _quality(estimate: Estimate) -> QualityBlock:
             for t in estimate.terms
         ],
     )
+
+
+def _name(text: str | None) -> str | None:
+    """Return a name as a document may hold it."""
+    return None if text is None else shown(text)
 
 
 def _test_vectors(model: ImuModel, recording: Recording, gyroscope: TriadBlock | None) -> list[TestVector]:

@@ -64,7 +64,8 @@ class Corrector:
         Raises
         ------
         CalibrationFileError
-            If a g-sensitivity is to be taken out and there is no corrected specific force.
+            If a g-sensitivity is to be taken out and there is no corrected specific force, or a finite raw
+            number becomes one that is not.
         UsageError
             If an array is not (samples, 3) or not as long as the others, a thermal model has no temperature, or a
             changing one no time; or if there are lever arms and no time.
@@ -81,6 +82,21 @@ class Corrector:
             time=time,
             temperature_celsius=temperature_celsius,
         )
+        raw_force, raw_rate = force, rate
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
+            force, rate = self._by_stages(force, rate, time, temperature_celsius)
+        _refuse_not_finite("specific force", force, raw_force, raw_rate)
+        _refuse_not_finite("angular rate", rate, raw_force, raw_rate)
+        return force, rate
+
+    def _by_stages(
+        self,
+        force: Vectors | None,
+        rate: Vectors | None,
+        time: Series | None,
+        temperature_celsius: Series | float | None,
+    ) -> tuple[Vectors | None, Vectors | None]:
+        """Correct by one calibration after another."""
         for number, (model, thermal) in enumerate(zip(self._models, self._thermal, strict=True)):
             lacks_force = force is None or model.accelerometer is None
             if model.g_sensitivity is not None and rate is not None and lacks_force:
@@ -158,7 +174,24 @@ def _given_temperature(temperature: Series | float | None, samples: int, *, begu
     given = np.broadcast_to(np.asarray(temperature, dtype=float), (samples,))
     if not begun and not np.isfinite(given).any():
         raise UsageError("The temperature holds no number: name another column with --columns.")
+    if np.isinf(given).any():
+        raise UsageError(
+            f"The temperature of sample {int(np.argmax(np.isinf(given))) + 1} is infinite: give °C of the unit."
+        )
     return np.ascontiguousarray(given)
+
+
+def _refuse_not_finite(what: str, corrected: Vectors | None, *raw: Vectors | None) -> None:
+    """Refuse numbers that overflowed; where a raw number is none already, neither is the corrected one."""
+    if corrected is None or np.isfinite(corrected).all():
+        return
+    finite = np.logical_and.reduce([np.isfinite(part).all(axis=1) for part in raw if part is not None])
+    wrong = finite & ~np.isfinite(corrected).all(axis=1)
+    if wrong.any():
+        raise CalibrationFileError(
+            f"The corrected {what} of sample {int(np.argmax(wrong)) + 1} is not finite: the recording's raw numbers "
+            "are not in the units of this calibration, or one of the two files is damaged."
+        )
 
 
 def _corrected(

@@ -12,19 +12,19 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from tumble.arrays import Series, Square, Vectors
+from tumble.document.contradictions import contradiction_in
 from tumble.document.thermal_block import ThermalBlock
-from tumble.document.thermal_block import contradiction as thermal_contradiction
 from tumble.document.turn_ons_block import TurnOnsBlock
-from tumble.errors import CalibrationFileError, OutputError, TumbleError
+from tumble.errors import CalibrationFileError, OutputError
+from tumble.files import read_json, shown
 from tumble.recording.writing import written_beside
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import Outside, ThermalModel
-from tumble.units import angular_rate_factor, specific_force_factor
 
 FORMAT = "tumble calibration"
 VERSION = 1
-# Of sensing axes as unit vectors; three within a degree of one plane have 0.017.
-SMALLEST_DETERMINANT = 1e-6
+LARGEST = 32 << 20
+"""Bytes of a document; one of ten composed calibrations with a hundred turn-ons has one megabyte."""
 FORWARD = (
     "raw = u + asymmetry * |u| + quadratic * u^2 + g_sensitivity * f + bias, u = matrix * true; "
     "true in m/s^2 and rad/s in frame b, f the true specific force in b (gyroscope only); "
@@ -355,15 +355,17 @@ def read_calibration(path: str | os.PathLike[str]) -> Calibration:
     if file.is_dir():
         file = file / "calibration.json"
     try:
-        document: Any = json.loads(file.read_text(encoding="utf-8"))
+        document: Any = read_json(file, LARGEST)
     except FileNotFoundError:
         raise CalibrationFileError(
             f"There is no calibration {file}: give the calibration.json that `tumble calibrate` wrote."
         ) from None
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except OSError as error:
         raise CalibrationFileError(
-            f"{file} cannot be read as a calibration (it is not JSON, or not readable): {error}."
+            f"{file} cannot be read as a calibration: {error.strerror or error}."
         ) from error
+    except ValueError as error:
+        raise CalibrationFileError(f"{file} cannot be read as a calibration: {error}.") from error
     if not isinstance(document, dict) or cast("dict[str, Any]", document).get("format") != FORMAT:
         raise CalibrationFileError(
             f'{file} is not a calibration of tumble: it does not say "format": "{FORMAT}".'
@@ -371,7 +373,7 @@ def read_calibration(path: str | os.PathLike[str]) -> Calibration:
     version: Any = cast("dict[str, Any]", document).get("version")
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:
         raise CalibrationFileError(
-            f"{file} is damaged: its version is {version!r}, which is no whole number from 1 on."
+            f"{file} is damaged: its version is {version!r:.40}, which is no whole number from 1 on."
         )
     if version > VERSION:
         raise CalibrationFileError(
@@ -381,37 +383,16 @@ def read_calibration(path: str | os.PathLike[str]) -> Calibration:
         calibration = Calibration.model_validate(document)
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
+        where = ".".join(shown(str(part)) for part in first["loc"])
         raise CalibrationFileError(f"{file} is damaged: {where}: {first['msg']}.") from error
     for number, stage in enumerate(calibration.stages, 1):
-        contradiction = _contradiction(stage)
+        contradiction = contradiction_in(stage)
         if contradiction is not None:
             which = (
                 f"calibration {number} of {len(calibration.stages)}: " if calibration.composed_with else ""
             )
             raise CalibrationFileError(f"{file} is damaged: {which}{contradiction}.")
     return calibration
-
-
-def _contradiction(calibration: Calibration) -> str | None:
-    """Return what the types of the fields cannot show: sizes, singular matrices, unknown units."""
-    size = len(calibration.covariance_parameters)
-    if len(calibration.covariance) != size or any(len(row) != size for row in calibration.covariance):
-        return f"covariance: it is not {size} by {size}, as covariance_parameters has it"
-    for name, block in (("accelerometer", calibration.accelerometer), ("gyroscope", calibration.gyroscope)):
-        if block is not None and block.matrix is not None:
-            matrix = np.array(block.matrix, dtype=float)
-            length = np.linalg.norm(matrix, axis=1, keepdims=True)
-            if not np.all(length > 0) or abs(float(np.linalg.det(matrix / length))) < SMALLEST_DETERMINANT:
-                return f"{name}.matrix: it cannot be inverted"
-    try:
-        specific_force_factor(calibration.raw_units.specific_force)
-        angular_rate_factor(calibration.raw_units.angular_rate)
-    except TumbleError as error:
-        return f"raw_units: {str(error).rstrip('.')}"
-    if calibration.thermal is not None:
-        return thermal_contradiction(calibration.thermal, calibration.own_model)
-    return None
 
 
 def calibration_schema() -> dict[str, Any]:

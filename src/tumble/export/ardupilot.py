@@ -21,6 +21,7 @@ from tumble.export.reading import text_of
 from tumble.export.subject import Subject
 from tumble.export.target import BIAS, SCALE, TEMPERATURE, Imported, Target
 from tumble.export.words import commented, example_lines, head
+from tumble.files import number_of
 from tumble.sensor import Triad
 
 REFERENCE = 35.0
@@ -94,7 +95,7 @@ def read(path: Path) -> Imported:
             continue
         words = line.replace(",", " ").split()
         try:
-            name, value = words[0], float(words[1])
+            name, value = words[0], number_of(words[1])
         except (IndexError, ValueError):
             raise CalibrationFileError(
                 f"{path}, line {line_number}: a line of ArduPilot's is NAME,VALUE, not {line[:40]!r}."

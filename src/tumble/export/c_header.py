@@ -5,7 +5,7 @@ from __future__ import annotations
 from tumble.export.source_code import FORMULA, HOLDS, braces, sensitivity, tests_of, triad_numbers
 from tumble.export.subject import Subject
 from tumble.export.target import Target
-from tumble.export.words import head
+from tumble.export.words import commented, head
 
 _C_BODY = """
 /* One triad: raw less what other sensors add, to corrected. */
@@ -65,8 +65,7 @@ static inline double tumble_self_test(void)
 
 def write(subject: Subject) -> dict[str, str]:
     """Return the header."""
-    said = [line.replace("*/", "* /") for line in head(subject, TARGET.title, FORMULA)]
-    lines = ["/*", *(f" * {line}" for line in said), " */"]
+    lines = ["/*\n" + commented(head(subject, TARGET.title, FORMULA), TARGET.comment) + " */"]
     lines += ["#ifndef TUMBLE_CALIBRATION_H", "#define TUMBLE_CALIBRATION_H", "#include <math.h>", ""]
     for name, triad in (("FORCE", subject.accelerometer), ("RATE", subject.gyroscope)):
         for key, value in triad_numbers(triad).items():

@@ -12,7 +12,7 @@ import numpy as np
 
 from tumble.arrays import Vector
 from tumble.errors import CalibrationFileError
-from tumble.export.reading import invertible, matrix_of, text_of
+from tumble.export.reading import finite, invertible, matrix_of, text_of
 from tumble.export.subject import Subject
 from tumble.export.target import BIAS, MATRIX, SCALE, Imported, Target
 from tumble.export.words import commented, example_lines, head
@@ -75,7 +75,7 @@ def read(path: Path) -> Imported:
                 raise CalibrationFileError(
                     f"{path} has no {name}{what} of {size} numbers: it is no Fusion calibration."
                 )
-            parts[name + what] = [float(n) for n in numbers]
+            parts[name + what] = [finite(n, name + what, path) for n in numbers]
     triads: list[Triad] = []
     for name, factor in (("accelerometer", 1.0 / STANDARD_GRAVITY), ("gyroscope", _DEGREES)):
         matrix = matrix_of(parts[f"{name}Misalignment"], f"{name}Misalignment", path) * np.array(

@@ -17,6 +17,7 @@ from tumble.export.reading import entry, invertible, json_of, matrix_of, vector_
 from tumble.export.subject import Subject
 from tumble.export.target import BIAS, G_SENSITIVITY, MATRIX, SCALE, Imported, Target
 from tumble.export.words import head
+from tumble.files import shown
 from tumble.sensor import ImuModel, Triad
 
 _DEGREE = np.pi / 180.0
@@ -31,7 +32,7 @@ def write(subject: Subject) -> dict[str, str]:
         "gyr_unit": "deg/s",
         "from_acc_unit": _unit(subject.units[0]),
         "from_gyr_unit": _unit(subject.units[1]),
-        "comment": "; ".join(head(subject, TARGET.title, (), None)),
+        "comment": shown("; ".join(head(subject, TARGET.title, (), None))),
     }
     for letter, matrix, bias in (
         ("a", accelerometer.matrix, accelerometer.bias),

@@ -24,7 +24,7 @@ from tumble.export.noise import SensorNoise
 from tumble.export.reading import check_rotation, entry, invertible, matrix_of, vector_of, yaml_of
 from tumble.export.subject import Subject
 from tumble.export.target import BIAS, G_SENSITIVITY, MATRIX, NOISE, SCALE, Imported, Target
-from tumble.export.words import commented, head, number, row, yaml_rows
+from tumble.export.words import commented, head, number, row, yaml_rows, yaml_text
 from tumble.sensor import FRAMES, ImuModel, Triad
 from tumble.sensor.gauge import lower_factor
 
@@ -59,7 +59,7 @@ def write_noise(subject: Subject) -> dict[str, str]:
     )
     lines = [
         *noise_lines(subject.noise),
-        f"rostopic: {subject.wishes.topic}",
+        f"rostopic: {yaml_text(subject.wishes.topic)}",
         f"update_rate: {number(subject.noise.rate)}  # Hz",
     ]
     return {"imu.yaml": commented(said) + "\n".join(lines) + "\n"}
@@ -92,7 +92,7 @@ def write(subject: Subject) -> dict[str, str]:
     if subject.noise is not None:
         lines += noise_lines(subject.noise, 2)
         lines.append(f"  update_rate: {number(subject.noise.rate)}")
-    lines += [f"  rostopic: {subject.wishes.topic}", "  time_offset: 0.0"]
+    lines += [f"  rostopic: {yaml_text(subject.wishes.topic)}", "  time_offset: 0.0"]
     return {"imu-intrinsics.yaml": commented(head(subject, TARGET.title, FORMULA)) + "\n".join(lines) + "\n"}
 
 

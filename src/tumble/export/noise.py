@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
@@ -11,6 +10,7 @@ import numpy as np
 
 from tumble.arrays import Vector
 from tumble.errors import UsageError
+from tumble.files import number_of, read_json
 from tumble.noise.fit import MISSED
 
 _FORMAT = "tumble noise"
@@ -106,7 +106,7 @@ def read_noise(
     return SensorNoise(
         found["accelerometer"],
         found["gyroscope"],
-        float(document["rate_hz"]) if rate is None else rate,
+        _rate(document, file) if rate is None else rate,
         file.name,
         *inflate,
     )
@@ -114,16 +114,25 @@ def read_noise(
 
 def _document(file: Path) -> dict[str, Any]:
     try:
-        document: Any = json.loads(file.read_text(encoding="utf-8"))
+        document: Any = read_json(file)
     except FileNotFoundError:
         raise UsageError(
             f"There is no noise file {file}: give the noise.json that `tumble noise -o` wrote."
         ) from None
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except OSError as error:
+        raise UsageError(f"{file} cannot be read as a noise.json: {error.strerror or error}.") from error
+    except ValueError as error:
         raise UsageError(f"{file} cannot be read as a noise.json: {error}.") from error
     if not isinstance(document, dict) or cast("dict[str, Any]", document).get("format") != _FORMAT:
         raise UsageError(f'{file} is no noise.json of tumble: it does not say "format": "{_FORMAT}".')
     return cast("dict[str, Any]", document)
+
+
+def _rate(document: dict[str, Any], file: Path) -> float:
+    try:
+        return number_of(document["rate_hz"])
+    except (KeyError, ValueError) as error:
+        raise UsageError(f"{file} is damaged: its rate_hz is no number ({error}).") from error
 
 
 def _triad(
@@ -144,20 +153,20 @@ def _triad(
             raise UsageError(
                 f"{file} shows no white noise (N) on every axis of the {name}: record for longer."
             )
-        densities = np.array([float(each["value"]) for each in white])
-        walks = [float(c["terms"]["K"]["value"]) for c in channel_list if "K" in c["terms"]]
+        densities = np.array([number_of(each["value"]) for each in white])
+        walks = [number_of(c["terms"]["K"]["value"]) for c in channel_list if "K" in c["terms"]]
         limits = [
-            float(c["upper_limits_of_unseen"]["K"]["value"])
+            number_of(c["upper_limits_of_unseen"]["K"]["value"])
             for c in channel_list
             if "K" in c["upper_limits_of_unseen"]
         ]
         missed = {
-            (key, letter): float(term["curve_missed_by"])
+            (key, letter): number_of(term["curve_missed_by"])
             for key, channel in channels.items()
             for letter, term in channel["terms"].items()
             if letter in "NBK" and (term.get("curve_missed_by") or 1.0) > MISSED
         }
-        unstable = [float(c["terms"]["B"]["value"]) for c in channel_list if "B" in c["terms"]]
+        unstable = [number_of(c["terms"]["B"]["value"]) for c in channel_list if "B" in c["terms"]]
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise UsageError(f"{file} is damaged: {type(error).__name__} at {error}.") from error
     if not walks and not limits:

@@ -19,7 +19,7 @@ from tumble.export.kalibr import noise_lines
 from tumble.export.reading import check_rotation, entry, invertible, matrix_of, vector_of, yaml_of
 from tumble.export.subject import Subject
 from tumble.export.target import BIAS, G_SENSITIVITY, MATRIX, NOISE, SCALE, Imported, Target
-from tumble.export.words import commented, head, number, row, yaml_rows
+from tumble.export.words import commented, head, number, row, yaml_rows, yaml_text
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.gauge import lower_factor
 
@@ -38,7 +38,7 @@ def write(subject: Subject) -> dict[str, str]:
         lines += noise_lines(subject.noise, 2)
         lines.append(f"  update_rate: {number(subject.noise.rate)}")
     lines += [
-        f"  rostopic: {subject.wishes.topic}",
+        f"  rostopic: {yaml_text(subject.wishes.topic)}",
         "  time_offset: 0.0",
         '  model: "kalibr"',
         f"  bias_acc: {row(subject.accelerometer.bias)}",

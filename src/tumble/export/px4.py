@@ -22,6 +22,7 @@ from tumble.export.reading import text_of
 from tumble.export.subject import Subject
 from tumble.export.target import BIAS, SCALE, TEMPERATURE, Imported, Target
 from tumble.export.words import commented, example_lines, head
+from tumble.files import number_of, shown
 from tumble.sensor import Triad
 
 INTEGER, REAL = 6, 9
@@ -114,9 +115,11 @@ def read(path: Path) -> Imported:
                 "value, type."
             )
         try:
-            value = float(words[3])
+            value = number_of(words[3])
         except ValueError:
-            raise CalibrationFileError(f"{path}, line {line_number}: {words[3]} is no number.") from None
+            raise CalibrationFileError(
+                f"{path}, line {line_number}: {shown(words[3][:40])} is no number."
+            ) from None
         if match := re.fullmatch(r"CAL_(ACC|GYRO)(\d)_([XYZ])(OFF|SCALE)", words[2]):
             kind = "accelerometer" if match[1] == "ACC" else "gyroscope"
             found[kind][match[2], match[3], "offset" if match[4] == "OFF" else "scale"] = value

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
 from tumble.arrays import Matrix, Vector
+from tumble.document.contradictions import is_invertible
 from tumble.errors import CalibrationFileError
+from tumble.files import number_of, read_json, read_text, read_yaml
+from tumble.sensor import ImuModel
+from tumble.units import angular_rate_factor, specific_force_factor
 
-_LARGEST = 4_000_000
+LARGEST = 4 << 20
+"""Bytes of another tool's file of parameters."""
+# Of an SI unit: a scale factor that no sensor has, and a bias that is more than any range.
+_SCALES = (0.1, 10.0)
+_LARGEST_BIAS = 1e3
 
 
 def text_of(path: Path) -> str:
@@ -23,11 +30,7 @@ def text_of(path: Path) -> str:
         If it is not there, no text, or far too long for parameters.
     """
     try:
-        if path.stat().st_size > _LARGEST:
-            raise CalibrationFileError(
-                f"{path} is {path.stat().st_size} bytes long: that is no file of parameters."
-            )
-        return path.read_text(encoding="utf-8")
+        return read_text(path, LARGEST)
     except FileNotFoundError:
         raise CalibrationFileError(f"There is no file {path}.") from None
     except UnicodeDecodeError:
@@ -45,9 +48,13 @@ def json_of(path: Path, tool: str) -> dict[str, Any]:
         If the file is none.
     """
     try:
-        document: Any = json.loads(text_of(path))
-    except json.JSONDecodeError as error:
-        raise CalibrationFileError(f"{path} is no JSON, as {tool}'s file is: {error}.") from error
+        document: Any = read_json(path, LARGEST)
+    except FileNotFoundError:
+        raise CalibrationFileError(f"There is no file {path}.") from None
+    except OSError as error:
+        raise CalibrationFileError(f"{path} cannot be read: {error.strerror or error}.") from error
+    except ValueError as error:
+        raise CalibrationFileError(f"{path} cannot be read as {tool}'s JSON: {error}.") from error
     if not isinstance(document, dict):
         raise CalibrationFileError(f"{path} holds no object, as {tool}'s file does.")
     return cast("dict[str, Any]", document)
@@ -61,17 +68,14 @@ def yaml_of(path: Path, tool: str) -> dict[str, Any]:
     CalibrationFileError
         If the file is none.
     """
-    import yaml
-
-    text = text_of(path)
-    if text.startswith("%YAML"):
-        text = text.partition("\n")[2]
     try:
-        document: Any = yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError) as error:
-        where = getattr(error, "problem_mark", None)
-        line = f" in line {where.line + 1}" if where is not None else ""
-        raise CalibrationFileError(f"{path} is no YAML, as {tool}'s file is: a mistake{line}.") from error
+        document: Any = read_yaml(path)
+    except FileNotFoundError:
+        raise CalibrationFileError(f"There is no file {path}.") from None
+    except OSError as error:
+        raise CalibrationFileError(f"{path} cannot be read: {error.strerror or error}.") from error
+    except ValueError as error:
+        raise CalibrationFileError(f"{path} cannot be read as {tool}'s YAML: {error}.") from error
     if not isinstance(document, dict):
         raise CalibrationFileError(f"{path} holds no keys, as {tool}'s file does.")
     return cast("dict[str, Any]", document)
@@ -113,8 +117,7 @@ def invertible(value: Any, name: str, path: Path) -> Matrix:
         If they are not.
     """
     matrix = matrix_of(value, name, path)
-    length = np.linalg.norm(matrix, axis=1, keepdims=True)
-    if not np.all(length > 0) or abs(float(np.linalg.det(matrix / length))) < 1e-6:
+    if not is_invertible(matrix):
         raise CalibrationFileError(f"{name} in {path} cannot be inverted: it is no calibration's matrix.")
     return matrix
 
@@ -131,17 +134,73 @@ def vector_of(value: Any, name: str, path: Path, size: int = 3) -> Vector:
 
 
 def _numbers(value: Any, name: str, path: Path, size: int) -> Any:
+    entries = _flat(value.tolist() if isinstance(value, np.ndarray) else value)
+    if len(entries) != size:
+        raise CalibrationFileError(f"{name} in {path} is {len(entries)} numbers, not {size}.")
+    return np.array([finite(entry, name, path) for entry in entries])
+
+
+def _flat(value: Any) -> list[Any]:
+    """Return a value, a list, or a list of lists as one list."""
+    if not isinstance(value, list | tuple):
+        return [value]
+    return [entry for part in cast("list[Any]", value) for entry in _flat(part)]
+
+
+def finite(value: Any, name: str, path: Path) -> float:
+    """Return a finite number of a file.
+
+    Parameters
+    ----------
+    value : a number, or a word of the file.
+    name : what it is called in the sentence.
+
+    Raises
+    ------
+    CalibrationFileError
+        If it is none.
+    """
     try:
-        array = np.asarray(value, dtype=float).ravel()
-    except (TypeError, ValueError):
-        raise CalibrationFileError(f"{name} in {path} is not {size} numbers.") from None
-    if array.size != size:
-        raise CalibrationFileError(f"{name} in {path} is {array.size} numbers, not {size}.")
-    if not np.all(np.isfinite(array)):
-        raise CalibrationFileError(
-            f"{name} in {path} holds a number that is not finite: that calibration diverged."
-        )
-    return array
+        return number_of(value)
+    except ValueError as error:
+        raise CalibrationFileError(f"{name} in {path} cannot be used: {error}.") from None
+
+
+def check_plausible(model: ImuModel, units: tuple[str, str], path: Path) -> None:
+    """Refuse numbers that no calibration of a sensor has, which a damaged file or another unit leaves.
+
+    Parameters
+    ----------
+    model : as read.
+    units : raw units of specific force and angular rate; in counts any scale may be.
+
+    Raises
+    ------
+    CalibrationFileError
+        If a matrix cannot be inverted, a scale factor is below 0.1 or above 10, or a bias above 1000 m/s² or rad/s.
+    """
+    factors = (specific_force_factor(units[0]), angular_rate_factor(units[1]))
+    for name, triad, factor in zip(
+        ("accelerometer", "gyroscope"), (model.accelerometer, model.gyroscope), factors, strict=True
+    ):
+        if triad is None:
+            continue
+        if not is_invertible(triad.matrix):
+            raise CalibrationFileError(f"The {name}'s matrix in {path} cannot be inverted.")
+        low, high = (float(np.linalg.norm(triad.matrix, -2)), float(np.linalg.norm(triad.matrix, 2)))
+        scale = 1.0 if factor is None else factor
+        if not (low > 0.0 and high < np.inf) or (
+            factor is not None and not (_SCALES[0] <= scale * low and scale * high <= _SCALES[1])
+        ):
+            raise CalibrationFileError(
+                f"The {name}'s scale factors in {path} are {scale * low:.3g} to {scale * high:.3g}: no sensor has "
+                "such, so the file is damaged or in another unit."
+            )
+        if factor is not None and not np.all(np.abs(scale * triad.bias) <= _LARGEST_BIAS):
+            raise CalibrationFileError(
+                f"The {name}'s bias in {path} is {scale * float(np.abs(triad.bias).max()):.3g} SI units: no sensor has "
+                "such, so the file is damaged or in another unit."
+            )
 
 
 def check_rotation(matrix: Matrix, name: str, path: Path) -> Matrix:

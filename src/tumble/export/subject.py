@@ -17,7 +17,7 @@ from tumble.export.noise import SensorNoise
 from tumble.export.target import BIAS, G_SENSITIVITY, MATRIX, NONLINEAR, TEMPERATURE, Target
 from tumble.sensor import FRAMES, ImuModel, Triad, change_frame
 from tumble.sensor.thermal import ThermalModel
-from tumble.units import angular_rate_factor, specific_force_factor
+from tumble.units import angular_rate_factor, find_unit, specific_force_factor
 
 LARGEST_LOSS = 0.02
 """Of the true vector's length: a target that would lose more is not written without being told to."""
@@ -211,7 +211,11 @@ def _in_units(
     model: ImuModel, thermal: ThermalModel | None, calibration: Calibration, target: Target, wishes: Wishes
 ) -> tuple[ImuModel, ThermalModel | None, tuple[str, str]]:
     given = calibration.stages[0].raw_units
-    own = (given.specific_force, given.angular_rate)
+    # As the units are called here, for the document may have another spelling, and the names go into programs.
+    own = (
+        find_unit("specific force", given.specific_force) or given.specific_force,
+        find_unit("angular rate", given.angular_rate) or given.angular_rate,
+    )
     if target.units is None:
         return model, thermal, own
     ours = (specific_force_factor(own[0]), angular_rate_factor(own[1]))

@@ -60,7 +60,7 @@ class Target:
     units : raw units of specific force and angular rate that the tool works in; None takes the calibration's.
     frame : that the form's zeros ask for, or None: any.
     needs_calibration, needs_noise : what there must be to write it.
-    comment : what begins a comment line, empty where the format has none.
+    comment : what begins a comment line, empty where the format has none; `words.escaped` knows each.
     """
 
     name: str

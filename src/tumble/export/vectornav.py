@@ -37,7 +37,7 @@ def write(subject: Subject) -> dict[str, str]:
 
 def checksum(body: str) -> int:
     """Return the XOR of the bytes between $ and *."""
-    return reduce(lambda total, byte: total ^ byte, body.encode("ascii"), 0)
+    return reduce(lambda total, byte: total ^ byte, body.encode("utf-8"), 0)
 
 
 def read(path: Path) -> Imported:

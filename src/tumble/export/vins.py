@@ -11,7 +11,7 @@ import numpy as np
 from tumble.export.filters import gravity_of, noise_of
 from tumble.export.subject import Subject
 from tumble.export.target import NOISE, Target
-from tumble.export.words import commented, head, number
+from tumble.export.words import commented, head, number, quoted
 
 _NO_VECTOR: list[str] = []
 
@@ -31,7 +31,7 @@ def write(subject: Subject) -> dict[str, str]:
         f"acc_w: {number(noise.accelerometer.walk * root)}",
         f"gyr_w: {number(noise.gyroscope.walk * root)}",
         f"g_norm: {number(gravity_of(subject))}  # m/s^2",
-        f'imu_topic: "{subject.wishes.topic}"',
+        f"imu_topic: {quoted(subject.wishes.topic)}",
     ]
     text = commented(head(subject, TARGET.title, formula, _NO_VECTOR)) + "\n".join(lines) + "\n"
     return {"vins_imu.yaml": "%YAML:1.0\n" + text}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -9,6 +11,7 @@ import numpy as np
 
 import tumble
 from tumble.export.subject import Subject
+from tumble.files import shown
 
 
 def number(value: float) -> str:
@@ -84,5 +87,35 @@ def example_lines(
 
 
 def commented(lines: Sequence[str], mark: str = "#") -> str:
-    """Return lines behind a comment mark."""
-    return "".join(f"{mark} {line}".rstrip() + "\n" for line in lines)
+    """Return lines behind a comment mark, so that no text in them ends the comment (see `escaped`)."""
+    return "".join(f"{mark} {escaped(line, mark)}".rstrip() + "\n" for line in lines)
+
+
+def escaped(text: str, mark: str) -> str:
+    """Return a text as it may stand in a comment of the language whose comments begin with a mark.
+
+    A calibration's texts come from anywhere: a name with a line break in it would go on as code.
+
+    Parameters
+    ----------
+    text : one line; a line break or another hidden character in it is written as its number.
+    mark : ``#`` of Python, YAML and parameters, ``//`` of C++, `` *`` of C, ``%`` of MATLAB.
+    """
+    line = shown(text).rstrip()
+    if mark in ("//", " *"):
+        # The end of the comment; trigraphs, of which ??/ is a backslash; a backslash that joins the next line to it.
+        line = line.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
+        return line + " ." if line.endswith("\\") else line
+    # Python takes an encoding from a comment in its first two lines, and in UTF-7 a comment may hold line breaks.
+    return re.sub(r"coding(?=[:=])", "coding ", line) if mark == "#" else line
+
+
+def yaml_text(text: str) -> str:
+    """Return a text as a YAML value: as it is where it is a plain name, else in double quotes."""
+    plain = re.fullmatch(r"[A-Za-z/][A-Za-z0-9_/.-]*", text)
+    return text if plain else quoted(text)
+
+
+def quoted(text: str) -> str:
+    """Return a text in the double quotes of YAML (and of OpenCV), hidden characters as their numbers."""
+    return json.dumps(shown(text), ensure_ascii=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 from collections.abc import Sequence
@@ -13,8 +12,9 @@ from pathlib import Path
 from tumble.document import Calibration, read_calibration
 from tumble.document.imported import calibration_from_model
 from tumble.document.result import RecordingName, write_text
-from tumble.errors import CalibrationFileError, UsageError
+from tumble.errors import UsageError
 from tumble.export.noise import read_noise
+from tumble.export.reading import check_plausible
 from tumble.export.registry import TARGETS, find_target
 from tumble.export.subject import Subject, Wishes, prepare
 from tumble.export.target import (
@@ -27,6 +27,7 @@ from tumble.export.target import (
     TEMPERATURE,
     Target,
 )
+from tumble.recording.formats.table import hash_file
 from tumble.units import angular_rate_factor, find_unit, specific_force_factor
 
 # What a folder is given for.
@@ -218,9 +219,7 @@ def convert_from(
     if any(target_file.exists() and target_file.samefile(file) for file in found.files):
         raise UsageError(f"{target_file} is the input itself: give another file with -o.")
     model = found.model
-    for name, triad in (("accelerometer", model.accelerometer), ("gyroscope", model.gyroscope)):
-        if triad is not None and not abs(float(_determinant(triad.matrix))) > 0.0:
-            raise CalibrationFileError(f"The {name}'s matrix in {path} cannot be inverted.")
+    check_plausible(model, raw_units, Path(path))
     document = calibration_from_model(
         model,
         raw_units,
@@ -236,14 +235,8 @@ def convert_from(
     )
 
 
-def _determinant(matrix: object) -> float:
-    import numpy as np
-
-    return float(np.linalg.det(np.asarray(matrix)))
-
-
 def _hash(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+    return hash_file(file).sha256
 
 
 def _two_units(text: str) -> tuple[str, str]:

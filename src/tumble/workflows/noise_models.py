@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from tumble.errors import UsageError
+from tumble.files import number_of, read_json
 from tumble.noise.terms import GaussMarkov, Line, NoiseModel
 from tumble.noise.variances import LETTERS
 from tumble.recording import Recording
@@ -56,16 +56,16 @@ def read_noise_models(path: str | os.PathLike[str]) -> NoiseModels:
     place = Path(path)
     how = "give the noise.json that `tumble noise RECORDING -o DIR` wrote for this unit"
     try:
-        document: Any = json.loads(place.read_text(encoding="utf-8"))
+        document: Any = read_json(place)
     except OSError as error:
         raise UsageError(f"--noise {place} cannot be read ({error.strerror or error}): {how}.") from error
     except ValueError as error:
-        raise UsageError(f"--noise {place} is no JSON document: {how}.") from error
+        raise UsageError(f"--noise {place} is no JSON document ({error}): {how}.") from error
     if not isinstance(document, dict) or cast("dict[str, Any]", document).get("format") != "tumble noise":
         raise UsageError(f"--noise {place} is no noise document: {how}.")
     try:
         content = cast("dict[str, Any]", document)
-        rate = float(content.get("recorded_rate_hz") or content["rate_hz"])
+        rate = number_of(content.get("recorded_rate_hz") or content["rate_hz"])
         channels = {
             str(name): (str(channel["unit"]), _model(channel))
             for name, channel in content["channels"].items()
@@ -85,12 +85,12 @@ def read_noise_models(path: str | os.PathLike[str]) -> NoiseModels:
 
 def _model(channel: dict[str, Any]) -> NoiseModel:
     """The model of one channel in its unit."""
-    values = {str(name): float(term["value"]) for name, term in channel["terms"].items()}
+    values = {str(name): number_of(term["value"]) for name, term in channel["terms"].items()}
     # Short processes are in the N that a filter takes; as states they would be of no use.
     whole: dict[str, Any] = channel.get("random_walk") or {}
-    white = [float(time) for time in whole.get("correlation_times_s", ())]
+    white = [number_of(time) for time in whole.get("correlation_times_s", ())]
     if white:
-        values["N"] = float(whole["value"])
+        values["N"] = number_of(whole["value"])
     processes = [
         GaussMarkov(values[f"sigma{mark}"], values[f"correlation time{mark}"])
         for mark in ("", " 2", " 3")
@@ -103,7 +103,7 @@ def _model(channel: dict[str, Any]) -> NoiseModel:
 
 
 def _line(entry: dict[str, Any]) -> Line:
-    return Line(float(entry["amplitude"]), float(entry["frequency_hz"]))
+    return Line(number_of(entry["amplitude"]), number_of(entry["frequency_hz"]))
 
 
 def models_of_recording(

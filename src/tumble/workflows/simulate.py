@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import tempfile
 import time
 from collections.abc import Callable
@@ -17,6 +18,7 @@ import numpy as np
 
 from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
+from tumble.files import read_json
 from tumble.workflows.played_protocol import read_played
 from tumble.workflows.site import given_site
 from tumble.workflows.truth import FORMAT, Settings, case_columns, read_in_other_axes, truth_document
@@ -344,13 +346,20 @@ def _require_place(folder: Path) -> None:
 def _earlier(folder: Path) -> dict[str, Any]:
     """The truth of an earlier simulation in the folder; empty where there is none."""
     try:
-        found: Any = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
+        found: Any = read_json(folder / "truth.json")
     except (OSError, ValueError):
         return {}
     if not isinstance(found, dict):
         return {}
     document = cast("dict[str, Any]", found)
     return document if document.get("format") == FORMAT else {}
+
+
+def _earlier_recordings(folder: Path) -> list[str]:
+    """The recordings of an earlier simulation, by the names that a simulation gives: no other file is removed."""
+    names: Any = _earlier(folder).get("recordings", [])
+    listed = cast("list[Any]", names) if isinstance(names, list) else []
+    return [n for n in listed if isinstance(n, str) and re.fullmatch(r"recording\.csv|step-\d+\.csv", n)]
 
 
 def _write(
@@ -377,12 +386,12 @@ def _write(
                 protocol = replace(protocol, recordings=tuple(names))
             document["recordings"] = list(names)
             names += _write_texts(protocol, document, beside)
-            stale = [name for name in _earlier(folder).get("recordings", []) if name not in names]
+            stale = [name for name in _earlier_recordings(folder) if name not in names]
             with uninterrupted():
                 for name in names:
                     (beside / name).replace(folder / name)
                 for name in stale:
-                    (folder / Path(name).name).unlink(missing_ok=True)
+                    (folder / name).unlink(missing_ok=True)
     except (OSError, OutputError) as error:
         # A writer below has turned the system's error into a sentence about a name that nobody knows.
         cause = error.__cause__ if isinstance(error, OutputError) else error

@@ -1,0 +1,179 @@
+"""JSON and YAML of unknown origin: read whole or refused, with limits of size, depth, digits and repetition."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any, cast
+
+from tumble.files.opening import read_text
+
+LARGEST_JSON = 64 << 20
+LARGEST_YAML = 1 << 20
+DEEPEST = 64
+"""Levels of a document: those of tumble have eight at most, and a calibration for each one it is composed with."""
+MOST_DIGITS = 310
+"""Digits of a whole number; a larger one is no 64-bit float."""
+MOST_ENTRIES = 200_000
+"""Entries of a YAML document, those that stand under an alias counted again."""
+
+_HALF = re.compile(r"\\u[dD][89a-fA-F]")
+
+
+class DocumentError(ValueError):
+    """A text is no document that may be read; its words end a sentence that begins with the file's name."""
+
+
+def read_json(path: Path, largest: int = LARGEST_JSON) -> Any:
+    """Return what a JSON file holds.
+
+    Parameters
+    ----------
+    path : of the file, in UTF-8.
+    largest : bytes that it may have.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened, is no ordinary file, or is longer.
+    DocumentError
+        If it is no JSON, nested too deeply, or holds a number or a text that cannot be.
+    """
+    text = _text(path, largest)
+    try:
+        document: Any = json.loads(text, parse_int=_whole)
+    except json.JSONDecodeError as error:
+        raise DocumentError(f"it is no JSON ({error.msg}, line {error.lineno})") from None
+    except RecursionError:
+        raise DocumentError("it is nested too deeply") from None
+    _check(document, halves=_HALF.search(text) is not None)
+    return document
+
+
+def _text(path: Path, largest: int) -> str:
+    try:
+        return read_text(path, largest)
+    except UnicodeDecodeError as error:
+        raise DocumentError(f"it is no text in UTF-8 (byte {error.start + 1})") from None
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > MOST_DIGITS:
+        raise DocumentError(f"it holds a number of {len(digits)} digits")
+    return int(digits)
+
+
+def _check(document: Any, *, halves: bool) -> None:
+    """Refuse what is nested too deeply and, where there may be any, texts with halves of characters."""
+    level: list[Any] = [document]
+    for _ in range(DEEPEST):
+        inside: list[Any] = []
+        for value in level:
+            if isinstance(value, dict):
+                keys = cast("dict[str, Any]", value)
+                inside += [*keys, *keys.values()] if halves else keys.values()
+            elif isinstance(value, list):
+                inside += cast("list[Any]", value)
+            elif halves and isinstance(value, str) and any("\ud800" <= c <= "\udfff" for c in value):
+                raise DocumentError("it holds a text with half a character (\\ud800 to \\udfff)")
+        if not inside:
+            return
+        level = inside
+    raise DocumentError("it is nested too deeply")
+
+
+def read_yaml(path: Path, largest: int = LARGEST_YAML) -> Any:
+    """Return what a YAML file holds; OpenCV's first line ``%YAML:1.0`` is let pass.
+
+    Parameters
+    ----------
+    path : of the file, in UTF-8.
+    largest : bytes that it may have.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened, is no ordinary file, or is longer.
+    DocumentError
+        If it is no YAML, nested too deeply, or grows beyond measure by its aliases.
+    """
+    import yaml
+
+    text = _text(path, largest)
+    if text.startswith("%YAML"):
+        text = text.partition("\n")[2]
+    loader = yaml_loader()
+    try:
+        node = composed(text, loader)
+        return None if node is None else loader("").construct_document(node)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f" (a mistake in line {mark.line + 1})" if mark is not None else ""
+        raise DocumentError(f"it is no YAML{where}") from None
+    except (ValueError, OverflowError, TypeError) as error:
+        if isinstance(error, DocumentError):
+            raise
+        raise DocumentError(f"it holds a value that cannot be ({str(error)[:60]})") from None
+
+
+def yaml_loader() -> Any:
+    """Return PyYAML's safe loader, the one in C where it was built with it."""
+    import yaml
+
+    library = cast("Any", yaml)
+    return getattr(library, "CSafeLoader", library.SafeLoader)
+
+
+def composed(text: str, loader: Any) -> Any:
+    """Return the root node of a YAML text, None of an empty one.
+
+    Parameters
+    ----------
+    text : of the document.
+    loader : class of PyYAML.
+
+    Raises
+    ------
+    yaml.YAMLError
+        If it is no YAML; the error has the place.
+    DocumentError
+        If it is nested too deeply, refers to itself, or is too large with what its aliases repeat.
+    """
+    import yaml
+
+    library = cast("Any", yaml)
+    depth = 0
+    # Composing recurses, in C without a limit: so deep a text ends the program. Events do not.
+    for event in library.parse(text, Loader=loader):
+        if isinstance(event, library.CollectionStartEvent):
+            depth += 1
+        elif isinstance(event, library.CollectionEndEvent):
+            depth -= 1
+        if depth > DEEPEST:
+            raise DocumentError("it is nested too deeply")
+    root = library.compose(text, Loader=loader)
+    if root is not None:
+        _entries(root, {}, 0)
+    return root
+
+
+def _entries(node: Any, known: dict[int, int], depth: int) -> int:
+    """Return how many entries a node has, with those under its aliases; refuse too many, and circles."""
+    if node.id == "scalar":
+        return 1
+    if id(node) not in known:
+        if depth > DEEPEST:
+            raise DocumentError("it refers to itself, or is nested too deeply by its aliases")
+        total = 1
+        parts: list[Any] = (
+            [part for pair in node.value for part in pair] if node.id == "mapping" else node.value
+        )
+        for part in parts:
+            total += _entries(part, known, depth + 1)
+            if total > MOST_ENTRIES:
+                raise DocumentError(
+                    f"it holds more than {MOST_ENTRIES} entries, with those that aliases repeat"
+                )
+        known[id(node)] = total
+    return known[id(node)]
