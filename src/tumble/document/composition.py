@@ -154,7 +154,10 @@ def _site_block(site: Site) -> SiteBlock:
 
 
 def _quality(estimate: Estimate) -> QualityBlock:
-    turns = estimate.turn_angles[np.isfinite(estimate.turn_angles)]
+    # a turn that was left out is no measure of the others
+    out = [left.index for left in estimate.left_out if left.kind == "turn"]
+    scored = np.isfinite(estimate.turn_angles) & ~np.isin(np.arange(estimate.turn_angles.size), out)
+    turns = estimate.turn_angles[scored]
 
     def finite(value: float) -> float | None:
         return value if np.isfinite(value) else None
@@ -168,7 +171,7 @@ def _quality(estimate: Estimate) -> QualityBlock:
         rms_hold_norm=float(np.sqrt(np.mean(estimate.hold_norms**2))) if estimate.hold_norms.size else None,
         rms_turn_angle=float(np.sqrt(np.mean(turns**2))) if turns.size else None,
         holds=int(estimate.hold_norms.size),
-        turns=int(turns.size),
+        turns=int(np.count_nonzero(np.isfinite(estimate.turn_angles))),
         spins=int(estimate.spin_rates.size),
         variance_components=estimate.variance_components,
         left_out=[

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tumble.arrays import Matrices, Series, Table, Vectors
+from tumble.arrays import Matrices, Series, Square, Table, Vectors
 from tumble.document import Calibration
 from tumble.document.corrector import Corrector
 from tumble.earth import Site
@@ -104,10 +104,12 @@ def hold_noise(triad: Triad, means: Vectors, covariances: Matrices) -> Series:
     return np.asarray(np.einsum("ka,kab,kb->k", weight, covariances, weight), dtype=np.float64)
 
 
-def norm_sigmas(
+def norm_covariance(
     document: Calibration, force: Vectors, noise: Series, place: Site, at: HoldConditions | None
-) -> Series:
-    """Return each norm's sigma: calibration, hold noise and wandering bias; gravity's is common.
+) -> Square:
+    """Return (holds, holds) the norms' covariance: calibration and gravity are common, hold noise and wander not.
+
+    Gravity's uncertainty is in the calibration's. It cancels where the same gravity is taken for both.
 
     The norm's derivative by matrix entry (i, j) is -w_i f_j and by bias -w_i, with w = inv(M)' f / norm(f); a
     coefficient of temperature multiplies it by its function there.
@@ -121,29 +123,32 @@ def norm_sigmas(
     joint = document.thermal is not None and any(
         "[" in n and n.count(".") < 2 for n in _thermal_names(document)
     )
-    variance = noise.copy()
+    covariance = np.diag(noise)
     weight = _weights(document, force, at)
+    own = document.site.gravity_standard_uncertainty
+    same_gravity = abs(place.gravity - document.site.gravity) <= 1e-9
     if not joint:
         names = document.covariance_parameters
         by_parameter = _by_parameter(names, weight, force, None, at)
-        variance += np.einsum("kp,pq,kq->k", by_parameter, document.covariance_matrix, by_parameter)
+        covariance += by_parameter @ document.covariance_matrix @ by_parameter.T
+        if same_gravity:
+            # the scale factors went with this gravity, and so do the norms
+            covariance -= min(own**2, float(np.min(np.diag(covariance) - noise)))
     if document.thermal is not None:
         thermal = document.thermal_model
         assert thermal is not None
         assert at is not None
         functions = thermal.basis.values(at.temperature)
         by_parameter = _by_parameter(_thermal_names(document), weight, force, functions, at)
-        covariance = np.array(document.thermal.covariance, dtype=float)
-        if covariance.size:
-            variance += np.einsum("kp,pq,kq->k", by_parameter, covariance, by_parameter)
+        thermal_covariance = np.array(document.thermal.covariance, dtype=float)
+        if thermal_covariance.size:
+            covariance += by_parameter @ thermal_covariance @ by_parameter.T
     for name, value in document.quality.variance_components.items():
         if name.startswith("accelerometer"):
-            variance += value**2
-    # The same gravity in calibration and verification cancels; another site's does not.
-    own = document.site.gravity_standard_uncertainty
-    if abs(place.gravity - document.site.gravity) > 1e-9:
-        variance += own**2 + place.gravity_sigma**2
-    return np.sqrt(variance)
+            covariance += value**2 * np.eye(len(noise))
+    if not same_gravity:
+        covariance += place.gravity_sigma**2
+    return covariance
 
 
 def _thermal_names(document: Calibration) -> list[str]:

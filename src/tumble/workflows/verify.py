@@ -22,7 +22,7 @@ from tumble.recording.corrections import corrections_of
 from tumble.recording.reading import Paths, recording_inputs
 from tumble.segmentation import find_timeline, observe_holds, read_intervals
 from tumble.workflows.apply import in_calibration_units, raw_factors
-from tumble.workflows.expected_norms import conditions, corrected_whole, hold_noise, norm_sigmas
+from tumble.workflows.expected_norms import conditions, corrected_whole, hold_noise, norm_covariance
 from tumble.workflows.site import given_site
 from tumble.workflows.temperature import (
     about_temperature,
@@ -32,8 +32,10 @@ from tumble.workflows.temperature import (
     refuse_twice,
 )
 
-# Normalised residuals beyond this contradict the calibration: one in 15,000 by chance.
-LARGEST_NORMALISED = 4.0
+# Residuals of as small a probability contradict the calibration: four sigmas of a single normal one,
+BY_CHANCE = 6.3e-5
+# where they are also beyond the expanded uncertainty (k = 2) that users rely on.
+EXPANDED = 2.0
 # A unit keeps its bias within this from one power cycle to the next (consumer data sheets).
 TURN_ON_FORCE_BIAS = 0.05  # m/s²
 TURN_ON_RATE_BIAS = 0.005  # rad/s
@@ -51,6 +53,7 @@ class Verification:
     ----------
     norms : (holds,) corrected norm minus gravity, m/s².
     norm_sigmas : (holds,) from the calibration's covariance, the hold's noise, and gravity, m/s².
+    norm_freedom : as how many independent norms they count, since the calibration's errors are common to all.
     angles : (holds,) rad, gravity carried over the turn after each hold against gravity seen; nan
         where there is no turn to score.
     sizes : (holds,) rad, how far each turn went.
@@ -61,6 +64,7 @@ class Verification:
     recording: str
     norms: Series
     norm_sigmas: Series
+    norm_freedom: float
     angles: Series
     sizes: Series
     durations: Series
@@ -145,9 +149,10 @@ def verify(
         norms = hold_norm_errors(model, means.specific_force, place.gravity)
         noise = hold_noise(model.accelerometer, means.specific_force, means.specific_force_covariance)
         force = model.accelerometer.correct(means.specific_force)
-        sigmas = norm_sigmas(
+        expected = norm_covariance(
             document, force, noise, place, conditions(document, scaled, timeline, temperature)
         )
+        sigmas = np.sqrt(np.diag(expected))
         none = np.full(norms.size, np.nan)
         angles, sizes, durations, change = none, none.copy(), none.copy(), np.full(3, np.nan)
         if model.gyroscope is not None and scaled.angular_rate is not None:
@@ -162,6 +167,7 @@ def verify(
             recording=", ".join(source.name for source in recording.sources),
             norms=norms,
             norm_sigmas=sigmas,
+            norm_freedom=float(norms.size**2 / np.sum((expected / np.outer(sigmas, sigmas)) ** 2)),
             angles=angles,
             sizes=sizes,
             durations=durations,
@@ -204,7 +210,12 @@ def _judge(result: Verification, document: Calibration, poses: int, own_recordin
 
 
 def _against_norms(result: Verification) -> list[str]:
+    from scipy.special import gammainccinv
+
     excess = float(np.sqrt(np.mean((result.norms / result.norm_sigmas) ** 2)))
+    # a mean of squares that are correlated is spread as one of fewer that are not (Satterthwaite)
+    half = 0.5 * result.norm_freedom
+    largest = float(np.sqrt(gammainccinv(half, BY_CHANCE) / half))
     if result.rms_norm > TURN_ON_FORCE_BIAS:
         return [
             (
@@ -212,7 +223,7 @@ def _against_norms(result: Verification) -> list[str]:
                 "another unit, another place (--gravity), or the unit has changed."
             )
         ]
-    if excess > LARGEST_NORMALISED:
+    if excess > max(largest, EXPANDED):
         return [
             (
                 f"The residuals of the holds are {excess:.1f} times what the calibration's own uncertainty and the "

@@ -27,7 +27,7 @@ from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel
 from tumble.simulation.protocols import simulate_protocol
 from tumble.workflows.apply import apply
-from tumble.workflows.expected_norms import HoldConditions, norm_sigmas
+from tumble.workflows.expected_norms import HoldConditions, norm_covariance
 from tumble.workflows.verify import verify
 
 SITE = Site(gravity=9.8, gravity_sigma=1e-5)
@@ -471,7 +471,7 @@ def test_the_expected_norm_counts_every_thermal_parameter() -> None:
         values[k] += 1e-6
         variance += (100.0 * (norms(model.with_vector(values), raw) - norms(model, raw))) ** 2
     known = DOCUMENT.model_copy(update={"covariance": np.zeros_like(DOCUMENT.covariance_matrix).tolist()})
-    sigmas = norm_sigmas(known, force, np.full(2, 1e-6), SITE, at)
+    sigmas = np.sqrt(np.diag(norm_covariance(known, force, np.full(2, 1e-6), SITE, at)))
     own = SITE.gravity_sigma  # the same gravity as the document's: it cancels
     assert own > 0.0
     np.testing.assert_allclose(sigmas, np.sqrt(variance), rtol=1e-5)
