@@ -17,7 +17,7 @@ import numpy as np
 from scipy.stats import binom
 
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.thermal.evidence import ThermalEvidence
+from tumble.calibration.thermal.evidence import ThermalCurves
 from tumble.calibration.thermal.procedure import calibrate_thermal
 from tumble.earth import Site
 from tumble.protocol import named_protocol
@@ -44,15 +44,15 @@ def one(name: str, grade: str, seed: int) -> tuple[dict[str, np.ndarray], float]
     )
     estimate = calibrate_thermal(recording, find_thermal_timeline(recording), site, protocol=protocol)
     assert estimate.thermal is not None
-    assert estimate.thermal_evidence is not None
-    evidence = estimate.thermal_evidence
+    evidence = estimate.shown(ThermalCurves)
+    assert evidence is not None
     accelerometer = thermal.reference.accelerometer
     assert accelerometer is not None
     truth = thermal.turned(np.real(frame_rotation(accelerometer.matrix, "accelerometer-x")))
     full = any(n.startswith("accelerometer.bias") for n in estimate.names)
-    errors = _curve_errors(estimate.thermal, truth, evidence, full=full)
-    found = dict(zip(estimate.thermal_names, estimate.thermal.vector(), strict=True))
-    sigma = dict(zip(estimate.thermal_names, np.sqrt(np.diag(estimate.thermal_covariance)), strict=True))
+    errors = _curve_errors(estimate.thermal.model, truth, evidence, full=full)
+    found = dict(zip(estimate.thermal.names, estimate.thermal.model.vector(), strict=True))
+    sigma = dict(zip(estimate.thermal.names, np.sqrt(np.diag(estimate.thermal.covariance)), strict=True))
     true = dict(zip(truth.names, truth.vector(), strict=True))
     for what in ("hysteresis", "rate"):
         names = [n for n in found if f".{what}[" in n]
@@ -71,7 +71,7 @@ def one(name: str, grade: str, seed: int) -> tuple[dict[str, np.ndarray], float]
 
 
 def _curve_errors(
-    found: ThermalModel, truth: ThermalModel, evidence: ThermalEvidence, *, full: bool
+    found: ThermalModel, truth: ThermalModel, evidence: ThermalCurves, *, full: bool
 ) -> dict[str, np.ndarray]:
     errors: dict[str, list[np.ndarray]] = {}
     reference = found.basis.reference_celsius
@@ -99,7 +99,7 @@ def _curve_errors(
 def _matrix_errors(estimate: Estimate, truth: ThermalModel) -> dict[str, np.ndarray]:
     """Return the errors of both matrices at the reference, in sigmas, where they were estimated."""
     assert estimate.thermal is not None
-    reference = estimate.thermal.basis.reference_celsius
+    reference = estimate.thermal.model.basis.reference_celsius
     sigma = dict(zip(estimate.names, np.sqrt(np.diag(estimate.covariance)), strict=True))
     errors: dict[str, np.ndarray] = {}
     for triad in ("accelerometer", "gyroscope"):

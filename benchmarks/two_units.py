@@ -231,7 +231,7 @@ def leave_out(unit: Unit) -> None:
                 was = before[p.name]
                 size = abs(p.value - was.value) / was.standard_uncertainty
                 moved.append((size, f"{kind} {k + 1} moves {p.name} by {size:.1f} sigma"))
-        angles.append((float(np.degrees(np.sqrt(np.nanmean(estimate.turn_angles**2)))), f"{kind} {k + 1}"))
+        angles.append((float(np.degrees(np.sqrt(np.nanmean(estimate.turns.angles**2)))), f"{kind} {k + 1}"))
     print(
         f"  {unit.name}: {max(moved)[1]}; the turns are least without {min(angles)[1]}: {min(angles)[0]:.3f}°"
     )

@@ -12,6 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.calibration import Estimate, calibrate_hand_held, calibrate_multi_position
+from tumble.calibration.evidence import Turns
 from tumble.calibration.prior import StableKnowledge
 from tumble.document import Calibration, calibration_from_estimate
 from tumble.earth import Site
@@ -139,11 +140,11 @@ class TestProcedure:
 
     def test_there_is_one_score_a_hold(self, estimate: Estimate, scene: Scene) -> None:
         holds = len(scene.timeline.holds)
-        for scores in (
-            estimate.hold_norms, estimate.hold_sigmas, estimate.turn_angles, estimate.turn_sigmas, estimate.turn_sizes,
-        ):  # fmt: skip
-            assert scores.shape == (holds,)
-        assert np.all(np.isfinite(estimate.hold_norms))
+        turns = estimate.shown(Turns)
+        scores = [estimate.holds.norms, estimate.holds.sigmas]
+        scores += [] if turns is None else [turns.angles, turns.sigmas, turns.sizes]
+        assert all(score.shape == (holds,) for score in scores)
+        assert np.all(np.isfinite(estimate.holds.norms))
 
     def test_the_same_data_give_the_same_numbers(
         self, procedure: Procedure, estimate: Estimate, scene: Scene

@@ -221,7 +221,7 @@ def test_both_units_of_the_mpu_recordings_saw_the_same_turns(
 
     Their clocks differ and the last degree of a turn may be cut otherwise: 0.5° at the median.
     """
-    first, second = (np.degrees(run.estimate.turn_sizes[:-1]) for run in (imu0, imu1))
+    first, second = (np.degrees(run.estimate.turns.sizes[:-1]) for run in (imu0, imu1))
     assert np.median(np.abs(first - second)) < 0.5
 
 

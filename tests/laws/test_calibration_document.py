@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 from tumble.calibration import Estimate
 from tumble.calibration.canonical import canonical_names
-from tumble.calibration.estimate import NamedValue, TermTest
+from tumble.calibration.estimate import NamedValue, TermTest, said_of
+from tumble.calibration.evidence import Holds, Turns
 from tumble.document import Calibration, calibration_from_estimate, read_calibration
 from tumble.document.result import calibration_schema
 from tumble.earth import Site
@@ -71,13 +72,12 @@ def document_of(
         degrees_of_freedom=17,
         coverage_factor=2.11,
         largest_normalised=2.5,
-        hold_norms=np.array([1e-3, -2e-3]),
-        hold_sigmas=np.array([1e-3, 1e-3]),
-        turn_angles=np.array([1e-3, np.nan]),
-        turn_sigmas=np.array([1e-3, np.nan]),
-        turn_sizes=np.array([1.0, 0.0]),
+        evidence=[
+            Holds(np.array([1e-3, -2e-3]), np.array([1e-3, 1e-3])),
+            Turns(np.array([1e-3, np.nan]), np.array([1e-3, np.nan]), np.array([1.0, 0.0])),
+        ],
         terms=[TermTest("g_sensitivity", True, 9.0, 9, 1e-9, 0.01, "+9 sigma")],
-        not_determined=["nothing"],
+        said=said_of(not_determined=["nothing"]),
     )
     recording = Recording(
         np.arange(4.0), np.ones((4, 3)), np.ones((4, 3)),

@@ -359,7 +359,7 @@ def test_the_rate_table_finds_the_whole_matrix_and_the_bias_without_the_earth_s_
     assert estimate.frame == "fixture"
     assert estimate.model.accelerometer is None
     assert not any(test.kept for test in estimate.terms)
-    np.testing.assert_allclose(estimate.spin_residuals, 0.0, atol=1e-9)
+    np.testing.assert_allclose(estimate.spins.residuals, 0.0, atol=1e-9)
     assert judge(estimate, table.recording).fit
 
 
@@ -549,4 +549,4 @@ def test_a_hold_and_a_spin_that_are_no_noise_are_left_out_by_name() -> None:
     assert [(left.kind, left.index) for left in estimate.left_out] == [("hold", 3), ("spin", 17)]
     document = calibration_from_estimate(estimate, table.recording, SITE)
     assert [(left.kind, left.number) for left in document.quality.left_out] == [("hold", 4), ("spin", 18)]
-    assert np.all(np.isnan(estimate.spin_residuals[[6, 7, 17]]))
+    assert np.all(np.isnan(estimate.spins.residuals[[6, 7, 17]]))

@@ -68,13 +68,13 @@ def test_without_noise_the_gyros_whole_matrix_comes_out_of_spins_about_the_verti
     estimate, model = _run(noise=False)
     assert estimate.model.gyroscope is not None
     assert model.gyroscope is not None
-    assert len(estimate.spin_names) == 6
+    assert len(estimate.spins.names) == 6
     # The rates are exact to a microradian over 12 s at 60°/s, 1e-7 of the angle; the rest is the digits of a sample.
     np.testing.assert_allclose(
         np.diag(estimate.model.gyroscope.matrix), np.diag(model.gyroscope.matrix), atol=2e-7
     )
     np.testing.assert_allclose(estimate.model.gyroscope.matrix, model.gyroscope.matrix, atol=2e-6)
-    np.testing.assert_allclose(estimate.spin_rates, [RATE, RATE, -RATE, -RATE, RATE, RATE], rtol=1e-6)
+    np.testing.assert_allclose(estimate.spins.rates, [RATE, RATE, -RATE, -RATE, RATE, RATE], rtol=1e-6)
 
 
 def test_with_noise_scale_factors_are_within_their_sigma_and_better_than_the_turns_alone_make_them() -> None:
@@ -111,5 +111,5 @@ def test_a_spin_with_a_gap_breaks_the_section_and_gives_no_rate() -> None:
         poses=believed_poses(protocol, matching),
         optional_terms=False,
     )
-    assert len(estimate.spin_names) == 5
+    assert len(estimate.spins.names) == 5
     assert any("rotation 2" in remark and "missing" in remark for remark in estimate.remarks)

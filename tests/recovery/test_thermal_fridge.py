@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tumble.calibration.estimate import Estimate
+from tumble.calibration.thermal.evidence import ThermalCurves
 from tumble.calibration.thermal.procedure import calibrate_thermal
 from tumble.earth import Site
 from tumble.protocol import named_protocol
@@ -43,8 +44,8 @@ def test_warming_is_no_motion(scene: tuple[Timeline, Estimate, ThermalModel]) ->
 
 def test_the_change_of_the_biases_is_recovered(scene: tuple[Timeline, Estimate, ThermalModel]) -> None:
     _, estimate, true = scene
-    found, evidence = estimate.thermal, estimate.thermal_evidence
-    assert found is not None
+    assert estimate.thermal is not None
+    found, evidence = estimate.thermal.model, estimate.shown(ThermalCurves)
     assert evidence is not None
     reference = found.basis.reference_celsius
     for celsius in (5.0, 20.0):
@@ -65,8 +66,8 @@ def test_the_gyros_biases_are_those_of_the_unit_within_their_uncertainties(
 ) -> None:
     """The pose adds a g-sensitivity of 0.05 °/s, some 20 times what the mean of an hour is known to."""
     _, estimate, true = scene
-    found = estimate.thermal
-    assert found is not None
+    assert estimate.thermal is not None
+    found = estimate.thermal.model
     here, there = found.reference.gyroscope, true.at(found.basis.reference_celsius).gyroscope
     assert here is not None
     assert there is not None

@@ -210,8 +210,8 @@ def test_the_norms_are_as_far_from_gravity_as_the_tilts_make_them(improved: bool
     """Squares of tilts: the rms of 60 runs of six such norms scatters by some 8 %, and 20 % are 2.5 of that."""
     angle = math.radians(tilt)
     runs = [six_positions(seed, improved=improved, stated=angle, truly=angle) for seed in range(60)]
-    found = math.sqrt(np.mean([one.hold_norms**2 for one in runs]))
-    expected = math.sqrt(np.mean([one.hold_sigmas**2 for one in runs]))
+    found = math.sqrt(np.mean([one.holds.norms**2 for one in runs]))
+    expected = math.sqrt(np.mean([one.holds.sigmas**2 for one in runs]))
     assert found == pytest.approx(expected, rel=0.2)
     # g sigma² / 2 times the root of 8; half of it where two holds share the tilts.
     tilts_alone = 0.5 * SITE.gravity * math.sqrt(8.0) * angle**2 * (0.5 if improved else 1.0)

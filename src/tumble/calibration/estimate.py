@@ -1,16 +1,70 @@
-"""What a procedure hands over: the model, its covariance, and everything that a report needs."""
+"""What a procedure hands over: the model, its covariance, what is said of it, and the evidence behind it."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
 
-from tumble.arrays import Matrix, Series, Square, Table, Vector, Vectors
-from tumble.calibration.thermal.evidence import ThermalEvidence
+from tumble.arrays import Matrix, Series, Square, Table, Vectors
+from tumble.calibration.evidence import (
+    Budget,
+    Evidence,
+    Holds,
+    RestlessHold,
+    RotationFit,
+    Rotations,
+    SequenceFit,
+    Sequences,
+    Spins,
+    Turns,
+)
+from tumble.calibration.thermal.evidence import ThermalCurves
 from tumble.calibration.uncertainty_statement import UncertaintyStatement
 from tumble.sensor import ImuModel
 from tumble.sensor.thermal import ThermalModel
+
+Kind: TypeAlias = Literal["remark", "caution", "objection", "not determined"]
+_E = TypeVar("_E", bound=Evidence)
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """A sentence on an estimate.
+
+    Attributes
+    ----------
+    kind : a "remark" on how it was made; a "caution", which stands first in the verdict of what is fit: what its use
+        depends on; an "objection", which makes it unfit for use, whatever its numbers say; what is "not determined".
+    text : the sentence.
+    """
+
+    kind: Kind
+    text: str
+
+
+def said_of(
+    *,
+    remarks: Iterable[str] = (),
+    cautions: Iterable[str] = (),
+    objections: Iterable[str] = (),
+    not_determined: Iterable[str] = (),
+) -> list[Said]:
+    """Return sentences of each kind as one list, in the order of each.
+
+    Parameters
+    ----------
+    remarks, cautions, objections, not_determined : sentences.
+    """
+    kinds: tuple[tuple[Kind, Iterable[str]], ...] = (
+        ("remark", remarks),
+        ("caution", cautions),
+        ("objection", objections),
+        ("not determined", not_determined),
+    )
+    return [Said(kind, text) for kind, texts in kinds for text in texts]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,25 +87,6 @@ class LeftOut:
 
 
 @dataclass(frozen=True, slots=True)
-class RestlessHold:
-    """A hold that sways more than the others.
-
-    Attributes
-    ----------
-    hold : its index.
-    start, stop : s from the recording's first sample.
-    sway, others : rad about each axis, one sigma, from its start to its middle and from there to its end: its own,
-        and what the others sway by.
-    """
-
-    hold: int
-    start: float
-    stop: float
-    sway: float
-    others: float
-
-
-@dataclass(frozen=True, slots=True)
 class TermTest:
     """The test of an optional term: kept if `probability` (of chance) is below `limit`."""
 
@@ -65,114 +100,43 @@ class TermTest:
 
 
 @dataclass(frozen=True, slots=True)
-class TurnedAngle:
-    """One rotation of a table: its display's angle, and what the calibrated gyros made of it.
+class OverTemperature:
+    """How the triads change with temperature, about the model at the reference temperature.
 
     Attributes
     ----------
-    spin : index into the estimate's spins.
-    angle : rad, the table's, with its sign.
-    residual, sigma : rad, gyros minus table about the common axis, and its standard deviation.
-    seconds : s that it took.
-    from_rest : whether it is from rest to rest; if not, at the constant rate.
+    model : what is added to it.
+    names, covariance : of its parameters (`ThermalModel.names`) and (n, n).
     """
 
-    spin: int
-    angle: float
-    residual: float
-    sigma: float
-    seconds: float
-    from_rest: bool
-
-
-@dataclass(frozen=True, slots=True)
-class RotationFit:
-    """Rotations both ways about one axis, as both triads saw it.
-
-    Attributes
-    ----------
-    name : the axis in words.
-    axis_b : (3,) unit vector in b, as the calibrated gyros show it.
-    inclination : rad, of the axis against the vertical, 0 to pi / 2.
-    missed, missed_sigma : rad, angle between the axes of both triads after calibration, and the standard
-        deviation of each of its two components; NaN where the accelerometers do not tell it.
-    plane_residual : m/s², rms distance of the specific forces from their plane.
-    angles : of each rotation.
-    why : why it takes no part in the inter-triad angles; empty if it does.
-    """
-
-    name: str
-    axis_b: Vector
-    inclination: float
-    missed: float
-    missed_sigma: float
-    plane_residual: float
-    angles: tuple[TurnedAngle, ...]
-    why: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class SequenceFit:
-    """A rotation sequence and what the solution leaves of its measurements.
-
-    Attributes
-    ----------
-    name : as table 1 has it, or the protocol.
-    rotations : (axis, angle in rad) one after another.
-    residuals, sigmas : (4,) m/s²: two horizontal components, down at the start and at the end.
-    seconds : s that it took, measurements included.
-    """
-
-    name: str
-    rotations: tuple[tuple[int, float], ...]
-    residuals: tuple[float, ...]
-    sigmas: tuple[float, ...]
-    seconds: float
+    model: ThermalModel
+    names: list[str]
+    covariance: Table
 
 
 @dataclass(slots=True)
 class Estimate:
     """The outcome of a procedure, before it becomes a document.
 
-    Of a gyro calibrated without the accelerometers (`model.accelerometer` is None) the arrays of holds
-    and turns are empty.
-
     Attributes
     ----------
     procedure : its name.
-    model : the triads, in the frame `frame`.
+    model : the triads, in the frame `frame`; without an accelerometer if the gyros were calibrated alone.
     names, covariance : canonical parameters (entries of matrix and bias, raw units) and (n, n).
-    parameters : the same knowledge in the procedure's own convention.
+    parameters, correlations : the same knowledge in the procedure's own convention.
     sigma0 : square root of the variance of unit weight against the noise seen at rest alone.
     sigma0_final : the same with the variance components; about 1.
     degrees_of_freedom : conditions minus unknowns.
     coverage_factor : for 95 %.
+    largest_normalised : the largest residual, in its own standard deviations.
     variance_components : name -> standard deviation, SI.
-    hold_norms : (holds,) corrected norm minus gravity, m/s².
-    hold_sigmas : (holds,) what it is expected to be (root mean square), m/s².
-    turn_angles, turn_sigmas : (holds,) rad, of the turn after each hold; nan where there is none.
-    turn_sizes : (holds,) how far the turn went, rad.
-    left_out : holds and turns without part in the estimate.
-    restless : holds that sway more than the others, and count for less.
     terms : tests of optional terms.
-    not_determined : sentences.
-    remarks : sentences on how the estimate was made.
-    objections : sentences that make it unfit for use, whatever its numbers say.
-    cautions : sentences that stand first in the verdict of what is fit: what its use depends on.
-    spin_rates : (spins,) rad/s, the reference rate of each spin with its sign; empty without spins.
-    spin_residuals, spin_sigmas : (spins, 3) rad/s, what each gyro shows beyond the model, and its sigma.
-    spin_names : what each spin is, in words.
-    rotations : what a table's rotations showed, an axis each.
-    sequences : what rotation sequences showed.
-    passes : what each play-back of a recording changed, rms by group of errors, SI.
-    budget : what each source adds to the standard uncertainties of `parameters`, in their order and units.
-    statement : tests, degrees of freedom, reliability and what is not included, where the procedure tells them.
-    beside : what another procedure made of the same recording, for comparison.
-    frame : which body frame the model is in: ``accelerometer-x``, or ``fixture`` for a procedure that
+    left_out : holds, turns and spins without part in the estimate.
+    said : sentences: how it was made, what speaks against it, what it does not determine.
+    evidence : what it rests on, a record a kind.
+    frame : which body frame the model is in: ``accelerometer-x``, ``mean-gyro``, or ``fixture`` for a procedure that
         knows the poses, and has the axes of the fixture in them.
-    thermal : how the triads change with temperature, about `model`; None if that was not asked for.
-    thermal_names, thermal_covariance : of its parameters (`ThermalModel.names`) and (n, n).
-    thermal_evidence : what it was made of, for the report.
+    thermal : how the triads change with temperature; None if that was not asked for.
     lever_arms : (3, 3) m in `frame`, where each accelerometer sits; None where they are taken to be at one place.
     """
 
@@ -187,35 +151,171 @@ class Estimate:
     degrees_of_freedom: int
     coverage_factor: float
     largest_normalised: float
-    hold_norms: Series
-    hold_sigmas: Series
-    turn_angles: Series
-    turn_sigmas: Series
-    turn_sizes: Series
     variance_components: dict[str, float] = field(default_factory=dict[str, float])
-    left_out: list[LeftOut] = field(default_factory=list[LeftOut])
-    restless: list[RestlessHold] = field(default_factory=list[RestlessHold])
     terms: list[TermTest] = field(default_factory=list[TermTest])
-    not_determined: list[str] = field(default_factory=list[str])
-    remarks: list[str] = field(default_factory=list[str])
-    objections: list[str] = field(default_factory=list[str])
-    cautions: list[str] = field(default_factory=list[str])
-    spin_rates: Series = field(default_factory=lambda: np.zeros(0))
-    spin_residuals: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
-    spin_sigmas: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
-    spin_names: list[str] = field(default_factory=list[str])
-    rotations: list[RotationFit] = field(default_factory=list[RotationFit])
-    budget: dict[str, Series] = field(default_factory=dict[str, Series])
-    sequences: list[SequenceFit] = field(default_factory=list[SequenceFit])
-    passes: list[dict[str, float]] = field(default_factory=list[dict[str, float]])
-    statement: UncertaintyStatement | None = None
-    beside: Estimate | None = None
+    left_out: list[LeftOut] = field(default_factory=list[LeftOut])
+    said: list[Said] = field(default_factory=list[Said])
+    evidence: list[Evidence] = field(default_factory=list[Evidence])
     frame: str = "accelerometer-x"
-    thermal: ThermalModel | None = None
-    thermal_names: list[str] = field(default_factory=list[str])
-    thermal_covariance: Table = field(default_factory=lambda: np.zeros((0, 0)))
-    thermal_evidence: ThermalEvidence | None = None
+    thermal: OverTemperature | None = None
     lever_arms: Matrix | None = None
+
+    def say(self, kind: Kind, *texts: str) -> None:
+        """Add sentences of a kind."""
+        self.said += [Said(kind, text) for text in texts]
+
+    def sentences(self, kind: Kind) -> list[str]:
+        """Return all sentences of a kind, in their order."""
+        return [said.text for said in self.said if said.kind == kind]
+
+    def show(self, *evidence: Evidence) -> None:
+        """Add evidence; a record of the same kind gives way."""
+        kinds = {type(one) for one in evidence}
+        self.evidence = [*(one for one in self.evidence if type(one) not in kinds), *evidence]
+
+    def shown(self, kind: type[_E]) -> _E | None:
+        """Return the evidence of a kind; None where there is none."""
+        return next((one for one in self.evidence if isinstance(one, kind)), None)
+
+    @property
+    def holds(self) -> Holds:
+        """Evidence of holds; empty where there is none."""
+        return self.shown(Holds) or Holds()
+
+    @property
+    def turns(self) -> Turns:
+        """Evidence of turns; empty where there is none."""
+        return self.shown(Turns) or Turns()
+
+    @property
+    def spins(self) -> Spins:
+        """Evidence of spins; empty where there is none."""
+        return self.shown(Spins) or Spins()
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """How it was made."""
+        return tuple(self.sentences("remark"))
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What its use depends on."""
+        return tuple(self.sentences("caution"))
+
+    @property
+    def objections(self) -> tuple[str, ...]:
+        """What makes it unfit for use."""
+        return tuple(self.sentences("objection"))
+
+    @property
+    def not_determined(self) -> tuple[str, ...]:
+        """What it does not determine."""
+        return tuple(self.sentences("not determined"))
+
+    # What the report still asks for by these names.
+
+    @property
+    def hold_norms(self) -> Series:
+        """See `evidence`."""
+        return self.holds.norms
+
+    @property
+    def hold_sigmas(self) -> Series:
+        """See `evidence`."""
+        return self.holds.sigmas
+
+    @property
+    def restless(self) -> list[RestlessHold]:
+        """See `evidence`."""
+        return list(self.holds.restless)
+
+    @property
+    def turn_angles(self) -> Series:
+        """See `evidence`."""
+        return self.turns.angles
+
+    @property
+    def turn_sigmas(self) -> Series:
+        """See `evidence`."""
+        return self.turns.sigmas
+
+    @property
+    def turn_sizes(self) -> Series:
+        """See `evidence`."""
+        return self.turns.sizes
+
+    @property
+    def spin_rates(self) -> Series:
+        """See `evidence`."""
+        return self.spins.rates
+
+    @property
+    def spin_residuals(self) -> Vectors:
+        """See `evidence`."""
+        return self.spins.residuals
+
+    @property
+    def spin_sigmas(self) -> Vectors:
+        """See `evidence`."""
+        return self.spins.sigmas
+
+    @property
+    def spin_names(self) -> Sequence[str]:
+        """See `evidence`."""
+        return self.spins.names
+
+    @property
+    def rotations(self) -> list[RotationFit]:
+        """See `evidence`."""
+        shown = self.shown(Rotations)
+        return [] if shown is None else list(shown.fits)
+
+    @property
+    def sequences(self) -> list[SequenceFit]:
+        """See `evidence`."""
+        shown = self.shown(Sequences)
+        return [] if shown is None else list(shown.fits)
+
+    @property
+    def passes(self) -> list[dict[str, float]]:
+        """See `evidence`."""
+        shown = self.shown(Sequences)
+        return [] if shown is None else list(shown.passes)
+
+    @property
+    def budget(self) -> dict[str, Series]:
+        """See `evidence`."""
+        shown = self.shown(Budget)
+        return {} if shown is None else shown.shares
+
+    @property
+    def statement(self) -> UncertaintyStatement | None:
+        """See `evidence`."""
+        shown = self.shown(Budget)
+        return None if shown is None else shown.statement
+
+    @property
+    def beside(self) -> Estimate | None:
+        """See `evidence`."""
+        shown = self.shown(Beside)
+        return None if shown is None else shown.estimate
+
+    @property
+    def thermal_evidence(self) -> ThermalCurves | None:
+        """See `evidence`."""
+        return self.shown(ThermalCurves)
+
+
+@dataclass(frozen=True, slots=True)
+class Beside(Evidence):
+    """What another procedure made of the same recording, for comparison.
+
+    Attributes
+    ----------
+    estimate : the other procedure's.
+    """
+
+    estimate: Estimate
 
 
 def coverage_factor(degrees_of_freedom: int) -> float:

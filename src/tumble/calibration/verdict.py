@@ -65,18 +65,18 @@ def judge(estimate: Estimate, recording: Recording) -> Judgement:
         *_too_uncertain(estimate),
         *_too_much_left_out(estimate),
     ]
-    return Judgement(not against, against + estimate.cautions + _in_plain_words(estimate, recording))
+    return Judgement(not against, [*against, *estimate.cautions, *_in_plain_words(estimate, recording)])
 
 
 def _misfit(estimate: Estimate) -> list[str]:
     against: list[str] = []
-    norm = root_mean_square(estimate.hold_norms)
+    norm = root_mean_square(estimate.holds.norms)
     if norm > LARGEST_RMS_NORM:
         against.append(
             f"The corrected specific force misses gravity by {two_digits(1e3 * norm)} mm/s² rms: the model that was "
             "fitted does not describe these holds (too few unknowns, an alien prior, or a unit that moved)."
         )
-    turns = estimate.turn_angles[np.isfinite(estimate.turn_angles)]
+    turns = estimate.turns.found
     if turns.size and np.sqrt(np.mean(turns**2)) > LARGEST_RMS_TURN:
         angle = np.degrees(np.sqrt(np.mean(turns**2)))
         against.append(
@@ -174,12 +174,12 @@ def _relative_sigma(parameter: NamedValue) -> tuple[float, float, str] | None:
 
 def _about_spins(estimate: Estimate) -> list[str]:
     """Return how well the corrected gyro shows the table's rates."""
-    if estimate.spin_rates.size == 0:
+    if estimate.spins.rates.size == 0:
         return []
-    rms, noise = root_mean_square(estimate.spin_residuals), root_mean_square(estimate.spin_sigmas)
-    largest = float(np.max(np.abs(estimate.spin_rates)))
+    rms, noise = root_mean_square(estimate.spins.residuals), root_mean_square(estimate.spins.sigmas)
+    largest = float(np.max(np.abs(estimate.spins.rates)))
     sentence = (
-        f"Over {estimate.spin_rates.size} spins the corrected gyro shows the table's rate within "
+        f"Over {estimate.spins.rates.size} spins the corrected gyro shows the table's rate within "
         f"{two_digits(1e3 * np.degrees(rms))} m°/s rms, {two_digits(1e6 * rms / largest)} ppm of the fastest "
         f"(expected with the noise found: {two_digits(1e3 * np.degrees(noise))} m°/s)."
     )
@@ -187,9 +187,9 @@ def _about_spins(estimate: Estimate) -> list[str]:
 
 
 def _too_much_left_out(estimate: Estimate) -> list[str]:
-    turns = int(np.count_nonzero(np.isfinite(estimate.turn_angles)))
+    turns = estimate.turns.found.size
     against: list[str] = []
-    totals = (("hold", estimate.hold_norms.size), ("turn", turns), ("spin", estimate.spin_rates.size))
+    totals = (("hold", estimate.holds.norms.size), ("turn", turns), ("spin", estimate.spins.rates.size))
     for kind, total in totals:
         gone = len({left.index for left in estimate.left_out if left.kind == kind})
         if total and gone > LARGEST_SHARE_LEFT_OUT * total:
@@ -217,10 +217,10 @@ def _without_gyro_matrix(estimate: Estimate) -> str:
 def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
     """Return what can be said for the calibration, in numbers."""
     words: list[str] = []
-    holds = estimate.hold_norms.size
-    rms, noise = root_mean_square(estimate.hold_norms), root_mean_square(estimate.hold_sigmas)
+    holds = estimate.holds.norms.size
+    rms, noise = root_mean_square(estimate.holds.norms), root_mean_square(estimate.holds.sigmas)
     if estimate.degrees_of_freedom <= 0:
-        what = f"{holds} holds" if holds else f"{estimate.spin_rates.size} spins"
+        what = f"{holds} holds" if holds else f"{estimate.spins.rates.size} spins"
         words.append(
             f"{what} for as many unknowns fit whatever they say: nothing checks the result. Record more poses."
         )
@@ -238,10 +238,10 @@ def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
         name.startswith("gyroscope.matrix") for name in estimate.names
     ):
         words.append(_without_gyro_matrix(estimate))
-    turns = estimate.turn_angles[np.isfinite(estimate.turn_angles)]
+    turns = estimate.turns.found
     if turns.size:
         angle = float(np.degrees(np.sqrt(np.mean(turns**2))))
-        expected = float(np.degrees(np.sqrt(np.nanmean(estimate.turn_sigmas**2))))
+        expected = float(np.degrees(np.sqrt(np.nanmean(estimate.turns.sigmas**2))))
         words.append(
             f"Over {turns.size} turns the corrected gyro carries gravity to where it is seen within "
             f"{two_digits(angle)}° rms (expected: {two_digits(expected)}°)."

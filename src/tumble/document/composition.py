@@ -10,6 +10,7 @@ import numpy as np
 import tumble
 from tumble.arrays import Vectors
 from tumble.calibration.estimate import Estimate
+from tumble.calibration.evidence import Budget
 from tumble.calibration.verdict import judge
 from tumble.document.result import (
     Calibration,
@@ -114,14 +115,16 @@ def _thermal(estimate: Estimate) -> ThermalBlock | None:
     """Return the block of what changes with temperature, None where nothing was modelled."""
     if estimate.thermal is None:
         return None
-    return thermal_block(estimate.thermal, estimate.thermal_names, estimate.thermal_covariance)
+    return thermal_block(estimate.thermal.model, estimate.thermal.names, estimate.thermal.covariance)
 
 
 def _factors(estimate: Estimate) -> list[float | None]:
     """Return each parameter's own coverage factor, None where the procedure tells no degrees of freedom of its own."""
-    if estimate.statement is None or len(estimate.statement.coverage_factors) != len(estimate.parameters):
+    budget = estimate.shown(Budget)
+    told = None if budget is None else budget.statement
+    if told is None or len(told.coverage_factors) != len(estimate.parameters):
         return [None for _ in estimate.parameters]
-    return [float(factor) for factor in estimate.statement.coverage_factors]
+    return [float(factor) for factor in told.coverage_factors]
 
 
 def _rows(matrix: Any) -> Any:
@@ -156,8 +159,8 @@ def _site_block(site: Site) -> SiteBlock:
 def _quality(estimate: Estimate) -> QualityBlock:
     # a turn that was left out is no measure of the others
     out = [left.index for left in estimate.left_out if left.kind == "turn"]
-    scored = np.isfinite(estimate.turn_angles) & ~np.isin(np.arange(estimate.turn_angles.size), out)
-    turns = estimate.turn_angles[scored]
+    angles = estimate.turns.angles
+    turns = angles[np.isfinite(angles) & ~np.isin(np.arange(angles.size), out)]
 
     def finite(value: float) -> float | None:
         return value if np.isfinite(value) else None
@@ -168,11 +171,11 @@ def _quality(estimate: Estimate) -> QualityBlock:
         degrees_of_freedom=estimate.degrees_of_freedom,
         largest_normalised_residual=estimate.largest_normalised,
         coverage_factor=estimate.coverage_factor,
-        rms_hold_norm=float(np.sqrt(np.mean(estimate.hold_norms**2))) if estimate.hold_norms.size else None,
+        rms_hold_norm=float(np.sqrt(np.mean(estimate.holds.norms**2))) if estimate.holds.norms.size else None,
         rms_turn_angle=float(np.sqrt(np.mean(turns**2))) if turns.size else None,
-        holds=int(estimate.hold_norms.size),
-        turns=int(np.count_nonzero(np.isfinite(estimate.turn_angles))),
-        spins=int(estimate.spin_rates.size),
+        holds=int(estimate.holds.norms.size),
+        turns=estimate.turns.found.size,
+        spins=int(estimate.spins.rates.size),
         variance_components=estimate.variance_components,
         left_out=[
             LeftOutBlock(kind=_KINDS[o.kind], number=o.index + 1, reason=o.reason) for o in estimate.left_out

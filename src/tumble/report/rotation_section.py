@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tumble.calibration.evidence import RotationFit
 from tumble.calibration.verdict import two_digits
 from tumble.report.figure import (
     BLUE,
@@ -23,7 +24,7 @@ from tumble.report.figure import (
 from tumble.report.rounding import with_uncertainty
 
 if TYPE_CHECKING:
-    from tumble.calibration.estimate import Estimate, RotationFit
+    from tumble.calibration.estimate import Estimate
 
 ARCSEC = np.pi / 648000.0
 

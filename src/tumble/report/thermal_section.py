@@ -24,7 +24,7 @@ from tumble.report.figure import (
 if TYPE_CHECKING:
     from tumble.arrays import Series, Vectors
     from tumble.calibration.estimate import Estimate
-    from tumble.calibration.thermal.evidence import ThermalEvidence
+    from tumble.calibration.thermal.evidence import ThermalCurves
     from tumble.document.result import Calibration
 
 # A state of the hysteresis beyond this is a branch, heating or cooling.
@@ -69,14 +69,14 @@ def _shown_unit(raw: str) -> tuple[str, float]:
     return raw, 1.0
 
 
-def _seen(evidence: ThermalEvidence, triad: str) -> tuple[Vectors, Vectors]:
+def _seen(evidence: ThermalCurves, triad: str) -> tuple[Vectors, Vectors]:
     """Return what the rests show of the biases, with sigmas; of accelerometers the soaks' own tests."""
     if triad == "gyroscope":
         return evidence.rate, evidence.rate_sigma
     return evidence.force, evidence.force_sigma
 
 
-def _bias_section(evidence: ThermalEvidence, triad: str, unit: str, factor: float) -> Section:
+def _bias_section(evidence: ThermalCurves, triad: str, unit: str, factor: float) -> Section:
     curve = evidence.curves[triad]
     seen, _ = _seen(evidence, triad)
     whole: list[Plot] = []
@@ -131,7 +131,7 @@ def _bias_section(evidence: ThermalEvidence, triad: str, unit: str, factor: floa
 
 
 def _separate(
-    evidence: ThermalEvidence, axis: int, factor: float, off: float, place: Plot, unit: str
+    evidence: ThermalCurves, axis: int, factor: float, off: float, place: Plot, unit: str
 ) -> list[Plot]:
     if not evidence.separate:
         return []
@@ -202,7 +202,7 @@ def _stacked(title: str) -> Plot:
     return base_layout(640, xaxis=text_axis("temperature of the sensors / °C", anchor="y3"), **axes)
 
 
-def _sigma_section(evidence: ThermalEvidence, units: dict[str, tuple[str, float]]) -> Section:
+def _sigma_section(evidence: ThermalCurves, units: dict[str, tuple[str, float]]) -> Section:
     figures: list[Figure] = []
     for triad, curve in evidence.curves.items():
         unit, factor = units[triad]
@@ -234,7 +234,7 @@ def _sigma_section(evidence: ThermalEvidence, units: dict[str, tuple[str, float]
     return Section("How well the biases are known", figures, caption)
 
 
-def _residual_section(evidence: ThermalEvidence) -> Section:
+def _residual_section(evidence: ThermalCurves) -> Section:
     figures: list[Figure] = []
     for name, columns in (("specific force", slice(0, 3)), ("angular rate", slice(3, 6))):
         residuals = evidence.residuals[:, columns]
@@ -265,7 +265,7 @@ def _residual_section(evidence: ThermalEvidence) -> Section:
     return Section("Residuals over temperature", figures, caption)
 
 
-def _span_section(evidence: ThermalEvidence) -> Section:
+def _span_section(evidence: ThermalCurves) -> Section:
     minutes = 1.0 / 60.0
     data: list[Plot] = [
         {
@@ -316,7 +316,7 @@ def _span_section(evidence: ThermalEvidence) -> Section:
     )
 
 
-def _candidate_section(evidence: ThermalEvidence) -> Section:
+def _candidate_section(evidence: ThermalCurves) -> Section:
     names = [f"{c.name} ({c.unknowns} unknowns)" for c in evidence.candidates]
     data: list[Plot] = [
         {

@@ -105,7 +105,7 @@ def calibrate_array(
     array = _together(names, settled, place)
     if site is None:
         for estimate in array.estimates:
-            estimate.remarks.append(about_gravity(place))
+            estimate.say("remark", about_gravity(place))
     runs = [
         _run(task, estimate, text, len(names))
         for task, estimate, text in zip(tasks, array.estimates, recordings, strict=True)

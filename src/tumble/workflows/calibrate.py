@@ -160,11 +160,11 @@ def calibrate(
     estimate, reason = run_procedure(task, procedure)
     add_objections(task, estimate, procedure, reason)
     if modelled is not None:
-        estimate.remarks += modelled.said(estimate.procedure)
+        estimate.say("remark", *modelled.said(estimate.procedure))
     if knowledge is not None:
         check_prior([task], knowledge, estimate)
     if site is None and (told is None or told.site is None):
-        estimate.remarks.append(about_gravity(task.site))
+        estimate.say("remark", about_gravity(task.site))
     if monte_carlo is not None:
         _draw(estimate, monte_carlo, say)
     clock.lap("solving")

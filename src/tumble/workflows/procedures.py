@@ -148,7 +148,7 @@ def _run(task: Task, procedure: str) -> Estimate:
     except ObservabilityError as error:
         raise ObservabilityError(f"{error}{_how_it_matched(task)}") from error
     if task.matching is not None:
-        estimate.remarks += [r for r in task.matching.remarks if r not in estimate.remarks]
+        estimate.say("remark", *(r for r in task.matching.remarks if r not in estimate.remarks))
     return estimate
 
 
@@ -159,7 +159,7 @@ def _improved(task: Task, estimate: Estimate, reason: str) -> tuple[Estimate, st
     try:
         joint = run_joint(task, estimate)
     except (ObservabilityError, ConvergenceError) as error:
-        estimate.remarks.append(f"The joint estimator does not settle on this recording: {error}")
+        estimate.say("remark", f"The joint estimator does not settle on this recording: {error}")
         return estimate, f"{reason}."
     return joint, f"{reason}; estimated jointly from everything that was recorded (procedure joint)."
 
@@ -249,7 +249,7 @@ def _faces(task: Task, *, improved: bool) -> Estimate:
     estimate = calibrate_six_position(
         task.recording, task.means, matching, protocol, task.site, improved=improved
     )
-    estimate.remarks += [r for r in matching.remarks if r not in estimate.remarks]
+    estimate.say("remark", *(r for r in matching.remarks if r not in estimate.remarks))
     return estimate
 
 
@@ -410,27 +410,29 @@ def add_objections(task: Task, estimate: Estimate, procedure: str | None, reason
     from tumble.calibration.procedures.hand_held import SMALLEST_TURNS
 
     recording, timeline = task.recording, task.timeline
-    estimate.objections += find_dead_channels(recording)
-    estimate.remarks += find_saturated_channels(recording)
+    estimate.say("objection", *find_dead_channels(recording))
+    estimate.say("remark", *find_saturated_channels(recording))
     if recording.specific_force is not None and recording.angular_rate is not None:
         # Holds do not tell which way the gyro counts; where there are turns between them, these do.
         contradiction = find_axis_contradiction(recording)
-        estimate.objections += [] if contradiction is None else [contradiction]
+        estimate.say("objection", *([] if contradiction is None else [contradiction]))
     if procedure is None and task.protocol is not None:
         return
     lost = [turn for turn in timeline.turns if not turn.usable]
-    estimate.remarks += [
-        f"The turn from hold {turn.before + 1} to hold {turn.after + 1} was not used: {turn.reason}."
-        for turn in lost[:5]
-    ]
+    for turn in lost[:5]:
+        estimate.say(
+            "remark",
+            f"The turn from hold {turn.before + 1} to hold {turn.after + 1} was not used: {turn.reason}.",
+        )
     if len(lost) > 5:
-        estimate.remarks.append(f"{len(lost) - 5} more turns were not used for such reasons.")
+        estimate.say("remark", f"{len(lost) - 5} more turns were not used for such reasons.")
     meant_for_turns = procedure is None and recording.angular_rate is not None
     if meant_for_turns and estimate.procedure == "multi-position" and len(timeline.turns) >= SMALLEST_TURNS:
         because = f" {len(lost)} of them cannot be used ({lost[0].reason})." if lost else ""
-        estimate.objections.append(
+        estimate.say(
+            "objection",
             f"The recording has {len(timeline.turns)} turns, but they do not calibrate the gyro.{because} {reason} "
-            "With --procedure multi-position the accelerometers' part is judged alone."
+            "With --procedure multi-position the accelerometers' part is judged alone.",
         )
 
 
@@ -447,14 +449,15 @@ def check_prior(tasks: Sequence[Task], knowledge: StableKnowledge, estimate: Est
 
     seen = [own for own in map(_own_angles, tasks) if own is not None]
     if not seen:
-        estimate.cautions.append(
+        estimate.say(
+            "caution",
             "The prior is taken on trust: the poses are too few to check it against them, and with another unit's the "
-            "result would look the same and be wrong. Be sure that it is this unit's, or record nine poses or more."
+            "result would look the same and be wrong. Be sure that it is this unit's, or record nine poses or more.",
         )
         return
     contradiction = find_contradiction(knowledge, weighted_knowledge(seen))
     if contradiction is not None:
-        estimate.objections.append(contradiction)
+        estimate.say("objection", contradiction)
 
 
 def _own_angles(task: Task) -> StableKnowledge | None:

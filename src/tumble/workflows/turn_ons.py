@@ -117,7 +117,7 @@ def calibrate_turn_ons(
     if knowledge is not None:
         check_prior(tasks, knowledge, several.estimate)
     if site is None and all(task.protocol is None or task.protocol.site is None for task in tasks):
-        several.estimate.remarks.append(about_gravity(tasks[0].site))
+        several.estimate.say("remark", about_gravity(tasks[0].site))
     clock.lap("solving")
     run = _run(tasks, several, imu)
     before = corrected_by_before([file for one in named for file in one.files], None)
@@ -186,7 +186,7 @@ def _settle(task: Task) -> tuple[Estimate, JointOutcome]:
     estimate = run_joint(task, keep=kept.append)
     add_objections(task, estimate, "joint", "")
     if task.matching is not None:
-        estimate.remarks += [r for r in task.matching.remarks if r not in estimate.remarks]
+        estimate.say("remark", *(r for r in task.matching.remarks if r not in estimate.remarks))
     return estimate, kept[0]
 
 

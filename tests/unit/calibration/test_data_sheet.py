@@ -80,14 +80,14 @@ def test_what_six_faces_leave_to_the_sheet_is_said() -> None:
     assert len(told) == 1
     assert "non-orthogonality yz, non-orthogonality zx, non-orthogonality zy" in told[0]
     assert "bias" not in told[0]
-    assert estimate.objections == []
+    assert estimate.objections == ()
 
 
 def test_with_26_poses_the_sheet_says_nothing_and_nothing_is_said() -> None:
     up = twenty_six_directions()
     with_sheet, alone = calibrate(means_in(up)), calibrate(means_in(up), sheet=False)
     assert not [r for r in with_sheet.remarks if "data sheet" in r]
-    assert with_sheet.objections == []
+    assert with_sheet.objections == ()
     # a prior of 300 ppm and 141 µrad beside sigmas of 5 to 10 ppm: it moves nothing by more than 1 %
     moved = errors_of(with_sheet) - errors_of(alone)
     assert np.all(np.abs(moved[:6]) < 0.01 * 300e-6)
@@ -149,7 +149,7 @@ def test_angles_of_an_earlier_calibration_take_the_sheet_s_place() -> None:
     errors = errors_of(estimate)
     # angles known to 3 to 5 µrad: five sigma, on scale factors of one
     assert np.all(np.abs(errors[[1, 3, 4]]) < 25e-6)
-    assert estimate.objections == []
+    assert estimate.objections == ()
 
 
 def test_six_faces_suffice_with_last_year_s_angles_alone() -> None:

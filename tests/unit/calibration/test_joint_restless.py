@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tumble.calibration import Estimate
-from tumble.calibration.estimate import RestlessHold
+from tumble.calibration.evidence import RestlessHold
 from tumble.calibration.joint.procedure import calibrate_joint
 from tumble.calibration.joint.restless import restless_remarks
 from tumble.report.residual_figures import restless_table
@@ -53,7 +53,7 @@ def test_the_hold_is_named_with_its_time_and_its_sway(leaning: Estimate) -> None
 def test_the_report_lists_it(leaning: Estimate) -> None:
     table = restless_table(leaning)
     assert "<td>5</td><td>20.0 to 23.0</td>" in table
-    assert restless_table(replace(leaning, restless=[])) == ""
+    assert restless_table(replace(leaning, evidence=[replace(leaning.holds, restless=())])) == ""
 
 
 def test_of_many_the_worst_are_named_in_their_order() -> None:

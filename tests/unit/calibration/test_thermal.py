@@ -9,6 +9,7 @@ import pytest
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.estimate import Estimate
+from tumble.calibration.thermal.evidence import ThermalCurves
 from tumble.calibration.thermal.procedure import calibrate_thermal
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
@@ -97,6 +98,7 @@ def test_soaks_without_noise_give_the_unit_back() -> None:
     true = unit()
     found = calibrated(soaks(), recorded(soaks(), true, noise=False)).thermal
     assert found is not None
+    found = found.model
     for celsius, state in ((0.0, -1.0), (20.0, 1.0), (37.0, 0.0), (60.0, 1.0)):
         here, there = found.at(celsius, 0.0, state), true.at(celsius, 0.0, state)
         assert here.accelerometer is not None
@@ -111,8 +113,9 @@ def test_soaks_without_noise_give_the_unit_back() -> None:
 
 
 def test_soaks_with_noise_are_recovered_within_their_uncertainties(noisy_soaks: Estimate) -> None:
-    true, found, evidence = unit(), noisy_soaks.thermal, noisy_soaks.thermal_evidence
+    true, found, evidence = unit(), noisy_soaks.thermal, noisy_soaks.shown(ThermalCurves)
     assert found is not None
+    found = found.model
     assert evidence is not None
     assert evidence.basis.startswith("polynomial")
     for celsius in (0.0, 30.0, 60.0):
@@ -126,7 +129,7 @@ def test_soaks_with_noise_are_recovered_within_their_uncertainties(noisy_soaks: 
 
 
 def test_one_adjustment_of_all_soaks_is_better_than_each_alone(noisy_soaks: Estimate) -> None:
-    evidence = noisy_soaks.thermal_evidence
+    evidence = noisy_soaks.shown(ThermalCurves)
     assert evidence is not None
     # A soak that was cut into few points does not tell nine unknowns by itself.
     assert len(evidence.separate) >= 3
@@ -147,14 +150,14 @@ def swept(noisy_sweep: Recording) -> Estimate:
 
 def test_a_sweep_tells_lag_and_hysteresis(swept: Estimate) -> None:
     estimate = swept
-    evidence, found = estimate.thermal_evidence, estimate.thermal
+    evidence, told = estimate.shown(ThermalCurves), estimate.thermal
     assert evidence is not None
-    assert found is not None
+    assert told is not None
     assert evidence.kind == "ramp"
     assert abs(evidence.lag - 40.0) < 4.0 * evidence.lag_sigma < 40.0
-    sigma = dict(zip(estimate.thermal_names, np.sqrt(np.diag(estimate.thermal_covariance)), strict=True))
+    sigma = dict(zip(told.names, np.sqrt(np.diag(told.covariance)), strict=True))
     for axis, true in enumerate(unit().hysteresis["gyroscope.bias"]):
-        error = found.hysteresis["gyroscope.bias"][axis] - true
+        error = told.model.hysteresis["gyroscope.bias"][axis] - true
         assert abs(error) < 4.5 * sigma[f"gyroscope.bias.hysteresis[{axis}]"]
 
 
@@ -169,7 +172,7 @@ def test_a_soak_that_has_not_settled_is_left_out_with_its_rate() -> None:
     # With a time constant of 240 s ten minutes are too short for the first poses.
     protocol = soaks(seconds=900.0, celsius=(0.0, 30.0, 60.0))
     estimate = calibrated(protocol, recorded(protocol, unit(), noise=True, time_constant=200.0))
-    evidence = estimate.thermal_evidence
+    evidence = estimate.shown(ThermalCurves)
     assert evidence is not None
     assert evidence.rejected
     assert all("not settled" in why and "K/min" in why for _, _, why in evidence.rejected)

@@ -55,15 +55,16 @@ def estimate() -> Estimate:
 
 
 def test_scale_misalignment_and_rotation_are_recovered_within_their_uncertainties(estimate: Estimate) -> None:
-    found = estimate.thermal
-    assert found is not None
+    told = estimate.thermal
+    assert told is not None
+    found = told.model
     assert found.reference.gyroscope is not None
     sigma = dict(zip(estimate.names, np.sqrt(np.diag(estimate.covariance)), strict=True))
     own = np.array([[sigma[f"gyroscope.matrix[{i},{j}]"] for j in range(3)] for i in range(3)])
     error = found.reference.gyroscope.matrix - replace(unit().reference).gyroscope.matrix  # type: ignore[union-attr]
     # 18 numbers of one seed: one beyond 4.5 sigmas happens in 10 000 seeds.
     assert np.all(np.abs(error) < 4.5 * own)
-    thermal = dict(zip(estimate.thermal_names, np.sqrt(np.diag(estimate.thermal_covariance)), strict=True))
+    thermal = dict(zip(told.names, np.sqrt(np.diag(told.covariance)), strict=True))
     own = np.array(
         [[thermal[f"gyroscope.matrix.temperature[0,{i},{j}]"] for j in range(3)] for i in range(3)]
     )

@@ -115,9 +115,9 @@ def test_turns_are_worse_before_than_after(hand_held: dict[str, Any]) -> None:
         hand_held["recording"], hand_held["timeline"], hand_held["means"], estimate.model
     )
     assert before is not None
-    assert np.array_equal(np.isnan(before.residuals), np.isnan(estimate.turn_angles))
+    assert np.array_equal(np.isnan(before.residuals), np.isnan(estimate.turns.angles))
     rms_before = np.sqrt(np.nanmean(before.residuals**2))
-    rms_after = np.sqrt(np.nanmean(estimate.turn_angles**2))
+    rms_after = np.sqrt(np.nanmean(estimate.turns.angles**2))
     assert rms_after < rms_before < np.radians(3.0)
 
 

@@ -129,7 +129,7 @@ def test_sections_stand_in_reading_order(run: dict[str, Any], page: Page) -> Non
 
 
 def test_turns_are_shown_where_there_are_any(run: dict[str, Any], page: Page) -> None:
-    has_turns = bool(np.any(np.isfinite(run["estimate"].turn_angles)))
+    has_turns = bool(np.any(np.isfinite(run["estimate"].turns.angles)))
     assert ("Turns: gravity carried by the gyro" in page.text) == has_turns
 
 

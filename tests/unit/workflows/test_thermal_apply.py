@@ -12,6 +12,8 @@ import pytest
 
 from tumble.calibration import Estimate
 from tumble.calibration.canonical import canonical_names
+from tumble.calibration.estimate import OverTemperature
+from tumble.calibration.evidence import Holds
 from tumble.document import Calibration, calibration_from_estimate, read_calibration
 from tumble.document.composed import compose_calibrations
 from tumble.document.corrector import Corrector
@@ -77,16 +79,10 @@ def document_of(model: ThermalModel | ImuModel, recording: Recording) -> Calibra
         degrees_of_freedom=100,
         coverage_factor=1.98,
         largest_normalised=2.0,
-        hold_norms=np.zeros(3),
-        hold_sigmas=np.ones(3),
-        turn_angles=np.full(3, np.nan),
-        turn_sigmas=np.full(3, np.nan),
-        turn_sizes=np.zeros(3),
+        evidence=[Holds(np.zeros(3), np.ones(3))],
     )
     if isinstance(model, ThermalModel):
-        estimate.thermal = model
-        estimate.thermal_names = model.names
-        estimate.thermal_covariance = 1e-8 * np.eye(len(model.names))
+        estimate.thermal = OverTemperature(model, model.names, 1e-8 * np.eye(len(model.names)))
     document = calibration_from_estimate(estimate, recording, SITE)
     return document.model_copy(update={"recordings": [RecordingName(name="another", sha256="0" * 64)]})
 

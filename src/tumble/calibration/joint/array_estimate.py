@@ -9,7 +9,8 @@ import numpy as np
 
 from tumble.arrays import Matrix, Vector
 from tumble.attitude.rotations import rotation_vector_from_matrix
-from tumble.calibration.estimate import Estimate, coverage_factor
+from tumble.calibration.estimate import Beside, Estimate, coverage_factor
+from tumble.calibration.evidence import Budget, Holds, Turns
 from tumble.calibration.joint.array import ArraySolution
 from tumble.calibration.joint.description import describe_wide
 from tumble.calibration.joint.influence import wander_factors
@@ -98,11 +99,12 @@ def array_estimate(solution: ArraySolution, alone: Sequence[Estimate], site: Sit
     ]
     made = ArrayEstimate(estimates, units, squares, degrees, probability)
     for estimate, unit in zip(estimates, units, strict=True):
-        estimate.remarks.append(_of_gain(len(units), unit))
+        estimate.say("remark", _of_gain(len(units), unit))
         if not made.is_rigid:
-            estimate.objections.append(
+            estimate.say(
+                "objection",
                 "The units did not keep their places against one another, or their clocks differ: common poses add "
-                f"{squares:.0f} to the sum of squares, {degrees} are expected. Fix them, or calibrate each by itself."
+                f"{squares:.0f} to the sum of squares, {degrees} are expected. Fix them, or calibrate each by itself.",
             )
     return made
 
@@ -141,14 +143,13 @@ def _estimate(solution: ArraySolution, index: int, alone: Estimate, site: Site) 
         sigma0_final=sigma0,
         degrees_of_freedom=solution.redundancy,
         coverage_factor=coverage_factor(solution.redundancy),
-        hold_norms=hold_norm_errors(described.model, base.force_mean, site.gravity),
-        turn_angles=score_turns(described.model, base).angle,
         terms=list(alone.terms),
-        remarks=list(alone.remarks),
-        objections=list(alone.objections),
-        budget={},
-        statement=None,
-        beside=None,
+        said=list(alone.said),
+        evidence=[
+            *(one for one in alone.evidence if not isinstance(one, Holds | Turns | Budget | Beside)),
+            replace(alone.holds, norms=hold_norm_errors(described.model, base.force_mean, site.gravity)),
+            replace(alone.turns, angles=score_turns(described.model, base).angle),
+        ],
         lever_arms=lever_arms_of(values, outcome.kept, np.eye(3)),
     )
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, inverted
 from tumble.calibration.equations.triad_unknowns import QUADRATIC, SCALE
+from tumble.calibration.evidence import Budget
 from tumble.calibration.joint.description import named_function
 from tumble.calibration.joint.influence import (
     AXIS,
@@ -111,11 +112,11 @@ class NamedParameters:
 
 
 def state_uncertainty(estimate: Estimate, outcome: JointOutcome, influences: Influences) -> None:
-    """Fill an estimate's budget and statement of uncertainty.
+    """Add the budget and the statement of uncertainty to an estimate's evidence.
 
     Parameters
     ----------
-    estimate : of the outcome; its `budget` and `statement` are set.
+    estimate : of the outcome.
     outcome : the settled solution with its noise.
     influences : of the same solution.
     """
@@ -123,7 +124,7 @@ def state_uncertainty(estimate: Estimate, outcome: JointOutcome, influences: Inf
     scale = _scale(estimate)
     everything = budget_of(influences, named, outcome, scale)
     total = sum((part**2 for part in everything.values()), np.zeros(len(named.slope)))
-    estimate.budget = {
+    shares = {
         source: part
         for source, part in everything.items()
         if np.any(part**2 > SHOWN * np.maximum(total, 1e-300))
@@ -133,10 +134,10 @@ def state_uncertainty(estimate: Estimate, outcome: JointOutcome, influences: Inf
     if scale > 1.0:
         # The whole was enlarged by what the residuals show, which is known as well as they are many.
         effective = 1.0 / (1.0 / effective + 1.0 / max(estimate.degrees_of_freedom, 1))
-    estimate.statement = UncertaintyStatement(
+    statement = UncertaintyStatement(
         effective_degrees=effective,
         coverage_factors=coverage_factors(effective),
-        source_degrees={source: degrees.get(source, float("inf")) for source in estimate.budget},
+        source_degrees={source: degrees.get(source, float("inf")) for source in shares},
         test=_global_test(estimate, outcome),
         detectable=_detectable(influences, named, estimate, outcome, scale),
         alpha=ALPHA,
@@ -145,6 +146,7 @@ def state_uncertainty(estimate: Estimate, outcome: JointOutcome, influences: Inf
         not_included=_not_included(outcome),
         outcome=outcome,
     )
+    estimate.show(Budget(shares, statement))
 
 
 def budget_of(

@@ -19,6 +19,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square, Table, inverted
 from tumble.attitude.rotations import matrices_from_rotation_vectors
+from tumble.calibration.evidence import Budget
 from tumble.calibration.joint.budget import NamedParameters, gravity_slope, source_degrees
 from tumble.calibration.joint.influence import joint_influences
 from tumble.calibration.joint.system import JointProblem, JointState, solve_joint
@@ -65,7 +66,8 @@ def draw_distributions(
     """
     from tumble.calibration.joint.estimate import JointOutcome
 
-    told = estimate.statement
+    budget = estimate.shown(Budget)
+    told = None if budget is None else budget.statement
     outcome = None if told is None else told.outcome
     if told is None or not isinstance(outcome, JointOutcome):
         raise UsageError(
@@ -93,7 +95,7 @@ def draw_distributions(
         readjusted_ratio=ratio,
         why_not_readjusted=again.why_none,
     )
-    estimate.remarks.append(told.drawn.words())
+    estimate.say("remark", told.drawn.words())
 
 
 def _scale(estimate: Estimate) -> float:

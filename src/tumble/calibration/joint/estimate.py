@@ -9,7 +9,16 @@ import numpy as np
 from tumble.arrays import Matrix, Series, Vectors, inverted
 from tumble.calibration.canonical import Described, describe_unknowns
 from tumble.calibration.equations.turn import TOTAL
-from tumble.calibration.estimate import Estimate, LeftOut, NamedValue, TermTest, coverage_factor
+from tumble.calibration.estimate import (
+    Beside,
+    Estimate,
+    LeftOut,
+    NamedValue,
+    TermTest,
+    coverage_factor,
+    said_of,
+)
+from tumble.calibration.evidence import Holds, Rotations, Spins, Turns
 from tumble.calibration.joint.budget import state_uncertainty
 from tumble.calibration.joint.data import JointData
 from tumble.calibration.joint.description import describe_wide, rotation_of_frame
@@ -85,7 +94,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
     alone = _alone(outcome)
     norms, sigmas = _norms(outcome, described.model)
     angles, sizes = _turn_scores(outcome, described.model)
-    rates, residuals, spin_sigmas, names = _spins(outcome)
+    restless = find_restless(outcome.data, outcome.problem.extra, float(outcome.recording.time[0]))
     start = outcome.start
     estimate = Estimate(
         procedure="joint",
@@ -99,31 +108,28 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         degrees_of_freedom=solution.redundancy,
         coverage_factor=coverage_factor(solution.redundancy),
         largest_normalised=_largest(outcome.balanced),
-        hold_norms=norms,
-        hold_sigmas=sigmas,
-        turn_angles=angles,
-        turn_sigmas=np.where(np.isfinite(angles), _turn_sigmas(outcome), np.nan),
-        turn_sizes=sizes,
         variance_components=_components(outcome),
         left_out=[_left_out(outlier, norms, angles) for outlier in outcome.balanced.outliers],
-        restless=find_restless(outcome.data, outcome.problem.extra, float(outcome.recording.time[0])),
         terms=outcome.terms,
-        not_determined=_not_determined(outcome),
-        remarks=_remarks(outcome, described.parameters),
-        objections=[
-            *_objections(outcome),
-            *(start.objections if start is not None and _tells_all(start) else []),
+        said=said_of(
+            remarks=_remarks(outcome, described.parameters),
+            cautions=start.cautions if start is not None and _tells_all(start) else (),
+            objections=[
+                *_objections(outcome),
+                *(start.objections if start is not None and _tells_all(start) else ()),
+            ],
+            not_determined=_not_determined(outcome),
+        ),
+        evidence=[
+            Holds(norms, sigmas, tuple(restless)),
+            Turns(angles, np.where(np.isfinite(angles), _turn_sigmas(outcome), np.nan), sizes),
+            _spins(outcome),
         ],
-        cautions=list(start.cautions) if start is not None and _tells_all(start) else [],
-        rotations=list(start.rotations) if start is not None else [],
-        spin_rates=rates,
-        spin_residuals=residuals,
-        spin_sigmas=spin_sigmas,
-        spin_names=names,
-        beside=start,
         frame=outcome.frame,
         lever_arms=_lever_arms(outcome),
     )
+    if start is not None:
+        estimate.show(*(one for one in start.evidence if isinstance(one, Rotations)), Beside(start))
     if outcome.untold is None and outcome.has_gyro:
         state_uncertainty(estimate, outcome, influences)
     return estimate
@@ -293,8 +299,8 @@ def _turn_sigmas(outcome: JointOutcome) -> Series:
     return sigmas
 
 
-def _spins(outcome: JointOutcome) -> tuple[Series, Vectors, Vectors, list[str]]:
-    """Return rates, residuals along each axis, their sigmas and names of all rotations.
+def _spins(outcome: JointOutcome) -> Spins:
+    """All rotations, with their residuals along each axis.
 
     An angle that hardly anything checks leaves hardly any residual: its sigma is the residual's, not the angle's.
     """
@@ -318,7 +324,7 @@ def _spins(outcome: JointOutcome) -> tuple[Series, Vectors, Vectors, list[str]]:
             rates[at] = told.turn_rate
             residuals[at] = axis_b * spin.rate_residual
             sigmas[at] = max(told.rate_sigma, 1e-9)
-    return rates, residuals, sigmas, names
+    return Spins(rates, residuals, sigmas, tuple(names))
 
 
 def _largest(balanced: BalancedJoint) -> float:

@@ -169,7 +169,7 @@ def calibrate_joint(
     estimate = joint_estimate(outcome)
     if optional_terms and has_gyro and not data.spins:
         add_time_lag(estimate, base)
-    estimate.remarks += broken
+    estimate.say("remark", *broken)
     if has_gyro:
         add_bias_step(estimate, base, recording, *rest_residuals(outcome))
     return estimate

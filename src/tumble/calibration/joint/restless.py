@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tumble.calibration.estimate import RestlessHold
+from tumble.calibration.evidence import RestlessHold
 from tumble.calibration.joint.data import JointData
 from tumble.calibration.joint.terms import Extra
 

@@ -39,6 +39,7 @@ from tumble.calibration.estimate import (
     TermTest,
     coverage_factor,
 )
+from tumble.calibration.evidence import Budget, Holds, Turns
 from tumble.calibration.handedness import refuse_contradicting_axes
 from tumble.calibration.poses import distinct_poses
 from tumble.calibration.prior import StableKnowledge
@@ -178,31 +179,29 @@ def add_time_lag(estimate: Estimate, data: HoldsAndTurns) -> None:
     correlations = np.eye(size + 1)
     correlations[:size, :size] = estimate.correlations
     estimate.correlations = correlations
-    if estimate.budget:
-        # The turns tell the lag, and nothing else of the budget does.
-        cause = (
-            "gyros while turning" if "gyros while turning" in estimate.budget else next(iter(estimate.budget))
-        )
-        estimate.budget = {
-            name: np.append(part, found.sigma if name == cause else 0.0)
-            for name, part in estimate.budget.items()
-        }
-    if estimate.statement is not None:
-        told = estimate.statement
-        estimate.statement = replace(
-            told,
-            effective_degrees=np.append(told.effective_degrees, float(found.turns - 1)),
-            coverage_factors=np.append(told.coverage_factors, coverage_factor(found.turns - 1)),
-            model_choice=[
-                replace(choice, change=np.append(choice.change, 0.0)) for choice in told.model_choice
-            ],
-        )
+    budget = estimate.shown(Budget)
+    if budget is not None:
+        _add_lag(budget, found.sigma, found.turns - 1)
     earlier = "earlier" if found.lag > 0 else "later"
-    estimate.remarks.append(
+    estimate.say(
+        "remark",
         f"The accelerometer's samples belong to instants {abs(1e3 * found.lag):.1f} ms "
         f"(± {1e3 * found.sigma:.1f} ms) {earlier} than the gyro's. The estimate does not depend on it, and "
-        "`tumble apply` does not shift samples: tell your filter."
+        "`tumble apply` does not shift samples: tell your filter.",
     )
+
+
+def _add_lag(budget: Budget, sigma: float, degrees: int) -> None:
+    """Append the lag: the turns tell it, and nothing else of the budget does."""
+    shares, told = budget.shares, budget.statement
+    cause = "gyros while turning" if "gyros while turning" in shares else next(iter(shares))
+    budget.shares = {name: np.append(part, sigma if name == cause else 0.0) for name, part in shares.items()}
+    if told is not None:
+        told.effective_degrees = np.append(told.effective_degrees, float(degrees))
+        told.coverage_factors = np.append(told.coverage_factors, coverage_factor(degrees))
+        told.model_choice = [
+            replace(choice, change=np.append(choice.change, 0.0)) for choice in told.model_choice
+        ]
 
 
 def add_bias_step(
@@ -223,10 +222,11 @@ def add_bias_step(
     when = 0.5 * (
         recording.time[data.tail[step.before, 1] - 1] + recording.time[data.head[step.before + 1, 0]]
     )
-    estimate.remarks.append(
+    estimate.say(
+        "remark",
         f"The bias of gyro {'xyz'[step.axis]} jumps by {np.degrees(step.size):+.3f} °/s "
         f"(± {np.degrees(step.sigma):.3f}) between hold {step.before + 1} and hold {step.before + 2}, at about "
-        f"{when:.0f} s: the stated bias is a mean of both. A knock or the supply can do it; record again."
+        f"{when:.0f} s: the stated bias is a mean of both. A knock or the supply can do it; record again.",
     )
 
 
@@ -405,11 +405,6 @@ def _estimate(
         degrees_of_freedom=solution.adjustment.redundancy,
         coverage_factor=coverage_factor(solution.adjustment.redundancy),
         largest_normalised=_largest_normalised(solution.adjustment),
-        hold_norms=norms,
-        hold_sigmas=np.sqrt(variances[:, 0]),
-        turn_angles=angles,
-        turn_sigmas=turn_sigmas,
-        turn_sizes=conditions.turned.copy(),
         variance_components={
             "accelerometer bias from hold to hold, m/s²": float(np.sqrt(solution.extra["norm"])),
             "gyro bias from hold to hold, rad/s": float(np.sqrt(solution.extra["rate"])),
@@ -417,7 +412,10 @@ def _estimate(
         },
         left_out=[_left_out(outlier, norms, angles) for outlier in outliers],
         terms=tests,
-        not_determined=[],
+        evidence=[
+            Holds(norms, np.sqrt(variances[:, 0])),
+            Turns(angles, turn_sigmas, conditions.turned.copy()),
+        ],
     )
 
 

@@ -24,13 +24,8 @@ from tumble.calibration.closed_forms.rotation_pairs import (
     refuse_unlike_angles,
 )
 from tumble.calibration.equations.placement import PlacedFit, PlacedReadings, fit_placed, is_excessive
-from tumble.calibration.estimate import (
-    Estimate,
-    RotationFit,
-    TurnedAngle,
-    correlation_matrix,
-    coverage_factor,
-)
+from tumble.calibration.estimate import Estimate, correlation_matrix, coverage_factor, said_of
+from tumble.calibration.evidence import Budget, Holds, RotationFit, Rotations, Spins, TurnedAngle
 from tumble.calibration.procedures.six_position import KnownPoses, known_poses
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
@@ -342,9 +337,7 @@ def _estimate(
     length = np.linalg.norm(corrected, axis=1)
     weight = (corrected / length[:, None]) @ inverted(told.triad.matrix)
     variance = np.einsum("ka,kab,kb->k", weight, means.specific_force_covariance, weight)
-    nothing = np.full(len(means), np.nan)
     degrees = adjustment.redundancy + gyros.degrees
-    rates, residuals, sigmas, names = _spins(gyros)
     return Estimate(
         procedure="laboratory",
         model=ImuModel(told.triad, turned.triad),
@@ -357,23 +350,20 @@ def _estimate(
         degrees_of_freedom=degrees,
         coverage_factor=coverage_factor(degrees),
         largest_normalised=max((test.normalised for test in tests), default=0.0),
-        hold_norms=length - site.gravity,
-        hold_sigmas=np.sqrt(variance),
-        turn_angles=nothing,
-        turn_sigmas=nothing.copy(),
-        turn_sizes=nothing.copy(),
         variance_components={
             "accelerometer bias from hold to hold, m/s²": _wander_si(force.matrix, wander),
             "placement of the unit beyond what the protocol states, rad": force.added,
         },
-        not_determined=[_SITS, "Nonlinear terms and g-sensitivity of the gyros are not estimated."],
-        remarks=_remarks(poses, site, force, gyros, lonely),
-        spin_rates=rates,
-        spin_residuals=residuals,
-        spin_sigmas=sigmas,
-        spin_names=names,
-        rotations=_rotation_fits(gyros, poses),
-        budget=_budget(recording, site, force, gyros),
+        said=said_of(
+            remarks=_remarks(poses, site, force, gyros, lonely),
+            not_determined=[_SITS, "Nonlinear terms and g-sensitivity of the gyros are not estimated."],
+        ),
+        evidence=[
+            Holds(length - site.gravity, np.sqrt(variance)),
+            _spins(gyros),
+            Rotations(_rotation_fits(gyros, poses)),
+            Budget(_budget(recording, site, force, gyros)),
+        ],
         frame="fixture",
     )
 
@@ -390,7 +380,7 @@ def _blocks(one: Table, other: Table) -> Table:
     return whole
 
 
-def _spins(gyros: _Gyros) -> tuple[Series, AnyArray, AnyArray, list[str]]:
+def _spins(gyros: _Gyros) -> Spins:
     count = 1 + max(r.row for pair in gyros.pairs for r in pair.rotations)
     inverse = inverted(gyros.matrix)
     rates, names = np.zeros(count), ["a rotation without its counterpart"] * count
@@ -405,10 +395,10 @@ def _spins(gyros: _Gyros) -> tuple[Series, AnyArray, AnyArray, list[str]]:
                 spread = spread + r.angle_sigma**2 * np.outer(pair.axis_b, pair.axis_b)
                 sigmas[r.row] = np.sqrt(np.diag(spread)) / r.seconds
                 names[r.row] = f"{pair.name}, {'counter-clockwise' if sign > 0 else 'clockwise'}"
-    return rates, residuals, sigmas, names
+    return Spins(rates, residuals, sigmas, tuple(names))
 
 
-def _rotation_fits(gyros: _Gyros, poses: KnownPoses) -> list[RotationFit]:
+def _rotation_fits(gyros: _Gyros, poses: KnownPoses) -> tuple[RotationFit, ...]:
     """Each axis as the gyros saw it, against where the protocol has it."""
     inverse = inverted(gyros.matrix)
     sigma = float(np.sqrt(np.mean(poses.sigma**2)))
@@ -429,7 +419,7 @@ def _rotation_fits(gyros: _Gyros, poses: KnownPoses) -> list[RotationFit]:
             )
         away = float(np.linalg.norm(np.cross(seen, pair.axis_b)))
         fits.append(RotationFit(pair.name, seen, float("nan"), away, sigma, float("nan"), tuple(angles)))
-    return fits
+    return tuple(fits)
 
 
 def _remarks(poses: KnownPoses, site: Site, force: PlacedFit, gyros: _Gyros, lonely: list[str]) -> list[str]:

@@ -25,7 +25,8 @@ from tumble.calibration.equations.spin_groups import REVERSED, SpinGroup, group_
 from tumble.calibration.equations.table import VERTICAL, TableConditions, TableReadings
 from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, COUNT, SCALE, triad_from_unknowns
 from tumble.calibration.equations.turn import FORCE, G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, TOTAL
-from tumble.calibration.estimate import Estimate, LeftOut, TermTest, coverage_factor
+from tumble.calibration.estimate import Estimate, LeftOut, TermTest, coverage_factor, said_of
+from tumble.calibration.evidence import Holds, Spins
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.procedures.multi_position import TriadFit, fit_norms
 from tumble.calibration.term_tests import wald_test
@@ -329,7 +330,6 @@ def _estimate(task: _Task, spins: SpinMeans, joint: _Joint, norms: TriadFit) -> 
     )
     hold_norms, hold_sigmas = _hold_norms(task, joint)
     residuals, sigmas = _spin_residuals(task, spins, joint)
-    nothing = np.full(len(task.means), np.nan)
     tests = [t for t in snoop_groups(adjustment, slice(0, adjustment.residual.shape[1])) if t.degrees]
     return Estimate(
         procedure="modified-multi-position",
@@ -343,11 +343,6 @@ def _estimate(task: _Task, spins: SpinMeans, joint: _Joint, norms: TriadFit) -> 
         degrees_of_freedom=adjustment.redundancy,
         coverage_factor=coverage_factor(adjustment.redundancy),
         largest_normalised=max((test.normalised for test in tests), default=0.0),
-        hold_norms=hold_norms,
-        hold_sigmas=hold_sigmas,
-        turn_angles=nothing,
-        turn_sigmas=nothing.copy(),
-        turn_sizes=nothing.copy(),
         variance_components={
             "accelerometer bias from hold to hold, m/s²": float(np.sqrt(task.force.extra)),
             "gyro bias from spin to spin, rad/s": joint.wander,
@@ -355,12 +350,11 @@ def _estimate(task: _Task, spins: SpinMeans, joint: _Joint, norms: TriadFit) -> 
         },
         left_out=_left_out(task, norms, hold_norms),
         terms=joint.tests,
-        not_determined=_not_determined(task),
-        remarks=_remarks(task, joint, norms),
-        spin_rates=_spin_rates(task, len(spins)),
-        spin_residuals=residuals,
-        spin_sigmas=sigmas,
-        spin_names=_spin_names(task, len(spins)),
+        said=said_of(remarks=_remarks(task, joint, norms), not_determined=_not_determined(task)),
+        evidence=[
+            Holds(hold_norms, hold_sigmas),
+            Spins(_spin_rates(task, len(spins)), residuals, sigmas, _spin_names(task, len(spins))),
+        ],
     )
 
 
@@ -416,12 +410,12 @@ def _spin_rates(task: _Task, count: int) -> Series:
     return rates
 
 
-def _spin_names(task: _Task, count: int) -> list[str]:
+def _spin_names(task: _Task, count: int) -> tuple[str, ...]:
     names = ["a spin of which the pose was not found"] * count
     for group in task.groups:
         for row, step in zip(group.rows, group.spins, strict=True):
             names[row] = step.name or f"{np.degrees(step.rate):+.4g}°/s, {group.name or 'no name'}"
-    return names
+    return tuple(names)
 
 
 def _left_out(task: _Task, norms: TriadFit, hold_norms: Series) -> list[LeftOut]:

@@ -28,7 +28,9 @@ from tumble.calibration.estimate import (
     LeftOut,
     TermTest,
     coverage_factor,
+    said_of,
 )
+from tumble.calibration.evidence import Holds
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.requirements import require_poses
 from tumble.calibration.snooping import Kind, Outlier, balance
@@ -228,14 +230,15 @@ def calibrate_multi_position(
         said = about_sheet(
             "accelerometer", force.unknowns[:9], np.sqrt(np.diag(force.covariance)[:9]), constraint
         )
-        estimate.remarks += [*said[0], *([] if gyro is None else gyro.remarks)]
-        estimate.objections += [*said[1], *([] if gyro is None else gyro.objections)]
+        estimate.say("remark", *said[0], *([] if gyro is None else gyro.remarks))
+        estimate.say("objection", *said[1], *([] if gyro is None else gyro.objections))
     if unknowns < 9:
         kept = "non-orthogonalities" if unknowns == 6 else "scale factors and non-orthogonalities"
         of = "an earlier calibration's values" if prior is not None else "their nominal values"
-        estimate.not_determined.append(
+        estimate.say(
+            "not determined",
             f"The accelerometers' {kept} were not estimated ({unknowns} unknowns, as asked for): they have {of}, "
-            "and no uncertainty is stated for them."
+            "and no uncertainty is stated for them.",
         )
     return estimate
 
@@ -452,8 +455,6 @@ def _estimate(
     norms = np.linalg.norm(corrected, axis=1) - site.gravity
     variance = np.diagonal(adjustment.linearisation.covariance, axis1=1, axis2=2)[:, 0]
     tests = [test for test in snoop_groups(adjustment, _NORM) if test.degrees]
-    holds = len(means)
-    nothing = np.full(holds, np.nan)
     return Estimate(
         procedure="multi-position",
         model=described.model,
@@ -466,18 +467,13 @@ def _estimate(
         degrees_of_freedom=adjustment.redundancy,
         coverage_factor=coverage_factor(adjustment.redundancy) if force.extra > 0 else 1.96,
         largest_normalised=max((test.normalised for test in tests), default=0.0),
-        hold_norms=norms,
-        hold_sigmas=np.sqrt(variance),
-        turn_angles=nothing,
-        turn_sigmas=nothing.copy(),
-        turn_sizes=nothing.copy(),
         variance_components={
             "accelerometer bias from hold to hold, m/s²": float(np.sqrt(force.extra)),
         },
         left_out=_left_out(force, gyro, norms),
         terms=[] if test is None else [test],
-        not_determined=_not_determined(kind),
-        remarks=[] if gyro is None else [gyro.remark],
+        said=said_of(remarks=[] if gyro is None else [gyro.remark], not_determined=_not_determined(kind)),
+        evidence=[Holds(norms, np.sqrt(variance))],
     )
 
 

@@ -43,7 +43,9 @@ from tumble.calibration.estimate import (
     TermTest,
     correlation_matrix,
     coverage_factor,
+    said_of,
 )
+from tumble.calibration.evidence import Spins
 from tumble.calibration.term_tests import wald_test
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
@@ -298,7 +300,7 @@ def _estimate(
     correlations = np.eye(count + len(extra))
     correlations[:count, :count] = correlation_matrix(told.spread)
     correlations[count:, count:] = correlation_matrix(spread)
-    adjustment, nothing = fit.adjustment, np.zeros(0)
+    adjustment = fit.adjustment
     normalised = residuals / sigmas
     estimate = Estimate(
         procedure="rate-table",
@@ -312,20 +314,12 @@ def _estimate(
         degrees_of_freedom=adjustment.redundancy,
         coverage_factor=coverage_factor(adjustment.redundancy) if fit.wander + fit.placement > 0 else 1.96,
         largest_normalised=float(np.max(np.abs(normalised))) if normalised.size else 0.0,
-        hold_norms=nothing,
-        hold_sigmas=nothing.copy(),
-        turn_angles=nothing.copy(),
-        turn_sigmas=nothing.copy(),
-        turn_sizes=nothing.copy(),
         variance_components={
             "gyro bias from spin to spin, rad/s": fit.wander,
             "placement of the unit beyond what the protocol states, rad": fit.placement,
         },
         terms=[*fit.tests, *([] if biases.test is None else [biases.test])],
-        spin_rates=rates,
-        spin_residuals=residuals,
-        spin_sigmas=sigmas,
-        spin_names=names,
+        evidence=[Spins(rates, residuals, sigmas, tuple(names))],
         frame="fixture",
     )
     _tell(estimate, recording, readings, placements, fit, biases, known, site)
@@ -387,8 +381,9 @@ def _tell(
     site: Site,
 ) -> None:
     """Say in words what the test saw, what it cannot see, and what would have been better."""
-    say, missing, against = estimate.remarks, estimate.not_determined, estimate.objections
-    missing.append("The accelerometers are not calibrated by a rate table.")
+    say: list[str] = []
+    missing = ["The accelerometers are not calibrated by a rate table."]
+    against: list[str] = []
     if not np.all(known):
         columns = " and ".join("xyz"[j] for j in range(3) if not known[j])
         missing.append(
@@ -409,7 +404,7 @@ def _tell(
         say.append(
             f"The protocol does not say which axis was up in {len(guessed)} placements; the accelerometers do."
         )
-    slowest = float(np.min(np.abs(estimate.spin_rates)))
+    slowest = float(np.min(np.abs(estimate.spins.rates)))
     if site.latitude is None:
         missing.append(
             "No latitude was given: the Earth's rotation about the table's axis, up to 7.3e-5 rad/s (4.7e-5 at 40°), "
@@ -437,6 +432,7 @@ def _tell(
         "A table whose rates are all wrong by 100 ppm makes all scale factors wrong by 100 ppm; no residual shows it. "
         f"The protocol states {two_digits(1e6 * float(np.max(readings.share)))} ppm, taken as common to all spins."
     )
+    estimate.said = said_of(remarks=say, objections=against, not_determined=missing)
 
 
 def _one_way_axes(readings: SpinReadings, known: np.ndarray) -> list[str]:

@@ -30,7 +30,8 @@ from tumble.calibration.canonical import (
     describe_fixture_triad,
 )
 from tumble.calibration.equations.placement import PlacedFit, PlacedReadings, fit_placed, up_down_pair
-from tumble.calibration.estimate import Estimate, correlation_matrix, coverage_factor
+from tumble.calibration.estimate import Estimate, correlation_matrix, coverage_factor, said_of
+from tumble.calibration.evidence import Holds
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
@@ -448,7 +449,6 @@ def _estimate(
     tests = [test for test in snoop_groups(adjustment, slice(0, 3)) if test.degrees]
     norms, norm_sigmas = _norms(means, told, site)
     norm_sigmas[poses.hold] = _expected_norms(poses, force, norm_sigmas[poses.hold], site, improved=improved)
-    nothing = np.full(len(means), np.nan)
     added = force.added > 0.0
     return Estimate(
         procedure="improved-six-position" if improved else "six-position",
@@ -462,14 +462,12 @@ def _estimate(
         degrees_of_freedom=adjustment.redundancy,
         coverage_factor=coverage_factor(adjustment.redundancy) if added else 1.96,
         largest_normalised=max((test.normalised for test in tests), default=0.0),
-        hold_norms=norms,
-        hold_sigmas=norm_sigmas,
-        turn_angles=nothing,
-        turn_sigmas=nothing.copy(),
-        turn_sizes=nothing.copy(),
         variance_components={"placement of the unit beyond what the protocol states, rad": force.added},
-        not_determined=_not_determined(gyro, improved=improved),
-        remarks=_remarks(poses, site, force, gyro, improved=improved),
+        said=said_of(
+            remarks=_remarks(poses, site, force, gyro, improved=improved),
+            not_determined=_not_determined(gyro, improved=improved),
+        ),
+        evidence=[Holds(norms, norm_sigmas)],
         frame="fixture",
     )
 

@@ -14,11 +14,12 @@ from tumble.calibration.closed_forms.sequence_measurements import SequenceMeasur
 from tumble.calibration.estimate import (
     Estimate,
     NamedValue,
-    SequenceFit,
     TermTest,
     correlation_matrix,
     coverage_factor,
+    said_of,
 )
+from tumble.calibration.evidence import Holds, SequenceFit, Sequences
 from tumble.calibration.procedures.recorded_sequences import RecordedSequence
 from tumble.calibration.procedures.start_earth import SeenEarth, earth_as_sensitivity
 from tumble.calibration.procedures.strapdown_model import apply_errors
@@ -95,7 +96,6 @@ def strapdown_estimate(
     assert means.specific_force is not None
     assert model.accelerometer is not None
     norms, sigmas = _norms(means, model, site)
-    nothing = np.full(len(means), np.nan)
     sigma0 = float(np.sqrt(solution.square_sum / solution.degrees)) if solution.degrees else float("nan")
     return Estimate(
         procedure="strapdown-rotation",
@@ -112,17 +112,16 @@ def strapdown_estimate(
         degrees_of_freedom=solution.degrees,
         coverage_factor=coverage_factor(solution.degrees),
         largest_normalised=float(np.max(np.abs(solution.residuals / solution.sigmas))),
-        hold_norms=norms,
-        hold_sigmas=sigmas,
-        turn_angles=nothing,
-        turn_sigmas=nothing.copy(),
-        turn_sizes=nothing.copy(),
         terms=[] if outcome.term is None else [outcome.term],
-        not_determined=_not_determined(outcome),
-        remarks=_remarks(outcome, site),
-        objections=_objections(outcome),
-        sequences=_fits(outcome),
-        passes=[_groups(change) for change in outcome.passes],
+        said=said_of(
+            remarks=_remarks(outcome, site),
+            objections=_objections(outcome),
+            not_determined=_not_determined(outcome),
+        ),
+        evidence=[
+            Holds(norms, sigmas),
+            Sequences(_fits(outcome), tuple(_groups(change) for change in outcome.passes)),
+        ],
         frame="mean-gyro",
     )
 
@@ -279,8 +278,8 @@ def _norms(means: HoldMeans, model: ImuModel, site: Site) -> tuple[Series, Serie
     return length - site.gravity, np.sqrt(variance)
 
 
-def _fits(outcome: StrapdownOutcome) -> list[SequenceFit]:
-    return [
+def _fits(outcome: StrapdownOutcome) -> tuple[SequenceFit, ...]:
+    return tuple(
         SequenceFit(
             sequence.name,
             tuple(sequence.rotations),
@@ -291,7 +290,7 @@ def _fits(outcome: StrapdownOutcome) -> list[SequenceFit]:
         for sequence, residual, sigma in zip(
             outcome.sequences, outcome.solution.residuals, outcome.solution.sigmas, strict=True
         )
-    ]
+    )
 
 
 def _groups(change: Series) -> dict[str, float]:

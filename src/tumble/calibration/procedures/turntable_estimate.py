@@ -6,18 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Square, Table, Vector, inverted
+from tumble.arrays import Series, Square, Table, Vector, inverted
 from tumble.attitude import skew
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.equations.triad_unknowns import triad_from_unknowns
 from tumble.calibration.equations.turn import FORCE, G_SENSITIVITY, GYRO_MATRIX, TOTAL
-from tumble.calibration.estimate import (
-    Estimate,
-    LeftOut,
-    RotationFit,
-    TurnedAngle,
-    coverage_factor,
-)
+from tumble.calibration.estimate import Estimate, LeftOut, coverage_factor, said_of
+from tumble.calibration.evidence import Budget, Holds, RotationFit, Rotations, Spins, TurnedAngle
 from tumble.calibration.procedures.multi_position import ROTATION_SIGMA
 from tumble.calibration.procedures.turntable_solution import (
     GROUPS,
@@ -50,12 +45,10 @@ def turntable_estimate(task: TurntableTask, solution: TurntableOutcome) -> Estim
     assert means.specific_force is not None
     corrected = triad_from_unknowns(task.force.unknowns).correct(means.specific_force)
     variance = np.diagonal(adjustment.linearisation.covariance, axis1=1, axis2=2)[:, 0]
-    nothing = np.full(len(means), np.nan)
     tests = solution.tests
     square = adjustment.square_sum + tests.angles[0] + tests.axes[0] + tests.rests[0]
     degrees = adjustment.redundancy + tests.angles[1] + tests.axes[1] + tests.rests[1]
     norms = np.linalg.norm(corrected, axis=1) - task.site.gravity
-    rates, residuals, sigmas, names = _spins(task, solution)
     fits = _rotation_fits(task, solution)
     return Estimate(
         procedure="turntable",
@@ -71,11 +64,6 @@ def turntable_estimate(task: TurntableTask, solution: TurntableOutcome) -> Estim
         largest_normalised=max(
             (test.normalised for test in snoop_groups(adjustment, slice(0, 1)) if test.degrees), default=0.0
         ),
-        hold_norms=norms,
-        hold_sigmas=np.sqrt(variance),
-        turn_angles=nothing,
-        turn_sigmas=nothing.copy(),
-        turn_sizes=nothing.copy(),
         variance_components={
             "accelerometer bias from hold to hold, m/s²": float(np.sqrt(task.force.extra)),
             **{f"factor on the noise of {name}": factor for name, factor in solution.scaled.items()},
@@ -90,15 +78,17 @@ def turntable_estimate(task: TurntableTask, solution: TurntableOutcome) -> Estim
             for o in task.force.outliers
         ],
         terms=[] if solution.term is None else [solution.term],
-        not_determined=not_determined(solution),
-        remarks=remarks(task, solution),
-        objections=[*objections(task, solution), *misread_words(fits)],
-        spin_rates=rates,
-        spin_residuals=residuals,
-        spin_sigmas=sigmas,
-        spin_names=names,
-        rotations=fits,
-        budget=budget,
+        said=said_of(
+            remarks=remarks(task, solution),
+            objections=[*objections(task, solution), *misread_words(fits)],
+            not_determined=not_determined(solution),
+        ),
+        evidence=[
+            Holds(norms, np.sqrt(variance)),
+            _spins(task, solution),
+            Rotations(tuple(fits)),
+            Budget(budget),
+        ],
     )
 
 
@@ -135,8 +125,8 @@ def _about_axis(task: TurntableTask, solution: TurntableOutcome) -> list[Vector]
     return list(turned / np.linalg.norm(turned, axis=1, keepdims=True))
 
 
-def _spins(task: TurntableTask, solution: TurntableOutcome) -> tuple[Series, AnyArray, AnyArray, list[str]]:
-    """Return rates, residuals, sigmas and names of all spins, found in a pair or not."""
+def _spins(task: TurntableTask, solution: TurntableOutcome) -> Spins:
+    """All spins, found in a pair or not."""
     count = 1 + max(r.row for pair in task.pairs for r in pair.rotations)
     matrix = solution.unknowns[MATRIX].reshape(3, 3)
     inverse = inverted(matrix)
@@ -153,7 +143,7 @@ def _spins(task: TurntableTask, solution: TurntableOutcome) -> tuple[Series, Any
                 sigmas[r.row] = np.sqrt(np.diag(spread)) / r.seconds
                 way = "counter-clockwise" if sign > 0 else "clockwise"
                 names[r.row] = f"{pair.name}, {way}"
-    return rates, residuals, sigmas, names
+    return Spins(rates, residuals, sigmas, tuple(names))
 
 
 def _rotation_fits(task: TurntableTask, solution: TurntableOutcome) -> list[RotationFit]:

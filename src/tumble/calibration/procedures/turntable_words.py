@@ -7,7 +7,7 @@ import numpy as np
 from tumble.arrays import inverted
 from tumble.calibration.closed_forms.separate_norms import bias_from_static_pairs, ellipsoid_from_norms
 from tumble.calibration.equations.triad_unknowns import triad_from_unknowns
-from tumble.calibration.estimate import RotationFit
+from tumble.calibration.evidence import RotationFit
 from tumble.calibration.procedures.multi_position import ROTATION_SIGMA
 from tumble.calibration.procedures.turntable_solution import (
     BIAS,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tumble.arrays import Series, Table, Vectors
+from tumble.calibration.evidence import Evidence
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +66,7 @@ class Candidate:
 
 
 @dataclass(slots=True)
-class ThermalEvidence:
+class ThermalCurves(Evidence):
     """Behind a thermal model.
 
     Attributes

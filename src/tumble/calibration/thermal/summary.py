@@ -7,12 +7,21 @@ import numpy as np
 from tumble.arrays import AnyArray, Series, Vectors
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.equations.triad_unknowns import BIAS
-from tumble.calibration.estimate import Estimate, LeftOut, TermTest, correlation_matrix, coverage_factor
+from tumble.calibration.estimate import (
+    Estimate,
+    LeftOut,
+    OverTemperature,
+    TermTest,
+    correlation_matrix,
+    coverage_factor,
+    said_of,
+)
+from tumble.calibration.evidence import Holds
 from tumble.calibration.procedures.multi_position import fit_norms
 from tumble.calibration.start_values import rough_triad
 from tumble.calibration.thermal.coverage import Coverage
 from tumble.calibration.thermal.doubt import Doubts
-from tumble.calibration.thermal.evidence import BiasCurve, SeparateBias, ThermalEvidence
+from tumble.calibration.thermal.evidence import BiasCurve, SeparateBias, ThermalCurves
 from tumble.calibration.thermal.fit import ThermalFit, name_of
 from tumble.calibration.thermal.model import ThermalSolution, bias_curve
 from tumble.calibration.thermal.points import ThermalPoints
@@ -35,7 +44,7 @@ def thermal_evidence(
     factors: tuple[float, float],
     soaks: Series | None,
     site: Site,
-) -> ThermalEvidence:
+) -> ThermalCurves:
     """Return what an adjustment was made of, for those who look at it.
 
     Parameters
@@ -71,7 +80,7 @@ def thermal_evidence(
         rate = (conditions.biases(fit.values, functions, "rate") + misclosure[:, 3:]) / factors[1]
         rate_sigma = np.sqrt(variance[:, 3:]) / factors[1]
     step = max(1, everything.path.time.size // 2000)
-    return ThermalEvidence(
+    return ThermalCurves(
         coverage.kind,
         name_of(layout.terms.basis),
         kept.start,
@@ -133,7 +142,7 @@ def thermal_estimate(
     fit: ThermalFit,
     solution: ThermalSolution,
     coverage: Coverage,
-    evidence: ThermalEvidence,
+    evidence: ThermalCurves,
     tests: list[TermTest],
     kept: ThermalPoints,
     turned: TurnedMatrix | None,
@@ -171,7 +180,6 @@ def thermal_estimate(
     parameters = [*parameters, *own]
     correlations = _padded(correlations, len(own), solution)
     norms, sigmas = _norms(fit, kept)
-    nothing = np.full(norms.size, np.nan)
     largest = float(np.nanmax(np.abs(evidence.residuals))) if np.any(np.isfinite(evidence.residuals)) else 0.0
     return Estimate(
         procedure="thermal",
@@ -185,11 +193,6 @@ def thermal_estimate(
         degrees_of_freedom=fit.adjustment.redundancy,
         coverage_factor=_factor(fit.levels),
         largest_normalised=largest,
-        hold_norms=norms,
-        hold_sigmas=sigmas,
-        turn_angles=nothing,
-        turn_sigmas=nothing.copy(),
-        turn_sizes=nothing.copy(),
         variance_components={
             "accelerometer bias from rest to rest, m/s²": float(np.sqrt(fit.levels.single["force"])),
             "gyro bias from rest to rest, rad/s": float(np.sqrt(fit.levels.single["rate"])),
@@ -211,13 +214,13 @@ def thermal_estimate(
             for o in fit.outliers
         ],
         terms=tests,
-        not_determined=not_determined_words(terms, layout, coverage, recording, turned, doubts),
-        remarks=[*thermal_remarks(fit, solution, coverage, evidence, turned), *coverage.remarks],
-        cautions=list(coverage.cautions),
-        thermal=solution.model,
-        thermal_names=solution.names,
-        thermal_covariance=solution.covariance,
-        thermal_evidence=evidence,
+        said=said_of(
+            remarks=[*thermal_remarks(fit, solution, coverage, evidence, turned), *coverage.remarks],
+            cautions=coverage.cautions,
+            not_determined=not_determined_words(terms, layout, coverage, recording, turned, doubts),
+        ),
+        evidence=[Holds(norms, sigmas), evidence] if norms.size else [evidence],
+        thermal=OverTemperature(solution.model, solution.names, solution.covariance),
     )
 
 

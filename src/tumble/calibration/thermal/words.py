@@ -7,7 +7,7 @@ import numpy as np
 from tumble.calibration.estimate import NamedValue
 from tumble.calibration.thermal.coverage import Coverage
 from tumble.calibration.thermal.doubt import LOOP_KELVINS, PULL_FACTOR, RATE_SECONDS, Doubts
-from tumble.calibration.thermal.evidence import ThermalEvidence
+from tumble.calibration.thermal.evidence import ThermalCurves
 from tumble.calibration.thermal.fit import ThermalFit
 from tumble.calibration.thermal.layout import Layout, ThermalTerms
 from tumble.calibration.thermal.model import ThermalSolution
@@ -17,7 +17,7 @@ from tumble.units import angular_rate_factor, specific_force_factor
 
 
 def thermal_parameters(
-    solution: ThermalSolution, terms: ThermalTerms, recording: Recording, evidence: ThermalEvidence
+    solution: ThermalSolution, terms: ThermalTerms, recording: Recording, evidence: ThermalCurves
 ) -> list[NamedValue]:
     """Return the thermal coefficients with their standard uncertainties and units.
 
@@ -64,7 +64,7 @@ def _words(name: str, terms: ThermalTerms, recording: Recording) -> tuple[str, s
     return f"thermal {triad} bias {by} {'xyz'[at[1]]}", f"{raw}{divided}"
 
 
-def _rests(evidence: ThermalEvidence) -> str:
+def _rests(evidence: ThermalCurves) -> str:
     """Return how many stretches of rest there were, and in how many poses."""
     poses = "one pose" if evidence.poses == 1 else f"{evidence.poses} poses"
     return f"{evidence.celsius.size} stretches of rest, each within a kelvin or so, in {poses}"
@@ -182,7 +182,7 @@ def thermal_remarks(
     fit: ThermalFit,
     solution: ThermalSolution,
     coverage: Coverage,
-    evidence: ThermalEvidence,
+    evidence: ThermalCurves,
     turned: TurnedMatrix | None,
 ) -> list[str]:
     """Return how the model was made, a sentence each."""

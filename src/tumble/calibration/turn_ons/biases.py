@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tumble.arrays import Series, Square
+from tumble.calibration.evidence import Evidence
 
 # That any of the stable parameters of a unit is said to change though none does.
 FALSE_ALARM = 0.01
@@ -142,7 +143,7 @@ class RecordingOfUnit:
 
 
 @dataclass(slots=True)
-class TurnOns:
+class TurnOns(Evidence):
     """What several recordings of one unit tell about it.
 
     Attributes

@@ -10,7 +10,8 @@ import numpy as np
 from tumble.arrays import Series, Square, Table
 from tumble.calibration.canonical import Described
 from tumble.calibration.equations.triad_unknowns import BIAS
-from tumble.calibration.estimate import Estimate, LeftOut, coverage_factor
+from tumble.calibration.estimate import Estimate, LeftOut, coverage_factor, said_of
+from tumble.calibration.evidence import Holds, Spins, Turns
 from tumble.calibration.joint.description import describe_wide, named_function
 from tumble.calibration.joint.estimate import joint_estimate
 from tumble.calibration.joint.table_parameters import lever_arms_of
@@ -92,11 +93,12 @@ def several_estimate(outcome: SeveralOutcome, alone: Sequence[Estimate], site: S
         all_told=True,
     )
     estimate = _joined(outcome, alone, parts, described)
-    estimate.remarks = [*turn_on_sentences(turn_ons), *estimate.remarks]
-    estimate.cautions = turn_on_cautions(turn_ons)
+    own = said_of(remarks=turn_on_sentences(turn_ons), cautions=turn_on_cautions(turn_ons))
+    estimate.said = [*own, *estimate.said]
+    estimate.show(turn_ons)
     factors = {b.parameter: b.coverage_factor for b in turn_ons.biases}
-    own = [factors.get(p.name, estimate.coverage_factor) for p in estimate.parameters]
-    return SeveralEstimate(estimate, parts, turn_ons, own)
+    each = [factors.get(p.name, estimate.coverage_factor) for p in estimate.parameters]
+    return SeveralEstimate(estimate, parts, turn_ons, each)
 
 
 def _common(outcome: SeveralOutcome) -> tuple[Series, Table]:
@@ -168,9 +170,9 @@ def _turn_ons(
 def _recording_of(name: str, recording: Recording, own: Estimate) -> RecordingOfUnit:
     return RecordingOfUnit(
         name,
-        own.hold_norms.size,
-        int(np.count_nonzero(np.isfinite(own.turn_angles))),
-        own.spin_rates.size,
+        own.holds.norms.size,
+        own.turns.found.size,
+        own.spins.rates.size,
         own.sigma0_final,
         own.variance_components,
         recording.duration,
@@ -250,8 +252,8 @@ def _joined(
     degrees = solution.redundancy
     at_rest = sum(own.sigma0**2 * own.degrees_of_freedom for own in parts)
 
-    def every(name: str) -> Series:
-        return np.concatenate([getattr(own, name) for own in parts])
+    def every(kind: str, name: str) -> Series:
+        return np.concatenate([getattr(getattr(own, kind), name) for own in parts])
 
     return Estimate(
         procedure="joint",
@@ -265,11 +267,6 @@ def _joined(
         degrees_of_freedom=degrees,
         coverage_factor=coverage_factor(degrees),
         largest_normalised=max(own.largest_normalised for own in parts),
-        hold_norms=every("hold_norms"),
-        hold_sigmas=every("hold_sigmas"),
-        turn_angles=every("turn_angles"),
-        turn_sigmas=every("turn_sigmas"),
-        turn_sizes=every("turn_sizes"),
         variance_components={
             f"{name} ({part.name})": value
             for part, own in zip(solution.parts, parts, strict=True)
@@ -277,16 +274,24 @@ def _joined(
         },
         left_out=_left_out(outcome, parts),
         terms=outcome.terms,
-        not_determined=_in_all([own.not_determined for own in alone]),
-        remarks=_said(outcome, [own.remarks for own in alone]),
-        objections=_said(outcome, [own.objections for own in alone]),
-        spin_rates=every("spin_rates"),
-        spin_residuals=np.concatenate([own.spin_residuals.reshape(-1, 3) for own in parts]),
-        spin_sigmas=np.concatenate([own.spin_sigmas.reshape(-1, 3) for own in parts]),
-        spin_names=[
-            f"{part.name}, {name}"
-            for part, own in zip(solution.parts, parts, strict=True)
-            for name in own.spin_names
+        said=said_of(
+            remarks=_said(outcome, [own.remarks for own in alone]),
+            objections=_said(outcome, [own.objections for own in alone]),
+            not_determined=_in_all([own.not_determined for own in alone]),
+        ),
+        evidence=[
+            Holds(every("holds", "norms"), every("holds", "sigmas")),
+            Turns(every("turns", "angles"), every("turns", "sigmas"), every("turns", "sizes")),
+            Spins(
+                every("spins", "rates"),
+                every("spins", "residuals"),
+                every("spins", "sigmas"),
+                tuple(
+                    f"{part.name}, {name}"
+                    for part, own in zip(solution.parts, parts, strict=True)
+                    for name in own.spins.names
+                ),
+            ),
         ],
         frame=FRAME,
         lever_arms=lever_arms_of(_common(outcome)[0], outcome.kept, np.eye(3)),
@@ -316,9 +321,9 @@ def _left_out(outcome: SeveralOutcome, parts: Sequence[Estimate]) -> list[LeftOu
         for left in own.left_out:
             said = f"{part.name}, its {left.kind} {left.index + 1}: {left.reason}"
             made.append(replace(left, index=left.index + before[left.kind], reason=said))
-        before["hold"] += own.hold_norms.size
-        before["turn"] += own.turn_angles.size
-        before["spin"] += own.hold_norms.size
+        before["hold"] += own.holds.norms.size
+        before["turn"] += own.turns.angles.size
+        before["spin"] += own.holds.norms.size
     return made
 
 
