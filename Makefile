@@ -64,6 +64,10 @@ schema: $(DEV)  ## Write the JSON schemas of calibrations, protocols and noise a
 bench: $(DEV) bytecode  ## Run the benchmarks; they print ratios within one run
 	@for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
 
+.PHONY: measure
+measure: $(RUN) bytecode  ## Print how large the source is and how it hangs together
+	$(BIN)/python benchmarks/measure_source.py
+
 .PHONY: lock
 lock:  ## Compile requirements/ anew from pyproject.toml (needs uv)
 	uv pip compile pyproject.toml --group build --group dev $(LOCK) -o requirements/dev.txt
