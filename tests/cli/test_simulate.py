@@ -38,7 +38,7 @@ def test_what_it_says_to_type_next_works(
 ) -> None:
     """Simulate, then type the line that is printed: a calibration that is fit for use."""
     monkeypatch.chdir(tmp_path)
-    answer = tumble("simulate", protocol, "--rate", 50, "--site", "48.1,520", "-o", "trial")
+    answer = tumble("simulate", protocol, "--sample-rate", 50, "--site", "48.1,520", "-o", "trial")
     assert answer.status == 0, answer
     assert answer.err == ""
     following = re.search(r"^Next: tumble (.*)$", answer.out, re.M)
@@ -54,7 +54,7 @@ def test_a_unit_at_rest_is_simulated_and_its_noise_found_by_the_command_printed(
     tumble: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    answer = tumble("simulate", "rest", "--duration", 120, "--rate", 50, "-o", "trial")
+    answer = tumble("simulate", "rest", "--duration", 120, "--sample-rate", 50, "-o", "trial")
     assert answer.status == 0, answer
     assert "gyroscope: N 0.2121 °/√h, B 20 °/h, K 0 °/h/√h" in answer.out
     following = re.search(r"^Next: tumble (noise .*)$", answer.out, re.M)
@@ -70,7 +70,7 @@ def test_a_unit_at_rest_is_simulated_and_its_noise_found_by_the_command_printed(
 
 
 def test_it_prints_the_truth_with_units_and_every_file(tumble: Any, tmp_path: Path) -> None:
-    answer = tumble("simulate", "six-position", "--imu", "hg1700", "--rate", 5, "-o", tmp_path / "trial")
+    answer = tumble("simulate", "six-position", "--imu", "hg1700", "--sample-rate", 5, "-o", tmp_path / "trial")
     for words in (
         "No site was given",
         "grade hg1700 (seed 0)",
@@ -98,7 +98,7 @@ def test_it_prints_the_truth_with_units_and_every_file(tumble: Any, tmp_path: Pa
 def test_parameters_are_printed_in_the_frame_in_which_the_protocol_s_procedure_answers(
     tumble: Any, tmp_path: Path
 ) -> None:
-    answer = tumble("simulate", "multi-position-9", "--rate", 5, "-o", tmp_path / "trial")
+    answer = tumble("simulate", "multi-position-9", "--sample-rate", 5, "-o", tmp_path / "trial")
     assert (
         "procedure multi-position of `tumble calibrate` names them in the frame accelerometer-x" in answer.out
     )
@@ -106,7 +106,7 @@ def test_parameters_are_printed_in_the_frame_in_which_the_protocol_s_procedure_a
 
 
 def test_json_is_the_truth_and_the_files(tumble: Any, tmp_path: Path) -> None:
-    answer = tumble("simulate", "six-position", "--rate", 5, "-o", tmp_path, "--json")
+    answer = tumble("simulate", "six-position", "--sample-rate", 5, "-o", tmp_path, "--json")
     assert answer.status == 0
     said = json.loads(answer.out)
     assert said["truth"] == json.loads((tmp_path / "truth.json").read_text("utf-8"))
@@ -115,7 +115,7 @@ def test_json_is_the_truth_and_the_files(tumble: Any, tmp_path: Path) -> None:
 
 
 def test_quiet_prints_the_next_command_alone(tumble: Any, tmp_path: Path) -> None:
-    answer = tumble("simulate", "six-position", "--rate", 5, "-o", tmp_path, "-q")
+    answer = tumble("simulate", "six-position", "--sample-rate", 5, "-o", tmp_path, "-q")
     assert answer.out.startswith("Next: tumble calibrate")
     assert len(answer.out.splitlines()) == 1
 
@@ -124,14 +124,14 @@ def test_without_an_output_the_folder_is_named_after_the_protocol(
     tumble: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert tumble("simulate", "six-position", "--rate", 5, "-q").status == 0
+    assert tumble("simulate", "six-position", "--sample-rate", 5, "-q").status == 0
     assert set(contents(tmp_path / "six-position-simulated")) == FILES
 
 
 def test_a_protocol_file_of_one_s_own_is_played(tumble: Any, tmp_path: Path) -> None:
     """What a simulation writes is itself a protocol that can be played, on its own site."""
-    tumble("simulate", "multi-position-9", "--rate", 5, "--site", "-20", "-o", tmp_path / "a", "-q")
-    answer = tumble("simulate", tmp_path / "a" / "protocol.yaml", "--rate", 5, "-o", tmp_path / "b")
+    tumble("simulate", "multi-position-9", "--sample-rate", 5, "--site", "-20", "-o", tmp_path / "a", "-q")
+    answer = tumble("simulate", tmp_path / "a" / "protocol.yaml", "--sample-rate", 5, "-o", tmp_path / "b")
     assert answer.status == 0, answer
     assert "No site was given" not in answer.out
     first, second = (json.loads((tmp_path / name / "truth.json").read_text("utf-8")) for name in "ab")
@@ -142,7 +142,7 @@ def test_a_protocol_file_of_one_s_own_is_played(tumble: Any, tmp_path: Path) -> 
 
 def test_the_same_seed_gives_the_same_bytes(tumble: Any, tmp_path: Path) -> None:
     for name in "ab":
-        tumble("simulate", "six-position", "--rate", 5, "--seed", 12, "-o", tmp_path / name, "-q")
+        tumble("simulate", "six-position", "--sample-rate", 5, "--seed", 12, "-o", tmp_path / name, "-q")
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
 
 
@@ -151,14 +151,14 @@ def test_the_same_seed_gives_the_same_bytes(tumble: Any, tmp_path: Path) -> None
     [
         (["sixposition"], ["no protocol 'sixposition'", "Did you mean six-position?"]),
         (["six-position", "--imu", "hg170"], ["no IMU grade 'hg170'", "ring-laser", "Did you mean hg1700?"]),
-        (["six-position", "--rate", "-5"], ["--rate -5", "1 to 20000"]),
+        (["six-position", "--sample-rate", "-5"], ["--sample-rate -5", "1 to 20000"]),
         (["six-position", "--seed", "-1"], ["--seed -1", "whole number"]),
         (["six-position", "--seed", "1.5"], ["--seed", "integer"]),
         (["six-position", "--dropped", "80"], ["--dropped 80", "0 to 50"]),
         (["six-position", "--burst", "0"], ["--burst 0"]),
         (["six-position", "--jitter", "-1"], ["--jitter -1", "milliseconds"]),
         (["six-position", "--sampling-jitter", "nan"], ["--sampling-jitter nan"]),
-        (["six-position", "--units", "g"], ["SI or counts"]),
+        (["six-position", "--output-units", "g"], ["SI or counts"]),
         (["six-position", "--axes", "case"], ["hg1700 and hg1900 do"]),
         (["six-position", "--site", "95"], ["beyond the poles"]),
         (["hand-held", "--per-step"], ["needs the turns"]),
@@ -200,12 +200,12 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 def test_a_full_disk_leaves_the_earlier_simulation(tumble: Any, small_disk: Path) -> None:
-    tumble("simulate", "six-position", "--rate", 5, "-o", small_disk, "-q")
+    tumble("simulate", "six-position", "--sample-rate", 5, "-o", small_disk, "-q")
     earlier = contents(small_disk)
     assert set(earlier) == FILES
-    is_told(tumble("simulate", "six-position", "--rate", 100, "-o", small_disk), 3, "No space left")
+    is_told(tumble("simulate", "six-position", "--sample-rate", 100, "-o", small_disk), 3, "No space left")
     assert contents(small_disk) == earlier
-    is_told(tumble("simulate", "six-position", "--rate", 100, "-o", small_disk / "new"), 3, "No space left")
+    is_told(tumble("simulate", "six-position", "--sample-rate", 100, "-o", small_disk / "new"), 3, "No space left")
     assert contents(small_disk) == earlier
 
 
@@ -239,10 +239,10 @@ def started(before: str, *arguments: object) -> subprocess.Popen[str]:
 def test_ctrl_c_while_writing_leaves_the_earlier_simulation_and_no_part(
     tumble: Any, tmp_path: Path, at: int
 ) -> None:
-    tumble("simulate", "six-position", "--rate", 5, "-o", tmp_path / "trial", "-q")
+    tumble("simulate", "six-position", "--sample-rate", 5, "-o", tmp_path / "trial", "-q")
     earlier = contents(tmp_path / "trial")
     before = f"exec({AT_FSYNC.format(at=at)!r})"
-    process = started(before, "simulate", "six-position", "--seed", 2, "--rate", 5, "-o", tmp_path / "trial")
+    process = started(before, "simulate", "six-position", "--seed", 2, "--sample-rate", 5, "-o", tmp_path / "trial")
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "Stopped" in err
@@ -253,7 +253,7 @@ def test_ctrl_c_while_writing_leaves_the_earlier_simulation_and_no_part(
 @pytest.mark.parametrize("delay", [0.0, 0.4, 0.8])
 def test_ctrl_c_at_any_moment_leaves_all_or_nothing(tmp_path: Path, delay: float) -> None:
     folder = tmp_path / "trial"
-    process = started("pass", "simulate", "six-position", "--rate", 100, "-o", folder)
+    process = started("pass", "simulate", "six-position", "--sample-rate", 100, "-o", folder)
     time.sleep(delay)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
@@ -275,8 +275,8 @@ def test_what_is_wrong_with_the_table_is_simulated_and_stands_in_both_files(
     protocol.write_text(head + rest + spin + rest, encoding="utf-8")
     options = "--table-angle-arcsec 20 --table-once-arcsec 10 --table-twice-arcsec 5 --table-tilt-deg 0.1 "
     options += "--table-wobble-arcsec 4 --table-ripple-ppm 300 --table-ripple-cycles 7 --table-ramps 15 "
-    options += "--table-shake-ug 50 --table-stops 1:50 --lever-arm-cm 5,-2,1"
-    answer = tumble("simulate", protocol, "--rate", 20, *options.split(), "-o", tmp_path / "trial")
+    options += "--table-shake-ug 50 --table-stops 1:50 --table-lever-arm-cm 5,-2,1"
+    answer = tumble("simulate", protocol, "--sample-rate", 20, *options.split(), "-o", tmp_path / "trial")
     assert answer.status == 0, answer
     truth = json.loads((tmp_path / "trial" / "truth.json").read_text("utf-8"))
     arc_second = 4.84813681e-6
@@ -301,8 +301,8 @@ def test_what_is_wrong_with_the_table_is_simulated_and_stands_in_both_files(
         ("--table-stops", "2", "such as 2:60"),
         ("--table-stops", "0:60", "such as 2:60"),
         ("--table-stops", "99:60", "stop spin 99 early, and the protocol's last one is number 12"),
-        ("--lever-arm-cm", "1,2", "three numbers in cm"),
-        ("--lever-arm-cm", "1,2,nan", "three numbers in cm"),
+        ("--table-lever-arm-cm", "1,2", "three numbers in cm"),
+        ("--table-lever-arm-cm", "1,2,nan", "three numbers in cm"),
     ],
 )
 def test_a_table_that_cannot_be_is_refused_in_a_sentence(
@@ -316,7 +316,7 @@ def test_the_fixture_s_and_the_sensors_options_reach_the_files(tumble: Any, tmp_
     answer = tumble(
         "simulate",
         "strapdown-rotation",
-        "--rate",
+        "--sample-rate",
         50,
         "--fixture-installation-mrad",
         1,

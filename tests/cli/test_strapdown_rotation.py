@@ -14,7 +14,7 @@ import pytest
 def folder(tumble: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("strapdown") / "fixture"
     answer = tumble(
-        "simulate", "strapdown-rotation", "--imu", "tactical", "--rate", 50, "--site", "48.1,520", "--seed", 2,
+        "simulate", "strapdown-rotation", "--imu", "tactical", "--sample-rate", 50, "--site", "48.1,520", "--seed", 2,
         "--fixture-zero-mrad", 1, "--fixture-mounting-mrad", 1, "--per-step", "-o", folder,
     )  # fmt: skip
     assert answer.status == 0, answer

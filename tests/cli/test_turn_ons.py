@@ -147,7 +147,7 @@ def test_a_simulated_unit_that_is_switched_on_anew_has_other_biases_and_else_is_
     truths: list[dict[str, Any]] = []
     for seed in (1, 2):
         folder = tmp_path / f"day{seed}"
-        options = ("--unit", 5, "--seed", seed, "--rate", 10, "--turn-on", "2,60", "-o", folder, "-q")
+        options = ("--unit-seed", 5, "--seed", seed, "--sample-rate", 10, "--turn-on-bias", "2,60", "-o", folder, "-q")
         assert tumble("simulate", "six-position", *options).status == 0
         truths.append(json.loads((folder / "truth.json").read_text(encoding="utf-8")))
     first, second = truths
@@ -159,9 +159,9 @@ def test_a_simulated_unit_that_is_switched_on_anew_has_other_biases_and_else_is_
 
 
 def test_a_turn_on_that_moves_biases_by_less_than_nothing_is_refused(tumble: Any, tmp_path: Path) -> None:
-    done = tumble("simulate", "six-position", "--turn-on=-1,60", "-o", tmp_path / "none")
+    done = tumble("simulate", "six-position", "--turn-on-bias=-1,60", "-o", tmp_path / "none")
     assert done.status == 2
-    assert "--turn-on takes two numbers that are not negative" in done.err
+    assert "--turn-on-bias takes two numbers that are not negative" in done.err
 
 
 def test_an_earlier_calibration_counts_once_and_a_strangers_is_objected_to(

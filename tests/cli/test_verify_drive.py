@@ -125,7 +125,7 @@ def test_a_verdict_that_hangs_on_how_far_biases_may_have_moved_says_so(
     answer = verify(recording, track, "-q", "--outages", "10", "--gnss-time", -CLOCK)
     assert answer.status == 0, answer
     assert re.search(r"It serves if this unit's\s+biases\s+may\s+move", answer.out)
-    answer = verify(recording, track, "-q", "--outages", "10", "--gnss-time", -CLOCK, "--turn-on", "0.1,10")
+    answer = verify(recording, track, "-q", "--outages", "10", "--gnss-time", -CLOCK, "--turn-on-bias", "0.1,10")
     assert answer.status == 1, answer
     assert re.search(r"The drive finds the (gyro|accelerometer) bias", answer.out)
     assert "no proof" not in answer.out
@@ -252,8 +252,8 @@ def test_outliers_among_the_positions_are_left_out_and_counted(
         (("--outages", "long"), "--outages takes numbers"),
         (("--outages", "0"), "--outages takes lengths"),
         (("--outages", "400"), "too short"),
-        (("--turn-on", "1"), "--turn-on takes 2 numbers"),
-        (("--turn-on", "1,-2"), "not negative"),
+        (("--turn-on-bias", "1"), "--turn-on-bias takes 2 numbers"),
+        (("--turn-on-bias", "1,-2"), "not negative"),
         (("--data-sheet", "gold"), "gold"),
         (("--gravity", "9.8"), "--gravity says nothing"),
         (("--noise", "nothing.json"), "nothing.json"),
@@ -271,7 +271,7 @@ def test_options_of_a_drive_take_a_drive(
 ) -> None:
     sentence(tumble("verify", calibrated, recording, "--outages", "2"), "--outages is for a drive")
     sentence(tumble("verify", calibrated, recording, "--gnss", "none.pos"), "none.pos")
-    sentence(tumble("predict", calibrated, "--turn-on", "1,2"), "--turn-on is for a trajectory")
+    sentence(tumble("predict", calibrated, "--turn-on-bias", "1,2"), "--turn-on-bias is for a trajectory")
     sentence(tumble("predict", calibrated, "--trajectory", "zigzag"), "neither rest, straight, cart")
     sentence(tumble("predict", calibrated, "--trajectory", "rest", "--seconds", "9999"), "--seconds")
 
@@ -295,7 +295,7 @@ def test_a_prediction_names_the_states_of_a_filter(
     assert {"gyroscope bias x", "gyroscope bias y"} <= set(carried)
     assert all(state["sigma"] > 0.0 for state in carried.values())
     _, track = files.write()
-    answer = tumble("predict", calibrated, "--trajectory", track, "--seconds", "60", "--turn-on", "5,100")
+    answer = tumble("predict", calibrated, "--trajectory", track, "--seconds", "60", "--turn-on-bias", "5,100")
     assert answer.status == 0, answer
     assert "States for a filter" in answer.out
     # in the words of the report and the glossary

@@ -3,42 +3,47 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tumble.cli.options import Json, Quiet
-from tumble.cli.progress import results_stand
+from tumble.cli.groups import FIRST, option
+from tumble.cli.options import CalibrationArgument, PrintOptions, output_option
+from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from tumble.document import Calibration
     from tumble.document.difference import Difference
 
-Output = Annotated[Path, typer.Option("--output", "-o", help="The file, or a folder for calibration.json.")]
+Output = Annotated[Path, output_option("The file, or a folder for calibration.json.", "PATH")]
 
 
 def compose_command(
     first: Annotated[Path, typer.Argument(help="The calibration of raw numbers, such as a factory's.")],
     second: Annotated[Path, typer.Argument(help="The one made on recordings that the first has corrected.")],
     output: Output,
+    printed: PrintOptions,
     merge: Annotated[
         bool,
-        typer.Option(
-            "--merge", help="As one matrix and bias, with the covariance of both, where that is exact."
+        option(
+            "--merge",
+            panel=FIRST,
+            help="As one matrix and bias, with the covariance of both, where that is exact.",
         ),
     ] = False,
     unmarked: Annotated[
         bool,
-        typer.Option(
-            "--unmarked", help="The second one's recordings were corrected by the first without saying so."
+        option(
+            "--unmarked",
+            panel=FIRST,
+            help="The second one's recordings were corrected by the first without saying so.",
         ),
     ] = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
 ) -> None:
     """Make one calibration of two that follow one another: the first's output is the second's input.
 
@@ -48,14 +53,13 @@ def compose_command(
     from tumble.workflows.algebra import compose
 
     file, document = compose(first, second, output, merge=merge, unmarked=unmarked)
-    _written(file, document, as_json, quiet)
+    _written(file, document, printed)
 
 
 def invert_command(
-    calibration: Annotated[Path, typer.Argument(help="calibration.json, or the folder that holds it.")],
+    calibration: CalibrationArgument,
     output: Output,
-    as_json: Json = False,
-    quiet: Quiet = False,
+    printed: PrintOptions,
 ) -> None:
     """Make the calibration that undoes another: from corrected numbers to raw ones in m/s² and rad/s.
 
@@ -64,20 +68,21 @@ def invert_command(
     from tumble.workflows.algebra import invert
 
     file, document = invert(calibration, output)
-    _written(file, document, as_json, quiet)
+    _written(file, document, printed)
 
 
 def diff_command(
     first: Annotated[Path, typer.Argument(help="A calibration.json, or the folder that holds it.")],
     second: Annotated[Path, typer.Argument(help="Another one of the same unit.")],
+    printed: PrintOptions,
     allowed: Annotated[
         str | None,
-        typer.Option(
-            metavar="UG,DEG/H", help="Changes that do no harm: µg at 1 g and deg/h at rest, as 500,20."
+        option(
+            metavar="UG,DEG/H",
+            panel=FIRST,
+            help="Changes that do no harm: µg at 1 g and deg/h at rest, as 500,20.",
         ),
     ] = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
 ) -> None:
     """Say what changed between two calibrations, in sigmas, and whether it matters.
 
@@ -88,12 +93,10 @@ def diff_command(
 
     found = difference(first, second)
     matters, sentences = verdict(found, None if allowed is None else _allowed(allowed))
-    if as_json:
-        typer.echo(
-            json.dumps(_plain({**dataclasses.asdict(found), "matters": matters, "sentences": sentences}))
-        )
+    if printed.as_json:
+        say_json({**dataclasses.asdict(found), "matters": matters, "sentences": sentences})
     else:
-        _print(found, sentences, quiet)
+        _print(found, sentences, printed.quiet)
     if matters:
         raise typer.Exit(1)
 
@@ -110,35 +113,10 @@ def _allowed(text: str) -> tuple[float, float]:
     return ug * 1e-6 * STANDARD_GRAVITY, math.radians(per_hour) / 3600.0
 
 
-def _plain(value: Any) -> Any:
-    """Values that JSON has; what is not a number is null."""
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in cast("dict[str, Any]", value).items()}
-    if isinstance(value, list):
-        return [_plain(item) for item in cast("list[Any]", value)]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def _print(found: Difference, sentences: list[str], quiet: bool) -> None:
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console(highlight=False)
+    screen = console()
     if not quiet:
-        table = Table(box=SIMPLE, pad_edge=False)
-        for name in ("parameter", "first", "change", "± one sigma", "sigmas", "unit"):
-            table.add_column(name, justify="left" if name in ("parameter", "unit") else "right", no_wrap=True)
-        before = ""
-        for p in found.parameters:
-            triad, _, name = p.name.partition(" ")
-            if triad != before:
-                table.add_row(f"[bold]{triad}[/]")
-                before = triad
-            sigmas = "-" if math.isnan(p.sigmas) else f"{p.sigmas:+.1f}"
-            change = f"{p.second - p.first:+.2g}"
-            table.add_row(name, f"{p.first:+.6g}", change, f"{p.standard_uncertainty:.2g}", sigmas, p.unit)
-        console.print(table)
+        screen.print(_parameters(found))
         for group in found.groups:
             told = (
                 f"chi-square {group.chi_square:.1f} of {group.degrees_of_freedom}, by chance in "
@@ -146,22 +124,42 @@ def _print(found: Difference, sentences: list[str], quiet: bool) -> None:
                 if math.isfinite(group.chi_square)
                 else "a number that both state as certain has changed"
             )
-            console.print(f"{group.name}: {told}")
+            screen.print(f"{group.name}: {told}")
         for remark in found.remarks:
-            console.print(f"• {remark}", markup=False)
+            screen.print(f"• {remark}")
     for sentence in sentences:
-        console.print(sentence, markup=False)
+        screen.print(sentence)
+
+
+def _parameters(found: Difference) -> Table:
+    from rich.text import Text
+
+    heads = ("parameter", "first", "change", "± one sigma", "sigmas", "unit")
+    shown = table(heads, right=(1, 2, 3, 4))
+    for column in shown.columns:
+        column.no_wrap = True
+    before = ""
+    for p in found.parameters:
+        triad, _, name = p.name.partition(" ")
+        if triad != before:
+            shown.add_row(Text(triad, "bold"))
+            before = triad
+        sigmas = "-" if math.isnan(p.sigmas) else f"{p.sigmas:+.1f}"
+        change = f"{p.second - p.first:+.2g}"
+        cells = (name, f"{p.first:+.6g}", change, f"{p.standard_uncertainty:.2g}", sigmas, p.unit)
+        shown.add_row(*(Text(cell) for cell in cells))
+    return shown
 
 
 def _percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
 
 
-def _written(file: Path, document: Calibration, as_json: bool, quiet: bool) -> None:
+def _written(file: Path, document: Calibration, printed: PrintOptions) -> None:
     results_stand()
-    if as_json:
-        typer.echo(json.dumps({"file": str(file.resolve()), "identity": document.identity}))
+    if printed.as_json:
+        say_json({"file": str(file.resolve()), "identity": document.identity})
         return
-    if not quiet and document.remarks:
-        typer.echo(f"• {document.remarks[-1]}")
-    typer.echo(f"written: {file.resolve()}")
+    if not printed.quiet and document.remarks:
+        say(f"• {document.remarks[-1]}")
+    say_written([file])

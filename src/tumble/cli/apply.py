@@ -2,45 +2,35 @@
 
 from __future__ import annotations
 
-import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from tumble.cli.options import (
-    Columns,
-    Json,
-    OutsideOption,
-    Quiet,
-    Rate,
+    CalibrationArgument,
+    FileOptions,
+    PrintOptions,
     Recordings,
-    TemperatureOption,
-    Topics,
-    Units,
+    TemperatureOptions,
+    output_option,
 )
-from tumble.cli.progress import progress, results_stand
+from tumble.cli.terminal import progress, results_stand, say, say_json
 
 
 def apply_command(
-    calibration: Annotated[Path, typer.Argument(help="calibration.json, or the folder that holds it.")],
+    calibration: CalibrationArgument,
     recordings: Recordings,
+    file: FileOptions,
+    temperature: TemperatureOptions,
+    printed: PrintOptions,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output", "-o", help="The corrected file, .csv or .parquet (default: NAME-corrected.csv)."
-        ),
+        output_option("The corrected file, .csv or .parquet (default: NAME-corrected.csv).", "FILE"),
     ] = None,
-    units: Units = None,
-    columns: Columns = None,
-    rate: Rate = None,
-    topic: Topics = None,
-    temperature: TemperatureOption = None,
-    outside: OutsideOption = "refuse",
-    as_json: Json = False,
-    quiet: Quiet = False,
 ) -> None:
     """Correct a recording: specific force in m/s², angular rate in rad/s, in the calibration's frame b.
+
+    tumble apply calibrated imu.csv -o corrected.csv
 
     Recordings longer than memory are corrected block by block. A calibration with a thermal model follows the
     recording's temperature; beyond the temperatures that were calibrated it refuses (see --outside). The file says
@@ -48,26 +38,19 @@ def apply_command(
     """
     from tumble.workflows.apply import apply
 
-    with progress(quiet or as_json) as say:
+    with progress(printed.silent) as tell:
         done = apply(
             calibration,
             recordings,
             output=output,
-            columns=columns,
-            units=units,
-            rate=rate,
-            topics=topic,
-            temperature=temperature,
-            outside=outside,
-            progress=lambda samples: say(f"{samples:,} samples corrected"),
+            progress=lambda samples: tell(f"{samples:,} samples corrected"),
+            **asdict(file),
+            **asdict(temperature),
         )
     results_stand()
-    if as_json:
-        typer.echo(
-            json.dumps({"file": str(done.file.resolve()), "samples": done.samples, "remarks": done.remarks})
-        )
+    if printed.as_json:
+        say_json({"file": str(done.file.resolve()), "samples": done.samples, "remarks": done.remarks})
         return
-    if not quiet:
-        for remark in done.remarks:
-            typer.echo(remark)
-    typer.echo(f"{done.samples} samples corrected, written: {done.file.resolve()}")
+    if not printed.quiet:
+        say(*done.remarks)
+    say(f"{done.samples} samples corrected, written: {done.file.resolve()}")

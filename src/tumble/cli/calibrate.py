@@ -1,131 +1,171 @@
-"""`tumble calibrate`: from a recording to a calibration, a report and a verdict."""
+"""`tumble calibrate`: from recordings to calibrations, reports and a verdict."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+from tumble.cli.array import default_folder, print_array
+from tumble.cli.groups import ADVANCED, FIRST, option, refuse_given
 from tumble.cli.options import (
-    Columns,
-    Gravity,
+    DataSheet,
+    FileOptions,
     Intervals,
-    Json,
+    LongPrintOptions,
+    NoiseFile,
     OptionalRecordings,
-    ProtocolOption,
-    Quiet,
-    Rate,
-    SiteOption,
-    Topics,
-    Units,
-    Verbose,
+    Protocol,
+    SiteOptions,
+    output_option,
 )
-from tumble.cli.progress import progress, results_stand
-from tumble.cli.several import Several, one_prior, refuse_what_is_of_one
+from tumble.cli.terminal import console, progress, results_stand, say_json_text
+from tumble.errors import UsageError
 
 if TYPE_CHECKING:
     from tumble.workflows.calibrate import CalibrationRun
 
+_SEVERAL = "Several recordings"
 
-def calibrate_command(
-    recordings: OptionalRecordings = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output", "-o", help="Folder for calibration.json and report.html (default: NAME-calibration)."
-        ),
-    ] = None,
-    procedure: Annotated[
-        str | None,
-        typer.Option(
-            help="hand-held, multi-position, six-position, improved-six-position, rate-table, "
-            "modified-multi-position, turntable, laboratory, strapdown-rotation or thermal; without it the protocol or "
-            "the recording decides, and it is said why."
-        ),
-    ] = None,
-    protocol: ProtocolOption = None,
-    site: SiteOption = None,
-    gravity: Gravity = None,
-    units: Units = None,
-    columns: Columns = None,
-    rate: Rate = None,
-    topic: Topics = None,
-    prior: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="An earlier calibration.json of this unit: its non-orthogonalities are kept, and six poses suffice. "
-            "With --array once for each unit, in their order, or once for all."
-        ),
-    ] = None,
-    data_sheet: Annotated[
-        str | None,
-        typer.Option(
-            metavar="GRADE",
-            help="For multi-position: a kind of unit (hg1700, consumer-mems, ...; see `tumble simulate --help`) whose "
-            "data sheet is believed beforehand.",
-        ),
-    ] = None,
-    intervals: Intervals = None,
-    optional_terms: Annotated[
-        bool,
-        typer.Option(
-            "--optional-terms/--no-optional-terms",
-            help="Try g-sensitivity and quadratic terms, and keep them if the data want them.",
-        ),
-    ] = True,
-    noise_correction: Annotated[
-        bool,
-        typer.Option(
-            "--noise-correction/--no-noise-correction",
-            help="Take the noise's own square out of the norm of gyros on the Earth's rate.",
-        ),
-    ] = True,
+
+@dataclass(frozen=True)
+class OneOptions:
+    """What goes with one recording of one unit alone."""
+
+    data_sheet: DataSheet = None
+    intervals: Intervals = None
     unknowns: Annotated[
         int | None,
-        typer.Option(help="For multi-position: 9 a triad, 6 (no non-orthogonality) or 3 (bias alone)."),
-    ] = None,
-    noise: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="NOISE.JSON",
-            help="What `tumble noise` wrote for this unit: its noise models, not the holds' scatter, then say how well "
-            "the means of holds are known.",
+        option(
+            metavar="N",
+            panel=ADVANCED,
+            help="For multi-position: 9 a triad, 6 (no non-orthogonality) or 3 (bias alone).",
         ),
-    ] = None,
+    ] = None
+    noise: NoiseFile = None
     monte_carlo: Annotated[
         int | None,
-        typer.Option(
+        option(
             metavar="N",
+            panel=ADVANCED,
             help="For joint: propagate distributions with N draws (JCGM 101; 10000 take seconds) and say whether the "
             "stated intervals hold.",
         ),
-    ] = None,
+    ] = None
+    noise_correction: Annotated[
+        bool,
+        option(
+            "--noise-correction/--no-noise-correction",
+            panel=ADVANCED,
+            help="Take the noise's own square out of the norm of gyros on the Earth's rate (default).",
+        ),
+    ] = True
+
+
+@dataclass(frozen=True)
+class UnitOptions:
+    """What a unit is called."""
+
+    imu_model: Annotated[
+        str | None, option(metavar="MODEL", panel=ADVANCED, help="Model of the unit, noted in the file.")
+    ] = None
+    imu_serial: Annotated[
+        str | None,
+        option(metavar="SERIAL", panel=ADVANCED, help="Serial number of the unit, noted in the file."),
+    ] = None
+
+    @property
+    def imu(self) -> tuple[str | None, str | None]:
+        """Model and serial number."""
+        return self.imu_model, self.imu_serial
+
+
+@dataclass(frozen=True)
+class ProtocolOptions:
+    """What was done to the unit."""
+
+    protocol: Protocol = None
+
+
+@dataclass(frozen=True)
+class SeveralOptions:
+    """What several recordings are of."""
+
     turn_ons: Annotated[
         bool,
-        typer.Option(
+        option(
             "--turn-ons",
+            panel=_SEVERAL,
             help="Each RECORDING (a file, acc.csv,gyro.csv, or a protocol file) is the same unit switched on anew: "
             "biases are each one's own, what is stable is common to all (procedure joint).",
         ),
-    ] = False,
+    ] = False
     array: Annotated[
         bool,
-        typer.Option(
+        option(
             "--array",
+            panel=_SEVERAL,
             help="Each RECORDING is another unit, all tumbled together, fixed to one another, on one clock: a "
             "calibration for each, and how each sits against the first (procedure joint).",
         ),
-    ] = False,
-    imu_model: Annotated[str | None, typer.Option(help="Model of the unit, noted in the file.")] = None,
-    imu_serial: Annotated[
-        str | None, typer.Option(help="Serial number of the unit, noted in the file.")
+    ] = False
+
+
+@dataclass(frozen=True)
+class EstimateOptions:
+    """How parameters are estimated, of one recording or several."""
+
+    prior: Annotated[
+        list[Path] | None,
+        option(
+            metavar="CALIBRATION",
+            panel=FIRST,
+            help="An earlier calibration.json of this unit: its non-orthogonalities are kept, and six poses suffice. "
+            "With --array once for each unit, in their order, or once for all.",
+        ),
+    ] = None
+    optional_terms: Annotated[
+        bool,
+        option(
+            "--optional-terms/--no-optional-terms",
+            panel=ADVANCED,
+            help="Try g-sensitivity and quadratic terms, and keep them if the data want them (default).",
+        ),
+    ] = True
+
+
+def calibrate_command(
+    context: typer.Context,
+    estimate: EstimateOptions,
+    done_to_it: ProtocolOptions,
+    site: SiteOptions,
+    file: FileOptions,
+    several: SeveralOptions,
+    one: OneOptions,
+    unit: UnitOptions,
+    printed: LongPrintOptions,
+    recordings: OptionalRecordings = None,
+    output: Annotated[
+        Path | None,
+        output_option("Folder for calibration.json and report.html (default: NAME-calibration)."),
     ] = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    procedure: Annotated[
+        str | None,
+        option(
+            metavar="NAME",
+            panel=FIRST,
+            help="hand-held, multi-position, six-position, improved-six-position, rate-table, "
+            "modified-multi-position, turntable, laboratory, strapdown-rotation, thermal or joint; without it the "
+            "protocol or the recording decides, and it is said why.",
+        ),
+    ] = None,
 ) -> None:
     """Calibrate an IMU from a recording of it tumbled by hand, on faces, or on a rate table.
+
+    tumble calibrate imu.csv --site 48.1,520 -o calibrated
 
     By hand: rest the unit in at least nine different poses (better 26: faces, edges, corners), a few
     seconds each, and turn it in between about all axes. With a fixture or a table: say in a protocol
@@ -133,86 +173,78 @@ def calibrate_command(
     report.html, prints the parameters with their standard uncertainties, and says whether the result
     is fit for use (exit status 0) or not (1).
     """
-    from tumble.cli.array import default_folder, print_array
-    from tumble.workflows.array import calibrate_array
-    from tumble.workflows.calibrate import calibrate
     from tumble.workflows.site import choose_site
-    from tumble.workflows.turn_ons import calibrate_turn_ons
 
-    of_one: dict[str, object] = {
-        "--data-sheet": data_sheet,
-        "--intervals": intervals,
-        "--unknowns": unknowns,
-        "--noise": noise,
-        "--monte-carlo": monte_carlo,
-        "--no-noise-correction": None if noise_correction else False,
+    given = recordings or []
+    shared: dict[str, Any] = {**asdict(file), "site": choose_site(**asdict(site))}
+    shared |= {"optional_terms": estimate.optional_terms}
+    if several.array:
+        _refuse(context, "--array", procedure, [OneOptions, ProtocolOptions, UnitOptions])
+        if several.turn_ons:
+            raise UsageError("--turn-ons does not go with --array: leave one of them out.")
+        _calibrate_array(given, output, estimate.prior or None, shared, printed)
+    shared |= {
+        "output": output or _default_folder(given, done_to_it.protocol),
+        "protocol": done_to_it.protocol,
+        "prior": _one_prior(estimate.prior),
+        "imu": unit.imu,
     }
-    several: Several = {
-        "recordings": recordings or [],
-        "site": choose_site(site, gravity),
-        "columns": columns,
-        "units": units,
-        "rate": rate,
-        "topics": topic,
-        "optional_terms": optional_terms,
-    }
-    if array:
-        of_one |= {"--turn-ons": turn_ons or None, "--protocol": protocol}
-        of_one |= {"--imu-model": imu_model, "--imu-serial": imu_serial}
-        refuse_what_is_of_one("--array", procedure, of_one)
-        with progress(quiet or as_json) as say:
-            made = calibrate_array(
-                output=output or default_folder(recordings or []),
-                prior=prior or None,
-                progress=say,
-                **several,
-            )
-        results_stand()
-        print_array(made, as_json=as_json, quiet=quiet)
-        raise typer.Exit(0 if all(run.calibration.verdict.fit for run in made.runs) else 1)
-    folder, known = output or _default_folder(recordings or [], protocol), one_prior(prior)
-    if turn_ons:
-        refuse_what_is_of_one("--turn-ons", procedure, of_one)
-        with progress(quiet or as_json) as say:
-            run = calibrate_turn_ons(
-                output=folder,
-                protocol=protocol,
-                prior=known,
-                imu=(imu_model, imu_serial),
-                progress=say,
-                **several,
-            )
-        _end(run, as_json=as_json, quiet=quiet, verbose=verbose)
-    with progress(quiet or as_json) as say:
-        run = calibrate(
-            recordings or [],
-            output=folder,
-            procedure=procedure,
-            protocol=protocol,
-            site=choose_site(site, gravity),
-            columns=columns,
-            units=units,
-            rate=rate,
-            topics=topic,
-            prior=known,
-            data_sheet=data_sheet,
-            intervals=intervals,
-            optional_terms=optional_terms,
-            noise_correction=noise_correction,
-            unknowns=unknowns,
-            noise=noise,
-            monte_carlo=monte_carlo,
-            imu=(imu_model, imu_serial),
-            progress=say,
+    if several.turn_ons:
+        from tumble.workflows.turn_ons import calibrate_turn_ons
+
+        _refuse(context, "--turn-ons", procedure, [OneOptions])
+        _calibrate(lambda tell: calibrate_turn_ons(recordings=given, progress=tell, **shared), printed)
+    from tumble.workflows.calibrate import calibrate
+
+    shared |= {"procedure": procedure, **asdict(one)}
+    _calibrate(lambda tell: calibrate(given, progress=tell, **shared), printed)
+
+
+def _refuse(context: typer.Context, way: str, procedure: str | None, groups: list[type]) -> None:
+    """Refuse what belongs to a single recording of a single unit."""
+    if procedure not in (None, "joint"):
+        raise UsageError(
+            f"{way} is the joint estimator's, and --procedure {procedure} was asked for: leave one of them out."
         )
-    _end(run, as_json=as_json, quiet=quiet, verbose=verbose)
+    refuse_given(context, groups, f"{{}} does not go with {way}: leave one of them out.")
 
 
-def _end(run: CalibrationRun, *, as_json: bool, quiet: bool, verbose: bool) -> NoReturn:
-    """Print what was found, and leave with the status of its verdict."""
+def _calibrate(
+    make: Callable[[Callable[[str], None]], CalibrationRun], printed: LongPrintOptions
+) -> NoReturn:
+    """Make a calibration, print what was found, and leave with the status of its verdict."""
+    with progress(printed.silent) as tell:
+        run = make(tell)
     results_stand()
-    print_run(run, as_json=as_json, quiet=quiet, verbose=verbose)
+    print_run(run, printed)
     raise typer.Exit(0 if run.calibration.verdict.fit else 1)
+
+
+def _calibrate_array(
+    recordings: list[Path],
+    output: Path | None,
+    prior: list[Path] | None,
+    shared: dict[str, Any],
+    printed: LongPrintOptions,
+) -> NoReturn:
+    from tumble.workflows.array import calibrate_array
+
+    folder = output or default_folder(recordings)
+    with progress(printed.silent) as tell:
+        made = calibrate_array(recordings=recordings, output=folder, prior=prior, progress=tell, **shared)
+    results_stand()
+    print_array(made, printed)
+    raise typer.Exit(0 if all(run.calibration.verdict.fit for run in made.runs) else 1)
+
+
+def _one_prior(given: list[Path] | None) -> Path | None:
+    """The one earlier calibration that a single unit may have."""
+    if given and len(given) > 1:
+        raise UsageError(
+            f"--prior was given {len(given)} times, and a unit has one earlier calibration: give the best one, or "
+            "--array if each recording is another unit's."
+        )
+    return given[0] if given else None
 
 
 def _default_folder(recordings: list[Path], protocol: str | None) -> Path:
@@ -224,28 +256,32 @@ def _default_folder(recordings: list[Path], protocol: str | None) -> Path:
     return Path(f"{given.parent.resolve().name if given.is_file() else given.name}-calibration")
 
 
-def print_run(run: CalibrationRun, *, as_json: bool, quiet: bool, verbose: bool) -> None:
-    """Print what a calibration found."""
-    if as_json:
-        typer.echo(run.calibration.to_json(), nl=False)
-        return
-    from rich.console import Console
+def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
+    """Print what a calibration found.
 
+    Parameters
+    ----------
+    run : what was made.
+    printed : how to print.
+    """
+    if printed.as_json:
+        say_json_text(run.calibration.to_json())
+        return
     from tumble.report.table import print_calibration
 
-    console = Console(highlight=False)
+    screen, quiet = console(), printed.quiet
     if not quiet:
-        console.print(run.reason, markup=False)
+        screen.print(run.reason)
         for remark in run.recording.remarks:
             # A guess is said, and so is what was changed; what was merely found or cannot be seen, on request.
-            if verbose or remark.kind in ("assumed", "mended"):
-                console.print(f"{remark.kind}: {remark.text}", markup=False, style="dim")
-        console.print()
-    print_calibration(run.calibration, console, quiet=quiet)
+            if printed.verbose or remark.kind in ("assumed", "mended"):
+                screen.print(f"{remark.kind}: {remark.text}", style="dim")
+        screen.print()
+    print_calibration(run.calibration, screen, quiet=quiet)
     for remark in () if quiet else run.estimate.remarks:
-        console.print(f"- {remark}", markup=False)
+        screen.print(f"- {remark}")
     for file in run.files:
-        console.print(f"written: {file.resolve()}", markup=False, soft_wrap=True)
-    if verbose:
+        screen.print(f"written: {file.resolve()}", soft_wrap=True)
+    if printed.verbose:
         seconds = ", ".join(f"{stage} {value:.2f} s" for stage, value in run.seconds.items())
-        console.print(f"time: {seconds}", markup=False, style="dim")
+        screen.print(f"time: {seconds}", style="dim")

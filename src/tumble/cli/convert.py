@@ -2,129 +2,192 @@
 
 from __future__ import annotations
 
-import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tumble.cli.options import Json, Quiet
-from tumble.cli.progress import results_stand
+from tumble.cli.groups import ADVANCED, FIRST, option
+from tumble.cli.options import NoiseFile, PrintOptions, output_option
+from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
 
 if TYPE_CHECKING:
     from tumble.workflows.convert import Converted
 
+_NOISE = "Noise, for tools that want it"
+
+
+@dataclass(frozen=True)
+class FormOptions:
+    """What another tool's file leaves open."""
+
+    frame: Annotated[
+        str | None,
+        option(
+            metavar="NAME", panel=ADVANCED, help="Frame of corrected vectors, where the form leaves it open."
+        ),
+    ] = None
+    at_temperature: Annotated[
+        float | None,
+        option(metavar="CELSIUS", panel=ADVANCED, help="Take a calibration with temperature at this one."),
+    ] = None
+    largest_loss: Annotated[
+        float,
+        option(
+            metavar="PPM",
+            panel=ADVANCED,
+            show_default=True,
+            help="Refuse what loses more than this of a vector's length.",
+        ),
+    ] = 20000.0
+    instance: Annotated[
+        int,
+        option(metavar="N", panel=ADVANCED, help="Which IMU of the vehicle, from 0 (PX4, ArduPilot)."),
+    ] = 0
+    per_count: Annotated[
+        str | None,
+        option(
+            metavar="ACC,GYRO",
+            panel=ADVANCED,
+            help="m/s² and rad/s that the driver makes of a count, for calibrations in counts.",
+        ),
+    ] = None
+    correlation_time: Annotated[
+        float,
+        option(
+            metavar="S",
+            panel=_NOISE,
+            show_default=True,
+            help="Of consumers with Gauss-Markov biases (KF-GINS, OKVIS).",
+        ),
+    ] = 3600.0
+    ros_topic: Annotated[
+        str,
+        option(metavar="NAME", panel=ADVANCED, show_default=True, help="ROS topic, for forms that name one."),
+    ] = "/imu0"
+
+
+@dataclass(frozen=True)
+class NoiseOptions:
+    """Noise that is written beside a calibration."""
+
+    noise: NoiseFile = None
+    inflate: Annotated[
+        str | None,
+        option(
+            metavar="WHITE,WALK", panel=_NOISE, help="Multiply white noise and random walk by these, as 2,10."
+        ),
+    ] = None
+    consumer_rate: Annotated[
+        float | None,
+        option(metavar="HZ", panel=_NOISE, help="Rate that the consumer runs at, for per-sample noise."),
+    ] = None
+
 
 def convert_command(
+    form: FormOptions,
+    noise: NoiseOptions,
+    printed: PrintOptions,
     calibration: Annotated[
         Path | None,
         typer.Argument(
+            metavar="[CALIBRATION]",
             help="calibration.json, or the folder that holds it; with --from another tool's file.",
             show_default=False,
         ),
     ] = None,
     to: Annotated[
-        str | None, typer.Option("--to", metavar="TARGET", help="Write it in this tool's form.")
+        str | None, option("--to", metavar="TARGET", panel=FIRST, help="Write it in this tool's form.")
     ] = None,
     source: Annotated[
         str | None,
-        typer.Option("--from", metavar="TARGET", help="Read this tool's file and write calibration.json."),
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The file (default: the tool's own name for it).")
-    ] = None,
-    noise: Annotated[
-        Path | None,
-        typer.Option("--noise", metavar="NOISE.JSON", help="Noise coefficients, from `tumble noise -o`."),
-    ] = None,
-    inflate: Annotated[
-        str | None,
-        typer.Option(metavar="WHITE,WALK", help="Multiply white noise and random walk by these, as 2,10."),
-    ] = None,
-    rate: Annotated[
-        float | None, typer.Option(help="Rate in Hz that the consumer runs at, for per-sample noise.")
-    ] = None,
-    frame: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Frame of corrected vectors, where the form leaves it open."),
-    ] = None,
-    temperature: Annotated[
-        float | None,
-        typer.Option(metavar="CELSIUS", help="Take a calibration with temperature at this one."),
-    ] = None,
-    largest_loss: Annotated[
-        float, typer.Option(metavar="PPM", help="Refuse what loses more than this of a vector's length.")
-    ] = 20000.0,
-    instance: Annotated[int, typer.Option(help="Which IMU of the vehicle, from 0 (PX4, ArduPilot).")] = 0,
-    per_count: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ACC,GYRO",
-            help="m/s² and rad/s that the driver makes of a count, for calibrations in counts.",
+        option(
+            "--from", metavar="TARGET", panel=FIRST, help="Read this tool's file and write calibration.json."
         ),
     ] = None,
-    units: Annotated[
-        str | None, typer.Option(help="With --from: raw units where the file does not say them, as g,deg/s.")
+    output: Annotated[
+        Path | None, output_option("The file (default: the tool's own name for it).", "PATH")
     ] = None,
-    correlation_time: Annotated[
-        float, typer.Option(metavar="SECONDS", help="Of consumers with Gauss-Markov biases (KF-GINS, OKVIS).")
-    ] = 3600.0,
-    topic: Annotated[str, typer.Option(help="ROS topic, for forms that name one.")] = "/imu0",
-    as_json: Json = False,
-    quiet: Quiet = False,
+    units: Annotated[
+        str | None,
+        option(
+            metavar="UNIT,UNIT",
+            panel=FIRST,
+            help="With --from: raw units where the file does not say them, as g,deg/s.",
+        ),
+    ] = None,
 ) -> None:
     """Write a calibration as another tool's file, or read one. Without arguments: the list of targets.
+
+    tumble convert calibrated --to kalibr -o imu-intrinsics.yaml
 
     With --frame alone the calibration is written anew in another frame, its covariance too.
 
     Each file says its formula and a test vector in its comments. What a form cannot hold is said with its
     size; too large a loss is refused.
     """
-    from tumble.workflows.convert import Converted, convert_from, convert_to
-
-    if to is None and source is None:
-        if calibration is not None and frame is not None:
-            from tumble.workflows.algebra import turn
-
-            file, document = turn(calibration, frame, output or Path("turned.json"))
-            _say(Converted([file], document.remarks[-1:]), as_json, quiet)
-            return
-        if calibration is not None:
-            raise UsageError(
-                "Say where to: --to TARGET or --from TARGET; `tumble convert` alone lists the targets."
-            )
-        _list(as_json)
-        return
     if to is not None and source is not None:
         raise UsageError(
             "--to and --from exclude each other: read into calibration.json first, then write from it."
         )
-    if source is not None:
-        if calibration is None:
-            raise UsageError("Name the file to read: tumble convert FILE --from TARGET.")
-        done = convert_from(calibration, source, output=output or Path("calibration.json"), units=units)
-    else:
-        from tumble.export.subject import Wishes
-
-        assert to is not None
+    if to is None and source is None and calibration is None:
+        _list(printed.as_json)
+        return
+    if to is not None:
         if units is not None:
             raise UsageError("--units is about reading: leave it out with --to.")
-        wishes = Wishes(
-            frame=frame,
-            temperature=temperature,
-            largest_loss=1e-6 * largest_loss,
-            instance=instance,
-            per_count=None if per_count is None else _pair(per_count, "--per-count"),
-            correlation_time=correlation_time,
-            topic=topic,
-        )
-        factors = (1.0, 1.0) if inflate is None else _pair(inflate, "--inflate")
-        done = convert_to(
-            calibration, to, output=output, noise=noise, inflate=factors, rate=rate, wishes=wishes
-        )
+        done = _write(calibration, to, output, form, noise)
+    elif calibration is None:
+        raise UsageError("Name the file to read: tumble convert FILE --from TARGET.")
+    elif source is not None:
+        from tumble.workflows.convert import convert_from
+
+        done = convert_from(calibration, source, output=output or Path("calibration.json"), units=units)
+    else:
+        done = _turn(calibration, output, form)
     results_stand()
-    _say(done, as_json, quiet)
+    _say(done, printed)
+
+
+def _write(
+    calibration: Path | None, target: str, output: Path | None, form: FormOptions, noise: NoiseOptions
+) -> Converted:
+    from tumble.export.subject import Wishes
+    from tumble.workflows.convert import convert_to
+
+    wishes = Wishes(
+        frame=form.frame,
+        temperature=form.at_temperature,
+        largest_loss=1e-6 * form.largest_loss,
+        instance=form.instance,
+        per_count=None if form.per_count is None else _pair(form.per_count, "--per-count"),
+        correlation_time=form.correlation_time,
+        topic=form.ros_topic,
+    )
+    factors = (1.0, 1.0) if noise.inflate is None else _pair(noise.inflate, "--inflate")
+    return convert_to(
+        calibration,
+        target,
+        output=output,
+        noise=noise.noise,
+        inflate=factors,
+        rate=noise.consumer_rate,
+        wishes=wishes,
+    )
+
+
+def _turn(calibration: Path, output: Path | None, form: FormOptions) -> Converted:
+    from tumble.workflows.algebra import turn
+    from tumble.workflows.convert import Converted
+
+    if form.frame is None:
+        raise UsageError(
+            "Say where to: --to TARGET or --from TARGET; `tumble convert` alone lists the targets."
+        )
+    file, document = turn(calibration, form.frame, output or Path("turned.json"))
+    return Converted([file], document.remarks[-1:])
 
 
 def _pair(text: str, option: str) -> tuple[float, float]:
@@ -139,15 +202,13 @@ def _pair(text: str, option: str) -> tuple[float, float]:
     return first, second
 
 
-def _say(done: Converted, as_json: bool, quiet: bool) -> None:
-    if as_json:
-        typer.echo(json.dumps({"files": [str(f.resolve()) for f in done.files], "remarks": done.remarks}))
+def _say(done: Converted, printed: PrintOptions) -> None:
+    if printed.as_json:
+        say_json({"files": [str(f.resolve()) for f in done.files], "remarks": done.remarks})
         return
-    if not quiet:
-        for remark in done.remarks:
-            typer.echo(f"• {remark}")
-    for file in done.files:
-        typer.echo(f"written: {file.resolve()}")
+    if not printed.quiet:
+        say(*(f"• {remark}" for remark in done.remarks))
+    say_written(done.files)
 
 
 def _list(as_json: bool) -> None:
@@ -155,22 +216,9 @@ def _list(as_json: bool) -> None:
 
     rows = list_targets()
     if as_json:
-        typer.echo(
-            json.dumps(
-                [
-                    {"name": r.name, "title": r.title, "directions": r.directions, "holds": r.holds}
-                    for r in rows
-                ]
-            )
+        say_json(
+            [{"name": r.name, "title": r.title, "directions": r.directions, "holds": r.holds} for r in rows]
         )
         return
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(box=SIMPLE, pad_edge=False)
-    for name in ("target", "tool and file", "direction", "holds"):
-        table.add_column(name)
-    for r in rows:
-        table.add_row(r.name, r.title, r.directions, r.holds)
-    Console(highlight=False).print(table)
+    heads = ("target", "tool and file", "direction", "holds")
+    console().print(table(heads, [(r.name, r.title, r.directions, r.holds) for r in rows]))

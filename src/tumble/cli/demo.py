@@ -8,17 +8,15 @@ from typing import Annotated
 import typer
 
 from tumble.cli.calibrate import print_run
-from tumble.cli.options import Json, Quiet, Verbose
-from tumble.cli.progress import progress, results_stand
+from tumble.cli.options import LongPrintOptions, output_option
+from tumble.cli.terminal import progress, results_stand
 
 
 def demo_command(
+    printed: LongPrintOptions,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="Folder for calibration.json and report.html.")
+        Path, output_option("Folder for calibration.json and report.html (default: tumble-demo).")
     ] = Path("tumble-demo"),
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
 ) -> None:
     """Calibrate a real recording that ships with the package: an MPU-9150 tumbled by hand, 160 s.
 
@@ -26,8 +24,8 @@ def demo_command(
     """
     from tumble.workflows.demo import demo
 
-    with progress(quiet or as_json) as say:
-        run = demo(output, progress=say)
+    with progress(printed.silent) as tell:
+        run = demo(output, progress=tell)
     results_stand()
-    print_run(run, as_json=as_json, quiet=quiet, verbose=verbose)
+    print_run(run, printed)
     raise typer.Exit(0 if run.calibration.verdict.fit else 1)

@@ -2,124 +2,138 @@
 
 from __future__ import annotations
 
-import json
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from tumble.cli.options import Columns, Json, Quiet, Rate, Recordings, Topics, Units
-from tumble.cli.progress import progress, results_stand
+from tumble.cli.groups import ADVANCED, FIRST, option
+from tumble.cli.options import FileOptions, PrintOptions, Recordings, output_option
+from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
+from tumble.errors import UsageError
 
 if TYPE_CHECKING:
+    from tumble.noise.denoising import Shrinkage
     from tumble.workflows.denoise import ChannelOutcome, Denoised
+
+
+@dataclass(frozen=True)
+class WaveletOptions:
+    """Thresholds of wavelet coefficients."""
+
+    threshold: Annotated[
+        str | None,
+        option(
+            metavar="RULE",
+            panel=ADVANCED,
+            help="sure (default), universal, or remove: all details go, a linear filter.",
+        ),
+    ] = None
+    shape: Annotated[
+        str | None,
+        option(metavar="SHAPE", panel=ADVANCED, help="soft (default), or hard with --threshold universal."),
+    ] = None
+    wavelet: Annotated[
+        str | None, option(metavar="NAME", panel=ADVANCED, help="haar, dbN, symN or coifN (default: sym4).")
+    ] = None
+    stationary: Annotated[
+        bool,
+        option(
+            "--stationary/--no-stationary",
+            panel=ADVANCED,
+            help="All shifts averaged (default), against ripples at edges; takes more memory.",
+        ),
+    ] = True
+
+
+@dataclass(frozen=True)
+class FilterOptions:
+    """Which filter, and on what."""
+
+    method: Annotated[
+        str,
+        option(
+            metavar="METHOD",
+            panel=FIRST,
+            show_default=True,
+            help="wavelet: thresholds at each scale; ar: autoregression and level filter, at rest only.",
+        ),
+    ] = "wavelet"
+    motion: Annotated[
+        str,
+        option(
+            metavar="WHAT",
+            panel=FIRST,
+            show_default=True,
+            help="keep: samples in motion stay exactly as they are; filter: they are de-noised too.",
+        ),
+    ] = "keep"
+    level: Annotated[
+        int | None,
+        option(
+            metavar="N",
+            panel=ADVANCED,
+            help="Levels of decomposition; by default each channel's Allan minimum decides.",
+        ),
+    ] = None
+    order: Annotated[
+        int | None,
+        option(metavar="P", panel=ADVANCED, help="Order of the autoregression (default: chosen by BIC)."),
+    ] = None
 
 
 def denoise_command(
     recordings: Recordings,
+    file: FileOptions,
+    chosen: FilterOptions,
+    wavelets: WaveletOptions,
+    printed: PrintOptions,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            help="The file to write, .csv or .parquet (default: NAME-denoised.csv). Never an existing one.",
+        output_option(
+            "The file to write, .csv or .parquet (default: NAME-denoised.csv). Never an existing one.", "FILE"
         ),
     ] = None,
-    method: Annotated[
-        str,
-        typer.Option(
-            help="wavelet: thresholds at each scale; ar: autoregression and level filter, at rest only."
-        ),
-    ] = "wavelet",
-    level: Annotated[
-        int | None,
-        typer.Option(
-            help="Levels of decomposition; by default each channel's Allan minimum decides.",
-            show_default=False,
-        ),
-    ] = None,
-    threshold: Annotated[
-        str | None,
-        typer.Option(
-            help="sure (default), universal, or remove: all details go, a linear filter.", show_default=False
-        ),
-    ] = None,
-    shape: Annotated[
-        str | None,
-        typer.Option(help="soft (default), or hard with --threshold universal.", show_default=False),
-    ] = None,
-    wavelet: Annotated[
-        str | None, typer.Option(help="haar, dbN, symN or coifN (default: sym4).", show_default=False)
-    ] = None,
-    stationary: Annotated[
-        bool, typer.Option(help="All shifts averaged, against ripples at edges; takes more memory.")
-    ] = True,
-    motion: Annotated[
-        str,
-        typer.Option(
-            help="keep: samples in motion stay exactly as they are; filter: they are de-noised too."
-        ),
-    ] = "keep",
-    order: Annotated[
-        int | None,
-        typer.Option(help="Order of the autoregression (default: chosen by BIC).", show_default=False),
-    ] = None,
-    units: Units = None,
-    columns: Columns = None,
-    rate: Rate = None,
-    topic: Topics = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
 ) -> None:
     """De-noise a recording by wavelets or an autoregressive model, and say what was gained and lost.
 
     Not for calibration: means of holds do not change. A filter does not know motion from noise.
     """
-    from tumble.errors import UsageError
     from tumble.workflows.denoise import WARNING, denoise
 
-    if motion not in ("keep", "filter"):
-        raise UsageError(f"--motion {motion}: give keep or filter.")
-    with progress(quiet or as_json) as say:
+    if chosen.motion not in ("keep", "filter"):
+        raise UsageError(f"--motion {chosen.motion}: give keep or filter.")
+    with progress(printed.silent) as tell:
         done = denoise(
             recordings,
             output=output,
-            method=method,
-            level=level,
-            order=order,
-            shrinkage=_shrinkage(threshold, shape, wavelet, stationary),
-            filter_motion=motion == "filter",
-            columns=columns,
-            units=units,
-            rate=rate,
-            topics=topic,
-            progress=say,
+            method=chosen.method,
+            level=chosen.level,
+            order=chosen.order,
+            shrinkage=_shrinkage(wavelets),
+            filter_motion=chosen.motion == "filter",
+            progress=tell,
+            **asdict(file),
         )
     results_stand()
-    if as_json:
-        typer.echo(json.dumps(done.document, indent=1, ensure_ascii=False))
+    if printed.as_json:
+        say_json(done.document, indent=1)
         return
-    if not quiet:
-        for remark in done.remarks:
-            typer.echo(f"• {remark}")
-        typer.echo("")
-        for line in _lines(done):
-            typer.echo(line)
-        typer.echo("")
-    typer.echo(f"Warning: {WARNING}")
-    for file in done.files:
-        typer.echo(f"written: {file.resolve()}")
+    if not printed.quiet:
+        say(*(f"• {remark}" for remark in done.remarks), "", *_lines(done), "")
+    say(f"Warning: {WARNING}")
+    say_written(done.files)
 
 
-def _shrinkage(threshold: str | None, shape: str | None, wavelet: str | None, stationary: bool):
+def _shrinkage(asked: WaveletOptions) -> Shrinkage | None:
     """The thresholds that were asked for, None if none were."""
-    if threshold is None and shape is None and wavelet is None and stationary:
+    if asked == WaveletOptions():
         return None
     from tumble.noise.denoising import Shrinkage
     from tumble.noise.wavelets import USUAL
 
-    rule = threshold or ("universal" if shape == "hard" else "sure")
-    return Shrinkage(rule, shape or "soft", wavelet or USUAL, stationary)  # type: ignore[arg-type]
+    rule = asked.threshold or ("universal" if asked.shape == "hard" else "sure")
+    shape = asked.shape or "soft"
+    return Shrinkage(rule, shape, asked.wavelet or USUAL, asked.stationary)  # type: ignore[arg-type]
 
 
 def _lines(done: Denoised) -> list[str]:

@@ -6,7 +6,7 @@ import errno
 import os
 import signal
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -17,14 +17,15 @@ from tumble.cli.calibrate import calibrate_command
 from tumble.cli.convert import convert_command
 from tumble.cli.demo import demo_command
 from tumble.cli.denoise import denoise_command
+from tumble.cli.groups import command_class, grouped
 from tumble.cli.inspect import inspect_command
 from tumble.cli.mount import mount_command
 from tumble.cli.noise import noise_command
 from tumble.cli.plan import plan_command
 from tumble.cli.predict import predict_command
-from tumble.cli.progress import state
 from tumble.cli.reproduce import reproduce_command
 from tumble.cli.simulate import simulate_command
+from tumble.cli.terminal import StreamError, plain, shortened, state, streams
 from tumble.cli.units import units_command
 from tumble.cli.verify import verify_command
 from tumble.errors import TumbleError
@@ -48,36 +49,67 @@ app = typer.Typer(
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
 )
-app.command("inspect")(inspect_command)
-app.command("calibrate")(calibrate_command)
-app.command("apply")(apply_command)
-app.command("verify")(verify_command)
-app.command("predict")(predict_command)
-app.command("convert")(convert_command)
-app.command("compose")(compose_command)
-app.command("diff")(diff_command)
-app.command("invert")(invert_command)
-app.command("mount")(mount_command)
-app.command("noise")(noise_command)
-app.command("denoise")(denoise_command)
-app.command("simulate")(simulate_command)
-app.command("plan")(plan_command)
-app.command("reproduce")(reproduce_command)
-# A number below zero is to reach the command, which says what is wrong with it.
-app.command("units", context_settings={"ignore_unknown_options": True})(units_command)
-app.command("demo")(demo_command)
+COMMANDS = {
+    "inspect": inspect_command,
+    "calibrate": calibrate_command,
+    "apply": apply_command,
+    "verify": verify_command,
+    "predict": predict_command,
+    "convert": convert_command,
+    "compose": compose_command,
+    "diff": diff_command,
+    "invert": invert_command,
+    "mount": mount_command,
+    "noise": noise_command,
+    "denoise": denoise_command,
+    "simulate": simulate_command,
+    "plan": plan_command,
+    "reproduce": reproduce_command,
+    "units": units_command,
+    "demo": demo_command,
+}
+FORMER = {
+    "verify": {"--turn-on": "--turn-on-bias"},
+    "predict": {"--turn-on": "--turn-on-bias"},
+    "convert": {
+        "--rate": "--consumer-rate",
+        "--temperature": "--at-temperature",
+        "--topic": "--ros-topic",
+    },
+    "simulate": {
+        "--unit": "--unit-seed",
+        "--units": "--output-units",
+        "--rate": "--sample-rate",
+        "--turn-on": "--turn-on-bias",
+        "--noise": "--sensor-noise",
+        "--lever-arm-cm": "--table-lever-arm-cm",
+    },
+    "plan": {"--turn": "--turn-seconds"},
+    "units": {"--rate": "--sample-rate"},
+}
+"""Spellings of options before each had one meaning in all commands: still taken, no longer shown."""
+
+for _name, _command in COMMANDS.items():
+    # A number below zero is to reach `units`, which says what is wrong with it.
+    _settings = {"ignore_unknown_options": True} if _name == "units" else {}
+    app.command(_name, cls=command_class(FORMER.get(_name, {})), context_settings=_settings)(
+        grouped(_command)
+    )
 
 
 def _print_version(value: bool) -> None:
     if value:
-        typer.echo(f"tumble {tumble.__version__}")
+        sys.stdout.write(f"tumble {tumble.__version__}\n")
         raise typer.Exit
 
 
 @app.callback()
 def options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, metavar="", help="Print the version."
+        ),
     ] = False,
 ) -> None:
     """Take the options that stand before a command."""
@@ -88,7 +120,8 @@ def main() -> None:
     before = signal.getsignal(signal.SIGINT)
     state["results stand"] = False
     try:
-        _run()
+        with streams():
+            _run()
     finally:
         # A command that has written its files ignores Ctrl-C; a caller of this function must not inherit that.
         signal.signal(signal.SIGINT, before)
@@ -98,6 +131,7 @@ def _run() -> None:
     sys.unraisablehook = _send_again
     try:
         status = app(standalone_mode=False)
+        sys.stdout.flush()
     except TumbleError as error:
         _end(str(error), error.exit_status)
     except (KeyboardInterrupt, typer.Abort):
@@ -122,7 +156,7 @@ def _run() -> None:
         sys.exit(status if isinstance(status, int) else 0)
 
 
-def _send_again(lost: sys.UnraisableHookArgs) -> None:
+def _send_again(lost: Any) -> None:
     """Send a Ctrl-C again that came while a compiled library called back, where it cannot be raised."""
     if not issubclass(lost.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(lost)
@@ -178,6 +212,8 @@ def _usage_or_internal(error: Exception) -> None:
 def _of_the_system(error: OSError) -> str:
     if state["results stand"]:
         return f"The files are written, but words about them could not be printed: {error.strerror or error}."
+    if isinstance(error, StreamError):
+        return f"What tumble prints could not be written: {error.strerror or error}; no file was changed."
     where = f" ({error.filename})" if error.filename else ""
     if error.errno == errno.ENOSPC:
         return f"The disk is full{where}: nothing was changed; give another folder with -o."
@@ -185,5 +221,5 @@ def _of_the_system(error: OSError) -> str:
 
 
 def _end(message: str, status: int) -> None:
-    sys.stderr.write(f"tumble: {message}\n")
+    sys.stderr.write(f"tumble: {plain(shortened(message))}\n")
     sys.exit(status)

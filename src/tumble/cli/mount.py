@@ -2,42 +2,56 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tumble.cli.options import Columns, Gravity, Json, Quiet, Rate, SiteOption, Topics, Units
-from tumble.cli.progress import progress, results_stand
+from tumble.cli.groups import FIRST, option
+from tumble.cli.options import FileOptions, PrintOptions, SiteOptions, output_option
+from tumble.cli.terminal import console, progress, results_stand, say_json_text, say_written, table
 
 if TYPE_CHECKING:
     from tumble.workflows.mount import Mounted
 
 
 def mount_command(
-    level: Annotated[Path, typer.Argument(help="A recording at rest with the mount level.")],
+    level: Annotated[Path, typer.Argument(metavar="LEVEL", help="A recording at rest with the mount level.")],
     pitched: Annotated[
-        Path, typer.Argument(help="A recording at rest with the mount pitched by 90° about its y axis, x up.")
+        Path,
+        typer.Argument(
+            metavar="PITCHED",
+            help="A recording at rest with the mount pitched by 90° about its y axis, x up.",
+        ),
     ],
     calibration: Annotated[
-        Path, typer.Option("--calibration", "-c", help="calibration.json, or the folder that holds it.")
+        Path,
+        option(
+            "--calibration",
+            "-c",
+            metavar="CALIBRATION",
+            panel=FIRST,
+            help="calibration.json, or the folder that holds it.",
+        ),
     ],
+    site: SiteOptions,
+    file: FileOptions,
+    printed: PrintOptions,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="The file, or the folder for mount.json.")
+        Path, output_option("The file, or the folder for mount.json (default: mount.json).", "PATH")
     ] = Path("mount.json"),
     mount_mrad: Annotated[
-        float, typer.Option(help="How well the mount was levelled and turned about its y axis, one sigma.")
+        float,
+        option(
+            metavar="MRAD",
+            panel=FIRST,
+            show_default=True,
+            help="How well the mount was levelled and turned about its y axis, one sigma.",
+        ),
     ] = 0.0,
-    site: SiteOption = None,
-    gravity: Gravity = None,
-    units: Units = None,
-    columns: Columns = None,
-    rate: Rate = None,
-    topic: Topics = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
 ) -> None:
-    """Tell how a calibrated unit lies on its mount: three angles, from gravity in two attitudes of the mount.
+    """Say how a calibrated unit lies on its mount: three angles, from gravity in two attitudes of the mount.
 
     A calibration corrects the sensors in the unit's own axes; what uses them knows the mount's. Level the
     mount (shims), record ten seconds; pitch it by 90° about its y axis until x is up, record ten more.
@@ -45,8 +59,8 @@ def mount_command(
     from tumble.workflows.mount import mount
     from tumble.workflows.site import choose_site
 
-    place = choose_site(site, gravity)
-    with progress(quiet or as_json) as say:
+    place = choose_site(**asdict(site))
+    with progress(printed.silent) as tell:
         done = mount(
             level,
             pitched,
@@ -54,37 +68,29 @@ def mount_command(
             output=output,
             mount_sigma=1e-3 * mount_mrad,
             site=place,
-            columns=columns,
-            units=units,
-            rate=rate,
-            topics=topic,
-            progress=say,
+            progress=tell,
+            **asdict(file),
         )
     results_stand()
-    if as_json:
-        typer.echo(done.file.read_text(encoding="utf-8"), nl=False)
+    if printed.as_json:
+        say_json_text(done.file.read_text(encoding="utf-8"))
         return
-    _print(done, quiet)
+    _print(done, printed.quiet)
 
 
 def _print(done: Mounted, quiet: bool) -> None:
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console(highlight=False)
-    found = done.alignment
-    table = Table(box=SIMPLE, pad_edge=False)
-    for name in ("turned about", "exact, mrad", "± one sigma", "first order, mrad"):
-        table.add_column(name, justify="left" if name == "turned about" else "right")
-    for axis, exact, sigma, first in zip("xyz", found.angles, found.sigmas, found.first_order, strict=True):
-        table.add_row(
-            f"the unit's {axis}", f"{1e3 * exact:+.4f}", f"{1e3 * sigma:.4f}", f"{1e3 * first:+.4f}"
+    screen, found = console(), done.alignment
+    rows = [
+        [f"the unit's {axis}", f"{1e3 * exact:+.4f}", f"{1e3 * sigma:.4f}", f"{1e3 * first:+.4f}"]
+        for axis, exact, sigma, first in zip(
+            "xyz", found.angles, found.sigmas, found.first_order, strict=True
         )
-    console.print(table)
+    ]
+    heads = ("turned about", "exact, mrad", "± one sigma", "first order, mrad")
+    screen.print(table(heads, rows, right=(1, 2, 3)))
     if not quiet:
         for name, seconds, norm in zip(("Level", "Pitched"), done.seconds, done.norms, strict=True):
-            console.print(f"{name}: {seconds:.1f} s at rest, {1e3 * norm:+.2f} mm/s² off gravity.")
+            screen.print(f"{name}: {seconds:.1f} s at rest, {1e3 * norm:+.2f} mm/s² off gravity.")
         for remark in done.remarks:
-            console.print(f"• {remark}", markup=False)
-    typer.echo(f"written: {done.file.resolve()}")
+            screen.print(f"• {remark}")
+    say_written([done.file])

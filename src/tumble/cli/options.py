@@ -1,13 +1,15 @@
-"""Options that several commands share, declared once."""
+"""Options that several commands share, each declared once, and the groups in which commands take them."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from glob import glob
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
 import typer
 
+from tumble.cli.groups import ADVANCED, FILE, FIRST, PLACE, PRINTED, option
 from tumble.errors import UsageError
 
 
@@ -35,74 +37,216 @@ _WHAT = (
     "A recording: a file (CSV, text, Parquet, NPY, MATLAB, HDF5, a ROS bag, MCAP, a flight log, ...), a folder, "
     "or a pair of files with one triad each."
 )
-Recordings: TypeAlias = Annotated[list[Path], typer.Argument(help=_WHAT, callback=_matched)]
+GRADES = "consumer-mems, industrial-mems, hg1900, hg1700, tactical, ring-laser"
+
+Recordings: TypeAlias = Annotated[
+    list[Path], typer.Argument(help=_WHAT, metavar="RECORDING...", callback=_matched)
+]
 OptionalRecordings: TypeAlias = Annotated[
     list[Path] | None,
     typer.Argument(
-        help=f"{_WHAT} None: those that the protocol names.", show_default=False, callback=_matched
+        help=f"{_WHAT} None: those that the protocol names.",
+        metavar="[RECORDING...]",
+        show_default=False,
+        callback=_matched,
     ),
 ]
-ProtocolOption: TypeAlias = Annotated[
+CalibrationArgument: TypeAlias = Annotated[
+    Path, typer.Argument(metavar="CALIBRATION", help="calibration.json, or the folder that holds it.")
+]
+NoiseFile: TypeAlias = Annotated[
+    Path | None,
+    option(
+        "--noise",
+        metavar="NOISE.JSON",
+        panel=ADVANCED,
+        help="This unit's own noise, from `tumble noise -o`, in place of what is assumed of it.",
+    ),
+]
+DataSheet: TypeAlias = Annotated[
     str | None,
-    typer.Option(
+    option(
+        "--data-sheet",
+        metavar="GRADE",
+        panel=ADVANCED,
+        help=f"A kind of unit, whose data sheet says what is not known of this one: {GRADES}.",
+    ),
+]
+TurnOnBias: TypeAlias = Annotated[
+    str | None,
+    option(
+        "--turn-on-bias",
+        metavar="MG,DEG/H",
+        panel=ADVANCED,
+        help="By how much biases move when the unit is switched on anew, one sigma.",
+    ),
+]
+Seed: TypeAlias = Annotated[
+    int,
+    option(
+        "--seed",
+        metavar="N",
+        panel=FIRST,
+        show_default=True,
+        help="What is drawn; the same seed draws the same.",
+    ),
+]
+Imu: TypeAlias = Annotated[
+    str,
+    option("--imu", metavar="GRADE", panel=FIRST, show_default=True, help=f"Grade of the unit: {GRADES}."),
+]
+Protocol: TypeAlias = Annotated[
+    str | None,
+    option(
+        "--protocol",
         metavar="FILE|NAME",
+        panel=FIRST,
         help="What was done to the unit: a protocol file (YAML), or the name of a protocol, such as six-position.",
     ),
 ]
-Columns: TypeAlias = Annotated[
-    str | None,
-    typer.Option(help="What the columns are, as t,ax,ay,az,gx,gy,gz; - skips one, -ay reverses one."),
-]
-Units: TypeAlias = Annotated[
-    str | None,
-    typer.Option(help="Units as g,deg/s,ms; counts; m/s,rad for increments; degF or K of the temperature."),
-]
-Rate: TypeAlias = Annotated[
-    float | None, typer.Option(help="Sampling rate in Hz, for a file without time stamps.")
-]
-Topics: TypeAlias = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--topic",
-        metavar="NAME",
-        help="Topic, message or data set of a bag or log; twice for an accelerometer and a gyro apart.",
-    ),
-]
-SiteOption: TypeAlias = Annotated[
-    str | None,
-    typer.Option(
-        "--site",
-        help="Where it was recorded, LATITUDE[,HEIGHT] in degrees and metres; gravity is WGS 84's normal gravity.",
-    ),
-]
-Gravity: TypeAlias = Annotated[
-    float | None, typer.Option(help="Gravity there in m/s², if a survey knows it better than the latitude.")
-]
 Intervals: TypeAlias = Annotated[
     Path | None,
-    typer.Option(help="A file with start and stop of each hold in seconds, instead of finding the holds."),
-]
-TemperatureOption: TypeAlias = Annotated[
-    float | None,
-    typer.Option(
-        "--temperature",
-        metavar="CELSIUS",
-        help="Temperature of the whole recording in °C, where it has no column of it.",
+    option(
+        "--intervals",
+        metavar="FILE",
+        panel=ADVANCED,
+        help="A file with start and stop of each hold in seconds, instead of finding the holds.",
     ),
 ]
-OutsideOption: TypeAlias = Annotated[
-    str,
-    typer.Option(
-        "--outside",
-        metavar="refuse|hold|extrapolate",
-        help="Beyond the calibrated temperatures: refuse, hold the parameters of the span's end, or extrapolate.",
-    ),
-]
-Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print everything as JSON.")]
-Quiet: TypeAlias = Annotated[bool, typer.Option("--quiet", "-q", help="Print the verdict only.")]
+Json: TypeAlias = Annotated[bool, option("--json", panel=PRINTED, help="Print everything as JSON.")]
+Quiet: TypeAlias = Annotated[bool, option("--quiet", "-q", panel=PRINTED, help="Print the verdict only.")]
 Verbose: TypeAlias = Annotated[
-    bool,
-    typer.Option(
-        "--verbose", "-v", help="Also print what was found and cannot be seen, and seconds by stage."
-    ),
+    bool, option("--verbose", "-v", panel=PRINTED, help="Print more of what was found.")
+]
+
+
+def output_option(help: str, metavar: str = "DIR") -> object:
+    """Declare ``-o``: where a command writes.
+
+    Parameters
+    ----------
+    help : what it writes, and where it does without.
+    metavar : whether a folder, a file or either is asked for.
+    """
+    return option("--output", "-o", metavar=metavar, panel=FIRST, help=help)
+
+
+@dataclass(frozen=True)
+class FileOptions:
+    """What a recording's file does not say itself."""
+
+    units: Annotated[
+        str | None,
+        option(
+            metavar="UNIT,...",
+            panel=FILE,
+            help="Units as g,deg/s,ms; counts; m/s,rad for increments; degF or K of the temperature.",
+        ),
+    ] = None
+    columns: Annotated[
+        str | None,
+        option(
+            metavar="NAME,...",
+            panel=FILE,
+            help="What the columns are, as t,ax,ay,az,gx,gy,gz; - skips one, -ay reverses one.",
+        ),
+    ] = None
+    rate: Annotated[
+        float | None, option(metavar="HZ", panel=FILE, help="Sampling rate, for a file without time stamps.")
+    ] = None
+    topics: Annotated[
+        list[str] | None,
+        option(
+            "--topic",
+            metavar="NAME",
+            panel=FILE,
+            help="Topic, message or data set of a bag or log; twice for an accelerometer and a gyro apart.",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class SiteOptions:
+    """Where a recording was made."""
+
+    site: Annotated[
+        str | None,
+        option(
+            metavar="LAT[,H]",
+            panel=PLACE,
+            help="Latitude in degrees and height in metres; gravity is WGS 84's normal gravity.",
+        ),
+    ] = None
+    gravity: Annotated[
+        float | None,
+        option(
+            metavar="G",
+            panel=PLACE,
+            help="Gravity there in m/s², if a survey knows it better than the latitude.",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class TemperatureOptions:
+    """At which temperature a calibration is applied."""
+
+    temperature: Annotated[
+        float | None,
+        option(
+            metavar="CELSIUS",
+            panel=FILE,
+            help="Temperature of the whole recording in °C, where it has no column of it.",
+        ),
+    ] = None
+    outside: Annotated[
+        str,
+        option(
+            metavar="HOW",
+            panel=ADVANCED,
+            help="Beyond the calibrated temperatures: refuse (default), hold the parameters of the span's end, or "
+            "extrapolate.",
+        ),
+    ] = "refuse"
+
+
+@dataclass(frozen=True)
+class PrintOptions:
+    """How an answer is printed."""
+
+    as_json: Json = False
+    quiet: Quiet = False
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing is shown while work is going on."""
+        return self.as_json or self.quiet
+
+
+@dataclass(frozen=True)
+class LongPrintOptions(PrintOptions):
+    """How an answer with details is printed."""
+
+    verbose: Verbose = False
+
+
+__all__ = [
+    "GRADES",
+    "CalibrationArgument",
+    "DataSheet",
+    "FileOptions",
+    "Imu",
+    "Intervals",
+    "Json",
+    "LongPrintOptions",
+    "NoiseFile",
+    "OptionalRecordings",
+    "PrintOptions",
+    "Protocol",
+    "Recordings",
+    "Seed",
+    "SiteOptions",
+    "TemperatureOptions",
+    "TurnOnBias",
+    "output_option",
 ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Callable
@@ -10,7 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import typer
+
+from tumble.cli.terminal import console, results_stand, say_json, say_written, table
+from tumble.cli.verify_drive import turn_on_of
 
 if TYPE_CHECKING:
     from tumble.navigation.prediction import StateAdvice
@@ -18,6 +19,16 @@ if TYPE_CHECKING:
 
 # Parameters that are listed: those that make more than this share of the largest one's error.
 _LISTED = 0.02
+# What is printed of the errors: words, key, factor and unit.
+_QUANTITIES = (
+    ("horizontal position", "horizontal", 1.0, "m"),
+    ("  of the calibration", "horizontal_of_calibration", 1.0, "m"),
+    ("  of the noise", "horizontal_of_noise", 1.0, "m"),
+    ("vertical position", "vertical", 1.0, "m"),
+    ("velocity", "velocity", 1.0, "m/s"),
+    ("tilt", "tilt", math.degrees(1.0), "°"),
+    ("heading", "heading", math.degrees(1.0), "°"),
+)
 
 
 def show_navigation(
@@ -27,7 +38,7 @@ def show_navigation(
     trajectory: str,
     noise: Path | None,
     data_sheet: str | None,
-    turn_on: str | None,
+    turn_on_bias: str | None,
     output: Path | None,
     as_json: bool,
 ) -> None:
@@ -35,15 +46,13 @@ def show_navigation(
 
     Parameters
     ----------
-    calibration, seconds, trajectory, noise, data_sheet, turn_on, output, as_json : as typed.
+    calibration, seconds, trajectory, noise, data_sheet, turn_on_bias, output, as_json : as typed.
 
     Raises
     ------
     TumbleError
         If an input is wrong, or the file cannot be written.
     """
-    from tumble.cli.progress import results_stand
-    from tumble.cli.verify_drive import turn_on_of
     from tumble.workflows.predict_navigation import predict_navigation, states_document, write_states
 
     found = predict_navigation(
@@ -52,7 +61,7 @@ def show_navigation(
         trajectory=trajectory,
         noise=noise,
         data_sheet=data_sheet or "consumer-mems",
-        turn_on=(0.0, 0.0) if turn_on is None else turn_on_of(turn_on),
+        turn_on=(0.0, 0.0) if turn_on_bias is None else turn_on_of(turn_on_bias),
     )
     file = None
     if output is not None:
@@ -60,11 +69,10 @@ def show_navigation(
         results_stand()
     if as_json:
         document = {"errors": _errors(found), "filter": states_document(found, trajectory)}
-        typer.echo(json.dumps(document, indent=1, ensure_ascii=False))
+        say_json(document, indent=1)
         return
     _print(found)
-    if file is not None:
-        typer.echo(f"written: {file.resolve()}")
+    say_written([] if file is None else [file])
 
 
 def _errors(found: NavigationPrediction) -> list[dict[str, Any]]:
@@ -98,61 +106,39 @@ def _size(covariance: np.ndarray, rows: tuple[int, ...]) -> float:
 
 
 def _print(found: NavigationPrediction) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
     from tumble.calibration.verdict import two_digits
 
-    console = Console(highlight=False)
-    errors = _errors(found)
-    table = Table(
-        title="Errors of free navigation, one sigma", title_justify="left", box=None, pad_edge=False
-    )
-    table.add_column("after")
-    for row in errors:
-        table.add_column(f"{row['seconds']:g} s", justify="right")
-    for words, key, factor, unit in (
-        ("horizontal position", "horizontal", 1.0, "m"),
-        ("  of the calibration", "horizontal_of_calibration", 1.0, "m"),
-        ("  of the noise", "horizontal_of_noise", 1.0, "m"),
-        ("vertical position", "vertical", 1.0, "m"),
-        ("velocity", "velocity", 1.0, "m/s"),
-        ("tilt", "tilt", math.degrees(1.0), "°"),
-        ("heading", "heading", math.degrees(1.0), "°"),
-    ):
-        table.add_row(words, *(f"{two_digits(factor * row[key])} {unit}" for row in errors))
-    console.print(table)
+    screen, errors = console(), _errors(found)
+    lengths = [f"{row['seconds']:g} s" for row in errors]
+    right = range(1, len(lengths) + 1)
+    rows = [
+        [words, *(f"{two_digits(factor * row[key])} {unit}" for row in errors)]
+        for words, key, factor, unit in _QUANTITIES
+    ]
+    title = "Errors of free navigation, one sigma"
+    screen.print(table(["after", *lengths], rows, right=right, title=title, box=None))
     largest = max(errors[-1]["horizontal_by_parameter"].values(), default=0.0)
     listed = sorted(errors[-1]["horizontal_by_parameter"].items(), key=lambda item: -item[1])
-    table = Table(
-        title="What one sigma of each parameter makes of the horizontal position",
-        title_justify="left",
-        box=None,
-        pad_edge=False,
-    )
-    table.add_column("parameter")
-    for row in errors:
-        table.add_column(f"{row['seconds']:g} s", justify="right")
-    for name, value in listed:
-        if value > _LISTED * largest:
-            sizes = (two_digits(row["horizontal_by_parameter"][name]) for row in errors)
-            table.add_row(_in_words(name), *(f"{size} m" for size in sizes))
-    console.print(table)
+    rows = [
+        [_in_words(name), *(f"{two_digits(row['horizontal_by_parameter'][name])} m" for row in errors)]
+        for name, value in listed
+        if value > _LISTED * largest
+    ]
+    title = "What one sigma of each parameter makes of the horizontal position"
+    screen.print(table(["parameter", *lengths], rows, right=right, title=title, box=None))
     carried = [state for state in found.states if state.carry]
-    table = Table(title="States for a filter", title_justify="left", box=None, pad_edge=False)
-    for head in ("state", "one sigma at the start", "largest share of a variance"):
-        table.add_column(head)
-    for state in carried:
-        table.add_row(
-            _state_in_words(state), _practical(state, two_digits), f"{two_digits(100.0 * state.share)} %"
-        )
-    console.print(table)
+    rows = [
+        [_state_in_words(state), _practical(state, two_digits), f"{two_digits(100.0 * state.share)} %"]
+        for state in carried
+    ]
+    heads = ("state", "one sigma at the start", "largest share of a variance")
+    screen.print(table(heads, rows, title="States for a filter", box=None))
     left = len(found.states) - len(carried)
-    console.print(
+    screen.print(
         f"{left} other sensor states make less than 1 % each of any error's variance: leave them out."
     )
     for sentence in found.remarks:
-        console.print(f"• {sentence}", markup=False)
+        screen.print(f"• {sentence}")
 
 
 def _in_words(name: str) -> str:

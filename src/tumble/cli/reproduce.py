@@ -8,11 +8,13 @@ from typing import Annotated
 
 import typer
 
-from tumble.cli.options import Json, Quiet
-from tumble.cli.progress import progress, results_stand
+from tumble.cli.groups import FIRST, option
+from tumble.cli.options import PrintOptions, Seed, output_option
+from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
 
 
 def reproduce_command(
+    printed: PrintOptions,
     item: Annotated[
         str | None,
         typer.Argument(
@@ -21,15 +23,16 @@ def reproduce_command(
     ] = None,
     repetitions: Annotated[
         int | None,
-        typer.Option(help="How many simulated runs; hundreds show the range that one run lies in."),
+        option(
+            metavar="N",
+            panel=FIRST,
+            help="How many simulated runs; hundreds show the range that one run lies in.",
+        ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="The same seed gives the same numbers.")] = 0,
+    seed: Seed = 0,
     output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="Folder for a page, the data and pictures of each item."),
+        Path | None, output_option("Folder for a page, the data and pictures of each item.")
     ] = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
 ) -> None:
     """Make the tables and figures of the papers anew, beside the printed numbers, with a verdict a row.
 
@@ -41,42 +44,34 @@ def reproduce_command(
     if item is None:
         _print_list()
         return
-    with progress(quiet or as_json) as say:
-        outcomes, files = reproduce(item, repetitions=repetitions, seed=seed, output=output, progress=say)
+    with progress(printed.silent) as tell:
+        outcomes, files = reproduce(item, repetitions=repetitions, seed=seed, output=output, progress=tell)
     if files:
         results_stand()
     from tumble.report.reproduction import outcome_json, outcome_lines
 
-    if as_json:
-        typer.echo(
-            json.dumps([json.loads(outcome_json(outcome)) for outcome in outcomes], ensure_ascii=False)
-        )
+    if printed.as_json:
+        say_json([json.loads(outcome_json(outcome)) for outcome in outcomes])
         return
     for outcome in outcomes:
         inside, judged = outcome.counts
-        if quiet:
-            typer.echo(
-                f"{outcome.item}: {inside} of {judged} rows inside"
-                if judged
-                else f"{outcome.item}: not judged"
-            )
-            continue
-        typer.echo("\n".join(outcome_lines(outcome)))
-        typer.echo("")
-    for file in files:
-        typer.echo(f"written: {file.resolve()}")
+        if printed.quiet:
+            told = f"{inside} of {judged} rows inside" if judged else "not judged"
+            say(f"{outcome.item}: {told}")
+        else:
+            say(*outcome_lines(outcome), "")
+    say_written(files)
 
 
 def _print_list() -> None:
     from tumble.reproduction.items import all_items
 
     items = all_items()
-
     width = max(len(name) for name in items)
     title = max(len(entry.title) for entry in items.values())
     for name, entry in items.items():
-        typer.echo(f"{name:<{width}}  {entry.title:<{title}}  {entry.effort}")
-    typer.echo(
+        say(f"{name:<{width}}  {entry.title:<{title}}  {entry.effort}")
+    say(
         "\n`tumble reproduce hayal`, `zhang` or `savage` makes all of a paper; of what takes hours then no more than "
         "its own number of runs."
     )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from dataclasses import asdict
 from typing import Annotated
 
 import typer
 
+from tumble.cli.groups import FIRST, option
 from tumble.cli.options import Json
+from tumble.cli.terminal import say, say_json
 from tumble.errors import UsageError
 
 
@@ -20,7 +22,9 @@ def units_command(
             help="The number, and its unit, as 0.3 deg/√h or '60 ug/sqrt(Hz)', or a file's key, as imu_utils:gyr_n.",
         ),
     ],
-    rate: Annotated[float | None, typer.Option(help="Sampling rate in Hz, for numbers per sample.")] = None,
+    sample_rate: Annotated[
+        float | None, option(metavar="HZ", panel=FIRST, help="Sampling rate, for numbers per sample.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Say what a noise figure is, and what it is in other units and files."""
@@ -28,26 +32,21 @@ def units_command(
         raise UsageError(f"tumble units {action}: it is `tumble units explain VALUE UNIT`.")
     from tumble.workflows.unit_words import explain_unit
 
-    answer = explain_unit(*_value_and_unit(number), rate)
+    answer = explain_unit(*_value_and_unit(number), sample_rate)
     if as_json:
-        import json
-        from dataclasses import asdict
-
-        content = asdict(answer)
-        content["si"] = answer.si if isfinite(answer.si) else None
-        typer.echo(json.dumps(content, indent=2, ensure_ascii=False))
+        say_json(asdict(answer), indent=2)
         return
-    typer.echo(answer.meaning)
+    say(answer.meaning)
     if answer.equals:
-        typer.echo("")
+        say("")
     names = max((len(line.name) for line in answer.equals), default=0)
     for line in answer.equals:
         note = f"   if {line.assumption}" if line.assumption else ""
-        typer.echo(f"  {line.name:<{names}}  {line.value:<12.6g} {line.unit}{note}")
+        say(f"  {line.name:<{names}}  {line.value:<12.6g} {line.unit}{note}")
     if answer.not_convertible:
-        typer.echo("")
+        say("")
     for sentence in answer.not_convertible:
-        typer.echo(sentence)
+        say(sentence)
 
 
 def _value_and_unit(words: list[str]) -> tuple[float, str]:

@@ -2,101 +2,101 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tumble.cli.groups import numbers, option, refuse_given
 from tumble.cli.options import (
-    Columns,
-    Gravity,
+    CalibrationArgument,
+    DataSheet,
+    FileOptions,
     Intervals,
-    Json,
-    OutsideOption,
-    Quiet,
-    Rate,
+    NoiseFile,
+    PrintOptions,
     Recordings,
-    SiteOption,
-    TemperatureOption,
-    Topics,
-    Units,
+    SiteOptions,
+    TemperatureOptions,
+    TurnOnBias,
+    output_option,
 )
-from tumble.cli.progress import progress
+from tumble.cli.terminal import console, progress, say_json, table
+from tumble.cli.verify_drive import show_drive, turn_on_of
 from tumble.errors import UsageError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from tumble.arrays import Series
     from tumble.workflows.verify import Verification
 
+_DRIVE = "A drive with satellite positions"
 
-def verify_command(
-    calibration: Annotated[Path, typer.Argument(help="calibration.json, or the folder that holds it.")],
-    recordings: Recordings,
-    site: SiteOption = None,
-    gravity: Gravity = None,
-    units: Units = None,
-    columns: Columns = None,
-    rate: Rate = None,
-    topic: Topics = None,
-    intervals: Intervals = None,
-    temperature: TemperatureOption = None,
-    outside: OutsideOption = "refuse",
-    gnss: Annotated[
-        Path | None,
-        typer.Option(
-            help="Satellite positions of a drive (.pos, NMEA, UBX, CSV): judge by navigation instead."
-        ),
-    ] = None,
+
+@dataclass(frozen=True)
+class HoldOptions:
+    """What only a recording of holds and turns has."""
+
+    intervals: Intervals = None
+
+
+@dataclass(frozen=True)
+class DriveOptions:
+    """What only a drive has."""
+
     lever_arm: Annotated[
         str | None,
-        typer.Option(
-            "--lever-arm",
+        option(
             metavar="X,Y,Z",
+            panel=_DRIVE,
             help="Metres from the IMU to the antenna, in b. Without it, 0,0,0.",
         ),
-    ] = None,
+    ] = None
     gnss_time: Annotated[
         float | None,
-        typer.Option(
-            "--gnss-time", metavar="S", help="Seconds to add to the positions' times; without it, found."
-        ),
-    ] = None,
+        option(metavar="S", panel=_DRIVE, help="Seconds to add to the positions' times; without it, found."),
+    ] = None
     outages: Annotated[
         str | None,
-        typer.Option(
-            metavar="LIST", help="Seconds without positions, as 2,10,30,60 (the default, as far as they fit)."
+        option(
+            metavar="S,...",
+            panel=_DRIVE,
+            help="Seconds without positions, as 2,10,30,60 (the default, as far as they fit).",
         ),
-    ] = None,
-    data_sheet: Annotated[
-        str | None,
-        typer.Option(
-            "--data-sheet",
-            metavar="GRADE",
-            help="What kind of unit drives, uncalibrated. Default consumer-mems.",
-        ),
-    ] = None,
-    turn_on: Annotated[
-        str | None,
-        typer.Option(
-            "--turn-on",
-            metavar="MG,DEG_PER_H",
-            help="By how much the biases may have moved since the calibration, one sigma.",
-        ),
-    ] = None,
-    noise: Annotated[
-        Path | None, typer.Option(help="noise.json of this unit, instead of the data sheet's noise.")
-    ] = None,
-    output: Annotated[
+    ] = None
+    data_sheet: DataSheet = None
+    turn_on_bias: TurnOnBias = None
+    noise: NoiseFile = None
+    output: Annotated[Path | None, output_option("With --gnss: folder for verify.json and verify.html.")] = (
+        None
+    )
+
+
+def verify_command(
+    context: typer.Context,
+    calibration: CalibrationArgument,
+    recordings: Recordings,
+    site: SiteOptions,
+    file: FileOptions,
+    holds: HoldOptions,
+    temperature: TemperatureOptions,
+    drive: DriveOptions,
+    printed: PrintOptions,
+    gnss: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="With --gnss: folder for verify.json and verify.html."),
+        option(
+            metavar="FILE",
+            panel=_DRIVE,
+            help="Satellite positions of a drive (.pos, NMEA, UBX, CSV): judge by navigation instead.",
+        ),
     ] = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
 ) -> None:
     """Judge a calibration on another recording: the norm of each hold, the angle left after each turn.
+
+    tumble verify calibrated another.csv
 
     With --gnss the recording is a drive, and the calibration is judged by navigation: free drift and outages with
     it, with parts of it, and without, in metres.
@@ -105,119 +105,93 @@ def verify_command(
     is the calibration's own unless --site or --gravity is given. A calibration with a thermal model follows the
     recording's temperature. Exit status 0: it serves; 1: not.
     """
+    read = {**asdict(file), **asdict(temperature)}
     if gnss is not None:
-        from tumble.cli.verify_drive import numbers, show_drive, turn_on_of
-
-        _refuse(
-            {"--site": site, "--gravity": gravity, "--intervals": intervals},
-            "says nothing to a drive, whose place the positions tell: leave it out.",
-        )
-        arm = None if lever_arm is None else numbers(lever_arm, "--lever-arm", 3)
-        lengths = None if outages is None else numbers(outages, "--outages")
-        moved = None if turn_on is None else turn_on_of(turn_on)
-        from tumble.workflows.drive import verify_drive
-
-        if gnss_time is not None and not math.isfinite(gnss_time):
-            raise UsageError(f"--gnss-time {gnss_time}: give seconds.")
-        with progress(quiet or as_json) as say:
-            found = verify_drive(
-                calibration,
-                recordings,
-                gnss,
-                lever_arm_b=arm,
-                offset=gnss_time,
-                durations=lengths,
-                data_sheet=data_sheet or "consumer-mems",
-                turn_on=moved,
-                noise=noise,
-                columns=columns,
-                units=units,
-                rate=rate,
-                topics=topic,
-                temperature=temperature,
-                outside=outside,
-                progress=say,
-            )
-        show_drive(found, output=output, as_json=as_json, quiet=quiet)
-    given = {
-        "--lever-arm": lever_arm,
-        "--gnss-time": gnss_time,
-        "--outages": outages,
-        "--data-sheet": data_sheet,
-    }
-    given |= {"--turn-on": turn_on, "--noise": noise, "--output": output}
-    _refuse(given, "is for a drive: give its satellite positions with --gnss.")
+        sentence = "{} says nothing to a drive, whose place the positions tell: leave it out."
+        refuse_given(context, [SiteOptions, HoldOptions], sentence)
+        _verify_drive(calibration, recordings, gnss, drive, read, printed)
+    refuse_given(context, [DriveOptions], "{} is for a drive: give its satellite positions with --gnss.")
     from tumble.workflows.site import choose_site
     from tumble.workflows.verify import verify
 
-    place = choose_site(site, gravity)
-    with progress(quiet or as_json) as say:
-        results = verify(
-            calibration,
-            recordings,
-            site=place,
-            columns=columns,
-            units=units,
-            rate=rate,
-            topics=topic,
-            intervals=intervals,
-            temperature=temperature,
-            outside=outside,
-            progress=say,
-        )
-    if as_json:
-        typer.echo(json.dumps([_as_dict(result) for result in results], indent=1))
+    place = choose_site(**asdict(site))
+    with progress(printed.silent) as tell:
+        results = verify(calibration, recordings, site=place, progress=tell, **asdict(holds), **read)
+    if printed.as_json:
+        say_json([_as_dict(result) for result in results], indent=1)
     else:
         for result in results:
-            _print(result, quiet)
+            _print(result, printed.quiet)
     raise typer.Exit(0 if all(result.fit for result in results) else 1)
 
 
-def _refuse(options: Mapping[str, object], why: str) -> None:
-    for name, value in options.items():
-        if value is not None:
-            raise UsageError(f"{name} {why}")
+def _verify_drive(
+    calibration: Path,
+    recordings: list[Path],
+    gnss: Path,
+    drive: DriveOptions,
+    read: dict[str, object],
+    printed: PrintOptions,
+) -> None:
+    arm = None if drive.lever_arm is None else numbers(drive.lever_arm, "--lever-arm", 3)
+    lengths = None if drive.outages is None else numbers(drive.outages, "--outages")
+    moved = None if drive.turn_on_bias is None else turn_on_of(drive.turn_on_bias)
+    from tumble.workflows.drive import verify_drive
+
+    if drive.gnss_time is not None and not math.isfinite(drive.gnss_time):
+        raise UsageError(f"--gnss-time {drive.gnss_time}: give seconds.")
+    with progress(printed.silent) as tell:
+        found = verify_drive(
+            calibration,
+            recordings,
+            gnss,
+            lever_arm_b=arm,
+            offset=drive.gnss_time,
+            durations=lengths,
+            data_sheet=drive.data_sheet or "consumer-mems",
+            turn_on=moved,
+            noise=drive.noise,
+            progress=tell,
+            **read,  # pyright: ignore[reportArgumentType] (options by their names)
+        )
+    show_drive(found, drive.output, printed)
 
 
 def _as_dict(result: Verification) -> dict[str, object]:
-    def numbers(values: Series) -> list[float | None]:
-        return [value if math.isfinite(value) else None for value in values.tolist()]
+    def listed(values: Series) -> list[float]:
+        return values.tolist()
 
     return {
         "recording": result.recording,
         "fit": result.fit,
         "reasons": result.reasons,
-        "hold_norm_error": numbers(result.norms),
-        "hold_norm_standard_uncertainty": numbers(result.norm_sigmas),
-        "turn_angle": numbers(result.angles),
-        "turn_size": numbers(result.sizes),
-        "gyro_bias_change_raw": numbers(result.rate_bias_change),
+        "hold_norm_error": listed(result.norms),
+        "hold_norm_standard_uncertainty": listed(result.norm_sigmas),
+        "turn_angle": listed(result.angles),
+        "turn_size": listed(result.sizes),
+        "gyro_bias_change_raw": listed(result.rate_bias_change),
         "units": {"hold_norm_error": "m/s²", "turn_angle": "rad", "turn_size": "rad"},
     }
 
 
 def _print(result: Verification, quiet: bool) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console(highlight=False)
+    screen = console()
     if not quiet:
-        table = Table(title=result.recording, title_justify="left")
-        for name in ("hold", "|f| − g, mm/s²", "± expected", "turn after it, °", "gravity off by, °"):
-            table.add_column(name, justify="right")
-        for k, (norm, sigma) in enumerate(zip(result.norms, result.norm_sigmas, strict=True)):
-            turn = math.isfinite(result.sizes[k])
-            scored = math.isfinite(result.angles[k])
-            table.add_row(
-                str(k + 1),
-                f"{1e3 * norm:+.2f}",
-                f"{1e3 * sigma:.2f}",
-                f"{math.degrees(result.sizes[k]):.0f}" if turn else "–",
-                f"{math.degrees(result.angles[k]):.3f}" if scored else "–",
-            )
-        console.print(table)
-    console.print(
+        screen.print(_table(result))
+    screen.print(
         "SERVES" if result.fit else "DOES NOT SERVE", style="bold green" if result.fit else "bold red"
     )
     for reason in result.reasons:
-        console.print(f"• {reason}", markup=False)
+        screen.print(f"• {reason}")
+
+
+def _table(result: Verification) -> Table:
+    rows: list[list[str]] = []
+    for k, (norm, sigma) in enumerate(zip(result.norms, result.norm_sigmas, strict=True)):
+        turn = f"{math.degrees(result.sizes[k]):.0f}" if math.isfinite(result.sizes[k]) else "–"
+        scored = f"{math.degrees(result.angles[k]):.3f}" if math.isfinite(result.angles[k]) else "–"
+        rows.append([str(k + 1), f"{1e3 * norm:+.2f}", f"{1e3 * sigma:.2f}", turn, scored])
+    heads = ("hold", "|f| − g, mm/s²", "± expected", "turn after it, °", "gravity off by, °")
+    shown = table(heads, rows, right=range(5), title=result.recording, box="HEAVY_HEAD")
+    shown.pad_edge = True
+    return shown

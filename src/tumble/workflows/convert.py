@@ -110,11 +110,11 @@ def convert_to(
     """
     chosen = find_target(target)
     if rate is not None and not 0.0 < rate < math.inf:
-        raise UsageError(f"--rate {rate:g}: give Hz, more than 0.")
+        raise UsageError(f"--consumer-rate {rate:g}: give Hz, more than 0.")
     if noise is not None and NOISE not in chosen.holds:
         raise UsageError(f"{chosen.title} holds no noise: leave --noise out.")
     if noise is None and (inflate != (1.0, 1.0) or rate is not None):
-        raise UsageError("--inflate and --rate are about noise: give --noise too.")
+        raise UsageError("--inflate and --consumer-rate are about noise: give --noise too.")
     document = calibration
     if document is not None and not isinstance(document, Calibration):
         document = read_calibration(document)

@@ -152,7 +152,7 @@ def verify_drive(
     )
     setting.append(
         f"Biases may have moved since the calibration by {two_digits(moved[0] / 9.80665e-3)} mg and "
-        f"{two_digits(float(np.degrees(moved[1])) * 3600.0)} °/h (one sigma; --turn-on says otherwise)."
+        f"{two_digits(float(np.degrees(moved[1])) * 3600.0)} °/h (one sigma; --turn-on-bias says otherwise)."
     )
     own = setup.with_sensor_covariance(start_covariance(parts[-1], setup.states, document, moved))
     freely = _free_biases(own, grade)
@@ -410,7 +410,7 @@ def _refuse_bad_numbers(
     if durations is not None and not (len(durations) and all(0.5 <= d <= 600.0 for d in durations)):
         raise UsageError("--outages takes lengths in seconds from 0.5 to 600, as 2,10,30,60.")
     if turn_on is not None and not (turn_on[0] >= 0.0 and turn_on[1] >= 0.0):
-        raise UsageError("--turn-on takes two numbers that are not negative: mg and °/h.")
+        raise UsageError("--turn-on-bias takes two numbers that are not negative: mg and °/h.")
 
 
 def _silent(_: str) -> None:

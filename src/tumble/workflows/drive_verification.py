@@ -277,7 +277,7 @@ def _beside(found: DriveVerification, name: str) -> str:
         return ": it has changed since, or the filter's noise is stated too small"
     return (
         f" with {_allowed(found)} from one turn-on to the next: it has changed since, or this unit's biases move by "
-        "more than was said with --turn-on"
+        "more than was said with --turn-on-bias"
     )
 
 
@@ -294,9 +294,9 @@ def _on_turn_on(found: DriveVerification) -> list[str]:
     name, (estimate, times) = worst
     return [
         (
-            f"It serves if this unit's biases may move by {_allowed(found)} from one turn-on to the next (--turn-on): "
-            f"the drive finds the {_plain(name)} moved by {_practical(name, estimate)}, {abs(times):.1f} times what "
-            "the calibration's own uncertainty allows."
+            f"It serves if this unit's biases may move by {_allowed(found)} from one turn-on to the next "
+            f"(--turn-on-bias): the drive finds the {_plain(name)} moved by {_practical(name, estimate)}, "
+            f"{abs(times):.1f} times what the calibration's own uncertainty allows."
         )
     ]
 

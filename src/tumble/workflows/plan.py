@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
@@ -154,18 +154,29 @@ def plan(
     say("looking for what would help")
     verdict, advice = judge_fixture(setup, budget), advise(setup, budget)
     remarks = [*remarks, *more, *budget.remarks]
+    done = Plan(budget, verdict.suffices, verdict.words, tuple(advice), tuple(remarks), target)
     if target is not None:
         from tumble.document.result import write_text
 
-        document = {
-            **budget.to_dict(),
-            "fixture_suffices": verdict.suffices,
-            "verdict": list(verdict.words),
-            "advice": advice,
-            "remarks": remarks,
-        }
-        write_text(target, json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-    return Plan(budget, verdict.suffices, verdict.words, tuple(advice), tuple(remarks), target)
+        text = json.dumps(document_of_budget(done), indent=1, ensure_ascii=False, allow_nan=False)
+        write_text(target, f"{text}\n")
+    return done
+
+
+def document_of_budget(done: Plan) -> dict[str, Any]:
+    """Return everything about a planned test, as JSON has it.
+
+    Parameters
+    ----------
+    done : what was planned.
+    """
+    return {
+        **done.budget.to_dict(),
+        "fixture_suffices": done.suffices,
+        "verdict": list(done.verdict),
+        "advice": list(done.advice),
+        "remarks": list(done.remarks),
+    }
 
 
 def _place(site: Site | None) -> tuple[Site, list[str]]:

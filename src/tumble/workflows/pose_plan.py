@@ -571,7 +571,7 @@ def _check(
     if hold is not None and not 1.0 <= hold <= 100_000.0:
         raise UsageError(f"--hold {hold:g}: give 1 to 100000 seconds of rest in each pose.")
     if turn is not None and not 0.5 <= turn <= 3600.0:
-        raise UsageError(f"--turn {turn:g}: give 0.5 to 3600 seconds from one pose to the next.")
+        raise UsageError(f"--turn-seconds {turn:g}: give 0.5 to 3600 seconds from one pose to the next.")
     if seed < 0:
         raise UsageError(f"--seed {seed}: a seed is a whole number from 0 on.")
 

@@ -113,8 +113,8 @@ def predict_navigation(
     )
     if turn_on == (0.0, 0.0):
         remarks.append(
-            "Biases are counted as on the day of the calibration; --turn-on adds how they move from one power cycle to "
-            "the next."
+            "Biases are counted as on the day of the calibration; --turn-on-bias adds how they move from one power "
+            "cycle to the next."
         )
     unknown = [word for word in ("gyroscope.matrix",) if not any(name.startswith(word) for name in names)]
     if unknown:

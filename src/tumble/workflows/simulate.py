@@ -203,7 +203,9 @@ def _check_chamber(
 ) -> None:
     """Refuse what is not simulated in a chamber."""
     if units != "SI":
-        raise UsageError("--units counts: a unit in a chamber is simulated in SI; leave the option out.")
+        raise UsageError(
+            "--output-units counts: a unit in a chamber is simulated in SI; leave the option out."
+        )
     if table is not None or fixture is not None or lever_arm_b is not None:
         raise UsageError(
             "The protocol has soaks or ramps, and there is no table in this chamber: leave its options out."
@@ -252,7 +254,7 @@ def _generator(seed: int, what: str) -> np.random.Generator:
 def _switched_on(model: ImuModel, sigmas: tuple[float, float], rng: np.random.Generator) -> ImuModel:
     """The unit with the biases of this session."""
     if not all(0.0 <= sigma < math.inf for sigma in sigmas):
-        raise UsageError("--turn-on takes two numbers that are not negative: mg and °/h.")
+        raise UsageError("--turn-on-bias takes two numbers that are not negative: mg and °/h.")
     if sigmas == (0.0, 0.0):
         return model
     force, rate = model.accelerometer, model.gyroscope
@@ -304,17 +306,17 @@ def _check_terms(name: str, *, nonlinear: bool, wander: bool, axes: str) -> list
 
 def _check(units: str, seed: int, unit: int | None, rate: float, protocol: Protocol, per_step: bool) -> None:
     if units not in UNITS:
-        raise UsageError(f"--units {units}: a simulated recording is in {' or '.join(UNITS)}.")
+        raise UsageError(f"--output-units {units}: a simulated recording is in {' or '.join(UNITS)}.")
     for name, value in (("seed", seed), ("unit", unit)):
         if value is not None and value < 0:
             raise UsageError(f"--{name} {value}: a seed is a whole number from 0 on.")
     if not 1.0 <= rate <= 20_000.0:
-        raise UsageError(f"--rate {rate:g}: the sampling rate is in Hz, from 1 to 20000.")
+        raise UsageError(f"--sample-rate {rate:g}: the sampling rate is in Hz, from 1 to 20000.")
     samples = protocol.duration * rate
     if samples > LARGEST_SAMPLES:
         raise UsageError(
             f"The protocol lasts {protocol.duration:.0f} s, which is {samples:.3g} samples at {rate:g} Hz: "
-            f"at most {LARGEST_SAMPLES:,} are simulated; give a lower --rate."
+            f"at most {LARGEST_SAMPLES:,} are simulated; give a lower --sample-rate."
         )
     if per_step and protocol.procedure == "hand-held":
         raise UsageError(

@@ -117,7 +117,7 @@ def explain_unit(value: float, unit: str, rate: float | None = None) -> UnitExpl
     if not isfinite(value) or value < 0.0:
         raise UsageError(f"{value} is no amount of noise: give a number that is not negative.")
     if rate is not None and not (isfinite(rate) and rate > 0.0):
-        raise UsageError(f"--rate {rate:g}: a sampling rate is above 0 Hz.")
+        raise UsageError(f"--sample-rate {rate:g}: a sampling rate is above 0 Hz.")
     if unit in _KEYS:
         return _of_key(value, unit, rate)
     found = find_noise_unit(unit)
@@ -165,7 +165,7 @@ def _of_key(value: float, key: str, rate: float | None) -> UnitExplanation:
         if rate is None:
             raise UsageError(
                 f"{key} is √rate times the Allan deviation at 1 s, the standard deviation of a sample: "
-                "N follows with --rate HZ, the rate of the recording that it was found from."
+                "N follows with --sample-rate HZ, the rate of the recording that it was found from."
             )
         si = random_walk_of(value, rate)
         meaning = (
@@ -292,7 +292,9 @@ def _refusals(letter: str, rate: float | None) -> list[str]:
             "walk, and what stands for it in a filter depends on the time over which it is to be right."
         )
     if letter == "N" and rate is None:
-        refused.append("The sigma of a sample does not follow without the sampling rate: give --rate HZ.")
+        refused.append(
+            "The sigma of a sample does not follow without the sampling rate: give --sample-rate HZ."
+        )
     if letter in "QNR":
         refused.append(f"Nothing about the bias's wander (B, K) follows from {letter}: it is another term.")
     return refused

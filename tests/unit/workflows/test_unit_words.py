@@ -34,12 +34,12 @@ def test_a_bias_instability_has_two_readings_and_is_no_k() -> None:
 def test_imu_utils_numbers_are_a_sample_s_sigma_and_the_curve_s_floor() -> None:
     assert explain_unit(0.02, "imu_utils:acc_n", 100.0).si == pytest.approx(0.002)
     assert explain_unit(0.664, "imu_utils:gyr_w").si == pytest.approx(1.0, rel=1e-3)  # 0.664 is rounded
-    with pytest.raises(UsageError, match="--rate"):
+    with pytest.raises(UsageError, match="--sample-rate"):
         explain_unit(0.02, "imu_utils:gyr_n")
 
 
 def test_without_a_rate_a_sample_s_sigma_is_refused_in_a_sentence() -> None:
-    assert any("--rate" in sentence for sentence in explain_unit(1.0, "ug/√Hz").not_convertible)
+    assert any("--sample-rate" in sentence for sentence in explain_unit(1.0, "ug/√Hz").not_convertible)
 
 
 @pytest.mark.parametrize(

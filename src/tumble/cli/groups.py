@@ -1,0 +1,280 @@
+"""Groups of options: a command takes one frozen record a group, and typer sees all their options side by side."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Annotated, Any, cast, get_args, get_origin, get_type_hints
+
+import typer
+from typer.core import TyperCommand
+
+from tumble.errors import UsageError
+
+FIRST = "What people need first"
+PLACE = "Where it was recorded"
+FILE = "What the file does not say itself"
+ADVANCED = "Advanced"
+PRINTED = "What is printed"
+
+
+def option(
+    *names: str, help: str, panel: str, metavar: str = "", show_default: bool | str = False, **more: Any
+) -> Any:
+    """Declare an option: its spellings, what it says, and the panel of the help that it stands in.
+
+    Parameters
+    ----------
+    names : such as ``--output`` and ``-o``; none takes the name of the field.
+    help, panel : for ``--help``.
+    metavar : what stands for the value; empty for a flag.
+    show_default : whether the default is shown, or words for it.
+    more : for typer.
+    """
+    return typer.Option(
+        *names, help=help, rich_help_panel=panel, metavar=metavar, show_default=show_default, **more
+    )
+
+
+@dataclass(frozen=True)
+class Range:
+    """Numbers that an option takes, in its own unit, and how many SI units one of it is.
+
+    Attributes
+    ----------
+    least, most : limits that are still allowed.
+    unit : in words, for the sentence that refuses others.
+    si : factor to SI.
+    words : in place of the unit and the limits.
+    """
+
+    least: float
+    most: float
+    unit: str = "a number"
+    si: float = 1.0
+    words: str | None = None
+
+    def to_si(self, name: str, amount: float) -> float:
+        """Return an amount in SI.
+
+        Parameters
+        ----------
+        name : of the option.
+        amount : in the option's unit.
+
+        Raises
+        ------
+        UsageError
+            If it is outside the limits.
+        """
+        if not self.least <= amount <= self.most:
+            limits = self.words or f"{self.unit} from {self.least:g} to {self.most:g}"
+            raise UsageError(f"{name} {amount:g}: {limits}.")
+        return amount * self.si
+
+
+def in_si(group: Any) -> dict[str, float]:
+    """Return what was given of a group's options that have a range, by field, in SI.
+
+    Parameters
+    ----------
+    group : a record of options.
+
+    Raises
+    ------
+    UsageError
+        If a number is outside its range.
+    """
+    found: dict[str, float] = {}
+    kind = cast("type[Any]", type(group))
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        ranges = [one for one in getattr(hint, "__metadata__", ()) if isinstance(one, Range)]
+        amount = getattr(group, name)
+        if ranges and amount is not None:
+            found[name] = ranges[0].to_si(_spelling(name, hint), amount)
+    return found
+
+
+def numbers(text: str, option: str, count: int | None = None) -> tuple[float, ...]:
+    """Return numbers with commas between them.
+
+    Parameters
+    ----------
+    text, option : as typed, and where.
+    count : how many there must be; None for any.
+
+    Raises
+    ------
+    UsageError
+        If there are others.
+    """
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    wrong = not values or not all(math.isfinite(value) for value in values)
+    if wrong or (count is not None and len(values) != count):
+        many = "numbers" if count is None else f"{count} numbers"
+        raise UsageError(f"{option} takes {many} apart by commas, and {text!r} is not.")
+    return values
+
+
+def refuse_given(context: typer.Context, groups: Sequence[type], sentence: str) -> None:
+    """Refuse options of groups that mean nothing here, rather than ignore them.
+
+    Parameters
+    ----------
+    context : typer's, which knows what was typed.
+    groups : whose options are refused.
+    sentence : what is said of one, ``{}`` for its name.
+
+    Raises
+    ------
+    UsageError
+        If one was given.
+    """
+    names = {field.name for group in groups for field in fields(group)}
+    for parameter in context.command.params:
+        source = context.get_parameter_source(parameter.name or "")
+        if parameter.name in names and source is not None and source.name == "COMMANDLINE":
+            raise UsageError(sentence.format(parameter.opts[0]))
+
+
+def grouped(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command as typer takes it: each group among its parameters taken apart into its options.
+
+    Parameters
+    ----------
+    command : whose parameters are options, arguments, or records of them.
+    """
+    groups: dict[str, type] = {}
+    flat: list[inspect.Parameter] = []
+    hints = get_type_hints(command, include_extras=True)
+    for parameter in inspect.signature(command).parameters.values():
+        hint = hints[parameter.name]
+        if isinstance(hint, type) and is_dataclass(hint):
+            groups[parameter.name] = hint
+            flat += _options_of(hint)
+        else:
+            flat.append(parameter.replace(annotation=hint, kind=inspect.Parameter.KEYWORD_ONLY))
+
+    def run(**given: Any) -> None:
+        made = {
+            name: group(**{field.name: given.pop(field.name) for field in fields(group)})
+            for name, group in groups.items()
+        }
+        command(**given, **made)
+
+    run.__doc__ = flowing(command.__doc__ or "")
+    run.__signature__ = inspect.Signature(flat)  # type: ignore[attr-defined]
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in flat}
+    return run
+
+
+def _options_of(group: Any) -> list[inspect.Parameter]:
+    hints = get_type_hints(group, include_extras=True)
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    return [
+        inspect.Parameter(field.name, keyword, default=field.default, annotation=hints[field.name])
+        for field in fields(group)
+    ]
+
+
+def _spelling(name: str, hint: Any) -> str:
+    if get_origin(hint) is Annotated:
+        for one in get_args(hint)[1:]:
+            spellings = [
+                s for s in (getattr(one, "default", None), *(getattr(one, "param_decls", None) or ())) if s
+            ]
+            if spellings and isinstance(spellings[0], str):
+                return spellings[0]
+    return f"--{name.replace('_', '-')}"
+
+
+def flowing(text: str) -> str:
+    """Return a help text whose paragraphs run on, so that the terminal breaks their lines, not the source.
+
+    Parameters
+    ----------
+    text : a docstring; lines of a paragraph that begins with ``tumble`` are examples and stay as they are.
+    """
+    paragraphs = inspect.cleandoc(text).split("\n\n")
+    return "\n\n".join(
+        part if part.lstrip().startswith("tumble ") else " ".join(part.split()) for part in paragraphs
+    )
+
+
+class Command(TyperCommand):
+    """A command that still takes its options' former spellings, without showing them.
+
+    Attributes
+    ----------
+    former : former spelling -> spelling of today.
+    """
+
+    former: dict[str, str]
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the arguments, former spellings taken for those of today.
+
+        Parameters
+        ----------
+        ctx, args : typer's.
+        """
+        stop = args.index("--") if "--" in args else len(args)
+        words = [word.partition("=") for word in args[:stop]]
+        today = [self.former.get(name, name) + equals + value for name, equals, value in words]
+        return super().parse_args(ctx, today + args[stop:])
+
+    def get_help_option(self, ctx: Any) -> Any:
+        """Return ``--help``, which stands among what is printed.
+
+        Parameters
+        ----------
+        ctx : typer's.
+        """
+        found = super().get_help_option(ctx)
+        if found is not None:
+            found.rich_help_panel = PRINTED  # type: ignore[attr-defined]
+            found.metavar = ""
+        return found
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print the help.
+
+        Parameters
+        ----------
+        ctx, formatter : typer's.
+        """
+        from tumble.cli.help import print_help
+
+        print_help(self, ctx)
+
+
+def command_class(former: dict[str, str]) -> type[Command]:
+    """Return the class of a command with former spellings of options.
+
+    Parameters
+    ----------
+    former : former spelling -> spelling of today.
+    """
+    return type("Command", (Command,), {"former": former})
+
+
+__all__ = [
+    "ADVANCED",
+    "FILE",
+    "FIRST",
+    "PLACE",
+    "PRINTED",
+    "Range",
+    "command_class",
+    "flowing",
+    "grouped",
+    "in_si",
+    "numbers",
+    "option",
+    "refuse_given",
+]

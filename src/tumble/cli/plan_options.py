@@ -1,0 +1,271 @@
+"""The options of `tumble plan`, in groups by the tests that they mean something to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tumble.cli.groups import ADVANCED, FIRST, option
+from tumble.cli.options import DataSheet, Imu, NoiseFile, Seed
+
+POSES, BUDGET = "Poses (multi-position, hand-held, six-position)", "Error budget (strapdown-rotation)"
+FIXTURE = "Fixture"
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """What every plan takes."""
+
+    imu: Imu = "consumer-mems"
+    seed: Seed = 0
+
+
+@dataclass(frozen=True)
+class WishOptions:
+    """What is there already and what is wished for: of poses and of protocols."""
+
+    given: Annotated[
+        Path | None,
+        option(
+            metavar="FILE",
+            panel=FIRST,
+            help="What is there already, a recording or a calibration: the next poses, turns or rotations are said, "
+            "and when to stop.",
+        ),
+    ] = None
+    targets: Annotated[
+        str | None,
+        option(
+            metavar="NAME=N,...",
+            panel=FIRST,
+            help="Wished-for standard uncertainties, as bias=50,scale=100,misalignment=20 in µg, ppm and ″; of "
+            "protocols also gyro-bias (°/h), gyro-scale, gyro-misalignment, rotation and g-sensitivity.",
+        ),
+    ] = None
+    data_sheet: DataSheet = None
+
+
+@dataclass(frozen=True)
+class ProtocolOptions:
+    """What only a whole protocol understands."""
+
+    noise: NoiseFile = None
+    recorded: Annotated[
+        str | None,
+        option(
+            "--protocol",
+            metavar="FILE",
+            panel=ADVANCED,
+            help="With --given RECORDING: the protocol that it was recorded with, which has the table's angles.",
+        ),
+    ] = None
+    steps: Annotated[
+        bool, option("--steps/--no-steps", panel=ADVANCED, help="Judge what each step is worth (default).")
+    ] = True
+
+
+@dataclass(frozen=True)
+class PoseOptions:
+    """What only a search of poses understands."""
+
+    poses: Annotated[
+        int | None, option(metavar="N", panel=POSES, help="How many poses (9; hand-held 26).")
+    ] = None
+    minutes: Annotated[
+        float | None,
+        option(
+            "--time",
+            metavar="MINUTES",
+            panel=POSES,
+            help="Instead of --poses: how long the test may last; poses and dwells are then as many and as long "
+            "as is best.",
+        ),
+    ] = None
+    turn: Annotated[
+        float | None,
+        option(
+            "--turn-seconds",
+            metavar="S",
+            panel=POSES,
+            help="Seconds from one pose to the next (3; hand-held 2).",
+        ),
+    ] = None
+    criterion: Annotated[
+        str,
+        option(
+            metavar="A|D|E|minimax|I",
+            panel=POSES,
+            help="What is made small: A (mean variance, the default), D (volume), E (worst combination), minimax "
+            "(worst against Zhang's nine) or I (error of a corrected vector).",
+        ),
+    ] = "A"
+    wanted: Annotated[
+        str | None,
+        option(
+            "--for",
+            metavar="NAME,...",
+            panel=POSES,
+            help="What matters, such as bias or 'scale,misalignment yz' (default: everything).",
+        ),
+    ] = None
+    reach: Annotated[
+        str,
+        option(
+            metavar="REACH",
+            panel=POSES,
+            help="Which poses there are: 26 (default), sphere, two-axis, or a protocol file whose holds are a jig's "
+            "poses.",
+        ),
+    ] = "26"
+    outer: Annotated[
+        str | None,
+        option(
+            metavar="MIN,MAX,STEP",
+            panel=POSES,
+            help="Angles in ° of a two-axis fixture's level axis (-180,135,45).",
+        ),
+    ] = None
+    inner: Annotated[
+        str | None,
+        option(
+            metavar="MIN,MAX,STEP",
+            panel=POSES,
+            help="Angles in ° of the axis that it carries, the unit's z (0,315,45).",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class RestOptions:
+    """What poses and an error budget share: rests, levels and the accelerometers' noise."""
+
+    hold: Annotated[
+        float | None,
+        option(
+            metavar="S",
+            panel=FIRST,
+            help="Seconds of rest in each pose (30; hand-held 4), or before and after each sequence (10).",
+        ),
+    ] = None
+    fixture_mrad: Annotated[
+        float | None,
+        option(
+            metavar="MRAD",
+            panel=FIXTURE,
+            help="How well the fixture is levelled and the unit aligned on it, one sigma (0.1° are 1.75; default: "
+            "1, and 8.7 of a six-position test).",
+        ),
+    ] = None
+    accelerometer_noise_ug: Annotated[
+        float | None,
+        option(
+            metavar="UG/√HZ",
+            panel=ADVANCED,
+            help="The accelerometers' noise in µg/√Hz, of another data sheet.",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class BudgetOptions:
+    """What only an error budget understands."""
+
+    heading_mrad: Annotated[
+        float | None,
+        option(
+            metavar="MRAD",
+            panel=FIXTURE,
+            help="How well the outer axis' direction against north is known (default: as the fixture).",
+        ),
+    ] = None
+    execution_mrad: Annotated[
+        float | None,
+        option(
+            metavar="MRAD",
+            panel=FIXTURE,
+            help="How far beside its angle an axis stops (default: as the fixture).",
+        ),
+    ] = None
+    azimuth_deg: Annotated[
+        float,
+        option(
+            metavar="DEG",
+            panel=FIXTURE,
+            show_default=True,
+            help="Where the outer axis points, from north by east.",
+        ),
+    ] = 90.0
+    turn_rate: Annotated[
+        float, option(metavar="DEG/S", panel=FIXTURE, show_default=True, help="Rate of the rotations.")
+    ] = 57.3
+    pause: Annotated[
+        float,
+        option(
+            metavar="S",
+            panel=FIXTURE,
+            show_default=True,
+            help="Seconds between two rotations, and beside each rest.",
+        ),
+    ] = 1.0
+    gyro_walk_deg_per_root_hour: Annotated[
+        float | None,
+        option(
+            metavar="DEG/√H",
+            panel=BUDGET,
+            help="The gyros' angle random walk in °/√h, of another data sheet.",
+        ),
+    ] = None
+    gyro_pulse_arcsec: Annotated[
+        float | None,
+        option(
+            metavar="ARCSEC", panel=BUDGET, help="Size of the gyros' pulses in arc-seconds (default: none)."
+        ),
+    ] = None
+    play_backs: Annotated[
+        int,
+        option(
+            metavar="N",
+            panel=BUDGET,
+            show_default=True,
+            help="How often the recording is played back with what it told (calibrate: until it settles).",
+        ),
+    ] = 2
+    formulas: Annotated[
+        bool,
+        option(
+            "--formulas/--least-squares",
+            panel=BUDGET,
+            help="Savage's (13), or all components by least squares (default).",
+        ),
+    ] = False
+    start_bias: Annotated[
+        bool,
+        option(
+            "--start-bias/--no-start-bias",
+            panel=BUDGET,
+            help="The gyros' bias from the rest before each sequence (default).",
+        ),
+    ] = True
+    norm: Annotated[
+        bool,
+        option(
+            "--norm/--no-norm",
+            panel=BUDGET,
+            help="The vertical from the acceleration's length (default), or projected.",
+        ),
+    ] = True
+    asymmetry: Annotated[
+        bool,
+        option(
+            "--asymmetry/--no-asymmetry",
+            panel=BUDGET,
+            help="With sequences 1a to 3a (default), for gyros with asymmetry.",
+        ),
+    ] = True
+    monte_carlo: Annotated[
+        int, option(metavar="N", panel=BUDGET, help="Also draw so many tests, with all errors at once.")
+    ] = 0
+
+
+__all__ = ["BudgetOptions", "PlanOptions", "PoseOptions", "ProtocolOptions", "RestOptions", "WishOptions"]

@@ -1,0 +1,114 @@
+"""Options: each means one thing in all commands, former spellings still work, and the help teaches in 80 columns."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections import defaultdict
+from typing import Any
+
+import pytest
+import typer
+
+from tumble.cli.groups import flowing, numbers
+from tumble.cli.main import COMMANDS, FORMER, app
+from tumble.cli.terminal import plain
+from tumble.errors import UsageError
+
+RUN = "import sys; from tumble.cli.main import main; sys.argv[0] = 'tumble'; main()"
+# Of these only where a result is written, and how much is printed, differs between commands.
+OF_EACH_COMMAND = {"--output", "--quiet", "--verbose", "--help"}
+
+
+def parameters() -> dict[str, list[tuple[str, Any]]]:
+    """Spelling -> each command that has it, and what it is there."""
+    found: dict[str, list[tuple[str, Any]]] = defaultdict(list)
+    program: Any = typer.main.get_command(app)
+    for name, command in program.commands.items():
+        for parameter in command.params:
+            for spelling in [*parameter.opts, *parameter.secondary_opts]:
+                if parameter.param_type_name == "option" and spelling.startswith("--"):
+                    found[spelling].append((name, parameter))
+    return found
+
+
+def test_an_option_takes_the_same_kind_of_value_in_every_command() -> None:
+    several = {s: found for s, found in parameters().items() if len(found) > 1 and s not in OF_EACH_COMMAND}
+    assert len(several) > 12
+    kinds = {
+        s: {type(p.default).__name__ for _, p in found if p.default is not None}
+        for s, found in several.items()
+    }
+    metavars = {
+        s: {(p.metavar or "").split("|")[0].split(",")[0] for _, p in found} for s, found in several.items()
+    }
+    assert not {s for s, of in kinds.items() if len(of) > 1}
+    assert not {s for s, of in metavars.items() if len(of) > 1}
+
+
+def test_what_used_to_collide_is_one_thing() -> None:
+    found = parameters()
+    assert {p.metavar for _, p in found["--noise"]} == {"NOISE.JSON"}
+    assert {p.help for _, p in found["--rate"]} == {"Sampling rate, for a file without time stamps."}
+    assert {p.help for _, p in found["--topic"] if _ != "convert"} == {p.help for _, p in found["--topic"]}
+    assert len({p.help for _, p in found["--turn-on-bias"]}) == 1
+    assert "simulate" not in dict(found["--units"])
+
+
+@pytest.mark.parametrize("command", FORMER)
+def test_a_former_spelling_is_taken_but_not_shown(command: str) -> None:
+    shown = {spelling for spelling, found in parameters().items() if command in dict(found)}
+    assert not set(FORMER[command]) & shown
+    assert set(FORMER[command].values()) <= shown
+
+
+def test_a_former_spelling_does_what_it_did(tumble: Any) -> None:
+    for spelling in ("--rate", "--sample-rate"):
+        answer = tumble("units", "explain", "0.0026", "imu_utils:gyr_n", spelling, "200")
+        assert answer.status == 0, answer
+        assert answer.out == tumble("units", "explain", "0.0026", "imu_utils:gyr_n", f"{spelling}=200").out
+    answer = tumble("simulate", "six-position", "--units", "furlong")
+    assert "--output-units furlong" in answer.err
+
+
+@pytest.mark.parametrize("command", sorted(COMMANDS))
+def test_the_help_fits_into_80_columns_and_cuts_no_name(command: str) -> None:
+    answer = subprocess.run(
+        [sys.executable, "-c", RUN, command, "--help"],
+        env={**os.environ, "COLUMNS": "80", "NO_COLOR": "1", "TERM": "dumb"},
+        capture_output=True,
+        encoding="utf-8",
+        check=False,
+    )
+    assert answer.returncode == 0, answer.stderr
+    lines = answer.stdout.splitlines()
+    assert max(map(len, lines)) <= 80
+    for spelling, found in parameters().items():
+        if command in dict(found) and spelling != "--help":
+            assert any(spelling in line for line in lines), spelling
+    # Options that people need first stand first, what all commands have last.
+    titles = [line for line in lines if line and line[0] not in " UW" and not line.endswith(".")]
+    if "What people need first" in titles:
+        after = titles[titles.index("What people need first") :]
+        assert after[-1] == "What is printed"
+
+
+def test_a_help_text_flows_and_its_examples_stay() -> None:
+    assert (
+        flowing("One\ntwo.\n\ntumble demo -o x\n\nThree\nfour.")
+        == "One two.\n\ntumble demo -o x\n\nThree four."
+    )
+
+
+def test_numbers_that_are_none_are_refused() -> None:
+    assert numbers("1,2.5", "--x") == (1.0, 2.5)
+    for wrong in ("", "1,,2", "nan", "1,inf", "a"):
+        with pytest.raises(UsageError, match="--x takes numbers"):
+            numbers(wrong, "--x")
+    with pytest.raises(UsageError, match="3 numbers"):
+        numbers("1,2", "--x", 3)
+
+
+def test_what_a_terminal_obeys_is_written_out() -> None:
+    assert plain("a\x1b[31mb\u202ec\x9bd\udcffe\tf\n") == "a\\x1b[31mb\\u202ec\\x9bd\\xffe\tf\n"
