@@ -12,6 +12,7 @@ from tumble.recording.rest import block_statistics, sample_pieces
 _TOLERANCE = 0.15  # of a ratio of units, as a logarithm; an uncalibrated MEMS is off by a few per cent
 # Between the units of specific force that recordings come in, m/s², g, mg and ft/s², and those of counts, lie these.
 _FORCE_RATIOS = (9.80665, 1000.0 / 9.80665, 1000.0, 32.174, 3.28084)
+_LEAST_SECONDS = 20
 _LEAST_SHARE = 0.04  # of the seconds, in either unit
 _RATE_RATIOS = (
     180.0 / np.pi,
@@ -21,6 +22,7 @@ _RATE_RATIOS = (
 _WINDOW = 0.3  # s
 _LEAST_TURN = 0.1  # rad that gravity turns over a window that tells
 _LEAST_WINDOWS = 6  # on either side
+_SAME_AXIS = 0.8  # cosine between the axes that gyro and gravity turn about, in either unit
 _TURN_SPREAD = 0.6  # of logarithms: turns about inclined axes turn gravity less than themselves
 
 
@@ -36,9 +38,11 @@ def two_force_levels(force: Vectors, rate: float) -> tuple[float, float] | None:
     """
     size = max(round(rate), 1)
     whole = force[: len(force) // size * size]
-    if len(whole) < 20 * size:
+    quarters = np.quantile(np.linalg.norm(whole, axis=1).reshape(-1, size), [0.25, 0.5, 0.75], axis=1)
+    # a second in which it is shaken has no level
+    norms = quarters[1][quarters[2] - quarters[0] < _TOLERANCE * quarters[1]]
+    if norms.size < _LEAST_SECONDS:
         return None
-    norms = np.median(np.linalg.norm(whole, axis=1).reshape(-1, size), axis=1)
     ordered = np.sort(np.log(np.maximum(norms, 1e-300)))
     least = max(2, int(_LEAST_SHARE * ordered.size))
     cut = int(np.argmax(np.diff(ordered)[least - 1 : -least + 1])) + least
@@ -118,10 +122,24 @@ def _by_turns(force: Vectors, rates: Vectors, size: int, rate: float) -> tuple[i
     lengths = np.linalg.norm(first, axis=1) * np.linalg.norm(last, axis=1)
     cosine = np.einsum("wi,wi->w", first, last) / np.maximum(lengths, 1e-300)
     gravity = np.arccos(np.clip(cosine, -1.0, 1.0))
-    gyro = np.linalg.norm(rates[: count * size].reshape(count, size, 3).sum(axis=1), axis=1) / rate
+    turned = rates[: count * size].reshape(count, size, 3).sum(axis=1) / rate
+    gyro = np.linalg.norm(turned, axis=1)
     told = np.flatnonzero((gravity > _LEAST_TURN) & (gyro > 0.0))
     jump = _jump(np.log(gyro[told] / gravity[told]), _TURN_SPREAD)
-    return None if jump is None else (int(told[jump[0]]), jump[1])
+    if jump is None:
+        return None
+    # where it is shaken, the force swings about another axis than the gyros
+    axes = np.cross(last[told], first[told])
+    along = np.einsum("wi,wi->w", axes, turned[told])
+    level = turned[told] - first[told] * _shares(turned[told], first[told])[:, None]
+    cosine = along / np.maximum(np.linalg.norm(axes, axis=1) * np.linalg.norm(level, axis=1), 1e-300)
+    agree = min(abs(float(np.median(part))) for part in (cosine[: jump[0]], cosine[jump[0] :]))
+    return (int(told[jump[0]]), jump[1]) if agree > _SAME_AXIS else None
+
+
+def _shares(vectors: Vectors, others: Vectors) -> Series:
+    """How many times the other each vector has along it."""
+    return np.einsum("wi,wi->w", vectors, others) / np.maximum(np.einsum("wi,wi->w", others, others), 1e-300)
 
 
 def _by_rest(force: Vectors, rates: Vectors, size: int) -> tuple[int, float] | None:

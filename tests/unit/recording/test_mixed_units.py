@@ -149,3 +149,23 @@ def test_increments_of_ten_hertz_look_like_g_which_is_said() -> None:
     recording = read_recording(pl.DataFrame({"t": np.arange(COUNT) / 10.0, **columns}))
     assert recording.specific_force_unit == "g"
     assert any("if it holds those, say --units m/s,rad" in r.text for r in recording.remarks)
+
+
+@pytest.mark.parametrize("amplitude", [3.0, 32.0])
+def test_a_unit_that_is_shaken_at_the_end_has_not_changed_its_units(
+    motion: tuple[np.ndarray, np.ndarray], amplitude: float
+) -> None:
+    """The force swings without a turn, or has a norm of some other unit: of thirty shakes several were refused."""
+    for seed in range(15):
+        rng = np.random.default_rng(seed)
+        time = np.arange(round(12 * RATE)) / RATE
+        way = rng.normal(size=3)
+        swing = np.outer(np.sin(2.0 * np.pi * rng.uniform(2.0, 7.0) * time), way / np.linalg.norm(way))
+        noise = rng.normal(size=(2, len(time), 3))
+        force = motion[0][-1] + amplitude * (swing + 0.2 * noise[0])
+        rate = motion[1][-1] * 0.0 + 0.02 * (swing + 0.2 * noise[1])
+        joined = [np.vstack([a[: -len(time)], b]) for a, b in zip(motion, (force, rate), strict=True)]
+        recording = read_recording(
+            frame(joined[0], **{f"g{a}": joined[1][:, i] for i, a in enumerate("xyz")})
+        )
+        assert recording.specific_force_unit == "m/s^2"
