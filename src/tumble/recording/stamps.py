@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +33,11 @@ _WRAPS = (
 _MOST_DUPLICATES = 0.05
 _BREAK = 2.0  # s that a clock which begins anew is taken to have been away
 _SAME_STEP = 0.05
+_LEAST_BURSTS = 100
+_BURST_FACTOR = (
+    4.0  # from which on steps between bursts are so many times those within, lost samples being few
+)
+_LONGEST_BURST = 0.5  # s that samples wait to be sent; a logger that sleeps on purpose waits longer
 _LEAST_PART = (
     3  # samples between two resets of a clock; before the first and after the last there may be fewer
 )
@@ -170,6 +175,10 @@ def order_stamps(
             Remark("mended", f"{name}: {doubles} row(s) with a repeated stamp left out (first: {first}).")
         )
         raw, steps = raw[keep], steps[steps > 0.0]
+    evened = _even_out(raw, steps, unit, rate, name)
+    if evened is not None:
+        _check_rate(evened.rate, rate, name, evened.unit)
+        return replace(evened, keep=keep, remarks=[*remarks, *evened.remarks])
     unit = _unit_of(_median(steps), unit, rate, name, remarks)
     factor = time_factor(unit)
     # Contiguous, for what is computed with it; a column may lie among others.
@@ -182,6 +191,44 @@ def order_stamps(
         remarks.append(Remark("unchecked", text))
     gaps = _gaps_of(steps, found) if time.size > 2 else ()
     return Stamps(time, keep, gaps, found, unit, remarks)
+
+
+def _even_out(raw: Series, steps: Series, unit: str | None, rate: float | None, name: str) -> Stamps | None:
+    """Stamps of samples that arrive in bursts, laid evenly; None where they do not.
+
+    Such stamps are of the arrival: within a burst they are as near as a computer reads, and between bursts far apart,
+    while the count of samples grows evenly with time. After lost samples it does not.
+    """
+    within = _median(steps)
+    long = steps > _BURST_FACTOR * within
+    if np.count_nonzero(long) < _LEAST_BURSTS or steps[long].sum() < 0.5 * (raw[-1] - raw[0]):
+        return None
+    between = float(np.median(steps[long]))
+    size = 1.0 + (steps.size - np.count_nonzero(long)) / np.count_nonzero(long)
+    said: list[Remark] = []
+    unit = _unit_of(between / size, unit, rate, name, said)
+    factor = time_factor(unit)
+    edges = [0, *(int(i) + 1 for i in np.flatnonzero(steps > _BURST_FACTOR * between)), raw.size]
+    even, taken, samples = np.array(raw * factor), 0.0, 0
+    for start, stop in itertools.pairwise(edges):
+        index = np.arange(stop - start, dtype=np.float64)
+        if index.size < 2.0 * size:
+            return None
+        slope, first = np.polyfit(index, even[start:stop], 1)
+        line = first + slope * index
+        if np.max(np.abs(even[start:stop] - line)) > 1.5 * factor * between:
+            return None
+        even[start:stop] = line
+        taken, samples = taken + float(slope) * index.size, samples + index.size
+    if factor * between > _LONGEST_BURST:
+        return None
+    found = samples / taken
+    text = (
+        f"{name}: the stamps come in bursts of about {size:.2g}, {factor * between:.3g} s apart: they are of the "
+        f"arrival. The samples are taken as evenly spaced, at {found:.5g} Hz."
+    )
+    said.append(Remark("assumed", text))
+    return Stamps(even, np.ones(raw.size, bool), tuple(edges[1:-1]), found, unit, said)
 
 
 def _more(count: int) -> str:

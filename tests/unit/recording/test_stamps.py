@@ -121,3 +121,30 @@ def test_blocks_are_the_recording_cut_in_pieces(tumbled, csv, monkeypatch) -> No
     assert np.array_equal(np.concatenate([b.time for b in blocks]), whole.time)
     assert np.array_equal(np.vstack([b.specific_force for b in blocks]), whole.specific_force)
     assert blocks[0].sources == whole.sources
+
+
+@pytest.mark.parametrize(("burst", "within"), [(3, 0.0019), (8, 0.0001), (5, 0.0002)])
+def test_stamps_of_samples_that_arrive_in_bursts_are_laid_evenly(tumbled, csv, burst, within) -> None:
+    rng = np.random.default_rng(2)
+    index = np.arange(len(tumbled.time))
+    true = index / 99.0
+    arrival = (index // burst + 1) * burst / 99.0 + (index % burst) * within
+    arrival += rng.uniform(0.0, 1e-4, len(index))[index // burst * burst]
+    arrival[index > 3000] += 7.0  # samples are missing here
+    recording = read_recording(csv(with_time(tumbled, arrival)))
+    assert recording.rate == pytest.approx(99.0, rel=1e-3)
+    assert len(recording) == len(index)
+    assert len(recording.gaps) == 1
+    assert abs(recording.gaps[0] - 3001) < burst
+    part = slice(0, 2990)
+    # evenly, but for the common delay of an arrival
+    assert np.ptp(recording.time[part] - true[part]) < 0.01
+    assert any(f"bursts of about {burst}" in remark.text for remark in recording.remarks)
+
+
+def test_lost_samples_are_no_bursts(tumbled, csv) -> None:
+    rng = np.random.default_rng(3)
+    kept = rng.random(len(tumbled.time)) > 0.4
+    recording = read_recording(csv(with_time(tumbled, tumbled.time)[kept]))
+    assert np.array_equal(recording.time, tumbled.time[kept])
+    assert not any("bursts" in remark.text for remark in recording.remarks)
