@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import Series
+from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
+from tumble.recording.formats.streams import Samples, merge_streams
 from tumble.recording.formats.table import RawTable, as_columns, hash_file
 from tumble.recording.recording import Remark
 
@@ -39,7 +40,8 @@ def table_from_variables(
     """Put the arrays of one file side by side as the columns of a table.
 
     The number of samples is the longest side that occurs most often; arrays of another length are
-    left out with a remark. A lone matrix keeps its columns without names; (samples, 3) arrays called
+    left out with a remark. Two arrays of a stamp and a triad each, whose names say which is which, are put onto the
+    gyro's stamps. A lone matrix keeps its columns without names; (samples, 3) arrays called
     ``name`` become ``name_x``, ``name_y``, ``name_z``. A single number called ``fs`` or ``rate`` is
     the sampling rate.
 
@@ -66,6 +68,9 @@ def table_from_variables(
             f"{path.name} holds no table of samples (variables: {', '.join(variables) or 'none'}); "
             "give a matrix with one row a sample, or arrays such as t, acc and gyr."
         )
+    pair = _stamped_pair(path, arrays)
+    if pair is not None:
+        return pair
     rows = max(lengths, key=lambda n: (lengths[n], n))
     used = {n: _tall(n, a, rows, remarks) for n, a in arrays.items() if rows in a.shape}
     left = sorted(set(arrays) - set(used))
@@ -86,6 +91,34 @@ def table_from_variables(
     if rate is not None:
         remarks.append(Remark("found", f"{path.name} states a sampling rate of {rate:g} Hz."))
     return RawTable(path, None if lone else tuple(names), columns, hash_file(path), remarks, rate=rate)
+
+
+def _stamped_pair(path: Path, arrays: Mapping[str, npt.NDArray[np.float64]]) -> RawTable | None:
+    """Two arrays of four columns, stamps first or last, as one table on the gyro's stamps; None if there are none."""
+    from tumble.recording.columns import kind_of_file
+    from tumble.recording.content import is_time_like
+
+    found: dict[str, tuple[str, Series, Vectors]] = {}
+    for name, array in arrays.items():
+        columns = array if array.shape[-1] == 4 else array.T
+        kind = kind_of_file(name)
+        stamps = [
+            i for i in (0, 3) if columns.ndim == 2 and columns.shape[1] == 4 and is_time_like(columns[:, i])
+        ]
+        if not stamps or kind is None or kind in found:
+            continue
+        found[kind] = name, columns[:, stamps[0]], np.delete(columns, stamps[0], axis=1)
+    if len(found) < 2:
+        return None
+    (force_name, force_time, force), (rate_name, rate_time, rates) = found["a"], found["g"]
+    samples, remarks = merge_streams(
+        path.name, (force_name, Samples(force_time, force)), (rate_name, Samples(rate_time, None, rates))
+    )
+    names = ("t", *(f"{letter}{axis}" for letter in "ag" for axis in "xyz"))
+    assert samples.specific_force is not None
+    assert samples.angular_rate is not None
+    columns = [samples.time, *as_columns(samples.specific_force), *as_columns(samples.angular_rate)]
+    return RawTable(path, names, columns, hash_file(path), remarks)
 
 
 def is_rate_name(name: str) -> bool:
