@@ -47,7 +47,7 @@ from runs import RUNS, Step  # noqa: E402
 def play(name: str) -> dict[str, object]:
     """Return what each step of a run leaves behind: status, both streams and the files that are new."""
     before = Path.cwd()
-    folder = Path(tempfile.mkdtemp(prefix="net-"))
+    folder = Path(tempfile.mkdtemp(prefix="net_"))
     os.chdir(folder)
     outcome: dict[str, object] = {}
     seen: dict[Path, int] = {}

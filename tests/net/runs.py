@@ -49,7 +49,8 @@ _protocol("laboratory", 10, "o", "oj")
 _protocol("strapdown-rotation", 20, grade="ring-laser")
 _protocol("thermal-soak", 2)
 _protocol("thermal-ramp", 2)
-_protocol("thermal-fridge", 10, consumer="oj", sheet="o")
+# Its joint run is refused, and round-off decides which of many combinations is named.
+_protocol("thermal-fridge", 10, "o", "o")
 _protocol("hand-held", 50, grade="industrial-mems")
 
 
@@ -148,7 +149,8 @@ RUNS["turn-ons"] = [
 ]
 RUNS["array"] = [
     f"{_HAND} --seed 3 --unit 100 -o left",
-    f"{_HAND} --seed 3 --unit 101 -o right",
+    # Another rate: the same motion, other noise.
+    "simulate hand-held --gravity 9.81 --rate 40 --seed 3 --unit 101 -o right",
     "calibrate left/recording.csv right/recording.csv --array --no-optional-terms --gravity 9.81 -o both",
 ]
 RUNS["noise"] = [
@@ -212,8 +214,10 @@ RUNS["algebra"] = [
     "compose own second -o both.json",
     "compose own second --merge -o one.json",
     "invert one.json -o undone.json",
-    "diff own one.json",
-    "diff own one.json --json",
+    # Of two recordings: between a calibration and itself merged with another the uncertainty is round-off.
+    "calibrate later/recording.csv --gravity 9.81 -o other",
+    "diff own other",
+    "diff own other --json",
     "verify own later/recording.csv",
     "verify one.json later/recording.csv --json",
     "apply own corrected.csv -o twice.csv",
@@ -249,9 +253,8 @@ RUNS["mount"][2:2] = [_rest("level.yaml", "z"), _rest("pitched.yaml", "x")]
 RUNS["plan-poses"] = [
     "plan multi-position --imu tactical --site 48.1 --poses 12 --hold 8 -o made",
     "plan multi-position --imu ring-laser --time 4 --criterion D --json",
-    "plan hand-held --poses 9 --for bias -v",
+    # Neither a search by hand nor on two axes: of equally good sets round-off takes one.
     "plan six-position --imu hg1700",
-    "plan multi-position --reach two-axis --poses 9",
 ]
 RUNS["plan-protocols"] = [
     "plan six-position --imu tactical --data-sheet tactical --fixture-mrad 2",
@@ -270,7 +273,7 @@ RUNS["plan-joint"] = [
 ]
 RUNS["reproduce"] = [
     "reproduce",
-    "reproduce hayal-4.5",
+    "reproduce zhang-sensitivity",
     "reproduce savage-12 --json",
     "reproduce zhang-6 --repetitions 50",
     "reproduce savage-contradictions",
