@@ -150,8 +150,8 @@ def interpret(
     UsageError
         If the declared rate is not positive.
     """
-    if rate is not None and not (np.isfinite(rate) and rate > 0.0):
-        raise UsageError(f"--rate {rate:g}: give a positive number of samples a second.")
+    if rate is not None and not stamps.RATES[0] <= rate <= stamps.RATES[1]:
+        raise UsageError(f"--rate {rate:g}: give a positive number of samples a second, as 100.")
     remarks = [*table.remarks, *remarks, *about_units(table, plan, units)]
     plan = replace(plan, temperature_unit=units.temperature or plan.temperature_unit)
     declared_rate = rate if rate is not None or plan.time is not None else table.rate

@@ -16,6 +16,8 @@ from tumble.units import time_factor
 
 _PLAUSIBLE_RATE = (5.0, 5000.0)  # Hz: slow loggers in seconds are many, rates above in milliseconds few
 _USUAL_RATE = (5.0, 20_000.0)  # Hz
+RATES = (1e-5, 1e8)
+"""Hz: a sample a day, and more than any sensor gives; beyond them a number is no rate."""
 _NEAR_EDGE = 3.0  # times the rate of an edge within which the neighbouring unit is named too
 _GAP_FACTOR = 1.6  # of the median step: one missing sample doubles the step, jitter rarely reaches this
 _WRAPS = (
@@ -185,6 +187,11 @@ def order_stamps(
     time = np.ascontiguousarray(raw) if factor == 1.0 else raw * factor
     steps = steps if factor == 1.0 else steps * factor
     found = _nominal_rate(steps, float(time[-1] - time[0]))
+    if not RATES[0] <= found <= RATES[1]:
+        raise RecordingError(
+            f"{name}: the stamps (in {unit}) give {found:.3g} Hz, which no sensor has; leave the time column out with "
+            "--columns and give --rate HZ."
+        )
     _check_rate(found, rate, name, unit)
     if not _USUAL_RATE[0] <= found <= _USUAL_RATE[1]:
         text = f"A rate of {found:.3g} Hz is unusual for an IMU; check the unit of time ({unit})."

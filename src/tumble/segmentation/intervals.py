@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tumble.errors import SegmentationError
+from tumble.files import lines_of, number_of, read_text
 from tumble.recording.recording import Recording
 from tumble.segmentation.timeline import Hold
 
@@ -30,7 +31,7 @@ def read_intervals(path: str | Path) -> list[tuple[float, float]]:
         or overlaps or precedes the line before it; the message names the line.
     """
     try:
-        lines = Path(path).read_text(encoding="utf-8").splitlines()
+        lines = lines_of(read_text(Path(path)))
     except (OSError, UnicodeDecodeError) as problem:
         raise SegmentationError(
             f"{path}: the interval file cannot be read ({_why(problem)}); "
@@ -61,7 +62,7 @@ def _why(problem: OSError | UnicodeDecodeError) -> str:
 
 def _is_number(word: str) -> bool:
     try:
-        float(word)
+        number_of(word)
     except ValueError:
         return False
     return True

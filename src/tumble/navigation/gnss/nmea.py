@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from pathlib import Path
 
 import numpy as np
 
 from tumble.errors import RecordingError
+from tumble.files import lines_of, number_of, read_text
 from tumble.navigation.gnss.time_scales import gps_from_utc, seconds_of_date
 from tumble.navigation.gnss.track import GnssTrack, make_track
 from tumble.recording.recording import Remark
@@ -53,7 +54,7 @@ def read_nmea(path: Path) -> GnssTrack:
     RecordingError
         If there is no position, or no date.
     """
-    text = path.read_bytes().decode("ascii", errors="replace")
+    text = read_text(path, errors="replace")
     epochs, broken, latest = _epochs(text)
     rows = [
         (utc, epoch) for utc, epoch in epochs.items() if np.isfinite(epoch.latitude) and epoch.quality > 0
@@ -85,7 +86,7 @@ def _epochs(text: str) -> tuple[dict[float, _Epoch], int, float | None]:
     epochs: dict[float, _Epoch] = {}
     waiting: list[tuple[str, list[str]]] = []
     broken, date, last = 0, None, -1.0
-    for line in text.splitlines():
+    for line in lines_of(text):
         start = line.find("$")
         if start < 0:
             continue
@@ -94,25 +95,37 @@ def _epochs(text: str) -> tuple[dict[float, _Epoch], int, float | None]:
             broken += 1
             continue
         kind = words[0][2:]
-        if kind == "ZDA" and len(words) > 4 and words[2] and words[4]:
-            date = seconds_of_date(f"{words[4]}/{words[3]}/{words[2]} 00:00:00")
-            last = _seconds(words[1])
-        if kind == "RMC" and len(words) > 9 and words[9]:
-            year = int(words[9][4:6])
-            year += 1900 if year >= 80 else 2000
-            date = seconds_of_date(f"{year}/{words[9][2:4]}/{words[9][:2]} 00:00:00")
-            last = _seconds(words[1])
+        try:
+            date, last = _dated(kind, words) or (date, last)
+        except (ValueError, RecordingError):
+            broken += 1
+            continue
         if kind in ("GGA", "RMC", "GST") and len(words) > 8 and words[1]:
             waiting.append((kind, words))
         if date is None:
             continue
         for what, held in waiting:
             # after midnight GGA may come before the sentence with the new date, and the other way round
-            second = _seconds(held[1])
-            day = _DAY if second - last < -0.5 * _DAY else (-_DAY if second - last > 0.5 * _DAY else 0.0)
-            _read(what, held, epochs.setdefault(round(date + day + second, 4), _Epoch()))
+            try:
+                second = _seconds(held[1])
+                day = _DAY if second - last < -0.5 * _DAY else (-_DAY if second - last > 0.5 * _DAY else 0.0)
+                at = round(date + day + second, 4)
+                epochs[at] = _with(what, held, epochs.get(at, _Epoch()))
+            except ValueError:
+                broken += 1
         waiting.clear()
     return epochs, broken, date
+
+
+def _dated(kind: str, words: list[str]) -> tuple[float, float] | None:
+    """Return the day that a sentence tells (s since 1980) and its second of the day, or None."""
+    if kind == "ZDA" and len(words) > 4 and words[2] and words[4]:
+        return seconds_of_date(f"{words[4]}/{words[3]}/{words[2]} 00:00:00"), _seconds(words[1])
+    if kind == "RMC" and len(words) > 9 and words[9]:
+        year = int(words[9][4:6])
+        year += 1900 if year >= 80 else 2000
+        return seconds_of_date(f"{year}/{words[9][2:4]}/{words[9][:2]} 00:00:00"), _seconds(words[1])
+    return None
 
 
 def _sentence(line: str) -> list[str] | None:
@@ -126,30 +139,32 @@ def _sentence(line: str) -> list[str] | None:
     return words if good and len(words[0]) == 5 else None
 
 
-def _read(kind: str, words: list[str], epoch: _Epoch) -> None:
-    """Put what a sentence says into its epoch."""
+def _with(kind: str, words: list[str], epoch: _Epoch) -> _Epoch:
+    """Return an epoch with what a sentence says; ValueError where that is no number."""
+    epoch = replace(epoch)
     if kind == "GGA" and len(words) > 11 and words[2] and words[4]:
         epoch.latitude = _angle(words[2]) * (-1.0 if words[3] == "S" else 1.0)
         epoch.longitude = _angle(words[4]) * (-1.0 if words[5] == "W" else 1.0)
-        epoch.quality = int(words[6] or 0)
-        epoch.dilution = float(words[8] or 1.0)
-        epoch.height = float(words[9] or "nan") + float(words[11] or 0.0)
+        epoch.quality = int(number_of(words[6] or "0"))
+        epoch.dilution = number_of(words[8] or "1")
+        epoch.height = (number_of(words[9]) if words[9] else np.nan) + number_of(words[11] or "0")
     elif kind == "RMC" and words[2] == "A":
-        epoch.speed = float(words[7] or "nan") * _KNOT
+        epoch.speed = (number_of(words[7]) if words[7] else np.nan) * _KNOT
         # a receiver at rest leaves the course out
-        epoch.course = float(np.radians(float(words[8] or 0.0)))
+        epoch.course = float(np.radians(number_of(words[8] or "0")))
     elif kind == "GST" and all(words[6:9]):
-        epoch.sigmas = [float(word) for word in words[6:9]]
+        epoch.sigmas = [number_of(word) for word in words[6:9]]
+    return epoch
 
 
 def _angle(word: str) -> float:
     """Degrees and minutes as ddmm.mmm, in rad."""
     dot = word.find(".") if "." in word else len(word)
-    return float(np.radians(float(word[: dot - 2] or 0) + float(word[dot - 2 :]) / 60.0))
+    return float(np.radians(number_of(word[: dot - 2] or "0") + number_of(word[dot - 2 :]) / 60.0))
 
 
 def _seconds(word: str) -> float:
-    return int(word[:2]) * 3600.0 + int(word[2:4]) * 60.0 + float(word[4:])
+    return int(word[:2]) * 3600.0 + int(word[2:4]) * 60.0 + number_of(word[4:])
 
 
 def _track(rows: list[tuple[float, _Epoch]], name: str, remarks: tuple[Remark, ...]) -> GnssTrack:
@@ -177,7 +192,7 @@ def _track(rows: list[tuple[float, _Epoch]], name: str, remarks: tuple[Remark, .
 
 
 def _kinds(text: str) -> str:
-    found = {line[line.find("$") + 3 :][:3] for line in text.splitlines() if "$" in line}
+    found = {line[line.find("$") + 3 :][:3] for line in lines_of(text) if "$" in line}
     return ", ".join(sorted(found)) or "none"
 
 

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from tumble.errors import RecordingError
+from tumble.files import opened
 from tumble.navigation.gnss.nmea import read_nmea
 from tumble.navigation.gnss.rtklib import read_rtklib
 from tumble.navigation.gnss.text import read_text_track
@@ -34,18 +35,17 @@ def read_track(path: str | os.PathLike[str]) -> GnssTrack:
     """
     path = Path(path)
     try:
-        with path.open("rb") as file:
+        with opened(path) as file:
             head = file.read(4096)
     except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error.strerror}.") from error
+        raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
     if not head.strip():
         raise RecordingError(f"{path.name} is empty.")
-    kind = _kind(head)
-    if kind == "ubx":
-        return read_ubx(path)
-    if kind == "nmea":
-        return read_nmea(path)
-    return read_rtklib(path) if kind == "rtklib" else read_text_track(path)
+    reader = {"ubx": read_ubx, "nmea": read_nmea, "rtklib": read_rtklib, "csv": read_text_track}[_kind(head)]
+    try:
+        return reader(path)
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
 
 
 def _kind(head: bytes) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from tumble.arrays import Matrices, Table, Vectors
 from tumble.earth import geodetic_position, rotations_to_earth_frame
 from tumble.errors import RecordingError
+from tumble.files import lines_of, number_of, read_text
 from tumble.navigation.gnss.time_scales import WEEK, gps_from_utc, seconds_of_date
 from tumble.navigation.gnss.track import GnssTrack, in_order
 from tumble.recording.recording import Remark
@@ -31,7 +32,7 @@ def read_rtklib(path: Path) -> GnssTrack:
     RecordingError
         If there is no header with the names of the columns, a row does not have as many, or a value is none.
     """
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    lines = lines_of(read_text(path, errors="replace"))
     names, scale = _columns(lines, path.name)
     time, table, dropped = _numbers(lines, len(names), path.name)
     if not len(table):
@@ -86,7 +87,7 @@ def _numbers(lines: Sequence[str], columns: int, name: str) -> tuple[np.ndarray,
             if re.match(r"\d{4}/", words[0]):
                 times.append(seconds_of_date(f"{words[0]} {words[1]}"))
             else:
-                times.append(int(words[0]) * WEEK + float(words[1]))
+                times.append(number_of(words[0]) * WEEK + number_of(words[1]))
             rows.append([float(word) for word in words[2:]])
         except ValueError as error:
             raise RecordingError(

@@ -10,6 +10,7 @@ import numpy as np
 
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
+from tumble.files import lines_of, read_text
 from tumble.navigation.gnss.time_scales import UNIX_TO_GPS, WEEK, gps_from_unix, gps_from_utc, seconds_of_date
 from tumble.navigation.gnss.track import GnssTrack, make_track
 from tumble.recording.recording import Remark
@@ -67,9 +68,9 @@ def read_text_track(path: Path) -> GnssTrack:
     RecordingError
         If the header does not name time, latitude, longitude and height, or a value is no number.
     """
-    lines = [
-        line for line in path.read_text(encoding="utf-8-sig", errors="replace").splitlines() if line.strip()
-    ]
+    lines = [line for line in lines_of(read_text(path, errors="replace")) if line.strip()]
+    if not lines:
+        raise RecordingError(f"{path.name} is empty.")
     separator = next((s for s in (",", ";", "\t") if s in lines[0]), None)
     header = [word.strip().strip('"') for word in lines[0].lstrip("#%").split(separator)]
     columns = _columns(header, path.name)

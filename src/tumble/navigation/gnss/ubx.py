@@ -11,8 +11,10 @@ import numpy as np
 
 from tumble.arrays import Matrices
 from tumble.errors import RecordingError
+from tumble.files import opened
 from tumble.navigation.gnss.time_scales import WEEK, gps_from_utc, seconds_of_date
 from tumble.navigation.gnss.track import GnssTrack, in_order, make_track
+from tumble.recording.formats.damage import foreign
 from tumble.recording.recording import Remark
 
 # Seconds that a time of week may be away from the date's: half a week.
@@ -58,7 +60,7 @@ def _messages(path: Path) -> list[Any]:
         raise RecordingError(
             f"{path.name} is UBX, which is read by the library pyubx2: install it with pip install 'tumble[gnss]'."
         ) from error
-    with path.open("rb") as file:
+    with foreign(path, "UBX file"), opened(path) as file:
         reader: Any = library.UBXReader(file, protfilter=library.UBX_PROTOCOL, quitonerror=0)
         return [message for _, message in reader if message is not None]
 

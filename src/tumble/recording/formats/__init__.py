@@ -16,6 +16,7 @@ from pathlib import Path
 from types import ModuleType
 
 from tumble.errors import RecordingError, UsageError
+from tumble.files import opened
 from tumble.recording.formats import (
     archive,
     compressed,
@@ -36,7 +37,7 @@ from tumble.recording.formats import (
     ulog,
     xsens,
 )
-from tumble.recording.formats.table import RawTable, hash_file
+from tumble.recording.formats.table import RawTable, hash_file, measurable
 from tumble.recording.recording import Source
 
 FORMATS: tuple[ModuleType, ...] = (
@@ -78,7 +79,7 @@ def find_format(path: Path) -> ModuleType:
     try:
         if path.is_dir():
             return _format_of_folder(path)
-        with path.open("rb") as file:
+        with opened(path) as file:
             head = file.read(HEAD)
     except FileNotFoundError as error:
         raise RecordingError(f"{path} does not exist.") from error
@@ -151,7 +152,7 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
         table: RawTable = format_.read_table(*_arguments(format_, path, topics))
     except OSError as error:
         raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
-    return table
+    return measurable(table)
 
 
 def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
@@ -172,9 +173,9 @@ def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTab
     arguments = _arguments(format_, path, topics)
     try:
         if hasattr(format_, "read_table_blocks"):
-            yield from format_.read_table_blocks(*arguments)
+            yield from map(measurable, format_.read_table_blocks(*arguments))
             return
-        table = format_.read_table(*arguments)
+        table = measurable(format_.read_table(*arguments))
     except OSError as error:
         raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
     for start in range(0, len(table), _BLOCK_ROWS):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import lzma
 import tempfile
 import zipfile
 import zlib
@@ -9,15 +10,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tumble.errors import RecordingError
+from tumble.files import opened
 from tumble.recording.formats import folder, npz
+from tumble.recording.formats.compression import refuse_members
 from tumble.recording.formats.table import RawTable, hash_file, row_words
 
 NAME = "zip"
 ENDINGS = (".zip",)
 SUMMARY = "zip archive of a phone's log, of a folder or of one recording"
 HAS_TOPICS = True
-
-_LARGEST = 16 << 30  # bytes that an archive may unpack to
 
 
 def recognises(head: bytes) -> bool:
@@ -45,11 +46,8 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     with tempfile.TemporaryDirectory(prefix="tumble-") as unpacked:
         inside = Path(unpacked) / path.name
         try:
-            with zipfile.ZipFile(path) as archive:
-                if sum(m.file_size for m in archive.infolist()) > _LARGEST:
-                    raise RecordingError(
-                        f"{path.name} unpacks to more than 16 GB; unpack it and name the file in it."
-                    )
+            with opened(path) as file, zipfile.ZipFile(file) as archive:
+                refuse_members(archive, path)
                 archive.extractall(inside)
         except (
             zipfile.BadZipFile,
@@ -58,6 +56,8 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
             NotImplementedError,
             RuntimeError,
             ValueError,
+            LookupError,
+            lzma.LZMAError,
         ) as error:
             raise RecordingError(
                 f"{path.name} is a zip archive that cannot be unpacked ({str(error)[:80]})."

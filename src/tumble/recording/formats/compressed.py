@@ -5,7 +5,6 @@ from __future__ import annotations
 import bz2
 import gzip
 import lzma
-import shutil
 import tempfile
 import zlib
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -13,9 +12,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from tumble.errors import RecordingError
+from tumble.errors import OutputError, RecordingError
+from tumble.files import opened, size_of
 from tumble.recording.formats import text
-from tumble.recording.formats.compression import ZSTD_MAGIC, unpack_zstd
+from tumble.recording.formats.compression import ZSTD_MAGIC, Measured, ZstdStream
 from tumble.recording.formats.table import RawTable, hash_file, row_words
 from tumble.recording.recording import Remark
 
@@ -24,6 +24,7 @@ ENDINGS = (".gz", ".bz2", ".xz", ".zst", ".zstd")
 SUMMARY = "any of the other formats compressed with gzip, bzip2, xz or zstd (zstd with the extra `ros`)"
 HAS_TOPICS = True
 
+_PIECE = 1 << 13  # bytes; a damaged piece is lost as a whole
 _OPENERS: dict[bytes, Callable[[BinaryIO], Any]] = {
     b"\x1f\x8b": gzip.open,
     b"BZh": bz2.open,
@@ -103,6 +104,19 @@ def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTab
             yield table
 
 
+def _write(target: BinaryIO, piece: bytes, path: Path) -> None:
+    """Write a piece, or with none what waits to be written; a full disk is no damage of the packed file."""
+    try:
+        target.write(piece)
+        if not piece:
+            target.flush()
+    except OSError as error:
+        raise OutputError(
+            f"{path.name} could not be unpacked to {tempfile.gettempdir()}: {error.strerror or error}. Make room "
+            "there, or set TMPDIR to a folder with more."
+        ) from error
+
+
 @contextmanager
 def unpacked(path: Path) -> Generator[tuple[Path, list[Remark]]]:
     """Give the content of a compressed file as a file in a temporary folder, and what is to be said of it.
@@ -113,29 +127,33 @@ def unpacked(path: Path) -> Generator[tuple[Path, list[Remark]]]:
         If nothing of it can be read.
     UsageError
         If a library is missing.
+    OutputError
+        If there is no room to unpack it.
     OSError
         If the file cannot be read.
     """
     remarks: list[Remark] = []
     with tempfile.TemporaryDirectory(prefix="tumble-") as folder:
         inside = Path(folder) / (path.stem if path.suffix.lower() in ENDINGS else path.name)
-        with path.open("rb") as file, inside.open("wb") as target:
+        with opened(path) as file, inside.open("wb") as target:
             start = file.read(6)
             file.seek(0)
             opener = next((o for magic, o in _OPENERS.items() if start.startswith(magic)), None)
-            try:
-                if opener is None:
-                    unpack_zstd(file, target, path.name)
-                else:
-                    with opener(file) as stream:
-                        shutil.copyfileobj(stream, target, 1 << 13)  # a damaged piece is lost as a whole
-            except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
-                if not target.tell():
-                    raise RecordingError(f"{path.name} is compressed and damaged ({error}).") from error
-                text_ = (
-                    f"{path.name}: the compressed file is cut short or damaged; what could be read is used."
-                )
-                remarks.append(Remark("mended", text_))
+            stream = ZstdStream(file, path.name) if opener is None else opener(file)
+            measured = Measured(stream, size_of(path), path.name)
+            while True:
+                try:
+                    piece = measured.read(_PIECE)
+                except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
+                    if not target.tell():
+                        raise RecordingError(f"{path.name} is compressed and damaged ({error}).") from error
+                    words = "the compressed file is cut short or damaged; what could be read is used."
+                    remarks.append(Remark("mended", f"{path.name}: {words}"))
+                    break
+                if not piece:
+                    break
+                _write(target, piece, path)
+            _write(target, b"", path)
         if not inside.stat().st_size:
             raise RecordingError(f"{path.name} is compressed and holds nothing that could be read.")
         yield inside, remarks

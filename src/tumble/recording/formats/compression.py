@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
+import bz2
 from importlib import import_module
+from pathlib import Path
 from typing import Any, BinaryIO
+from zipfile import ZipFile
 
 from tumble.errors import RecordingError, UsageError
+from tumble.files import size_of
 
+_LARGEST_CHUNK = (
+    256 << 20
+)  # bytes that a chunk of a bag may unpack to; recorders write one of a few megabytes
+_ANY_CHUNK = 16 << 20  # bytes that every chunk may unpack to
+_ALWAYS = 64 << 20  # bytes that may always be unpacked
+_LARGEST_RATIO = (
+    300  # times; text of numbers is packed to a third or a tenth, a constant column to a fiftieth
+)
+_LARGEST = 64 << 30  # bytes in all
+_MOST_MEMBERS = 2000  # files of an archive; a phone's log has some twenty
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _PIECE = 1 << 13  # bytes; of a damaged piece nothing is left
 
@@ -20,63 +34,176 @@ def _library(name: str, file: str, what: str) -> Any:
         ) from error
 
 
-def decompress_lz4(data: bytes, file: str) -> bytes:
-    """Return the content of an lz4 frame.
+def largest_chunk(data: bytes) -> int:
+    """Return how many bytes a packed chunk of a bag may unpack to."""
+    return min(_LARGEST_CHUNK, max(_ANY_CHUNK, _LARGEST_RATIO * len(data)))
+
+
+def refuse_unmeasured(unpacked: int, packed: int, name: str) -> None:
+    """Refuse what unpacks to far more than it is: no recording does, and it would fill the memory or the disk.
+
+    Parameters
+    ----------
+    unpacked, packed : bytes so far, and bytes of the whole packed file.
+    name : of the file.
+
+    Raises
+    ------
+    RecordingError
+        If it is more than 64 MB and 300 times the packed size, or 64 GB.
+    """
+    if unpacked > _LARGEST or unpacked > max(_ALWAYS, _LARGEST_RATIO * packed):
+        raise RecordingError(
+            f"{name} unpacks to {unpacked >> 20} MB or more from {max(packed >> 10, 1)} kB, which no recording does; "
+            "if it is one, unpack it and name the file in it."
+        )
+
+
+def refuse_members(archive: ZipFile, path: Path) -> None:
+    """Refuse a zip archive of very many files, or one that unpacks beyond measure.
+
+    Raises
+    ------
+    RecordingError
+        If it has more than 2000 files, or `refuse_unmeasured` refuses it.
+    """
+    members = archive.infolist()
+    if len(members) > _MOST_MEMBERS:
+        raise RecordingError(
+            f"{path.name} holds {len(members)} files; no recording has more than {_MOST_MEMBERS}: unpack it and name "
+            "the file in it."
+        )
+    refuse_unmeasured(sum(m.file_size for m in members), size_of(path), path.name)
+
+
+class Measured:
+    """A stream of unpacked bytes that is refused where it grows beyond measure.
+
+    Attributes
+    ----------
+    stream : whose `read` unpacks.
+    packed : bytes of the packed file.
+    name : of the file.
+    """
+
+    def __init__(self, stream: Any, packed: int, name: str) -> None:
+        self.stream, self.packed, self.name = stream, packed, name
+        self._total = 0
+
+    def read(self, size: int) -> bytes:
+        """Return the next bytes, none at the end.
+
+        Raises
+        ------
+        RecordingError
+            If there are more than `refuse_unmeasured` lets pass.
+        """
+        data: bytes = self.stream.read(size)
+        self._total += len(data)
+        refuse_unmeasured(self._total, self.packed, self.name)
+        return data
+
+
+def decompress_bz2(data: bytes, file: str, largest: int | None = None) -> bytes:
+    """Return the content of bz2 data, at most `largest` bytes (see `largest_chunk`).
+
+    Raises
+    ------
+    OSError
+        If the data is damaged.
+    EOFError
+        If it ends early.
+    RecordingError
+        If it is longer.
+    """
+    largest = largest_chunk(data) if largest is None else largest
+    unpacker = bz2.BZ2Decompressor()
+    content = unpacker.decompress(data, largest + 1)
+    if not unpacker.eof and len(content) <= largest:
+        raise EOFError("it ends early")
+    return _bounded(content, file, largest)
+
+
+def _bounded(content: bytes, file: str, largest: int) -> bytes:
+    if len(content) > largest:
+        raise RecordingError(
+            f"{file}: a chunk unpacks to more than {largest >> 20} MB, which no recorder writes."
+        )
+    return content
+
+
+def decompress_lz4(data: bytes, file: str, largest: int | None = None) -> bytes:
+    """Return the content of an lz4 frame, at most `largest` bytes (see `largest_chunk`).
 
     Raises
     ------
     UsageError
         If lz4 is not installed; the message names the file and the extra.
     RuntimeError
-        If the frame is damaged.
+        If the frame is damaged or ends early.
+    RecordingError
+        If it is longer.
     """
-    content: bytes = _library("lz4.frame", file, "lz4").decompress(data)
-    return content
+    largest = largest_chunk(data) if largest is None else largest
+    unpacker = _library("lz4.frame", file, "lz4").LZ4FrameDecompressor()
+    content: bytes = unpacker.decompress(data, max_length=largest + 1)
+    if not unpacker.eof and len(content) <= largest:
+        raise RuntimeError("it ends early")
+    return _bounded(content, file, largest)
 
 
-def decompress_zstd(data: bytes, file: str) -> bytes:
-    """Return the content of zstd data.
+def decompress_zstd(data: bytes, file: str, largest: int | None = None) -> bytes:
+    """Return the content of zstd data, at most `largest` bytes (see `largest_chunk`).
 
     Raises
     ------
     UsageError
         If zstandard is not installed; the message names the file and the extra.
     RecordingError
-        If the data is damaged.
+        If the data is damaged or longer.
     """
+    largest = largest_chunk(data) if largest is None else largest
     library = _library("zstandard", file, "zstd")
     try:
-        content: bytes = library.ZstdDecompressor().decompressobj().decompress(data)
+        content: bytes = library.ZstdDecompressor().stream_reader(data).read(largest + 1)
     except library.ZstdError as error:
         raise RecordingError(f"{file} is compressed with zstd and damaged ({error}).") from error
-    return content
+    return _bounded(content, file, largest)
 
 
-def unpack_zstd(file: BinaryIO, target: BinaryIO, name: str) -> None:
-    """Write the content of an open file that is compressed with zstd, frame after frame.
+class ZstdStream:
+    """A file that is compressed with zstd, frame after frame, as a stream of unpacked bytes."""
 
-    Parameters
-    ----------
-    file, target : opened to read and to write.
-    name : of the file, for messages.
+    def __init__(self, file: BinaryIO, name: str) -> None:
+        """Begin at the file's place.
 
-    Raises
-    ------
-    UsageError
-        If zstandard is not installed; the message names the file and the extra.
-    EOFError
-        If the file ends inside a frame, or a frame is damaged; what came before is written.
-    """
-    library = _library("zstandard", name, "zstd")
-    frame: Any = None
-    while piece := file.read(_PIECE):
-        while piece:
-            frame = frame or library.ZstdDecompressor().decompressobj()
+        Raises
+        ------
+        UsageError
+            If zstandard is not installed; the message names the file and the extra.
+        """
+        self._file, self._library = file, _library("zstandard", name, "zstd")
+        self._frame: Any = None
+        self._waiting = b""
+
+    def read(self, size: int) -> bytes:
+        """Return the next unpacked bytes, those of some thousand packed ones, none at the end.
+
+        Raises
+        ------
+        EOFError
+            If the file ends inside a frame, or a frame is damaged.
+        """
+        while piece := self._waiting or self._file.read(min(size, _PIECE)):
+            self._frame = self._frame or self._library.ZstdDecompressor().decompressobj()
             try:
-                target.write(frame.decompress(piece))
-            except library.ZstdError as error:
+                content: bytes = self._frame.decompress(piece)
+            except self._library.ZstdError as error:
                 raise EOFError(str(error)) from error
-            piece = frame.unused_data if frame.eof else b""
-            frame = None if frame.eof else frame
-    if frame is not None:
-        raise EOFError("the file ends inside a frame")
+            self._waiting = self._frame.unused_data if self._frame.eof else b""
+            self._frame = None if self._frame.eof else self._frame
+            if content:
+                return content
+        if self._frame is not None:
+            raise EOFError("the file ends inside a frame")
+        return b""

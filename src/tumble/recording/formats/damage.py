@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import BinaryIO
 
+from tumble.errors import RecordingError, TumbleError
 from tumble.recording.recording import Remark
+
+_PIECE = 1 << 24  # bytes
 
 
 class CutShort(Exception):
@@ -20,10 +26,46 @@ def exactly(file: BinaryIO, size: int) -> bytes:
     CutShort
         If the file ends before.
     """
-    data = file.read(size)
+    data = at_most(file, size)
     if len(data) < size:
         raise CutShort
     return data
+
+
+def at_most(file: BinaryIO, size: int) -> bytes:
+    """Read so many bytes of an open file, or those that there are; a size that lies takes no memory."""
+    parts: list[bytes] = []
+    while size > 0 and (part := file.read(min(size, _PIECE))):
+        parts.append(part)
+        size -= len(part)
+    return parts[0] if len(parts) == 1 else b"".join(parts)
+
+
+@contextmanager
+def foreign(path: Path, format_: str) -> Generator[None]:
+    """Run a library's reader: whatever it makes of a damaged file is one sentence.
+
+    Parameters
+    ----------
+    path : of the file.
+    format_ : what it should be.
+
+    Raises
+    ------
+    RecordingError
+        If the library fails, in whichever way.
+    """
+    try:
+        yield
+    except (TumbleError, OSError):
+        raise
+    except MemoryError as error:
+        raise RecordingError(
+            f"{path.name} is a damaged or too large {format_}: what it says that it holds does not fit into memory."
+        ) from error
+    except Exception as error:
+        words = " ".join(str(error).split())[:80] or type(error).__name__
+        raise RecordingError(f"{path.name} is a damaged or unsupported {format_} ({words}).") from error
 
 
 @dataclass(slots=True)

@@ -13,7 +13,10 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError, UsageError
+from tumble.files import opened
 from tumble.recording.columns import ColumnPlan, plan_from_names
+from tumble.recording.formats.compression import refuse_unmeasured
+from tumble.recording.formats.damage import foreign
 from tumble.recording.formats.streams import Samples, Units, merge_streams, table_of_samples
 from tumble.recording.formats.table import RawTable, hash_file
 from tumble.recording.formats.variables import is_rate_name, numbers_of, table_from_variables
@@ -26,6 +29,7 @@ ENDINGS = (".h5", ".hdf5", ".mat")
 SUMMARY = "HDF5 and MATLAB 7.3: data sets by name and shape (with the extra `hdf5`)"
 HAS_TOPICS = True
 
+_ALWAYS_READ = 1 << 24  # bytes
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _LISTED = 12
 _Variables = dict[str, npt.NDArray[np.float64]]
@@ -104,6 +108,7 @@ def _content(path: Path) -> _Content:
         _take_rate(content, name, node.attrs)
         if not isinstance(node, h5py.Dataset):
             return
+        _refuse_unread(node, name, path)
         group, _, leaf = name.rpartition("/")
         if node.dtype.names:
             rows: Any = node[()]
@@ -114,13 +119,26 @@ def _content(path: Path) -> _Content:
             if (unit := _unit_said(node.attrs)) is not None:
                 content.units[group, leaf] = unit
 
-    try:
-        with h5py.File(path, "r") as file:
-            _take_rate(content, "", file.attrs)
-            file.visititems(visit)
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
-        raise RecordingError(f"{path.name} is a damaged HDF5 file ({error}).") from error
+    with foreign(path, "HDF5 file"), opened(path) as whole:
+        try:
+            with h5py.File(whole, "r") as file:
+                _take_rate(content, "", file.attrs)
+                file.visititems(visit)
+        except OSError as error:  # h5py's word for damage, too
+            raise RecordingError(f"{path.name} is a damaged HDF5 file ({str(error)[:120]}).") from error
     return content
+
+
+def _refuse_unread(node: Any, name: str, path: Path) -> None:
+    """Refuse numbers that are not in the file: in another one, never written, or packed beyond measure."""
+    if node.external or node.is_virtual:
+        raise RecordingError(
+            f"{path.name}: the numbers of /{name} stand in another file, which is not read; write them into this one."
+        )
+    if node.dtype.kind in "iufbV" and node.nbytes > _ALWAYS_READ and not node.id.get_storage_size():
+        raise RecordingError(f"{path.name}: /{name} has room for {node.size} numbers, and none was written.")
+    if node.dtype.kind in "iufbV":
+        refuse_unmeasured(node.nbytes, node.id.get_storage_size(), f"{path.name}: /{name}")
 
 
 def _take_rate(content: _Content, name: str, attributes: Mapping[str, Any]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,13 +11,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tumble.errors import RecordingError
-from tumble.recording.formats.table import RawTable
+from tumble.recording.formats.compression import refuse_unmeasured
+from tumble.recording.formats.damage import foreign
+from tumble.recording.formats.table import RawTable, mapped
 from tumble.recording.formats.variables import numbers_of, table_from_variables
 
 NAME = "MATLAB"
 ENDINGS = (".mat",)
 SUMMARY = "MATLAB .mat of versions 4 to 7"
+
+_COMPRESSED = 15  # type of a variable that zlib has packed
 
 
 def _is_version_4(head: bytes) -> bool:
@@ -50,22 +54,30 @@ def read_table(path: Path) -> RawTable:
     """
     from scipy.io import loadmat
 
-    try:
+    with foreign(path, "MATLAB file"):
+        _refuse_unmeasured(path)
         # Without scipy's stubs the type is not known, with them it is.
         loaded: dict[str, Any] = loadmat(path, struct_as_record=False, squeeze_me=True, mat_dtype=False)
-    except (
-        ValueError,
-        TypeError,
-        KeyError,
-        IndexError,
-        NotImplementedError,
-        EOFError,
-        struct.error,
-    ) as error:
-        raise RecordingError(f"{path.name} is a damaged MATLAB file ({error}).") from error
-    except Exception as error:  # scipy's own MatReadError and zlib.error derive from Exception
-        raise RecordingError(f"{path.name} is a damaged MATLAB file ({error}).") from error
-    return table_from_variables(path, _flattened({k: v for k, v in loaded.items() if not k.startswith("__")}))
+        arrays = _flattened({k: v for k, v in loaded.items() if not k.startswith("__")})
+    return table_from_variables(path, arrays)
+
+
+def _refuse_unmeasured(path: Path) -> None:
+    """Refuse a file of version 5 to 7 whose compressed variables unpack beyond measure."""
+    unpacked, data = 0, mapped(path)
+    if data[:7] != b"MATLAB ":
+        return
+    order = ">" if data[126:128] == b"MI" else "<"
+    at = 128
+    while at + 8 <= len(data):
+        kind, size = struct.unpack_from(order + "II", data, at)
+        if kind == _COMPRESSED:
+            inflate, packed = zlib.decompressobj(), data[at + 8 : at + 8 + size]
+            while packed and not inflate.eof:
+                unpacked += len(inflate.decompress(packed, 1 << 20))
+                packed = inflate.unconsumed_tail
+                refuse_unmeasured(unpacked, len(data), path.name)
+        at += 8 + size
 
 
 def _flattened(values: Mapping[str, Any], prefix: str = "") -> dict[str, npt.NDArray[np.float64]]:

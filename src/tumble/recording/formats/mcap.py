@@ -17,8 +17,9 @@ from pathlib import Path
 from typing import BinaryIO
 
 from tumble.errors import RecordingError
+from tumble.files import opened
 from tumble.recording.formats.bags import Topic, bag_readers
-from tumble.recording.formats.compression import decompress_lz4, decompress_zstd
+from tumble.recording.formats.compression import decompress_lz4, decompress_zstd, largest_chunk
 from tumble.recording.formats.damage import CutShort, Damage, exactly
 from tumble.recording.formats.ros_messages import plain_type
 from tumble.recording.recording import Remark
@@ -75,7 +76,7 @@ class McapFile:
 
     def __post_init__(self) -> None:
         self._damage.name = self.path.name
-        with self.path.open("rb") as file:
+        with opened(self.path) as file:
             try:
                 if not self._read_summary(file):
                     self._scan(file)
@@ -207,11 +208,13 @@ class McapFile:
         compression, position = _string(chunk, 28)
         data = chunk[position + 8 :]
         name = self.path.name
+        if compression and size > largest_chunk(data):
+            raise RecordingError(f"{name}: a chunk unpacks to {size >> 20} MB, which no recorder writes.")
         if compression == "zstd":
-            data = decompress_zstd(data, name)
+            data = decompress_zstd(data, name, size)
         elif compression == "lz4":
             try:
-                data = decompress_lz4(data, name)
+                data = decompress_lz4(data, name, size)
             except RuntimeError as error:
                 raise RecordingError(f"{name}: a chunk is damaged ({error}).") from error
         elif compression:
@@ -228,7 +231,7 @@ class McapFile:
         topics = {n: topic for n, (topic, _, _) in self._channels.items() if topic in chosen}
         wanted = set(topics)
         self._damage.total = len(self._chunks) or None
-        with self.path.open("rb") as file:
+        with opened(self.path) as file:
             if not self._chunks:
                 yield from ((topics[c], time, data) for c, time, data in self._every_message(file, wanted))
                 return

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from tumble.errors import RecordingError
+from tumble.files import opened
 from tumble.recording.formats.table import RawTable, hash_file
 from tumble.recording.recording import Remark, Source
 
@@ -100,7 +101,7 @@ def _blocks(path: Path) -> Iterator[_Block]:
     seen: Counter[bytes] = Counter()
     rows: list[list[float]] = []
     wrong, given = 0, 0
-    with path.open("rb") as file:
+    with opened(path) as file:
         for line in file:
             name = _message(line)
             if name is None:

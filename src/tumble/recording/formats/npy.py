@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from tokenize import TokenError
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from tumble.errors import RecordingError
+from tumble.recording.formats.damage import foreign
 from tumble.recording.formats.table import RawTable, as_columns, hash_file
 from tumble.recording.recording import Source
 
@@ -25,10 +25,8 @@ def recognises(head: bytes) -> bool:
 
 
 def _mapped(path: Path) -> tuple[tuple[str, ...] | None, npt.NDArray[Any]]:
-    try:
+    with foreign(path, "NPY file"):
         array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, EOFError, SyntaxError, TokenError) as error:
-        raise RecordingError(f"{path.name} is a damaged or unsupported NPY file ({error}).") from error
     if array.dtype.names:
         return array.dtype.names, array
     if array.ndim != 2 or array.dtype.kind not in "iufb":
@@ -42,7 +40,9 @@ def _mapped(path: Path) -> tuple[tuple[str, ...] | None, npt.NDArray[Any]]:
 def _table(path: Path, names: tuple[str, ...] | None, rows: npt.NDArray[Any], source: Source) -> RawTable:
     if names is None:
         return RawTable(path, None, as_columns(np.asarray(rows, dtype=np.float64)), source)
-    return RawTable(path, names, [np.asarray(rows[n], dtype=np.float64) for n in names], source)
+    with foreign(path, "NPY file"):
+        columns = [np.asarray(rows[n], dtype=np.float64).reshape(len(rows)) for n in names]
+    return RawTable(path, names, columns, source)
 
 
 def read_table(path: Path) -> RawTable:

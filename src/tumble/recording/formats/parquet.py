@@ -12,6 +12,8 @@ import numpy as np
 
 from tumble.arrays import Series
 from tumble.errors import RecordingError
+from tumble.files import size_of
+from tumble.recording.formats.compression import refuse_unmeasured
 from tumble.recording.formats.parquet_plain import Damaged, column_groups, read_footer, read_plain
 from tumble.recording.formats.table import RawTable, hash_file
 from tumble.recording.formats.text_parsing import side_by_side
@@ -83,7 +85,9 @@ def read_table(path: Path) -> RawTable:
         import polars as pl
 
         try:
-            units, frame = read_footer(path).units, pl.read_parquet(path)
+            footer = read_footer(path)
+            refuse_unmeasured(8 * footer.rows * len(footer.names), size_of(path), path.name)
+            units, frame = footer.units, pl.read_parquet(path)
             names, columns = _own_columns(frame) if units else numeric_columns(frame)
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
             raise _damaged(path, error) from error
@@ -119,9 +123,11 @@ def read_table_blocks(path: Path, rows: int = 500_000) -> Iterator[RawTable]:
 
     start = 0
     try:
-        units = read_footer(path).units
+        footer = read_footer(path)
     except Damaged as error:
         raise RecordingError(f"{path.name} is a damaged Parquet file.") from error
+    units = footer.units
+    refuse_unmeasured(8 * footer.rows * len(footer.names), size_of(path), path.name)
     lazy = pl.scan_parquet(path)
     try:
         total = int(lazy.select(pl.len()).collect().item())

@@ -23,6 +23,7 @@ from typing import Any, cast
 import numpy as np
 
 from tumble.arrays import Series, Table
+from tumble.files import opened
 from tumble.recording.formats.table import mapped
 
 UNITS_KEY = "tumble.units"
@@ -103,6 +104,8 @@ class _Compact:
             raise Unfamiliar
         size = sizes[kind]()
         start, self.position = self.position, self.position + size
+        if size < 0 or self.position > len(self.buffer):
+            raise Damaged  # else a list of so many would be read from nothing
         return bytes(self.buffer[start : self.position])
 
 
@@ -134,7 +137,7 @@ def read_footer(path: Path) -> Footer:
     OSError
         If the file cannot be read.
     """
-    with path.open("rb") as file:
+    with opened(path) as file:
         size = file.seek(0, 2)
         file.seek(max(size - 8, 0))
         end = file.read(8)
@@ -166,7 +169,7 @@ def _noted_units(note: bytes) -> dict[str, str]:
     """Return the units by column of a note, nothing of one that is none."""
     try:
         units: Any = json.loads(note)
-    except ValueError:
+    except (ValueError, RecursionError):
         return {}
     by_column = cast("dict[Any, Any]", units) if isinstance(units, dict) else {}
     return {str(column): str(unit) for column, unit in by_column.items()}

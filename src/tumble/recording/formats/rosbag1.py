@@ -7,7 +7,6 @@ ROS wiki, *Bags/Format/2.0*.
 
 from __future__ import annotations
 
-import bz2
 import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -17,9 +16,10 @@ from pathlib import Path
 from typing import BinaryIO
 
 from tumble.errors import RecordingError
+from tumble.files import opened
 from tumble.recording.formats.bags import Topic, bag_readers
-from tumble.recording.formats.compression import decompress_lz4
-from tumble.recording.formats.damage import CutShort, Damage, exactly
+from tumble.recording.formats.compression import decompress_bz2, decompress_lz4
+from tumble.recording.formats.damage import CutShort, Damage, at_most, exactly
 from tumble.recording.formats.ros_messages import plain_type
 from tumble.recording.recording import Remark
 
@@ -87,7 +87,7 @@ class _Rosbag:
 
     def __post_init__(self) -> None:
         self._damage.name = self.path.name
-        with self.path.open("rb") as file:
+        with opened(self.path) as file:
             if file.read(len(_MAGIC)) != _MAGIC:
                 raise RecordingError(
                     f"{self.path.name} is a ROS bag of another version than 2.0; convert it with rosbag fix."
@@ -140,7 +140,7 @@ class _Rosbag:
                     return
                 size = _size(file)
                 if header[b"op"][0] == _CHUNK:
-                    self._scan_chunk(position, header, file.read(size))
+                    self._scan_chunk(position, header, at_most(file, size))
                     self._chunks.append((position, None))
                 elif header[b"op"][0] == _CONNECTION:
                     self._connect(header, exactly(file, size))
@@ -185,7 +185,7 @@ class _Rosbag:
             if compression == b"none":
                 return data
             if compression == b"bz2":
-                return bz2.decompress(data)
+                return decompress_bz2(data, self.path.name)
             if compression == b"lz4":
                 return decompress_lz4(data, self.path.name)
         except (OSError, ValueError, RuntimeError, EOFError) as error:
@@ -215,7 +215,7 @@ class _Rosbag:
         wanted = set(names)
         numbers = {n: topic for n, (topic, _) in self._connections.items() if topic in wanted}
         self._damage.total = len(self._chunks)
-        with self.path.open("rb") as file:
+        with opened(self.path) as file:
             for position, connections in self._chunks:
                 if connections is not None and not connections & numbers.keys():
                     continue
@@ -229,7 +229,7 @@ class _Rosbag:
         file.seek(position)
         try:
             header = _header(file)
-            data = file.read(_size(file))
+            data = at_most(file, _size(file))
         except (CutShort, struct.error, OverflowError, MemoryError) as error:
             raise RecordingError(f"{self.path.name}: a chunk is missing.") from error
         if header is None or header.get(b"op") != bytes([_CHUNK]):

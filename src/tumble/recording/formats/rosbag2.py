@@ -19,6 +19,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from tumble.errors import RecordingError
+from tumble.files import opened
 from tumble.recording.formats.bags import Bag, Topic, bag_readers
 from tumble.recording.formats.compressed import unpacked
 from tumble.recording.formats.compression import ZSTD_MAGIC, decompress_zstd
@@ -105,7 +106,7 @@ def _whole_pages(path: Path, stack: ExitStack, remarks: list[Remark]) -> Path:
 
     sqlite3 would fill a page up with zeros, and numbers with it.
     """
-    with path.open("rb") as file:
+    with opened(path) as file:
         head = file.read(100)
         (page,) = struct.unpack_from(">H", head.ljust(100, b"\0"), 16)
         page = 65536 if page == 1 else page

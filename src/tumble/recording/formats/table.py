@@ -12,7 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series
+from tumble.files import opened, shown
 from tumble.recording.recording import Remark, Source
+
+_LARGEST, _SMALLEST = 1e30, 1e-30
 
 
 def row_words(row: int) -> str:
@@ -67,6 +70,26 @@ class RawTable:
         )
 
 
+def measurable(table: RawTable) -> RawTable:
+    """Return a table in which numbers that no sensor gives, beyond 1e30, are none, and columns below 1e-30 are zero.
+
+    Their squares are no 64-bit numbers, and whatever is computed of them would be none either.
+    """
+    for number, column in enumerate(table.columns):
+        if not column.size:
+            continue
+        # NaN makes the comparison false; the slow way then looks at each number.
+        low, high = float(column.min()), float(column.max())
+        if -_LARGEST <= low <= high <= _LARGEST and max(high, -low) >= _SMALLEST:
+            continue
+        size = np.abs(column)
+        if np.any(size > _LARGEST):
+            table.columns[number] = np.where(size > _LARGEST, np.nan, column)
+        elif np.any(size > 0.0) and not np.any(size >= _SMALLEST):
+            table.columns[number] = np.where(np.isnan(column), np.nan, 0.0)
+    return table
+
+
 def hash_file(path: Path) -> Source:
     """Return a file's name and SHA-256.
 
@@ -75,8 +98,8 @@ def hash_file(path: Path) -> Source:
     OSError
         If the file cannot be read.
     """
-    with path.open("rb") as file:
-        return Source(path.name, hashlib.file_digest(file, "sha256").hexdigest())
+    with opened(path) as file:
+        return Source(shown(path.name), hashlib.file_digest(file, "sha256").hexdigest())
 
 
 def mapped(path: Path) -> mmap.mmap:
@@ -87,7 +110,7 @@ def mapped(path: Path) -> mmap.mmap:
     OSError
         If the file cannot be read.
     """
-    with path.open("rb") as file:
+    with opened(path) as file:
         return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
 
 
@@ -106,8 +129,12 @@ def hash_files(path: Path, parts: Sequence[Path]) -> Source:
     """
     digest = hashlib.sha256()
     for part in parts:
-        digest.update(f"{hash_file(part).sha256}  {part.relative_to(path).as_posix()}\n".encode())
-    return Source(path.name, digest.hexdigest())
+        digest.update(
+            f"{hash_file(part).sha256}  {part.relative_to(path).as_posix()}\n".encode(
+                errors="surrogateescape"
+            )
+        )
+    return Source(shown(path.name), digest.hexdigest())
 
 
 def as_columns(matrix: npt.NDArray[np.float64]) -> list[Series]:

@@ -9,14 +9,18 @@ import bz2
 import gzip
 import io
 import lzma
+import mmap
 import zlib
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from tumble.arrays import Series
 from tumble.errors import RecordingError
-from tumble.recording.formats.table import RawTable, hash_file
+from tumble.files import opened, size_of
+from tumble.recording.formats.compression import Measured
+from tumble.recording.formats.table import RawTable, hash_file, mapped
 from tumble.recording.formats.text_layout import (
     COMMENTS,
     TextLayout,
@@ -37,12 +41,24 @@ SUMMARY = "text with any delimiter, with or without header, also compressed (.gz
 _HEAD = 64 * 1024
 _NUMPY_LIMIT = 32 * 1024 * 1024
 _CHUNK = 16 * 1024 * 1024
+LONGEST_LINE = 1 << 20
+"""Bytes of a line: a thousand columns of numbers with all digits have 25 kB."""
+_FEWEST_LINES = 4  # that the head has, so that a wide table is recognised
 _MARKS = (b"\xff\xfe", b"\xfe\xff", b"\xef\xbb\xbf")  # UTF-16 of either order, UTF-8
 _OPENERS: dict[bytes, Callable[[Path], io.BufferedIOBase]] = {
     b"\x1f\x8b": lambda path: gzip.GzipFile(path),
     b"BZh": lambda path: bz2.BZ2File(path),
     b"\xfd7zXZ": lambda path: lzma.LZMAFile(path),  # noqa: SIM115
 }
+
+
+@runtime_checkable
+class Readable(Protocol):
+    """What bytes are read from."""
+
+    def read(self, size: int, /) -> bytes:
+        """Return the next bytes, none at the end."""
+        ...
 
 
 def recognises(head: bytes) -> bool:
@@ -53,11 +69,11 @@ def recognises(head: bytes) -> bool:
 
 
 def _open_plain(path: Path) -> io.BufferedIOBase:
-    return path.open("rb")
+    return opened(path)
 
 
 def _opener(path: Path) -> Callable[[Path], io.BufferedIOBase] | None:
-    with path.open("rb") as file:
+    with opened(path) as file:
         magic = file.read(6)
     return next((opener for start, opener in _OPENERS.items() if magic.startswith(start)), None)
 
@@ -66,11 +82,13 @@ def _read_all(path: Path) -> tuple[bytes, list[Remark]]:
     """Return a file's bytes, decompressed; a compressed file that is cut short gives what is there."""
     opener = _opener(path)
     if opener is None:
-        return path.read_bytes(), []
+        with opened(path) as file:
+            return file.read(), []
     parts: list[bytes] = []
     try:
         with opener(path) as file:
-            while part := file.read(1 << 20):
+            measured = Measured(file, size_of(path), path.name)
+            while part := measured.read(1 << 20):
                 parts.append(part)
     except (EOFError, lzma.LZMAError, zlib.error, OSError) as error:
         if not parts:
@@ -100,12 +118,34 @@ def _decoded(head: bytes) -> str:
 
 
 def _layout_of(body: bytes, name: str) -> TextLayout:
+    refuse_long_lines(body[:_CHUNK], name)
     head = body[:_HEAD]
-    if len(body) > _HEAD and b"\n" in head:
+    if body.count(b"\n", 0, _HEAD) < _FEWEST_LINES:
+        head = body[: _FEWEST_LINES * LONGEST_LINE]
+    if len(body) > len(head) and b"\n" in head:
         head = head[: head.rindex(b"\n") + 1]
     if b"\0" in head:
         raise RecordingError(f"{name} is binary, not text, once decompressed; see the formats page.")
     return find_layout(_decoded(head), name)
+
+
+def refuse_long_lines(body: bytes | mmap.mmap, name: str) -> None:
+    """Refuse a text with a line that no table has, which takes many times its size to be parsed.
+
+    Raises
+    ------
+    RecordingError
+        If a line is longer than a megabyte.
+    """
+    start = 0
+    while len(body) - start > LONGEST_LINE:
+        end = body.rfind(b"\n", start, start + LONGEST_LINE)
+        if end < 0:
+            raise RecordingError(
+                f"{name} has a line of more than {LONGEST_LINE >> 20} MB, which no table of samples has; give a "
+                "recording with one row a sample."
+            )
+        start = end + 1
 
 
 def _body_start(body: bytes, first_line: int) -> int:
@@ -121,7 +161,7 @@ def _truncation(tail: str, layout: TextLayout) -> str | None:
     A line with all its cells is taken as cut in its last number if that is none any more, or has fewer
     decimals than each of up to 50 rows before it.
     """
-    lines = tail.splitlines()
+    lines = [line.rstrip("\r") for line in tail.removesuffix("\n").split("\n")]
     if not lines or tail.endswith(("\n", "\r")) or is_comment(lines[-1]) or not lines[-1].strip():
         return None
     last = layout.cells(lines[-1])
@@ -190,7 +230,7 @@ def read_table(path: Path) -> RawTable:
         If the file cannot be read.
     """
     if path.stat().st_size > _NUMPY_LIMIT and _opener(path) is None:
-        with path.open("rb") as file:
+        with opened(path) as file:
             head = file.read(_HEAD)
         if not head.startswith(_MARKS) and b"\n" in head:
             return _read_large(path, _layout_of(head, path.name))
@@ -201,6 +241,7 @@ def _read_body(path: Path) -> RawTable:
     """Read a file into memory as a whole, decompress and decode it, and parse it."""
     raw, remarks = _read_all(path)
     body = _plain(raw)
+    refuse_long_lines(body, path.name)
     layout = _layout_of(body, path.name)
     if cut := _truncation(_decoded(body[-_HEAD:]), layout):
         body = body[: body.rfind(b"\n") + 1]
@@ -214,6 +255,8 @@ def _read_body(path: Path) -> RawTable:
 
 def _read_large(path: Path, layout: TextLayout) -> RawTable:
     """Read a large file by polars while another thread takes its SHA-256."""
+    with closing(mapped(path)) as content:
+        refuse_long_lines(content, path.name)
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(1) as pool:
@@ -225,10 +268,10 @@ def _read_large(path: Path, layout: TextLayout) -> RawTable:
             columns = None if frame is None else gather([frame], layout)
         source = hashing.result()
     if columns is None:
-        with path.open("rb") as file:
+        with opened(path) as file:
             raise RecordingError(name_bad_cell(file, layout, path.name))
     remarks: list[Remark] = []
-    with path.open("rb") as file:
+    with opened(path) as file:
         file.seek(max(0, path.stat().st_size - _HEAD))
         tail = _decoded(file.read())
     if cut := _truncation(tail, layout):
@@ -250,8 +293,8 @@ def _parsed_in_pieces(path: Path, layout: TextLayout) -> list[Series] | None:
             frames.append(frame)
         return frame is not None
 
-    with path.open("rb") as file, ThreadPoolExecutor(1) as pool:
-        for body, _ in _pieces(file, _body_rest(file, layout)):
+    with opened(path) as file, ThreadPoolExecutor(1) as pool:
+        for body, _ in _pieces(file, _body_rest(file, layout), path.name):
             waiting.append(pool.submit(_squeezed, body, layout))
             if len(waiting) > 1 and not parsed(waiting.pop(0)):
                 return None
@@ -270,10 +313,11 @@ def _body_rest(file: io.BufferedIOBase, layout: TextLayout) -> bytes:
     return head[_body_start(head, layout.first_line) :]
 
 
-def _pieces(file: io.BufferedIOBase, rest: bytes) -> Iterator[tuple[bytes, bool]]:
+def _pieces(file: Readable, rest: bytes, name: str) -> Iterator[tuple[bytes, bool]]:
     """Yield pieces of whole lines, and with each whether it is the last one."""
     while rest:
         more = file.read(_CHUNK)
+        refuse_long_lines(rest, name)
         end = rest.rfind(b"\n") + 1 if more else len(rest)
         if rest[:end] and not rest[:end].isspace():
             yield rest[:end], not more
@@ -295,7 +339,9 @@ def read_table_blocks(path: Path) -> Iterator[RawTable]:
     opener = _opener(path) or _open_plain
     by_polars = path.stat().st_size > _NUMPY_LIMIT
     try:
-        with opener(path) as file:
+        with opener(path) as stream:
+            # What is packed may grow beyond measure; what is not is the file itself.
+            file = stream if opener is _open_plain else Measured(stream, size_of(path), path.name)
             head = file.read(_CHUNK)
             if head.startswith(_MARKS[:2]) or b"\n" not in head:
                 # UTF-16 and lone carriage returns cannot be cut at a line feed.
@@ -306,7 +352,7 @@ def read_table_blocks(path: Path) -> Iterator[RawTable]:
             place = _line_finder(path, layout)
             rest = head[_body_start(head, layout.first_line) :]
             row = 0
-            for body, last in _pieces(file, rest):
+            for body, last in _pieces(file, rest, path.name):
                 table = _block(path, layout, body, last, by_polars)
                 table.remarks += [] if row else _layout_remarks(path, layout)
                 table.place = lambda r, start=row: place(r + start)

@@ -13,6 +13,7 @@ from tumble.units import find_unit
 COMMENTS = ("#", "%", "//", "!")
 """What a comment line may begin with."""
 
+MOST_COLUMNS = 2000
 _SPLIT_ANY = re.compile(r"[;,\t|\s]+")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _ISO_TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?Z?")
@@ -171,7 +172,7 @@ def find_layout(head: str, name: str) -> TextLayout:
     RecordingError
         If the file is empty, has a header and no rows, or holds no rows of numbers at all.
     """
-    lines = head.splitlines()
+    lines = [line.rstrip("\r") for line in head.split("\n")]  # as the rows are cut, not as Unicode ends lines
     if not any(line.strip() for line in lines):
         raise RecordingError(f"{name} is empty; give a recording with one row a sample.")
     numbers = list(islice((i for i, line in enumerate(lines) if _is_row(line)), _SAMPLE_LINES))
@@ -181,6 +182,11 @@ def find_layout(head: str, name: str) -> TextLayout:
     delimiter, decimal_comma = _find_delimiter(rows, lines[: numbers[0]])
     cells = [split_cells(row, delimiter) for row in rows]
     columns = Counter(len(c) for c in cells).most_common(1)[0][0]
+    if columns > MOST_COLUMNS:
+        raise RecordingError(
+            f"{name} has {columns} columns, and tables of more than {MOST_COLUMNS} are not read; save those of the IMU "
+            "alone."
+        )
     full = [i for i, c in zip(numbers, cells, strict=True) if len(c) == columns]
     partial = tuple(i + 1 for i in numbers if i < full[0])
     sample = [c for c in cells if len(c) == columns][:50]

@@ -8,7 +8,6 @@ PX4 user guide, *ULog File Format*; message definitions `SensorCombined`, `Senso
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stdout
 from importlib import import_module
@@ -21,6 +20,8 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError, UsageError
+from tumble.files import opened
+from tumble.recording.formats.damage import foreign
 from tumble.recording.formats.logged_streams import Stream, table_of_streams
 from tumble.recording.formats.streams import Samples, Units, merge_streams
 from tumble.recording.formats.table import RawTable, hash_file, mapped
@@ -73,17 +74,11 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
         raise UsageError(
             f'{path.name} is a ULog; reading it needs pyulog: pip install "tumble[px4]".'
         ) from error
-    try:
-        # Opened here, for pyulog leaves a damaged file open; what it prints of damage is said by a remark.
-        with path.open("rb") as file, redirect_stdout(StringIO()):
+    # Opened here, for pyulog leaves a damaged file open; what it prints of damage is said by a remark.
+    with foreign(path, "ULog"), opened(path) as file:
+        with redirect_stdout(StringIO()):
             log = library.ULog(file, list(_MESSAGES), disable_str_exceptions=True)
         streams = _streams(log, path.name)
-    except (struct.error, IndexError, KeyError, TypeError, ValueError, AttributeError) as error:
-        raise RecordingError(f"{path.name} is a damaged ULog ({error}).") from error
-    except (RecordingError, OSError):
-        raise
-    except Exception as error:  # pyulog's own exception derives from Exception
-        raise RecordingError(f"{path.name} is a damaged ULog ({error}).") from error
     if not streams:
         undefined = _undefined_types(log)
         if any(kind in _MESSAGES for kind in undefined):

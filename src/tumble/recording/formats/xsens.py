@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from tumble.arrays import Series
+from tumble.files import opened
 from tumble.recording.formats import text
 from tumble.recording.formats.table import RawTable
 from tumble.recording.recording import Remark
@@ -67,7 +68,7 @@ def read_table_blocks(path: Path) -> Iterator[RawTable]:
 
 
 def _head(path: Path) -> bytes:
-    with path.open("rb") as file:
+    with opened(path) as file:
         return file.read(_HEAD)
 
 

@@ -1,0 +1,351 @@
+"""No file makes the readers hang, take the memory, lose rows in silence or end in a traceback."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import lzma
+import os
+import struct
+import tempfile
+import threading
+import tracemalloc
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tumble.errors import OutputError, RecordingError, UsageError
+from tumble.recording import read_recording
+from tumble.recording.formats import compressed, compression, find_format, read_table
+from tumble.recording.formats.compression import decompress_bz2, decompress_lz4, decompress_zstd
+from tumble.recording.formats.header import header_names
+from tumble.recording.formats.mcap import McapFile
+from tumble.recording.reading import read_blocks
+
+HEADER = "t,ax,ay,az,gx,gy,gz\n"
+MOST_MEMORY = 300 << 20
+
+
+def rows_of(count: int = 2000) -> np.ndarray:
+    rng = np.random.default_rng(3)
+    force = rng.normal(0.0, 0.02, (count, 3)) + np.array([0.1, -0.2, 9.8])
+    return np.column_stack([np.arange(count) / 100.0, force, rng.normal(0.0, 0.002, (count, 3))])
+
+
+def csv(rows: np.ndarray) -> str:
+    return "".join(",".join(f"{v:.9g}" for v in row) + "\n" for row in rows.tolist())
+
+
+GOOD = HEADER + csv(rows_of())
+
+
+def refused(file: Path, words: str) -> None:
+    """Both ways of reading refuse the file in words that match."""
+    for read in (read_recording, lambda path: list(read_blocks(path))):
+        with pytest.raises(RecordingError, match=words):
+            read(file)
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Limits of a hundredth, so that the files need not be large."""
+    monkeypatch.setattr(compression, "_LARGEST_RATIO", 50)
+    monkeypatch.setattr(compression, "_ALWAYS", 1 << 19)
+    monkeypatch.setattr(compression, "_ANY_CHUNK", 1 << 19)
+
+
+# -- pipes and devices -----------------------------------------------------------------------------
+
+
+def test_a_pipe_is_refused_and_loses_no_rows(tmp_path: Path) -> None:
+    pipe = tmp_path / "hand.csv"
+    os.mkfifo(pipe)
+    refused(pipe, "a pipe, whose bytes can be read only once")
+
+
+def test_a_recording_from_a_shells_substitution_is_refused() -> None:
+    reading, writing = os.pipe()
+    sending = threading.Thread(target=lambda: (os.write(writing, GOOD.encode()), os.close(writing)))
+    sending.start()
+    try:
+        with pytest.raises(RecordingError, match="a pipe"):
+            read_recording(f"/dev/fd/{reading}")
+        while os.read(reading, 1 << 16):
+            pass
+    finally:
+        sending.join()
+        os.close(reading)
+
+
+@pytest.mark.parametrize("device", ["/dev/zero", "/dev/random", "/dev/null"])
+def test_a_device_is_refused(device: str) -> None:
+    with pytest.raises(RecordingError, match="a device"):
+        read_recording(device)
+
+
+# -- text ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("character", ["\x0c", "\x0b", "\x85", "\u2028", "\u2029"])
+@pytest.mark.parametrize("where", ["comment", "header"])
+def test_what_only_unicode_takes_for_a_line_end_loses_no_row(
+    tmp_path: Path, character: str, where: str
+) -> None:
+    file = tmp_path / "hand.csv"
+    text = (
+        f"# made{character}by hand\n{GOOD}" if where == "comment" else GOOD.replace("\n", f"{character}\n", 1)
+    )
+    file.write_bytes(text.encode())
+    assert len(read_recording(file).time) == 2000
+    assert sum(len(block.time) for block in read_blocks(file)) == 2000
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (HEADER + "1," * 4_000_000, "a line of more than 1 MB"),
+        (GOOD + "1" * 40_000_000, "a line of more than 1 MB"),
+        ("1.0," * 9_999 + "1.0\n" + ("1.0," * 9_999 + "1.0\n") * 3, "has 10000 columns"),
+    ],
+)
+def test_lines_that_no_table_has_are_refused(tmp_path: Path, text: str, words: str) -> None:
+    file = tmp_path / "hand.csv"
+    file.write_text(text)
+    refused(file, words)
+
+
+@pytest.mark.parametrize("factor", [1e-300, 1e300, 1.7e308, 1e-320])
+@pytest.mark.parametrize("what", [slice(0, 1), slice(1, 7)])
+def test_numbers_that_no_sensor_gives_are_refused(tmp_path: Path, factor: float, what: slice) -> None:
+    rows = rows_of(300)
+    with np.errstate(over="ignore"):
+        rows[:, what] *= factor
+    file = tmp_path / "hand.csv"
+    file.write_text(HEADER + csv(rows))
+    refused(file, "no finite number|all zeros|never changes")
+
+
+def test_one_number_that_no_sensor_gives_is_left_out_and_said(tmp_path: Path) -> None:
+    rows = rows_of()
+    rows[77, 2] = 1e200
+    file = tmp_path / "hand.csv"
+    file.write_text(HEADER + csv(rows))
+    recording = read_recording(file)
+    assert len(recording.time) == 1999
+    assert any("1 row(s) without a finite number" in remark.text for remark in recording.remarks)
+
+
+@pytest.mark.parametrize("rate", [1e300, 1e-300, float("nan"), 0.0, -1.0])
+def test_a_rate_that_is_none_is_refused(tmp_path: Path, rate: float) -> None:
+    file = tmp_path / "hand.csv"
+    file.write_text("ax,ay,az,gx,gy,gz\n" + csv(rows_of()[:, 1:]))
+    with pytest.raises(UsageError, match="--rate"):
+        read_recording(file, rate=rate)
+
+
+# -- what is packed --------------------------------------------------------------------------------
+
+
+def zeros(size: int, pack: Callable[[], Any]) -> bytes:
+    """Zeros packed piece by piece."""
+    packer = pack()
+    return b"".join(packer.compress(bytes(1 << 20)) for _ in range(size >> 20)) + packer.flush()
+
+
+@pytest.mark.parametrize(
+    ("ending", "pack"),
+    [
+        (".gz", lambda: zlib.compressobj(9, zlib.DEFLATED, 31)),
+        (".xz", lzma.LZMACompressor),
+        (".bz2", bz2.BZ2Compressor),
+    ],
+)
+@pytest.mark.parametrize("begins", [b"", GOOD.encode()])
+@pytest.mark.usefixtures("small")
+def test_what_unpacks_beyond_measure_is_refused(
+    tmp_path: Path, ending: str, pack: Callable[[], Any], begins: bytes
+) -> None:
+    file = tmp_path / f"hand.csv{ending}"
+    packer = pack()
+    head = packer.compress(begins)
+    line = b"0,0,0,0,0,0,0\n" * 75_000 if begins else bytes(1 << 20)
+    file.write_bytes(head + b"".join(packer.compress(line) for _ in range(8)) + packer.flush())
+    refused(file, "unpacks to|line of more than")
+
+
+@pytest.mark.usefixtures("small")
+def test_zstd_that_unpacks_beyond_measure_is_refused(tmp_path: Path) -> None:
+    library = pytest.importorskip("zstandard")
+    file = tmp_path / "hand.csv.zst"
+    file.write_bytes(zeros(8 << 20, lambda: library.ZstdCompressor().compressobj()))
+    refused(file, "unpacks to")
+
+
+def test_a_full_disk_is_not_taken_for_a_file_cut_short(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    library = pytest.importorskip("zstandard")
+    file = tmp_path / "hand.csv.zst"
+    file.write_bytes(library.ZstdCompressor().compress(GOOD.encode()))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+    original = Path.open
+
+    def opened(path: Path, mode: str = "r", *arguments: Any, **options: Any) -> Any:
+        # The device that is always full.
+        return original(Path("/dev/full") if mode == "wb" else path, mode, *arguments, **options)
+
+    monkeypatch.setattr(Path, "open", opened)
+    with pytest.raises(OutputError, match=r"could not be unpacked to .*No space left.*TMPDIR"):
+        compressed.read_table(file)
+
+
+@pytest.mark.parametrize("unpack", [decompress_bz2, decompress_lz4, decompress_zstd])
+def test_a_chunk_that_unpacks_beyond_measure_is_refused(unpack: Callable[..., bytes]) -> None:
+    lz4, zstandard = pytest.importorskip("lz4.frame"), pytest.importorskip("zstandard")
+    pack = {
+        decompress_bz2: bz2.compress,
+        decompress_lz4: lz4.compress,
+        decompress_zstd: zstandard.ZstdCompressor().compress,
+    }
+    assert unpack(pack[unpack](b"abc" * 1000), "a.bag", 3000) == b"abc" * 1000
+    with pytest.raises(RecordingError, match="a chunk unpacks to more than"):
+        unpack(pack[unpack](bytes(1 << 22)), "a.bag", 1 << 20)
+
+
+def mcap_of(chunks: list[bytes]) -> bytes:
+    """An MCAP file without an index of chunks that say that each unpacks to 1 GB."""
+    content = b"\x89MCAP0\r\n"
+    for data in chunks:
+        body = (
+            struct.pack("<QQQI", 0, 1, 1 << 30, 0)
+            + struct.pack("<I", 4)
+            + b"zstd"
+            + struct.pack("<Q", len(data))
+        )
+        content += struct.pack("<BQ", 6, len(body) + len(data)) + body + data
+    return content
+
+
+def test_chunks_of_an_mcap_that_say_that_they_are_huge_are_left_out(tmp_path: Path) -> None:
+    library = pytest.importorskip("zstandard")
+    file = tmp_path / "drive.mcap"
+    data = zeros(64 << 20, lambda: library.ZstdCompressor().compressobj())
+    file.write_bytes(mcap_of([data] * 3))
+    tracemalloc.start()
+    bag = McapFile(file)
+    assert tracemalloc.get_traced_memory()[1] < MOST_MEMORY
+    tracemalloc.stop()
+    assert "1024 MB" in bag.remarks[-1].text
+    refused(file, "holds no message that could be read")
+
+
+def test_a_size_that_lies_takes_no_memory(tmp_path: Path) -> None:
+    file = tmp_path / "drive.mcap"
+    file.write_bytes(b"\x89MCAP0\r\n" + struct.pack("<BQ", 6, 1 << 62) + b"abc")
+    refused(file, "cut short or damaged|no message")
+
+
+def test_an_archive_of_very_many_files_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "log.zip"
+    with zipfile.ZipFile(file, "w") as archive:
+        for number in range(3000):
+            archive.writestr(f"{number}.txt", "")
+    refused(file, "holds 3000 files")
+
+
+@pytest.mark.usefixtures("small")
+def test_an_archive_that_unpacks_beyond_measure_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "log.zip"
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("hand.csv", "w") as member:
+        for _ in range(8):
+            member.write(bytes(1 << 20))
+    refused(file, "unpacks to")
+
+
+def test_hdf5_whose_numbers_were_never_written_or_are_elsewhere_is_refused(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    unwritten, outside = tmp_path / "unwritten.h5", tmp_path / "outside.h5"
+    with h5py.File(unwritten, "w") as file:
+        file.create_dataset("imu", shape=(200_000_000, 7), dtype="f8", chunks=(1000, 7))
+    with h5py.File(outside, "w") as file:
+        file.create_dataset(
+            "imu", shape=(2000, 7), dtype="f8", external=[(str(tmp_path / "pipe"), 0, 2000 * 56)]
+        )
+    os.mkfifo(tmp_path / "pipe")
+    refused(unwritten, "none was written")
+    refused(outside, "stand in another file")
+
+
+@pytest.mark.usefixtures("small")
+def test_matlab_that_unpacks_beyond_measure_is_refused(tmp_path: Path) -> None:
+    packed = zeros(8 << 20, lambda: zlib.compressobj(9))
+    file = tmp_path / "hand.mat"
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
+    file.write_bytes(head + struct.pack("<II", 15, len(packed)) + packed)
+    refused(file, "unpacks to")
+
+
+@pytest.mark.usefixtures("small")
+def test_parquet_that_unpacks_beyond_measure_is_refused(tmp_path: Path) -> None:
+    import polars as pl
+
+    file = tmp_path / "hand.parquet"
+    count = 1_000_000
+    pl.select(pl.repeat(1.0, count).alias("ax"), pl.repeat(2.0, count).alias("ay")).write_parquet(file)
+    refused(file, "unpacks to")
+
+
+# -- headers that lie ------------------------------------------------------------------------------
+
+
+def npy(header: bytes) -> bytes:
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        b"{{{",
+        b"{'descr': '<f8', 'fortran_order': False, 'shape': (%d, 7)}" % 2**70,
+        b"{'descr': '<f8', 'fortran_order': False, 'shape': (200000000000, 7)}",
+        b"{'descr': '<f8', 'fortran_order': False, 'shape': (-1, 7)}",
+        b"{'descr': 'O', 'fortran_order': False, 'shape': (10, 7)}",
+        b"(" * 3000,
+        b"",
+    ],
+)
+def test_numpys_headers_that_cannot_be_are_refused(tmp_path: Path, header: bytes) -> None:
+    file, archive = tmp_path / "hand.npy", tmp_path / "hand.npz"
+    file.write_bytes(npy(header))
+    with zipfile.ZipFile(archive, "w") as members:
+        members.writestr("imu.npy", npy(header))
+    refused(file, "damaged|holds an array")
+    refused(archive, "damaged|holds no table")
+
+
+def test_one_wrong_bit_in_a_gzip_is_a_sentence(tmp_path: Path) -> None:
+    file = tmp_path / "hand.csv.gz"
+    packed = bytearray(gzip.compress(GOOD.encode()))
+    for at in range(10, len(packed) - 8, len(packed) // 40):
+        damaged = packed.copy()
+        damaged[at] ^= 0x10
+        file.write_bytes(damaged)
+        header_names(file)
+        try:
+            read_table(file)
+        except RecordingError:
+            continue
+
+
+def test_a_name_that_is_no_utf_8_stands_in_the_source_as_numbers(tmp_path: Path) -> None:
+    file = Path(os.fsdecode(os.fsencode(tmp_path) + b"/hand\xff.csv"))
+    file.write_text(GOOD)
+    (source,) = read_recording(file).sources
+    assert source.name.encode() == b"hand<U+DCFF>.csv"
+    assert find_format(file).NAME == "text"
