@@ -629,7 +629,7 @@ def strapdown_rotation(
     rng: np.random.Generator,
     fault: str | None = None,
     *,
-    error: float = 1e-3,
+    error: float = 5e-4,
     azimuth: float = 1e-3,
     rate: float = 100.0,
     asymmetric: bool = True,
@@ -639,7 +639,8 @@ def strapdown_rotation(
     Parameters
     ----------
     grade, rng, fault : the kind of unit, chance, and what is wrong; ``pose-off`` and ``plate-leans`` by 1°.
-    error, azimuth : of the fixture in everything, and of where it points, rad.
+    error, azimuth : of the fixture in each of its parts, and of where it points, rad; of a pose, to which level,
+        crossing of the axes, mounting and angle contribute, twice the error is stated.
     rate : samples a second.
     asymmetric : scale factors differ by sign, as the test is made to find.
     """
@@ -654,8 +655,8 @@ def strapdown_rotation(
     for name, (start, _) in SEQUENCES.items():
         inner, outer = np.array(start) * DEGREE
         at = np.array([inner, outer])
-        jitter = error * rng.standard_normal(2)
-        target = fixture.attitude(*(at + jitter))
+        missed = error * rng.standard_normal(2)
+        target = fixture.attitude(*(at + missed))
         if fault == "pose-off" and name == troubled:
             target = so3.multiply(target, so3.exponential(DEGREE * _direction(rng)))
         if path is None:
@@ -665,16 +666,20 @@ def strapdown_rotation(
         bump = 0.3 * DEGREE * _direction(rng) if fault == "bumped" and name == troubled else None
         _hold(path, 10.0, STILL, rng, f"{name} start", bump)
         nominal = nominal_attitude(inner, outer)
-        _stated_hold(text, f"{name} start", nominal, error)
+        _stated_hold(text, f"{name} start", nominal, 2 * error)
         for angle, axis in sequence_rotations(name):
             unit_axis = np.array(FACES[axis], float)
             turned = angle * DEGREE
             seconds = abs(turned) / 1.0 + 0.5
             slip = 0.3 * DEGREE * _direction(rng) if fault == "loose" and name == troubled else None
-            real = turned + error * rng.standard_normal()
+            # A fixture goes to a mark: what it misses it by at one does not add to what it misses the next by.
+            missing = error * rng.standard_normal()
             room = fixture.inner_axis(at[1]) if axis == "z" else fixture.outer_axis
             along = room @ so3.rotate(path.attitude, unit_axis)
             sign = 1.0 if along > 0 else -1.0
+            which = 0 if axis == "z" else 1
+            real = turned + sign * (missing - missed[which])
+            missed[which] = missing
             if fault == "missing-turn" and name == troubled:
                 path.hold(seconds, name="no turn")
             else:
@@ -686,11 +691,11 @@ def strapdown_rotation(
             at = at + sign * turned * np.array([axis == "z", axis != "z"])
             nominal = so3.multiply(nominal, so3.exponential(turned * unit_axis))
             text.step(
-                "turn", f"{name}: {angle:+g} {axis}", axis=axis, angle_deg=angle, uncertainty_deg=error / DEGREE,
+                "turn", f"{name}: {angle:+g} {axis}", axis=axis, angle_deg=angle, uncertainty_deg=2 * error / DEGREE,
                 seconds=seconds,
             )  # fmt: skip
         path.hold(10.0, name=f"{name} end")
-        _stated_hold(text, f"{name} end", nominal, error)
+        _stated_hold(text, f"{name} end", nominal, 2 * error)
         if name != "14":
             text.step("turn", "", seconds=8)
     assert path is not None
