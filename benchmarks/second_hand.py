@@ -631,6 +631,9 @@ def main() -> None:
                 if procedure == "thermal-soak" and estimator == "joint":
                     continue
                 for fault in faults:
+                    if fault not in (None, *OWN_FAULTS[procedure], *RECORD_FAULTS, *STATED_FAULTS):
+                        print(f"{procedure} has no fault {fault}", flush=True)
+                        continue
                     study(procedure, grade, estimator, fault, arguments)
 
 
