@@ -393,7 +393,11 @@ def one(procedure: str, grade: str, estimator: str, fault: str | None, seed: int
     arguments : of the command line.
     """
     options = json.loads(arguments.options) if arguments.options else {}
-    made = PROCEDURES[procedure](GRADES[grade], np.random.default_rng(seed), fault, **options)
+    kind = GRADES[grade]
+    if arguments.white:
+        still = [replace(sheet, flicker=0.0, walk=0.0) for sheet in (kind.accelerometer, kind.gyroscope)]
+        kind = replace(kind, accelerometer=still[0], gyroscope=still[1])
+    made = PROCEDURES[procedure](kind, np.random.default_rng(seed), fault, **options)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(arguments.keep or name)
         folder.mkdir(parents=True, exist_ok=True)
@@ -615,6 +619,7 @@ def main() -> None:
     parser.add_argument(
         "--keep", help="folder for recording.csv, protocol.yaml and truth.json of the last run"
     )
+    parser.add_argument("--white", action="store_true", help="biases do not wander")
     parser.add_argument("--verbose", action="store_true")
     arguments = parser.parse_args()
     procedures = list(PROCEDURES) if "all" in arguments.procedure else arguments.procedure
@@ -646,6 +651,7 @@ def study(procedure: str, grade: str, estimator: str, fault: str | None, argumen
     arguments : of the command line.
     """
     title = f"{procedure}, {grade}, {estimator}" + (f", {fault}" if fault else "")
+    title += ", white" if arguments.white else ""
     outcomes: list[Outcome] = []
     stopped = False
     try:
