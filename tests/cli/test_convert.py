@@ -152,7 +152,12 @@ def test_an_inverse_undoes_what_apply_did(tumble: Any, calibration: Path, tmp_pa
 
 @pytest.mark.parametrize(
     "option",
-    [("--largest-loss", "nan"), ("--largest-loss", "-1"), ("--correlation-time", "-3"), ("--consumer-rate", "0")],
+    [
+        ("--largest-loss", "nan"),
+        ("--largest-loss", "-1"),
+        ("--correlation-time", "-3"),
+        ("--consumer-rate", "0"),
+    ],
 )
 def test_numbers_that_no_conversion_can_work_with_are_refused(
     tumble: Any, tmp_path: Path, option: tuple[str, str]

@@ -70,7 +70,9 @@ def test_a_unit_at_rest_is_simulated_and_its_noise_found_by_the_command_printed(
 
 
 def test_it_prints_the_truth_with_units_and_every_file(tumble: Any, tmp_path: Path) -> None:
-    answer = tumble("simulate", "six-position", "--imu", "hg1700", "--sample-rate", 5, "-o", tmp_path / "trial")
+    answer = tumble(
+        "simulate", "six-position", "--imu", "hg1700", "--sample-rate", 5, "-o", tmp_path / "trial"
+    )
     for words in (
         "No site was given",
         "grade hg1700 (seed 0)",
@@ -205,7 +207,9 @@ def test_a_full_disk_leaves_the_earlier_simulation(tumble: Any, small_disk: Path
     assert set(earlier) == FILES
     is_told(tumble("simulate", "six-position", "--sample-rate", 100, "-o", small_disk), 3, "No space left")
     assert contents(small_disk) == earlier
-    is_told(tumble("simulate", "six-position", "--sample-rate", 100, "-o", small_disk / "new"), 3, "No space left")
+    is_told(
+        tumble("simulate", "six-position", "--sample-rate", 100, "-o", small_disk / "new"), 3, "No space left"
+    )
     assert contents(small_disk) == earlier
 
 
@@ -242,7 +246,9 @@ def test_ctrl_c_while_writing_leaves_the_earlier_simulation_and_no_part(
     tumble("simulate", "six-position", "--sample-rate", 5, "-o", tmp_path / "trial", "-q")
     earlier = contents(tmp_path / "trial")
     before = f"exec({AT_FSYNC.format(at=at)!r})"
-    process = started(before, "simulate", "six-position", "--seed", 2, "--sample-rate", 5, "-o", tmp_path / "trial")
+    process = started(
+        before, "simulate", "six-position", "--seed", 2, "--sample-rate", 5, "-o", tmp_path / "trial"
+    )
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "Stopped" in err

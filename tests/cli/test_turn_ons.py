@@ -147,7 +147,19 @@ def test_a_simulated_unit_that_is_switched_on_anew_has_other_biases_and_else_is_
     truths: list[dict[str, Any]] = []
     for seed in (1, 2):
         folder = tmp_path / f"day{seed}"
-        options = ("--unit-seed", 5, "--seed", seed, "--sample-rate", 10, "--turn-on-bias", "2,60", "-o", folder, "-q")
+        options = (
+            "--unit-seed",
+            5,
+            "--seed",
+            seed,
+            "--sample-rate",
+            10,
+            "--turn-on-bias",
+            "2,60",
+            "-o",
+            folder,
+            "-q",
+        )
         assert tumble("simulate", "six-position", *options).status == 0
         truths.append(json.loads((folder / "truth.json").read_text(encoding="utf-8")))
     first, second = truths

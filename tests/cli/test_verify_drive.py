@@ -125,7 +125,9 @@ def test_a_verdict_that_hangs_on_how_far_biases_may_have_moved_says_so(
     answer = verify(recording, track, "-q", "--outages", "10", "--gnss-time", -CLOCK)
     assert answer.status == 0, answer
     assert re.search(r"It serves if this unit's\s+biases\s+may\s+move", answer.out)
-    answer = verify(recording, track, "-q", "--outages", "10", "--gnss-time", -CLOCK, "--turn-on-bias", "0.1,10")
+    answer = verify(
+        recording, track, "-q", "--outages", "10", "--gnss-time", -CLOCK, "--turn-on-bias", "0.1,10"
+    )
     assert answer.status == 1, answer
     assert re.search(r"The drive finds the (gyro|accelerometer) bias", answer.out)
     assert "no proof" not in answer.out
@@ -295,7 +297,9 @@ def test_a_prediction_names_the_states_of_a_filter(
     assert {"gyroscope bias x", "gyroscope bias y"} <= set(carried)
     assert all(state["sigma"] > 0.0 for state in carried.values())
     _, track = files.write()
-    answer = tumble("predict", calibrated, "--trajectory", track, "--seconds", "60", "--turn-on-bias", "5,100")
+    answer = tumble(
+        "predict", calibrated, "--trajectory", track, "--seconds", "60", "--turn-on-bias", "5,100"
+    )
     assert answer.status == 0, answer
     assert "States for a filter" in answer.out
     # in the words of the report and the glossary

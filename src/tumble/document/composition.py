@@ -31,6 +31,7 @@ from tumble.document.thermal_block import ThermalBlock, thermal_block
 from tumble.earth import EARTH_RATE, Site
 from tumble.files import shown
 from tumble.recording.recording import Recording
+from tumble.recording.temperature import mean_celsius
 from tumble.sensor import FRAMES, ImuModel, Triad
 from tumble.units import angular_rate_factor, specific_force_factor
 
@@ -55,7 +56,7 @@ def calibration_from_estimate(
 ) -> Calibration:
     """Return the document of an estimate, judged and with test vectors."""
     judgement = judge(estimate, recording)
-    temperature = _temperature(recording)
+    temperature = mean_celsius(recording.temperature)
     thermal = _thermal(estimate)
     if thermal is not None:
         temperature = thermal.basis.reference_celsius
@@ -101,14 +102,6 @@ def calibration_from_estimate(
         thermal=thermal,
         lever_arms=None if estimate.lever_arms is None else _rows(estimate.lever_arms),
     )
-
-
-def _temperature(recording: Recording) -> float | None:
-    """Return the mean temperature of a recording, None where no sample has one."""
-    celsius = recording.temperature
-    if celsius is None or not np.isfinite(celsius).any():
-        return None
-    return float(np.nanmean(celsius))
 
 
 def _thermal(estimate: Estimate) -> ThermalBlock | None:

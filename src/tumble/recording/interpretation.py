@@ -19,6 +19,7 @@ from tumble.recording.declared import DeclaredUnits
 from tumble.recording.formats.table import RawTable
 from tumble.recording.recording import Recording, Remark, Source
 from tumble.recording.signals import Signals, pick_signals
+from tumble.recording.temperature import COLDEST, HOTTEST, without_slips
 from tumble.recording.unit_choice import Interpretation, about_units, decide_force, decide_rate
 from tumble.units import COUNTS, celsius_from, find_unit, time_factor
 
@@ -170,7 +171,7 @@ def interpret(
         specific_force_unit=COUNTS,
         angular_rate_unit=COUNTS,
         rate=ordered.rate,
-        temperature=_in_celsius(signals.temperature, plan),
+        temperature=_in_celsius(signals.temperature, plan, remarks),
         sources=sources,
         gaps=ordered.gaps,
         temperature_unit=plan.temperature_unit,
@@ -213,12 +214,18 @@ def _as_judged(
     )
 
 
-def _in_celsius(temperature: Series | None, plan: ColumnPlan) -> Series | None:
-    """Return the column in °C, as it is where nobody says what it is in."""
-    if temperature is None or plan.temperature_unit in (None, "degC"):
-        return temperature
-    factor, offset = celsius_from(plan.temperature_unit)
-    return factor * temperature + offset
+def _in_celsius(temperature: Series | None, plan: ColumnPlan, remarks: list[Remark]) -> Series | None:
+    """Return the column in °C, as it is where nobody says what it is in, without numbers that are no temperature."""
+    if temperature is None:
+        return None
+    if plan.temperature_unit not in (None, "degC"):
+        factor, offset = celsius_from(plan.temperature_unit)
+        temperature = factor * temperature + offset
+    temperature, slips = without_slips(temperature)
+    if slips:
+        text = f"{slips} number(s) of the temperature are beyond {COLDEST:g} to {HOTTEST:g} °C, and are left out."
+        remarks.append(Remark("mended", text))
+    return temperature
 
 
 def _about_temperature(recording: Recording) -> list[Remark]:
@@ -322,7 +329,7 @@ def interpret_block(
         rate=decided.rate,
         temperature=None
         if signals.temperature is None
-        else _in_celsius(signals.temperature[keep], decided.plan),
+        else _in_celsius(signals.temperature[keep], decided.plan, remarks),
         sources=sources,
         remarks=tuple(remarks),
         gaps=stamps.find_gaps(time, decided.rate),

@@ -10,6 +10,38 @@ from tumble.arrays import Series
 STILL_SECONDS = 60.0
 # Gaps up to this are bridged without doubt; the unit's own time constant is minutes.
 LONG_GAP = 60.0  # s
+# No inertial sensor works beyond these, and most are specified up to 85 °C.
+COLDEST, HOTTEST = -100.0, 200.0  # °C
+# Numbers beyond are slips of the reading where they are so few; of a column in another scale they are many.
+_FEW = 0.01
+
+
+def without_slips(celsius: Series) -> tuple[Series, int]:
+    """Return a column with NaN for the few numbers that no sensor's temperature can have, and how many these are.
+
+    Parameters
+    ----------
+    celsius : (samples,) °C; one that is in another scale as a whole is returned as it is.
+    """
+    with np.errstate(invalid="ignore"):
+        slips = (celsius < COLDEST) | (celsius > HOTTEST)
+    count = int(np.count_nonzero(slips))
+    if not 0 < count <= _FEW * np.count_nonzero(np.isfinite(celsius)):
+        return celsius, 0
+    return np.where(slips, np.nan, celsius), count
+
+
+def mean_celsius(celsius: Series | None) -> float | None:
+    """Return the mean of a column, None where it holds no number or no temperature that a sensor can have.
+
+    Parameters
+    ----------
+    celsius : (samples,) °C, NaN where there is none; None without a column.
+    """
+    if celsius is None or not np.isfinite(celsius).any():
+        return None
+    mean = float(np.nanmean(celsius))
+    return mean if COLDEST <= mean <= HOTTEST else None
 
 
 class TemperatureColumn:

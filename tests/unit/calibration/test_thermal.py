@@ -213,3 +213,17 @@ def test_a_warming_unit_is_found_at_rest(noisy_sweep: Recording) -> None:
     drifting = replace(noisy_sweep, angular_rate=None)
     assert len(find_thermal_timeline(noisy_sweep).holds) == 1
     assert len(find_thermal_timeline(drifting).holds) == 1
+
+
+@pytest.mark.parametrize("kicked", [False, True])
+def test_a_model_that_a_tenth_of_the_rests_contradict_is_not_fit(
+    noisy_sweep: Recording, kicked: bool
+) -> None:
+    """Kicks of 0.1 °/s for a minute out of seven, as from something that is loose in the chamber."""
+    assert noisy_sweep.angular_rate is not None
+    minute = (noisy_sweep.time // 60.0) % 7.0 == 2.0
+    rate = noisy_sweep.angular_rate + kicked * minute[:, None] * np.array([0.0, 0.002, -0.002])
+    estimate = calibrated(sweep(), replace(noisy_sweep, angular_rate=rate))
+    assert (
+        any("rests contradict the model and were left out" in text for text in estimate.objections) == kicked
+    )

@@ -48,6 +48,7 @@ from tumble.calibration.uncertainty_statement import (
     coverage_factors,
     effective_degrees,
 )
+from tumble.recording.temperature import mean_celsius
 from tumble.sensor.propagation import Function, jacobian
 from tumble.units import angular_rate_factor, specific_force_factor
 
@@ -337,14 +338,13 @@ def _with(outcome: JointOutcome, place: np.ndarray) -> Series:
 def _not_included(outcome: JointOutcome) -> list[str]:
     said: list[str] = []
     celsius = outcome.recording.temperature
-    known = None if celsius is None else celsius[np.isfinite(celsius)]
-    if known is None or not known.size:
+    if celsius is None or mean_celsius(celsius) is None:
         said.append(
             "Temperature: the recording has no temperature. The parameters hold at whatever it was; what it did to the "
             "biases while recording is in the wander, what it did to scale factors is not in the uncertainties."
         )
     else:
-        low, high = float(known.min()), float(known.max())
+        low, high = float(np.nanmin(celsius)), float(np.nanmax(celsius))
         said.append(
             f"Temperature: it went from {low:.1f} to {high:.1f} °C while recording. What that did to the biases is in "
             "their wander; what it did to scale factors and angles is not in the uncertainties, and at another "

@@ -7,9 +7,9 @@ import numpy as np
 from tumble.arrays import Series
 from tumble.errors import ObservabilityError
 from tumble.protocol.steps import Protocol, RampStep, SoakStep
+from tumble.recording.temperature import COLDEST, HOTTEST
 
-# No inertial sensor works beyond these, and most are specified up to 85 °C.
-COLDEST, HOTTEST, USUAL_HOTTEST = -100.0, 200.0, 85.0  # °C
+USUAL_HOTTEST = 85.0  # °C
 # Tests begin or end in a room, or pass it.
 ROOM = 10.0, 32.0  # °C
 # From a freezer to a warm room is a usual test in °F, too.

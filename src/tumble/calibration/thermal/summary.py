@@ -33,6 +33,8 @@ from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.recording.recording import Recording
 
 CURVE = 41
+# A model that more rests than this contradict does not describe them; as many of one branch are more than chance.
+LARGEST_SHARE_CONTRADICTING, FEWEST_OF_BRANCH = 0.1, 4
 
 
 def thermal_evidence(
@@ -217,11 +219,32 @@ def thermal_estimate(
         said=said_of(
             remarks=[*thermal_remarks(fit, solution, coverage, evidence, turned), *coverage.remarks],
             cautions=coverage.cautions,
+            objections=_on_left_out(fit, kept),
             not_determined=not_determined_words(terms, layout, coverage, recording, turned, doubts),
         ),
         evidence=[Holds(norms, sigmas), evidence] if norms.size else [evidence],
         thermal=OverTemperature(solution.model, solution.names, solution.covariance),
     )
+
+
+def _on_left_out(fit: ThermalFit, kept: ThermalPoints) -> list[str]:
+    """Object to a model that so many rests contradict, or most rests of one branch."""
+    gone = np.zeros(len(kept), dtype=bool)
+    gone[[o.group for o in fit.outliers]] = True
+    said: list[str] = []
+    count = int(np.count_nonzero(gone))
+    if count > LARGEST_SHARE_CONTRADICTING * len(kept):
+        said.append(
+            f"{count} of {len(kept)} rests contradict the model and were left out: the functions of temperature do not "
+            "describe what this unit does. Sweep slower, or so that each temperature settles."
+        )
+    for branch, name in ((kept.hysteresis > 0.0, "heating"), (kept.hysteresis < 0.0, "cooling")):
+        of_branch, left = int(np.count_nonzero(branch)), int(np.count_nonzero(branch & gone))
+        if left >= FEWEST_OF_BRANCH and 2 * left > of_branch:
+            said.append(
+                f"{left} of {of_branch} rests while {name} were left out: what is left describes one branch alone."
+            )
+    return said
 
 
 def _factor(levels: Levels) -> float:
