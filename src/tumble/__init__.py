@@ -36,8 +36,8 @@ b's x axis is the sensing axis of the x accelerometer. g-sensitivity is the gyro
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+# As `typing` has it; importing that takes half the time that `tumble` has to stop without a word.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
     from tumble.document import Calibration, read_calibration
     from tumble.earth import Site

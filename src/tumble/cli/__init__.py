@@ -1,1 +1,35 @@
-"""The command line: one module a command, each asking `tumble.workflows` and printing what it says."""
+"""The command line: argument parsing and printing, nothing else.
+
+`program` is what the installed command runs. Before it imports anything it sees to Ctrl-C: while Python imports, no
+file has been touched, and a stop is one line and an exit status as at any other time.
+"""
+
+# The C module under `signal`, which is there already: `signal` itself takes milliseconds in which a Ctrl-C is lost.
+import _signal
+import os
+
+_STOPPED = b"tumble: Stopped; no file was changed.\n"
+
+
+def stop_at_once(number: int, frame: object) -> None:
+    """Say that nothing was changed, and leave.
+
+    Parameters
+    ----------
+    number, frame : of the signal.
+    """
+    try:
+        os.write(2, _STOPPED)
+    finally:
+        os._exit(128 + number)
+
+
+def program() -> None:
+    """Run the program; it does not return."""
+    if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
+        _signal.signal(_signal.SIGINT, stop_at_once)
+    if _signal.getsignal(_signal.SIGTERM) == _signal.SIG_DFL:
+        _signal.signal(_signal.SIGTERM, stop_at_once)
+    from tumble.cli.main import program as run
+
+    run()

@@ -6,6 +6,7 @@ import errno
 import os
 import signal
 import sys
+from contextlib import suppress
 from typing import Annotated, Any
 
 import typer
@@ -35,6 +36,7 @@ from tumble.errors import TumbleError
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 INTERRUPTED = 130
+TERMINATED = 143
 UNWRITTEN = 3
 INTERNAL = 70
 STOPPED = "Stopped; no file was changed."
@@ -115,16 +117,24 @@ def options(
     """Take the options that stand before a command."""
 
 
+class Terminated(BaseException):
+    """A request to end (SIGTERM), which stops work as Ctrl-C does."""
+
+
+_STOPS = (KeyboardInterrupt, Terminated)
+
+
 def main() -> None:
     """Run the command line; every error is one sentence and an exit status."""
-    before = signal.getsignal(signal.SIGINT)
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     state["results stand"] = False
     try:
         with streams():
             _run()
     finally:
-        # A command that has written its files ignores Ctrl-C; a caller of this function must not inherit that.
-        signal.signal(signal.SIGINT, before)
+        # A command that has written its files ignores stops; a caller of this function must not inherit that.
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _run() -> None:
@@ -134,8 +144,8 @@ def _run() -> None:
         sys.stdout.flush()
     except TumbleError as error:
         _end(str(error), error.exit_status)
-    except (KeyboardInterrupt, typer.Abort):
-        _end(STOPPED, INTERRUPTED)
+    except (*_STOPS, typer.Abort) as error:
+        _end(STOPPED, _status_of(_stop_behind(error)))
     except (BrokenPipeError, SystemExit):
         # Nobody reads on, as after `| head`: typer knows no other reason to leave by itself.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -145,9 +155,8 @@ def _run() -> None:
     except MemoryError:
         _end("The recording does not fit into memory: cut it, or use a machine with more.", 2)
     except Exception as error:  # noqa: BLE001 (the last line of defence: a sentence, not a traceback)
-        # Where a class is being made, Python hands Ctrl-C on as the cause of an error of its own.
-        if isinstance(error.__cause__, KeyboardInterrupt):
-            _end(STOPPED, INTERRUPTED)
+        if stop := _stop_behind(error):
+            _end(STOPPED, _status_of(stop))
         _usage_or_internal(error)
     else:
         # typer turns Ctrl-C into this status without a word.
@@ -157,14 +166,15 @@ def _run() -> None:
 
 
 def _send_again(lost: Any) -> None:
-    """Send a Ctrl-C again that came while a compiled library called back, where it cannot be raised."""
-    if not issubclass(lost.exc_type, KeyboardInterrupt):
+    """Send a stop again that came while a compiled library called back, where it cannot be raised."""
+    if not issubclass(lost.exc_type, _STOPS):
         sys.__unraisablehook__(lost)
         return
     import _thread
     import threading
 
-    again = threading.Timer(0.02, _thread.interrupt_main)
+    number = signal.SIGINT if issubclass(lost.exc_type, KeyboardInterrupt) else signal.SIGTERM
+    again = threading.Timer(0.02, _thread.interrupt_main, (number,))
     again.daemon = True
     again.start()
 
@@ -177,18 +187,46 @@ def program() -> None:
     """
     status = 0
     try:
+        _hear_stops()
         main()
     except SystemExit as end:
         status = end.code if isinstance(end.code, int) else 0
-    except KeyboardInterrupt:  # before or after the part that has its own words for it
-        sys.stderr.write(f"tumble: {STOPPED}\n")
-        status = INTERRUPTED
-    try:
-        sys.stdout.flush()
-        sys.stderr.flush()
-    except OSError:
-        status = status or UNWRITTEN
+    except _STOPS as stop:  # before or after the part that has its own words for it
+        status = _status_of(stop)
+        _try_to_say(STOPPED)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            if stream is not None:  # pyright: ignore[reportUnnecessaryComparison] (closed before we began)
+                stream.flush()
+        except OSError:
+            status = status or UNWRITTEN
     os._exit(status)
+
+
+def _hear_stops() -> None:
+    """Take Ctrl-C and requests to end as exceptions from here on, where they were not to be ignored."""
+    from tumble.cli import stop_at_once
+
+    def terminate(number: int, frame: object) -> None:
+        raise Terminated
+
+    if signal.getsignal(signal.SIGTERM) in (signal.SIG_DFL, stop_at_once):
+        signal.signal(signal.SIGTERM, terminate)
+    if signal.getsignal(signal.SIGINT) is stop_at_once:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _stop_behind(error: BaseException | None) -> BaseException | None:
+    """The stop that an error is, or was made of: where a library is being imported, it comes as another error."""
+    while error is not None:
+        if isinstance(error, _STOPS):
+            return error
+        error = error.__cause__ or error.__context__
+    return None
+
+
+def _status_of(stop: BaseException | None) -> int:
+    return TERMINATED if isinstance(stop, Terminated) else INTERRUPTED
 
 
 def _usage_or_internal(error: Exception) -> None:
@@ -221,5 +259,11 @@ def _of_the_system(error: OSError) -> str:
 
 
 def _end(message: str, status: int) -> None:
-    sys.stderr.write(f"tumble: {plain(shortened(message))}\n")
+    _try_to_say(message)
     sys.exit(status)
+
+
+def _try_to_say(message: str) -> None:
+    """Print a sentence on standard error, where anybody listens."""
+    with suppress(OSError, AttributeError):
+        sys.stderr.write(f"tumble: {plain(shortened(message))}\n")

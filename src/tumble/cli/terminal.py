@@ -219,7 +219,9 @@ def console(*, soft_wrap: bool = False) -> Console:
             return super().render_str(plain(text), **options)
 
         def print(self, *objects: Any, **options: Any) -> None:
-            options.setdefault("markup", False)
+            # What is printed is no markup; cells of a table are read as its maker says.
+            if all(isinstance(one, str) for one in objects):
+                options.setdefault("markup", False)
             super().print(*objects, **options)
 
     return Escaping(highlight=False, soft_wrap=soft_wrap)
@@ -279,8 +281,9 @@ def progress(quiet: bool) -> Generator[Callable[[str], None], None, None]:
 
 
 def results_stand() -> None:
-    """Ignore Ctrl-C from here on: the files are in their places, and only words about them are left."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Ignore stops from here on: the files are in their places, and only words about them are left."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
     state["results stand"] = True
 
 

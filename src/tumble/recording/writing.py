@@ -35,15 +35,16 @@ def written_beside(path: Path) -> Generator[Path, None, None]:
 
 @contextmanager
 def uninterrupted() -> Generator[None, None, None]:
-    """Let a Ctrl-C pass unheard for the moment in which finished files take their places.
+    """Let a stop (Ctrl-C, a request to end) pass unheard for the moment in which finished files take their places.
 
     It comes too late to stop anything: heard, it would leave one file of two in place.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
