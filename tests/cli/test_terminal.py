@@ -103,7 +103,7 @@ def test_a_name_that_is_no_utf_8_is_a_name(recording: Path, tmp_path: Path) -> N
         )
         assert answer.returncode in (0, 1), answer.stderr.decode()
         answer.stdout.decode("utf-8")
-    assert "caf\\xe9.csv" in (tmp_path / "out" / "calibration.json").read_text(encoding="utf-8").replace("\\\\", "\\")
+    assert "caf?.csv" in (tmp_path / "out" / "calibration.json").read_text(encoding="utf-8")
 
 
 def test_what_was_typed_is_not_repeated_at_any_length(tumble: Any, tmp_path: Path) -> None:

@@ -236,3 +236,50 @@ def test_a_reader_that_goes_away_ends_the_program_quietly(recording: Path, tmp_p
     assert "Traceback" not in err
     assert process.returncode == 0
     assert set(contents(tmp_path / "results")) == set(EARLIER)
+
+
+# --- an output is an ordinary file, and no input
+
+
+def test_no_command_writes_over_its_inputs(
+    tumble: Any, calibrated: Path, recording: Path, tmp_path: Path
+) -> None:
+    file = tmp_path / "unit.json"
+    file.write_bytes((calibrated / "calibration.json").read_bytes())
+    raw = tmp_path / "raw.csv"
+    raw.write_bytes(recording.read_bytes())
+    before = contents(tmp_path)
+    for arguments in (
+        ("predict", file, "--trajectory", "rest", "-o", file),
+        ("invert", file, "-o", file),
+        ("apply", file, raw, "-o", raw),
+        ("inspect", raw, "--save", raw),
+        ("convert", file, "--to", "yaml", "-o", file),
+        ("calibrate", raw, "--prior", calibrated, "-o", calibrated),
+    ):
+        answer = tumble(*arguments)
+        assert answer.status == 2, answer
+        assert len(answer.err.splitlines()) == 1
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("kind", ["device", "pipe"])
+def test_no_command_replaces_a_device(
+    tumble: Any, calibrated: Path, recording: Path, tmp_path: Path, kind: str
+) -> None:
+    place = Path("/dev/null") if kind == "device" else tmp_path / "pipe.csv"
+    if kind == "pipe":
+        os.mkfifo(place)
+    before = place.lstat()
+    for arguments in (
+        ("mount", recording, recording, "-c", calibrated, "-o", place),
+        ("invert", calibrated, "-o", place),
+        ("apply", calibrated, recording, "-o", place),
+        ("plan", "strapdown-rotation", "-o", place),
+        ("simulate", "six-position", "-o", place),
+        ("noise", recording, "-o", place),
+    ):
+        answer = tumble(*arguments)
+        assert answer.status == 2, answer
+        assert f"is a {kind}" in answer.err or "is a file" in answer.err
+    assert (place.lstat().st_mode, place.lstat().st_ino) == (before.st_mode, before.st_ino)

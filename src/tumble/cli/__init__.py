@@ -4,9 +4,14 @@
 file has been touched, and a stop is one line and an exit status as at any other time.
 """
 
-# The C module under `signal`, which is there already: `signal` itself takes milliseconds in which a Ctrl-C is lost.
-import _signal
 import os
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    import signal as _signal
+else:
+    # The C module under `signal`, which is there already: `signal` itself takes milliseconds in which a stop is lost.
+    import _signal
 
 _STOPPED = b"tumble: Stopped; no file was changed.\n"
 

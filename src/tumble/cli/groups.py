@@ -6,6 +6,7 @@ import inspect
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
 from typing import Annotated, Any, cast, get_args, get_origin, get_type_hints
 
 import typer
@@ -161,16 +162,32 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
             flat.append(parameter.replace(annotation=hint, kind=inspect.Parameter.KEYWORD_ONLY))
 
     def run(**given: Any) -> None:
-        made = {
-            name: group(**{field.name: given.pop(field.name) for field in fields(group)})
-            for name, group in groups.items()
-        }
-        command(**given, **made)
+        from tumble.files import check_target, inputs_kept
+
+        with inputs_kept(_inputs(given)):
+            if isinstance(output := given.get("output"), Path) and not output.is_dir():
+                check_target(output)
+            made = {
+                name: group(**{field.name: given.pop(field.name) for field in fields(group)})
+                for name, group in groups.items()
+            }
+            command(**given, **made)
 
     run.__doc__ = flowing(command.__doc__ or "")
     run.__signature__ = inspect.Signature(flat)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in flat}
     return run
+
+
+def _inputs(given: dict[str, Any]) -> list[Path]:
+    """The files that a command is given to read: what names one, but for where it writes."""
+    found: list[Path] = []
+    for name, value in given.items():
+        for one in cast("list[object]", value) if isinstance(value, list) else [value]:
+            if isinstance(one, str | Path) and name not in ("output", "save"):
+                # A pair of files with one triad each has a comma between.
+                found += [Path(one), *map(Path, str(one).split(","))]
+    return found
 
 
 def _options_of(group: Any) -> list[inspect.Parameter]:

@@ -151,7 +151,7 @@ def _run() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
     except OSError as error:
-        _end(_of_the_system(error), UNWRITTEN)
+        _end(_of_the_system(error), 2 if error.errno == errno.ENAMETOOLONG else UNWRITTEN)
     except MemoryError:
         _end("The recording does not fit into memory: cut it, or use a machine with more.", 2)
     except Exception as error:  # noqa: BLE001 (the last line of defence: a sentence, not a traceback)

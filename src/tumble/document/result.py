@@ -15,9 +15,8 @@ from tumble.arrays import Series, Square, Vectors
 from tumble.document.contradictions import contradiction_in
 from tumble.document.thermal_block import ThermalBlock
 from tumble.document.turn_ons_block import TurnOnsBlock
-from tumble.errors import CalibrationFileError, OutputError
-from tumble.files import read_json, shown
-from tumble.recording.writing import written_beside
+from tumble.errors import CalibrationFileError
+from tumble.files import read_json, shown, write_text
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import Outside, ThermalModel
 
@@ -400,24 +399,6 @@ def calibration_schema() -> dict[str, Any]:
     schema = Calibration.model_json_schema()
     # A document may hold another one (composed_with): its keys are told at the top as well.
     return {**schema["$defs"]["Calibration"], "$defs": schema["$defs"]}
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write `text` beside `path` and rename it there, making the folder if it is not there.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written; what was at `path` is intact.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"The folder {path.parent} cannot be made: {error.strerror or error}.") from error
-    with written_beside(path) as beside, beside.open("w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
 
 
 def _triad(block: TriadBlock) -> Triad | None:

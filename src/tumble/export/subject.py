@@ -194,7 +194,8 @@ def _one_model(
         low, high = thermal.span_celsius
         if not low - 2.0 <= celsius <= high + 2.0:
             raise UsageError(
-                f"The calibration is of {low:g} to {high:g} °C: it cannot be taken at {celsius:g} °C (--at-temperature)."
+                f"The calibration is of {low:g} to {high:g} °C: it cannot be taken at {celsius:g} °C "
+                "(--at-temperature)."
             )
         there = thermal.at(celsius)
         models.append(there)

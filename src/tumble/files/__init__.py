@@ -1,24 +1,47 @@
-"""Files that a user names: opened in one way, read as JSON or YAML in one way, unpacked within limits.
+"""Files that a user names: opened, read as JSON or YAML, unpacked within limits, and written, each in one way.
 
 Every file of tumble's users comes in through this room: `opened` refuses what is no ordinary file (a pipe, a
 device: their bytes can be read once only, or never end), `read_json` and `read_yaml` refuse documents that
 would take all memory, `copied` unpacks no more than a limit. What they refuse is an `OSError` or a `ValueError`
 whose words end a sentence that the caller begins with the file's name.
+
+Every file that tumble writes goes out through it: whole, beside its place and then renamed, never over an input,
+a device or a pipe.
 """
 
 from tumble.files.documents import read_json, read_yaml
 from tumble.files.numbers import number_of
 from tumble.files.opening import opened, read_text, size_of
 from tumble.files.text import HIDDEN, lines_of, shown
+from tumble.files.writing import (
+    check_target,
+    filled_folder,
+    inputs_kept,
+    make_folder,
+    put_text,
+    uninterrupted,
+    write_text,
+    write_texts,
+    written_beside,
+)
 
 __all__ = [
     "HIDDEN",
+    "check_target",
+    "filled_folder",
+    "inputs_kept",
     "lines_of",
+    "make_folder",
     "number_of",
     "opened",
+    "put_text",
     "read_json",
     "read_text",
     "read_yaml",
     "shown",
     "size_of",
+    "uninterrupted",
+    "write_text",
+    "write_texts",
+    "written_beside",
 ]

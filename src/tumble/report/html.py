@@ -75,7 +75,7 @@ def write_report(
     OutputError
         If it cannot be written; what was at `path` is intact.
     """
-    from tumble.document.result import write_text
+    from tumble.files import write_text
 
     page = render_report(
         calibration=calibration, estimate=estimate, recording=recording, timeline=timeline, means=means

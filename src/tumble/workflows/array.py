@@ -292,7 +292,7 @@ def _stem(name: str) -> str:
 
 def _write(done: ArrayRun, folder: Path) -> None:
     """Write each unit's folder, then the table of the array."""
-    from tumble.document.result import write_text
+    from tumble.files import write_text
 
     for run, name in zip(done.runs, _folders(done.array), strict=True):
         write_run(run, folder / name)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -415,7 +414,7 @@ def write_run(run: CalibrationRun, folder: Path) -> None:
     OutputError
         If the folder cannot be made or written to.
     """
-    from tumble.recording.writing import uninterrupted, written_beside
+    from tumble.files import write_texts
     from tumble.report.html import render_report
 
     report = render_report(
@@ -427,22 +426,9 @@ def write_run(run: CalibrationRun, folder: Path) -> None:
         protocol=run.protocol,
         matching=run.matching,
     )
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"The folder {folder} cannot be made: {error.strerror or error}.") from error
-    document, page = folder / "calibration.json", folder / "report.html"
-    # Both are complete on the disk before either takes its place.
-    with ExitStack() as stack:
-        for place, text in ((document, run.calibration.to_json()), (page, report)):
-            beside = stack.enter_context(written_beside(place))
-            with beside.open("w", encoding="utf-8") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-        with uninterrupted():
-            stack.pop_all().close()
-    run.files = [document, page]
+    run.files = write_texts(
+        {folder / "calibration.json": run.calibration.to_json(), folder / "report.html": report}
+    )
 
 
 class Clock:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tumble.document import Calibration, read_calibration
 from tumble.document.imported import calibration_from_model
-from tumble.document.result import RecordingName, write_text
+from tumble.document.result import RecordingName
 from tumble.errors import UsageError
 from tumble.export.noise import read_noise
 from tumble.export.reading import check_plausible
@@ -27,6 +27,7 @@ from tumble.export.target import (
     TEMPERATURE,
     Target,
 )
+from tumble.files import write_texts
 from tumble.recording.formats.table import hash_file
 from tumble.units import angular_rate_factor, find_unit, specific_force_factor
 
@@ -132,8 +133,7 @@ def convert_to(
     files = _places(
         texts, chosen, output, [p for p in (calibration, noise) if isinstance(p, str | os.PathLike)]
     )
-    for path, text in zip(files, texts.values(), strict=True):
-        write_text(path, text)
+    write_texts(dict(zip(files, texts.values(), strict=True)))
     return Converted(files, _remarks(subject, chosen, texts))
 
 

@@ -481,9 +481,8 @@ def _targets(
 
 
 def _write(result: Denoised, target: Path, statement: Path) -> None:
-    from tumble.document.result import write_text
+    from tumble.files import uninterrupted, write_text
     from tumble.recording import write_recording
-    from tumble.recording.writing import uninterrupted
 
     text = json.dumps(result.document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     write_text(statement, text)

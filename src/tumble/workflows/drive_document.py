@@ -63,14 +63,13 @@ def write_drive(document: dict[str, Any], folder: Path, command: str) -> list[Pa
     OutputError
         If they cannot be written; earlier ones are intact.
     """
-    from tumble.document.result import write_text
+    from tumble.files import write_texts
     from tumble.report.drive_page import render_drive
 
-    files = [folder / "verify.json", folder / "verify.html"]
-    page = render_drive(document, command)
-    write_text(files[0], json.dumps(document, indent=1, ensure_ascii=False) + "\n")
-    write_text(files[1], page)
-    return files
+    text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+    return write_texts(
+        {folder / "verify.json": text, folder / "verify.html": render_drive(document, command)}
+    )
 
 
 def _part(found: DriveVerification, part: PartResult) -> dict[str, Any]:

@@ -466,11 +466,8 @@ def _folder(output: str | os.PathLike[str]) -> Path:
 
 def _write(done: JointPlanned, folder: Path) -> list[Path]:
     """Write all files beside their places, then rename them all."""
-    from contextlib import ExitStack
-
-    from tumble.errors import OutputError
+    from tumble.files import write_texts
     from tumble.protocol import protocol_to_yaml
-    from tumble.recording.writing import uninterrupted, written_beside
     from tumble.report.operator_sheet import render_sheet
 
     protocol = replace(done.plan.task.protocol, site=done.plan.task.site)
@@ -479,17 +476,7 @@ def _write(done: JointPlanned, folder: Path) -> list[Path]:
         json.dumps(document_of_joint(done), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
         render_sheet(protocol, protocol.description or protocol.name),
     )
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"The folder {folder} cannot be made: {error.strerror or error}.") from error
-    places = [folder / name for name in FILES]
-    with ExitStack() as stack:
-        for place, text in zip(places, texts, strict=True):
-            stack.enter_context(written_beside(place)).write_text(text, encoding="utf-8")
-        with uninterrupted():
-            stack.pop_all().close()
-    return places
+    return write_texts({folder / name: text for name, text in zip(FILES, texts, strict=True)})
 
 
 def _silent(_: str) -> None:

@@ -17,9 +17,9 @@ import tumble
 from tumble.arrays import Square, Vector
 from tumble.calibration.mount import MountAlignment, align_to_mount, check_poses, mean_covariances
 from tumble.document import Calibration, read_calibration
-from tumble.document.result import write_text
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError, SegmentationError, UsageError
+from tumble.files import write_text
 from tumble.recording import read_recordings
 from tumble.recording.corrections import corrections_of
 from tumble.segmentation import find_timeline, observe_holds

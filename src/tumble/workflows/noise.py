@@ -193,14 +193,9 @@ def _command(
 
 
 def _write(folder: Path, noise: Characterisation, document: dict[str, Any], command: str) -> tuple[Path, ...]:
-    from tumble.document.result import write_text
-    from tumble.recording.writing import uninterrupted
+    from tumble.files import write_texts
     from tumble.report.noise_document import document_text
     from tumble.report.noise_page import render_noise
 
     page = render_noise(noise, command)
-    text = document_text(document)
-    with uninterrupted():
-        write_text(folder / DOCUMENT, text)
-        write_text(folder / PAGE, page)
-    return folder / DOCUMENT, folder / PAGE
+    return tuple(write_texts({folder / DOCUMENT: document_text(document), folder / PAGE: page}))

@@ -156,7 +156,7 @@ def plan(
     remarks = [*remarks, *more, *budget.remarks]
     done = Plan(budget, verdict.suffices, verdict.words, tuple(advice), tuple(remarks), target)
     if target is not None:
-        from tumble.document.result import write_text
+        from tumble.files import write_text
 
         text = json.dumps(document_of_budget(done), indent=1, ensure_ascii=False, allow_nan=False)
         write_text(target, f"{text}\n")

@@ -585,11 +585,8 @@ def _folder(output: str | os.PathLike[str]) -> Path:
 
 def _write(done: PosesPlanned, folder: Path) -> list[Path]:
     """Write all files beside their places, then rename them all."""
-    from contextlib import ExitStack
-
-    from tumble.errors import OutputError
+    from tumble.files import write_texts
     from tumble.protocol import protocol_to_yaml
-    from tumble.recording.writing import uninterrupted, written_beside
     from tumble.report.operator_sheet import render_sheet
 
     texts = (
@@ -598,17 +595,7 @@ def _write(done: PosesPlanned, folder: Path) -> list[Path]:
         _page(done),
         render_sheet(done.protocol, done.plan.name),
     )
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"The folder {folder} cannot be made: {error.strerror or error}.") from error
-    places = [folder / name for name in FILES]
-    with ExitStack() as stack:
-        for place, text in zip(places, texts, strict=True):
-            stack.enter_context(written_beside(place)).write_text(text, encoding="utf-8")
-        with uninterrupted():
-            stack.pop_all().close()
-    return places
+    return write_texts({folder / name: text for name, text in zip(FILES, texts, strict=True)})
 
 
 def scheme_rows(done: PosesPlanned) -> tuple[list[str], list[list[str]]]:

@@ -195,7 +195,7 @@ def write_states(found: NavigationPrediction, trajectory: str, path: Path) -> Pa
     OutputError
         If it cannot be written; what was there is intact.
     """
-    from tumble.document.result import write_text
+    from tumble.files import write_text
 
     file = path if path.suffix == ".json" else path / "filter.json"
     write_text(file, json.dumps(states_document(found, trajectory), indent=1, ensure_ascii=False) + "\n")

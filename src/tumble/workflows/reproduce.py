@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -65,7 +63,7 @@ def reproduce(
 
 def _write(folder: Path, outcomes: list[Outcome]) -> list[Path]:
     """Write everything into a folder inside the folder, then rename it all into place."""
-    from tumble.recording.writing import uninterrupted
+    from tumble.files import filled_folder, put_text
     from tumble.report.reproduction import outcome_csv, outcome_json, outcome_lines, outcome_pictures
     from tumble.report.reproduction_page import render_outcome
 
@@ -76,24 +74,12 @@ def _write(folder: Path, outcomes: list[Outcome]) -> list[Path]:
         files[f"{outcome.item}.csv"] = outcome_csv(outcome)
         files[f"{outcome.item}.txt"] = "\n".join(outcome_lines(outcome)) + "\n"
         files |= outcome_pictures(outcome)
-    made = not folder.exists()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".tumble-reproduce-") as temporary:
+        with filled_folder(folder) as beside:
             for name, text in files.items():
-                with (Path(temporary) / name).open("w", encoding="utf-8") as file:
-                    file.write(text)
-                    file.flush()
-                    os.fsync(file.fileno())
-            with uninterrupted():
-                for name in files:
-                    (Path(temporary) / name).replace(folder / name)
+                put_text(beside / name, text)
     except OSError as error:
         raise OutputError(
             f"The results could not be written to {folder}: {error.strerror or error}."
         ) from error
-    finally:
-        if made:
-            with suppress(OSError):
-                folder.rmdir()  # only where nothing came to be in it
     return [folder / name for name in files]

@@ -6,10 +6,8 @@ import json
 import math
 import os
 import re
-import tempfile
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -18,7 +16,7 @@ import numpy as np
 
 from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
-from tumble.files import read_json
+from tumble.files import filled_folder, put_text, read_json
 from tumble.workflows.played_protocol import read_played
 from tumble.workflows.site import given_site
 from tumble.workflows.truth import FORMAT, Settings, case_columns, read_in_other_axes, truth_document
@@ -374,13 +372,9 @@ def _write(
 ) -> list[Path]:
     """Write everything into a folder inside the folder, then rename it all into place."""
     from tumble.recording.formats.output import write_recording
-    from tumble.recording.writing import uninterrupted
 
-    made = not folder.exists()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".tumble-simulate-") as temporary:
-            beside = Path(temporary)
+        with filled_folder(folder, instead_of=_earlier_recordings(folder)) as beside:
             if per_step:
                 protocol, names = _write_steps(protocol, recording, truth, beside)
             else:
@@ -388,21 +382,11 @@ def _write(
                 protocol = replace(protocol, recordings=tuple(names))
             document["recordings"] = list(names)
             names += _write_texts(protocol, document, beside)
-            stale = [name for name in _earlier_recordings(folder) if name not in names]
-            with uninterrupted():
-                for name in names:
-                    (beside / name).replace(folder / name)
-                for name in stale:
-                    (folder / name).unlink(missing_ok=True)
     except (OSError, OutputError) as error:
         # A writer below has turned the system's error into a sentence about a name that nobody knows.
         cause = error.__cause__ if isinstance(error, OutputError) else error
         words = cause.strerror if isinstance(cause, OSError) and cause.strerror else str(cause or error)
         raise OutputError(f"The simulated recording could not be written to {folder}: {words}.") from error
-    finally:
-        if made:
-            with suppress(OSError):
-                folder.rmdir()  # only where nothing came to be in it
     return [folder / name for name in names]
 
 
@@ -414,10 +398,7 @@ def _write_texts(protocol: Protocol, document: dict[str, Any], beside: Path) -> 
         "truth.json": json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
     }
     for name, text in texts.items():
-        with (beside / name).open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
+        put_text(beside / name, text)
     return list(texts)
 
 

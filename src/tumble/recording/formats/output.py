@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from tumble.errors import OutputError, UsageError
+from tumble.files import written_beside
 from tumble.recording.formats.parquet_plain import UNITS_KEY
 from tumble.recording.recording import Recording
-from tumble.recording.writing import written_beside
 from tumble.units import COUNTS
 
 if TYPE_CHECKING:

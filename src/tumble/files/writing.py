@@ -1,0 +1,221 @@
+"""Writing what a user names: beside its place, whole, then renamed; never over an input, a device or a pipe."""
+
+from __future__ import annotations
+
+import os
+import signal
+import stat
+import threading
+from collections.abc import Generator, Iterable, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from contextvars import ContextVar
+from pathlib import Path
+
+from tumble.errors import OutputError, UsageError
+
+_inputs: ContextVar[frozenset[tuple[int, int]]] = ContextVar("inputs", default=frozenset())
+
+_KINDS = (
+    (stat.S_ISDIR, "a folder: give a file"),
+    (stat.S_ISFIFO, "a pipe: give an ordinary file"),
+    (stat.S_ISSOCK, "a socket: give an ordinary file"),
+    (stat.S_ISCHR, "a device: give an ordinary file"),
+    (stat.S_ISBLK, "a disk: give an ordinary file"),
+)
+
+
+@contextmanager
+def inputs_kept(paths: Iterable[Path]) -> Generator[None, None, None]:
+    """Let nothing be written over these files while a command runs.
+
+    Parameters
+    ----------
+    paths : what the command reads; of a folder, the files in it that a calibration or a simulation has there.
+    """
+    held: set[tuple[int, int]] = set()
+    for path in paths:
+        for file in (path, path / "calibration.json", path / "protocol.yaml", path / "noise.json"):
+            with suppress(OSError, ValueError):
+                found = file.stat()
+                held |= {(found.st_dev, found.st_ino)} if stat.S_ISREG(found.st_mode) else set()
+    token = _inputs.set(frozenset(held))
+    try:
+        yield
+    finally:
+        _inputs.reset(token)
+
+
+def check_target(path: Path) -> None:
+    """Refuse a place where no result may stand.
+
+    Parameters
+    ----------
+    path : where a file is to be.
+
+    Raises
+    ------
+    UsageError
+        If an input is there, or a folder, a device or another thing that is no ordinary file.
+    """
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return  # nothing there, or no way to it, which writing says
+    for is_kind, words in _KINDS:
+        if is_kind(found.st_mode):
+            raise UsageError(f"{path} is {words} with -o.")
+    if (found.st_dev, found.st_ino) in _inputs.get():
+        raise UsageError(
+            f"{path} is one of the inputs, which is not written over: give another file with -o."
+        )
+
+
+@contextmanager
+def written_beside(path: Path) -> Generator[Path, None, None]:
+    """Give a path beside `path` to write to; afterwards it takes the place of `path`.
+
+    Raises
+    ------
+    UsageError
+        If `path` is no place for a result.
+    OutputError
+        If the file cannot be written; what stood at `path` is then intact.
+    """
+    check_target(path)
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        yield beside
+        beside.replace(path)
+    except OSError as error:
+        raise OutputError(f"{path} could not be written: {error.strerror or error}.") from error
+    finally:
+        # On a read-only place even removing what is not there is an error, and not the one to tell.
+        with suppress(OSError):
+            beside.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text beside `path` and rename it there, making the folder if it is not there.
+
+    Parameters
+    ----------
+    path, text : in UTF-8; what of a file's name is no UTF-8 becomes a question mark.
+
+    Raises
+    ------
+    UsageError
+        If `path` is no place for a result.
+    OutputError
+        If it cannot be written; what was at `path` is intact.
+    """
+    write_texts({path: text})
+
+
+def write_texts(texts: Mapping[Path, str]) -> list[Path]:
+    """Write several texts beside their places, then rename them all; return the places.
+
+    All are complete on the disk before one takes its place, and no stop comes between.
+
+    Parameters
+    ----------
+    texts : by place; folders are made.
+
+    Raises
+    ------
+    UsageError
+        If one is no place for a result.
+    OutputError
+        If they cannot be written; what was there is intact.
+    """
+    with ExitStack() as stack:
+        for path, text in texts.items():
+            make_folder(path.parent)
+            put_text(stack.enter_context(written_beside(path)), text)
+        with uninterrupted():
+            stack.pop_all().close()
+    return list(texts)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, where it is not there.
+
+    Parameters
+    ----------
+    folder : with those above it.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"The folder {folder} cannot be made: {error.strerror or error}.") from error
+
+
+@contextmanager
+def filled_folder(folder: Path, instead_of: Iterable[str] = ()) -> Generator[Path, None, None]:
+    """Give a folder inside `folder` to fill; afterwards its files take their places in `folder`, all or none.
+
+    Parameters
+    ----------
+    folder : made if it is not there, and removed again if nothing came to be in it.
+    instead_of : names of files there that go when the new ones come.
+
+    Raises
+    ------
+    UsageError
+        If one of the places is no place for a result.
+    OSError
+        If it cannot be written; what was there is intact.
+    """
+    import tempfile
+
+    made = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder, prefix=".tumble-") as temporary:
+            yield Path(temporary)
+            files = sorted(Path(temporary).iterdir())
+            for file in files:
+                check_target(folder / file.name)
+            with uninterrupted():
+                for file in files:
+                    file.replace(folder / file.name)
+                for name in set(instead_of) - {file.name for file in files}:
+                    (folder / name).unlink(missing_ok=True)
+    finally:
+        if made:
+            with suppress(OSError):
+                folder.rmdir()  # only where nothing came to be in it
+
+
+def put_text(path: Path, text: str) -> None:
+    """Write a text into a folder that is being filled, down to the disk.
+
+    Parameters
+    ----------
+    path, text : in UTF-8.
+    """
+    with path.open("w", encoding="utf-8", errors="replace") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+@contextmanager
+def uninterrupted() -> Generator[None, None, None]:
+    """Let a stop (Ctrl-C, a request to end) pass unheard for the moment in which finished files take their places.
+
+    It comes too late to stop anything: heard, it would leave one file of two in place.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
