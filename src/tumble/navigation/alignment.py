@@ -200,7 +200,7 @@ def align_in_motion(
     RecordingError
         If there is no rest, or the track's velocity does not change by a metre a second after it.
     """
-    from tumble.navigation.course import track_velocities
+    from tumble.navigation.course import slowest_course, track_velocities
 
     still = samples.between(start, start + rest)
     row = int(np.argmin(np.abs(track.time - start)))
@@ -211,7 +211,7 @@ def align_in_motion(
     velocity = track_velocities(track)
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     ahead = (track.time > start + rest) & np.isfinite(speed)
-    moving = ahead & (speed > 1.0)
+    moving = ahead & (speed > min(1.0, slowest_course(track)))
     if not moving.any():
         raise RecordingError(
             f"The track {track.name} does not move after {start:.1f} s: give the heading, or start before a motion."
@@ -249,7 +249,7 @@ def find_rest(samples: InertialSamples, track: GnssTrack, *, shortest: float = 2
     RecordingError
         If there is no such rest.
     """
-    from tumble.navigation.course import track_velocities
+    from tumble.navigation.course import slowest_course, track_velocities
 
     velocity = track_velocities(track)
     # as slow as its own noise, of which four sigmas are allowed
@@ -266,7 +266,7 @@ def find_rest(samples: InertialSamples, track: GnssTrack, *, shortest: float = 2
         slow &= (track.time < begin - 0.5) | (track.time > end + 0.5)
     edges = np.diff(np.concatenate([[0], slow.astype(int), [0]]))
     found: list[tuple[float, float]] = []
-    moving = np.nan_to_num(np.hypot(velocity[:, 0], velocity[:, 1])) > 1.0
+    moving = np.nan_to_num(np.hypot(velocity[:, 0], velocity[:, 1])) > min(1.0, slowest_course(track))
     for first, last in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1, strict=True):
         if track.time[last] - track.time[first] < shortest:
             continue

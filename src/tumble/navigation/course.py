@@ -9,14 +9,15 @@ from tumble.errors import RecordingError
 from tumble.navigation.gnss.track import GnssTrack
 from tumble.navigation.samples import InertialSamples
 
-# Below this speed, m/s, a course is noise.
-SLOWEST = 1.5
+# A course is noise below a speed, m/s: of so many standard uncertainties of the velocity, between these.
+_CERTAIN, _SLOWEST, _FAST_ENOUGH = 8.0, 0.4, 1.5
 # s between the points of the grid.
 STEP = 0.05
 # Motion that is compared is averaged over this, s, on both sides.
 WINDOW = 1.0
 # Fewer times than this make no correlation.
 FEWEST = 10
+_FEWEST_VELOCITIES = 10
 
 
 def find_down(samples: InertialSamples) -> Vector:
@@ -58,24 +59,40 @@ def find_course_rate(track: GnssTrack) -> tuple[Series, Series, Series]:
     velocity = track_velocities(track)
     good = np.isfinite(velocity).all(axis=1)
     time, velocity = track.time[good], velocity[good]
-    speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    if np.count_nonzero(speed > SLOWEST) < 10:
+    speed, slowest = np.hypot(velocity[:, 0], velocity[:, 1]), slowest_course(track)
+    if np.count_nonzero(speed > slowest) < 10:
         raise RecordingError(
-            f"The track {track.name} moves faster than {SLOWEST:g} m/s at {np.count_nonzero(speed > SLOWEST)} "
-            "fixes only, and a course takes speed: the clocks cannot be compared by it."
+            f"The track {track.name} moves faster than {slowest:.2g} m/s at {np.count_nonzero(speed > slowest)} "
+            "fixes only, and a course as uncertain as its velocities takes speed: the clocks cannot be compared by it."
         )
     steps = max(1, round(WINDOW / max(track.interval, 1e-3)))
     course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
     span = time[steps:] - time[:-steps]
     turn = np.remainder(course[steps:] - course[:-steps] + np.pi, 2.0 * np.pi) - np.pi
-    slowest = np.array([speed[i : i + steps + 1].min() for i in range(len(span))])
-    weights = ((slowest > SLOWEST) & (span < 1.5 * max(WINDOW, track.interval))).astype(float)
+    least = np.array([speed[i : i + steps + 1].min() for i in range(len(span))])
+    weights = ((least > slowest) & (span < 1.5 * max(WINDOW, track.interval))).astype(float)
     return 0.5 * (time[steps:] + time[:-steps]), turn / span, weights
+
+
+def slowest_course(track: GnssTrack) -> float:
+    """Return the speed, m/s, from which on a track's course is known to an eighth of a radian; 1.5 at most.
+
+    Positions are off together from fix to fix, so that differences of uncertain ones are better than they say.
+
+    Parameters
+    ----------
+    track : with the covariances of its velocities, or of its positions where it has none.
+    """
+    covariance = track.velocity_covariance_n
+    if track.has_velocity.sum() <= _FEWEST_VELOCITIES:
+        covariance = track.position_covariance_n / (2.0 * max(track.interval, 1e-3) ** 2)
+    variance = np.nanmedian(0.5 * (covariance[:, 0, 0] + covariance[:, 1, 1]))
+    return float(np.clip(_CERTAIN * np.sqrt(np.nan_to_num(variance, nan=np.inf)), _SLOWEST, _FAST_ENOUGH))
 
 
 def track_velocities(track: GnssTrack) -> Vectors:
     """Velocities of the track, or differences of its positions where it has none."""
-    if track.has_velocity.sum() > 10:
+    if track.has_velocity.sum() > _FEWEST_VELOCITIES:
         return track.velocity_n
     from tumble.navigation.trajectory import position_differences
 
@@ -112,7 +129,6 @@ def _cosine(one: Series, other: Series) -> float:
 
 __all__ = [
     "FEWEST",
-    "SLOWEST",
     "STEP",
     "WINDOW",
     "averaged",
@@ -121,5 +137,6 @@ __all__ = [
     "find_down",
     "rate_about_down",
     "seen_by",
+    "slowest_course",
     "track_velocities",
 ]

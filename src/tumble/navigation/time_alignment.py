@@ -10,13 +10,13 @@ from tumble.arrays import Series, inverted
 from tumble.errors import RecordingError
 from tumble.navigation.course import (
     FEWEST,
-    SLOWEST,
     STEP,
     WINDOW,
     correlate,
     find_course_rate,
     rate_about_down,
     seen_by,
+    slowest_course,
     track_velocities,
 )
 from tumble.navigation.gnss.track import GnssTrack
@@ -32,6 +32,8 @@ _SYNCHRONISED = 30.0
 # Least correlation at any other offset, by the motion seen there up to so many seconds: in less, turns of another
 # drive fit by chance, at 0.99 in 42 s and 0.96 in 80 s, where those of the same one fit at 0.998.
 _LEAST = ((60.0, 0.995), (120.0, 0.98), (300.0, 0.95), (np.inf, 0.85))
+# And of motion with many turns: by chance, to this probability, one that has as many independent parts.
+_CHANCE = 5e-5
 # s of motion that may be too little whatever it is of.
 _SHORT = 120.0
 # s by which least squares may move what the correlation found.
@@ -107,6 +109,7 @@ def estimate_time_offset(
     seconds = float(np.count_nonzero(inside)) * track.interval
     free = around is None and best != near
     least = next(value for until, value in _LEAST if seconds <= until)
+    least = min(least, _least_by_chance(course_rate[inside]))
     if best < 0 or curve[best] < (least if free else 0.5) or (free and _alike(float(curve[best]), second)):
         raise _no_match(samples, track, weights, float(curve[best]) if best >= 0 else 0.0, second)
     offset, sigma = _refined(grid, yaw_rate, times, course_rate, weights, float(lags[best]))
@@ -114,8 +117,19 @@ def estimate_time_offset(
         raise _no_match(samples, track, weights, float(curve[best]), second)
     at_best = correlate(grid, yaw_rate, times + offset, course_rate, weights)
     speed: Series = np.sqrt(np.nansum(track_velocities(track)[:, :2] ** 2, axis=1))
-    lead = _ANTENNA_TO_AXLE / float(np.mean(speed[speed > SLOWEST]))
+    lead = _ANTENNA_TO_AXLE / float(np.mean(speed[speed > slowest_course(track)]))
     return TimeAlignment(offset, float(np.hypot(sigma, lead)), float(at_best), second, seconds)
+
+
+def _least_by_chance(course_rate: Series) -> float:
+    """The correlation that a motion with as many independent parts of its spectrum has with another one by chance."""
+    power = (
+        np.abs(np.fft.rfft(course_rate - course_rate.mean())[1:]) ** 2
+        if len(course_rate) > 2
+        else np.zeros(1)
+    )
+    parts = float(np.sum(power) ** 2 / (np.sum(power**2) + 1e-300))
+    return float(np.sqrt(1.0 - _CHANCE ** (2.0 / max(parts, 1.0))))
 
 
 def _no_match(

@@ -10,10 +10,12 @@ import pytest
 
 from tumble.errors import RecordingError
 from tumble.navigation import GnssTrack, InertialSamples, check_axes, estimate_time_offset, prepare_drive
+from tumble.navigation.course import slowest_course
 from tumble.navigation.gnss import make_track
 from tumble.navigation.gnss.time_scales import UNIX_TO_GPS, WEEK
 from tumble.navigation.plausibility import about_clocks, refuse_no_overlap, why_no_agreement
 from tumble.simulation import simulate_drive
+from tumble.simulation.field_campaign import cart_trajectory
 
 GPS = 1.4e9
 
@@ -131,3 +133,37 @@ def test_an_axis_that_sees_a_share_of_the_turns_is_not_taken_for_the_vertical_on
     # and where they are swapped indeed, it is
     swapped = np.ascontiguousarray(samples.angular_rate_ib_b[:, [2, 1, 0]])
     assert "goes with gyro x" in why_no_agreement(replace(samples, angular_rate_ib_b=swapped), track)
+
+
+@pytest.mark.parametrize("seed", [2, 4])
+def test_eighty_seconds_of_a_walk_tell_the_clock(seed: int) -> None:
+    """A cart at 1.2 m/s, 0.5 in its curve: fixes whose velocities are known to 0.05 m/s have a course there."""
+    rng = np.random.default_rng(seed)
+    cart = cart_trajectory(rng)
+    begin = 50.0  # ten seconds of its rest
+    time = begin + np.arange(90 * 50) / 50.0
+    states = cart.states(time)
+    force = states.specific_force_b + rng.normal(0.0, 0.02, (len(time), 3)) + [0.15, -0.1, 0.1]
+    rate = states.angular_rate_ib_b + rng.normal(0.0, 1e-3, (len(time), 3)) + [0.1, -0.05, 0.1]
+    at = np.arange(begin + 0.5, begin + 89.0, 0.2)
+    fixes = cart.states(at)
+    track = make_track(
+        at - begin + 500.0,
+        (fixes.latitude, fixes.longitude, fixes.height),
+        np.full((len(at), 3), 0.02),
+        velocity_n=fixes.velocity_n + rng.normal(0.0, 0.05, (len(at), 3)),
+        velocity_sigmas=np.full((len(at), 3), 0.05),
+        quality=np.ones(len(at), dtype=int),
+    )
+    found = prepare_drive(InertialSamples(time - begin, force, rate), track).clock
+    assert found.offset == pytest.approx(-500.0, abs=3.0 * found.sigma)
+    assert found.sigma < 0.1
+
+
+def test_a_course_takes_the_speed_that_its_uncertainty_asks_for() -> None:
+    _, track = drive_of(12, 60.0)
+    assert slowest_course(track) == 0.4
+    poor = replace(track, velocity_covariance_n=track.velocity_covariance_n * 100.0)
+    assert slowest_course(poor) == 1.5
+    fair = replace(track, velocity_covariance_n=track.velocity_covariance_n * 9.0)
+    assert slowest_course(fair) == pytest.approx(8.0 * 0.09)
