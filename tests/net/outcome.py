@@ -58,6 +58,12 @@ MASKS = (
     (re.compile(r"(?<=corrected_by_)[0-9a-f]{12}\b"), "HASH"),
     (re.compile(r"(?<![\w.])(?=[0-9]*[a-f])(?=[a-f]*[0-9])[0-9a-f]{8,16}(?!\w)"), "HASH"),
     (re.compile(r"(?<=, seed \d, )[\d.e-]+ s\.$"), "SECONDS."),
+    # The joint procedure's draws adjust anew for some seconds, so that a loaded machine makes fewer.
+    (re.compile(r"\b\d+ full adjustments"), "SOME full adjustments"),
+    (
+        re.compile(r"(drawn anew scatter by|scatter by) [\d.]+ of what the first order says \(1 ± [\d.]+"),
+        "SCATTER",
+    ),
     (re.compile(r"^time: .* s$"), "SECONDS BY STAGE"),
     (
         re.compile(r"\b20[2-9]\d-[01]\d-[0-3]\d([T ][0-2]\d:[0-5]\d(:[0-5]\d(\.\d+)?)?)?( ?UTC|Z|\+00:00)?"),
@@ -261,6 +267,7 @@ def _walk_lines(old: list[str], new: list[str], path: str) -> Iterator[str]:
 
     Numbers of many digits are compared as numbers; rounded ones must be the same letter by letter.
     """
+    old, new = [masked(line) for line in old], [masked(line) for line in new]
     same = difflib.SequenceMatcher(
         None,
         [LONG_NUMBER.sub("#", line) for line in old],
