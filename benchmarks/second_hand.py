@@ -97,7 +97,10 @@ USUAL = (
 
 @dataclass
 class Outcome:
-    """What became of one recording; arrays by group: error, standard uncertainty, and half of the 95 % interval."""
+    """What became of one recording; arrays by group: error, standard uncertainty, and half of the 95 % interval.
+
+    `seconds` are the processor's.
+    """
 
     seed: int
     seconds: float
@@ -403,7 +406,7 @@ def one(procedure: str, grade: str, estimator: str, fault: str | None, seed: int
         folder.mkdir(parents=True, exist_ok=True)
         if arguments.keep:
             _keep(made, folder)
-        start = time.perf_counter()
+        start = time.process_time()
         outcome = Outcome(seed, 0.0)
         try:
             document = calibrated(made, procedure, estimator, folder)
@@ -423,7 +426,7 @@ def one(procedure: str, grade: str, estimator: str, fault: str | None, seed: int
             compared(document, made, outcome)
             if arguments.verbose:
                 _tell(document, outcome)
-        outcome.seconds = time.perf_counter() - start
+        outcome.seconds = time.process_time() - start
     if arguments.verbose and outcome.error:
         print(outcome.error)
     return outcome
@@ -499,7 +502,7 @@ def report(title: str, outcomes: list[Outcome]) -> None:
     rng = np.random.default_rng(0)
     done = [o for o in outcomes if not o.error]
     fit = [o for o in done if o.fit]
-    print(f"\n{title}: {np.mean([o.seconds for o in outcomes]):.2f} s a run")
+    print(f"\n{title}: {np.mean([o.seconds for o in outcomes]):.2f} s of processor time a run")
     print(f"  settled {_share(len(done), len(outcomes))}; FIT {_share(len(fit), len(outcomes))}")
     for words, count in Counter(
         re.sub(r"[-\d.]+", "#", o.error)[:150] for o in outcomes if o.error
