@@ -33,6 +33,8 @@ import numpy as np
 from uncertainty import GROUPS, true_values, without_wander
 
 from tumble.calibration import Estimate
+from tumble.calibration.procedures.joint import run_joint
+from tumble.calibration.session import Session
 from tumble.earth import Site
 from tumble.errors import TumbleError
 from tumble.protocol import named_protocol
@@ -42,7 +44,6 @@ from tumble.segmentation.matching import match_protocol
 from tumble.sensor import ImuModel
 from tumble.simulation import find_grade, recordings, simulate_protocol
 from tumble.simulation.noise import simulate_wander
-from tumble.workflows.procedures import Task, run_joint
 
 PROTOCOLS = {
     "hand-held": "hand-held",
@@ -106,10 +107,11 @@ def calibrate(procedure: str, recording: Recording, protocol, site: Site) -> dic
     """Return the dedicated procedure's estimate, where it is in the same axes, and the joint one."""
     timeline = find_timeline(recording)
     means = observe_holds(recording, timeline)
-    task = Task(recording, timeline, means, site)
+    session = Session(recording, None, site)
+    session.timeline, session.means = timeline, means
     if procedure != "hand-held":
-        task.protocol, task.matching = protocol, match_protocol(protocol, recording, timeline, means)
-    joint = run_joint(task)
+        session.protocol, session.matching = protocol, match_protocol(protocol, recording, timeline, means)
+    joint = run_joint(session)
     beside = joint.beside
     if beside is None or beside.frame != joint.frame:
         return {"joint": joint}

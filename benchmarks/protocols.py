@@ -35,15 +35,14 @@ def one_run(job: tuple[str, str, int, bool, float]) -> tuple[list[tuple[str, flo
     """Return (parameter, error over sigma, coverage factor) of each entry, and the verdict; or what went wrong."""
     import numpy as np
 
+    from tumble.calibration.session import Session
     from tumble.document import calibration_from_estimate
     from tumble.earth import Site
     from tumble.errors import TumbleError
     from tumble.protocol import named_protocol
-    from tumble.segmentation import find_timeline, observe_holds
-    from tumble.segmentation.matching import match_protocol
     from tumble.sensor import change_frame
     from tumble.simulation import find_grade, simulate_protocol
-    from tumble.workflows.procedures import Task, run_procedure
+    from tumble.workflows.procedures import run_procedure
 
     procedure, grade_name, seed, white, rate = job
     grade = find_grade(grade_name)
@@ -62,11 +61,7 @@ def one_run(job: tuple[str, str, int, bool, float]) -> tuple[list[tuple[str, flo
     protocol = replace(named_protocol(PROCEDURES[procedure]), site=site)
     recording, truth = simulate_protocol(protocol, rate, np.random.default_rng(seed), site=site, grade=grade)
     try:
-        timeline = find_timeline(recording)
-        means = observe_holds(recording, timeline)
-        matching = match_protocol(protocol, recording, timeline, means)
-        task = Task(recording, timeline, means, site, protocol, matching)
-        estimate, _ = run_procedure(task, procedure)
+        estimate, _ = run_procedure(Session(recording, protocol, site), procedure)
     except TumbleError as error:
         return f"seed {seed}: {error}"
     document = calibration_from_estimate(estimate, recording, site)

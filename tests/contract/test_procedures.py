@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,14 +15,20 @@ from scipy.spatial.transform import Rotation
 from tumble.calibration import Estimate, calibrate_hand_held, calibrate_multi_position
 from tumble.calibration.evidence import Turns
 from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.procedure import Procedure, all_procedures, find_procedure
+from tumble.calibration.session import Options
 from tumble.document import Calibration, calibration_from_estimate
+from tumble.document.composition import FRAME_WORDS
 from tumble.earth import Site
-from tumble.errors import ObservabilityError
+from tumble.errors import ObservabilityError, UsageError
+from tumble.protocol import named_protocol
+from tumble.protocol.procedures import KNOWN_PROCEDURES
 from tumble.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline, find_timeline, observe_holds
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
-from tumble.workflows.procedures import PROCEDURES
+from tumble.workflows.procedures import check_procedure
 
+DOCS = Path(__file__).parents[2] / "docs" / "procedures"
 SITE = Site(9.81, 0.0, None, 0.0, "as simulated")
 
 
@@ -32,7 +39,7 @@ class Scene:
     means: HoldMeans
 
 
-Procedure = Callable[..., Estimate]
+Calibrate = Callable[..., Estimate]
 
 
 def hand_held(scene: Scene, site: Site = SITE, **options: Any) -> Estimate:
@@ -43,7 +50,7 @@ def multi_position(scene: Scene, site: Site = SITE, **options: Any) -> Estimate:
     return calibrate_multi_position(scene.recording, scene.means, site, **options)
 
 
-MEMBERS: dict[str, Procedure] = {"hand-held": hand_held, "multi-position": multi_position}
+MEMBERS: dict[str, Calibrate] = {"hand-held": hand_held, "multi-position": multi_position}
 
 
 def tumbled(poses: np.ndarray, seed: int = 1) -> Scene:
@@ -72,31 +79,61 @@ def name(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture(scope="module")
-def procedure(name: str) -> Procedure:
+def procedure(name: str) -> Calibrate:
     return MEMBERS[name]
 
 
 @pytest.fixture(scope="module")
-def estimate(procedure: Procedure, scene: Scene) -> Estimate:
+def estimate(procedure: Calibrate, scene: Scene) -> Estimate:
     return procedure(scene)
 
 
-def test_every_procedure_that_is_offered_is_tested_here() -> None:
-    """Those that take a protocol are tested on every protocol in tests/recovery/test_protocols.py.
+@pytest.mark.parametrize("record", all_procedures(), ids=lambda record: record.name)
+class TestRecord:
+    """What a record owes, in whatever file it stands."""
 
-    Temperatures are in tests/unit/calibration/test_thermal.py, the joint estimator, which begins with another
-    procedure's estimate, in tests/unit/calibration/test_joint_*.py.
-    """
-    by_protocol = {
-        "six-position",
-        "improved-six-position",
-        "rate-table",
-        "modified-multi-position",
-        "turntable",
-        "laboratory",
-        "strapdown-rotation",
-    }
-    assert set(PROCEDURES) == set(MEMBERS) | by_protocol | {"thermal", "joint"}
+    def test_it_has_the_name_of_its_file(self, record: Procedure) -> None:
+        assert find_procedure(record.name) is record
+        assert record.name in KNOWN_PROCEDURES
+
+    def test_its_frame_is_one_that_a_document_can_describe(self, record: Procedure) -> None:
+        assert record.frame in FRAME_WORDS
+
+    def test_it_takes_options_that_there_are(self, record: Procedure) -> None:
+        assert record.takes <= {"prior", "data_sheet", "unknowns"}
+
+    def test_its_protocol_s_example_is_a_named_protocol_for_it(self, record: Procedure) -> None:
+        if record.example:
+            assert named_protocol(record.example).procedure == record.name
+
+    def test_what_is_tried_next_is_another_procedure_and_the_last_needs_no_protocol(
+        self, record: Procedure
+    ) -> None:
+        tried = [record]
+        while tried[-1].otherwise:
+            tried.append(find_procedure(tried[-1].otherwise))
+            assert len({one.name for one in tried}) == len(tried)
+        assert len(tried) == 1 or not tried[-1].example
+
+    def test_its_row_stands_in_the_documentation_and_its_page_is_there(self, record: Procedure) -> None:
+        page = DOCS / "index.md"
+        assert record.row in page.read_text(encoding="utf-8").splitlines(), f"{page} lacks: {record.row}"
+        assert (DOCS / record.page).is_file()
+
+    def test_an_option_that_it_does_not_take_is_refused_with_the_procedure_that_does(
+        self, record: Procedure
+    ) -> None:
+        if "unknowns" not in record.takes:
+            with pytest.raises(
+                UsageError, match="--unknowns is for the multi-position procedure: add --procedure"
+            ):
+                check_procedure(record.name, Options(unknowns=6), has_protocol=True)
+
+
+def test_the_documentation_s_table_has_no_other_row() -> None:
+    text = (DOCS / "index.md").read_text(encoding="utf-8")
+    rows = [line for line in text.split("\n## ")[0].splitlines() if line.startswith("| ") and "](" in line]
+    assert sorted(rows) == sorted(record.row for record in all_procedures())
 
 
 class TestProcedure:
@@ -147,13 +184,13 @@ class TestProcedure:
         assert np.all(np.isfinite(estimate.holds.norms))
 
     def test_the_same_data_give_the_same_numbers(
-        self, procedure: Procedure, estimate: Estimate, scene: Scene
+        self, procedure: Calibrate, estimate: Estimate, scene: Scene
     ) -> None:
         again = procedure(scene)
         np.testing.assert_array_equal(again.covariance, estimate.covariance)
         assert again.parameters == estimate.parameters
 
-    def test_its_input_is_left_alone(self, procedure: Procedure, scene: Scene) -> None:
+    def test_its_input_is_left_alone(self, procedure: Calibrate, scene: Scene) -> None:
         assert scene.recording.specific_force is not None
         assert scene.means.specific_force is not None
         before = scene.recording.specific_force.copy(), scene.means.specific_force.copy()
@@ -162,7 +199,7 @@ class TestProcedure:
         np.testing.assert_array_equal(scene.means.specific_force, before[1])
 
     def test_the_clock_s_origin_does_not_matter(
-        self, procedure: Procedure, estimate: Estimate, scene: Scene
+        self, procedure: Calibrate, estimate: Estimate, scene: Scene
     ) -> None:
         """An hour later by its stamps: rounding of 5e-13 s in a step of 0.02 s."""
         later = seen(replace(scene.recording, time=scene.recording.time + 3600.0))
@@ -175,7 +212,7 @@ class TestProcedure:
         np.testing.assert_allclose(moved.covariance, estimate.covariance, rtol=1e-4, atol=1e-15)
 
     def test_other_raw_units_scale_the_matrix_and_nothing_else(
-        self, procedure: Procedure, estimate: Estimate, scene: Scene
+        self, procedure: Calibrate, estimate: Estimate, scene: Scene
     ) -> None:
         """250 counts a m/s² and 4000 a rad/s, with the converter's zero at 2048: dimensionless numbers stay.
 
@@ -205,7 +242,7 @@ class TestProcedure:
                 assert parameter.standard_uncertainty == pytest.approx(own.standard_uncertainty, rel=1e-3)
 
     def test_an_uncertain_gravity_widens_the_scale_factors(
-        self, procedure: Procedure, estimate: Estimate, scene: Scene
+        self, procedure: Calibrate, estimate: Estimate, scene: Scene
     ) -> None:
         vague = procedure(scene, replace(SITE, gravity_sigma=0.015))
         for before, after in zip(estimate.parameters, vague.parameters, strict=True):
@@ -214,20 +251,20 @@ class TestProcedure:
                 expected = np.hypot(before.standard_uncertainty, (1.0 + before.value) * 0.015 / 9.81)
                 assert after.standard_uncertainty == pytest.approx(expected, rel=1e-3)
 
-    def test_too_few_poses_are_refused_with_the_way_out(self, procedure: Procedure) -> None:
+    def test_too_few_poses_are_refused_with_the_way_out(self, procedure: Calibrate) -> None:
         with pytest.raises(
             ObservabilityError, match=r"6 different poses were found and 9 are needed.*--prior"
         ):
             procedure(tumbled(np.array([0, 1, 2, 3, 4, 5])))
 
-    def test_six_poses_serve_with_a_prior(self, procedure: Procedure) -> None:
+    def test_six_poses_serve_with_a_prior(self, procedure: Calibrate) -> None:
         known = StableKnowledge(np.array([0.001, -0.002, 0.003]), np.diag([1e-4, 2e-4, 3e-4]) ** 2)
         narrow = procedure(tumbled(np.array([0, 1, 2, 3, 4, 5])), prior=known)
         angles = [p for p in narrow.parameters if p.name.startswith("accelerometer non-orthogonality")]
         # In the order yz, zx, zy; six faces add next to nothing.
         assert [p.standard_uncertainty for p in angles] == pytest.approx([1e-4, 2e-4, 3e-4], rel=0.05)
 
-    def test_it_tells_in_words_what_it_is_doing(self, procedure: Procedure, scene: Scene) -> None:
+    def test_it_tells_in_words_what_it_is_doing(self, procedure: Calibrate, scene: Scene) -> None:
         told: list[str] = []
         procedure(scene, progress=told.append)
         assert told

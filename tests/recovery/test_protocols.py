@@ -16,10 +16,10 @@ import pytest
 from tumble.document.result import Calibration
 from tumble.earth import Site
 from tumble.protocol import named_protocol, write_protocol
+from tumble.protocol.procedures import KNOWN_PROCEDURES
 from tumble.sensor import change_frame
 from tumble.simulation import GRADES, TriadNoise, find_grade
 from tumble.workflows.calibrate import calibrate
-from tumble.workflows.procedures import PROCEDURES
 from tumble.workflows.simulate import simulate
 
 SITE = Site.from_latitude(float(np.radians(48.0)), 500.0)
@@ -164,7 +164,7 @@ def entry(blocks: Any, parameter: str) -> float:
 
 def test_every_procedure_with_a_protocol_is_tested_here() -> None:
     """The joint one has tests of its own (test_joint*.py), and so has the thermal one."""
-    assert set(FULL) | {"hand-held", "joint", "thermal"} == set(PROCEDURES)
+    assert set(FULL) | {"hand-held", "joint", "thermal"} == set(KNOWN_PROCEDURES)
 
 
 def test_the_frames_of_truth_and_calibration_are_one_rotation_apart(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.calibration.estimate import Estimate, NamedValue
+from tumble.calibration.procedure import find_procedure
 from tumble.recording.recording import Recording
 from tumble.sensor import Triad
 from tumble.units import angular_rate_factor, specific_force_factor
@@ -27,25 +28,6 @@ LARGEST_SHARE_LEFT_OUT = 0.25
 # uncertainties: 2 mg on gravity, 1.5 degrees after a turn. The model does not describe the data.
 LARGEST_RMS_NORM = 0.02
 LARGEST_RMS_TURN = np.radians(1.5)
-
-# What makes uncertainties smaller, by procedure.
-_REMEDIES = {
-    "": "more holds and turns in more different poses are needed",
-    "six-position": "place the unit more exactly, or record longer holds",
-    "improved-six-position": "place the unit more exactly, or repeat the poses and hold them longer",
-    "rate-table": "spin faster or longer, both ways about each axis",
-    "modified-multi-position": "spin faster or longer, both ways in more different poses",
-    "turntable": "hold longer and in more poses, above all edges; turn further, both ways about each axis",
-    "laboratory": "align the table better, or hold longer and turn further; the turntable procedure needs no alignment",
-    "thermal": "hold nine poses or more at more temperatures",
-    "strapdown-rotation": "repeat the sequences, and turn faster: gyros with less noise are what would help most",
-}
-
-# What the norms are expected from, where it is not the noise alone: a face's tilt makes its norm longer.
-_EXPECTED_FROM = {
-    "six-position": "the noise found, the tilts of the placement, and misalignments, which this test leaves in",
-    "improved-six-position": "the noise found and the tilts of the placement",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +133,7 @@ def _too_uncertain(estimate: Estimate) -> list[str]:
         if not sigma < limit:
             against.append(
                 f"{parameter.name[0].upper()}{parameter.name[1:]} is only known to ± {shown}, worse than an "
-                f"uncalibrated unit: {_REMEDIES.get(estimate.procedure, _REMEDIES[''])}."
+                f"uncalibrated unit: {find_procedure(estimate.procedure).remedy}."
             )
     return against
 
@@ -225,7 +207,7 @@ def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
             f"{what} for as many unknowns fit whatever they say: nothing checks the result. Record more poses."
         )
     if holds and estimate.degrees_of_freedom > 0:
-        what = _EXPECTED_FROM.get(estimate.procedure, "the noise found")
+        what = find_procedure(estimate.procedure).norms_from
         counted = f"{holds} {'holds' if estimate.thermal is None else 'stretches of rest'}"
         words.append(
             f"Over {counted} the corrected specific force has the norm of gravity within "

@@ -24,6 +24,7 @@ from tumble.cli.options import (
 )
 from tumble.cli.terminal import console, progress, results_stand, say_json_text
 from tumble.errors import UsageError
+from tumble.protocol.procedures import KNOWN_PROCEDURES
 
 if TYPE_CHECKING:
     from tumble.workflows.calibrate import CalibrationRun
@@ -157,9 +158,8 @@ def calibrate_command(
         option(
             metavar="NAME",
             panel=FIRST,
-            help="hand-held, multi-position, six-position, improved-six-position, rate-table, "
-            "modified-multi-position, turntable, laboratory, strapdown-rotation, thermal or joint; without it the "
-            "protocol or the recording decides, and it is said why.",
+            help=f"{', '.join(KNOWN_PROCEDURES[:-1])} or {KNOWN_PROCEDURES[-1]}; without it the protocol or the "
+            "recording decides, and it is said why.",
         ),
     ] = None,
 ) -> None:

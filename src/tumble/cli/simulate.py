@@ -177,15 +177,12 @@ def _true_noise(truth: dict[str, Any]) -> list[str]:
 
 def _true_lines(truth: dict[str, Any]) -> list[str]:
     """The true parameters, three to a line, in the convention and frame of the table of `tumble calibrate`."""
-    from tumble.workflows.truth import FIXTURE_PROCEDURES, MEAN_GYRO_PROCEDURES
+    from tumble.calibration.procedure import find_procedure
 
     procedure = str(truth["procedure"])
-    frame, key = "accelerometer-x", "parameters"
-    if procedure in FIXTURE_PROCEDURES:
-        frame, key = "fixture", "parameters_in_fixture"
-    elif procedure in MEAN_GYRO_PROCEDURES:
-        frame, key = "mean-gyro", "parameters_in_mean_gyro"
-    parameters: list[dict[str, object]] = truth[key]
+    frame = find_procedure(procedure).frame
+    other = "" if frame == "accelerometer-x" else f"_in_{frame.replace('-', '_')}"
+    parameters: list[dict[str, object]] = truth[f"parameters{other}"]
     named = f"True parameters, as the procedure {procedure} of `tumble calibrate` names them in the frame {frame}:"
     lines = ["", named]
     for first in range(0, len(parameters), 3):

@@ -36,7 +36,7 @@ from tumble.sensor import FRAMES, ImuModel, Triad
 from tumble.units import angular_rate_factor, specific_force_factor
 
 _KINDS: dict[str, Literal["hold", "turn", "spin"]] = {"hold": "hold", "turn": "turn", "spin": "spin"}
-_FRAME_WORDS = {
+FRAME_WORDS = {
     **FRAMES,
     "fixture": (
         "the axes of the fixture (or table) that the unit was placed with: the nominal poses of the protocol "
@@ -74,7 +74,7 @@ def calibration_from_estimate(
         recordings=[RecordingName(name=s.name, sha256=s.sha256) for s in recording.sources],
         site=_site_block(site),
         temperature_celsius=temperature,
-        frame=FrameBlock(name=estimate.frame, description=_FRAME_WORDS[estimate.frame]),
+        frame=FrameBlock(name=estimate.frame, description=FRAME_WORDS[estimate.frame]),
         not_determined=list(estimate.not_determined),
         raw_units=RawUnits(
             specific_force=recording.specific_force_unit, angular_rate=recording.angular_rate_unit

@@ -1,16 +1,11 @@
 """The names of the procedures that a protocol may ask for; what they do is no concern of a protocol."""
 
-KNOWN_PROCEDURES = (
-    "hand-held",
-    "multi-position",
-    "six-position",
-    "improved-six-position",
-    "rate-table",
-    "modified-multi-position",
-    "turntable",
-    "laboratory",
-    "strapdown-rotation",
-    "thermal",
-    "joint",
-)
-"""Those of this version and those to come: a file that names another one is mistaken."""
+from __future__ import annotations
+
+from pathlib import Path
+from pkgutil import iter_modules
+
+_ROOM = Path(__file__).parents[1] / "calibration" / "procedures"
+
+KNOWN_PROCEDURES = tuple(sorted(module.name.replace("_", "-") for module in iter_modules([str(_ROOM)])))
+"""A file each in the room of procedures: a protocol that names another one is mistaken."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from tumble.arrays import Vector, Vectors
 from tumble.calibration.poses import describe_direction, most_telling_poses, norm_rows
+from tumble.calibration.procedure import procedure_or_none
 from tumble.report.parameters import ACCELEROMETER, BETWEEN, GYRO, Measure, ParameterRow
 from tumble.report.rounding import with_uncertainty
 from tumble.units import STANDARD_GRAVITY
@@ -19,18 +20,6 @@ if TYPE_CHECKING:
     from tumble.recording.recording import Recording
     from tumble.segmentation import Timeline
 
-# Of procedures that believe the poses or the table, the placement is what limits them.
-_BY_PLACEMENT = {
-    "six-position": "The placement limits the scale factors and biases: level the plate, use the unit's own flat "
-    "faces, and say in the protocol how well (`uncertainty_deg`). The hand-held and multi-position procedures need "
-    "no level.",
-    "improved-six-position": "The placement limits the misalignments one to one: repeat the six positions with the "
-    "unit placed anew, or use the multi-position procedure, whose non-orthogonalities need no level.",
-    "rate-table": "The placement on the table limits the misalignments one to one. The modified multi-position "
-    "procedure finds them from the same table without believing the placement, and calibrates the accelerometers too.",
-    "laboratory": "The table's alignment limits the misalignments one to one, and nothing in the residuals shows it. "
-    "The turntable procedure calibrates both triads on the same table without any alignment.",
-}
 # One axis turned less than this share of the best one is worth a sentence.
 _MUCH_LESS = 0.6
 
@@ -53,11 +42,12 @@ def next_steps(
     steps: list[str] = []
     if not calibration.verdict.fit:
         steps.append("The calibration is not fit for use: mend what the verdict names, and record again.")
-    if calibration.procedure in _BY_PLACEMENT:
-        steps.append(_BY_PLACEMENT[calibration.procedure])
+    procedure = procedure_or_none(calibration.procedure)
+    if procedure is not None and procedure.placement:
+        steps.append(procedure.placement)
     elif up_b is not None:
         steps += _poses(_without_gravity(calibration, rows), up_b)
-        if calibration.procedure not in ("modified-multi-position", "turntable"):
+        if procedure is None or procedure.free_turns:
             steps += _turns(rows, calibration, recording, timeline, up_b)
     if calibration.accelerometer is not None:
         steps += _gravity(calibration)

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tumble.calibration.procedures.joint import run_joint
+from tumble.calibration.session import Options, Session
 from tumble.earth import Site
 from tumble.errors import TumbleError, UsageError
 from tumble.recording import Recording
@@ -24,7 +26,7 @@ from tumble.workflows.calibrate import (
     write_run,
 )
 from tumble.workflows.joining import require_different_samples
-from tumble.workflows.procedures import Task, add_objections, check_prior, run_joint
+from tumble.workflows.procedures import add_objections, check_prior
 from tumble.workflows.site import given_site
 from tumble.workflows.turn_ons import labels_of
 
@@ -97,18 +99,18 @@ def calibrate_array(
     read = [read_as_told(_files(text), None, columns, units, rate, topics)[0] for text in recordings]
     _check(names, read)
     place = given_site(site) or Site.unknown()
-    tasks = _observed(names, read, place, say)
-    for task, knowledge in zip(tasks, priors, strict=True):
-        task.optional_terms, task.knowledge = optional_terms, knowledge
-    settled = [_settle(name, task, say) for name, task in zip(names, tasks, strict=True)]
+    sessions = _observed(names, read, place, say)
+    for session, knowledge in zip(sessions, priors, strict=True):
+        session.options, session.prior = Options(optional_terms=optional_terms), knowledge
+    settled = [_settle(name, session, say) for name, session in zip(names, sessions, strict=True)]
     say("all units together")
     array = _together(names, settled, place)
     if site is None:
         for estimate in array.estimates:
             estimate.say("remark", about_gravity(place))
     runs = [
-        _run(task, estimate, text, len(names))
-        for task, estimate, text in zip(tasks, array.estimates, recordings, strict=True)
+        _run(session, estimate, text, len(names))
+        for session, estimate, text in zip(sessions, array.estimates, recordings, strict=True)
     ]
     done = ArrayRun(runs, array, _document(runs, array))
     if folder is not None:
@@ -147,9 +149,9 @@ def _check(names: Sequence[str], recordings: list[Recording]) -> None:
 
 def _observed(
     names: Sequence[str], recordings: list[Recording], site: Site, say: Callable[[str], None]
-) -> list[Task]:
+) -> list[Session]:
     """Recordings with the holds that all units share, and turns that all can be followed over."""
-    from tumble.segmentation import find_timeline, observe_holds
+    from tumble.segmentation import find_timeline
 
     say("finding holds and turns")
     found: list[Timeline] = []
@@ -172,10 +174,10 @@ def _observed(
         )
         for timeline in timelines
     ]
-    return [
-        Task(recording, timeline, observe_holds(recording, timeline), site)
-        for recording, timeline in zip(recordings, timelines, strict=True)
-    ]
+    made = [Session(recording, None, site) for recording in recordings]
+    for session, timeline in zip(made, timelines, strict=True):
+        session.timeline = timeline
+    return made
 
 
 def _common_holds(
@@ -209,21 +211,21 @@ def _common_holds(
     return common
 
 
-def _settle(name: str, task: Task, say: Callable[[str], None]) -> tuple[Estimate, JointOutcome]:
+def _settle(name: str, session: Session, say: Callable[[str], None]) -> tuple[Estimate, JointOutcome]:
     """Adjust a unit by itself."""
-    task.say = lambda words: say(f"{name}: {words}")
+    session.say = lambda words: say(f"{name}: {words}")
     kept: list[JointOutcome] = []
     try:
-        estimate = run_joint(task, keep=kept.append)
+        estimate = run_joint(session, keep=kept.append)
     except TumbleError as error:
         raise type(error)(f"{name} cannot take part: {error}") from error
     if kept[0].untold is not None:
         raise UsageError(
             f"{name} cannot take part: its holds and turns do not tell the unit. {kept[0].untold.sentences[0]}"
         )
-    add_objections(task, estimate, "joint", "")
-    if task.knowledge is not None:
-        check_prior([task], task.knowledge, estimate)
+    add_objections(session, estimate, "joint", "")
+    if session.prior is not None:
+        check_prior([session], session.prior, estimate)
     return estimate, kept[0]
 
 
@@ -237,16 +239,16 @@ def _together(
     return array_estimate(solution, [estimate for estimate, _ in settled], site)
 
 
-def _run(task: Task, estimate: Estimate, text: str | os.PathLike[str], count: int) -> CalibrationRun:
+def _run(session: Session, estimate: Estimate, text: str | os.PathLike[str], count: int) -> CalibrationRun:
     from tumble.document import calibration_from_estimate
 
     reason = f"Procedure joint: {count} units of one array, whose poses are common, in one adjustment."
-    remarks = (reason, *(remark.text for remark in task.recording.remarks))
-    calibration = calibration_from_estimate(estimate, task.recording, task.site, remarks=remarks)
+    remarks = (reason, *(remark.text for remark in session.recording.remarks))
+    calibration = calibration_from_estimate(estimate, session.recording, session.site, remarks=remarks)
     before = corrected_by_before(_files(text), None)
     if before:
         calibration = calibration.model_copy(update={"input_corrected_by": before})
-    return CalibrationRun(calibration, estimate, task.recording, task.timeline, task.means, reason)
+    return CalibrationRun(calibration, estimate, session.recording, session.timeline, session.means, reason)
 
 
 def _document(runs: Sequence[CalibrationRun], array: ArrayEstimate) -> dict[str, Any]:

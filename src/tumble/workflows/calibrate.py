@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from tumble.calibration.procedure import find_procedure
+from tumble.calibration.session import Options, Session
 from tumble.document.display import calibration_html
 from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
@@ -20,7 +22,6 @@ from tumble.recording.reading import Paths, recording_inputs
 from tumble.workflows.joining import join_recordings
 from tumble.workflows.noise_models import NoiseOfHolds
 from tumble.workflows.procedures import (
-    Task,
     add_objections,
     check_prior,
     check_procedure,
@@ -101,7 +102,7 @@ def calibrate(
         of pandas or polars stands for a file, and a `Recording` for what was read; empty for those
         that the protocol names.
     output : folder for ``calibration.json`` and ``report.html``; None writes nothing.
-    procedure : one of `PROCEDURES`; None lets the protocol decide, or else the recording.
+    procedure : its name, of `tumble.protocol.procedures`; None lets the protocol decide, or else the recording.
     protocol : a protocol file, or the name of one of `tumble.protocol.PROTOCOLS`: what was done.
     site : gravity and latitude; None takes the protocol's, or else assumes standard gravity with an
         uncertainty of 0.015 m/s².
@@ -129,7 +130,8 @@ def calibrate(
     """
     say = progress or _silent
     site = given_site(site)
-    check_procedure(procedure, unknowns, has_protocol=protocol is not None, data_sheet=data_sheet)
+    options = Options(optional_terms, noise_correction, data_sheet, unknowns)
+    check_procedure(procedure, options, has_protocol=protocol is not None)
     if monte_carlo is not None and not FEWEST_DRAWS <= monte_carlo <= MOST_DRAWS:
         raise UsageError(
             f"--monte-carlo {monte_carlo}: give a number of draws from {FEWEST_DRAWS} to {MOST_DRAWS}."
@@ -150,20 +152,22 @@ def calibrate(
     modelled = None if noise is None else NoiseOfHolds.read(noise, recording)
     clock.lap("reading")
 
-    is_thermal = "thermal" in (procedure, None if told is None or procedure is not None else told.procedure)
-    task = prepare_task(recording, told, site, intervals, clock, say, is_thermal=is_thermal)
+    chosen = procedure if procedure is not None or told is None else told.procedure
+    by_temperature = chosen is not None and find_procedure(chosen).by_temperature
+    session = Session(
+        recording, told, site, by_temperature=by_temperature, prior=knowledge, options=options, say=say
+    )
+    find_holds(session, intervals, clock)
     if modelled is not None:
-        task.means = modelled.means_of(task)
-    task.knowledge, task.optional_terms, task.unknowns = knowledge, optional_terms, unknowns
-    task.data_sheet, task.noise_correction = data_sheet, noise_correction
-    estimate, reason = run_procedure(task, procedure)
-    add_objections(task, estimate, procedure, reason)
+        session.means = modelled.means_of(session)
+    estimate, reason = run_procedure(session, procedure)
+    add_objections(session, estimate, procedure, reason)
     if modelled is not None:
         estimate.say("remark", *modelled.said(estimate.procedure))
     if knowledge is not None:
-        check_prior([task], knowledge, estimate)
+        check_prior([session], knowledge, estimate)
     if site is None and (told is None or told.site is None):
-        estimate.say("remark", about_gravity(task.site))
+        estimate.say("remark", about_gravity(session.site))
     if monte_carlo is not None:
         _draw(estimate, monte_carlo, say)
     clock.lap("solving")
@@ -171,12 +175,12 @@ def calibrate(
     from tumble.document import calibration_from_estimate
 
     remarks = (reason, *(r.text for r in recording.remarks))
-    calibration = calibration_from_estimate(estimate, recording, task.site, remarks=remarks, imu=imu)
+    calibration = calibration_from_estimate(estimate, recording, session.site, remarks=remarks, imu=imu)
     earlier = corrected_by_before(paths, given)
     if earlier:
         calibration = calibration.model_copy(update={"input_corrected_by": earlier})
     run = CalibrationRun(
-        calibration, estimate, recording, task.timeline, task.means, reason, told, task.matching
+        calibration, estimate, recording, session.timeline, session.means, reason, told, session.matching
     )
     run.seconds = clock.seconds
     if folder is not None:
@@ -285,45 +289,27 @@ def corrected_by_before(paths: Given, given: GivenProtocol | None) -> list[str]:
     return list(marks.pop()) if marks else []
 
 
-def prepare_task(
-    recording: Recording,
-    protocol: Protocol | None,
-    site: Site | None,
-    intervals: str | os.PathLike[str] | None,
-    clock: Clock,
-    say: Callable[[str], None],
-    *,
-    is_thermal: bool = False,
-) -> Task:
+def find_holds(session: Session, intervals: str | os.PathLike[str] | None, clock: Clock) -> None:
     """Find holds and turns, and which step of the protocol each of them is.
 
     Parameters
     ----------
-    recording, protocol, site, intervals : as for `calibrate`.
-    clock, say : are told what is being done.
-    is_thermal : whether temperatures tell the steps, and not poses.
+    session : of one recording.
+    intervals : as for `calibrate`.
+    clock : is told how long it takes.
     """
-    say("finding holds and turns")
-    from tumble.segmentation import find_thermal_timeline, find_timeline, observe_holds, read_intervals
+    session.say("finding holds and turns")
+    from tumble.segmentation import read_intervals
 
     clock.lap("importing")
-    given = None if intervals is None else read_intervals(Path(intervals))
-    if is_thermal:
+    session.intervals = None if intervals is None else read_intervals(Path(intervals))
+    if session.by_temperature:
         from tumble.calibration.thermal.coverage import require_time_base
 
-        require_time_base(recording, protocol)
-    timeline = (find_thermal_timeline if is_thermal else find_timeline)(recording, intervals=given)
-    means = observe_holds(recording, timeline)
-    matching = None
-    # Temperatures tell the steps of a thermal test; its poses need not be recognised.
-    if protocol is not None and not is_thermal:
-        from tumble.segmentation.matching import match_protocol
-
-        say("matching them with the protocol")
-        matching = match_protocol(protocol, recording, timeline, means)
+        require_time_base(session.recording, session.protocol)
+    # Asked for now, so that what is wrong with holds is said before anything else.
+    _ = session.means, session.matching
     clock.lap("segmenting")
-    place = site or (None if protocol is None else protocol.site) or Site.unknown()
-    return Task(recording, timeline, means, place, protocol, matching, say=say)
 
 
 def about_gravity(place: Site) -> str:

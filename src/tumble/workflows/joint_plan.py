@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 FILES = ("protocol.yaml", "plan.json", "sheet.html")
 _DEFAULT_LATITUDE_DEG = 45.0
-BELIEVING = ("six-position", "improved-six-position", "rate-table", "modified-multi-position", "laboratory")
-"""Procedures that take poses or rates from the protocol, which a plan does not."""
 _TARGETS = {
     "bias": "accelerometer bias",
     "scale": "accelerometer scale",
@@ -335,8 +333,8 @@ def _advise(
 
 
 def _remarks(done: JointPlanned, site: Site | None) -> list[str]:
+    from tumble.calibration.procedure import find_procedure
     from tumble.protocol import SpinStep
-    from tumble.workflows.procedures import JOINT_IS_BETTER
 
     plan, task = done.plan, done.plan.task
     words: list[str] = []
@@ -348,12 +346,13 @@ def _remarks(done: JointPlanned, site: Site | None) -> list[str]:
             f"Of {unread} spins no angle is read off the table: counted is what the gyros carry across them, not the "
             "rate that the protocol states. Read the display at rest before and after each (angle_deg in the protocol)."
         )
-    if task.protocol.procedure in BELIEVING:
+    procedure = find_procedure(task.protocol.procedure)
+    if procedure.believes:
         words.append(
             f"Foretold is what the joint estimator tells that believes no pose and no rate; the procedure "
             f"{task.protocol.procedure} believes them, and tells more where they deserve it."
         )
-    elif task.protocol.procedure not in (*JOINT_IS_BETTER, "joint"):
+    elif not (procedure.joint_is_better or procedure.name == "joint"):
         words.append(
             f"Foretold is what the joint estimator tells: calibrate with --procedure joint, for the protocol's own "
             f"procedure is {task.protocol.procedure}."

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from tumble.calibration.procedure import find_procedure
 from tumble.errors import UsageError
 from tumble.files import number_of, read_json
 from tumble.noise.terms import GaussMarkov, Line, NoiseModel
@@ -15,11 +16,8 @@ from tumble.recording import Recording
 from tumble.units import angular_rate_factor, specific_force_factor
 
 if TYPE_CHECKING:
+    from tumble.calibration.session import Session
     from tumble.segmentation import HoldMeans
-    from tumble.workflows.procedures import Task
-
-COUNT_BETWEEN_HOLDS = ("multi-position",)
-"""Procedures whose covariance counts what the means of different holds have in common."""
 
 # Sampling rates that differ by more are not the same setting of a sensor.
 _SAME_RATE = 0.02
@@ -180,16 +178,16 @@ class NoiseOfHolds:
         """
         return cls(os.fspath(path), *models_of_recording(read_noise_models(path), recording))
 
-    def means_of(self, task: Task) -> HoldMeans:
-        """Return a task's means with the models' covariances.
+    def means_of(self, session: Session) -> HoldMeans:
+        """Return a session's means with the models' covariances.
 
         Parameters
         ----------
-        task : with its holds.
+        session : with its holds.
         """
         from tumble.segmentation.modelled_means import model_means
 
-        modelled = model_means(task.recording, task.timeline, task.means, self.force, self.rate)
+        modelled = model_means(session.recording, session.timeline, session.means, self.force, self.rate)
         self.remarks += modelled.remarks
         return modelled.means
 
@@ -202,7 +200,7 @@ class NoiseOfHolds:
         """
         counted = (
             "that neighbouring holds are off together is counted in the uncertainties"
-            if procedure in COUNT_BETWEEN_HOLDS
+            if find_procedure(procedure).counts_between_holds
             else "that neighbouring holds are off together is not counted: this procedure takes what wanders as new in "
             "every hold"
         )

@@ -20,10 +20,6 @@ if TYPE_CHECKING:
     from tumble.simulation import Grade, Imperfections, TableErrors, TriadNoise, Truth
 
 FORMAT = "tumble truth"
-# These know the poses, and answer in the fixture's axes.
-FIXTURE_PROCEDURES = ("six-position", "improved-six-position", "rate-table", "laboratory")
-# And this in the mean-gyro frame, with Savage's names.
-MEAN_GYRO_PROCEDURES = ("strapdown-rotation",)
 VERSION = 1
 FRAME = (
     "axes of the fixture: the body frame b in which the protocol states its poses; a calibration in another "

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tumble.calibration.procedures.joint import run_joint
+from tumble.calibration.session import Options, Session
 from tumble.earth import Site
 from tumble.errors import TumbleError, UsageError
 from tumble.recording import Recording
@@ -18,14 +20,14 @@ from tumble.workflows.calibrate import (
     Clock,
     about_gravity,
     corrected_by_before,
-    prepare_task,
+    find_holds,
     read_as_told,
     read_prior,
     require_writable,
     write_run,
 )
 from tumble.workflows.joining import join_recordings, join_timelines, require_one_unit
-from tumble.workflows.procedures import Task, add_objections, check_prior, run_joint
+from tumble.workflows.procedures import add_objections, check_prior
 from tumble.workflows.protocols import GivenProtocol, read_given_protocol
 
 if TYPE_CHECKING:
@@ -98,28 +100,38 @@ def calibrate_turn_ons(
     read = [(one, *_read(one, columns, units, rate, topics)) for one in named]
     require_one_unit([recording for _, recording, _ in read])
     clock.lap("reading")
-    tasks: list[Task] = []
+    sessions: list[Session] = []
     settled: list[tuple[Estimate, JointOutcome]] = []
     for one, recording, told in read:
         with_name = _saying(say, one.name)
         with_name("reading")
         try:
-            task = prepare_task(recording, told, site, None, clock, with_name)
-            task.optional_terms = optional_terms
-            task.knowledge = knowledge if not tasks else None
-            settled.append(_settle(task))
+            session = Session(
+                recording,
+                told,
+                site,
+                prior=None if sessions else knowledge,
+                options=Options(optional_terms=optional_terms),
+                say=with_name,
+            )
+            find_holds(session, None, clock)
+            settled.append(_settle(session))
         except TumbleError as error:
             raise type(error)(f"{one.name} cannot take part: {error}") from error
-        tasks.append(task)
+        sessions.append(session)
         clock.lap("solving")
     say("all recordings together")
-    several = _together([one.name for one in named], settled, _one_site(tasks), optional_terms=optional_terms)
+    several = _together(
+        [one.name for one in named], settled, _one_site(sessions), optional_terms=optional_terms
+    )
     if knowledge is not None:
-        check_prior(tasks, knowledge, several.estimate)
-    if site is None and all(task.protocol is None or task.protocol.site is None for task in tasks):
-        several.estimate.say("remark", about_gravity(tasks[0].site))
+        check_prior(sessions, knowledge, several.estimate)
+    if site is None and all(
+        session.protocol is None or session.protocol.site is None for session in sessions
+    ):
+        several.estimate.say("remark", about_gravity(sessions[0].site))
     clock.lap("solving")
-    run = _run(tasks, several, imu)
+    run = _run(sessions, several, imu)
     before = corrected_by_before([file for one in named for file in one.files], None)
     if before:
         run.calibration = run.calibration.model_copy(update={"input_corrected_by": before})
@@ -180,13 +192,13 @@ def _read(
     return read_as_told([str(file) for file in one.files], one.given, columns, units, rate, topics)
 
 
-def _settle(task: Task) -> tuple[Estimate, JointOutcome]:
+def _settle(session: Session) -> tuple[Estimate, JointOutcome]:
     """Adjust a recording by itself, as far as it goes."""
     kept: list[JointOutcome] = []
-    estimate = run_joint(task, keep=kept.append)
-    add_objections(task, estimate, "joint", "")
-    if task.matching is not None:
-        estimate.say("remark", *(r for r in task.matching.remarks if r not in estimate.remarks))
+    estimate = run_joint(session, keep=kept.append)
+    add_objections(session, estimate, "joint", "")
+    if session.matching is not None:
+        estimate.say("remark", *(r for r in session.matching.remarks if r not in estimate.remarks))
     return estimate, kept[0]
 
 
@@ -204,25 +216,28 @@ def _together(
     return several_estimate(outcome, [estimate for estimate, _ in settled], site)
 
 
-def _one_site(tasks: Sequence[Task]) -> Site:
+def _one_site(sessions: Sequence[Session]) -> Site:
     """The site whose gravity is least certain: its error is taken to be the same in all recordings."""
-    return max((task.site for task in tasks), key=lambda site: site.gravity_sigma / site.gravity)
+    return max((session.site for session in sessions), key=lambda site: site.gravity_sigma / site.gravity)
 
 
 def _run(
-    tasks: Sequence[Task], several: SeveralEstimate, imu: tuple[str | None, str | None]
+    sessions: Sequence[Session], several: SeveralEstimate, imu: tuple[str | None, str | None]
 ) -> CalibrationRun:
-    recording, timeline, means = _joined(tasks)
-    reason = REASON.format(count=len(tasks))
-    calibration = _document(recording, several, _one_site(tasks), reason, imu)
+    recording, timeline, means = _joined(sessions)
+    reason = REASON.format(count=len(sessions))
+    calibration = _document(recording, several, _one_site(sessions), reason, imu)
     return CalibrationRun(calibration, several.estimate, recording, timeline, means, reason)
 
 
-def _joined(tasks: Sequence[Task]) -> tuple[Recording, Timeline, HoldMeans]:
-    recording, _ = join_recordings([task.recording for task in tasks])
-    starts = np.cumsum([0, *(len(task.recording) for task in tasks)])
+def _joined(sessions: Sequence[Session]) -> tuple[Recording, Timeline, HoldMeans]:
+    recording, _ = join_recordings([session.recording for session in sessions])
+    starts = np.cumsum([0, *(len(session.recording) for session in sessions)])
     timeline, means = join_timelines(
-        recording, [task.timeline for task in tasks], [task.means for task in tasks], starts[:-1].tolist()
+        recording,
+        [session.timeline for session in sessions],
+        [session.means for session in sessions],
+        starts[:-1].tolist(),
     )
     return recording, timeline, means
 

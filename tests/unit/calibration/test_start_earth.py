@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.procedures.recorded_sequences import RecordedSequence
-from tumble.calibration.procedures.start_earth import earth_as_sensitivity, find_earth
+from tumble.calibration.strapdown.recorded_sequences import RecordedSequence
+from tumble.calibration.strapdown.start_earth import earth_as_sensitivity, find_earth
 from tumble.earth import EARTH_RATE
 from tumble.protocol.strapdown_rotation import SEQUENCES, fixture_rotation, start_down
 from tumble.sensor import ImuModel, Triad

@@ -35,9 +35,9 @@ from tumble.calibration.joint.unknowns import gyro_matrix
 from tumble.calibration.joint.wanted import OF_FORCE
 from tumble.calibration.joint.wide import FIXTURE, is_wide, widened
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.procedures.turntable_words import NOT_ESTIMATED
 from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.calibration.snooping import Outlier
+from tumble.calibration.turntable.words import NOT_ESTIMATED
 from tumble.earth import Site
 from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel

@@ -43,8 +43,10 @@ from tumble.calibration.evidence import Budget, Holds, Turns
 from tumble.calibration.handedness import refuse_contradicting_axes
 from tumble.calibration.poses import distinct_poses
 from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.procedure import Procedure, Suits
 from tumble.calibration.requirements import require_poses
 from tumble.calibration.scores import score_turns
+from tumble.calibration.session import Session
 from tumble.calibration.snooping import Kind, Outlier, balance
 from tumble.calibration.start_values import rough_gyro_matrix, rough_triad
 from tumble.calibration.term_tests import wald_test
@@ -454,3 +456,46 @@ def _left_out(outlier: Outlier, norms: Series, angles: Series) -> LeftOut:
 
 def _silent(_: str) -> None:
     """Tell nobody."""
+
+
+def _run(session: Session) -> Estimate:
+    return calibrate_hand_held(
+        session.recording,
+        session.timeline,
+        session.means,
+        session.site,
+        prior=session.prior,
+        optional_terms=session.options.optional_terms,
+        progress=session.say,
+    )
+
+
+def _suits(session: Session) -> Suits:
+    recording, timeline = session.recording, session.timeline
+    if recording.specific_force is None or recording.angular_rate is None:
+        return Suits(False, "the recording has one triad only")
+    turns = sum(turn.usable for turn in timeline.turns)
+    if turns < SMALLEST_TURNS:
+        return Suits(
+            False,
+            f"{turns} turns between holds can be used, and the hand-held procedure needs {SMALLEST_TURNS}",
+        )
+    found = f"{len(timeline.holds)} holds and {turns} turns between them were found, which tell both triads"
+    return Suits(True, found)
+
+
+PROCEDURE = Procedure(
+    "hand-held",
+    _run,
+    "accelerometer-x",
+    "nothing but hands",
+    "both triads, nine or more poses, five or more turns between them that can be integrated",
+    "everything: both triads in full, the rotation between them, g-sensitivity of the gyros if the data want it",
+    "hand-held.md",
+    takes=frozenset({"prior"}),
+    suits=_suits,
+    otherwise="multi-position",
+    # Too few poses are too few for others, too; only what the gyro lacks leaves another way open.
+    failed="the turns do not tell the gyro",
+    joint_believes=False,
+)

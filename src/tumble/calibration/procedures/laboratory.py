@@ -26,7 +26,9 @@ from tumble.calibration.closed_forms.rotation_pairs import (
 from tumble.calibration.equations.placement import PlacedFit, PlacedReadings, fit_placed, is_excessive
 from tumble.calibration.estimate import Estimate, correlation_matrix, coverage_factor, said_of
 from tumble.calibration.evidence import Budget, Holds, RotationFit, Rotations, Spins, TurnedAngle
+from tumble.calibration.procedure import Procedure
 from tumble.calibration.procedures.six_position import KnownPoses, known_poses
+from tumble.calibration.session import Session
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
@@ -455,3 +457,26 @@ def _remarks(poses: KnownPoses, site: Site, force: PlacedFit, gyros: _Gyros, lon
             "noise explains: wrong headings, or biases that wander. The biases' uncertainties are raised by that."
         )
     return remarks
+
+
+def _run(session: Session) -> Estimate:
+    protocol, matching = session.matched
+    return calibrate_laboratory(
+        session.recording, session.means, session.rotations, matching, protocol, session.site
+    )
+
+
+PROCEDURE = Procedure(
+    "laboratory",
+    _run,
+    "fixture",
+    "a table levelled and aligned to north",
+    "each axis up and down with four headings, three axes turned about both ways",
+    "both triads against the table's axes, as exactly as the table is aligned",
+    "laboratory.md",
+    example="laboratory",
+    remedy="align the table better, or hold longer and turn further; the turntable procedure needs no alignment",
+    placement="The table's alignment limits the misalignments one to one, and nothing in the residuals shows it. "
+    "The turntable procedure calibrates both triads on the same table without any alignment.",
+    believes=True,
+)

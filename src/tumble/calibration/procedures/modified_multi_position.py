@@ -28,7 +28,9 @@ from tumble.calibration.equations.turn import FORCE, G_SENSITIVITY, GYRO_BIAS, G
 from tumble.calibration.estimate import Estimate, LeftOut, TermTest, coverage_factor, said_of
 from tumble.calibration.evidence import Holds, Spins
 from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.procedure import Procedure
 from tumble.calibration.procedures.multi_position import TriadFit, fit_norms
+from tumble.calibration.session import Session
 from tumble.calibration.term_tests import wald_test
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
@@ -492,3 +494,26 @@ def _against_syed(task: _Task, joint: _Joint, norms: TriadFit) -> str:
         f"{abs(difference[worst]):.1f} of their standard uncertainties ({names[worst]}), the scale factors by at most "
         f"{relative} ppm; the whole vectors tell the rotation between the triads besides."
     )
+
+
+def _run(session: Session) -> Estimate:
+    protocol, matching = session.matched
+    return calibrate_modified_multi_position(
+        session.recording, session.means, session.spins, matching, protocol, session.site, prior=session.prior
+    )
+
+
+PROCEDURE = Procedure(
+    "modified-multi-position",
+    _run,
+    "accelerometer-x",
+    "a single-axis table and hands",
+    "nine or more poses on the table, each spun both ways",
+    "both triads in full, and the rotation between them",
+    "modified-multi-position.md",
+    takes=frozenset({"prior"}),
+    example="modified-multi-position",
+    remedy="spin faster or longer, both ways in more different poses",
+    believes=True,
+    free_turns=False,
+)

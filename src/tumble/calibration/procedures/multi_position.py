@@ -32,7 +32,9 @@ from tumble.calibration.estimate import (
 )
 from tumble.calibration.evidence import Holds
 from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.procedure import Procedure
 from tumble.calibration.requirements import require_poses
+from tumble.calibration.session import Session
 from tumble.calibration.snooping import Kind, Outlier, balance
 from tumble.calibration.start_values import rough_triad
 from tumble.calibration.term_tests import wald_test
@@ -508,3 +510,32 @@ def _not_determined(kind: str) -> list[str]:
 
 def _silent(_: str) -> None:
     """Tell nobody."""
+
+
+def _run(session: Session) -> Estimate:
+    from tumble.simulation import find_grade
+
+    options = session.options
+    return calibrate_multi_position(
+        session.recording,
+        session.means,
+        session.site,
+        prior=session.prior,
+        data_sheet=None if options.data_sheet is None else find_grade(options.data_sheet),
+        noise_correction=options.noise_correction,
+        unknowns=options.unknowns or 9,
+        progress=session.say,
+    )
+
+
+PROCEDURE = Procedure(
+    "multi-position",
+    _run,
+    "accelerometer-x",
+    "nothing, and a gyro without turns",
+    "nine or more poses (six with an earlier calibration); turns do not matter",
+    "accelerometers in full; of the gyros what the Earth's rotation tells: for most units bias and g-sensitivity only",
+    "multi-position.md",
+    takes=frozenset({"prior", "data_sheet", "unknowns"}),
+    counts_between_holds=True,
+)

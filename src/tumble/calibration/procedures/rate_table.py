@@ -46,6 +46,8 @@ from tumble.calibration.estimate import (
     said_of,
 )
 from tumble.calibration.evidence import Spins
+from tumble.calibration.procedure import Procedure
+from tumble.calibration.session import Session
 from tumble.calibration.term_tests import wald_test
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
@@ -477,3 +479,26 @@ def _about_tilt(sigma: float) -> str:
 
     here = f"{words(sigma)} if it is {np.degrees(sigma):.2g}° about each axis, as here; " if sigma > 0 else ""
     return f"What a table's axis does that is off the unit's and not known: {here}{words(np.radians(1.0))} if it is 1°."
+
+
+def _run(session: Session) -> Estimate:
+    protocol, matching = session.matched
+    return calibrate_rate_table(
+        session.recording, session.means, session.spins, matching, protocol, session.site
+    )
+
+
+PROCEDURE = Procedure(
+    "rate-table",
+    _run,
+    "fixture",
+    "a rate table",
+    "each axis up on the table, spun both ways at several rates",
+    "gyro biases, scale factors, misalignments against the fixture, linearity and asymmetry; no accelerometers",
+    "rate-table.md",
+    example="rate-table",
+    remedy="spin faster or longer, both ways about each axis",
+    placement="The placement on the table limits the misalignments one to one. The modified multi-position "
+    "procedure finds them from the same table without believing the placement, and calibrates the accelerometers too.",
+    believes=True,
+)

@@ -32,6 +32,9 @@ from tumble.calibration.canonical import (
 from tumble.calibration.equations.placement import PlacedFit, PlacedReadings, fit_placed, up_down_pair
 from tumble.calibration.estimate import Estimate, correlation_matrix, coverage_factor, said_of
 from tumble.calibration.evidence import Holds
+from tumble.calibration.faces import match_faces
+from tumble.calibration.procedure import Procedure
+from tumble.calibration.session import Session
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
@@ -586,3 +589,38 @@ def _improved_tilt(sigma: float, gravity: float) -> str:
         f"{two_digits(1e3 * gravity * sigma / 3.0)} mm/s² in least squares without weights, and by about "
         f"{two_digits(1e3 * gravity * sigma**2)} mm/s² with the weights used here"
     )
+
+
+def run_faces(session: Session, *, improved: bool) -> Estimate:
+    """Calibrate on the faces that the protocol names, or without one on those that are nearest to up.
+
+    Parameters
+    ----------
+    session : what was recorded.
+    improved : estimate the whole matrices instead of their diagonals.
+    """
+    protocol, matching = session.protocol, session.matching
+    if protocol is None or matching is None:
+        protocol, matching = match_faces(session.means, session.site)
+    estimate = calibrate_six_position(
+        session.recording, session.means, matching, protocol, session.site, improved=improved
+    )
+    estimate.say("remark", *(r for r in matching.remarks if r not in estimate.remarks))
+    return estimate
+
+
+PROCEDURE = Procedure(
+    "six-position",
+    lambda session: run_faces(session, improved=False),
+    "fixture",
+    "a levelled plate and a cube's faces",
+    "each axis up and down, levelled",
+    "accelerometer biases and scale factors",
+    "six-position.md",
+    remedy="place the unit more exactly, or record longer holds",
+    norms_from="the noise found, the tilts of the placement, and misalignments, which this test leaves in",
+    placement="The placement limits the scale factors and biases: level the plate, use the unit's own flat "
+    "faces, and say in the protocol how well (`uncertainty_deg`). The hand-held and multi-position procedures need "
+    "no level.",
+    believes=True,
+)

@@ -30,14 +30,16 @@ from tumble.calibration.closed_forms.sequence_inversion import SequenceSolution,
 from tumble.calibration.closed_forms.sequence_measurements import SequenceMeasurement, measure_sequence
 from tumble.calibration.equations.placement import is_excessive
 from tumble.calibration.estimate import Estimate, TermTest
-from tumble.calibration.procedures.recorded_sequences import RecordedSequence, check_rotations, cut_sequences
-from tumble.calibration.procedures.start_earth import earth_as_sensitivity, find_earth
-from tumble.calibration.procedures.strapdown_estimate import (
+from tumble.calibration.procedure import Procedure
+from tumble.calibration.session import Session
+from tumble.calibration.strapdown.errors import apply_errors
+from tumble.calibration.strapdown.estimate import (
     BELIEVED_ASYMMETRY,
     StrapdownOutcome,
     strapdown_estimate,
 )
-from tumble.calibration.procedures.strapdown_model import apply_errors
+from tumble.calibration.strapdown.recorded_sequences import RecordedSequence, check_rotations, cut_sequences
+from tumble.calibration.strapdown.start_earth import earth_as_sensitivity, find_earth
 from tumble.calibration.term_tests import wald_test
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
@@ -329,3 +331,23 @@ def _covariance(sequence: RecordedSequence, model: SequenceModel, noise: _Noise,
     spread[3, 3] += mean
     spread[4, 4] += mean
     return spread
+
+
+def _run(session: Session) -> Estimate:
+    protocol, matching = session.matched
+    return calibrate_strapdown_rotation(
+        session.recording, session.timeline, session.means, matching, protocol, session.site
+    )
+
+
+PROCEDURE = Procedure(
+    "strapdown-rotation",
+    _run,
+    "mean-gyro",
+    "a fixture with two axes, good to 0.1°",
+    "17 sequences of rotations, at rest before and after each; roughly where north is",
+    "both triads in full with the asymmetry of their scale factors, and what is between them",
+    "strapdown-rotation.md",
+    example="strapdown-rotation",
+    remedy="repeat the sequences, and turn faster: gyros with less noise are what would help most",
+)

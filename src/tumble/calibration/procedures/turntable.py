@@ -37,22 +37,24 @@ from tumble.calibration.estimate import (
 )
 from tumble.calibration.handedness import refuse_contradicting_axes
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.procedures.turntable_estimate import turntable_estimate
-from tumble.calibration.procedures.turntable_solution import (
+from tumble.calibration.procedure import Procedure
+from tumble.calibration.session import Session
+from tumble.calibration.term_tests import wald_test
+from tumble.calibration.turntable.estimate import turntable_estimate
+from tumble.calibration.turntable.solution import (
     BIAS,
     MATRIX,
     SENSITIVITY,
     TurntableInputs,
     TurntableSystem,
 )
-from tumble.calibration.procedures.turntable_task import (
+from tumble.calibration.turntable.task import (
     TurntableOutcome,
     TurntableTask,
     TurntableTests,
     are_apart,
     shows_earth,
 )
-from tumble.calibration.term_tests import wald_test
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.protocol import Protocol
@@ -283,3 +285,34 @@ def _scaled(inputs: TurntableInputs, tests: TurntableTests) -> tuple[TurntableIn
         scaled["the gyros at rest"] = float(np.sqrt(factor))
         inputs = replace(inputs, rest_covariance=factor * inputs.rest_covariance)
     return inputs, scaled
+
+
+def _run(session: Session) -> Estimate:
+    protocol, matching = session.matched
+    return calibrate_turntable(
+        session.recording,
+        session.timeline,
+        session.means,
+        session.rotations,
+        matching,
+        protocol,
+        session.site,
+        prior=session.prior,
+    )
+
+
+PROCEDURE = Procedure(
+    "turntable",
+    _run,
+    "accelerometer-x",
+    "a table whose angle is read, tilted",
+    "nine or more poses at rest, six axes turned about both ways; nothing aligned",
+    "both triads in full, the rotation between them; gyros as exactly as the angles",
+    "turntable.md",
+    takes=frozenset({"prior"}),
+    example="turntable-9",
+    remedy="hold longer and in more poses, above all edges; turn further, both ways about each axis",
+    joint_is_better=True,
+    joint_believes=False,
+    free_turns=False,
+)

@@ -9,11 +9,11 @@ from tumble.calibration.closed_forms.separate_norms import bias_from_static_pair
 from tumble.calibration.equations.triad_unknowns import triad_from_unknowns
 from tumble.calibration.evidence import RotationFit
 from tumble.calibration.procedures.multi_position import ROTATION_SIGMA
-from tumble.calibration.procedures.turntable_solution import (
+from tumble.calibration.turntable.solution import (
     BIAS,
     MATRIX,
 )
-from tumble.calibration.procedures.turntable_task import TurntableOutcome, TurntableTask, sees_earth
+from tumble.calibration.turntable.task import TurntableOutcome, TurntableTask, sees_earth
 from tumble.calibration.verdict import two_digits
 from tumble.errors import ObservabilityError
 from tumble.sensor.conventions.shin import shin_from_matrix

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vectors, inverted
-from tumble.calibration.procedures.recorded_sequences import RecordedSequence
+from tumble.calibration.strapdown.recorded_sequences import RecordedSequence
 from tumble.sensor import ImuModel
 
 FEWEST = 4

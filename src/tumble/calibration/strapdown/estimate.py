@@ -20,9 +20,9 @@ from tumble.calibration.estimate import (
     said_of,
 )
 from tumble.calibration.evidence import Holds, SequenceFit, Sequences
-from tumble.calibration.procedures.recorded_sequences import RecordedSequence
-from tumble.calibration.procedures.start_earth import SeenEarth, earth_as_sensitivity
-from tumble.calibration.procedures.strapdown_model import apply_errors
+from tumble.calibration.strapdown.errors import apply_errors
+from tumble.calibration.strapdown.recorded_sequences import RecordedSequence
+from tumble.calibration.strapdown.start_earth import SeenEarth, earth_as_sensitivity
 from tumble.calibration.verdict import two_digits
 from tumble.earth import Site
 from tumble.recording.recording import Recording

@@ -13,7 +13,7 @@ from tumble.calibration.estimate import (
     TermTest,
 )
 from tumble.calibration.procedures.multi_position import TriadFit
-from tumble.calibration.procedures.turntable_solution import (
+from tumble.calibration.turntable.solution import (
     TurntableSystem,
 )
 from tumble.earth import EARTH_RATE, Site

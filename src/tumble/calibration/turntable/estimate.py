@@ -14,12 +14,12 @@ from tumble.calibration.equations.turn import FORCE, G_SENSITIVITY, GYRO_MATRIX,
 from tumble.calibration.estimate import Estimate, LeftOut, coverage_factor, said_of
 from tumble.calibration.evidence import Budget, Holds, RotationFit, Rotations, Spins, TurnedAngle
 from tumble.calibration.procedures.multi_position import ROTATION_SIGMA
-from tumble.calibration.procedures.turntable_solution import (
+from tumble.calibration.turntable.solution import (
     GROUPS,
     MATRIX,
 )
-from tumble.calibration.procedures.turntable_task import TurntableOutcome, TurntableTask
-from tumble.calibration.procedures.turntable_words import misread_words, not_determined, objections, remarks
+from tumble.calibration.turntable.task import TurntableOutcome, TurntableTask
+from tumble.calibration.turntable.words import misread_words, not_determined, objections, remarks
 from tumble.estimation import snoop_groups
 
 

@@ -1,0 +1,68 @@
+"""The joint estimator on whatever was recorded, from the start that the recording's own procedure gives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from tumble.calibration.procedure import Procedure, find_procedure
+from tumble.errors import ConvergenceError, ObservabilityError
+
+if TYPE_CHECKING:
+    from tumble.calibration.estimate import Estimate
+    from tumble.calibration.joint.estimate import JointOutcome
+    from tumble.calibration.session import Session
+
+
+def run_joint(
+    session: Session, start: Estimate | None = None, *, keep: Callable[[JointOutcome], None] | None = None
+) -> Estimate:
+    """Adjust everything at once, from the start that the recording's own procedure gives.
+
+    Parameters
+    ----------
+    session : what is known of the recording.
+    start : another procedure's estimate; None runs the recording's own first.
+    keep : is handed the settled solution, see `calibrate_joint`.
+    """
+    from tumble.calibration.joint.procedure import calibrate_joint
+
+    first = _start(session) if start is None else start
+    matching, has_gyro = session.matching, session.recording.angular_rate is not None
+    return calibrate_joint(
+        session.recording,
+        session.timeline,
+        session.means,
+        session.site,
+        first,
+        rotations=session.rotations if matching is not None and matching.spins and has_gyro else [],
+        poses=session.believed_poses,
+        prior=session.prior,
+        optional_terms=session.options.optional_terms,
+        progress=session.say,
+        keep=keep,
+    )
+
+
+def _start(session: Session) -> Estimate | None:
+    """The protocol's own procedure if it tells something, else the hand-held one; None where neither does."""
+    own = None if session.protocol is None else find_procedure(session.protocol.procedure)
+    if own is None or not own.starts_joint:
+        own = find_procedure("hand-held")
+    try:
+        return own.run(session)
+    except (ObservabilityError, ConvergenceError):
+        return None
+
+
+PROCEDURE = Procedure(
+    "joint",
+    run_joint,
+    "accelerometer-x",
+    "any of these",
+    "what the procedure needs that the recording was made for",
+    "the same from one adjustment of everything that was recorded, with a budget of uncertainty",
+    "../joint.md",
+    takes=frozenset({"prior"}),
+    starts_joint=False,
+)

@@ -1,0 +1,154 @@
+"""A recording that is to be calibrated, and what is found in it when it is first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from tumble.earth import Site
+from tumble.errors import UsageError
+from tumble.recording.recording import Recording
+
+if TYPE_CHECKING:
+    from tumble.calibration.joint.believed import BelievedPoses
+    from tumble.calibration.prior import StableKnowledge
+    from tumble.protocol import Protocol
+    from tumble.segmentation import HoldMeans, SpinMeans, Timeline
+    from tumble.segmentation.matching import Matching
+    from tumble.segmentation.rotations import Rotation
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What a user says of the estimate.
+
+    Attributes
+    ----------
+    optional_terms : try g-sensitivity, quadratic terms and the like.
+    noise_correction : take the noise's own square out of the norm of gyros on the Earth's rate.
+    data_sheet : name of a grade whose spreads are a prior; None for none.
+    unknowns : of a triad; None for all nine.
+    """
+
+    optional_terms: bool = True
+    noise_correction: bool = True
+    data_sheet: str | None = None
+    unknowns: int | None = None
+
+
+def _silent(_: str) -> None:
+    """Tell nobody."""
+
+
+@dataclass
+class Session:
+    """What a procedure is given.
+
+    What is found in the recording is found when it is first asked for, and may be set instead.
+
+    Attributes
+    ----------
+    recording : of one unit.
+    protocol : what was to be done; None where nobody says.
+    given_site : where it was recorded, if that is said; before the protocol's.
+    intervals : (start, stop) s of the holds, where they are given instead of found.
+    by_temperature : temperatures tell the steps of the protocol, and not poses.
+    prior : what an earlier calibration knows.
+    options : of the estimate.
+    say : is told in words what is being done.
+    """
+
+    recording: Recording
+    protocol: Protocol | None = None
+    given_site: Site | None = None
+    intervals: Sequence[tuple[float, float]] | None = None
+    by_temperature: bool = False
+    prior: StableKnowledge | None = None
+    options: Options = field(default_factory=Options)
+    say: Callable[[str], None] = field(default=_silent)
+
+    @cached_property
+    def site(self) -> Site:
+        """Where it was recorded: as given, as the protocol says, or anywhere."""
+        told = None if self.protocol is None else self.protocol.site
+        return self.given_site or told or Site.unknown()
+
+    @cached_property
+    def timeline(self) -> Timeline:
+        """Holds and turns."""
+        from tumble.segmentation import find_thermal_timeline, find_timeline
+
+        find = find_thermal_timeline if self.by_temperature else find_timeline
+        return find(self.recording, intervals=self.intervals)
+
+    @cached_property
+    def means(self) -> HoldMeans:
+        """Means of the holds, with their covariances."""
+        from tumble.segmentation import observe_holds
+
+        return observe_holds(self.recording, self.timeline)
+
+    @cached_property
+    def matching(self) -> Matching | None:
+        """Which hold and spin is which step of the protocol; None without one, or where temperatures tell the steps."""
+        from tumble.segmentation.matching import match_protocol
+
+        if self.protocol is None or self.by_temperature:
+            return None
+        self.say("matching them with the protocol")
+        return match_protocol(self.protocol, self.recording, self.timeline, self.means)
+
+    @property
+    def matched(self) -> tuple[Protocol, Matching]:
+        """Protocol and matching.
+
+        Raises
+        ------
+        UsageError
+            If there is no protocol.
+        """
+        if self.protocol is None or self.matching is None:
+            raise UsageError("This procedure needs a protocol: give --protocol FILE.")
+        return self.protocol, self.matching
+
+    @cached_property
+    def spins(self) -> SpinMeans:
+        """Means over the whole revolutions of each spin.
+
+        Raises
+        ------
+        UsageError
+            If there is no protocol.
+        """
+        from tumble.segmentation.matching import observe_matched_spins
+
+        protocol, matching = self.matched
+        return observe_matched_spins(protocol, self.recording, self.timeline, matching)
+
+    @cached_property
+    def rotations(self) -> list[Rotation]:
+        """What the gyros show of each rotation of a table.
+
+        Raises
+        ------
+        UsageError
+            If there is no protocol.
+        """
+        from tumble.segmentation.rotations import observe_rotations
+
+        protocol, matching = self.matched
+        return observe_rotations(protocol, self.recording, self.timeline, matching, self.means, self.spins)
+
+    @cached_property
+    def believed_poses(self) -> BelievedPoses | None:
+        """Poses of the protocol that the joint estimator believes; None where it believes none."""
+        from tumble.calibration.joint.believed import believed_poses
+        from tumble.calibration.procedure import find_procedure
+
+        if self.protocol is None or self.matching is None:
+            return None
+        if not find_procedure(self.protocol.procedure).joint_believes:
+            return None
+        return believed_poses(self.protocol, self.matching)
