@@ -22,8 +22,15 @@ demo: $(RUN) bytecode  ## Calibrate the recording that ships with the package
 	$(BIN)/tumble demo
 
 .PHONY: test
-test: $(DEV) bytecode  ## Run every test; `make test ARGS="tests/laws -x"` runs some
-	$(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)
+test: $(DEV) bytecode  ## Run what a change needs; `make test ARGS="tests/laws -x"` runs some
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow" $(ARGS)
+
+.PHONY: test-slow
+test-slow: $(DEV) bytecode  ## Run what `make test` leaves out: recovery, statistics, the papers' studies
+	TUMBLE_CHECK_SHAPES=0 $(BIN)/python -m pytest -n auto --dist loadfile -m slow $(ARGS)
+
+.PHONY: test-all
+test-all: test test-slow  ## Run every test
 
 .PHONY: lint
 lint: $(DEV)  ## Check style and layout of the code (ruff)
@@ -55,6 +62,10 @@ figures: $(DEV) bytecode  ## Simulate and draw the figures of the procedures' pa
 	$(BIN)/python docs/figures/norm_sensitivity.py
 	$(BIN)/python docs/figures/noise_other_tools.py
 	$(BIN)/python docs/figures/denoising.py
+
+.PHONY: map
+map: $(DEV)  ## Write the map of the house anew from the modules' openings
+	$(BIN)/python docs/site/map_page.py
 
 .PHONY: schema
 schema: $(DEV)  ## Write the JSON schemas of calibrations, protocols and noise anew

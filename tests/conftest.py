@@ -6,7 +6,8 @@ import os
 import sys
 from pathlib import Path
 
-os.environ["TUMBLE_CHECK_SHAPES"] = "1"  # before tumble.arrays is first imported
+# Before tumble.arrays is first imported. The slow tests run the same code at length: they leave the checks out.
+CHECKS_SHAPES = os.environ.setdefault("TUMBLE_CHECK_SHAPES", "1") == "1"
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line sets it; before numpy is imported
 
 import hypothesis
@@ -46,7 +47,8 @@ def check_shapes() -> None:
     hook.should_instrument = lambda name: instruments(name) and not name.endswith(("kernels", "_kernel"))
 
 
-check_shapes()
+if CHECKS_SHAPES:
+    check_shapes()
 
 hypothesis.settings.register_profile(
     "tumble",
@@ -57,6 +59,16 @@ hypothesis.settings.register_profile(
 hypothesis.settings.load_profile("tumble")
 
 ROOT = Path(__file__).resolve().parent.parent
+# Whole calibrations of simulated tests, many times over: `make test` leaves them to `make test-all`.
+SLOW_FOLDERS = ("recovery", "statistics", "unit/papers")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark every test of a slow folder as slow."""
+    slow = tuple(ROOT / "tests" / folder for folder in SLOW_FOLDERS)
+    for item in items:
+        if any(folder in item.path.parents for folder in slow):
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(scope="session")
