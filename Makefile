@@ -27,7 +27,7 @@ test: $(DEV) bytecode  ## Run what a change needs; `make test ARGS="tests/laws -
 
 .PHONY: test-slow
 test-slow: $(DEV) bytecode  ## Run what `make test` leaves out: recovery, statistics, the papers' studies
-	TUMBLE_CHECK_SHAPES=0 $(BIN)/python -m pytest -n auto --dist loadfile -m slow $(ARGS)
+	TUMBLE_CHECK_SHAPES= $(BIN)/python -m pytest -n auto --dist loadfile -m slow $(ARGS)
 
 .PHONY: test-all
 test-all: test test-slow  ## Run every test

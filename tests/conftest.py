@@ -6,8 +6,8 @@ import os
 import sys
 from pathlib import Path
 
-# Before tumble.arrays is first imported. The slow tests run the same code at length: they leave the checks out.
-CHECKS_SHAPES = os.environ.setdefault("TUMBLE_CHECK_SHAPES", "1") == "1"
+# Before tumble.arrays is first imported. The slow tests run the same code at length: they leave the checks out (an empty value).
+os.environ.setdefault("TUMBLE_CHECK_SHAPES", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line sets it; before numpy is imported
 
 import hypothesis
@@ -47,7 +47,7 @@ def check_shapes() -> None:
     hook.should_instrument = lambda name: instruments(name) and not name.endswith(("kernels", "_kernel"))
 
 
-if CHECKS_SHAPES:
+if os.environ["TUMBLE_CHECK_SHAPES"]:
     check_shapes()
 
 hypothesis.settings.register_profile(
