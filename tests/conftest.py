@@ -6,7 +6,7 @@ import os
 import sys
 from pathlib import Path
 
-# Before tumble.arrays is first imported. The slow tests run the same code at length: they leave the checks out (an empty value).
+# Before tumble.arrays is first imported. The slow tests set it empty: they run the same code at length, unchecked.
 os.environ.setdefault("TUMBLE_CHECK_SHAPES", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line sets it; before numpy is imported
 
