@@ -267,7 +267,7 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
     if printed.as_json:
         say_json_text(run.calibration.to_json())
         return
-    from tumble.report.table import print_calibration
+    from tumble.report.summary import print_calibration
 
     screen, quiet = console(), printed.quiet
     if not quiet:

@@ -118,7 +118,7 @@ def _as_dict(answer: Answer) -> dict[str, object]:
 
 
 def _print(told: list[Answer], data_sheet: str | None) -> None:
-    from tumble.report.prediction_section import FOOTNOTE, cells
+    from tumble.report.predictions import FOOTNOTE, cells
 
     heads = ["after", "uncalibrated", "calibrated, one sigma", "most of it from"]
     if data_sheet is not None:

@@ -85,7 +85,7 @@ def _print(document: dict[str, Any], quiet: bool) -> None:
 
 
 def _errors_table(variants: list[dict[str, Any]], title: str, key: str) -> object:
-    from tumble.report.drive_page import metres
+    from tumble.report.drive import metres
 
     chosen = {one["seconds"] for one in variants[0]["outages_sliding"]}
     rows = [[one for one in variant[key] if one["seconds"] in chosen] for variant in variants]

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from tumble.report.svg_plot import draw_plot
+from tumble.report.figures.svg_plot import draw_plot
+from tumble.report.terminal import aligned
 
 if TYPE_CHECKING:
     from tumble.reproduction.outcome import Outcome, Row, Value
@@ -41,12 +42,7 @@ def outcome_lines(outcome: Outcome) -> list[str]:
     """Return the outcome as lines of plain text with aligned columns."""
     heads = ["", *outcome.columns, "unit", "verdict"]
     cells = [[row.label, *(cell_text(c) for c in row.cells), row.unit, _verdict(row)] for row in outcome.rows]
-    width = [max(len(line[i]) for line in [heads, *cells]) for i in range(len(heads))]
-
-    def line(parts: list[str]) -> str:
-        return "  ".join(part.ljust(w) for part, w in zip(parts, width, strict=True)).rstrip()
-
-    lines = [outcome.title, f"({outcome.source})", "", line(heads), *(line(c) for c in cells), ""]
+    lines = [outcome.title, f"({outcome.source})", "", *aligned([heads, *cells]), ""]
     lines += [*summary_lines(outcome), *(f"- {note}" for note in outcome.notes), f"Again: {outcome.command}"]
     return lines
 

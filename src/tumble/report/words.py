@@ -92,3 +92,30 @@ def left_out_sentences(calibration: Calibration) -> list[str]:
     if not left:
         return ["Nothing was left out as an outlier."]
     return [f"Left out: {item.kind} {item.number}: {item.reason}." for item in left]
+
+
+def component_words(name: str, sigma: float) -> str:
+    """Return a variance component (name with SI unit after a comma, standard deviation) in words.
+
+    Examples
+    --------
+    >>> component_words("accelerometer bias from hold to hold, m/s²", 0.00981)
+    'Accelerometer bias from hold to hold: 9.8 mm/s² (1000 µg).'
+    """
+    what, _, unit = name.rpartition(", ")
+    what = (what or name)[:1].upper() + (what or name)[1:]
+    if sigma == 0.0:
+        return f"{what}: none found beyond the noise."
+    if unit == "m/s²":
+        return f"{what}: {1e3 * sigma:.2g} mm/s² ({_digits(1e6 * sigma / 9.80665)} µg)."
+    if unit == "rad/s":
+        degrees = math.degrees(sigma)
+        return f"{what}: {_digits(degrees)} °/s ({_digits(3600 * degrees)} °/h)."
+    if unit == "rad":
+        return f"{what}: {1e3 * sigma:.2g} mrad ({math.degrees(sigma):.2g}°)."
+    return f"{what}: {sigma:.2g} {unit}."
+
+
+def _digits(value: float) -> str:
+    """Return two significant digits without a power of ten."""
+    return f"{float(f'{value:.2g}'):.10g}"

@@ -401,7 +401,7 @@ def write_run(run: CalibrationRun, folder: Path) -> None:
         If the folder cannot be made or written to.
     """
     from tumble.files import write_texts
-    from tumble.report.html import render_report
+    from tumble.report.calibration import render_report
 
     report = render_report(
         calibration=run.calibration,

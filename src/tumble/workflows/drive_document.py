@@ -64,7 +64,7 @@ def write_drive(document: dict[str, Any], folder: Path, command: str) -> list[Pa
         If they cannot be written; earlier ones are intact.
     """
     from tumble.files import write_texts
-    from tumble.report.drive_page import render_drive
+    from tumble.report.drive import render_drive
 
     text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"
     return write_texts(

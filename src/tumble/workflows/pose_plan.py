@@ -647,7 +647,7 @@ def parameter_rows(done: PosesPlanned) -> list[list[str]]:
 
 
 def _page(done: PosesPlanned) -> str:
-    from tumble.report.plan_page import render_plan
+    from tumble.report.plan import render_plan
 
     plan = done.plan
     drawn = [one for one in done.schemes.values() if not isinstance(one, str)]

@@ -23,7 +23,7 @@ from tumble.design.pose_plan import criterion_of
 from tumble.design.pose_sets import paper_nine, predict_sigma
 from tumble.design.selection import find_approximate, find_exact, find_on_sphere, refine_on_sphere
 from tumble.errors import ObservabilityError, UsageError
-from tumble.report.sphere_map import force_sigmas
+from tumble.report.figures.sphere_map import force_sigmas
 from tumble.simulation import FixtureErrors
 from tumble.units import STANDARD_GRAVITY
 

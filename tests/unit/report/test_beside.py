@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from tumble.calibration.estimate import NamedValue
-from tumble.report.beside_section import beside_section, beside_table, parameters_beside
+from tumble.report.evidence.beside import beside, parameters_beside
+from tumble.report.html import render_page
+from tumble.report.page import Figures, Page
 from tumble.report.parameters import Measure, ParameterRow
 
 
@@ -42,6 +45,10 @@ def rows(joint: Any) -> list[ParameterRow]:
     return [row(p.name, p.value, p.standard_uncertainty) for p in joint.parameters]
 
 
+def subject(joint: Any) -> Any:
+    return SimpleNamespace(estimate=joint, rows=rows(joint))
+
+
 def test_differences_are_in_the_procedure_s_uncertainties_and_units_are_the_reader_s(joint: Any) -> None:
     a, b = parameters_beside(joint, rows(joint))
     assert (a.value, a.sigma) == (pytest.approx(10.0), pytest.approx(2.0))
@@ -50,7 +57,8 @@ def test_differences_are_in_the_procedure_s_uncertainties_and_units_are_the_read
 
 
 def test_the_table_names_what_is_far_apart_and_escapes_names(joint: Any) -> None:
-    table = beside_table(joint, rows(joint))
+    page = render_page(Page("Beside", beside(subject(joint))))
+    table = re.sub(r">\s+<", "><", page.split("<h2>")[-1])
     assert "hand-&lt;held&gt;" in table
     assert "hand-<held>" not in table
     assert "Farther apart are gyro b:" in table
@@ -60,9 +68,7 @@ def test_the_table_names_what_is_far_apart_and_escapes_names(joint: Any) -> None
 
 
 def test_the_figure_has_a_bar_for_each_and_none_is_drawn_with_nothing_beside(joint: Any) -> None:
-    section = beside_section(joint, rows(joint))
-    assert section is not None
-    assert section.figures[0].data[0]["x"] == [0.5, 2.0]
+    (figures,) = (block for block in beside(subject(joint)) if isinstance(block, Figures))
+    assert figures.figures[0].data[0]["x"] == [0.5, 2.0]
     joint.beside = None
-    assert beside_section(joint, rows(joint)) is None
-    assert beside_table(joint, rows(joint)) == ""
+    assert beside(subject(joint)) == []

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tumble.attitude.directions import twenty_six_directions
-from tumble.report.figure import packed, plain
-from tumble.report.pose_figure import missing_directions, pose_section
-from tumble.report.residual_figures import turn_section
-from tumble.report.timeline_figure import envelope, timeline_section
-from tumble.report.uncalibrated import nominal_hold_norms, nominal_turn_angles
+from tumble.report.evidence.turns import turns
+from tumble.report.evidence.uncalibrated import nominal_hold_norms, nominal_turn_angles
+from tumble.report.figures.plot import packed, plain
+from tumble.report.figures.poses import missing_directions, pose_words, poses
+from tumble.report.figures.timeline import envelope, timeline
+from tumble.report.page import Figures, Sentences
+from tumble.report.subject import Subject
+from tumble.segmentation.matching import MatchedSpin, Matching
+
+
+def drawn(blocks: Sequence[object]) -> Figures:
+    """The figures among the blocks of a section."""
+    (figures,) = [block for block in blocks if isinstance(block, Figures)]
+    return figures
 
 
 def test_a_spike_of_one_sample_survives_decimation() -> None:
@@ -66,27 +76,26 @@ def test_poses_that_no_hold_is_nearest_to_are_missing() -> None:
 
 
 def test_missing_poses_are_named_in_words() -> None:
-    section = pose_section(np.delete(twenty_six_directions(), 2, axis=0) * 9.81, set())
-    from tumble.report.pose_figure import pose_words
-
-    assert section.notes[-1] == f"Missing: {pose_words(twenty_six_directions()[2])}."
+    notes = poses(np.delete(twenty_six_directions(), 2, axis=0) * 9.81, set())[-1]
+    assert isinstance(notes, Sentences)
+    assert notes.sentences[-1] == f"Missing: {pose_words(twenty_six_directions()[2])}."
     assert "−" in pose_words(np.array([-1.0, 0.0, 0.0]))
 
 
 def test_holds_of_one_pose_share_a_label() -> None:
     up = np.array([[0.0, 0.0, 9.8], [0.0, 9.8, 0.0], [0.1, 0.0, 9.8]])
-    hold_trace = pose_section(up, {1}).figures[0].data[-1]
+    hold_trace = drawn(poses(up, {1})).figures[0].data[-1]
     assert hold_trace["text"] == ["1, 3", "2", ""]
     assert len(set(hold_trace["marker"]["color"])) == 2  # the one left out is marked
 
 
 def test_every_stretch_of_the_timeline_can_be_pointed_at(hand_held: dict[str, Any]) -> None:
-    timeline = hand_held["timeline"]
-    section = timeline_section(hand_held["recording"], timeline, hand_held["estimate"])
-    bars = {trace["name"]: trace for trace in section.figures[0].data if trace["type"] == "bar"}
-    assert len(bars["holds"]["hovertext"]) == len(timeline.holds)
-    assert len(bars["turns"]["hovertext"]) == len(timeline.turns)
-    for rejection, text in zip(timeline.rejections, bars["rejected"]["hovertext"], strict=True):
+    found = hand_held["timeline"]
+    figure = drawn(timeline(Subject(**hand_held))).figures[0]
+    bars = {trace["name"]: trace for trace in figure.data if trace["type"] == "bar"}
+    assert len(bars["holds"]["hovertext"]) == len(found.holds)
+    assert len(bars["turns"]["hovertext"]) == len(found.turns)
+    for rejection, text in zip(found.rejections, bars["rejected"]["hovertext"], strict=True):
         assert rejection.reason.split("<")[0] in text
 
 
@@ -122,14 +131,14 @@ def test_turns_are_worse_before_than_after(hand_held: dict[str, Any]) -> None:
 
 
 def test_without_turns_there_is_no_figure_of_turns(multi_position: dict[str, Any]) -> None:
-    assert turn_section(multi_position["estimate"], None, []) is None
+    assert turns(Subject(**multi_position)) == []
 
 
 def test_spins_have_a_colour_and_a_legend_of_their_own(hand_held: dict[str, Any]) -> None:
-    timeline, turn = hand_held["timeline"], hand_held["timeline"].turns[0]
-    spins = [(turn.start, turn.stop), (timeline.turns[2].start, timeline.turns[2].stop)]
-    section = timeline_section(hand_held["recording"], timeline, hand_held["estimate"], spins)
-    traces = section.figures[0].data
+    first, _, third, *_ = hand_held["timeline"].turns
+    spun = tuple(MatchedSpin(step, turn.start, turn.stop) for step, turn in ((1, first), (5, third)))
+    shown = drawn(timeline(Subject(**hand_held, matching=Matching((), spun, (), ()))))
+    traces = shown.figures[0].data
     bars = {trace["name"]: trace for trace in traces if trace["type"] == "bar"}
     legend = {trace["name"]: trace for trace in traces if trace.get("mode") == "markers"}
     assert len(bars["spins"]["hovertext"]) == 2
@@ -137,6 +146,5 @@ def test_spins_have_a_colour_and_a_legend_of_their_own(hand_held: dict[str, Any]
     (colour,) = set(bars["spins"]["marker"]["color"])
     assert legend["spins"]["marker"]["color"] == colour
     assert colour not in {c for name in ("holds", "turns") for c in bars[name]["marker"]["color"]}
-    assert "teal a spin" in section.caption
-    without = timeline_section(hand_held["recording"], timeline, hand_held["estimate"])
-    assert "spin" not in without.caption
+    assert "teal a spin" in shown.caption
+    assert "spin" not in drawn(timeline(Subject(**hand_held))).caption

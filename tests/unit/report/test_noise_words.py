@@ -9,7 +9,7 @@ import pytest
 
 from tumble.noise.characterisation import Channel, characterise
 from tumble.recording import Recording
-from tumble.report.noise_page import render_noise
+from tumble.report.noise import render_noise
 from tumble.report.noise_words import noise_lines, noise_rows, practical_unit, si_unit
 
 RATE = 100.0

@@ -1,0 +1,253 @@
+"""The report of a calibration: verdict, parameters, figures of the evidence, formulas, what to do next."""
+
+from __future__ import annotations
+
+import os
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tumble.report.advice import next_steps
+from tumble.report.evidence import RENDERERS
+from tumble.report.figures.parameters import correlations, intervals
+from tumble.report.figures.poses import poses
+from tumble.report.figures.timeline import timeline
+from tumble.report.formula import formula_text, python_snippet
+from tumble.report.html import render_page
+from tumble.report.page import Block, Code, Facts, Footer, Page, Sentences, Table, Verdict, section
+from tumble.report.parameters import GROUPS, ParameterRow, plain_unit
+from tumble.report.predictions import predictions
+from tumble.report.protocol import protocol
+from tumble.report.subject import Subject
+from tumble.report.words import (
+    chance,
+    component_words,
+    left_out_sentences,
+    quality_sentences,
+    term_words,
+    verdict_words,
+)
+
+if TYPE_CHECKING:
+    from tumble.document.result import Calibration
+
+# More recordings than this are counted, as one a step often are.
+MOST_FILES_NAMED = 4
+HEADS = ("parameter", "value ± standard uncertainty", "95 % interval", "in other units")
+
+
+def write_report(path: str | os.PathLike[str], **made: Any) -> None:
+    """Write the report beside `path`, then rename it there: never half a file.
+
+    Parameters
+    ----------
+    path : of the page.
+    made : what a `Subject` has.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written; what was at `path` is intact.
+    """
+    from tumble.files import write_text
+
+    write_text(Path(path), render_report(**made))
+
+
+def render_report(**made: Any) -> str:
+    """Return the report of a calibration as one HTML page that works offline.
+
+    Parameters
+    ----------
+    made : what a `Subject` has.
+    """
+    subject = Subject(**made)
+    document = subject.calibration.model_dump(mode="json")
+    return render_page(calibration_page(subject), {"calibration": document})
+
+
+def calibration_page(subject: Subject) -> Page:
+    """Return what a calibration's report says.
+
+    Parameters
+    ----------
+    subject : what it is made from.
+    """
+    calibration, correlation = subject.calibration, subject.estimate.correlations
+    fit = calibration.verdict.fit
+    blocks: list[Block] = [
+        Facts(_facts(subject)),
+        Verdict(fit, verdict_words(fit), calibration.verdict.reasons),
+        *RENDERERS["thermal"](subject),
+        *_parameters(subject),
+        *predictions(subject),
+        *protocol(subject),
+        *timeline(subject),
+    ]
+    if subject.up_b is not None:
+        by_hand = not calibration.procedure.endswith("six-position")
+        blocks += poses(subject.up_b, subject.holds_left_out, by_hand=by_hand)
+    for name in ("holds", "spins", "rotations", "sequences", "turns"):
+        blocks += RENDERERS[name](subject)
+    blocks += intervals(subject.rows, calibration.quality.coverage_factor)
+    for name in ("turn-ons", "beside", "budget", "reliability"):
+        blocks += RENDERERS[name](subject)
+    blocks += correlations(subject.rows[: len(correlation)], correlation)
+    blocks += [*_terms(calibration), *_components(calibration), *_formulas(calibration), *_end(subject)]
+    return Page(title(calibration), blocks)
+
+
+def title(calibration: Calibration) -> str:
+    """Return the page's title: the unit, or else its recordings.
+
+    Parameters
+    ----------
+    calibration : the document.
+    """
+    unit = " ".join(part for part in (calibration.imu.model, calibration.imu.serial_number) if part)
+    return f"Calibration of {unit or _file_names(calibration) or 'an IMU'}"
+
+
+def _file_names(calibration: Calibration) -> str:
+    """Return the recordings by name; of many the first and the last, the document names them all."""
+    names = [recording.name for recording in calibration.recordings]
+    if len(names) <= MOST_FILES_NAMED:
+        return ", ".join(names)
+    return f"{len(names)} files, {names[0]} … {names[-1]}"
+
+
+def _facts(subject: Subject) -> list[tuple[str, str]]:
+    calibration, recording = subject.calibration, subject.recording
+    site = calibration.site
+    where = f"g = {site.gravity:.5f} m/s² ({site.gravity_source})"
+    if site.latitude_deg is not None:
+        where = f"latitude {site.latitude_deg:.4f}°, {where}"
+    samples = (
+        f"{len(recording)} at {recording.rate:g} Hz, {recording.duration:.0f} s; "
+        f"specific force in {plain_unit(calibration.raw_units.specific_force)}, "
+        f"angular rate in {calibration.raw_units.angular_rate}"
+        + ("" if recording.angular_rate is not None else " (none recorded)")
+    )
+    celsius = calibration.temperature_celsius
+    return [
+        ("Recording", _file_names(calibration) or "not from a file"),
+        ("Samples", samples),
+        *([] if celsius is None else [("Temperature", f"{celsius:.1f} °C")]),
+        ("Procedure", calibration.procedure),
+        ("Site", where),
+        ("Frame", calibration.frame.description),
+        ("Made", f"{calibration.created} by {calibration.software}"),
+    ]
+
+
+def parameter_table(rows: list[ParameterRow], factor: float) -> Table:
+    """Return the parameters with their intervals, in groups in the order of `GROUPS`.
+
+    Parameters
+    ----------
+    rows : parameters for readers.
+    factor : coverage factor of those that have none of their own.
+    """
+    cells: list[list[str]] = []
+    looks: dict[int, str] = {}
+    ordered = sorted(rows, key=lambda row: GROUPS.index(row.group))
+    for group, members in groupby(ordered, key=lambda row: row.group):
+        looks[len(cells)] = "group"
+        cells.append([group])
+        for row in members:
+            other = "" if row.other is None else row.other.text
+            cells.append([row.label, row.shown.text, row.shown.interval(row.factor(factor)), other])
+    return Table(HEADS, cells, looks, spare=1)
+
+
+def _parameters(subject: Subject) -> list[Block]:
+    calibration = subject.calibration
+    blocks = section(
+        "Parameters",
+        parameter_table(subject.rows, calibration.quality.coverage_factor),
+        Sentences([*quality_sentences(calibration), *left_out_sentences(calibration)]),
+    )
+    if calibration.not_determined:
+        words = "What this recording does not determine:"
+        blocks += [Sentences([words], "paragraphs"), Sentences(calibration.not_determined)]
+    return blocks
+
+
+def _terms(calibration: Calibration) -> list[Block]:
+    terms = calibration.quality.optional_terms
+    if not terms:
+        return []
+    rows = [
+        [
+            term_words(term.name, calibration.procedure),
+            f"{term.f_statistic:.3g}",
+            str(term.degrees_of_freedom),
+            chance(term),
+            f"{term.limit:.2g}",
+            "kept" if term.kept else "not kept",
+        ]
+        for term in terms
+    ]
+    words = (
+        "Each term was tried and is kept only if the data want it: a large F statistic is one that chance would "
+        "hardly give."
+    )
+    heads = ("term", "F statistic", "unknowns", "probability of chance", "limit", "decision")
+    return section("Optional terms", Sentences([words], "paragraphs"), Table(heads, rows))
+
+
+def _components(calibration: Calibration) -> list[Block]:
+    components = calibration.quality.variance_components
+    if not components:
+        return []
+    words = (
+        "Beyond the noise seen inside the holds, the residuals show the following standard deviations; the stated "
+        "uncertainties include them."
+    )
+    found = Sentences([component_words(name, sigma) for name, sigma in components.items()])
+    return section("What the noise really does", Sentences([words], "paragraphs"), found)
+
+
+def _formulas(calibration: Calibration) -> list[Block]:
+    words = (
+        "True values are in frame b and SI; raw values are in the recording's own units. At rest the specific force "
+        "points up."
+    )
+    if calibration.thermal is not None:
+        celsius = calibration.thermal.basis.reference_celsius
+        words += f" These numbers hold at {celsius:g} °C; at another temperature use the lines below or `tumble apply`."
+    blocks = section("The formula, both ways", Sentences([words], "paragraphs"))
+    blocks.append(Code(formula_text(calibration)))
+    if calibration.test_vectors:
+        check = "To check an implementation, raw in and corrected out:"
+        blocks += [Sentences([check], "paragraphs"), _test_vectors(calibration)]
+    apply = (
+        "In Python, with numpy alone (rows are samples), or with `tumble apply calibration.json RECORDING`:"
+    )
+    return [*blocks, Sentences([apply], "paragraphs"), Code(python_snippet(calibration))]
+
+
+def _test_vectors(calibration: Calibration) -> Table:
+    rows = [
+        [what, *(", ".join(repr(v) for v in row) for row in (raw, true))]
+        for vector in calibration.test_vectors
+        for what, raw, true in (
+            ("specific force", vector.raw_specific_force, vector.specific_force),
+            ("angular rate", vector.raw_angular_rate, vector.angular_rate),
+        )
+        if raw is not None and true is not None
+    ]
+    return Table(("", "raw", "corrected (SI)"), rows, verbatim=True)
+
+
+def _end(subject: Subject) -> list[Block]:
+    calibration = subject.calibration
+    steps = next_steps(calibration, subject.rows, subject.up_b, subject.recording, subject.timeline)
+    blocks = section("What to do next", Sentences(steps))
+    if calibration.remarks:
+        blocks += section("How it was made", Sentences(calibration.remarks))
+    words = (
+        f"{calibration.software}, {calibration.created}. This page holds the whole calibration as JSON (element "
+        "`calibration`) and works without a network."
+    )
+    return [*blocks, Footer(words)]

@@ -1,0 +1,153 @@
+"""The joint estimate and the procedure's own, side by side: values, uncertainties, what became smaller."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tumble.report.figures.plot import BLUE, GREY, base_layout, plain, small_title, upright_line
+from tumble.report.page import Block, Figure, Figures, Plot, Sentences, Table, section
+from tumble.report.rounding import fixed, with_uncertainty
+
+if TYPE_CHECKING:
+    from tumble.calibration.estimate import Estimate
+    from tumble.report.parameters import ParameterRow
+    from tumble.report.subject import Subject
+
+# Differences beyond so many of the procedure's standard uncertainties are worth a sentence.
+FAR = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """One parameter as both ways have it, in the joint one's unit for readers.
+
+    Attributes
+    ----------
+    row : of the joint estimate.
+    value, sigma : the procedure's own.
+    difference : joint minus the procedure's, in standard uncertainties of the procedure's.
+    ratio : the joint standard uncertainty over the procedure's.
+    """
+
+    row: ParameterRow
+    value: float
+    sigma: float
+    difference: float
+    ratio: float
+
+
+def beside(subject: Subject) -> list[Block]:
+    """Return both ways as a table, and how the uncertainties shrank as a figure; nothing where nothing stands beside.
+
+    Parameters
+    ----------
+    subject : of the report.
+    """
+    found = parameters_beside(subject.estimate, subject.rows)
+    if not found or subject.estimate.beside is None:
+        return []
+    name = subject.estimate.beside.procedure
+    heads = ("parameter", "joint", name, "difference / uncertainty", "ratio")
+    rows = [
+        [
+            f"{one.row.group}: {one.row.label}",
+            one.row.shown.text,
+            f"{with_uncertainty(one.value, one.sigma)} {one.row.shown.unit}".rstrip(),
+            _signed(one.difference),
+            fixed(one.ratio, 2),
+        ]
+        for one in found
+    ]
+    caption = (
+        f"Bars that end left of the dashed line are parameters that the joint estimate knows better than {name}; one "
+        "that ends right of it (grey) has an uncertainty of which that procedure does not know."
+    )
+    return [
+        *section("What the joint estimate gains", Figures([_drawn(found, name)], caption)),
+        *section(
+            "The procedure's own estimate beside",
+            Sentences([_words(found, name)], "paragraphs"),
+            Table(heads, rows),
+        ),
+    ]
+
+
+def parameters_beside(estimate: Estimate, rows: list[ParameterRow]) -> list[Beside]:
+    """Return the parameters that both ways have with an uncertainty; none where nothing stands beside.
+
+    Parameters
+    ----------
+    estimate : the joint one, with the procedure's own in `beside`.
+    rows : the joint parameters for readers.
+    """
+    if estimate.beside is None:
+        return []
+    others = {p.name: p for p in estimate.beside.parameters}
+    found: list[Beside] = []
+    for own, row in zip(estimate.parameters, rows, strict=False):
+        other = others.get(own.name)
+        if other is None or not (own.standard_uncertainty > 0.0 and other.standard_uncertainty > 0.0):
+            continue
+        factor = row.shown.sigma / own.standard_uncertainty
+        found.append(
+            Beside(
+                row,
+                factor * other.value,
+                factor * other.standard_uncertainty,
+                (own.value - other.value) / other.standard_uncertainty,
+                own.standard_uncertainty / other.standard_uncertainty,
+            )
+        )
+    return found
+
+
+def _words(found: list[Beside], name: str) -> str:
+    far = [one for one in found if abs(one.difference) > FAR]
+    typical = math.exp(sum(math.log(one.ratio) for one in found) / len(found))
+    told = (
+        f"Both are made from the same recording: {name} as its paper or page has it, the joint estimate from every "
+        f"sample at once. Joint standard uncertainties are {fixed(typical, 2)} times {name}'s in the (geometric) mean. "
+        f"± is one standard uncertainty; differences are in those of {name}: where the model is right, below about "
+        "two. The last column is the joint uncertainty over the other."
+    )
+    if not far:
+        return told
+    named = ", ".join(f"{one.row.group.lower()} {one.row.label}" for one in far[:3])
+    more = f" and {len(far) - 3} more" if len(far) > 3 else ""
+    return f"{told} Farther apart are {named}{more}: what only one of them models has moved them."
+
+
+def _drawn(found: list[Beside], name: str) -> Figure:
+    ratios = [one.ratio for one in found]
+    data: list[Plot] = [
+        {
+            "type": "bar",
+            "orientation": "h",
+            "x": plain(ratios, 3),
+            "y": [one.row.short for one in found],
+            "marker": {"color": [BLUE if ratio <= 1.0 else GREY for ratio in ratios]},
+            "text": [fixed(ratio, 2) for ratio in ratios],
+            "textposition": "outside",
+            "cliponaxis": False,
+            "hovertemplate": "%{y}: %{x} of its uncertainty<extra></extra>",
+        }
+    ]
+    title = small_title(f"joint standard uncertainty / that of {name}")
+    layout = base_layout(
+        70 + 20 * len(found),
+        margin={"l": 120, "r": 40, "t": 10, "b": 44},
+        bargap=0.35,
+        showlegend=False,
+        xaxis={"title": title, "range": [0.0, 1.12 * max(1.0, *ratios)], "zeroline": True},
+        yaxis={"autorange": "reversed", "tickfont": {"size": 11}, "automargin": True},
+        shapes=[upright_line(1.0)],
+    )
+    label = f"Joint standard uncertainty over that of {name}, {len(found)} parameters"
+    return Figure("beside", label, data, layout, most_width=720)
+
+
+def _signed(value: float) -> str:
+    text = fixed(value, 1)
+    return text if text.startswith("-") or text == "0.0" else f"+{text}"

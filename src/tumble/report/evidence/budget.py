@@ -1,0 +1,264 @@
+"""Where the uncertainties come from, what they do not contain, and which errors would go unnoticed."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.calibration.verdict import two_digits
+from tumble.report.figures.plot import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, TEAL, base_layout, hover, plain
+from tumble.report.page import Block, Figure, Figures, Plot, Sentences, Table, section
+
+if TYPE_CHECKING:
+    from tumble.calibration.estimate import Estimate
+    from tumble.calibration.uncertainty_statement import (
+        Detectable,
+        GlobalTest,
+        ModelChoice,
+        UncertaintyStatement,
+    )
+    from tumble.report.parameters import ParameterRow
+    from tumble.report.subject import Subject
+
+# Shares of the variance below a hundredth of a per cent are not worth a number.
+_NOTHING = 1e-2
+_COLOURS = (BLUE, TEAL, GREEN, ORANGE, RED, PURPLE, GREY)
+# Of each kind of observation so many are shown, the most harmful first.
+SHOWN = 5
+_KINDS = {
+    "force": ("specific force in hold", 1e3, "mm/s²"),
+    "rate": ("gyros in hold", 180.0 / math.pi, "°/s"),
+    "turn": ("turn after hold", 180.0 / math.pi, "°"),
+    "angle": ("table's angle after hold", 180.0 / math.pi, "°"),
+}
+_SHARES = (
+    "Each bar is one parameter's variance, split by what causes it. What fills a bar is what to improve: noise at "
+    "rest asks for longer holds, noise while turning for slower or fewer turns, wander for more holds in less "
+    "time, reference gravity for a better value."
+)
+
+
+def budget(subject: Subject) -> list[Block]:
+    """Return where the uncertainties come from as a figure and a table; nothing without a budget.
+
+    Parameters
+    ----------
+    subject : of the report.
+    """
+    estimate = subject.estimate
+    if not estimate.budget:
+        return []
+    rows = subject.rows[: len(estimate.parameters)]
+    return [
+        *section("Where the uncertainties come from, in shares", Figures([_drawn(estimate, rows)], _SHARES)),
+        *section("Where the uncertainties come from", *_budget(estimate, rows)),
+    ]
+
+
+def _drawn(estimate: Estimate, rows: list[ParameterRow]) -> Figure:
+    squares = {name: part**2 for name, part in estimate.budget.items()}
+    whole = sum(squares.values(), np.zeros(len(rows)))
+    data: list[Plot] = []
+    for at, (name, square) in enumerate(squares.items()):
+        share = 100.0 * np.divide(square, whole, out=np.zeros(len(rows)), where=whole > 0.0)
+        opacity = 1.0 if at < len(_COLOURS) else 0.55
+        data.append(
+            {
+                "type": "bar",
+                "orientation": "h",
+                "name": hover(name),
+                "x": plain(share, 4),
+                "y": [hover(row.short) for row in rows],
+                "marker": {"color": _COLOURS[at % len(_COLOURS)], "opacity": opacity},
+                "hovertemplate": "%{y}: %{x:.1f} %<extra>%{fullData.name}</extra>",
+            }
+        )
+    layout = base_layout(
+        120 + 20 * len(rows),
+        barmode="stack",
+        xaxis={"title": {"text": "share of the variance / %"}, "range": [0, 100]},
+        yaxis={"autorange": "reversed", "automargin": True, "type": "category"},
+    )
+    layout["legend"]["traceorder"] = "normal"
+    return Figure("budget", "Share of each source in the variance of each parameter", data, layout)
+
+
+def _budget(estimate: Estimate, rows: list[ParameterRow]) -> list[Block]:
+    told = estimate.statement
+    expanded = () if told is None else ("expanded, 95 %", "k", "degrees of freedom")
+    lines: list[list[str]] = []
+    for k, row in enumerate(rows):
+        whole = estimate.parameters[k].standard_uncertainty
+        factor = row.shown.sigma / whole if whole > 0.0 else 0.0
+        parts = [float(part[k]) for part in estimate.budget.values()]
+        lines.append(
+            [
+                f"{row.group}: {row.label}",
+                f"{two_digits(row.shown.sigma)} {row.shown.unit}",
+                *([] if told is None else _expanded(told, k, row)),
+                *(two_digits(part * factor) if part > _NOTHING * whole else "–" for part in parts),
+            ]
+        )
+    besides = (
+        ", with that of gravity and of a rotation that was not determined besides" if told is None else ""
+    )
+    words = (
+        "What each source adds to a parameter's standard uncertainty, in that parameter's unit; the squares add up"
+        f"{besides}. A dash is less than a hundredth of the whole.{_about_expanded(told)}"
+    )
+    table = Table(("parameter", "standard uncertainty", *expanded, *estimate.budget), lines)
+    return [Sentences([words], "paragraphs"), table, Sentences(_statement(told, estimate, rows))]
+
+
+def _about_expanded(told: UncertaintyStatement | None) -> str:
+    if told is None:
+        return ""
+    known = {name: nu for name, nu in told.source_degrees.items() if math.isfinite(nu)}
+    each = ", ".join(f"{name} {nu:.0f}" for name, nu in known.items())
+    return (
+        " The expanded uncertainty is k times the standard uncertainty, k Student's factor for the effective degrees "
+        f"of freedom after Welch and Satterthwaite; the sources' own are: {each}, and of the others infinitely many."
+    )
+
+
+def _expanded(told: UncertaintyStatement, k: int, row: ParameterRow) -> list[str]:
+    degrees, factor = float(told.effective_degrees[k]), float(told.coverage_factors[k])
+    many = "∞" if degrees > 1e4 else f"{math.floor(degrees)}"
+    return [two_digits(factor * row.shown.sigma), f"{factor:.2f}", many]
+
+
+def _statement(told: UncertaintyStatement | None, estimate: Estimate, rows: list[ParameterRow]) -> list[str]:
+    if told is None:
+        return []
+    sigmas = np.array([p.standard_uncertainty for p in estimate.parameters])
+    said = [] if told.test is None else global_test_words(told.test)
+    return [
+        *said,
+        *(model_choice_words(choice, sigmas, rows) for choice in told.model_choice),
+        *told.not_included,
+    ]
+
+
+def reliability(subject: Subject) -> list[Block]:
+    """Return which errors would go unnoticed, and what they would do; nothing where it is not known.
+
+    Parameters
+    ----------
+    subject : of the report.
+    """
+    told, rows = subject.estimate.statement, subject.rows
+    if told is None or not told.detectable:
+        return []
+    lines: list[list[str]] = []
+    for kind in _KINDS:
+        worst = sorted((d for d in told.detectable if d.kind == kind), key=lambda d: -d.effect)
+        lines += [_detectable_row(found, rows) for found in worst[:SHOWN]]
+    heads = (
+        "observation",
+        "checked by the others",
+        "unnoticed up to",
+        "moves",
+        "by, in its standard uncertainty",
+    )
+    words = (
+        "For each observation the largest error that its test would still "
+        f"miss (false alarm {told.alpha:g}, found with {100.0 * told.power:.0f} %), in the direction that does most "
+        f"harm, and what it would do. Of each kind the {SHOWN} most harmful are shown. An observation that is checked "
+        "by 0 of its numbers stands alone: nothing would tell a blunder in it."
+    )
+    return section(
+        "Errors that would go unnoticed",
+        Sentences([words], "paragraphs"),
+        Sentences(reliability_sentences(told, rows)),
+        Table(heads, lines),
+    )
+
+
+def _detectable_row(found: Detectable, rows: list[ParameterRow]) -> list[str]:
+    words, factor, unit = _KINDS[found.kind]
+    row = rows[found.parameter]
+    return [
+        f"{words} {found.index + 1}",
+        f"{found.redundancy:.2f} of {found.count}",
+        f"{two_digits(factor * found.size)} {unit}" if math.isfinite(found.size) else "any",
+        f"{row.group}: {row.label}",
+        two_digits(found.effect) if math.isfinite(found.effect) else "any",
+    ]
+
+
+def reliability_sentences(told: UncertaintyStatement, rows: list[ParameterRow], most: int = 3) -> list[str]:
+    """Return the most harmful errors that would go unnoticed, as sentences.
+
+    Parameters
+    ----------
+    told : the statement.
+    rows : the parameters for readers.
+    most : sentences at most.
+    """
+    said: list[str] = []
+    for found in sorted(told.detectable, key=lambda d: -d.effect)[:most]:
+        words, factor, unit = _KINDS[found.kind]
+        unit = unit if unit == "°" else f" {unit}"
+        parameter = f"{rows[found.parameter].group}: {rows[found.parameter].label}"
+        if not math.isfinite(found.effect):
+            said.append(
+                f"An error of any size of the {words} {found.index + 1} would go unnoticed ({parameter})."
+            )
+            continue
+        said.append(
+            f"An error of {two_digits(factor * found.size)}{unit} of the {words} {found.index + 1} would go "
+            f"unnoticed, and would move {parameter} by {two_digits(found.effect)} of its standard uncertainties."
+        )
+    return said
+
+
+def global_test_words(test: GlobalTest) -> list[str]:
+    """Return what the square sum of all residuals says.
+
+    Parameters
+    ----------
+    test : against chi-square.
+    """
+    alone = (
+        "The noise seen at rest explains all residuals"
+        if test.alone > 0.05
+        else "The noise seen at rest alone does not explain the residuals"
+    )
+    said = [f"{alone} (global test, both sides: p {_probability(test.alone)})."]
+    if test.components:
+        said.append(
+            f"With {test.components} variance component{'s' if test.components > 1 else ''} found in them the square "
+            f"sum is {test.statistic:.0f} with {test.degrees} degrees of freedom (p {_probability(test.probability)})"
+            + (
+                ": they fit, which after such an estimate they nearly have to."
+                if test.probability > 0.01
+                else ": something is still not described, and all uncertainties were enlarged by it if it is too much."
+            )
+        )
+    return said
+
+
+def model_choice_words(choice: ModelChoice, sigmas: np.ndarray, rows: list[ParameterRow]) -> str:
+    """Return what the other model would change, in a sentence.
+
+    Parameters
+    ----------
+    choice : a term near its limit.
+    sigmas : (parameters,) standard uncertainties, in the units of the estimate's own parameters.
+    rows : parameters for readers.
+    """
+    size = np.abs(choice.change) / np.where(sigmas > 0.0, sigmas, np.inf)
+    worst = int(np.nanargmax(size))
+    row = rows[worst]
+    return (
+        f"Model choice, not included: the term {choice.name.replace('_', '-')} was "
+        f"{'kept' if choice.kept else 'left out'} near its limit (p {_probability(choice.probability)}, limit "
+        f"{choice.limit:g}). {'Without' if choice.kept else 'With'} it {row.group}: {row.label} would move by "
+        f"{two_digits(float(size[worst]))} of its standard uncertainties, the most of all."
+    )
+
+
+def _probability(p: float) -> str:
+    return "< 0.0001" if p < 1e-4 else f"= {p:.2g}"

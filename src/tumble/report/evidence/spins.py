@@ -1,0 +1,66 @@
+"""What each spin of a table shows beyond the model."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.calibration.verdict import two_digits
+from tumble.report.figures.plot import (
+    AXIS_COLOURS,
+    GREY,
+    base_layout,
+    error_bars,
+    hover,
+    plain,
+    scatter,
+    text_axis,
+)
+from tumble.report.page import Block, Figure, Figures, Plot, section
+
+if TYPE_CHECKING:
+    from tumble.report.subject import Subject
+
+
+def spins(subject: Subject) -> list[Block]:
+    """Return the figure of each spin's residual against its rate; nothing without spins.
+
+    Parameters
+    ----------
+    subject : of the report.
+    """
+    estimate = subject.estimate
+    if estimate.spin_rates.size == 0:
+        return []
+    rates = plain(np.degrees(estimate.spin_rates), 7)
+    residuals, sigmas = (1e3 * np.degrees(a) for a in (estimate.spin_residuals, estimate.spin_sigmas))
+    data: list[Plot] = [
+        scatter(
+            rates,
+            residuals[:, axis],
+            name=f"gyro {name}",
+            error_y=error_bars(sigmas[:, axis], color=GREY, thickness=1),
+            text=[hover(words) for words in estimate.spin_names],
+            marker={"size": 8, "color": AXIS_COLOURS[name]},
+            hovertemplate="%{text}: %{y:.3g} m°/s<extra></extra>",
+        )
+        for axis, name in enumerate("xyz")
+        if np.any(np.isfinite(residuals[:, axis]))
+    ]
+    finite = estimate.spin_residuals[np.isfinite(estimate.spin_residuals)]
+    rms = float(np.sqrt(np.mean(finite**2))) if finite.size else 0.0
+    largest = float(np.max(np.abs(estimate.spin_rates)))
+    layout = base_layout(
+        360,
+        xaxis=text_axis("reference rate of the spin / (°/s)", zeroline=True),
+        yaxis=text_axis("residual / (m°/s)", zeroline=True),
+    )
+    caption = (
+        f"After calibration the spins leave {two_digits(1e3 * np.degrees(rms))} m°/s rms over all three gyros, "
+        f"{two_digits(1e6 * rms / largest)} ppm of the fastest spin; on the gyros that are not spun, a placement "
+        "that is off shows. Points that follow a curve would be a nonlinear scale factor, a kink at zero an asymmetry; "
+        "bars are one standard deviation."
+    )
+    figure = Figure("spins", "Residual of each gyro in each spin against the reference rate", data, layout)
+    return section("Spins: residual against the rate", Figures([figure], caption))

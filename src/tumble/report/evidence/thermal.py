@@ -1,0 +1,274 @@
+"""What a thermal calibration rests on: biases against temperature on both branches, residuals, the span covered."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tumble.report.figures.plot import (
+    AXIS_COLOURS,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    base_layout,
+    error_bars,
+    faint,
+    plain,
+    scatter,
+    text_axis,
+)
+from tumble.report.page import Block, Figure, Figures, Plot, Sentences, section
+
+if TYPE_CHECKING:
+    from tumble.arrays import Series
+    from tumble.calibration.thermal.evidence import ThermalEvidence
+    from tumble.recording.recording import Recording
+    from tumble.report.subject import Subject
+
+# A state of the hysteresis beyond this is a branch, heating or cooling.
+_BRANCH = 0.5
+_DOMAINS = ([0.70, 1.0], [0.35, 0.65], [0.0, 0.30])
+_TITLES = {"accelerometer": "Accelerometers", "gyroscope": "Gyros"}
+_CELSIUS = "temperature of the sensors / °C"
+_BIASES = (
+    "{title}' biases against the sensors' temperature. Above or left, the whole of them; the other figure has the "
+    "settled curve taken off, so that heating (red) and cooling (blue) stand apart by the hysteresis, which is the "
+    "lines of their colours, and by what the rate of temperature does: in a sweep of one speed that is a constant "
+    "distance from them. A trend that both branches share is a curve that bends more than the model. The grey band "
+    "is twice the standard uncertainty."
+)
+_SOAKS_ALONE = (
+    "Accelerometer biases against the sensors' temperature. A rest alone does not show a bias: the crosses are "
+    "multi-position tests of each soak alone, with one standard uncertainty; the line is the one adjustment of "
+    "all, and the grey band twice its standard uncertainty."
+)
+_RESIDUALS = (
+    "What each rest shows beyond the model, in standard deviations of its own noise and of the wander of biases "
+    "that was found: nearly all lie between −3 and 3. Neighbours stay together where biases wander, which is in "
+    "the stated uncertainties. A wave that comes on both branches alike is a curve that the functions of "
+    "temperature do not follow; two levels are branches that the hysteresis does not describe."
+)
+
+
+def thermal(subject: Subject) -> list[Block]:
+    """Return the sections of a thermal calibration; nothing for another procedure.
+
+    Parameters
+    ----------
+    subject : of the report.
+    """
+    evidence = subject.estimate.thermal_evidence
+    if evidence is None:
+        return []
+    raw = subject.calibration.raw_units
+    units = {"accelerometer": _shown_unit(raw.specific_force), "gyroscope": _shown_unit(raw.angular_rate)}
+    blocks: list[Block] = []
+    for triad in ("gyroscope", "accelerometer"):
+        if triad in evidence.curves:
+            blocks += _biases(evidence, triad, *units[triad])
+    blocks += _sigmas(evidence, units) + _residuals(evidence) + _span(evidence, subject.recording)
+    return blocks + (_candidates(evidence) if evidence.candidates else [])
+
+
+def _shown_unit(raw: str) -> tuple[str, float]:
+    """Return the unit of the figures and its factor from the raw one."""
+    return {"m/s^2": ("mm/s²", 1e3), "rad/s": ("°/s", float(np.degrees(1.0)))}.get(raw, (raw, 1.0))
+
+
+def _biases(evidence: ThermalEvidence, triad: str, unit: str, factor: float) -> list[Block]:
+    # What the rests show of the biases; of accelerometers the soaks' own tests.
+    seen = evidence.rate if triad == "gyroscope" else evidence.force
+    whole: list[Plot] = []
+    beside: list[Plot] = []
+    for axis in range(3):
+        place = {"xaxis": "x", "yaxis": "y" if axis == 0 else f"y{axis + 1}", "showlegend": axis == 0}
+        panels = _panel(evidence, triad, axis, factor * seen[:, axis], factor, place, unit)
+        whole += panels[0]
+        beside += panels[1]
+    title = _TITLES[triad]
+    label = f"{title}: bias beside the settled curve, both branches"
+    figures = [
+        Figure(f"{triad}-bias", f"{title}: bias against temperature", whole, _stacked(f"bias / {unit}")),
+        Figure(f"{triad}-loop", label, beside, _stacked(f"Δ / {unit}")),
+    ]
+    alone = triad == "accelerometer" and not np.any(np.isfinite(seen))
+    caption = _SOAKS_ALONE if alone else _BIASES.format(title=title)
+    return section(f"{title}: bias against temperature", Figures(figures, caption))
+
+
+def _panel(
+    evidence: ThermalEvidence, triad: str, axis: int, seen: Series, factor: float, place: Plot, unit: str
+) -> tuple[list[Plot], list[Plot]]:
+    """Return an axis' traces: the whole biases, and what is beside the settled curve."""
+    curve = evidence.curves[triad]
+    x, settled = curve.celsius, factor * curve.bias[:, axis]
+    whole: list[Plot] = []
+    beside = [_band(x, 2.0 * factor * curve.sigma[:, axis], place)]
+    branches = (
+        ("heating", RED, evidence.hysteresis > _BRANCH, curve.heating),
+        ("cooling", BLUE, evidence.hysteresis < -_BRANCH, curve.cooling),
+        ("neither", GREY, np.abs(evidence.hysteresis) <= _BRANCH, None),
+    )
+    for name, colour, here, line in branches:
+        if np.any(here & np.isfinite(seen)):
+            look = {"name": name, **place, "marker": {"color": colour, "size": 5, "opacity": 0.7}}
+            at = evidence.celsius[here]
+            whole.append(_points(at, seen[here], unit, **look))
+            beside.append(_points(at, seen[here] - np.interp(at, x, settled), unit, **look))
+        if line is not None and np.any(line != curve.bias):
+            beside.append(_line(x, factor * line[:, axis] - settled, colour, name, place))
+    whole.append(_line(x, settled, "#444a55", "model, settled", place))
+    if triad == "accelerometer":
+        whole += _separate(evidence, axis, factor, np.zeros_like(x), place, unit)
+        beside += _separate(evidence, axis, factor, settled, place, unit)
+    return whole, beside
+
+
+def _separate(
+    evidence: ThermalEvidence, axis: int, factor: float, off: Series, place: Plot, unit: str
+) -> list[Plot]:
+    """Return the biases of each soak alone, less the curve `off`."""
+    if not evidence.separate:
+        return []
+    celsius = np.array([s.celsius for s in evidence.separate])
+    values = factor * np.array([s.bias[axis] for s in evidence.separate])
+    values = values - np.interp(celsius, evidence.curves["accelerometer"].celsius, off)
+    sigmas = factor * np.array([s.sigma[axis] for s in evidence.separate])
+    look = {"name": "each soak alone", **place, "marker": {"color": ORANGE, "size": 8, "symbol": "x"}}
+    bars = error_bars(sigmas, color=ORANGE, thickness=1)
+    return [_points(celsius, values, unit, **look, error_y=bars)]
+
+
+def _points(x: Series, y: Series, unit: str, **look: Any) -> Plot:
+    return scatter(x, y, hovertemplate=f"%{{x:.2f}} °C: %{{y:.4g}} {unit}<extra></extra>", **look)
+
+
+def _line(x: Series, y: Series, colour: str, name: str, place: Plot) -> Plot:
+    shown = bool(place["showlegend"]) and name.startswith("model")
+    look = {**place, "name": name, "line": {"color": colour, "width": 1.5}, "showlegend": shown}
+    return scatter(x, y, "lines", hoverinfo="skip", **look)
+
+
+def _band(x: Series, half: Series, place: Plot) -> Plot:
+    look = {"fill": "toself", "fillcolor": faint(GREY, 0.25), "line": {"width": 0}, "hoverinfo": "skip"}
+    around = np.concatenate([x, x[::-1]])
+    return scatter(
+        around, np.concatenate([half, -half[::-1]]), "lines", **{**place, "showlegend": False}, **look
+    )
+
+
+def _stacked(title: str) -> Plot:
+    """Return the layout of three panels, one an axis of the unit, over one axis of temperature."""
+    axes = {
+        f"yaxis{'' if k == 0 else k + 1}": text_axis(
+            f"{'xyz'[k]}: {title}", domain=_DOMAINS[k], zeroline=True
+        )
+        for k in range(3)
+    }
+    return base_layout(640, xaxis=text_axis(_CELSIUS, anchor="y3"), **axes)
+
+
+def _sigmas(evidence: ThermalEvidence, units: dict[str, tuple[str, float]]) -> list[Block]:
+    figures: list[Figure] = []
+    for triad, curve in evidence.curves.items():
+        unit, factor = units[triad]
+        data = [
+            scatter(
+                curve.celsius,
+                factor * curve.sigma[:, k],
+                "lines",
+                name=axis,
+                line={"color": AXIS_COLOURS[axis]},
+            )
+            for k, axis in enumerate("xyz")
+        ]
+        upright = text_axis(f"σ of the {triad} bias / ({unit})", rangemode="tozero")
+        layout = base_layout(300, xaxis=text_axis(_CELSIUS), yaxis=upright)
+        figures.append(Figure(f"{triad}-sigma", f"Standard uncertainty of the {triad} bias", data, layout))
+    caption = (
+        "Standard uncertainty of the bias over the span that was calibrated, in the pose of the test where there was "
+        "one alone. Beyond its ends the calibration is not used, unless asked to."
+    )
+    force = evidence.curves.get("accelerometer")
+    if force is not None and float(force.sigma.min()) < 1e-3 * float(force.sigma.max()):
+        caption += " The accelerometers' is of the change from the reference temperature, and zero there."
+    return section("How well the biases are known", Figures(figures, caption))
+
+
+def _residuals(evidence: ThermalEvidence) -> list[Block]:
+    figures: list[Figure] = []
+    for name, columns in (("specific force", slice(0, 3)), ("angular rate", slice(3, 6))):
+        residuals = evidence.residuals[:, columns]
+        known = np.isfinite(residuals)
+        if not np.any(known):
+            continue
+        data: list[Plot] = []
+        for k, axis in enumerate("xyz"):
+            if np.any(known[:, k]):
+                alone = name == "specific force" and not np.any(known[:, 1])
+                mixed = k == 0 and name == "specific force" and not np.all(known[:, 1])
+                marker = {"color": GREY if alone else AXIS_COLOURS[axis], "size": 5, "opacity": 0.7}
+                label = "norm" if alone else ("x, or the norm" if mixed else axis)
+                data.append(_points(evidence.celsius, residuals[:, k], "σ", name=label, marker=marker))
+        upright = text_axis(f"{name}, residual / σ", zeroline=True)
+        layout = base_layout(300, xaxis=text_axis(_CELSIUS), yaxis=upright)
+        figures.append(Figure(f"residuals-{columns.start}", f"Residuals of {name}", data, layout))
+    return section("Residuals over temperature", Figures(figures, _RESIDUALS))
+
+
+def _span(evidence: ThermalEvidence, recording: Recording) -> list[Block]:
+    # Stamps may count from 1970: five digits of them are no time of day.
+    first = float(recording.time[0])
+    recorded = (evidence.path_time - first) / 60.0
+    used = (0.5 * (evidence.start + evidence.stop) - first) / 60.0
+    name = "rests used, at the sensors' temperature"
+    data: list[Plot] = [
+        scatter(recorded, evidence.path_celsius, "lines", name="recorded", line={"color": GREY, "width": 1}),
+        scatter(used, evidence.celsius, name=name, marker={"color": GREEN, "size": 5}),
+    ]
+    if evidence.rejected:
+        spans = np.array([[start, stop, np.nan] for start, stop, _ in evidence.rejected])
+        x = (spans.ravel() - first) / 60.0
+        low = float(np.min(evidence.path_celsius)) - 0.04 * float(np.ptp(evidence.path_celsius))
+        why = "rests left out: " + ("not settled" if evidence.kind == "soak" else "too fast")
+        y = [low if np.isfinite(value) else None for value in x]
+        data.append(scatter(x, y, "lines", name=why, line={"color": ORANGE, "width": 6}))
+    layout = base_layout(320, xaxis=text_axis("time / min"), yaxis=text_axis("temperature / °C"))
+    ends = float(np.min(evidence.celsius)), float(np.max(evidence.celsius))
+    caption = (
+        f"The way of the temperature, and the {evidence.celsius.size} stretches of rest that were used, from "
+        f"{ends[0]:.1f} to {ends[1]:.1f} °C. At temperatures between the green points nothing was measured."
+    )
+    figure = Figure("span", "Temperature over time", data, layout)
+    notes = [f"Left out: {why}." for _, _, why in evidence.rejected[:8]]
+    return section("The span covered", Figures([figure], caption), Sentences(notes, "notes"))
+
+
+def _candidates(evidence: ThermalEvidence) -> list[Block]:
+    names = [f"{c.name} ({c.unknowns} unknowns)" for c in evidence.candidates]
+    data: list[Plot] = [
+        {
+            "type": "bar",
+            "orientation": "h",
+            "y": names,
+            "x": plain([c.score for c in evidence.candidates]),
+            "marker": {"color": [GREEN if c.chosen else GREY for c in evidence.candidates]},
+            "error_x": error_bars([c.spread for c in evidence.candidates], thickness=1),
+            "hovertemplate": "%{y}: %{x:.3g}<extra></extra>",
+        }
+    ]
+    layout = base_layout(
+        60 + 34 * len(names),
+        xaxis=text_axis("mean square of what was predicted wrongly / σ²", type="log"),
+        yaxis=text_axis("", autorange="reversed"),
+    )
+    left = "soaks" if evidence.kind == "soak" else "bands of temperature"
+    caption = (
+        f"Each candidate was fitted without some {left} and predicted them: 1 is as good as the noise. The green one "
+        "was taken: of those that predict alike, the one with the fewest unknowns."
+    )
+    figure = Figure("candidates", "Candidates", data, layout)
+    return section("The choice of the functions", Figures([figure], caption))

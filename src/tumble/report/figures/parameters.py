@@ -1,0 +1,144 @@
+"""Parameters with their intervals, group by group, and how they are correlated."""
+
+from __future__ import annotations
+
+import math
+from itertools import groupby
+
+import numpy as np
+
+from tumble.arrays import Table
+from tumble.report.figures.plot import (
+    BLUE,
+    base_layout,
+    error_bars,
+    plain,
+    scatter,
+    small_title,
+    upright_line,
+)
+from tumble.report.page import Block, Figure, Figures, Plot, Sentences, section
+from tumble.report.parameters import ACCELEROMETER, GYRO, OPTIONAL, ParameterRow
+from tumble.report.rounding import fixed
+
+# Parameters that move together by more than this are worth a sentence.
+_STRONG = 0.8
+_INTERVALS = (
+    "An interval that spans zero (dashed) is a value that the recording cannot tell from none; wide ones need more or "
+    "other poses and turns."
+)
+_PALE = (
+    "Off the diagonal the map should be pale: a deep blue or red cell is a pair that these poses and turns cannot tell "
+    "apart well."
+)
+
+
+def intervals(rows: list[ParameterRow], factor: float) -> list[Block]:
+    """Return a figure for each family of parameters: values with 95 % intervals, in practical units.
+
+    Parameters
+    ----------
+    rows : parameters for readers.
+    factor : coverage factor of those that have none of their own.
+    """
+    families = [list(members) for _, members in groupby(rows, key=lambda row: (row.group, row.family))]
+    figures = [_intervals(f"interval-{n}", members, factor) for n, members in enumerate(families)]
+    return section("Parameters with 95 % intervals", Figures(figures, _INTERVALS))
+
+
+def _intervals(name: str, rows: list[ParameterRow], factor: float) -> Figure:
+    title = _title(rows[0])
+    half = [row.factor(factor) * row.drawn.sigma for row in rows]
+    trace = scatter(
+        plain([row.drawn.value for row in rows], 7),
+        [_axis_label(row) for row in rows],
+        error_x=error_bars(half, thickness=2, width=6, color=BLUE),
+        marker={"size": 7, "color": BLUE},
+        text=[row.drawn.text for row in rows],
+        hovertemplate="%{y}: %{text}<extra></extra>",
+    )
+    layout = base_layout(
+        96 + 26 * len(rows),
+        title=small_title(f"{title} / {_in_brackets(rows[0].drawn.unit)}", x=0.02, y=0.97),
+        margin={"l": 30, "r": 16, "t": 34, "b": 30},
+        xaxis={"zeroline": False, "nticks": 6},
+        yaxis={"autorange": "reversed", "automargin": True, "type": "category"},
+        shapes=[upright_line(0, layer="below")],
+        showlegend=False,
+    )
+    return Figure(name, f"{title} with 95 % intervals", [trace], layout)
+
+
+def _title(row: ParameterRow) -> str:
+    if row.family == "scale factor":
+        return f"{row.group.lower()} scale"
+    if row.group in (ACCELEROMETER, GYRO):
+        return f"{row.group.lower()} {row.family}".replace("accelerometer non", "acc. non")
+    return (
+        row.short
+        if row.group == OPTIONAL and row.family != "g-sensitivity"
+        else row.family.split(" between")[0]
+    )
+
+
+def _axis_label(row: ParameterRow) -> str:
+    if row.family == "g-sensitivity":
+        return row.short.removeprefix("g-sens. ")
+    last = row.label.split()[-1]
+    return last if last in ("x", "y", "z", "yz", "zx", "zy") else ""
+
+
+def _in_brackets(unit: str) -> str:
+    return f"({unit})" if "/" in unit or " " in unit else unit
+
+
+def correlations(rows: list[ParameterRow], matrix: Table) -> list[Block]:
+    """Return the heat map of correlations between the parameters.
+
+    Parameters
+    ----------
+    rows : parameters for readers.
+    matrix : (parameters, parameters) in the rows' order.
+    """
+    names = [row.short for row in rows]
+    size = len(names)
+    rounded = np.round(matrix, 2) + 0.0
+    trace: Plot = {
+        "type": "heatmap",
+        "x": names,
+        "y": names,
+        "z": [[float(v) if math.isfinite(v) else None for v in row] for row in rounded],
+        "zmin": -1,
+        "zmax": 1,
+        "colorscale": [[0, "#c8394d"], [0.5, "rgba(139,145,156,0.10)"], [1, "#2f6fc2"]],
+        "colorbar": {"thickness": 12, "len": 0.6, "title": {"text": ""}},
+        "xgap": 1,
+        "ygap": 1,
+        "hovertemplate": "%{x} and %{y}: %{z:.2f}<extra></extra>",
+    }
+    axis: Plot = {"automargin": True, "tickfont": {"size": 11}, "dtick": 1, "showgrid": False}
+    layout = base_layout(
+        170 + 17 * size,
+        xaxis={**axis, "tickangle": -60},
+        yaxis={**axis, "autorange": "reversed"},
+        margin={"l": 20, "r": 0, "t": 10, "b": 20},
+    )
+    label = "Correlations between the parameters"
+    least, most = 240 + 17 * size, 360 + 36 * size
+    figure = Figure("correlations", label, [trace], layout, least_width=least, most_width=most)
+    return section("Correlations", Figures([figure], _PALE), Sentences([_strongest(rows, matrix)], "notes"))
+
+
+def _strongest(rows: list[ParameterRow], correlations: Table) -> str:
+    upper = np.triu(np.nan_to_num(correlations), 1)
+    order = np.argsort(-np.abs(upper), axis=None)[:3]
+    pairs = [(int(k // len(rows)), int(k % len(rows))) for k in order]
+    strong = [(i, j) for i, j in pairs if abs(upper[i, j]) >= _STRONG]
+    if not strong:
+        i, j = pairs[0]
+        return (
+            f"No pair is correlated by more than {_STRONG:g}; the strongest is {rows[i].name} with "
+            f"{rows[j].name} ({fixed(float(upper[i, j]), 2)})."
+        )
+    words = [f"{rows[i].name} with {rows[j].name} ({fixed(float(upper[i, j]), 2)})" for i, j in strong]
+    return "Strongly correlated: " + "; ".join(words) + "."

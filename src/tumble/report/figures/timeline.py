@@ -1,0 +1,294 @@
+"""The timeline: specific force and angular rate with holds, turns and what was rejected."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.arrays import Series, Vector, Vectors
+from tumble.report.figures.plot import (
+    AXIS_COLOURS,
+    BLUE,
+    GREY,
+    ORANGE,
+    PURPLE,
+    RED,
+    TEAL,
+    base_layout,
+    hover,
+    packed,
+    plain,
+    scatter,
+    text_axis,
+)
+from tumble.report.page import Block, Figure, Figures, Plot, Sentences, section
+from tumble.units import angular_rate_factor, specific_force_factor
+
+if TYPE_CHECKING:
+    from tumble.calibration.estimate import Estimate
+    from tumble.recording.recording import Recording
+    from tumble.report.subject import Subject
+    from tumble.segmentation import Timeline
+    from tumble.sensor import Triad
+
+# A bin is about a pixel of a wide screen; each shows its smallest and its largest value.
+BINS = 1000
+# More holds than this are too narrow to shade one by one.
+_MOST_SHADED = 250
+# A bar narrower than this share of the recording cannot be pointed at.
+_NARROWEST = 1.0 / 400.0
+
+
+@dataclass(frozen=True, slots=True)
+class Envelope:
+    """Smallest and largest value in equal bins of time, one after the other; nan where no sample is.
+
+    `start` and `step` give the time of each entry, s from the recording's first sample.
+    """
+
+    start: float
+    step: float
+    values: np.ndarray
+
+
+def envelope(time: Series, signal: Vectors, bins: int = BINS) -> Envelope:
+    """Return (2 bins, 3) of the signal's extremes in `bins` equal intervals of time.
+
+    Nothing that lasts a single sample is lost, however long the recording is.
+    """
+    count = min(bins, max(1, time.size // 2))
+    elapsed = time - time[0]
+    width = max(float(elapsed[-1]), 1e-9) / count
+    edges = np.searchsorted(elapsed, width * np.arange(count + 1))
+    edges[-1] = time.size
+    filled = np.flatnonzero(np.diff(edges) > 0)
+    values = np.full((2 * count, 3), np.nan)
+    values[2 * filled] = np.minimum.reduceat(signal, edges[filled], axis=0)
+    values[2 * filled + 1] = np.maximum.reduceat(signal, edges[filled], axis=0)
+    return Envelope(0.25 * width, 0.5 * width, values)
+
+
+def timeline(subject: Subject) -> list[Block]:
+    """Return the figure of the whole recording, and what was rejected of it.
+
+    Parameters
+    ----------
+    subject : of the report.
+    """
+    recording, model = subject.recording, subject.estimate.model
+    spins = [] if subject.matching is None else [(spin.start, spin.stop) for spin in subject.matching.spins]
+    data: list[Plot] = _strip(recording, subject.timeline, subject.estimate, spins)
+    layout = base_layout(
+        560,
+        xaxis=text_axis(
+            "time / s",
+            range=[0.0, round(recording.duration, 3)],
+            anchor="y2" if recording.angular_rate is not None else "y",
+        ),
+        shapes=_shades(recording, subject.timeline, subject.holds_left_out),
+        barmode="overlay",
+        yaxis3={"domain": [0.95, 1.0], "visible": False, "fixedrange": True, "range": [-0.5, 0.5]},
+    )
+    panels = _panels(recording, model.accelerometer, model.gyroscope)
+    tops = {1: [(0.0, 0.93)], 2: [(0.49, 0.93), (0.0, 0.44)]}[max(len(panels), 1)]
+    for number, (title, values) in enumerate(panels):
+        axis = "y" if number == 0 else "y2"
+        layout["yaxis" + axis[1:]] = text_axis(title, domain=list(tops[number]), zeroline=False)
+        data += _channels(values, axis, first=number == 0)
+    caption = (
+        "Each numbered blue stretch is a hold and should be flat; purple is a turn that was used, "
+        + ("teal a spin, " if spins else "")
+        + "red was left out as an outlier, orange was rejected: point at the strip on top for the reason."
+    )
+    label = "Specific force and angular rate over time with holds and turns"
+    figures = Figures([Figure("timeline", label, data, layout)], caption)
+    return section("Timeline", figures, Sentences(_rejection_notes(recording, subject.timeline), "notes"))
+
+
+def _panels(recording: Recording, force: Triad | None, gyro: Triad | None) -> list[tuple[str, Envelope]]:
+    panels: list[tuple[str, Envelope]] = []
+    if recording.specific_force is not None:
+        factor = specific_force_factor(recording.specific_force_unit)
+        scale, offset, unit = _to_si(factor, force, 1.0, "(m/s²)")
+        raw = envelope(recording.time, recording.specific_force)
+        panels.append((f"specific force / {unit}", _scaled(raw, scale, offset)))
+    if recording.angular_rate is not None:
+        factor = angular_rate_factor(recording.angular_rate_unit)
+        scale, offset, unit = _to_si(factor, gyro, 180.0 / np.pi, "(°/s)")
+        raw = envelope(recording.time, recording.angular_rate)
+        panels.append((f"angular rate / {unit}", _scaled(raw, scale, offset)))
+    return panels
+
+
+def _to_si(
+    factor: float | None, triad: Triad | None, practical: float, unit: str
+) -> tuple[Vector, Vector, str]:
+    """Return scale and offset of each channel: raw values in their unit, or counts by the estimate."""
+    if factor is not None:
+        return np.full(3, practical * factor), np.zeros(3), unit
+    # A gyro in counts of which only the bias is known has a nominal matrix that means nothing.
+    if triad is None or np.allclose(triad.matrix, np.eye(3)):
+        return np.ones(3), np.zeros(3), "counts"
+    return practical / np.diag(triad.matrix), triad.bias, unit
+
+
+def _scaled(raw: Envelope, scale: Vector, offset: Vector) -> Envelope:
+    return Envelope(raw.start, raw.step, scale * (raw.values - offset))
+
+
+def _channels(values: Envelope, axis: str, *, first: bool) -> list[Plot]:
+    return [
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "name": name,
+            "legendgroup": name,
+            "showlegend": first,
+            "x0": round(values.start, 6),
+            "dx": round(values.step, 9),
+            "y": packed(values.values[:, column]),
+            "yaxis": axis,
+            "line": {"width": 1, "color": AXIS_COLOURS[name]},
+            "hovertemplate": "%{y:.3f} at %{x:.2f} s",
+        }
+        for column, name in enumerate("xyz")
+    ]
+
+
+def _strip(
+    recording: Recording, timeline: Timeline, estimate: Estimate, spins: Sequence[tuple[int, int]]
+) -> list[Plot]:
+    """Return the bars on top: what each stretch of the recording was taken for."""
+    why = {(left.kind, left.index): left.reason for left in estimate.left_out}
+    restless = {one.hold: one.sway for one in estimate.restless}
+    holds: list[tuple[int, int, str, str]] = []
+    turns: list[tuple[int, int, str, str]] = []
+    for index, hold in enumerate(timeline.holds):
+        reason = why.get(("hold", index))
+        words = f"hold {index + 1}" + (f", left out: {reason}" if reason else "")
+        if index in restless:
+            words += f", sways by {1e3 * restless[index]:.2g} mrad"
+        colour = RED if reason else ORANGE if index in restless else BLUE
+        holds.append((hold.start, hold.stop, words, colour))
+    for turn in timeline.turns:
+        reason = why.get(("turn", turn.before))
+        words = f"turn {turn.before + 1}: from hold {turn.before + 1} to hold {turn.after + 1}"
+        if reason:
+            words += f", left out: {reason}"
+        elif not turn.usable:
+            words += f", not used: {turn.reason}"
+        colour = RED if reason else PURPLE if turn.usable else ORANGE
+        turns.append((turn.start, turn.stop, words, colour))
+    rejected = [(r.start, r.stop, f"rejected: {r.reason}", ORANGE) for r in timeline.rejections]
+    spun = [
+        (start, stop, _spin_words(estimate, index, reason), RED if reason else TEAL)
+        for index, (start, stop) in enumerate(spins)
+        for reason in [why.get(("spin", index))]
+    ]
+    # A spin lies within the turn between two holds, or within what was rejected: it is drawn over them.
+    kinds = [("turns", turns), ("holds", holds), ("rejected", rejected), ("spins", spun)]
+    bars = [_bars(recording, name, items) for name, items in kinds if items]
+    colours = {"holds": BLUE, "turns": PURPLE, "spins": TEAL, "rejected": ORANGE}
+    legend = [_legend(name, colours[name]) for name, items in kinds if items]
+    return [*bars, *legend, _hold_numbers(recording, timeline)]
+
+
+def _spin_words(estimate: Estimate, index: int, reason: str | None) -> str:
+    name = estimate.spin_names[index] if index < len(estimate.spin_names) else ""
+    words = f"spin {index + 1}" + (f": {name}" if name else "")
+    return words + (f", left out: {reason}" if reason else "")
+
+
+def _legend(name: str, colour: str) -> Plot:
+    """Return a trace without points: the bars' own entry would have the first bar's colour, which may be red."""
+    marker = {"color": colour, "symbol": "square", "size": 10}
+    return scatter([None], [None], name=name, yaxis="y3", marker=marker, hoverinfo="skip")
+
+
+def _hold_numbers(recording: Recording, timeline: Timeline) -> Plot:
+    """Return the numbers on the strip; the page's script shows as many as there is room for."""
+    start = _elapsed(recording, [hold.start for hold in timeline.holds])
+    stop = _elapsed(recording, [hold.stop for hold in timeline.holds])
+    return scatter(
+        plain(0.5 * (start + stop), 7),
+        [0] * len(timeline.holds),
+        "text",
+        meta="numbers",
+        yaxis="y3",
+        text=[str(k + 1) for k in range(len(timeline.holds))],
+        textfont={"color": "#fff", "size": 11},
+        hoverinfo="skip",
+        showlegend=False,
+    )
+
+
+def _bars(recording: Recording, name: str, items: list[tuple[int, int, str, str]]) -> Plot:
+    start = _elapsed(recording, [item[0] for item in items])
+    stop = _elapsed(recording, [item[1] for item in items])
+    width = np.maximum(stop - start, _NARROWEST * recording.duration)
+    middle = 0.5 * (start + stop)
+    return {
+        "type": "bar",
+        "orientation": "h",
+        "name": name,
+        "showlegend": False,
+        "y": [0] * len(items),
+        "yaxis": "y3",
+        "base": packed(middle - 0.5 * width),
+        "x": packed(width),
+        "width": 1,
+        "hovertext": [
+            f"{hover(item[2])}<br>{a:.1f} to {b:.1f} s" for item, a, b in zip(items, start, stop, strict=True)
+        ],
+        "hoverinfo": "text",
+        "marker": {"color": [item[3] for item in items], "line": {"width": 0}},
+    }
+
+
+def _shades(recording: Recording, timeline: Timeline, gone: set[int]) -> list[Plot]:
+    stretches = [(h.start, h.stop, RED if k in gone else BLUE) for k, h in enumerate(timeline.holds)]
+    stretches += [(r.start, r.stop, ORANGE) for r in timeline.rejections]
+    if len(stretches) > _MOST_SHADED:
+        return []
+    start = _elapsed(recording, [s[0] for s in stretches])
+    stop = _elapsed(recording, [s[1] for s in stretches])
+    return [
+        {
+            "type": "rect",
+            "xref": "x",
+            "yref": "paper",
+            "x0": round(float(a), 3),
+            "x1": round(float(b), 3),
+            "y0": 0,
+            "y1": 0.93,
+            "line": {"width": 0},
+            "fillcolor": colour or GREY,
+            "opacity": 0.13,
+            "layer": "below",
+        }
+        for a, b, (_, _, colour) in zip(start, stop, stretches, strict=True)
+    ]
+
+
+def _elapsed(recording: Recording, samples: list[int]) -> Series:
+    """Return seconds since the recording's first sample; a stop is its last sample's time."""
+    index = np.minimum(np.array(samples, dtype=int), len(recording) - 1)
+    return recording.time[index] - recording.time[0]
+
+
+def _rejection_notes(recording: Recording, timeline: Timeline) -> list[str]:
+    """Return the rejected stretches as sentences, for paper and for those who cannot point."""
+    if not timeline.rejections:
+        return ["No stretch was rejected."]
+    start = _elapsed(recording, [r.start for r in timeline.rejections])
+    stop = _elapsed(recording, [r.stop for r in timeline.rejections])
+    notes = [
+        f"Rejected: {a:.1f} to {b:.1f} s, {rejection.reason}."
+        for a, b, rejection in zip(start, stop, timeline.rejections, strict=True)
+    ]
+    shown = 12
+    rest = len(notes) - shown
+    return notes if rest <= 0 else [*notes[:shown], f"And {rest} more: point at the strip."]

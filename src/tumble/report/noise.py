@@ -1,0 +1,220 @@
+"""The noise of a recording: curves, spectra, levels, numbers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tumble.report.figures.plot import AXIS_COLOURS, base_layout, faint, plain, scatter, text_axis
+from tumble.report.html import render_page
+from tumble.report.noise_words import (
+    DEFINITIONS,
+    FORMULA,
+    KINDS,
+    NoiseRow,
+    noise_rows,
+    practical_unit,
+    triad_lines,
+)
+from tumble.report.page import Block, Facts, Figure, Figures, Page, Plot, Sentences, Table, section
+
+if TYPE_CHECKING:
+    from tumble.arrays import Series
+    from tumble.noise.characterisation import Channel, Characterisation
+
+_DASHED = "dashed: the fitted terms together. "
+_SLOPES = {
+    "overlapping": f"{_DASHED}Slope −1/2: random walk (N); flat: B; +1/2: K.",
+    "haar": f"{_DASHED}Slope −1/2: random walk (N); flat: B; +1/2: K. It is the Allan deviation over √2.",
+    "modified": "slope −1/2: random walk (N), −3/2: quantisation (Q); flat: B; +1/2: K.",
+    "hadamard": "slope −1/2: random walk (N); flat: B; +1/2: K; a ramp is not in it.",
+}
+_TRIADS = {"g": ("Gyros", "gyro"), "a": ("Accelerometers", "accelerometer")}
+_WIDE = 150.0  # range that has powers of ten enough for an axis
+_NARROW = 8.0
+_HIDDEN: dict[str, Any] = {"showlegend": False, "hoverinfo": "skip"}
+
+
+def render_noise(noise: Characterisation, command: str) -> str:
+    """Return the page as HTML.
+
+    Parameters
+    ----------
+    noise : what was found.
+    command : how to make it again.
+    """
+    return render_page(noise_page(noise, command))
+
+
+def noise_page(noise: Characterisation, command: str) -> Page:
+    """Return what is said of a recording's noise.
+
+    Parameters
+    ----------
+    noise, command : as for `render_noise`.
+    """
+    names = ", ".join(source.name for source in noise.sources) or "a recording"
+    facts = (
+        f"{noise.suitability.samples} samples at {noise.rate:.6g} Hz at rest, "
+        f"{_duration(noise.suitability.samples / noise.rate)}, of {_duration(noise.duration)} recorded."
+    )
+    triads = [f"{line[0].upper()}{line[1:]}." for line in triad_lines(noise.channels)]
+    again = f"Coefficients and letters as in IEEE Std 952. Again: `{command}`"
+    blocks: list[Block] = [Sentences([facts], "paragraphs")]
+    if noise.suitability.remarks:
+        blocks.append(Sentences(noise.suitability.remarks))
+    blocks += _figures(noise)
+    blocks += section("What was found", Sentences(noise.remarks))
+    blocks += section("Numbers", _table(noise.channels), Sentences(triads, "paragraphs"))
+    blocks += section(
+        "What the letters are", Sentences([FORMULA], "paragraphs"), Facts(list(DEFINITIONS.items()))
+    )
+    return Page(f"Noise of {names}", [*blocks, Sentences([again], "paragraphs")])
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120.0:
+        return f"{seconds:.3g} s"
+    return f"{seconds / 60.0:.3g} min" if seconds < 7200.0 else f"{seconds / 3600.0:.3g} h"
+
+
+def _table(channels: tuple[Channel, ...]) -> Table:
+    cells: list[list[str]] = []
+    looks: dict[int, str] = {}
+    for channel in channels:
+        for k, row in enumerate(noise_rows(channel)):
+            look = [*(["first"] if k == 0 else []), *([] if row.seen else ["unseen"])]
+            looks[len(cells)] = " ".join(look)
+            cells.append([channel.name if k == 0 else "", _term(row), row.practical, row.si])
+    return Table(("", "term", "± standard uncertainty", "SI"), cells, looks)
+
+
+def _term(row: NoiseRow) -> str:
+    return f"{row.name} ({row.letter})" if len(row.letter) == 1 else row.name
+
+
+def _figures(noise: Characterisation) -> list[Block]:
+    blocks: list[Block] = []
+    for letter, (title, word) in _TRIADS.items():
+        channels = [channel for channel in noise.channels if channel.name.startswith(letter)]
+        if not channels:
+            continue
+        factor, unit = practical_unit(channels[0], "B")
+        kind = KINDS[noise.kind]
+        curves = _curves(f"allan-{letter}", f"{kind} of the {word}s", channels, factor, unit)
+        band = f"Band: {100.0 * channels[0].curve.confidence:.0f} % interval"
+        spectrum = _spectrum(noise, letter, channels, factor, unit)
+        levels = _levels(noise, letter, channels, factor, unit)
+        lines = "Triangles: lines, of a motor say; flat: √2 N."
+        trend = "A trend at the start is warm-up, a step a restart."
+        blocks += [
+            Figures([curves], f"{title}: {kind}. {band}; {_SLOPES[noise.kind]}"),
+            Figures([spectrum], f"{title}: root of the spectral density, one-sided. {lines}"),
+            Figures([levels], f"{title}: level over time, less its mean. {trend}"),
+        ]
+    return blocks
+
+
+def _curves(name: str, label: str, channels: list[Channel], factor: float, unit: str) -> Figure:
+    data: list[Plot] = []
+    for channel in channels:
+        curve, colour = channel.curve, AXIS_COLOURS[channel.name[1]]
+        deviation = curve.deviation[:, 0]
+        x, group = plain(curve.tau), {"legendgroup": channel.name}
+        # An upper limit at infinity has no place in a drawing.
+        known = np.isfinite(curve.high[:, 0]) & (deviation > 0.0)
+        high = np.where(known, np.minimum(curve.high[:, 0], 5.0 * deviation), np.nan)
+        low = np.where(known, np.maximum(curve.low[:, 0], 0.2 * deviation), np.nan)
+        edge: Plot = {"line": {"width": 0}, **_HIDDEN, **group}
+        fill = {"fill": "tonexty", "fillcolor": faint(colour)}
+        look: Plot = {"marker": {"size": 4, "color": colour}, "line": {"color": colour}}
+        data += [
+            _line(x, factor * low, colour, channel.name, **edge),
+            _line(x, factor * high, colour, channel.name, **edge, **fill),
+            _line(x, factor * deviation, colour, channel.name, "lines+markers", **look, **group),
+        ]
+        if channel.terms:
+            dashes = {"color": colour, "dash": "dash", "width": 1}
+            fitted = factor * channel.fitted(curve.tau)
+            data.append(_line(x, fitted, colour, f"{channel.name} fitted", line=dashes, **_HIDDEN, **group))
+    shown = np.concatenate([factor * channel.curve.deviation[:, 0] for channel in channels])
+    layout = base_layout(
+        430,
+        xaxis=_log_axis("averaging time τ, s", channels[0].curve.tau),
+        yaxis=_log_axis(f"{KINDS[channels[0].curve.kind]}, {unit}", shown),
+    )
+    return Figure(name, label, data, layout)
+
+
+def _spectrum(
+    noise: Characterisation, letter: str, channels: list[Channel], factor: float, unit: str
+) -> Figure:
+    spectrum = noise.spectra[letter]
+    root = factor * np.sqrt(spectrum.density)
+    x = plain(spectrum.frequency)
+    colours = [AXIS_COLOURS[channel.name[1]] for channel in channels]
+    data = [
+        _line(x, root[:, k], colours[k], channel.name, line={"color": colours[k], "width": 1.5})
+        for k, channel in enumerate(channels)
+    ]
+    data += [
+        _marks(channel, spectrum.frequency, root[:, k]) for k, channel in enumerate(channels) if channel.lines
+    ]
+    layout = base_layout(
+        340,
+        xaxis=_log_axis("frequency, Hz", spectrum.frequency),
+        yaxis=_log_axis(f"root of the density, {unit}/√Hz", root),
+    )
+    return Figure(f"spectrum-{letter}", f"Spectral density, {_TRIADS[letter][1]}s", data, layout)
+
+
+def _marks(channel: Channel, frequency: Series, root: Series) -> Plot:
+    """The lines that were found, each over its place in the spectrum."""
+    factor, unit = practical_unit(channel, "B")
+    colour = AXIS_COLOURS[channel.name[1]]
+    at = np.array([line.frequency for line in channel.lines])
+    return _line(
+        plain(at),
+        1.15 * np.interp(at, frequency, root),
+        colour,
+        f"{channel.name}, line",
+        mode="markers",
+        marker={"color": colour, "symbol": "triangle-down", "size": 9},
+        text=[f"{x.frequency:.5g} Hz, amplitude {factor * x.amplitude:.3g} {unit}" for x in channel.lines],
+        hovertemplate="%{text}",
+    )
+
+
+def _levels(
+    noise: Characterisation, letter: str, channels: list[Channel], factor: float, unit: str
+) -> Figure:
+    index = {channel.name: k for k, channel in enumerate(noise.channels)}
+    # From the first instant on: stamps that count from 1970 leave no digits for the seconds.
+    elapsed = noise.level_time - noise.level_time[0]
+    scale, word = (3600.0, "h") if elapsed[-1] > 7200.0 else (1.0, "s")
+    data: list[Plot] = []
+    for channel in channels:
+        colour = AXIS_COLOURS[channel.name[1]]
+        level = noise.levels[:, index[channel.name]]
+        line = {"color": colour, "width": 1}
+        y = factor * (level - np.nanmean(level))
+        data.append(_line(plain(elapsed / scale, 7), y, colour, channel.name, line=line))
+    layout = base_layout(280, xaxis=text_axis(f"time, {word}"), yaxis=text_axis(f"level, {unit}"))
+    return Figure(f"level-{letter}", f"Level over time, {_TRIADS[letter][1]}s", data, layout)
+
+
+def _log_axis(title: str, values: Any) -> Plot:
+    """A logarithmic axis, marked at each power of ten, or at 1, 2 and 5 where there are few of them."""
+    known = np.asarray(values, dtype=float)
+    known = known[np.isfinite(known) & (known > 0.0)]
+    span = float(known.max() / known.min()) if known.size else 1.0
+    marks: Plot = {"exponentformat": "power", "dtick": 1}
+    if span < _WIDE:
+        marks = {"dtick": "D2" if span > _NARROW else "D1", "tickformat": "~g"}
+    return text_axis(title, type="log", **marks)
+
+
+def _line(x: Any, y: Series, colour: str, name: str, mode: str = "lines", **look: Any) -> Plot:
+    whole = {"marker": {"color": colour}, "hovertemplate": "%{x:.3g}: %{y:.3g}", **look}
+    return scatter(x, y, mode, name=name, **whole)

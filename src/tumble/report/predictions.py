@@ -1,0 +1,110 @@
+"""What a calibration is worth to a user: predicted errors as a table."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from tumble.calibration.verdict import two_digits
+from tumble.report.page import Block, Sentences, Table, section
+from tumble.report.rounding import with_uncertainty
+
+if TYPE_CHECKING:
+    from tumble.document.predictions import Answer
+    from tumble.report.subject import Subject
+
+HEADS = ("after", "uncalibrated", "calibrated, one sigma", "most of it from")
+_WORTH = (
+    "The error that this calibration leaves, in position after some time without satellites or other aiding, and in "
+    "attitude after a turn, beside that of the same unit with nominal scale factors and no bias."
+)
+FOOTNOTE = (
+    "Horizontal position from a known start; attitude in all three components. From the calibration's covariance "
+    "alone: the sensors' noise, the wander of their biases and how far these move until the unit is next switched on "
+    "come on top."
+)
+OF_SEVERAL = (
+    "Horizontal position from a known start; attitude in all three components. From the calibration's covariance "
+    "alone, with biases as uncertain as they are when the unit is next switched on: the sensors' noise and the wander "
+    "of their biases come on top."
+)
+_GROUPS = {
+    "accelerometer.bias": "accelerometer bias",
+    "accelerometer.matrix": "accelerometer scale and angles",
+    "accelerometer.quadratic": "accelerometer quadratic",
+    "accelerometer.asymmetry": "accelerometer asymmetry",
+    "gyroscope.bias": "gyro bias",
+    "gyroscope.matrix": "gyro scale and angles",
+    "gyroscope.quadratic": "gyro quadratic",
+    "gyroscope.asymmetry": "gyro asymmetry",
+    "gyroscope.g_sensitivity": "g-sensitivity",
+}
+
+
+def predictions(subject: Subject) -> list[Block]:
+    """Return the predicted errors; nothing for a composed calibration.
+
+    Parameters
+    ----------
+    subject : of the report.
+    """
+    from tumble.document.predictions import answers
+
+    calibration = subject.calibration
+    told = [] if calibration.composed_with is not None else answers(calibration)
+    if not told:
+        return []
+    note = FOOTNOTE if calibration.turn_ons is None else OF_SEVERAL
+    return section(
+        "What it is worth",
+        Sentences([_WORTH], "paragraphs"),
+        Table(HEADS, [cells(answer) for answer in told]),
+        Sentences([note], "notes"),
+    )
+
+
+def cells(answer: Answer, *, with_sheet: bool = False) -> list[str]:
+    """Return question, uncalibrated error, calibrated one and its main cause as texts.
+
+    Parameters
+    ----------
+    answer : a prediction.
+    with_sheet : put what the data sheet promises third.
+    """
+    from tumble.document.predictions import practical
+
+    before = "–"
+    if answer.before is not None and not math.isfinite(answer.before):
+        before = "attitude lost"
+    elif answer.before is not None:
+        factor, unit = practical(answer.kind, answer.before)
+        scale = factor / answer.before if answer.before > 0.0 else 1.0
+        before = f"{with_uncertainty(factor, scale * answer.after)}{_spaced(unit)}"
+    value, unit = practical(answer.kind, answer.after)
+    made = [answer.question, before, f"0 ± {two_digits(value)}{_spaced(unit)}", _causes(answer)]
+    if with_sheet:
+        sheet = "–"
+        if answer.sheet is not None and not math.isfinite(answer.sheet):
+            sheet = "attitude lost"
+        elif answer.sheet is not None:
+            promised, of = practical(answer.kind, answer.sheet)
+            sheet = f"0 ± {two_digits(promised)}{_spaced(of)}"
+        made.insert(2, sheet)
+    return made
+
+
+def _spaced(unit: str) -> str:
+    """Return a unit as it follows a number: degrees and seconds of arc without a space."""
+    return unit if unit in "°″" else f" {unit}"
+
+
+def _causes(answer: Answer) -> str:
+    """Name what makes up nine tenths of the variance, two groups at most."""
+    named: list[str] = []
+    whole = 0.0
+    for group, share in list(answer.shares.items())[:2]:
+        named.append(f"{_GROUPS.get(group, group)} {100.0 * min(share, 1.0):.0f} %")
+        whole += share
+        if whole > 0.9:
+            break
+    return ", ".join(named)

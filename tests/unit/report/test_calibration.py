@@ -1,0 +1,241 @@
+"""The page: complete, offline, escaped, and its numbers apply as they stand."""
+
+from __future__ import annotations
+
+import html as markup
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tumble.document import Calibration
+from tumble.report.calibration import render_report, title, write_report
+from tumble.report.formula import formula_text, python_snippet
+from tumble.report.parameters import parameter_rows
+from tumble.report.words import component_words
+
+WAYS = ("hand_held", "multi_position", "without_gyro", "in_counts")
+
+
+class Page(HTMLParser):
+    """Elements in order, the scripts' texts by id, and all visible text."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.scripts: list[tuple[dict[str, str | None], str]] = []
+        self.text = ""
+        self._inside: str | None = None
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        self._inside = tag if tag in ("script", "style") else self._inside
+        if tag == "script":
+            self.scripts.append((dict(attrs), ""))
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag == self._inside:
+            self._inside = None
+
+    def handle_data(self, data: str) -> None:
+        if self._inside == "script":
+            attributes, text = self.scripts[-1]
+            self.scripts[-1] = attributes, text + data
+        elif self._inside is None:
+            self.text += data
+
+    def json(self, name: str) -> Any:
+        (text,) = [text for attributes, text in self.scripts if attributes.get("id") == name]
+
+        def refuse(constant: str) -> None:
+            raise AssertionError(f"{constant} is no JSON")
+
+        return json.loads(text, parse_constant=refuse)
+
+
+@pytest.fixture(scope="module", params=WAYS)
+def run(request: pytest.FixtureRequest) -> dict[str, Any]:
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(scope="module")
+def text(run: dict[str, Any]) -> str:
+    return render_report(**run)
+
+
+@pytest.fixture(scope="module")
+def page(text: str) -> Page:
+    return Page(text)
+
+
+def test_every_parameter_stands_there_with_its_unit_and_uncertainty(run: dict[str, Any], page: Page) -> None:
+    for row in parameter_rows(run["calibration"]):
+        assert row.label in page.text
+        assert row.shown.text.replace("-", "−") in page.text
+
+
+def test_the_page_fetches_nothing(page: Page) -> None:
+    """No element names an address; the policy forbids what a script could try."""
+    for _, attributes in page.tags:
+        assert not {"src", "href", "srcset", "data", "action"} & set(attributes)
+    policies = [a["content"] for tag, a in page.tags if tag == "meta" and "http-equiv" in a]
+    assert len(policies) == 1
+    assert policies[0] is not None
+    assert policies[0].startswith("default-src 'none'")
+
+
+def test_there_is_no_address_outside_the_plotting_library(page: Page, text: str) -> None:
+    library = max((script for _, script in page.scripts), key=len)
+    assert library.lstrip().startswith("/**\n* plotly.js")
+    assert re.findall(r"https?://|@import|url\(", text.replace(library, "")) == []
+
+
+def test_names_that_would_break_the_page_are_escaped(run: dict[str, Any], page: Page) -> None:
+    for source in run["calibration"].recordings:
+        assert source.name in page.text
+    assert not any(tag in ("b", "i") for tag, _ in page.tags)
+    assert [tag for tag, _ in page.tags].count("script") == 4
+
+
+def test_the_page_carries_the_calibration_as_it_is(run: dict[str, Any], page: Page) -> None:
+    assert page.json("calibration") == json.loads(run["calibration"].to_json())
+
+
+def test_every_figure_has_its_place_and_every_place_its_figure(page: Page) -> None:
+    places = [attributes["id"] for tag, attributes in page.tags if tag == "div" and "id" in attributes]
+    figures = page.json("figures")
+    assert [figure["name"] for figure in figures] == places
+    assert len(set(places)) == len(places)
+    assert all(figure["data"] and figure["layout"]["height"] > 0 for figure in figures)
+
+
+def test_every_figure_is_introduced_by_a_caption_and_told_to_screen_readers(page: Page) -> None:
+    tags = [tag for tag, _ in page.tags]
+    assert tags.count("figure") == tags.count("figcaption")
+    assert all(a.get("aria-label") for tag, a in page.tags if tag == "div" and "id" in a)
+    assert tags.count("noscript") == 1
+
+
+def test_sections_stand_in_reading_order(run: dict[str, Any], page: Page) -> None:
+    order = ["Fit for use" if run["calibration"].verdict.fit else "Not fit for use", "Parameters", "Timeline"]
+    order += ["Poses", "Holds: norm against gravity", "Parameters with 95 % intervals", "Correlations"]
+    order += ["The formula, both ways", "What to do next"]
+    places = [page.text.index(title) for title in order]
+    assert places == sorted(places)
+
+
+def test_turns_are_shown_where_there_are_any(run: dict[str, Any], page: Page) -> None:
+    has_turns = bool(np.any(np.isfinite(run["estimate"].turns.angles)))
+    assert ("Turns: gravity carried by the gyro" in page.text) == has_turns
+
+
+def test_verdict_reasons_and_remarks_are_there(run: dict[str, Any], page: Page) -> None:
+    calibration = run["calibration"]
+    plain = page.text.replace("`", "")
+    for sentence in [*calibration.verdict.reasons, *calibration.not_determined, *calibration.remarks]:
+        assert sentence.replace("`", "") in plain
+
+
+def test_an_assumed_gravity_is_named_as_what_to_mend(
+    multi_position: dict[str, Any], hand_held: dict[str, Any]
+) -> None:
+    assert "Gravity was assumed" in Page(render_report(**multi_position)).text
+    assert "Gravity was assumed" not in Page(render_report(**hand_held)).text
+
+
+def test_numbers_of_the_formula_are_the_calibrations(run: dict[str, Any], page: Page) -> None:
+    """Nine digits of every entry of the matrix stand in the text."""
+    for row in run["calibration"].accelerometer.matrix:
+        for value in row:
+            assert f"{value + 0.0:.9g}" in page.text
+
+
+def test_the_snippet_corrects_as_the_calibration_does(run: dict[str, Any], text: str) -> None:
+    snippet = python_snippet(run["calibration"])
+    assert markup.escape(snippet) in text
+    check_snippet(snippet, run["calibration"])
+
+
+def test_the_snippet_knows_the_optional_terms(calibration: Any) -> None:
+    snippet = python_snippet(calibration)
+    assert "own_input(" in snippet
+    assert "G = " in snippet
+    check_snippet(snippet, calibration)
+
+
+def test_the_snippet_knows_an_asymmetric_gyro(calibration: Any) -> None:
+    gyro = calibration.gyroscope.model_copy(
+        update={"asymmetry": (0.01, -0.02, 0.03), "quadratic": (1e-3, 2e-3, -1e-3)}
+    )
+    other = calibration.model_copy(update={"gyroscope": gyro})
+    check_snippet(python_snippet(other), other)
+    assert "u + a |u| + q u²" in formula_text(other)
+
+
+def test_a_gyro_without_matrix_keeps_its_bias_and_g_sensitivity_in_the_formula(calibration: Any) -> None:
+    gyro = calibration.gyroscope.model_copy(update={"matrix": None})
+    text = formula_text(calibration.model_copy(update={"gyroscope": gyro}))
+    assert "only the bias and g-sensitivity can be removed: raw_g - b_g - G f" in text
+    assert "M_g" not in text
+    assert "-0.3" in text.split("\nG ")[1]
+
+
+def check_snippet(snippet: str, calibration: Any) -> None:
+    names: dict[str, Any] = {}
+    exec(snippet, names)
+    rng = np.random.default_rng(7)
+    force = 3.0 * rng.standard_normal((5, 3)) + np.array(calibration.accelerometer.bias)
+    # Arithmetic: the same formula in another order.
+    if "raw_rate" not in snippet:
+        expected, _ = calibration.correct(force)
+        np.testing.assert_allclose(names["correct"](force), expected, rtol=1e-10, atol=1e-12)
+        return
+    rate = 0.3 * rng.standard_normal((5, 3)) + np.array(calibration.gyroscope.bias)
+    expected, expected_rate = calibration.correct(force, rate)
+    corrected, corrected_rate = names["correct"](force, rate)
+    np.testing.assert_allclose(corrected, expected, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(corrected_rate, expected_rate, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "sigma", "words"),
+    [
+        (
+            "gyro bias from hold to hold, rad/s",
+            0.0,
+            "Gyro bias from hold to hold: none found beyond the noise.",
+        ),
+        # 1e-4 rad/s = 0.0057 °/s = 20.6 °/h.
+        ("gyro bias from hold to hold, rad/s", 1e-4, "Gyro bias from hold to hold: 0.0057 °/s (21 °/h)."),
+        # 1.3 mrad = 0.0745°.
+        ("direction after a turn, rad", 0.0013, "Direction after a turn: 1.3 mrad (0.074°)."),
+    ],
+)
+def test_variance_components_are_told_in_words(name: str, sigma: float, words: str) -> None:
+    assert component_words(name, sigma) == words
+
+
+def test_the_report_is_written_whole(hand_held: dict[str, Any], tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    write_report(path, **hand_held)
+    assert path.read_text(encoding="utf-8") == render_report(**hand_held)
+    assert [file.name for file in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_of_many_recordings_the_title_names_the_first_and_the_last(calibration: Calibration) -> None:
+    one = calibration
+    many = one.model_copy(
+        update={
+            "recordings": [
+                one.recordings[0].model_copy(update={"name": f"step-{k:03d}.csv"}) for k in range(1, 105)
+            ]
+        }
+    )
+    assert title(many) == "Calibration of 104 files, step-001.csv … step-104.csv"
+    few = one.model_copy(update={"recordings": many.recordings[:3]})
+    assert title(few) == "Calibration of step-001.csv, step-002.csv, step-003.csv"

@@ -1,0 +1,74 @@
+"""The terminal's table names every parameter, its quality and its verdict, and reads no markup in data."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+
+import pytest
+from rich.console import Console
+
+from tumble.document.result import Calibration
+from tumble.report.parameters import parameter_rows
+from tumble.report.summary import parameter_text, print_calibration
+
+
+def printed(calibration: Calibration, *, width: int = 200, quiet: bool = False) -> str:
+    console = Console(file=io.StringIO(), width=width, highlight=False)
+    print_calibration(calibration, console, quiet=quiet)
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+def test_every_parameter_stands_in_the_table_with_unit_uncertainty_and_interval(
+    calibration: Calibration,
+) -> None:
+    text = printed(calibration)
+    for row in parameter_rows(calibration):
+        line = next(
+            line for line in text.splitlines() if line.startswith(row.label) and row.shown.text in line
+        )
+        assert row.shown.interval(2.0) in line
+        assert row.other is None or row.other.text in line
+
+
+def test_plain_text_holds_the_same_cells(calibration: Calibration) -> None:
+    text = parameter_text(calibration)
+    assert all(row.shown.text in text and row.label in text for row in parameter_rows(calibration))
+    assert [
+        group for group in ("Accelerometer", "Gyro", "Between the triads", "Optional terms") if group in text
+    ]
+
+
+def test_groups_follow_one_another_once_each(calibration: Calibration) -> None:
+    lines = parameter_text(calibration).splitlines()
+    groups = [
+        line for line in lines if line in ("Accelerometer", "Gyro", "Between the triads", "Optional terms")
+    ]
+    assert groups == ["Accelerometer", "Gyro", "Between the triads", "Optional terms"]
+
+
+def test_verdict_reasons_and_what_was_left_out_are_printed_as_written(calibration: Calibration) -> None:
+    """Square brackets in a sentence are no markup."""
+    text = printed(calibration)
+    assert "NOT FIT FOR USE" in text
+    assert "Too [red]few[/red] holds." in text
+    assert "Not determined: What [bold]this[/bold] cannot tell." in text
+    assert "Left out: hold 7: it was knocked." in text
+
+
+def test_a_calibration_that_is_fit_says_so(write_calibration: Callable[..., Calibration]) -> None:
+    text = printed(write_calibration(verdict={"fit": True, "reasons": ["Residuals are small."]}))
+    assert "FIT FOR USE" in text
+    assert "NOT FIT" not in text
+
+
+def test_quiet_prints_the_verdict_and_why_it_is_against(calibration: Calibration) -> None:
+    assert printed(calibration, quiet=True) == "NOT FIT FOR USE\n- Too [red]few[/red] holds.\n"
+
+
+@pytest.mark.parametrize("width", [40, 60, 80])
+def test_a_narrow_terminal_folds_and_cuts_nothing_off(calibration: Calibration, width: int) -> None:
+    text = printed(calibration, width=width)
+    assert "…" not in text
+    assert all(len(line) <= width for line in text.splitlines())
