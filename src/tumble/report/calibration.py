@@ -7,8 +7,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tumble.calibration.thermal.evidence import ThermalCurves
 from tumble.report.advice import next_steps
-from tumble.report.evidence import RENDERERS
+from tumble.report.evidence import RENDERERS, render_evidence
 from tumble.report.figures.parameters import correlations, intervals
 from tumble.report.figures.poses import poses
 from tumble.report.figures.timeline import timeline
@@ -31,6 +32,8 @@ from tumble.report.words import (
 if TYPE_CHECKING:
     from tumble.document.result import Calibration
 
+# Of a thermal calibration the curves come before the parameters, which hold at one temperature alone.
+FIRST = (ThermalCurves,)
 # More recordings than this are counted, as one a step often are.
 MOST_FILES_NAMED = 4
 HEADS = ("parameter", "value ± standard uncertainty", "95 % interval", "in other units")
@@ -78,7 +81,7 @@ def calibration_page(subject: Subject) -> Page:
     blocks: list[Block] = [
         Facts(_facts(subject)),
         Verdict(fit, verdict_words(fit), calibration.verdict.reasons),
-        *RENDERERS["thermal"](subject),
+        *render_evidence(subject, *FIRST),
         *_parameters(subject),
         *predictions(subject),
         *protocol(subject),
@@ -87,11 +90,8 @@ def calibration_page(subject: Subject) -> Page:
     if subject.up_b is not None:
         by_hand = not calibration.procedure.endswith("six-position")
         blocks += poses(subject.up_b, subject.holds_left_out, by_hand=by_hand)
-    for name in ("holds", "spins", "rotations", "sequences", "turns"):
-        blocks += RENDERERS[name](subject)
+    blocks += render_evidence(subject, *(kind for kind in RENDERERS if kind not in FIRST))
     blocks += intervals(subject.rows, calibration.quality.coverage_factor)
-    for name in ("turn-ons", "beside", "budget", "reliability"):
-        blocks += RENDERERS[name](subject)
     blocks += correlations(subject.rows[: len(correlation)], correlation)
     blocks += [*_terms(calibration), *_components(calibration), *_formulas(calibration), *_end(subject)]
     return Page(title(calibration), blocks)

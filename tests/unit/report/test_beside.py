@@ -38,7 +38,7 @@ def joint() -> Any:
         NamedValue("c", 0.5, 0.1, "rad"),
         NamedValue("d", 0.0, 0.0, "rad"),
     ]
-    return SimpleNamespace(parameters=own, beside=other)
+    return SimpleNamespace(parameters=own, beside=SimpleNamespace(estimate=other))
 
 
 def rows(joint: Any) -> list[ParameterRow]:
@@ -50,14 +50,14 @@ def subject(joint: Any) -> Any:
 
 
 def test_differences_are_in_the_procedure_s_uncertainties_and_units_are_the_reader_s(joint: Any) -> None:
-    a, b = parameters_beside(joint, rows(joint))
+    a, b = parameters_beside(joint.beside, joint, rows(joint))
     assert (a.value, a.sigma) == (pytest.approx(10.0), pytest.approx(2.0))
     assert (a.difference, a.ratio) == (pytest.approx(1.5), pytest.approx(0.5))
     assert (b.difference, b.ratio) == (pytest.approx(-4.0), pytest.approx(2.0))
 
 
 def test_the_table_names_what_is_far_apart_and_escapes_names(joint: Any) -> None:
-    page = render_page(Page("Beside", beside(subject(joint))))
+    page = render_page(Page("Beside", beside(joint.beside, subject(joint))))
     table = re.sub(r">\s+<", "><", page.split("<h2>")[-1])
     assert "hand-&lt;held&gt;" in table
     assert "hand-<held>" not in table
@@ -68,7 +68,7 @@ def test_the_table_names_what_is_far_apart_and_escapes_names(joint: Any) -> None
 
 
 def test_the_figure_has_a_bar_for_each_and_none_is_drawn_with_nothing_beside(joint: Any) -> None:
-    (figures,) = (block for block in beside(subject(joint)) if isinstance(block, Figures))
+    (figures,) = (block for block in beside(joint.beside, subject(joint)) if isinstance(block, Figures))
     assert figures.figures[0].data[0]["x"] == [0.5, 2.0]
-    joint.beside = None
-    assert beside(subject(joint)) == []
+    joint.beside.estimate.parameters = []
+    assert beside(joint.beside, subject(joint)) == []

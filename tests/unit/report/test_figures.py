@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tumble.attitude.directions import twenty_six_directions
+from tumble.calibration.evidence import Turns
 from tumble.report.evidence.turns import turns
 from tumble.report.evidence.uncalibrated import nominal_hold_norms, nominal_turn_angles
 from tumble.report.figures.plot import packed, plain
@@ -131,7 +132,7 @@ def test_turns_are_worse_before_than_after(hand_held: dict[str, Any]) -> None:
 
 
 def test_without_turns_there_is_no_figure_of_turns(multi_position: dict[str, Any]) -> None:
-    assert turns(Subject(**multi_position)) == []
+    assert turns(Turns(), Subject(**multi_position)) == []
 
 
 def test_spins_have_a_colour_and_a_legend_of_their_own(hand_held: dict[str, Any]) -> None:

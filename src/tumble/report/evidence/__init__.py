@@ -1,11 +1,16 @@
-"""What a calibration rests on, for readers: one renderer for each kind of evidence, by its name."""
+"""What a calibration rests on, for readers: one renderer for each kind of evidence, by its class."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
+from tumble.calibration.estimate import Beside
+from tumble.calibration.evidence import Budget, Evidence, Holds, Rotations, Sequences, Spins, Turns
+from tumble.calibration.thermal.evidence import ThermalCurves
+from tumble.calibration.turn_ons.biases import TurnOns
 from tumble.report.evidence.beside import beside
-from tumble.report.evidence.budget import budget, reliability
+from tumble.report.evidence.budget import budget
 from tumble.report.evidence.holds import holds
 from tumble.report.evidence.rotations import rotations
 from tumble.report.evidence.sequences import sequences
@@ -16,17 +21,31 @@ from tumble.report.evidence.turns import turns
 from tumble.report.page import Block
 from tumble.report.subject import Subject
 
-Renderer = Callable[[Subject], list[Block]]
-
-RENDERERS: dict[str, Renderer] = {
-    "thermal": thermal,
-    "holds": holds,
-    "turns": turns,
-    "spins": spins,
-    "rotations": rotations,
-    "sequences": sequences,
-    "budget": budget,
-    "reliability": reliability,
-    "turn-ons": turn_ons,
-    "beside": beside,
+# In the order in which a report has them.
+RENDERERS: dict[type[Evidence], Callable[[Any, Subject], list[Block]]] = {
+    ThermalCurves: thermal,
+    Holds: holds,
+    Spins: spins,
+    Rotations: rotations,
+    Sequences: sequences,
+    Turns: turns,
+    TurnOns: turn_ons,
+    Beside: beside,
+    Budget: budget,
 }
+
+
+def render_evidence(subject: Subject, *kinds: type[Evidence]) -> list[Block]:
+    """Return what stands in the report of the estimate's evidence.
+
+    Parameters
+    ----------
+    subject : of the report.
+    kinds : of evidence, in order.
+    """
+    blocks: list[Block] = []
+    for kind in kinds:
+        record = subject.estimate.shown(kind)
+        if record is not None:
+            blocks += RENDERERS[kind](record, subject)
+    return blocks

@@ -11,7 +11,7 @@ from tumble.report.page import Block, Figure, Figures, Plot, Sentences, Table, s
 from tumble.report.rounding import fixed, with_uncertainty
 
 if TYPE_CHECKING:
-    from tumble.calibration.estimate import Estimate
+    from tumble.calibration.estimate import Beside, Estimate
     from tumble.report.parameters import ParameterRow
     from tumble.report.subject import Subject
 
@@ -20,7 +20,7 @@ FAR = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Beside:
+class Compared:
     """One parameter as both ways have it, in the joint one's unit for readers.
 
     Attributes
@@ -38,17 +38,18 @@ class Beside:
     ratio: float
 
 
-def beside(subject: Subject) -> list[Block]:
+def beside(told: Beside, subject: Subject) -> list[Block]:
     """Return both ways as a table, and how the uncertainties shrank as a figure; nothing where nothing stands beside.
 
     Parameters
     ----------
+    told : what the estimate rests on.
     subject : of the report.
     """
-    found = parameters_beside(subject.estimate, subject.rows)
-    if not found or subject.estimate.beside is None:
+    found = parameters_beside(told, subject.estimate, subject.rows)
+    if not found:
         return []
-    name = subject.estimate.beside.procedure
+    name = told.estimate.procedure
     heads = ("parameter", "joint", name, "difference / uncertainty", "ratio")
     rows = [
         [
@@ -74,25 +75,24 @@ def beside(subject: Subject) -> list[Block]:
     ]
 
 
-def parameters_beside(estimate: Estimate, rows: list[ParameterRow]) -> list[Beside]:
-    """Return the parameters that both ways have with an uncertainty; none where nothing stands beside.
+def parameters_beside(told: Beside, estimate: Estimate, rows: list[ParameterRow]) -> list[Compared]:
+    """Return the parameters that both ways have with an uncertainty.
 
     Parameters
     ----------
-    estimate : the joint one, with the procedure's own in `beside`.
+    told : the procedure's own estimate.
+    estimate : the joint one.
     rows : the joint parameters for readers.
     """
-    if estimate.beside is None:
-        return []
-    others = {p.name: p for p in estimate.beside.parameters}
-    found: list[Beside] = []
+    others = {p.name: p for p in told.estimate.parameters}
+    found: list[Compared] = []
     for own, row in zip(estimate.parameters, rows, strict=False):
         other = others.get(own.name)
         if other is None or not (own.standard_uncertainty > 0.0 and other.standard_uncertainty > 0.0):
             continue
         factor = row.shown.sigma / own.standard_uncertainty
         found.append(
-            Beside(
+            Compared(
                 row,
                 factor * other.value,
                 factor * other.standard_uncertainty,
@@ -103,7 +103,7 @@ def parameters_beside(estimate: Estimate, rows: list[ParameterRow]) -> list[Besi
     return found
 
 
-def _words(found: list[Beside], name: str) -> str:
+def _words(found: list[Compared], name: str) -> str:
     far = [one for one in found if abs(one.difference) > FAR]
     typical = math.exp(sum(math.log(one.ratio) for one in found) / len(found))
     told = (
@@ -119,7 +119,7 @@ def _words(found: list[Beside], name: str) -> str:
     return f"{told} Farther apart are {named}{more}: what only one of them models has moved them."
 
 
-def _drawn(found: list[Beside], name: str) -> Figure:
+def _drawn(found: list[Compared], name: str) -> Figure:
     ratios = [one.ratio for one in found]
     data: list[Plot] = [
         {

@@ -13,6 +13,7 @@ from tumble.report.page import Block, Figure, Figures, Plot, Sentences, Table, s
 
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Estimate
+    from tumble.calibration.evidence import Budget
     from tumble.calibration.uncertainty_statement import (
         Detectable,
         GlobalTest,
@@ -40,25 +41,28 @@ _SHARES = (
 )
 
 
-def budget(subject: Subject) -> list[Block]:
-    """Return where the uncertainties come from as a figure and a table; nothing without a budget.
+def budget(told: Budget, subject: Subject) -> list[Block]:
+    """Return where the uncertainties come from as a figure and a table, and which errors would go unnoticed.
 
     Parameters
     ----------
+    told : what the estimate rests on.
     subject : of the report.
     """
-    estimate = subject.estimate
-    if not estimate.budget:
-        return []
-    rows = subject.rows[: len(estimate.parameters)]
+    rows = subject.rows
+    detectable = [] if told.statement is None else _reliability(told.statement, rows)
+    if not told.shares:
+        return detectable
+    known = rows[: len(subject.estimate.parameters)]
     return [
-        *section("Where the uncertainties come from, in shares", Figures([_drawn(estimate, rows)], _SHARES)),
-        *section("Where the uncertainties come from", *_budget(estimate, rows)),
+        *section("Where the uncertainties come from, in shares", Figures([_drawn(told, known)], _SHARES)),
+        *section("Where the uncertainties come from", *_sources(told, subject.estimate, known)),
+        *detectable,
     ]
 
 
-def _drawn(estimate: Estimate, rows: list[ParameterRow]) -> Figure:
-    squares = {name: part**2 for name, part in estimate.budget.items()}
+def _drawn(told: Budget, rows: list[ParameterRow]) -> Figure:
+    squares = {name: part**2 for name, part in told.shares.items()}
     whole = sum(squares.values(), np.zeros(len(rows)))
     data: list[Plot] = []
     for at, (name, square) in enumerate(squares.items()):
@@ -85,31 +89,31 @@ def _drawn(estimate: Estimate, rows: list[ParameterRow]) -> Figure:
     return Figure("budget", "Share of each source in the variance of each parameter", data, layout)
 
 
-def _budget(estimate: Estimate, rows: list[ParameterRow]) -> list[Block]:
-    told = estimate.statement
-    expanded = () if told is None else ("expanded, 95 %", "k", "degrees of freedom")
+def _sources(told: Budget, estimate: Estimate, rows: list[ParameterRow]) -> list[Block]:
+    stated = told.statement
+    expanded = () if stated is None else ("expanded, 95 %", "k", "degrees of freedom")
     lines: list[list[str]] = []
     for k, row in enumerate(rows):
         whole = estimate.parameters[k].standard_uncertainty
         factor = row.shown.sigma / whole if whole > 0.0 else 0.0
-        parts = [float(part[k]) for part in estimate.budget.values()]
+        parts = [float(part[k]) for part in told.shares.values()]
         lines.append(
             [
                 f"{row.group}: {row.label}",
                 f"{two_digits(row.shown.sigma)} {row.shown.unit}",
-                *([] if told is None else _expanded(told, k, row)),
+                *([] if stated is None else _expanded(stated, k, row)),
                 *(two_digits(part * factor) if part > _NOTHING * whole else "–" for part in parts),
             ]
         )
     besides = (
-        ", with that of gravity and of a rotation that was not determined besides" if told is None else ""
+        ", with that of gravity and of a rotation that was not determined besides" if stated is None else ""
     )
     words = (
         "What each source adds to a parameter's standard uncertainty, in that parameter's unit; the squares add up"
-        f"{besides}. A dash is less than a hundredth of the whole.{_about_expanded(told)}"
+        f"{besides}. A dash is less than a hundredth of the whole.{_about_expanded(stated)}"
     )
-    table = Table(("parameter", "standard uncertainty", *expanded, *estimate.budget), lines)
-    return [Sentences([words], "paragraphs"), table, Sentences(_statement(told, estimate, rows))]
+    table = Table(("parameter", "standard uncertainty", *expanded, *told.shares), lines)
+    return [Sentences([words], "paragraphs"), table, Sentences(_statement(stated, estimate, rows))]
 
 
 def _about_expanded(told: UncertaintyStatement | None) -> str:
@@ -141,15 +145,9 @@ def _statement(told: UncertaintyStatement | None, estimate: Estimate, rows: list
     ]
 
 
-def reliability(subject: Subject) -> list[Block]:
-    """Return which errors would go unnoticed, and what they would do; nothing where it is not known.
-
-    Parameters
-    ----------
-    subject : of the report.
-    """
-    told, rows = subject.estimate.statement, subject.rows
-    if told is None or not told.detectable:
+def _reliability(told: UncertaintyStatement, rows: list[ParameterRow]) -> list[Block]:
+    """Return which errors would go unnoticed, and what they would do; nothing where it is not known."""
+    if not told.detectable:
         return []
     lines: list[list[str]] = []
     for kind in _KINDS:

@@ -7,38 +7,39 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series
+from tumble.calibration.thermal.evidence import ThermalCurves
 from tumble.report.evidence.uncalibrated import Uncalibrated, nominal_hold_norms
 from tumble.report.figures.plot import BLUE, GREY, RED, base_layout, plain, scatter, text_axis
 from tumble.report.page import Block, Figure, Figures, Plot, Sentences, Table, section
 
 if TYPE_CHECKING:
-    from tumble.calibration.estimate import Estimate
+    from tumble.calibration.evidence import Holds
     from tumble.report.subject import Subject
 
 
-def holds(subject: Subject) -> list[Block]:
+def holds(told: Holds, subject: Subject) -> list[Block]:
     """Return the figure of the holds' norms and the table of those that sway; nothing without holds.
 
     Parameters
     ----------
+    told : what the estimate rests on.
     subject : of a thermal test the residuals are the rests', and stand elsewhere.
     """
-    estimate = subject.estimate
     found: list[Block] = []
-    if estimate.hold_norms.size and estimate.thermal_evidence is None:
+    if told.norms.size and subject.estimate.shown(ThermalCurves) is None:
         before = nominal_hold_norms(subject.recording, subject.means, subject.calibration.site.gravity)
         label = "Norm of the specific force in each hold minus gravity, before and after"
-        figure = Figure("holds", label, *_drawn(subject, before))
-        found += section("Holds: norm against gravity", Figures([figure], _caption(estimate, before)))
-    return found + restless(estimate)
+        figure = Figure("holds", label, *_drawn(told, subject, before))
+        found += section("Holds: norm against gravity", Figures([figure], _caption(told, subject, before)))
+    return found + restless(told)
 
 
-def _caption(estimate: Estimate, before: Uncalibrated | None) -> str:
+def _caption(told: Holds, subject: Subject, before: Uncalibrated | None) -> str:
     caption = (
-        f"After calibration the norm of each hold differs from gravity by {rms(1e3 * estimate.hold_norms):.2g} mm/s² "
+        f"After calibration the norm of each hold differs from gravity by {rms(1e3 * told.norms):.2g} mm/s² "
         "rms; the points should scatter within the band (one and two expected standard deviations) without a trend"
     )
-    if estimate.degrees_of_freedom <= 0:
+    if subject.estimate.degrees_of_freedom <= 0:
         caption = (
             "With as many unknowns as holds the norms are fitted whatever they are: the points show nothing"
         )
@@ -48,15 +49,14 @@ def _caption(estimate: Estimate, before: Uncalibrated | None) -> str:
     return f"{caption}. Before (above, another scale) it was {earlier:.3g} mm/s² rms, with {before.words}."
 
 
-def _drawn(subject: Subject, before: Uncalibrated | None) -> tuple[list[Plot], Plot]:
-    estimate = subject.estimate
-    number = np.arange(1, estimate.hold_norms.size + 1)
+def _drawn(told: Holds, subject: Subject, before: Uncalibrated | None) -> tuple[list[Plot], Plot]:
+    number = np.arange(1, told.norms.size + 1)
     x = number.tolist()
     colours = [RED if k in subject.holds_left_out else BLUE for k in range(number.size)]
     hovered = "hold %{x}: %{y:.2f} mm/s²<br>%{text}<extra></extra>"
     look: Plot = {"name": "after", "marker": {"size": 7, "color": colours}, "hovertemplate": hovered}
-    data = _band(number, 1e3 * estimate.hold_sigmas)
-    data.append(scatter(x, 1e3 * estimate.hold_norms, text=subject.poses, **look))
+    data = _band(number, 1e3 * told.sigmas)
+    data.append(scatter(x, 1e3 * told.norms, text=subject.poses, **look))
     across = numbered("hold", number)
     if before is None:
         return data, base_layout(340, xaxis=across, yaxis=text_axis("norm − g, after / (mm/s²)"))
@@ -121,14 +121,14 @@ def numbered(title: str, number: np.ndarray) -> Plot:
     return text_axis(title, dtick=step, range=span, anchor="y", zeroline=False)
 
 
-def restless(estimate: Estimate) -> list[Block]:
+def restless(told: Holds) -> list[Block]:
     """Return the holds that sway more than the others as a table; nothing without such.
 
     Parameters
     ----------
-    estimate : with the holds that the procedure found restless.
+    told : with the holds that the procedure found restless.
     """
-    if not estimate.restless:
+    if not told.restless:
         return []
     rows = [
         [
@@ -137,7 +137,7 @@ def restless(estimate: Estimate) -> list[Block]:
             f"{1e3 * one.sway:.2g}",
             f"{1e3 * one.others:.2g}",
         ]
-        for one in estimate.restless
+        for one in told.restless
     ]
     words = (
         "One sigma about each axis, from a hold's start to its middle and from there to its end. These holds count "

@@ -12,7 +12,9 @@ from tumble.report.page import Block, Figure, Figures, Plot, Sentences, Table, s
 from tumble.report.rounding import with_uncertainty
 
 if TYPE_CHECKING:
-    from tumble.calibration.estimate import RotationFit
+    from collections.abc import Sequence
+
+    from tumble.calibration.evidence import RotationFit, Rotations
     from tumble.report.subject import Subject
 
 ARCSEC = np.pi / 648000.0
@@ -37,22 +39,22 @@ _FIGURE = (
 )
 
 
-def rotations(subject: Subject) -> list[Block]:
+def rotations(told: Rotations, subject: Subject) -> list[Block]:
     """Return the axes and angles as a table, and the angles' residuals as a figure; nothing without rotations.
 
     Parameters
     ----------
+    told : what the estimate rests on.
     subject : of the report.
     """
-    fits = subject.estimate.rotations
-    if not fits:
+    if not told.fits:
         return []
     layout = base_layout(
         320, xaxis=text_axis("", type="category"), yaxis=text_axis("gyros − table / ″", zeroline=True)
     )
     label = "Residual of the table's angle in each rotation"
-    figure = Figure("rotations", label, _drawn(fits), layout)
-    table = Table(_HEADS, [cells for fit in fits for cells in _rows(fit)])
+    figure = Figure("rotations", label, _drawn(told.fits), layout)
+    table = Table(_HEADS, [cells for fit in told.fits for cells in _rows(fit)])
     return [
         *section("Rotations of the table", Sentences([_TABLE], "paragraphs"), table),
         *section("Rotations: gyros against the table's angle", Figures([figure], _FIGURE)),
@@ -82,7 +84,7 @@ def _rows(fit: RotationFit) -> list[list[str]]:
     return rows
 
 
-def _drawn(fits: list[RotationFit]) -> list[Plot]:
+def _drawn(fits: Sequence[RotationFit]) -> list[Plot]:
     data: list[Plot] = []
     for sign, name, colour in ((1.0, "counter-clockwise", BLUE), (-1.0, "clockwise", ORANGE)):
         turned = [(fit.name, angle) for fit in fits for angle in fit.angles if sign * angle.angle > 0.0]

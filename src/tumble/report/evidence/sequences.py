@@ -11,6 +11,7 @@ from tumble.report.page import Block, Sentences, Table, section
 from tumble.report.rounding import with_uncertainty
 
 if TYPE_CHECKING:
+    from tumble.calibration.evidence import Sequences
     from tumble.report.subject import Subject
 
 _COMPONENTS = ("across, first", "across, second", "down at the start", "down at the end")
@@ -33,15 +34,15 @@ _CHANGED = (
 )
 
 
-def sequences(subject: Subject) -> list[Block]:
+def sequences(told: Sequences, subject: Subject) -> list[Block]:
     """Return sequences and play-backs as tables; nothing without sequences.
 
     Parameters
     ----------
+    told : what the estimate rests on.
     subject : of the report.
     """
-    estimate = subject.estimate
-    if not estimate.sequences:
+    if not told.fits:
         return []
     left = [
         [
@@ -55,10 +56,10 @@ def sequences(subject: Subject) -> list[Block]:
                 for value, sigma in zip(fit.residuals, fit.sigmas, strict=True)
             ),
         ]
-        for fit in estimate.sequences
+        for fit in told.fits
     ]
     changed = [
-        [words, *(f"{two_digits(factor * change[name])} {unit}" for change in estimate.passes)]
+        [words, *(f"{two_digits(factor * change[name])} {unit}" for change in told.passes)]
         for name, (words, factor, unit) in _GROUPS.items()
     ]
     heads = ("sequence", "rotations", "took", *(f"{c} / (µm/s²)" for c in _COMPONENTS))
@@ -67,5 +68,5 @@ def sequences(subject: Subject) -> list[Block]:
         Sentences([_LEFT], "paragraphs"),
         Table(heads, left),
         Sentences([_CHANGED], "paragraphs"),
-        Table(("play-back", *(str(k + 1) for k in range(len(estimate.passes)))), changed),
+        Table(("play-back", *(str(k + 1) for k in range(len(told.passes)))), changed),
     )

@@ -20,37 +20,38 @@ from tumble.report.figures.plot import (
 from tumble.report.page import Block, Figure, Figures, Plot, section
 
 if TYPE_CHECKING:
+    from tumble.calibration.evidence import Spins
     from tumble.report.subject import Subject
 
 
-def spins(subject: Subject) -> list[Block]:
+def spins(told: Spins, subject: Subject) -> list[Block]:
     """Return the figure of each spin's residual against its rate; nothing without spins.
 
     Parameters
     ----------
+    told : what the estimate rests on.
     subject : of the report.
     """
-    estimate = subject.estimate
-    if estimate.spin_rates.size == 0:
+    if told.rates.size == 0:
         return []
-    rates = plain(np.degrees(estimate.spin_rates), 7)
-    residuals, sigmas = (1e3 * np.degrees(a) for a in (estimate.spin_residuals, estimate.spin_sigmas))
+    rates = plain(np.degrees(told.rates), 7)
+    residuals, sigmas = (1e3 * np.degrees(a) for a in (told.residuals, told.sigmas))
     data: list[Plot] = [
         scatter(
             rates,
             residuals[:, axis],
             name=f"gyro {name}",
             error_y=error_bars(sigmas[:, axis], color=GREY, thickness=1),
-            text=[hover(words) for words in estimate.spin_names],
+            text=[hover(words) for words in told.names],
             marker={"size": 8, "color": AXIS_COLOURS[name]},
             hovertemplate="%{text}: %{y:.3g} m°/s<extra></extra>",
         )
         for axis, name in enumerate("xyz")
         if np.any(np.isfinite(residuals[:, axis]))
     ]
-    finite = estimate.spin_residuals[np.isfinite(estimate.spin_residuals)]
+    finite = told.residuals[np.isfinite(told.residuals)]
     rms = float(np.sqrt(np.mean(finite**2))) if finite.size else 0.0
-    largest = float(np.max(np.abs(estimate.spin_rates)))
+    largest = float(np.max(np.abs(told.rates)))
     layout = base_layout(
         360,
         xaxis=text_axis("reference rate of the spin / (°/s)", zeroline=True),

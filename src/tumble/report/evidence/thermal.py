@@ -24,7 +24,7 @@ from tumble.report.page import Block, Figure, Figures, Plot, Sentences, section
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
-    from tumble.calibration.thermal.evidence import ThermalEvidence
+    from tumble.calibration.thermal.evidence import ThermalCurves
     from tumble.recording.recording import Recording
     from tumble.report.subject import Subject
 
@@ -53,16 +53,14 @@ _RESIDUALS = (
 )
 
 
-def thermal(subject: Subject) -> list[Block]:
-    """Return the sections of a thermal calibration; nothing for another procedure.
+def thermal(evidence: ThermalCurves, subject: Subject) -> list[Block]:
+    """Return the sections of a thermal calibration.
 
     Parameters
     ----------
+    evidence : what the estimate rests on.
     subject : of the report.
     """
-    evidence = subject.estimate.thermal_evidence
-    if evidence is None:
-        return []
     raw = subject.calibration.raw_units
     units = {"accelerometer": _shown_unit(raw.specific_force), "gyroscope": _shown_unit(raw.angular_rate)}
     blocks: list[Block] = []
@@ -78,7 +76,7 @@ def _shown_unit(raw: str) -> tuple[str, float]:
     return {"m/s^2": ("mm/s²", 1e3), "rad/s": ("°/s", float(np.degrees(1.0)))}.get(raw, (raw, 1.0))
 
 
-def _biases(evidence: ThermalEvidence, triad: str, unit: str, factor: float) -> list[Block]:
+def _biases(evidence: ThermalCurves, triad: str, unit: str, factor: float) -> list[Block]:
     # What the rests show of the biases; of accelerometers the soaks' own tests.
     seen = evidence.rate if triad == "gyroscope" else evidence.force
     whole: list[Plot] = []
@@ -100,7 +98,7 @@ def _biases(evidence: ThermalEvidence, triad: str, unit: str, factor: float) -> 
 
 
 def _panel(
-    evidence: ThermalEvidence, triad: str, axis: int, seen: Series, factor: float, place: Plot, unit: str
+    evidence: ThermalCurves, triad: str, axis: int, seen: Series, factor: float, place: Plot, unit: str
 ) -> tuple[list[Plot], list[Plot]]:
     """Return an axis' traces: the whole biases, and what is beside the settled curve."""
     curve = evidence.curves[triad]
@@ -128,7 +126,7 @@ def _panel(
 
 
 def _separate(
-    evidence: ThermalEvidence, axis: int, factor: float, off: Series, place: Plot, unit: str
+    evidence: ThermalCurves, axis: int, factor: float, off: Series, place: Plot, unit: str
 ) -> list[Plot]:
     """Return the biases of each soak alone, less the curve `off`."""
     if not evidence.separate:
@@ -171,7 +169,7 @@ def _stacked(title: str) -> Plot:
     return base_layout(640, xaxis=text_axis(_CELSIUS, anchor="y3"), **axes)
 
 
-def _sigmas(evidence: ThermalEvidence, units: dict[str, tuple[str, float]]) -> list[Block]:
+def _sigmas(evidence: ThermalCurves, units: dict[str, tuple[str, float]]) -> list[Block]:
     figures: list[Figure] = []
     for triad, curve in evidence.curves.items():
         unit, factor = units[triad]
@@ -198,7 +196,7 @@ def _sigmas(evidence: ThermalEvidence, units: dict[str, tuple[str, float]]) -> l
     return section("How well the biases are known", Figures(figures, caption))
 
 
-def _residuals(evidence: ThermalEvidence) -> list[Block]:
+def _residuals(evidence: ThermalCurves) -> list[Block]:
     figures: list[Figure] = []
     for name, columns in (("specific force", slice(0, 3)), ("angular rate", slice(3, 6))):
         residuals = evidence.residuals[:, columns]
@@ -219,7 +217,7 @@ def _residuals(evidence: ThermalEvidence) -> list[Block]:
     return section("Residuals over temperature", Figures(figures, _RESIDUALS))
 
 
-def _span(evidence: ThermalEvidence, recording: Recording) -> list[Block]:
+def _span(evidence: ThermalCurves, recording: Recording) -> list[Block]:
     # Stamps may count from 1970: five digits of them are no time of day.
     first = float(recording.time[0])
     recorded = (evidence.path_time - first) / 60.0
@@ -247,7 +245,7 @@ def _span(evidence: ThermalEvidence, recording: Recording) -> list[Block]:
     return section("The span covered", Figures([figure], caption), Sentences(notes, "notes"))
 
 
-def _candidates(evidence: ThermalEvidence) -> list[Block]:
+def _candidates(evidence: ThermalCurves) -> list[Block]:
     names = [f"{c.name} ({c.unknowns} unknowns)" for c in evidence.candidates]
     data: list[Plot] = [
         {

@@ -18,6 +18,7 @@ from tumble.report.parameters import OPTIONAL, Measure, ParameterRow, parameter_
 from tumble.report.rounding import fixed, with_uncertainty
 
 if TYPE_CHECKING:
+    from tumble.calibration.turn_ons.biases import TurnOns
     from tumble.document.result import Calibration
     from tumble.document.turn_ons_block import BiasBlock, StableBlock, TurnOnsBlock
     from tumble.report.subject import Subject
@@ -40,11 +41,12 @@ _FIGURE = (
 )
 
 
-def turn_ons(subject: Subject) -> list[Block]:
+def turn_ons(_: TurnOns, subject: Subject) -> list[Block]:
     """Return the recordings, their biases and the test of what is stable; nothing of a single recording.
 
     Parameters
     ----------
+    _ : that there is such evidence; all of it stands in the document.
     subject : of the report.
     """
     told = subject.calibration.turn_ons

@@ -12,25 +12,27 @@ from tumble.report.figures.plot import BLUE, GREY, RED, base_layout, plain, scat
 from tumble.report.page import Block, Figure, Figures, Plot, section
 
 if TYPE_CHECKING:
+    from tumble.calibration.evidence import Turns
     from tumble.report.subject import Subject
 
 
-def turns(subject: Subject) -> list[Block]:
+def turns(told: Turns, subject: Subject) -> list[Block]:
     """Return the figure of the turns' angles before and after; nothing without turns.
 
     Parameters
     ----------
+    told : what the estimate rests on.
     subject : of the report.
     """
     estimate, poses = subject.estimate, subject.poses
-    at = np.flatnonzero(np.isfinite(estimate.turn_angles))
+    at = np.flatnonzero(np.isfinite(told.angles))
     if at.size == 0:
         return []
     before = nominal_turn_angles(subject.recording, subject.timeline, subject.means, estimate.model)
-    after = np.degrees(estimate.turn_angles[at])
+    after = np.degrees(told.angles[at])
     words = [
         f"turned {size:.0f}°, from {poses[k]} to {poses[k + 1]}"
-        for k, size in zip(at, np.degrees(estimate.turn_sizes[at]), strict=True)
+        for k, size in zip(at, np.degrees(told.sizes[at]), strict=True)
     ]
     shown: Plot = {"text": words, "hovertemplate": "turn %{x}: %{y:.3f}°<br>%{text}<extra></extra>"}
     x = (at + 1).tolist()
@@ -49,7 +51,7 @@ def turns(subject: Subject) -> list[Block]:
     data.append(scatter(x, after, name="after", marker={"color": colours, "size": 8}, **shown))
     line = {"color": GREY, "width": 1.5, "shape": "hvh"}
     hovered = "expected %{y:.3f}°<extra></extra>"
-    expected = np.degrees(estimate.turn_sigmas[at])
+    expected = np.degrees(told.sigmas[at])
     data.append(scatter(x, expected, "lines", name="expected", line=line, hovertemplate=hovered))
     angles = text_axis("angle / °", type="log", **_decades([y for trace in data for y in trace["y"] if y]))
     layout = base_layout(380, xaxis=numbered("turn (from hold n to the next)", at + 1), yaxis=angles)

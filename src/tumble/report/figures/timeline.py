@@ -163,7 +163,7 @@ def _strip(
 ) -> list[Plot]:
     """Return the bars on top: what each stretch of the recording was taken for."""
     why = {(left.kind, left.index): left.reason for left in estimate.left_out}
-    restless = {one.hold: one.sway for one in estimate.restless}
+    restless = {one.hold: one.sway for one in estimate.holds.restless}
     holds: list[tuple[int, int, str, str]] = []
     turns: list[tuple[int, int, str, str]] = []
     for index, hold in enumerate(timeline.holds):
@@ -197,7 +197,7 @@ def _strip(
 
 
 def _spin_words(estimate: Estimate, index: int, reason: str | None) -> str:
-    name = estimate.spin_names[index] if index < len(estimate.spin_names) else ""
+    name = estimate.spins.names[index] if index < len(estimate.spins.names) else ""
     words = f"spin {index + 1}" + (f": {name}" if name else "")
     return words + (f", left out: {reason}" if reason else "")
 

@@ -1,0 +1,254 @@
+"""What every kind of evidence owes to whoever reads about it: all three forms of a page, run on each kind."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from html.parser import HTMLParser
+from importlib.resources import as_file, files
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from tumble.calibration.estimate import Beside
+from tumble.calibration.evidence import (
+    Budget,
+    Evidence,
+    Holds,
+    RestlessHold,
+    RotationFit,
+    Rotations,
+    SequenceFit,
+    Sequences,
+    Spins,
+    TurnedAngle,
+    Turns,
+)
+from tumble.calibration.thermal.evidence import BiasCurve, Candidate, SeparateBias, ThermalCurves
+from tumble.calibration.turn_ons.biases import Agreement, BiasScatter, RecordingOfUnit, TurnOns
+from tumble.calibration.uncertainty_statement import Detectable, GlobalTest, ModelChoice, UncertaintyStatement
+from tumble.document.turn_ons_block import turn_ons_block
+from tumble.earth import Site
+from tumble.report.evidence import RENDERERS, render_evidence
+from tumble.report.html import render_page
+from tumble.report.page import Figures, Page, Sentences, Table, as_data
+from tumble.report.subject import Subject
+from tumble.report.terminal import print_blocks
+
+HOSTILE = "</script><b>&\"'`[red]"
+NUMBER = re.compile(r"\d+(?:\.\d+)?")
+
+
+@pytest.fixture(scope="module")
+def demo() -> Subject:
+    """The demo recording by hand: holds and turns of its own, and parameters for the others to be about."""
+    from tumble.workflows.calibrate import calibrate
+    from tumble.workflows.demo import GRAVITY, RATE, RECORDING
+
+    with as_file(files("tumble") / "data" / RECORDING) as path:
+        run = calibrate(
+            path,
+            procedure="hand-held",
+            site=Site.from_gravity(GRAVITY),
+            columns="ax,ay,az,gx,gy,gz",
+            units="m/s^2,rad/s",
+            rate=RATE,
+            imu=(HOSTILE, None),
+        )
+    return Subject(run.calibration, run.estimate, run.recording, run.timeline, run.means)
+
+
+def holds(demo: Subject) -> Evidence:
+    return replace(demo.estimate.holds, restless=(RestlessHold(3, 12.5, 17.25, 4.1e-3, 2.3e-4),))
+
+
+def turns(demo: Subject) -> Evidence:
+    return demo.estimate.turns
+
+
+def spins(demo: Subject) -> Evidence:
+    rates = np.array([0.7, -1.4])
+    residuals = np.array([[1e-4, -2e-4, 3e-5], [4e-5, 5e-4, np.nan]])
+    return Spins(rates, residuals, np.full((2, 3), 1.5e-5), (f"up {HOSTILE}", "down"))
+
+
+def rotations(demo: Subject) -> Evidence:
+    there = TurnedAngle(0, 31.4159, 3.1e-5, 1.7e-5, 180.5, from_rest=True)
+    back = TurnedAngle(1, -31.4159, -2.9e-5, 1.7e-5, 181.5, from_rest=False)
+    axis = np.array([1.0, 0.0, 0.0])
+    fit = RotationFit(
+        HOSTILE, axis, 1.55, 6.1e-5, 2.2e-5, 3.3e-4, (there, back), why="it was [bold]not[/bold]"
+    )
+    unseen = replace(fit, name="y", inclination=np.nan, missed=np.nan, plane_residual=np.nan, angles=(there,))
+    return Rotations((fit, unseen))
+
+
+def sequences(demo: Subject) -> Evidence:
+    fit = SequenceFit(HOSTILE, ((0, np.pi), (2, -np.pi / 2)), (1e-5, -2e-5, 3e-5, -4e-5), (7.8e-5,) * 4, 61.5)
+    names = ("kappa_lin", "kappa_asym", "upsilon", "lambda_bias", "lambda_lin", "lambda_asym", "mu")
+    return Sequences((fit,), tuple(dict.fromkeys(names, 10.0 ** (-k)) for k in (5, 8)))
+
+
+def thermal_curves(demo: Subject) -> Evidence:
+    celsius = np.linspace(-10.0, 50.0, 7)
+    state = np.array([1.0, 1.0, 0.0, 0.0, -1.0, -1.0, -1.0])
+    seen = 1e-3 * np.sin(celsius)[:, None] * [1.0, -2.0, 0.5]
+    curve = BiasCurve(celsius, seen, np.full((7, 3), 2e-4), seen + 1e-4, seen - 1e-4)
+    time = demo.recording.time[0] + 60.0 * np.arange(7)
+    return ThermalCurves(
+        kind="soak",
+        basis="lines",
+        start=time,
+        stop=time + 30.0,
+        celsius=celsius,
+        celsius_rate=np.zeros(7),
+        hysteresis=state,
+        force=seen,
+        force_sigma=np.full((7, 3), 1e-4),
+        rate=seen,
+        rate_sigma=np.full((7, 3), 1e-4),
+        residuals=np.full((7, 6), 0.5),
+        curves={"accelerometer": curve, "gyroscope": curve},
+        path_time=time,
+        path_celsius=celsius,
+        separate=[SeparateBias(10.0, np.array([1e-3, 2e-3, 3e-3]), np.full(3, 1e-4), np.full(3, 5e-5))],
+        candidates=[Candidate(HOSTILE, 12, 1.07, 0.11, chosen=True)],
+        rejected=[(float(time[0]), float(time[1]), f"not settled {HOSTILE}")],
+    )
+
+
+def turn_ons(demo: Subject) -> Evidence:
+    values, sigmas = np.array([0.12, 0.17, np.nan]), np.array([0.011, 0.013, np.nan])
+    names = [HOSTILE, "second", "third"]
+    recordings = [RecordingOfUnit(name, 26, 25, 0, 1.04, {}, 180.0, 100.0) for name in names]
+    first, scale = (demo.estimate.parameters[k] for k in (0, 3))
+    bias = BiasScatter(
+        first.name, first.unit, values, sigmas, 0.145, 0.008, 0.035, 0.012, 1, 8.6, 0.0034, 12.7
+    )
+    agreement = Agreement(scale.name, scale.unit, values, sigmas, 0.14, 0.008, 8.6, 1, 0.0034, 0.01)
+    return TurnOns(recordings, [bias], [agreement], 8.6, 1, 0.0034)
+
+
+def beside(demo: Subject) -> Evidence:
+    other = [
+        replace(p, value=1.01 * p.value, standard_uncertainty=2.0 * p.standard_uncertainty)
+        for p in demo.estimate.parameters
+    ]
+    return Beside(replace(demo.estimate, procedure=HOSTILE, parameters=other, evidence=[]))
+
+
+def budget(demo: Subject) -> Evidence:
+    sigmas = np.array([p.standard_uncertainty for p in demo.estimate.parameters])
+    statement = UncertaintyStatement(
+        effective_degrees=np.full(len(sigmas), 41.0),
+        coverage_factors=np.full(len(sigmas), 2.02),
+        source_degrees={HOSTILE: 40.0},
+        test=GlobalTest(123.0, 110, 0.19, 0.003, 1),
+        detectable=[
+            Detectable("force", 4, 3, 0.7, 0.013, 2, 5.5),
+            Detectable("turn", 5, 3, 0.0, np.inf, 1, np.inf),
+        ],
+        model_choice=[ModelChoice("g_sensitivity", True, 0.008, 0.01, 0.4 * sigmas)],
+        not_included=[f"What {HOSTILE} does."],
+    )
+    return Budget({HOSTILE: 0.8 * sigmas, "wander": 0.6 * sigmas}, statement)
+
+
+EXAMPLES: dict[type[Evidence], Callable[[Subject], Evidence]] = {
+    Holds: holds,
+    Turns: turns,
+    Spins: spins,
+    Rotations: rotations,
+    Sequences: sequences,
+    ThermalCurves: thermal_curves,
+    TurnOns: turn_ons,
+    Beside: beside,
+    Budget: budget,
+}
+
+
+class Visible(HTMLParser):
+    """Names of the elements, and the text outside scripts and styles."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: set[str] = set()
+        self.text = ""
+        self._hidden = False
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+        self._hidden = tag in ("script", "style")
+
+    def handle_endtag(self, tag: str) -> None:
+        self._hidden = False
+
+    def handle_data(self, data: str) -> None:
+        self.text += "" if self._hidden else data
+
+
+def test_every_kind_of_evidence_has_a_renderer_and_an_example() -> None:
+    def kinds(of: type[Evidence]) -> set[type[Evidence]]:
+        return {kind for own in of.__subclasses__() for kind in (own, *kinds(own))}
+
+    # A dataclass with slots leaves the class behind that it was made from.
+    names = {kind.__qualname__ for kind in kinds(Evidence)}
+    assert names == {kind.__qualname__ for kind in RENDERERS} == {kind.__qualname__ for kind in EXAMPLES}
+
+
+@pytest.mark.parametrize("kind", list(RENDERERS), ids=lambda kind: kind.__name__)
+class TestEvidence:
+    @pytest.fixture
+    def page(self, kind: type[Evidence], demo: Subject) -> Page:
+        """The evidence alone, in a report whose unit has a hostile name."""
+        record = EXAMPLES[kind](demo)
+        block = turn_ons_block(record) if isinstance(record, TurnOns) else None
+        calibration = demo.calibration.model_copy(update={"turn_ons": block})
+        estimate = replace(demo.estimate, evidence=[record])
+        subject = replace(demo, calibration=calibration, estimate=estimate)
+        return Page(f"Of {HOSTILE}", render_evidence(subject, kind))
+
+    def test_it_says_something(self, page: Page) -> None:
+        assert any(isinstance(block, Figures | Table) for block in page.blocks)
+
+    def test_html_escapes_what_came_from_outside(self, page: Page) -> None:
+        text = render_page(page)
+        assert HOSTILE not in text
+        shown = Visible(text)
+        assert "b" not in shown.tags
+        assert HOSTILE in shown.text
+
+    def test_json_is_whole_and_has_no_nan(self, page: Page) -> None:
+        data = json.loads(json.dumps(as_data(page), allow_nan=False))
+        assert [block["block"] for block in data["blocks"]] == [
+            type(block).__name__.lower() for block in page.blocks
+        ]
+
+    def test_every_number_of_the_html_is_in_the_json(self, page: Page) -> None:
+        told = set(NUMBER.findall(json.dumps(as_data(page))))
+        assert set(NUMBER.findall(Visible(render_page(page)).text)) <= told
+
+    def test_the_terminal_shows_every_cell_and_every_sentence(self, page: Page) -> None:
+        screen = Console(file=io.StringIO(), width=1000, highlight=False)
+        print_blocks(page.blocks, screen)
+        assert isinstance(screen.file, io.StringIO)
+        text = " ".join(screen.file.getvalue().split())
+        for block in page.blocks:
+            told: list[Any] = []
+            if isinstance(block, Table):
+                told = [cell for row in block.rows for cell in row]
+            elif isinstance(block, Sentences):
+                told = list(block.sentences)
+            assert [words for words in told if " ".join(words.split()) not in text] == []
+
+    def test_its_figures_have_labels_captions_and_names_of_their_own(self, page: Page) -> None:
+        names = [figure.name for figure in page.figures]
+        assert len(set(names)) == len(names)
+        assert all(figure.label and figure.data and figure.height > 0 for figure in page.figures)
+        assert all(block.caption for block in page.blocks if isinstance(block, Figures))
