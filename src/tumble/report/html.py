@@ -27,7 +27,7 @@ _RUNS = (
 )
 _RUNS_NOTHING = "default-src 'none'; style-src 'unsafe-inline'"
 # Before a number, an exponent or the name of an axis it is no hyphen.
-_MINUS = re.compile(r"(?<![\w-])-(?=[\d.]|[xyz]\b)|(?<=\de)-(?=\d)")
+_MINUS = re.compile(r"(?<![\w-])-(?=[\d.]|[xyz]\b)|(?<=[\d)]e)-(?=\d)")
 
 
 def render_page(page: Page, data: Mapping[str, Any] | None = None) -> str:

@@ -68,19 +68,20 @@ def rich_table(table: Table, *, width: int = WIDE_TERMINAL) -> RichTable:
     """
     from rich import box
     from rich.table import Table as RichTable
+    from rich.text import Text
 
     drawn = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, highlight=False)
     columns = len(table.heads) - (table.spare if width < WIDE_TERMINAL else 0)
     for place, head in enumerate(table.heads[:columns]):
         right = place in table.right
-        drawn.add_column(_escaped(head), overflow="fold", justify="right" if right else "left")
+        drawn.add_column(Text(head), overflow="fold", justify="right" if right else "left")
     for number, row in enumerate(table.rows):
         if table.looks.get(number) == "group":
             if number:
                 drawn.add_section()
-            drawn.add_row(f"[bold]{_escaped(row[0])}[/bold]")
+            drawn.add_row(Text(row[0], style="bold"))
         else:
-            drawn.add_row(*(_escaped(cell) for cell in row[:columns]))
+            drawn.add_row(*(Text(cell) for cell in row[:columns]))
     return drawn
 
 
@@ -100,8 +101,3 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
         else:
             lines.append("  ".join(cell.ljust(w) for cell, w in zip(row, width, strict=True)).rstrip())
     return lines
-
-
-def _escaped(text: str) -> str:
-    """Return text in which rich sees no markup."""
-    return text.replace("[", r"\[")
