@@ -243,6 +243,8 @@ def _walk(old: object, new: object, path: str, floor: float) -> Iterator[str]:
 
 def _walk_list(old: list[object], new: list[object], path: str, floor: float) -> Iterator[str]:
     if _is_text(old) and _is_text(new):
+        if path.endswith(".html"):
+            old, new = _in_any_order(old), _in_any_order(new)
         yield from _walk_lines(old, new, path)
         return
     if len(old) != len(new):
@@ -260,6 +262,11 @@ def _walk_list(old: list[object], new: list[object], path: str, floor: float) ->
     floor = max(floor, OF_ITS_ARRAY * largest)
     for index, (x, y) in enumerate(zip(old, new, strict=True)):
         yield from _walk(x, y, f"{path}/{index}", floor)
+
+
+def _in_any_order(lines: list[str]) -> list[str]:
+    """Lines of a page: its sections may change places, and a minus is one however it is set."""
+    return sorted((line.replace("−", "-") for line in lines), key=lambda line: LONG_NUMBER.sub("#", line))
 
 
 def _walk_lines(old: list[str], new: list[str], path: str) -> Iterator[str]:

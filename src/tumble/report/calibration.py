@@ -215,7 +215,8 @@ def _formulas(calibration: Calibration) -> list[Block]:
     )
     if calibration.thermal is not None:
         celsius = calibration.thermal.basis.reference_celsius
-        words += f" These numbers hold at {celsius:g} °C; at another temperature use the lines below or `tumble apply`."
+        words += f" These numbers hold at {celsius:g} °C; at another temperature use the lines below, or "
+        words += "`tumble apply`."
     blocks = section("The formula, both ways", Sentences([words], "paragraphs"))
     blocks.append(Code(formula_text(calibration)))
     if calibration.test_vectors:

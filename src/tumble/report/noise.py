@@ -17,7 +17,7 @@ from tumble.report.noise_words import (
     practical_unit,
     triad_lines,
 )
-from tumble.report.page import Block, Facts, Figure, Figures, Page, Plot, Sentences, Table, section
+from tumble.report.page import Block, Figure, Figures, Page, Plot, Sentences, Table, section
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
@@ -60,6 +60,7 @@ def noise_page(noise: Characterisation, command: str) -> Page:
         f"{_duration(noise.suitability.samples / noise.rate)}, of {_duration(noise.duration)} recorded."
     )
     triads = [f"{line[0].upper()}{line[1:]}." for line in triad_lines(noise.channels)]
+    letters = [f"`{letter}` {words}" for letter, words in DEFINITIONS.items()]
     again = f"Coefficients and letters as in IEEE Std 952. Again: `{command}`"
     blocks: list[Block] = [Sentences([facts], "paragraphs")]
     if noise.suitability.remarks:
@@ -67,9 +68,7 @@ def noise_page(noise: Characterisation, command: str) -> Page:
     blocks += _figures(noise)
     blocks += section("What was found", Sentences(noise.remarks))
     blocks += section("Numbers", _table(noise.channels), Sentences(triads, "paragraphs"))
-    blocks += section(
-        "What the letters are", Sentences([FORMULA], "paragraphs"), Facts(list(DEFINITIONS.items()))
-    )
+    blocks += section("What the letters are", Sentences([FORMULA], "paragraphs"), Sentences(letters))
     return Page(f"Noise of {names}", [*blocks, Sentences([again], "paragraphs")])
 
 
