@@ -6,11 +6,25 @@ prints the message alone and exits with the class's `exit_status` (see ``docs/co
 
 from __future__ import annotations
 
+import re
+
+_LONGEST_WORD = 300
+
 
 class TumbleError(Exception):
-    """Base of every error that tumble raises on purpose; `exit_status` is the command line's."""
+    """Base of every error that tumble raises on purpose; `exit_status` is the command line's.
+
+    A word of a message that is longer than any path or name, an echo of what a damaged file holds, is shortened.
+    """
 
     exit_status: int = 2
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(re.sub(rf"\S{{{_LONGEST_WORD},}}", _shortened, str(message)))
+
+
+def _shortened(word: re.Match[str]) -> str:
+    return f"{word[0][:120]}…{word[0][-60:]}"
 
 
 class UsageError(TumbleError):

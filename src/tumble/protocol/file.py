@@ -13,6 +13,7 @@ from pathlib import Path
 
 from tumble.earth.site import Site
 from tumble.errors import OutputError, ProtocolError
+from tumble.files import opened
 from tumble.protocol.keys import ANGLES, DEGREE, FORMAT, FRAME, KINDS, PROTOCOL, SITE, VERSION
 from tumble.protocol.library import PROTOCOLS, named_protocol
 from tumble.protocol.procedures import KNOWN_PROCEDURES
@@ -22,7 +23,7 @@ from tumble.protocol.yaml_nodes import Entry, compose, nearest
 from tumble.protocol.yaml_text import protocol_to_text
 
 # Ten thousand steps are a megabyte; a recording that is given for a protocol is more.
-LARGEST = 16 * 1024 * 1024
+LARGEST = 2 * 1024 * 1024
 # A key that stands too far left or right is another mapping's.
 _OUTDENTED = {
     **{key: f"it belongs to a step, indent it below its `{kind}:`." for kind in KINDS for key in KINDS[kind]},
@@ -49,7 +50,7 @@ def read_protocol(path: str | os.PathLike[str]) -> Protocol:
     """
     file = Path(path)
     try:
-        with file.open("rb") as source:
+        with opened(file) as source:
             content = source.read(LARGEST + 1)
         text = content.decode("utf-8-sig")
     except OSError as error:

@@ -226,9 +226,10 @@ def _direction(entry: Entry) -> Vector:
         vector = np.zeros(3)
         vector["xyz".index(axis)] = -1.0 if sign == "-" else 1.0
         return vector
-    vector = np.array(entry.numbers(3))
+    instead = "A direction is written in numbers such as [1, 1, 0]."
+    vector = np.array(entry.numbers(3, most=1e6, instead=instead))
     length = float(np.linalg.norm(vector))
-    if length == 0.0 or not np.isfinite(length):
+    if length < 1e-6:
         raise entry.error(
             f"`{entry.key}` is {vector.tolist()}, which is no direction: one must differ from 0."
         )

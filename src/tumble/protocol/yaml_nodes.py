@@ -10,7 +10,10 @@ from dataclasses import dataclass, replace
 from typing import Any, cast
 
 from tumble.errors import ProtocolError
+from tumble.files.documents import composed, yaml_loader
 from tumble.protocol.numerals import value_of
+
+_SAID = 1 << 18  # characters that the slow loader, of some 100 kB/s, is asked of
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +49,7 @@ class Entry:
     @property
     def is_empty(self) -> bool:
         """Whether nothing stands after the key."""
-        return self.is_scalar and self.node.style is None and str(self.node.value) in ("", "~", "null")
+        return self.is_scalar and not self.node.style and str(self.node.value) in ("", "~", "null")
 
     def mapping(
         self, known: Iterable[str], what: str, elsewhere: dict[str, str] | None = None
@@ -135,7 +138,7 @@ class Entry:
             value = value_of(word, factor)
         except (ValueError, TypeError):
             raise self.error(self._no_number()) from None
-        if self.node.style is not None:
+        if self.node.style:
             raise self.error(self._no_number())
         if not math.isfinite(value):
             raise self.error(f"`{self.key}` is {word}: a finite number is needed.")
@@ -152,7 +155,7 @@ class Entry:
         if not self.is_scalar:
             return f"`{self.key}` is to be one number, and is a {self.node.id}."
         word = str(self.node.value)
-        if self.node.style is not None:
+        if self.node.style:
             return f'`{self.key}` is the text "{word[:30]}": write a number, without quotes.'
         if re.fullmatch(r"[-+]?\d+,\d+", word):
             return f"`{self.key}` is {word}: write the number with a point, {word.replace(',', '.')}."
@@ -216,6 +219,16 @@ def _hint(why: str, line: str) -> str:
     return next((hint for words, hint in _HINTS if words in why), "")
 
 
+def _root(content: str, library: Any) -> Any:
+    """Compose by the fast loader; what it refuses is said in the words of the slow one, which the hints are for."""
+    try:
+        return composed(content, yaml_loader())
+    except library.YAMLError:
+        if len(content) > _SAID:
+            raise
+        return composed(content, library.SafeLoader)
+
+
 def compose(file: str, content: str) -> Any:
     """Return the root node of a YAML text.
 
@@ -233,7 +246,7 @@ def compose(file: str, content: str) -> Any:
 
     library = cast("Any", yaml)
     try:
-        root: Any = library.compose(content, Loader=library.SafeLoader)
+        root = _root(content, library)
     except library.MarkedYAMLError as error:
         why = str(error.problem or error.context)
         # What was begun and not ended is mended where it begins.
@@ -248,8 +261,8 @@ def compose(file: str, content: str) -> Any:
         raise ProtocolError(
             f"{file}, line {line}: the character {error.character!r} has no place in a text file."
         ) from None
-    except RecursionError:
-        raise ProtocolError(f"{file} is not a protocol: it is nested too deeply.") from None
+    except ValueError as error:
+        raise ProtocolError(f"{file} is not a protocol: {error}.") from None
     if root is None:
         raise ProtocolError(f"{file} is empty: a protocol begins with `format: tumble protocol`.")
     return root

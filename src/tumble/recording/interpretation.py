@@ -156,6 +156,10 @@ def interpret(
     remarks = [*table.remarks, *remarks, *about_units(table, plan, units)]
     plan = replace(plan, temperature_unit=units.temperature or plan.temperature_unit)
     declared_rate = rate if rate is not None or plan.time is not None else table.rate
+    if declared_rate is not None and not stamps.RATES[0] <= declared_rate <= stamps.RATES[1]:
+        raise RecordingError(
+            f"{table.path.name} states a rate of {declared_rate:g} Hz, which no sensor has; give --rate HZ."
+        )
     signals, ordered = _ordered(
         table,
         pick_signals(table, plan, parted=parted),

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
+
 from tumble.errors import RecordingError
 from tumble.files import opened
 from tumble.navigation.gnss.nmea import read_nmea
@@ -43,7 +45,8 @@ def read_track(path: str | os.PathLike[str]) -> GnssTrack:
         raise RecordingError(f"{path.name} is empty.")
     reader = {"ubx": read_ubx, "nmea": read_nmea, "rtklib": read_rtklib, "csv": read_text_track}[_kind(head)]
     try:
-        return reader(path)
+        with np.errstate(all="ignore"):  # what overflows is refused with its fix
+            return reader(path)
     except OSError as error:
         raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
 

@@ -48,8 +48,18 @@ def read_rtklib(path: Path) -> GnssTrack:
     if dropped:
         text = f"{dropped} row{'s' if dropped > 1 else ''} of {path.name} without its columns were left out."
         remarks.append(Remark("mended", text))
-    column = {name: table[:, i] for i, name in enumerate(names)}
+    column = _Columns({name: table[:, i] for i, name in enumerate(names)})
     return in_order(_track(column, time, path.name, tuple(remarks)))
+
+
+class _Columns(dict[str, np.ndarray]):
+    """Columns by name; one that the others need and that is not there is a sentence."""
+
+    def __missing__(self, name: str) -> np.ndarray:
+        raise RecordingError(
+            f"The solution of RTKLIB has no column {name}, which belongs to {', '.join(list(self)[:3])} and so on: "
+            "write it anew."
+        )
 
 
 def _columns(lines: Sequence[str], name: str) -> tuple[list[str], str]:

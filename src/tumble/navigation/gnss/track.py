@@ -210,6 +210,15 @@ def _refuse_impossible(track: GnssTrack) -> None:
             f"Fix {row + 1} of {track.name} has a height of {track.height[row]:g} m, which is not near the Earth's "
             "surface: check the unit (metres) and which column is the height."
         )
+    parts = (track.position_covariance_n, track.velocity_n, track.velocity_covariance_n)
+    wrong = np.abs(track.longitude) > 2.0 * np.pi
+    for part in parts:
+        wrong |= np.isinf(part).reshape(len(track), -1).any(axis=1)
+    if wrong.any():
+        raise RecordingError(
+            f"Fix {int(np.argmax(wrong)) + 1} of {track.name} has a longitude, a velocity or an uncertainty that "
+            "cannot be: check the units and which column is which."
+        )
     variances = np.einsum("ijj->ij", track.position_covariance_n)
     if len(track) and not np.all(variances > 0.0):
         row = int(np.flatnonzero(~(variances > 0.0).all(axis=1))[0])

@@ -15,6 +15,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
+
 from tumble.errors import RecordingError, UsageError
 from tumble.files import opened
 from tumble.recording.formats import (
@@ -148,11 +150,17 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
         If an optional library that the format needs is not installed, or a topic is not there.
     """
     format_ = find_format(path)
+    arguments = _arguments(format_, path, topics)
     try:
-        table: RawTable = format_.read_table(*_arguments(format_, path, topics))
+        with _any_numbers():
+            return measurable(format_.read_table(*arguments))
     except OSError as error:
         raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
-    return measurable(table)
+
+
+def _any_numbers() -> np.errstate:
+    """Let a damaged file hold any bits as numbers; what is none is left out later, and said."""
+    return np.errstate(all="ignore")
 
 
 def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
@@ -173,10 +181,16 @@ def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTab
     arguments = _arguments(format_, path, topics)
     try:
         if hasattr(format_, "read_table_blocks"):
-            yield from map(measurable, format_.read_table_blocks(*arguments))
-            return
-        table = measurable(format_.read_table(*arguments))
+            blocks: Iterator[RawTable] = format_.read_table_blocks(*arguments)
+            while True:
+                with _any_numbers():
+                    block = next(blocks, None)
+                    block = None if block is None else measurable(block)
+                if block is None:
+                    return
+                yield block
     except OSError as error:
         raise RecordingError(f"{path} cannot be read: {error.strerror or error}.") from error
+    table = read_table(path, topics)
     for start in range(0, len(table), _BLOCK_ROWS):
         yield table.cut(start, min(start + _BLOCK_ROWS, len(table)))

@@ -155,7 +155,8 @@ class _Database:
             counts = _counted(connection)
         finally:
             connection.close()
-        for number, name, kind, form in rows:
+        for number, *words in rows:
+            name, kind, form = (str(word or "?") for word in words)
             count, low, high = (None, 0, 0) if counts is None else counts.get(number, (0, 0, 0))
             rate = (
                 (count - 1) / (1e-9 * (high - low))

@@ -82,11 +82,10 @@ def measurable(table: RawTable) -> RawTable:
         low, high = float(column.min()), float(column.max())
         if -_LARGEST <= low <= high <= _LARGEST and max(high, -low) >= _SMALLEST:
             continue
-        size = np.abs(column)
-        if np.any(size > _LARGEST):
-            table.columns[number] = np.where(size > _LARGEST, np.nan, column)
-        elif np.any(size > 0.0) and not np.any(size >= _SMALLEST):
-            table.columns[number] = np.where(np.isnan(column), np.nan, 0.0)
+        # A NaN of the file's own may be a signalling one, of which numpy would warn.
+        size = np.where(np.isnan(column), np.nan, np.abs(column))
+        sound = np.where(size <= _LARGEST, column, np.nan)
+        table.columns[number] = sound if np.any(size >= _SMALLEST) else 0.0 * sound
     return table
 
 

@@ -243,10 +243,10 @@ def _read_body(path: Path) -> RawTable:
     body = _plain(raw)
     refuse_long_lines(body, path.name)
     layout = _layout_of(body, path.name)
-    if cut := _truncation(_decoded(body[-_HEAD:]), layout):
-        body = body[: body.rfind(b"\n") + 1]
-        remarks.append(Remark("mended", f"{path.name}: {cut}."))
     rows = body[_body_start(body, layout.first_line) :]
+    if cut := _truncation(_decoded(rows[-_HEAD:]), layout):
+        rows = rows[: rows.rfind(b"\n") + 1]
+        remarks.append(Remark("mended", f"{path.name}: {cut}."))
     columns = parse(rows, layout, len(rows) > _NUMPY_LIMIT)
     if columns is None:
         raise RecordingError(name_bad_cell(io.BytesIO(body), layout, path.name))

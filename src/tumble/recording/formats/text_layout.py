@@ -16,7 +16,7 @@ COMMENTS = ("#", "%", "//", "!")
 MOST_COLUMNS = 2000
 _SPLIT_ANY = re.compile(r"[;,\t|\s]+")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
-_ISO_TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?Z?")
+ISO_TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?Z?")
 _SAMPLE_LINES = 200
 _NO_UNIT = ("", "-", "1", "na", "n/a")
 
@@ -217,7 +217,7 @@ def _text_columns(
         cells = [row[i] for row in sample]
         if 2 * sum(is_number(c, decimal_comma) for c in cells) <= len(cells):
             words.add(i)
-            if all(_ISO_TIME.fullmatch(c) for c in cells):
+            if all(ISO_TIME.fullmatch(c) for c in cells):
                 iso.add(i)
     return frozenset(words), frozenset(iso)
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from tumble.arrays import Series
 from tumble.recording.formats.table import as_columns
-from tumble.recording.formats.text_layout import COMMENTS, TextLayout, is_comment, is_number
+from tumble.recording.formats.text_layout import COMMENTS, ISO_TIME, TextLayout, is_comment, is_number
 
 if TYPE_CHECKING:
     import polars as pl
@@ -165,9 +165,22 @@ def _seems_time(series: pl.Series) -> bool:
 def _iso_seconds(cells: list[str | None]) -> Series:
     """Return ISO 8601 times as seconds of the Unix epoch."""
     text = ["NaT" if c is None else c.strip().rstrip("Z").replace(",", ".") for c in cells]
-    stamps = np.array(text, dtype="datetime64[ns]")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # of time zones, which are dropped
+            stamps = np.array(text, dtype="datetime64[ns]")
+    except (ValueError, UserWarning):  # a cell that is none: each by itself
+        stamps = np.array([_iso_stamp(cell) for cell in text], dtype="datetime64[ns]")
     seconds = (stamps - np.datetime64(0, "ns")) / np.timedelta64(1, "s")
     return np.asarray(seconds, dtype=np.float64)
+
+
+def _iso_stamp(cell: str) -> np.datetime64:
+    """Return an ISO 8601 time, of anything else none."""
+    try:
+        return np.datetime64(cell if ISO_TIME.fullmatch(cell) else "NaT", "ns")
+    except ValueError:
+        return np.datetime64("NaT", "ns")
 
 
 def _without_blank_rows(columns: list[Series]) -> list[Series]:

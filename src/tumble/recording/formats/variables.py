@@ -11,10 +11,12 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
+from tumble.files import shown
 from tumble.recording.formats.streams import Samples, merge_streams
 from tumble.recording.formats.table import RawTable, as_columns, hash_file
 from tumble.recording.recording import Remark
 
+_LISTED = 12
 _RATE_NAMES = {"fs", "f_s", "rate", "samplerate", "sample_rate", "sampling_rate", "samplingrate", "frequency"}
 
 
@@ -65,7 +67,7 @@ def table_from_variables(
     lengths = Counter(max(a.shape) for a in arrays.values())
     if not lengths:
         raise RecordingError(
-            f"{path.name} holds no table of samples (variables: {', '.join(variables) or 'none'}); "
+            f"{path.name} holds no table of samples (variables: {_listed(variables)}); "
             "give a matrix with one row a sample, or arrays such as t, acc and gyr."
         )
     pair = _stamped_pair(path, arrays)
@@ -119,6 +121,12 @@ def _stamped_pair(path: Path, arrays: Mapping[str, npt.NDArray[np.float64]]) -> 
     assert samples.angular_rate is not None
     columns = [samples.time, *as_columns(samples.specific_force), *as_columns(samples.angular_rate)]
     return RawTable(path, names, columns, hash_file(path), remarks)
+
+
+def _listed(names: Mapping[str, object]) -> str:
+    """Return the first names, shortened: a damaged file may have very long ones."""
+    first = [shown(name[:40]) for name in list(names)[:_LISTED]]
+    return ", ".join(first) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "") or "none"
 
 
 def is_rate_name(name: str) -> bool:

@@ -1,0 +1,218 @@
+"""One case: a changed file is read as its kind is, and what came of it."""
+
+from __future__ import annotations
+
+import base64
+import json
+import tempfile
+import traceback
+import warnings
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tests.fuzz import mutations
+from tests.fuzz.seeds import repacked, seeds
+
+from tumble.errors import TumbleError
+
+FOUND = Path(__file__).with_name("found.json")
+_SHARE = {"text": 3, "recording": 5, "calibration": 3, "foreign": 3, "noise": 1, "protocol": 3, "gnss": 2}
+_SHORT = 600  # bytes of a text that stands as it is in found.json
+_LONGEST = 1500  # characters of a sentence: it lists twelve topics, columns or files at most
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A file of a kind, by name, with its content."""
+
+    kind: str
+    name: str
+    content: bytes
+
+    def as_json(self) -> dict[str, str]:
+        """Return the case for ``found.json``: as text where it is a short one, else packed by zlib."""
+        case = {"kind": self.kind, "name": self.name}
+        if self.content.isascii() and len(self.content) < _SHORT:
+            return case | {"text": self.content.decode()}
+        return case | {"zlib": base64.b64encode(zlib.compress(self.content, 9)).decode()}
+
+    @classmethod
+    def of_json(cls, kept: dict[str, str]) -> Case:
+        """Return a case of ``found.json``."""
+        packed = "zlib" in kept
+        content = zlib.decompress(base64.b64decode(kept["zlib"])) if packed else kept["text"].encode()
+        return cls(kept["kind"], kept["name"], content)
+
+
+def case_of(number: int, seed: int = 1) -> Case:
+    """Return the case of a number: the same on every machine."""
+    rng = np.random.default_rng([seed, number])
+    kinds = [kind for kind in seeds() for _ in range(_SHARE.get(kind, 1))]
+    kind = mutations.pick(kinds, rng)
+    name, content = mutations.pick(seeds()[kind], rng)
+    json_ = name.endswith(".json")
+    changes = mutations.BINARY if kind == "recording" else mutations.JSON if json_ else mutations.TEXT
+    if rng.random() < 0.7:
+        return Case(
+            kind, name, repacked(name, content, lambda inside: mutations.changed(inside, changes, rng))
+        )
+    return Case(kind, name, mutations.changed(content, changes, rng))
+
+
+def found() -> list[Case]:
+    """Return the cases that once were findings."""
+    return [Case.of_json(kept) for kept in json.loads(FOUND.read_text(encoding="utf-8"))]
+
+
+def outcome(case: Case) -> str | None:
+    """Read a case; returns None for a result or a sentence, else what is wrong: the fault and its place."""
+    with tempfile.TemporaryDirectory(prefix="tumble-fuzz-") as folder:
+        file = Path(folder) / Path(case.name).name
+        file.write_bytes(case.content)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                _READERS[case.kind](file, case)
+        except TumbleError as error:
+            said = str(error).replace(folder, "")
+            return None if len(said) < _LONGEST else f"a sentence of {len(said)} characters"
+        except Exception as error:
+            return fault(error)
+    return None
+
+
+def fault(error: BaseException) -> str:
+    """Return type, place in tumble and words of a fault."""
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if "/src/tumble/" in f.filename]
+    place = f"{Path(frames[-1].filename).name}:{frames[-1].name}" if frames else "outside"
+    return f"{type(error).__name__} in {place}: {str(error)[:120]}"
+
+
+def reduced(case: Case, what: str) -> Case:
+    """Return a smaller case of the same fault, by leaving spans out."""
+    content, step = case.content, max(1, len(case.content) // 2)
+    wanted, tries = what.split(":")[0:2], 0
+    while step >= 1 and tries < 400:
+        at, smaller = 0, False
+        while at < len(content) and tries < 400:
+            tries += 1
+            less = content[:at] + content[at + step :]
+            now = outcome(Case(case.kind, case.name, less))
+            if now is not None and now.split(":")[0:2] == wanted:
+                content, smaller = less, True
+            else:
+                at += step
+        step = step if smaller and step > 1 else step // 2
+    return Case(case.kind, case.name, content)
+
+
+def _read_recording(file: Path, _: Case) -> None:
+    from tumble.recording import read_recording
+    from tumble.recording.formats.header import header_names
+    from tumble.recording.reading import read_blocks
+
+    header_names(file)
+    recording = read_recording(file)
+    for triad in (recording.specific_force, recording.angular_rate):
+        assert triad is None or np.isfinite(triad).all(), "a number that is none was read"
+    assert np.isfinite(recording.time).all()
+    assert (np.diff(recording.time) > 0.0).all(), "time does not grow"
+    assert sum(len(block) for block in read_blocks(file)) == len(recording), "blocks and whole differ in rows"
+
+
+def _read_calibration(file: Path, _: Case) -> None:
+    from tumble.document import read_calibration
+
+    calibration = read_calibration(file)
+    json.loads(calibration.to_json())
+    raw, time = np.array([[1.0, 2.0, 9.0]] * 5), np.arange(5.0)
+    force, rate = calibration.correct(raw, 0.1 * raw, time, np.full(5, 20.0), outside="hold")
+    for triad in (force, rate):
+        assert triad is None or np.isfinite(triad).all(), "a number that is none was corrected"
+
+
+def _read_foreign(file: Path, case: Case) -> None:
+    from tumble.document import read_calibration
+    from tumble.workflows.convert import convert_from
+
+    output = file.with_name("read.json")
+    convert_from(file, case.name.split("/")[0], output=output)
+    read_calibration(output)
+
+
+def _read_noise(file: Path, _: Case) -> None:
+    from tumble.export.noise import read_noise
+    from tumble.workflows.noise_models import read_noise_models
+
+    for read in (read_noise, read_noise_models):
+        try:
+            read(file)
+        except TumbleError:
+            continue
+
+
+def _read_protocol(file: Path, _: Case) -> None:
+    from tumble.protocol import protocol_to_yaml, read_protocol
+
+    protocol_to_yaml(read_protocol(file))
+
+
+def _read_gnss(file: Path, _: Case) -> None:
+    from tumble.navigation.gnss.reading import read_track
+
+    track = read_track(file)
+    assert np.isfinite(track.time).all()
+
+
+def _read_intervals(file: Path, _: Case) -> None:
+    from tumble.segmentation.intervals import read_intervals
+
+    read_intervals(file)
+
+
+def _read_options(file: Path, case: Case) -> None:
+    from tests.fuzz.seeds import HEADER, rows, text
+
+    from tumble.recording import read_recording
+    from tumble.workflows.site import choose_site
+
+    try:
+        options: Any = json.loads(case.content)
+    except (ValueError, RecursionError):
+        options = {"columns": case.content.decode("latin-1")}
+    if not isinstance(options, dict):
+        options = {"units": str(options)}
+    recording = file.with_name("hand.csv")
+    recording.write_text(f"{HEADER}\n{text(rows())}")
+    given = {key: str(value) for key, value in options.items()}
+    try:
+        # As the command line takes numbers.
+        hertz, gravity = (float(given[key]) if key in given else None for key in ("rate", "gravity"))
+    except ValueError:
+        return
+    if "site" in given or gravity is not None:
+        choose_site(given.get("site"), gravity)
+    read_recording(
+        recording,
+        columns=given.get("columns"),
+        units=given.get("units"),
+        rate=hertz,
+        topics=given.get("topic"),
+    )
+
+
+_READERS: dict[str, Callable[[Path, Case], None]] = {
+    "text": _read_recording,
+    "recording": _read_recording,
+    "calibration": _read_calibration,
+    "foreign": _read_foreign,
+    "noise": _read_noise,
+    "protocol": _read_protocol,
+    "gnss": _read_gnss,
+    "intervals": _read_intervals,
+    "options": _read_options,
+}

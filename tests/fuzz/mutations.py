@@ -1,0 +1,164 @@
+"""Random changes of files: of bytes, of the words and lines of a text, of the entries of a JSON document."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+NUMBERS = (
+    "0", "-0",
+    "1", "-1", "1e-300", "1e300", "-1e300", "1.7976931348623157e308", "5e-324", "1e999", "nan", "inf", "-inf",
+    "NaN", "1e1", "1e-5", "255", "256", "65536", "4294967295", "4294967296", "9223372036854775808", "1e30", "0x10",
+    "1_0", "1,5", "--1", "+", ".", "e", "\u0661", "\u00bd", "1" * 60, "9" * 400, "9" * 5000, "",
+)  # fmt: skip
+WORDS = (
+    "x", "t", "null", "true", "~", "t,t,t,t,t,t,t", "\ud800".encode("utf-8", "surrogatepass").decode("latin-1"), "\0",
+    "\x0b", "\x0c", "\x1b[2J", "\x85", "\u2028", "\u202e", "\ufeff", "\u00e9", "\r", "\n\n", "\t", " ", ",", ";", "\"",
+    "'", "#", "//", "%", "!", "{{{", "[" * 200, "{" * 200, "*a", "&a", "&a [*a]", "- ", ": ", "../../x", "/dev/zero",
+    "A" * 5000, "{", "}", "[", "]", "\\", "\\u0000", "\\ud800", "!!python/name:os.system", "<script>", "%s", "{0}",
+)  # fmt: skip
+OCTETS = (
+    b"\x00", b"\xff", b"\xff\xff\xff\xff", b"\x00\x00\x00\x80", b"\xff\xff\xff\x7f", b"\x00" * 8, b"\xff" * 8,
+    b"\x00" * 7 + b"\x80",
+    b"\xff" * 7 + b"\x7f", b"\x00\x00\x00\x00\x00\x00\xf0\x7f", b"\x01\x00\x00\x00", b"\n", b"\r",
+    b"PK\x03\x04", b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"\x93NUMPY", b"PAR1", b"\x89HDF\r\n\x1a\n", b"{", b"\xed\xa0\x80",
+)  # fmt: skip
+VALUES: tuple[Any, ...] = (
+    None, True, False, 0, -1, 1e300, -1e300, 1e-300, 10**30, 10**400, "", "x", "nan", "a\nb", "\u2028", "\x1b[2J", [],
+    {}, [[]], [None], {"a": 1}, "9" * 5000, [1e308] * 3, [[0, 0, 0]] * 3, float("nan"), float("inf"),
+)  # fmt: skip
+Change = Callable[[bytes, np.random.Generator], bytes]
+
+
+def pick(choices: Any, rng: np.random.Generator) -> Any:
+    """Return one of some choices."""
+    return choices[int(rng.integers(len(choices)))]
+
+
+def _span(content: bytes, rng: np.random.Generator) -> tuple[int, int]:
+    start = int(rng.integers(len(content) + 1))
+    return start, min(len(content), start + int(2 ** rng.uniform(0, 10)))
+
+
+def flip(content: bytes, rng: np.random.Generator) -> bytes:
+    """Turn some bits over."""
+    octets = bytearray(content)
+    for at in rng.integers(0, max(len(octets), 1), size=int(rng.integers(1, 9))):
+        if octets:
+            octets[at] ^= 1 << int(rng.integers(8))
+    return bytes(octets)
+
+
+def overwrite(content: bytes, rng: np.random.Generator) -> bytes:
+    """Write extreme bytes over others."""
+    start, new = _span(content, rng)[0], pick(OCTETS, rng)
+    return content[:start] + new + content[start + len(new) :]
+
+
+def near_the_beginning(content: bytes, rng: np.random.Generator) -> bytes:
+    """Write extreme bytes over the header."""
+    start, new = int(rng.integers(min(len(content), 128) + 1)), pick(OCTETS, rng)
+    return content[:start] + new + content[start + len(new) :]
+
+
+def cut(content: bytes, rng: np.random.Generator) -> bytes:
+    """End early."""
+    return content[: int(rng.integers(len(content) + 1))]
+
+
+def drop(content: bytes, rng: np.random.Generator) -> bytes:
+    """Leave a span out."""
+    start, stop = _span(content, rng)
+    return content[:start] + content[stop:]
+
+
+def repeat(content: bytes, rng: np.random.Generator) -> bytes:
+    """Write a span twice or many times."""
+    start, stop = _span(content, rng)
+    return content[:stop] + content[start:stop] * int(2 ** rng.uniform(0, 5)) + content[stop:]
+
+
+def insert(content: bytes, rng: np.random.Generator) -> bytes:
+    """Write a word or bytes between others."""
+    start = _span(content, rng)[0]
+    new = pick(OCTETS, rng) if rng.random() < 0.3 else pick(WORDS, rng).encode("utf-8", "replace")
+    return content[:start] + new + content[start:]
+
+
+def number(content: bytes, rng: np.random.Generator) -> bytes:
+    """Replace one number of a text, or all of one line, by an extreme one."""
+    found = list(re.finditer(rb"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?", content[:200_000]))
+    if not found:
+        return insert(content, rng)
+    match, new = pick(found, rng), pick(NUMBERS, rng).encode()
+    return content[: match.start()] + new + content[match.end() :]
+
+
+def word(content: bytes, rng: np.random.Generator) -> bytes:
+    """Replace one word of a text."""
+    found = list(re.finditer(rb"[A-Za-z_]+", content[:200_000]))
+    if not found:
+        return insert(content, rng)
+    match, new = pick(found, rng), pick((*WORDS, *NUMBERS), rng).encode("utf-8", "replace")
+    return content[: match.start()] + new + content[match.end() :]
+
+
+def line(content: bytes, rng: np.random.Generator) -> bytes:
+    """Drop, double, move or replace one line."""
+    lines = content.split(b"\n")
+    at, how = int(rng.integers(len(lines))), int(rng.integers(4))
+    held = lines.pop(at)
+    if how == 1:
+        lines[at:at] = [held, held]
+    elif how == 2:
+        lines.insert(int(rng.integers(len(lines) + 1)), held)
+    elif how == 3:
+        lines.insert(at, pick((*WORDS, *NUMBERS), rng).encode("utf-8", "replace"))
+    return b"\n".join(lines)
+
+
+def entry(content: bytes, rng: np.random.Generator) -> bytes:
+    """Replace, drop or double one entry of a JSON document."""
+    try:
+        document: Any = json.loads(content)
+    except (ValueError, RecursionError):
+        return number(content, rng)
+    places: list[tuple[Any, Any]] = []
+    level = [document]
+    while level:
+        value = level.pop()
+        keys = (
+            list(value) if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()
+        )
+        for key in keys:
+            places.append((value, key))
+            level.append(value[key])
+    if not places:
+        return content
+    parent, key = pick(places, rng)
+    how = int(rng.integers(6))
+    if how == 0:
+        del parent[key]
+    elif how == 1 and isinstance(parent, list):
+        parent.insert(key, parent[key])
+    elif how == 2 and isinstance(parent[key], int | float) and not isinstance(parent[key], bool):
+        parent[key] = parent[key] * float(10.0 ** rng.uniform(-12, 12))
+    else:
+        parent[key] = pick(VALUES, rng)
+    return json.dumps(document, default=str).encode()
+
+
+BINARY: tuple[Change, ...] = (flip, overwrite, near_the_beginning, cut, drop, repeat, insert)
+TEXT: tuple[Change, ...] = (*BINARY, number, number, word, line, line)
+JSON: tuple[Change, ...] = (*TEXT, entry, entry, entry, entry, entry)
+
+
+def changed(content: bytes, changes: tuple[Change, ...], rng: np.random.Generator) -> bytes:
+    """Return content after one to four changes."""
+    for _ in range(int(rng.integers(1, 5))):
+        content = pick(changes, rng)(content, rng)
+    return content

@@ -1,0 +1,355 @@
+"""Sound files of every kind that tumble reads, small, the same every time."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import io
+import json
+import lzma
+import tempfile
+import zipfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+COUNT = 240
+HEADER = "t,ax,ay,az,gx,gy,gz"
+Seeds = dict[str, list[tuple[str, bytes]]]
+"""By kind: names of files and what is in them."""
+
+
+def rows() -> np.ndarray:
+    """Time, specific force and angular rate of a unit that is turned over twice."""
+    rng = np.random.default_rng(11)
+    time = np.arange(COUNT) / 50.0
+    pose = np.minimum(np.arange(COUNT) // 80, 2)
+    force = np.array([[0.1, -0.2, 9.8], [9.7, 0.3, -0.1], [0.2, -9.8, 0.2]])[pose]
+    rate = np.zeros((COUNT, 3))
+    rate[76:84], rate[156:164] = [0.0, 2.0, 0.0], [1.5, 0.0, 0.0]
+    return np.column_stack(
+        [time, force + rng.normal(0, 0.02, force.shape), rate + rng.normal(0, 0.002, rate.shape)]
+    )
+
+
+def text(numbers: np.ndarray, separator: str = ",") -> str:
+    """Rows of numbers as text."""
+    return "".join(separator.join(f"{v:.6g}" for v in row) + "\n" for row in numbers.tolist())
+
+
+@cache
+def seeds() -> Seeds:
+    """Return all seeds by kind, in a fixed order."""
+    with tempfile.TemporaryDirectory(prefix="tumble-fuzz-") as folder:
+        place = Path(folder)
+        found: Seeds = {
+            "text": _texts(),
+            "recording": [*_arrays(place), *_bags(place), *_logs(place), *_exports()],
+            "calibration": _calibrations(),
+            "foreign": _foreign(),
+            "noise": [("noise.json", _noise())],
+            "protocol": _protocols(),
+            "gnss": _tracks(),
+            "intervals": [("holds.csv", b"start,stop\n0.1,1.4\n1.8,3.0\n# last\n3.4 4.7\n")],
+            "options": [("options.json", option) for option in _options()],
+        }
+    return found
+
+
+def _texts() -> list[tuple[str, bytes]]:
+    body, plain = rows(), f"{HEADER}\n{text(rows())}"
+    counts = np.round(body * [50, 1000, 1000, 1000, 5000, 5000, 5000])
+    iso = "".join(
+        f"2024-03-01T12:00:{r[0]:06.3f}Z," + ",".join(f"{v:.5g}" for v in r[1:]) + "\n" for r in body
+    )
+    comma = text(body, ";").replace(".", ",")
+    return [
+        ("hand.csv", plain.encode()),
+        ("hand.csv", ("# made by hand\r\n" + plain.replace("\n", "\r\n")).encode()),
+        ("hand.csv", f"\ufeff{plain}".encode()),
+        ("hand.csv", plain.encode("utf-16")),
+        (
+            "units.csv",
+            plain.replace(
+                HEADER, "t [s],ax [m/s^2],ay [m/s^2],az [m/s^2],gx (rad/s),gy (rad/s),gz (rad/s)"
+            ).encode(),
+        ),
+        ("bare.txt", text(body, " ").encode()),
+        ("spaces.txt", ("t  ax  ay  az  gx  gy  gz\n" + text(body, "   ")).encode()),
+        ("tabs.tsv", (HEADER.replace(",", "\t") + "\n" + text(body, "\t")).encode()),
+        ("comma.csv", (HEADER.replace(",", ";") + "\n" + comma).encode()),
+        ("quoted.csv", plain.replace(",", '","').replace("\n", '"\n"').encode()),
+        ("iso.csv", f"time,ax,ay,az,gx,gy,gz\n{iso}".encode()),
+        (
+            "counts.csv",
+            (HEADER + ",temperature\n" + text(np.column_stack([counts, 25 + body[:, 0]]))).encode(),
+        ),
+        ("one.csv", ("t,ax,ay,az\n" + text(body[:, :4])).encode()),
+        ("hand.csv.gz", gzip.compress(plain.encode(), mtime=0)),
+        ("hand.csv.bz2", bz2.compress(plain.encode())),
+        ("hand.csv.xz", lzma.compress(plain.encode())),
+    ]
+
+
+def _arrays(place: Path) -> list[tuple[str, bytes]]:
+    import polars as pl
+    import scipy.io
+
+    from tumble.recording import read_recording
+    from tumble.recording.formats.output import write_recording
+
+    body, made = rows(), list[tuple[str, bytes]]()
+
+    def kept(name: str, write: Callable[[Path], Any]) -> None:
+        write(place / name)
+        made.append((name, (place / name).read_bytes()))
+
+    named = np.rec.fromarrays(body.T, names=HEADER)
+    kept("matrix.npy", lambda p: np.save(p, body))
+    kept("named.npy", lambda p: np.save(p, named))
+    kept("arrays.npz", lambda p: np.savez(p, t=body[:, 0], acc=body[:, 1:4], gyr=body[:, 4:]))
+    kept("packed.npz", lambda p: np.savez_compressed(p, acc=body[:, 1:4], gyr=body[:, 4:], fs=50.0))
+    arrays = {"t": body[:, 0], "acc": body[:, 1:4], "gyr": body[:, 4:]}
+    kept("arrays.mat", lambda p: scipy.io.savemat(p, {"imu": arrays}))
+    kept("packed.mat", lambda p: scipy.io.savemat(p, arrays, do_compression=True))
+    kept("four.mat", lambda p: scipy.io.savemat(p, {"imu": body}, format="4"))
+    frame = pl.DataFrame({name: body[:, i] for i, name in enumerate(HEADER.split(","))})
+    kept("other.parquet", frame.write_parquet)
+    kept("plain.parquet", lambda p: frame.write_parquet(p, compression="uncompressed", use_pyarrow=False))
+    (place / "hand.csv").write_text(f"{HEADER}\n{text(body)}")
+    recording = read_recording(place / "hand.csv")
+    kept("own.parquet", lambda p: write_recording(recording, p))
+    kept("rows.bin", lambda p: np.column_stack([body[:, 0], body[:, 1:]]).astype("<f8").tofile(p))
+    kept("phone.zip", _zip_phone)
+    kept("one.zip", lambda p: _zip(p, {"hand.csv": f"{HEADER}\n{text(body)}"}))
+    try:
+        import h5py
+    except ImportError:
+        return made
+
+    def write_h5(path: Path) -> None:
+        with h5py.File(path, "w") as file:
+            for name, values in arrays.items():
+                file.create_dataset(f"imu/{name}", data=values, compression="gzip" if name == "acc" else None)
+            file.attrs["sampling_rate"] = 50.0
+
+    kept("arrays.h5", write_h5)
+    return made
+
+
+def _zip(path: Path, members: dict[str, str]) -> None:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(zipfile.ZipInfo(name, (2024, 1, 1, 0, 0, 0)), content)
+
+
+def _zip_phone(path: Path) -> None:
+    body, names = rows(), "seconds_elapsed,x,y,z\n"
+    _zip(
+        path,
+        {
+            "Accelerometer.csv": names + text(body[:, :4]),
+            "Gyroscope.csv": names + text(body[:, [0, 4, 5, 6]]),
+        },
+    )
+
+
+def _bags(place: Path) -> list[tuple[str, bytes]]:
+    try:
+        from tests.contract.test_bags import write_ros1, write_ros2
+    except (ImportError, pytest.skip.Exception):  # what writes a sample is not there
+        return []
+    made: list[tuple[str, bytes]] = []
+    for name, topics, compression in (
+        ("plain.bag", {"/imu": "both"}, None),
+        ("bz2.bag", {"/imu": "both"}, "BZ2"),
+        ("lz4.bag", {"/accel/sample": "force", "/gyro/sample": "rate"}, "LZ4"),
+    ):
+        write_ros1(place / name, topics, count=60, compression=compression)
+        made.append((name, (place / name).read_bytes()))
+    for storage, mode, ending in (
+        ("SQLITE3", "MESSAGE", "db3"),
+        ("MCAP", "STORAGE", "mcap"),
+        ("MCAP", None, "mcap"),
+    ):
+        folder = place / f"bag-{storage}-{mode}"
+        write_ros2(folder, storage=storage, mode=mode)
+        (file,) = folder.glob(f"*.{ending}*")
+        made.append((f"{mode}.{ending}", file.read_bytes()))
+    import zstandard
+
+    made.append(("plain.bag.zst", zstandard.ZstdCompressor().compress(made[0][1])))
+    return made
+
+
+def _logs(place: Path) -> list[tuple[str, bytes]]:
+    made: list[tuple[str, bytes]] = []
+    try:
+        from tests.contract import test_flight_logs as logs
+
+        raw = logs.raw_sensor("accel", 0, logs.FORCE), logs.raw_sensor("gyro", 0, logs.RATE)
+        logs.write_ulog(place / "raw.ulg", *raw, logs.combined())
+        logs.write_dataflash(place / "log.bin")
+        for name in ("raw.ulg", "log.bin"):
+            made.append((name, (place / name).read_bytes()))
+        logs.write_tlog(place / "log.tlog", "v20", "scaled_imu2", **logs.scaled())
+        made.append(("log.tlog", (place / "log.tlog").read_bytes()))
+    except (ImportError, pytest.skip.Exception):  # what writes a sample is not there: the others remain
+        return made
+    return made
+
+
+def _exports() -> list[tuple[str, bytes]]:
+    from tests.contract import test_text_exports as exports
+
+    head = f"// Update Rate: 100.0Hz\nPacketCounter\tSampleTimeFine\t{exports.TRIADS}\n"
+    counter = np.arange(exports.COUNT)
+    body = exports.table(counter, 100 * counter + 7000, *exports.FORCE.T, *exports.RATE.T)
+    lines = exports.raw_lines()
+    return [("mt.txt", (head + body).encode()), ("novatel.asc", "\r\n".join(lines).encode())]
+
+
+def _calibrations() -> list[tuple[str, bytes]]:
+    from tumble.document.imported import calibration_from_model
+    from tumble.sensor import ImuModel, Triad
+    from tumble.sensor.thermal import ThermalModel
+    from tumble.sensor.thermal_basis import TemperatureBasis
+
+    matrix = np.array([[1.01, 0.004, -0.007], [-0.009, 0.99, 0.006], [0.003, -0.012, 1.02]])
+    triad = Triad(
+        matrix, np.array([0.1, -0.2, 0.3]), np.array([1e-4, 0.0, -2e-4]), np.array([1e-5, 0.0, 2e-5])
+    )
+    model = ImuModel(triad, Triad(matrix.T, np.array([0.01, -0.03, 0.02])), 1e-3 * matrix)
+    basis = TemperatureBasis("polynomial", 25.0, np.zeros(0), 2)
+    thermal = ThermalModel(
+        reference=model,
+        basis=basis,
+        coefficients={"accelerometer.bias": np.array([[1e-3, 0.0, 0.0], [0.0, 1e-5, 0.0]])},
+        rate_coefficients={},
+        hysteresis={},
+        span_celsius=(0.0, 50.0),
+    )
+    made = []
+    for more in (None, thermal):
+        document = calibration_from_model(
+            model,
+            ("m/s^2", "rad/s"),
+            ("fixture", "its axes"),
+            [],
+            procedure="by hand",
+            remarks=["x"],
+            thermal=more,
+        )
+        fixed = document.model_copy(update={"created": "2024-01-01T00:00:00+00:00"})
+        made.append(("calibration.json", fixed.to_json().encode()))
+    return made
+
+
+def _foreign() -> list[tuple[str, bytes]]:
+    from tests.contract.test_targets import NOISE_NUMBERS, document, model_for
+
+    from tumble.export.registry import TARGETS
+    from tumble.export.subject import Wishes, prepare
+
+    made: list[tuple[str, bytes]] = []
+    for name, target in TARGETS.items():
+        if target.read is None:
+            continue
+        subject = prepare(document(model_for(target)), target, Wishes(per_count=(1e-3, 1e-4)), NOISE_NUMBERS)
+        for file, content in target.write(subject).items():
+            made.append((f"{name}/{Path(file).name}", content.encode()))
+    return made
+
+
+def _noise() -> bytes:
+    term = {"value": 1e-3, "standard_uncertainty": 1e-5}
+    channel = {
+        "unit": "m/s²",
+        "terms": {"N": term, "B": term, "K": term, "sigma": term, "correlation time": {"value": 20.0}},
+        "random_walk": {"value": 1e-3, "correlation_times_s": [0.1]},
+        "upper_limits_of_unseen": {"R": term},
+        "lines": [{"amplitude": 1e-4, "frequency_hz": 12.0}],
+    }
+    channels = {
+        name: channel | {"unit": "m/s²" if name[0] == "a" else "rad/s"}
+        for name in ("ax", "ay", "az", "gx", "gy", "gz")
+    }
+    return json.dumps(
+        {"format": "tumble noise", "version": 1, "rate_hz": 100.0, "channels": channels}
+    ).encode()
+
+
+def _protocols() -> list[tuple[str, bytes]]:
+    from dataclasses import replace
+
+    from tumble.earth import Site
+    from tumble.protocol import PROTOCOLS, named_protocol, protocol_to_yaml
+
+    site = Site.from_latitude(0.8, 500.0)
+    made = [
+        (f"{name}.yaml", protocol_to_yaml(replace(named_protocol(name), site=site)).encode())
+        for name in PROTOCOLS
+    ]
+    hot = (
+        "format: tumble protocol\nprocedure: thermal\nsite: {latitude_deg: 48.1, height_m: 520}\nsteps:\n"
+        "  - soak: cold\n    temperature_celsius: -10\n    seconds: 600\n  - hold: up\n    up: z\n    seconds: 20\n"
+        "  - ramp: warm\n    from_celsius: -10\n    to_celsius: 50\n    rate_k_per_min: 1\n"
+    )
+    return [
+        *made,
+        ("thermal.yaml", hot.encode()),
+        ("like.yaml", b"format: tumble protocol\nlike: multi-position-26\ngravity: 9.81\n"),
+    ]
+
+
+def _tracks() -> list[tuple[str, bytes]]:
+    from tests.unit.navigation import test_gnss as gnss
+
+    table = "time,latitude,longitude,height,sdn,sde,sdu\n" + "".join(
+        f"2025-07-08 19:34:{s:02d},40.0966,-105.1474,1601.4,0.01,0.01,0.02\n" for s in range(20)
+    )
+    fixes = "".join(gnss.ROW.format(s / 2, 40.0966, -105.1474, 1601.4) for s in range(40))
+    return [
+        ("track.csv", table.encode()),
+        ("track.pos", (gnss.HEADER + fixes).encode()),
+        ("track.nmea", "".join(gnss.nmea(s) for s in range(20)).encode()),
+        ("track.ubx", b"".join(gnss.nav_pvt(float(s)) for s in range(20))),
+    ]
+
+
+def _options() -> list[bytes]:
+    known = {
+        "columns": ["t,ax,ay,az,gx,gy,gz", "-,ax,-ay,az,gx,gy,gz", "t,ax,ay,az"],
+        "units": ["g,deg/s,ms", "counts", "m/s,rad", "degF"],
+        "rate": ["100", "50.0", "1e2"],
+        "site": ["48.1,520", "-33.9", "90"],
+        "gravity": ["9.81", "9.7803"],
+        "topic": ["/imu", "sensor_accel:0"],
+    }
+    return [json.dumps({option: value}).encode() for option, values in known.items() for value in values]
+
+
+def repacked(name: str, content: bytes, change: Callable[[bytes], bytes]) -> bytes:
+    """Return a packed file whose content was changed, so that mutations reach what is inside."""
+    try:
+        if name.endswith(".gz"):
+            return gzip.compress(change(gzip.decompress(content)), mtime=0)
+        if name.endswith(".bz2"):
+            return bz2.compress(change(bz2.decompress(content)))
+        if name.endswith(".xz"):
+            return lzma.compress(change(lzma.decompress(content)))
+        if name.endswith((".zip", ".npz")):
+            out = io.BytesIO()
+            with zipfile.ZipFile(io.BytesIO(content)) as old, zipfile.ZipFile(out, "w") as new:
+                for member in old.infolist():
+                    new.writestr(
+                        zipfile.ZipInfo(member.filename, (2024, 1, 1, 0, 0, 0)), change(old.read(member))
+                    )
+            return out.getvalue()
+    except (OSError, ValueError, zipfile.BadZipFile):
+        pass
+    return change(content)

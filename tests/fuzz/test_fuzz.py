@@ -1,0 +1,38 @@
+"""Three hundred changed files, and all that were findings once: each is a result or a sentence."""
+
+from __future__ import annotations
+
+import pytest
+from tests.fuzz.cases import case_of, found, outcome
+from tests.fuzz.seeds import seeds
+
+
+@pytest.mark.parametrize("part", range(6))
+def test_a_changed_file_is_read_or_refused_in_a_sentence(part: int) -> None:
+    wrong = {number: outcome(case_of(number)) for number in range(50 * part, 50 * (part + 1))}
+    assert {number: what for number, what in wrong.items() if what is not None} == {}
+
+
+def test_what_was_found_once_is_not_found_again() -> None:
+    wrong = {f"{n}: {case.kind} {case.name}": outcome(case) for n, case in enumerate(found())}
+    assert {name: what for name, what in wrong.items() if what is not None} == {}
+
+
+def test_the_sound_files_are_read() -> None:
+    """A seed that is refused would test nothing."""
+    import tempfile
+    from pathlib import Path
+
+    from tests.fuzz.cases import _READERS, Case
+
+    with tempfile.TemporaryDirectory() as folder:
+        for kind, files in seeds().items():
+            for name, content in files:
+                file = Path(folder) / Path(name).name
+                file.write_bytes(content)
+                if kind != "options":
+                    _READERS[kind](file, Case(kind, name, content))
+
+
+def test_a_case_is_the_same_every_time() -> None:
+    assert [case_of(n) for n in range(20)] == [case_of(n) for n in range(20)]
