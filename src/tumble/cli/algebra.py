@@ -31,17 +31,16 @@ def compose_command(
     merge: Annotated[
         bool,
         option(
-            "--merge",
-            panel=FIRST,
-            help="As one matrix and bias, with the covariance of both, where that is exact.",
+            FIRST, "", "As one matrix and bias, with the covariance of both, where that is exact.", "--merge"
         ),
     ] = False,
     unmarked: Annotated[
         bool,
         option(
+            FIRST,
+            "",
+            "The second one's recordings were corrected by the first without saying so.",
             "--unmarked",
-            panel=FIRST,
-            help="The second one's recordings were corrected by the first without saying so.",
         ),
     ] = False,
 ) -> None:
@@ -56,11 +55,7 @@ def compose_command(
     _written(file, document, printed)
 
 
-def invert_command(
-    calibration: CalibrationArgument,
-    output: Output,
-    printed: PrintOptions,
-) -> None:
+def invert_command(calibration: CalibrationArgument, output: Output, printed: PrintOptions) -> None:
     """Make the calibration that undoes another: from corrected numbers to raw ones in m/s² and rad/s.
 
     `tumble apply` takes it for recordings that the other has corrected. Covariance is carried.
@@ -77,11 +72,7 @@ def diff_command(
     printed: PrintOptions,
     allowed: Annotated[
         str | None,
-        option(
-            metavar="UG,DEG/H",
-            panel=FIRST,
-            help="Changes that do no harm: µg at 1 g and deg/h at rest, as 500,20.",
-        ),
+        option(FIRST, "UG,DEG/H", "Changes that do no harm: µg at 1 g and deg/h at rest, as 500,20."),
     ] = None,
 ) -> None:
     """Say what changed between two calibrations, in sigmas, and whether it matters.

@@ -40,28 +40,25 @@ class OneOptions:
     intervals: Intervals = None
     unknowns: Annotated[
         int | None,
-        option(
-            metavar="N",
-            panel=ADVANCED,
-            help="For multi-position: 9 a triad, 6 (no non-orthogonality) or 3 (bias alone).",
-        ),
+        option(ADVANCED, "N", "For multi-position: 9 a triad, 6 (no non-orthogonality) or 3 (bias alone)."),
     ] = None
     noise: NoiseFile = None
     monte_carlo: Annotated[
         int | None,
         option(
-            metavar="N",
-            panel=ADVANCED,
-            help="For joint: propagate distributions with N draws (JCGM 101; 10000 take seconds) and say whether the "
+            ADVANCED,
+            "N",
+            "For joint: propagate distributions with N draws (JCGM 101; 10000 take seconds) and say whether the "
             "stated intervals hold.",
         ),
     ] = None
     noise_correction: Annotated[
         bool,
         option(
+            ADVANCED,
+            "",
+            "Take the noise's own square out of the norm of gyros on the Earth's rate (default).",
             "--noise-correction/--no-noise-correction",
-            panel=ADVANCED,
-            help="Take the noise's own square out of the norm of gyros on the Earth's rate (default).",
         ),
     ] = True
 
@@ -70,12 +67,11 @@ class OneOptions:
 class UnitOptions:
     """What a unit is called."""
 
-    imu_model: Annotated[
-        str | None, option(metavar="MODEL", panel=ADVANCED, help="Model of the unit, noted in the file.")
-    ] = None
+    imu_model: Annotated[str | None, option(ADVANCED, "MODEL", "Model of the unit, noted in the file.")] = (
+        None
+    )
     imu_serial: Annotated[
-        str | None,
-        option(metavar="SERIAL", panel=ADVANCED, help="Serial number of the unit, noted in the file."),
+        str | None, option(ADVANCED, "SERIAL", "Serial number of the unit, noted in the file.")
     ] = None
 
     @property
@@ -98,19 +94,21 @@ class SeveralOptions:
     turn_ons: Annotated[
         bool,
         option(
-            "--turn-ons",
-            panel=_SEVERAL,
-            help="Each RECORDING (a file, acc.csv,gyro.csv, or a protocol file) is the same unit switched on anew: "
+            _SEVERAL,
+            "",
+            "Each RECORDING (a file, acc.csv,gyro.csv, or a protocol file) is the same unit switched on anew: "
             "biases are each one's own, what is stable is common to all (procedure joint).",
+            "--turn-ons",
         ),
     ] = False
     array: Annotated[
         bool,
         option(
-            "--array",
-            panel=_SEVERAL,
-            help="Each RECORDING is another unit, all tumbled together, fixed to one another, on one clock: a "
+            _SEVERAL,
+            "",
+            "Each RECORDING is another unit, all tumbled together, fixed to one another, on one clock: a "
             "calibration for each, and how each sits against the first (procedure joint).",
+            "--array",
         ),
     ] = False
 
@@ -122,18 +120,19 @@ class EstimateOptions:
     prior: Annotated[
         list[Path] | None,
         option(
-            metavar="CALIBRATION",
-            panel=FIRST,
-            help="An earlier calibration.json of this unit: its non-orthogonalities are kept, and six poses suffice. "
+            FIRST,
+            "CALIBRATION",
+            "An earlier calibration.json of this unit: its non-orthogonalities are kept, and six poses suffice. "
             "With --array once for each unit, in their order, or once for all.",
         ),
     ] = None
     optional_terms: Annotated[
         bool,
         option(
+            ADVANCED,
+            "",
+            "Try g-sensitivity and quadratic terms, and keep them if the data want them (default).",
             "--optional-terms/--no-optional-terms",
-            panel=ADVANCED,
-            help="Try g-sensitivity and quadratic terms, and keep them if the data want them (default).",
         ),
     ] = True
 
@@ -150,15 +149,14 @@ def calibrate_command(
     printed: LongPrintOptions,
     recordings: OptionalRecordings = None,
     output: Annotated[
-        Path | None,
-        output_option("Folder for calibration.json and report.html (default: NAME-calibration)."),
+        Path | None, output_option("Folder for calibration.json and report.html (default: NAME-calibration).")
     ] = None,
     procedure: Annotated[
         str | None,
         option(
-            metavar="NAME",
-            panel=FIRST,
-            help=f"{', '.join(KNOWN_PROCEDURES[:-1])} or {KNOWN_PROCEDURES[-1]}; without it the protocol or the "
+            FIRST,
+            "NAME",
+            f"{', '.join(KNOWN_PROCEDURES[:-1])} or {KNOWN_PROCEDURES[-1]}; without it the protocol or the "
             "recording decides, and it is said why.",
         ),
     ] = None,

@@ -24,48 +24,30 @@ class FormOptions:
     """What another tool's file leaves open."""
 
     frame: Annotated[
-        str | None,
-        option(
-            metavar="NAME", panel=ADVANCED, help="Frame of corrected vectors, where the form leaves it open."
-        ),
+        str | None, option(ADVANCED, "NAME", "Frame of corrected vectors, where the form leaves it open.")
     ] = None
     at_temperature: Annotated[
-        float | None,
-        option(metavar="CELSIUS", panel=ADVANCED, help="Take a calibration with temperature at this one."),
+        float | None, option(ADVANCED, "CELSIUS", "Take a calibration with temperature at this one.")
     ] = None
     largest_loss: Annotated[
         float,
-        option(
-            metavar="PPM",
-            panel=ADVANCED,
-            show_default=True,
-            help="Refuse what loses more than this of a vector's length.",
-        ),
+        option(ADVANCED, "PPM", "Refuse what loses more than this of a vector's length.", show_default=True),
     ] = 20000.0
-    instance: Annotated[
-        int,
-        option(metavar="N", panel=ADVANCED, help="Which IMU of the vehicle, from 0 (PX4, ArduPilot)."),
-    ] = 0
+    instance: Annotated[int, option(ADVANCED, "N", "Which IMU of the vehicle, from 0 (PX4, ArduPilot).")] = 0
     per_count: Annotated[
         str | None,
         option(
-            metavar="ACC,GYRO",
-            panel=ADVANCED,
-            help="m/s² and rad/s that the driver makes of a count, for calibrations in counts.",
+            ADVANCED,
+            "ACC,GYRO",
+            "m/s² and rad/s that the driver makes of a count, for calibrations in counts.",
         ),
     ] = None
     correlation_time: Annotated[
         float,
-        option(
-            metavar="S",
-            panel=_NOISE,
-            show_default=True,
-            help="Of consumers with Gauss-Markov biases (KF-GINS, OKVIS).",
-        ),
+        option(_NOISE, "S", "Of consumers with Gauss-Markov biases (KF-GINS, OKVIS).", show_default=True),
     ] = 3600.0
     ros_topic: Annotated[
-        str,
-        option(metavar="NAME", panel=ADVANCED, show_default=True, help="ROS topic, for forms that name one."),
+        str, option(ADVANCED, "NAME", "ROS topic, for forms that name one.", show_default=True)
     ] = "/imu0"
 
 
@@ -75,14 +57,10 @@ class NoiseOptions:
 
     noise: NoiseFile = None
     inflate: Annotated[
-        str | None,
-        option(
-            metavar="WHITE,WALK", panel=_NOISE, help="Multiply white noise and random walk by these, as 2,10."
-        ),
+        str | None, option(_NOISE, "WHITE,WALK", "Multiply white noise and random walk by these, as 2,10.")
     ] = None
     consumer_rate: Annotated[
-        float | None,
-        option(metavar="HZ", panel=_NOISE, help="Rate that the consumer runs at, for per-sample noise."),
+        float | None, option(_NOISE, "HZ", "Rate that the consumer runs at, for per-sample noise.")
     ] = None
 
 
@@ -98,25 +76,16 @@ def convert_command(
             show_default=False,
         ),
     ] = None,
-    to: Annotated[
-        str | None, option("--to", metavar="TARGET", panel=FIRST, help="Write it in this tool's form.")
-    ] = None,
+    to: Annotated[str | None, option(FIRST, "TARGET", "Write it in this tool's form.", "--to")] = None,
     source: Annotated[
-        str | None,
-        option(
-            "--from", metavar="TARGET", panel=FIRST, help="Read this tool's file and write calibration.json."
-        ),
+        str | None, option(FIRST, "TARGET", "Read this tool's file and write calibration.json.", "--from")
     ] = None,
     output: Annotated[
         Path | None, output_option("The file (default: the tool's own name for it).", "PATH")
     ] = None,
     units: Annotated[
         str | None,
-        option(
-            metavar="UNIT,UNIT",
-            panel=FIRST,
-            help="With --from: raw units where the file does not say them, as g,deg/s.",
-        ),
+        option(FIRST, "UNIT,UNIT", "With --from: raw units where the file does not say them, as g,deg/s."),
     ] = None,
 ) -> None:
     """Write a calibration as another tool's file, or read one. Without arguments: the list of targets.

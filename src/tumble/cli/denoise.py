@@ -22,25 +22,21 @@ class WaveletOptions:
 
     threshold: Annotated[
         str | None,
-        option(
-            metavar="RULE",
-            panel=ADVANCED,
-            help="sure (default), universal, or remove: all details go, a linear filter.",
-        ),
+        option(ADVANCED, "RULE", "sure (default), universal, or remove: all details go, a linear filter."),
     ] = None
     shape: Annotated[
-        str | None,
-        option(metavar="SHAPE", panel=ADVANCED, help="soft (default), or hard with --threshold universal."),
+        str | None, option(ADVANCED, "SHAPE", "soft (default), or hard with --threshold universal.")
     ] = None
-    wavelet: Annotated[
-        str | None, option(metavar="NAME", panel=ADVANCED, help="haar, dbN, symN or coifN (default: sym4).")
-    ] = None
+    wavelet: Annotated[str | None, option(ADVANCED, "NAME", "haar, dbN, symN or coifN (default: sym4).")] = (
+        None
+    )
     stationary: Annotated[
         bool,
         option(
+            ADVANCED,
+            "",
+            "All shifts averaged (default), against ripples at edges; takes more memory.",
             "--stationary/--no-stationary",
-            panel=ADVANCED,
-            help="All shifts averaged (default), against ripples at edges; takes more memory.",
         ),
     ] = True
 
@@ -52,32 +48,27 @@ class FilterOptions:
     method: Annotated[
         str,
         option(
-            metavar="METHOD",
-            panel=FIRST,
+            FIRST,
+            "METHOD",
+            "wavelet: thresholds at each scale; ar: autoregression and level filter, at rest only.",
             show_default=True,
-            help="wavelet: thresholds at each scale; ar: autoregression and level filter, at rest only.",
         ),
     ] = "wavelet"
     motion: Annotated[
         str,
         option(
-            metavar="WHAT",
-            panel=FIRST,
+            FIRST,
+            "WHAT",
+            "keep: samples in motion stay exactly as they are; filter: they are de-noised too.",
             show_default=True,
-            help="keep: samples in motion stay exactly as they are; filter: they are de-noised too.",
         ),
     ] = "keep"
     level: Annotated[
         int | None,
-        option(
-            metavar="N",
-            panel=ADVANCED,
-            help="Levels of decomposition; by default each channel's Allan minimum decides.",
-        ),
+        option(ADVANCED, "N", "Levels of decomposition; by default each channel's Allan minimum decides."),
     ] = None
     order: Annotated[
-        int | None,
-        option(metavar="P", panel=ADVANCED, help="Order of the autoregression (default: chosen by BIC)."),
+        int | None, option(ADVANCED, "P", "Order of the autoregression (default: chosen by BIC).")
     ] = None
 
 

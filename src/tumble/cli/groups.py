@@ -21,22 +21,18 @@ ADVANCED = "Advanced"
 PRINTED = "What is printed"
 
 
-def option(
-    *names: str, help: str, panel: str, metavar: str = "", show_default: bool | str = False, **more: Any
-) -> Any:
-    """Declare an option: its spellings, what it says, and the panel of the help that it stands in.
+def option(panel: str, metavar: str, help: str, *names: str, show_default: bool = False) -> Any:
+    """Declare an option.
 
     Parameters
     ----------
-    names : such as ``--output`` and ``-o``; none takes the name of the field.
-    help, panel : for ``--help``.
-    metavar : what stands for the value; empty for a flag.
-    show_default : whether the default is shown, or words for it.
-    more : for typer.
+    panel : of the help that it stands in.
+    metavar : what stands for its value; empty for a flag.
+    help : what it says.
+    names : its spellings, such as ``--output`` and ``-o``; none takes the name of the field.
+    show_default : whether the help shows the default.
     """
-    return typer.Option(
-        *names, help=help, rich_help_panel=panel, metavar=metavar, show_default=show_default, **more
-    )
+    return typer.Option(*names, help=help, rich_help_panel=panel, metavar=metavar, show_default=show_default)
 
 
 @dataclass(frozen=True)

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 class InspectPrintOptions(PrintOptions):
     """How findings are printed."""
 
-    quiet: Annotated[bool, option("--quiet", "-q", panel=PRINTED, help="Print warnings only.")] = False
-    verbose: Annotated[
-        bool, option("--verbose", "-v", panel=PRINTED, help="Print every gap and every channel.")
-    ] = False
+    quiet: Annotated[bool, option(PRINTED, "", "Print warnings only.", "--quiet", "-q")] = False
+    verbose: Annotated[bool, option(PRINTED, "", "Print every gap and every channel.", "--verbose", "-v")] = (
+        False
+    )
 
 
 def inspect_command(
@@ -33,12 +33,7 @@ def inspect_command(
     file: FileOptions,
     printed: InspectPrintOptions,
     save: Annotated[
-        Path | None,
-        option(
-            metavar="FILE",
-            panel=FIRST,
-            help="Convert to this file: .csv or .parquet, raw numbers, time in s.",
-        ),
+        Path | None, option(FIRST, "FILE", "Convert to this file: .csv or .parquet, raw numbers, time in s.")
     ] = None,
 ) -> None:
     """Say what a recording holds: streams, units, rate, gaps, rest and motion, and what it is good for."""

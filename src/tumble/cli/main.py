@@ -73,11 +73,7 @@ COMMANDS = {
 FORMER = {
     "verify": {"--turn-on": "--turn-on-bias"},
     "predict": {"--turn-on": "--turn-on-bias"},
-    "convert": {
-        "--rate": "--consumer-rate",
-        "--temperature": "--at-temperature",
-        "--topic": "--ros-topic",
-    },
+    "convert": {"--rate": "--consumer-rate", "--temperature": "--at-temperature", "--topic": "--ros-topic"},
     "simulate": {
         "--unit": "--unit-seed",
         "--units": "--output-units",

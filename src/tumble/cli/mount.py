@@ -27,13 +27,7 @@ def mount_command(
     ],
     calibration: Annotated[
         Path,
-        option(
-            "--calibration",
-            "-c",
-            metavar="CALIBRATION",
-            panel=FIRST,
-            help="calibration.json, or the folder that holds it.",
-        ),
+        option(FIRST, "CALIBRATION", "calibration.json, or the folder that holds it.", "--calibration", "-c"),
     ],
     site: SiteOptions,
     file: FileOptions,
@@ -44,10 +38,10 @@ def mount_command(
     mount_mrad: Annotated[
         float,
         option(
-            metavar="MRAD",
-            panel=FIRST,
+            FIRST,
+            "MRAD",
+            "How well the mount was levelled and turned about its y axis, one sigma.",
             show_default=True,
-            help="How well the mount was levelled and turned about its y axis, one sigma.",
         ),
     ] = 0.0,
 ) -> None:

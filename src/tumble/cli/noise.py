@@ -20,48 +20,44 @@ _LETTERS = (
 class AnalysisOptions:
     """What is analysed, and how."""
 
-    skip: Annotated[
-        float, option(metavar="S", panel=FIRST, help="Seconds at the start to leave out, such as warm-up.")
-    ] = 0.0
+    skip: Annotated[float, option(FIRST, "S", "Seconds at the start to leave out, such as warm-up.")] = 0.0
     remove_temperature: Annotated[
-        bool,
-        option(
-            "--remove-temperature", panel=FIRST, help="Take a straight line in the temperature off first."
-        ),
+        bool, option(FIRST, "", "Take a straight line in the temperature off first.", "--remove-temperature")
     ] = False
     kind: Annotated[
         str,
         option(
-            metavar="KIND",
-            panel=ADVANCED,
-            help="Which deviation is printed and drawn: overlapping (default), modified, hadamard or haar. The terms "
+            ADVANCED,
+            "KIND",
+            "Which deviation is printed and drawn: overlapping (default), modified, hadamard or haar. The terms "
             "are of the overlapping Allan deviation always.",
         ),
     ] = "overlapping"
     taus: Annotated[
         str,
         option(
-            metavar="TAUS",
-            panel=ADVANCED,
-            help="Its averaging times: octave, doubling; decade, 1 2 4 a decade; log, ten a decade (default); all; or "
+            ADVANCED,
+            "TAUS",
+            "Its averaging times: octave, doubling; decade, 1 2 4 a decade; log, ten a decade (default); all; or "
             "a list in s as 0.1,1,10.",
         ),
     ] = "log"
     fit: Annotated[
         str,
         option(
-            metavar="WAY",
-            panel=ADVANCED,
-            help="How the terms are found: curve, a weighted fit of the whole curve (default), or moments, the "
+            ADVANCED,
+            "WAY",
+            "How the terms are found: curve, a weighted fit of the whole curve (default), or moments, the "
             "generalized method of wavelet moments.",
         ),
     ] = "curve"
     stream: Annotated[
         bool | None,
         option(
+            ADVANCED,
+            "",
+            "Read block by block, twice, in little memory; by default above half a gigabyte of numbers.",
             "--stream/--whole",
-            panel=ADVANCED,
-            help="Read block by block, twice, in little memory; by default above half a gigabyte of numbers.",
         ),
     ] = None
 

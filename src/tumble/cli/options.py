@@ -57,67 +57,57 @@ CalibrationArgument: TypeAlias = Annotated[
 NoiseFile: TypeAlias = Annotated[
     Path | None,
     option(
+        ADVANCED,
+        "NOISE.JSON",
+        "This unit's own noise, from `tumble noise -o`, in place of what is assumed of it.",
         "--noise",
-        metavar="NOISE.JSON",
-        panel=ADVANCED,
-        help="This unit's own noise, from `tumble noise -o`, in place of what is assumed of it.",
     ),
 ]
 DataSheet: TypeAlias = Annotated[
     str | None,
     option(
+        ADVANCED,
+        "GRADE",
+        f"A kind of unit, whose data sheet says what is not known of this one: {GRADES}.",
         "--data-sheet",
-        metavar="GRADE",
-        panel=ADVANCED,
-        help=f"A kind of unit, whose data sheet says what is not known of this one: {GRADES}.",
     ),
 ]
 TurnOnBias: TypeAlias = Annotated[
     str | None,
     option(
+        ADVANCED,
+        "MG,DEG/H",
+        "By how much biases move when the unit is switched on anew, one sigma.",
         "--turn-on-bias",
-        metavar="MG,DEG/H",
-        panel=ADVANCED,
-        help="By how much biases move when the unit is switched on anew, one sigma.",
     ),
 ]
 Seed: TypeAlias = Annotated[
-    int,
-    option(
-        "--seed",
-        metavar="N",
-        panel=FIRST,
-        show_default=True,
-        help="What is drawn; the same seed draws the same.",
-    ),
+    int, option(FIRST, "N", "What is drawn; the same seed draws the same.", "--seed", show_default=True)
 ]
 Imu: TypeAlias = Annotated[
-    str,
-    option("--imu", metavar="GRADE", panel=FIRST, show_default=True, help=f"Grade of the unit: {GRADES}."),
+    str, option(FIRST, "GRADE", f"Grade of the unit: {GRADES}.", "--imu", show_default=True)
 ]
 Protocol: TypeAlias = Annotated[
     str | None,
     option(
+        FIRST,
+        "FILE|NAME",
+        "What was done to the unit: a protocol file (YAML), or the name of a protocol, such as six-position.",
         "--protocol",
-        metavar="FILE|NAME",
-        panel=FIRST,
-        help="What was done to the unit: a protocol file (YAML), or the name of a protocol, such as six-position.",
     ),
 ]
 Intervals: TypeAlias = Annotated[
     Path | None,
     option(
+        ADVANCED,
+        "FILE",
+        "A file with start and stop of each hold in seconds, instead of finding the holds.",
         "--intervals",
-        metavar="FILE",
-        panel=ADVANCED,
-        help="A file with start and stop of each hold in seconds, instead of finding the holds.",
     ),
 ]
-Json: TypeAlias = Annotated[bool, option("--json", panel=PRINTED, help="Print everything as JSON.")]
-Quiet: TypeAlias = Annotated[bool, option("--quiet", "-q", panel=PRINTED, help="Print the verdict only.")]
-Verbose: TypeAlias = Annotated[
-    bool, option("--verbose", "-v", panel=PRINTED, help="Print more of what was found.")
-]
+Json: TypeAlias = Annotated[bool, option(PRINTED, "", "Print everything as JSON.", "--json")]
+Quiet: TypeAlias = Annotated[bool, option(PRINTED, "", "Print the verdict only.", "--quiet", "-q")]
+Verbose: TypeAlias = Annotated[bool, option(PRINTED, "", "Print more of what was found.", "--verbose", "-v")]
 
 
 def output_option(help: str, metavar: str = "DIR") -> object:
@@ -128,7 +118,7 @@ def output_option(help: str, metavar: str = "DIR") -> object:
     help : what it writes, and where it does without.
     metavar : whether a folder, a file or either is asked for.
     """
-    return option("--output", "-o", metavar=metavar, panel=FIRST, help=help)
+    return option(FIRST, metavar, help, "--output", "-o")
 
 
 @dataclass(frozen=True)
@@ -138,29 +128,25 @@ class FileOptions:
     units: Annotated[
         str | None,
         option(
-            metavar="UNIT,...",
-            panel=FILE,
-            help="Units as g,deg/s,ms; counts; m/s,rad for increments; degF or K of the temperature.",
+            FILE,
+            "UNIT,...",
+            "Units as g,deg/s,ms; counts; m/s,rad for increments; degF or K of the temperature.",
         ),
     ] = None
     columns: Annotated[
         str | None,
         option(
-            metavar="NAME,...",
-            panel=FILE,
-            help="What the columns are, as t,ax,ay,az,gx,gy,gz; - skips one, -ay reverses one.",
+            FILE, "NAME,...", "What the columns are, as t,ax,ay,az,gx,gy,gz; - skips one, -ay reverses one."
         ),
     ] = None
-    rate: Annotated[
-        float | None, option(metavar="HZ", panel=FILE, help="Sampling rate, for a file without time stamps.")
-    ] = None
+    rate: Annotated[float | None, option(FILE, "HZ", "Sampling rate, for a file without time stamps.")] = None
     topics: Annotated[
         list[str] | None,
         option(
+            FILE,
+            "NAME",
+            "Topic, message or data set of a bag or log; twice for an accelerometer and a gyro apart.",
             "--topic",
-            metavar="NAME",
-            panel=FILE,
-            help="Topic, message or data set of a bag or log; twice for an accelerometer and a gyro apart.",
         ),
     ] = None
 
@@ -172,18 +158,12 @@ class SiteOptions:
     site: Annotated[
         str | None,
         option(
-            metavar="LAT[,H]",
-            panel=PLACE,
-            help="Latitude in degrees and height in metres; gravity is WGS 84's normal gravity.",
+            PLACE, "LAT[,H]", "Latitude in degrees and height in metres; gravity is WGS 84's normal gravity."
         ),
     ] = None
     gravity: Annotated[
         float | None,
-        option(
-            metavar="G",
-            panel=PLACE,
-            help="Gravity there in m/s², if a survey knows it better than the latitude.",
-        ),
+        option(PLACE, "G", "Gravity there in m/s², if a survey knows it better than the latitude."),
     ] = None
 
 
@@ -193,18 +173,14 @@ class TemperatureOptions:
 
     temperature: Annotated[
         float | None,
-        option(
-            metavar="CELSIUS",
-            panel=FILE,
-            help="Temperature of the whole recording in °C, where it has no column of it.",
-        ),
+        option(FILE, "CELSIUS", "Temperature of the whole recording in °C, where it has no column of it."),
     ] = None
     outside: Annotated[
         str,
         option(
-            metavar="HOW",
-            panel=ADVANCED,
-            help="Beyond the calibrated temperatures: refuse (default), hold the parameters of the span's end, or "
+            ADVANCED,
+            "HOW",
+            "Beyond the calibrated temperatures: refuse (default), hold the parameters of the span's end, or "
             "extrapolate.",
         ),
     ] = "refuse"

@@ -28,18 +28,18 @@ class WishOptions:
     given: Annotated[
         Path | None,
         option(
-            metavar="FILE",
-            panel=FIRST,
-            help="What is there already, a recording or a calibration: the next poses, turns or rotations are said, "
+            FIRST,
+            "FILE",
+            "What is there already, a recording or a calibration: the next poses, turns or rotations are said, "
             "and when to stop.",
         ),
     ] = None
     targets: Annotated[
         str | None,
         option(
-            metavar="NAME=N,...",
-            panel=FIRST,
-            help="Wished-for standard uncertainties, as bias=50,scale=100,misalignment=20 in µg, ppm and ″; of "
+            FIRST,
+            "NAME=N,...",
+            "Wished-for standard uncertainties, as bias=50,scale=100,misalignment=20 in µg, ppm and ″; of "
             "protocols also gyro-bias (°/h), gyro-scale, gyro-misalignment, rotation and g-sensitivity.",
         ),
     ] = None
@@ -54,14 +54,14 @@ class ProtocolOptions:
     recorded: Annotated[
         str | None,
         option(
+            ADVANCED,
+            "FILE",
+            "With --given RECORDING: the protocol that it was recorded with, which has the table's angles.",
             "--protocol",
-            metavar="FILE",
-            panel=ADVANCED,
-            help="With --given RECORDING: the protocol that it was recorded with, which has the table's angles.",
         ),
     ] = None
     steps: Annotated[
-        bool, option("--steps/--no-steps", panel=ADVANCED, help="Judge what each step is worth (default).")
+        bool, option(ADVANCED, "", "Judge what each step is worth (default).", "--steps/--no-steps")
     ] = True
 
 
@@ -69,70 +69,55 @@ class ProtocolOptions:
 class PoseOptions:
     """What only a search of poses understands."""
 
-    poses: Annotated[
-        int | None, option(metavar="N", panel=POSES, help="How many poses (9; hand-held 26).")
-    ] = None
+    poses: Annotated[int | None, option(POSES, "N", "How many poses (9; hand-held 26).")] = None
     minutes: Annotated[
         float | None,
         option(
-            "--time",
-            metavar="MINUTES",
-            panel=POSES,
-            help="Instead of --poses: how long the test may last; poses and dwells are then as many and as long "
+            POSES,
+            "MINUTES",
+            "Instead of --poses: how long the test may last; poses and dwells are then as many and as long "
             "as is best.",
+            "--time",
         ),
     ] = None
     turn: Annotated[
         float | None,
-        option(
-            "--turn-seconds",
-            metavar="S",
-            panel=POSES,
-            help="Seconds from one pose to the next (3; hand-held 2).",
-        ),
+        option(POSES, "S", "Seconds from one pose to the next (3; hand-held 2).", "--turn-seconds"),
     ] = None
     criterion: Annotated[
         str,
         option(
-            metavar="A|D|E|minimax|I",
-            panel=POSES,
-            help="What is made small: A (mean variance, the default), D (volume), E (worst combination), minimax "
+            POSES,
+            "A|D|E|minimax|I",
+            "What is made small: A (mean variance, the default), D (volume), E (worst combination), minimax "
             "(worst against Zhang's nine) or I (error of a corrected vector).",
         ),
     ] = "A"
     wanted: Annotated[
         str | None,
         option(
+            POSES,
+            "NAME,...",
+            "What matters, such as bias or 'scale,misalignment yz' (default: everything).",
             "--for",
-            metavar="NAME,...",
-            panel=POSES,
-            help="What matters, such as bias or 'scale,misalignment yz' (default: everything).",
         ),
     ] = None
     reach: Annotated[
         str,
         option(
-            metavar="REACH",
-            panel=POSES,
-            help="Which poses there are: 26 (default), sphere, two-axis, or a protocol file whose holds are a jig's "
+            POSES,
+            "REACH",
+            "Which poses there are: 26 (default), sphere, two-axis, or a protocol file whose holds are a jig's "
             "poses.",
         ),
     ] = "26"
     outer: Annotated[
         str | None,
-        option(
-            metavar="MIN,MAX,STEP",
-            panel=POSES,
-            help="Angles in ° of a two-axis fixture's level axis (-180,135,45).",
-        ),
+        option(POSES, "MIN,MAX,STEP", "Angles in ° of a two-axis fixture's level axis (-180,135,45)."),
     ] = None
     inner: Annotated[
         str | None,
-        option(
-            metavar="MIN,MAX,STEP",
-            panel=POSES,
-            help="Angles in ° of the axis that it carries, the unit's z (0,315,45).",
-        ),
+        option(POSES, "MIN,MAX,STEP", "Angles in ° of the axis that it carries, the unit's z (0,315,45)."),
     ] = None
 
 
@@ -143,27 +128,23 @@ class RestOptions:
     hold: Annotated[
         float | None,
         option(
-            metavar="S",
-            panel=FIRST,
-            help="Seconds of rest in each pose (30; hand-held 4), or before and after each sequence (10).",
+            FIRST,
+            "S",
+            "Seconds of rest in each pose (30; hand-held 4), or before and after each sequence (10).",
         ),
     ] = None
     fixture_mrad: Annotated[
         float | None,
         option(
-            metavar="MRAD",
-            panel=FIXTURE,
-            help="How well the fixture is levelled and the unit aligned on it, one sigma (0.1° are 1.75; default: "
+            FIXTURE,
+            "MRAD",
+            "How well the fixture is levelled and the unit aligned on it, one sigma (0.1° are 1.75; default: "
             "1, and 8.7 of a six-position test).",
         ),
     ] = None
     accelerometer_noise_ug: Annotated[
         float | None,
-        option(
-            metavar="UG/√HZ",
-            panel=ADVANCED,
-            help="The accelerometers' noise in µg/√Hz, of another data sheet.",
-        ),
+        option(ADVANCED, "UG/√HZ", "The accelerometers' noise in µg/√Hz, of another data sheet."),
     ] = None
 
 
@@ -174,98 +155,74 @@ class BudgetOptions:
     heading_mrad: Annotated[
         float | None,
         option(
-            metavar="MRAD",
-            panel=FIXTURE,
-            help="How well the outer axis' direction against north is known (default: as the fixture).",
+            FIXTURE,
+            "MRAD",
+            "How well the outer axis' direction against north is known (default: as the fixture).",
         ),
     ] = None
     execution_mrad: Annotated[
         float | None,
-        option(
-            metavar="MRAD",
-            panel=FIXTURE,
-            help="How far beside its angle an axis stops (default: as the fixture).",
-        ),
+        option(FIXTURE, "MRAD", "How far beside its angle an axis stops (default: as the fixture)."),
     ] = None
     azimuth_deg: Annotated[
-        float,
-        option(
-            metavar="DEG",
-            panel=FIXTURE,
-            show_default=True,
-            help="Where the outer axis points, from north by east.",
-        ),
+        float, option(FIXTURE, "DEG", "Where the outer axis points, from north by east.", show_default=True)
     ] = 90.0
-    turn_rate: Annotated[
-        float, option(metavar="DEG/S", panel=FIXTURE, show_default=True, help="Rate of the rotations.")
-    ] = 57.3
+    turn_rate: Annotated[float, option(FIXTURE, "DEG/S", "Rate of the rotations.", show_default=True)] = 57.3
     pause: Annotated[
-        float,
-        option(
-            metavar="S",
-            panel=FIXTURE,
-            show_default=True,
-            help="Seconds between two rotations, and beside each rest.",
-        ),
+        float, option(FIXTURE, "S", "Seconds between two rotations, and beside each rest.", show_default=True)
     ] = 1.0
     gyro_walk_deg_per_root_hour: Annotated[
-        float | None,
-        option(
-            metavar="DEG/√H",
-            panel=BUDGET,
-            help="The gyros' angle random walk in °/√h, of another data sheet.",
-        ),
+        float | None, option(BUDGET, "DEG/√H", "The gyros' angle random walk in °/√h, of another data sheet.")
     ] = None
     gyro_pulse_arcsec: Annotated[
-        float | None,
-        option(
-            metavar="ARCSEC", panel=BUDGET, help="Size of the gyros' pulses in arc-seconds (default: none)."
-        ),
+        float | None, option(BUDGET, "ARCSEC", "Size of the gyros' pulses in arc-seconds (default: none).")
     ] = None
     play_backs: Annotated[
         int,
         option(
-            metavar="N",
-            panel=BUDGET,
+            BUDGET,
+            "N",
+            "How often the recording is played back with what it told (calibrate: until it settles).",
             show_default=True,
-            help="How often the recording is played back with what it told (calibrate: until it settles).",
         ),
     ] = 2
     formulas: Annotated[
         bool,
         option(
+            BUDGET,
+            "",
+            "Savage's (13), or all components by least squares (default).",
             "--formulas/--least-squares",
-            panel=BUDGET,
-            help="Savage's (13), or all components by least squares (default).",
         ),
     ] = False
     start_bias: Annotated[
         bool,
         option(
+            BUDGET,
+            "",
+            "The gyros' bias from the rest before each sequence (default).",
             "--start-bias/--no-start-bias",
-            panel=BUDGET,
-            help="The gyros' bias from the rest before each sequence (default).",
         ),
     ] = True
     norm: Annotated[
         bool,
         option(
+            BUDGET,
+            "",
+            "The vertical from the acceleration's length (default), or projected.",
             "--norm/--no-norm",
-            panel=BUDGET,
-            help="The vertical from the acceleration's length (default), or projected.",
         ),
     ] = True
     asymmetry: Annotated[
         bool,
         option(
+            BUDGET,
+            "",
+            "With sequences 1a to 3a (default), for gyros with asymmetry.",
             "--asymmetry/--no-asymmetry",
-            panel=BUDGET,
-            help="With sequences 1a to 3a (default), for gyros with asymmetry.",
         ),
     ] = True
-    monte_carlo: Annotated[
-        int, option(metavar="N", panel=BUDGET, help="Also draw so many tests, with all errors at once.")
-    ] = 0
+    monte_carlo: Annotated[int, option(BUDGET, "N", "Also draw so many tests, with all errors at once.")] = 0
 
 
 __all__ = ["BudgetOptions", "PlanOptions", "PoseOptions", "ProtocolOptions", "RestOptions", "WishOptions"]

@@ -20,12 +20,8 @@ if TYPE_CHECKING:
 class TurnOptions:
     """The turn after which the attitude is judged."""
 
-    turn: Annotated[
-        float, option(metavar="DEG", panel=FIRST, show_default=True, help="A turn about each axis, degrees.")
-    ] = 90.0
-    turn_rate: Annotated[
-        float, option(metavar="DEG/S", panel=FIRST, show_default=True, help="How fast it turns.")
-    ] = 30.0
+    turn: Annotated[float, option(FIRST, "DEG", "A turn about each axis, degrees.", show_default=True)] = 90.0
+    turn_rate: Annotated[float, option(FIRST, "DEG/S", "How fast it turns.", show_default=True)] = 30.0
 
 
 @dataclass(frozen=True)
@@ -47,18 +43,14 @@ def predict_command(
     along: TrajectoryOptions,
     seconds: Annotated[
         list[float] | None,
-        option(
-            metavar="S",
-            panel=FIRST,
-            help="Seconds at rest without aiding, up to 600; may be given several times.",
-        ),
+        option(FIRST, "S", "Seconds at rest without aiding, up to 600; may be given several times."),
     ] = None,
     trajectory: Annotated[
         str | None,
         option(
-            metavar="PATH",
-            panel=FIRST,
-            help="rest, straight, cart or a file with positions of a drive: navigate along this instead, noise and "
+            FIRST,
+            "PATH",
+            "rest, straight, cart or a file with positions of a drive: navigate along this instead, noise and "
             "all, each parameter by itself.",
         ),
     ] = None,

@@ -23,11 +23,7 @@ def reproduce_command(
     ] = None,
     repetitions: Annotated[
         int | None,
-        option(
-            metavar="N",
-            panel=FIRST,
-            help="How many simulated runs; hundreds show the range that one run lies in.",
-        ),
+        option(FIRST, "N", "How many simulated runs; hundreds show the range that one run lies in."),
     ] = None,
     seed: Seed = 0,
     output: Annotated[

@@ -32,48 +32,40 @@ class SessionOptions:
     unit: Annotated[
         int | None,
         option(
+            FIRST,
+            "N",
+            "Seed of the unit alone: the same unit in another session (default: --seed).",
             "--unit-seed",
-            metavar="N",
-            panel=FIRST,
-            help="Seed of the unit alone: the same unit in another session (default: --seed).",
         ),
     ] = None
     rate: Annotated[
         float | None,
-        option(
-            "--sample-rate",
-            metavar="HZ",
-            panel=FIRST,
-            help="Sampling rate (default: the protocol's or the grade's own).",
-        ),
+        option(FIRST, "HZ", "Sampling rate (default: the protocol's or the grade's own).", "--sample-rate"),
     ] = None
-    duration: Annotated[
-        float | None,
-        option(metavar="S", panel=FIRST, help="With rest: seconds to record (default: 600)."),
-    ] = None
+    duration: Annotated[float | None, option(FIRST, "S", "With rest: seconds to record (default: 600).")] = (
+        None
+    )
     units: Annotated[
         str,
         option(
+            ADVANCED,
+            "SI|counts",
+            "What the recording is in: SI (default), or counts, as a converter gives them.",
             "--output-units",
-            metavar="SI|counts",
-            panel=ADVANCED,
-            help="What the recording is in: SI (default), or counts, as a converter gives them.",
         ),
     ] = "SI"
     axes: Annotated[
         str,
         option(
-            metavar="unit|case",
-            panel=ADVANCED,
-            help="What the poses are of: the axes of the unit (default), or of its case (HG units).",
+            ADVANCED,
+            "unit|case",
+            "What the poses are of: the axes of the unit (default), or of its case (HG units).",
         ),
     ] = "unit"
     per_step: Annotated[
         bool,
         option(
-            "--per-step/--one-file",
-            panel=ADVANCED,
-            help="A file for each hold and spin, or one for all (default).",
+            ADVANCED, "", "A file for each hold and spin, or one for all (default).", "--per-step/--one-file"
         ),
     ] = False
 

@@ -24,10 +24,6 @@ _MILLISECONDS = Range(0.0, 1000.0, "milliseconds", 1e-3)
 _SECONDS = Range(0.0, 600.0, "seconds")
 
 
-def _about(metavar: str, panel: str, help: str) -> object:
-    return option(metavar=metavar, panel=panel, help=help)
-
-
 @dataclass(frozen=True)
 class ErrorOptions:
     """What is wrong with the unit beyond its grade's scale factors, biases and noise."""
@@ -35,28 +31,24 @@ class ErrorOptions:
     placement: Annotated[
         bool,
         option(
+            UNIT,
+            "",
+            "Make the placement errors that the protocol allows (default).",
             "--placement/--no-placement",
-            panel=UNIT,
-            help="Make the placement errors that the protocol allows (default).",
         ),
     ] = True
     sensor_noise: Annotated[
-        bool,
-        option(
-            "--sensor-noise/--no-noise", panel=UNIT, help="Add noise and the converter's steps (default)."
-        ),
+        bool, option(UNIT, "", "Add noise and the converter's steps (default).", "--sensor-noise/--no-noise")
     ] = True
     nonlinear: Annotated[
-        bool,
-        option("--nonlinear", panel=UNIT, help="Also draw quadratic terms of the sheet's linearity."),
+        bool, option(UNIT, "", "Also draw quadratic terms of the sheet's linearity.", "--nonlinear")
     ] = False
     wander: Annotated[
-        bool,
-        option("--wander", panel=UNIT, help="Also let biases wander by the sheet's in-run stability."),
+        bool, option(UNIT, "", "Also let biases wander by the sheet's in-run stability.", "--wander")
     ] = False
     asymmetry_ppm: Annotated[
         float,
-        _about("PPM", UNIT, "Standard deviation of each sensor's scale-factor asymmetry, in ppm."),
+        option(UNIT, "PPM", "Standard deviation of each sensor's scale-factor asymmetry, in ppm."),
         Range(0.0, 1e5, si=1e-6),
     ] = 0.0
     turn_on_bias: TurnOnBias = None
@@ -68,32 +60,32 @@ class ChainOptions:
 
     angle_pulse_arcsec: Annotated[
         float,
-        _about("ARCSEC", CHAIN, "The gyros send whole pulses of so many arc-seconds."),
+        option(CHAIN, "ARCSEC", "The gyros send whole pulses of so many arc-seconds."),
         Range(0.0, 36_000.0, si=_DEGREE / 3600.0),
     ] = 0.0
     velocity_pulse_mm_per_s: Annotated[
         float,
-        _about("MM/S", CHAIN, "The accelerometers send whole pulses of so many mm/s."),
+        option(CHAIN, "MM/S", "The accelerometers send whole pulses of so many mm/s."),
         Range(0.0, 1000.0, si=1e-3),
     ] = 0.0
     jitter: Annotated[
         float,
-        _about("MS", CHAIN, "Standard deviation of the stamps about the true instants, in ms."),
+        option(CHAIN, "MS", "Standard deviation of the stamps about the true instants, in ms."),
         _MILLISECONDS,
     ] = 0.0
     sampling_jitter: Annotated[
         float,
-        _about("MS", CHAIN, "Standard deviation of the instants themselves, which no stamp shows, in ms."),
+        option(CHAIN, "MS", "Standard deviation of the instants themselves, which no stamp shows, in ms."),
         _MILLISECONDS,
     ] = 0.0
     dropped: Annotated[
         float,
-        _about("PERCENT", CHAIN, "Share of the samples that are lost, in per cent."),
+        option(CHAIN, "PERCENT", "Share of the samples that are lost, in per cent."),
         Range(0.0, 50.0, "a share of the samples in per cent,", 1e-2),
     ] = 0.0
     burst: Annotated[
         float,
-        _about("N", CHAIN, "How many samples are lost at a time, on average."),
+        option(CHAIN, "N", "How many samples are lost at a time, on average."),
         Range(1.0, 1e6, words="how many samples are lost at a time, 1 or more"),
     ] = 1.0
 
@@ -124,68 +116,66 @@ class TableOptions:
 
     table_angle_arcsec: Annotated[
         float | None,
-        _about(
-            "ARCSEC",
+        option(
             TABLE,
+            "ARCSEC",
             "Standard deviation of each angle against the display, in arc-seconds (default: the protocol's).",
         ),
         _ARCSECONDS,
     ] = None
     table_once_arcsec: Annotated[
         float,
-        _about("ARCSEC", TABLE, "Systematic error of the angle, once a revolution, in arc-seconds."),
+        option(TABLE, "ARCSEC", "Systematic error of the angle, once a revolution, in arc-seconds."),
         _ARCSECONDS,
     ] = 0.0
     table_twice_arcsec: Annotated[
-        float, _about("ARCSEC", TABLE, "The same, twice a revolution."), _ARCSECONDS
+        float, option(TABLE, "ARCSEC", "The same, twice a revolution."), _ARCSECONDS
     ] = 0.0
     table_tilt_deg: Annotated[
         float,
-        _about(
-            "DEG",
-            TABLE,
-            "Standard deviation of the axes' lean from where the protocol has them, in degrees.",
+        option(
+            TABLE, "DEG", "Standard deviation of the axes' lean from where the protocol has them, in degrees."
         ),
         Range(0.0, 45.0, "degrees", _DEGREE),
     ] = 0.0
     table_wobble_arcsec: Annotated[
         float,
-        _about("ARCSEC", TABLE, "Half angle of the cone that the axis describes, in arc-seconds."),
+        option(TABLE, "ARCSEC", "Half angle of the cone that the axis describes, in arc-seconds."),
         _ARCSECONDS,
     ] = 0.0
     table_ripple_ppm: Annotated[
         float,
-        _about("PPM", TABLE, "Amplitude of the rate's ripple, in ppm of the rate."),
+        option(TABLE, "PPM", "Amplitude of the rate's ripple, in ppm of the rate."),
         Range(0.0, 500_000.0, "ppm", 1e-6),
     ] = 0.0
-    table_ripple_cycles: Annotated[int, _about("N", TABLE, "How often it comes in a revolution (12).")] = 12
+    table_ripple_cycles: Annotated[int, option(TABLE, "N", "How often it comes in a revolution (12).")] = 12
     table_ramps: Annotated[
         float,
-        _about("PERCENT", TABLE, "Standard deviation of the time of each ramp, in per cent of it."),
+        option(TABLE, "PERCENT", "Standard deviation of the time of each ramp, in per cent of it."),
         Range(0.0, 50.0, "per cent", 1e-2),
     ] = 0.0
     table_shake_ug: Annotated[
         float,
-        _about(
-            "UG",
+        option(
             TABLE,
+            "UG",
             "Standard deviation that turning adds to each accelerometer sample, in millionths of g.",
         ),
         Range(0.0, 100_000.0, "millionths of g", 1e-6 * STANDARD_GRAVITY),
     ] = 0.0
     table_stops: Annotated[
         list[str] | None,
-        _about(
-            "SPIN:PERCENT",
+        option(
             TABLE,
+            "SPIN:PERCENT",
             "A spin, counted from 1, that stops after so much of its angle; may be given again.",
         ),
     ] = None
     table_lever_arm_cm: Annotated[
         str | None,
-        _about(
-            "X,Y,Z",
+        option(
             TABLE,
+            "X,Y,Z",
             "From the centre of table or fixture to the accelerometers, in b; nine numbers for a place of each.",
         ),
     ] = None
@@ -269,61 +259,59 @@ class FixtureOptions:
 
     fixture_azimuth_deg: Annotated[
         _Amount,
-        _about(
-            "DEG",
+        option(
             FIXTURE,
+            "DEG",
             "Where the outer axis points, in degrees clockwise from north (default: the protocol's, east).",
         ),
         Range(-360.0, 360.0, "degrees", _DEGREE),
     ] = None
     fixture_installation_mrad: Annotated[
         _Amount,
-        _about(
-            "MRAD",
+        option(
             FIXTURE,
+            "MRAD",
             "Standard deviation of the outer axis' heading and of both tilts, in milliradians.",
         ),
         _MRAD,
     ] = None
     fixture_orthogonality_mrad: Annotated[
         _Amount,
-        _about(
-            "MRAD",
+        option(
             FIXTURE,
+            "MRAD",
             "Standard deviation of the angle between the axes about a right one, in milliradians.",
         ),
         _MRAD,
     ] = None
     fixture_zero_mrad: Annotated[
-        _Amount, _about("MRAD", FIXTURE, "Standard deviation of both angles' zero, in milliradians."), _MRAD
+        _Amount, option(FIXTURE, "MRAD", "Standard deviation of both angles' zero, in milliradians."), _MRAD
     ] = None
     fixture_mounting_mrad: Annotated[
         _Amount,
-        _about(
-            "MRAD",
+        option(
             FIXTURE,
+            "MRAD",
             "Standard deviation of how the unit lies on the inner axis, about each axis, in milliradians.",
         ),
         _MRAD,
     ] = None
     fixture_execution_mrad: Annotated[
         _Amount,
-        _about("MRAD", FIXTURE, "Standard deviation of each stop of each axis, in milliradians."),
+        option(FIXTURE, "MRAD", "Standard deviation of each stop of each axis, in milliradians."),
         _MRAD,
     ] = None
     fixture_rate_deg_per_s: Annotated[
         _Amount,
-        _about("DEG/S", FIXTURE, "Rate of its rotations (default: as long as the protocol says)."),
+        option(FIXTURE, "DEG/S", "Rate of its rotations (default: as long as the protocol says)."),
         Range(0.1, 5000.0, "degrees per second", _DEGREE),
     ] = None
     fixture_ramp_s: Annotated[
-        _Amount,
-        _about("S", FIXTURE, "Seconds to come to the rate, and to stop (default: 0.5)."),
-        _SECONDS,
+        _Amount, option(FIXTURE, "S", "Seconds to come to the rate, and to stop (default: 0.5)."), _SECONDS
     ] = None
     fixture_pause_s: Annotated[
         _Amount,
-        _about("S", FIXTURE, "Seconds of rest between the rotations of a sequence (default: 1)."),
+        option(FIXTURE, "S", "Seconds of rest between the rotations of a sequence (default: 1)."),
         _SECONDS,
     ] = None
 

@@ -23,7 +23,7 @@ def units_command(
         ),
     ],
     sample_rate: Annotated[
-        float | None, option(metavar="HZ", panel=FIRST, help="Sampling rate, for numbers per sample.")
+        float | None, option(FIRST, "HZ", "Sampling rate, for numbers per sample.")
     ] = None,
     as_json: Json = False,
 ) -> None:

@@ -48,23 +48,15 @@ class DriveOptions:
     """What only a drive has."""
 
     lever_arm: Annotated[
-        str | None,
-        option(
-            metavar="X,Y,Z",
-            panel=_DRIVE,
-            help="Metres from the IMU to the antenna, in b. Without it, 0,0,0.",
-        ),
+        str | None, option(_DRIVE, "X,Y,Z", "Metres from the IMU to the antenna, in b. Without it, 0,0,0.")
     ] = None
     gnss_time: Annotated[
-        float | None,
-        option(metavar="S", panel=_DRIVE, help="Seconds to add to the positions' times; without it, found."),
+        float | None, option(_DRIVE, "S", "Seconds to add to the positions' times; without it, found.")
     ] = None
     outages: Annotated[
         str | None,
         option(
-            metavar="S,...",
-            panel=_DRIVE,
-            help="Seconds without positions, as 2,10,30,60 (the default, as far as they fit).",
+            _DRIVE, "S,...", "Seconds without positions, as 2,10,30,60 (the default, as far as they fit)."
         ),
     ] = None
     data_sheet: DataSheet = None
@@ -88,9 +80,9 @@ def verify_command(
     gnss: Annotated[
         Path | None,
         option(
-            metavar="FILE",
-            panel=_DRIVE,
-            help="Satellite positions of a drive (.pos, NMEA, UBX, CSV): judge by navigation instead.",
+            _DRIVE,
+            "FILE",
+            "Satellite positions of a drive (.pos, NMEA, UBX, CSV): judge by navigation instead.",
         ),
     ] = None,
 ) -> None:
