@@ -23,6 +23,7 @@ from scipy.stats import chi2
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.design.candidates import sphere_grid
+from tumble.design.pose_order import shortest_order
 from tumble.design.pose_plan import (
     PosePlan,
     PoseTask,
@@ -31,7 +32,6 @@ from tumble.design.pose_plan import (
     plan_of,
     plan_poses,
     scheme_directions,
-    shortest_order,
 )
 from tumble.earth import Site
 from tumble.protocol import HoldStep, Pose, Protocol, TurnStep

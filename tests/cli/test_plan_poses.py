@@ -129,7 +129,7 @@ def test_wrong_input_is_refused_in_one_sentence(tumble: Any, tmp_path: Path) -> 
         (("--targets", "bias=-3"), ("--targets",)),
         (("--given", tmp_path / "none.csv"), ("no such file",)),
         (("--data-sheet", "tactcal"), ("tactical",)),
-        (("--turn", 0), ("--turn 0",)),
+        (("--turn-seconds", 0), ("--turn-seconds 0",)),
         (("--accelerometer-noise-ug", 0), ("positive",)),
         (("--play-backs", 3), ("--play-backs", "multi-position")),
     ):

@@ -67,90 +67,95 @@ def plan_command(
 
     All numbers are one sigma.
     """
-    from tumble.workflows.plan import PROCEDURES as BUDGETS
-    from tumble.workflows.pose_plan import PROCEDURES as SEARCHES
+    from tumble.workflows.plan import kind_of_plan
     from tumble.workflows.site import choose_site
 
-    shared = {**asdict(planned), "site": choose_site(**asdict(site)), "output": output}
-    sentence = f"{{}} says nothing to a {procedure} test: leave it out."
-    if procedure in SEARCHES:
-        refuse_given(context, [ProtocolOptions, BudgetOptions], sentence)
-        _search(procedure, {**shared, **asdict(wishes), **asdict(searched)}, rests, printed)
-    elif procedure in BUDGETS:
-        refuse_given(context, [ProtocolOptions, WishOptions, PoseOptions], sentence)
-        _budget(procedure, shared, rests, budgeted, printed)
-    else:
-        from tumble.workflows.joint_plan import find_protocol
+    shared = {**asdict(planned), "site": choose_site(**asdict(site))}
+    test = f"a {procedure} test"
+    match kind_of_plan(procedure):
+        case "poses":
+            _refuse(context, [ProtocolOptions, BudgetOptions], test)
+            _search(
+                {"procedure": procedure, **shared, **asdict(wishes), **asdict(searched)},
+                rests,
+                output,
+                printed,
+            )
+        case "budget":
+            _refuse(context, [ProtocolOptions, WishOptions, PoseOptions], test)
+            _budget(shared, rests, budgeted, output, printed)
+        case "protocol":
+            _refuse(context, [PoseOptions, BudgetOptions, RestOptions], "a protocol as it is")
+            _judge({"asked": procedure, **shared, **asdict(wishes), **asdict(judged)}, output, printed)
 
-        find_protocol(procedure)
-        sentence = "{} says nothing to a protocol as it is: leave it out."
-        refuse_given(context, [PoseOptions, BudgetOptions, RestOptions], sentence)
-        _judge(procedure, {**shared, **asdict(wishes), **asdict(judged)}, printed)
+
+def _refuse(context: typer.Context, groups: list[type], what: str) -> None:
+    refuse_given(context, groups, f"{{}} says nothing to {what}: leave it out.")
 
 
-def _judge(protocol: str, asked: dict[str, Any], printed: LongPrintOptions) -> None:
+def _judge(asked: dict[str, Any], output: Path | None, printed: LongPrintOptions) -> None:
     """Judge a protocol as it is."""
     from tumble.cli.plan_tables import print_protocol
-    from tumble.workflows.joint_plan import plan_any_protocol
+    from tumble.workflows.plan_protocol import plan_any_protocol
 
     asked["steps"] = asked["steps"] and not printed.quiet
     with progress(printed.silent) as tell:
-        done = plan_any_protocol(protocol, progress=tell, **asked)
+        done = plan_any_protocol(output=output, progress=tell, **asked)
     results_stand()
     print_protocol(done, printed)
 
 
-def _search(procedure: str, asked: dict[str, Any], rests: RestOptions, printed: LongPrintOptions) -> None:
+def _search(
+    asked: dict[str, Any], rests: RestOptions, output: Path | None, printed: LongPrintOptions
+) -> None:
     """Search the poses of a test."""
     from tumble.cli.plan_tables import print_poses
-    from tumble.workflows.pose_plan import plan_pose_test
+    from tumble.workflows.plan_pose_order import PoseOrder
+    from tumble.workflows.plan_poses import plan_poses
 
-    placement = None if rests.fixture_mrad is None else 1e-3 * rests.fixture_mrad
+    order = PoseOrder(
+        hold=rests.hold,
+        placement=None if rests.fixture_mrad is None else 1e-3 * rests.fixture_mrad,
+        accelerometer_noise_ug=rests.accelerometer_noise_ug,
+        **asked,
+    )
     with progress(printed.silent) as tell:
-        done = plan_pose_test(
-            procedure,
-            hold=rests.hold,
-            placement=placement,
-            accelerometer_noise_ug=rests.accelerometer_noise_ug,
-            progress=tell,
-            **asked,
-        )
+        done = plan_poses(order, output=output, progress=tell)
     results_stand()
     print_poses(done, printed)
 
 
 def _budget(
-    procedure: str,
     asked: dict[str, Any],
     rests: RestOptions,
     options: BudgetOptions,
+    output: Path | None,
     printed: LongPrintOptions,
 ) -> None:
     """Reckon the error budget of a test."""
     from tumble.cli.plan_tables import print_budget
-    from tumble.workflows.plan import plan
+    from tumble.workflows.plan_budget import BudgetOrder, plan_budget
 
+    of_fixture: dict[str, Any] = {"heading": options.heading_mrad, "execution": options.execution_mrad}
+    order = BudgetOrder(
+        **asked,
+        gyro_walk_deg_per_root_hour=options.gyro_walk_deg_per_root_hour,
+        gyro_pulse_arcsec=options.gyro_pulse_arcsec,
+        accelerometer_noise_ug=rests.accelerometer_noise_ug,
+        fixture=1e-3 * (1.0 if rests.fixture_mrad is None else rests.fixture_mrad),
+        **{name: 1e-3 * mrad for name, mrad in of_fixture.items() if mrad is not None},
+        hold=10.0 if rests.hold is None else rests.hold,
+        turn_rate=math.radians(options.turn_rate),
+        pause=options.pause,
+        azimuth=math.radians(options.azimuth_deg),
+        play_backs=options.play_backs,
+        method="formulas" if options.formulas else "least-squares",
+        start_bias=options.start_bias,
+        norm=options.norm,
+        asymmetry=options.asymmetry,
+        monte_carlo=options.monte_carlo,
+    )
     with progress(printed.silent) as tell:
-        done = plan(
-            procedure,
-            gyro_walk_deg_per_root_hour=options.gyro_walk_deg_per_root_hour,
-            gyro_pulse_arcsec=options.gyro_pulse_arcsec,
-            accelerometer_noise_ug=rests.accelerometer_noise_ug,
-            fixture=1e-3 * (1.0 if rests.fixture_mrad is None else rests.fixture_mrad),
-            heading=None if options.heading_mrad is None else 1e-3 * options.heading_mrad,
-            execution=None if options.execution_mrad is None else 1e-3 * options.execution_mrad,
-            hold=10.0 if rests.hold is None else rests.hold,
-            turn_rate=math.radians(options.turn_rate),
-            pause=options.pause,
-            azimuth=math.radians(options.azimuth_deg),
-            play_backs=options.play_backs,
-            method="formulas" if options.formulas else "least-squares",
-            start_bias=options.start_bias,
-            norm=options.norm,
-            asymmetry=options.asymmetry,
-            monte_carlo=options.monte_carlo,
-            progress=tell,
-            **asked,
-        )
+        done = plan_budget(order, output=output, progress=tell)
     results_stand()
     print_budget(done, printed)

@@ -7,23 +7,20 @@ from typing import TYPE_CHECKING, Any
 
 from tumble.cli.options import LongPrintOptions
 from tumble.cli.terminal import console, say, say_json, say_written, table
-from tumble.workflows.joint_plan import JointPlanned, document_of_joint
-from tumble.workflows.plan import Plan, document_of_budget
-from tumble.workflows.planned_words import (
+from tumble.workflows.plan_budget import BudgetPlanned, document_of_budget
+from tumble.workflows.plan_poses import PosesPlanned, document_of_poses
+from tumble.workflows.plan_protocol import ProtocolPlanned, document_of_protocol
+from tumble.workflows.plan_words import (
     STEP_HEADS,
-    next_words,
-    prediction_rows,
-    step_rows,
-    steps_in_words,
-)
-from tumble.workflows.pose_plan import (
     UNITS,
-    PosesPlanned,
-    document_of,
     efficiency_words,
+    next_words,
     parameter_rows,
     pose_names,
+    prediction_rows,
     scheme_rows,
+    step_rows,
+    steps_in_words,
 )
 
 if TYPE_CHECKING:
@@ -31,7 +28,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
-def print_protocol(done: JointPlanned, printed: LongPrintOptions) -> None:
+def print_protocol(done: ProtocolPlanned, printed: LongPrintOptions) -> None:
     """Print what a protocol is worth; with ``-q`` the prediction and what is not told, no more.
 
     Parameters
@@ -40,7 +37,7 @@ def print_protocol(done: JointPlanned, printed: LongPrintOptions) -> None:
     printed : how to print; with ``-v`` each step by itself, too.
     """
     if printed.as_json:
-        say_json(document_of_joint(done))
+        say_json(document_of_protocol(done))
         return
     screen, quiet = console(), printed.quiet
     duration = done.plan.duration / 60.0
@@ -63,7 +60,7 @@ def print_protocol(done: JointPlanned, printed: LongPrintOptions) -> None:
     say_written(done.files)
 
 
-def _print_prediction(screen: Console, done: JointPlanned) -> None:
+def _print_prediction(screen: Console, done: ProtocolPlanned) -> None:
     heads = ("predicted standard uncertainty", "x", "y", "z", "unit")
     screen.print(table(heads, prediction_rows(done), right=(1, 2, 3), tight=True))
 
@@ -77,7 +74,7 @@ def print_poses(done: PosesPlanned, printed: LongPrintOptions) -> None:
     printed : how to print; with ``-v`` the poses in their order, too.
     """
     if printed.as_json:
-        say_json(document_of(done))
+        say_json(document_of_poses(done))
         return
     screen, plan, more = console(), done.plan, "more " if done.following else ""
     screen.print(
@@ -134,7 +131,7 @@ def _next_words(done: PosesPlanned) -> list[str]:
     return words
 
 
-def print_budget(done: Plan, printed: LongPrintOptions) -> None:
+def print_budget(done: BudgetPlanned, printed: LongPrintOptions) -> None:
     """Print an error budget; with ``-q`` the verdict.
 
     Parameters
@@ -157,7 +154,7 @@ def print_budget(done: Plan, printed: LongPrintOptions) -> None:
     say_written([] if done.file is None else [done.file])
 
 
-def _sources(done: Plan) -> Table:
+def _sources(done: BudgetPlanned) -> Table:
     """What each source contributes to each group of parameters."""
     budget = done.budget
     factors = [group.factor for group in budget.groups]
@@ -180,7 +177,7 @@ def _sources(done: Plan) -> Table:
     return shown
 
 
-def _parameters(done: Plan) -> Table:
+def _parameters(done: BudgetPlanned) -> Table:
     """Every parameter with its total and the three sources that make most of it."""
     budget = done.budget
     totals: list[float] = budget.totals.tolist()

@@ -10,7 +10,6 @@ import numpy as np
 
 from tumble.arrays import Series, Square, Vector, Vectors, inverted
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration.poses import SAME_POSE
 from tumble.calibration.singular_poses import describe_mending, describe_untold
 from tumble.design.candidates import PARAMETERS, pose_candidates, pose_rows, prediction_weights
 from tumble.design.criteria import Criterion
@@ -21,6 +20,7 @@ from tumble.design.hold_noise import (
     wander_sigma,
     white_density,
 )
+from tumble.design.pose_order import best_order
 from tumble.design.pose_sets import paper_nine
 from tumble.design.selection import (
     ApproximateDesign,
@@ -40,8 +40,6 @@ FEWER_POSES = 0.05
 # Numbers of poses that are tried where the time is fixed.
 LADDER = (6, 7, 8, 9, 10, 12, 14, 16, 18, 22, 26, 32, 40, 52)
 STARTS = 20
-# Sweeps of swaps for the order.
-MOST_SWEEPS = 3
 # Of the paper's nine, with independent norms: what minimax measures against.
 NINE_SIGMAS = np.sqrt([0.5, 0.5, 0.5, 7.0, 7.0, 7.0, 0.5, 0.5, 0.5])
 
@@ -372,79 +370,6 @@ def plan_schemes(task: PoseTask, seconds: float) -> dict[str, PosePlan | str]:
             said = describe_untold(directions) or "do not tell what is asked for"
             plans[name] = said.partition(" (")[0].replace("do not tell", "does not tell", 1)
     return plans
-
-
-def shortest_order(directions: Vectors) -> list[int]:
-    """Return an order in which each pose is near the one before, but never the same again at once.
-
-    Parameters
-    ----------
-    directions : (n, 3) unit vectors up.
-    """
-    left = list(range(len(directions)))
-    order = [max(left, key=lambda index: (round(float(directions[index, 2]), 6), -index))]
-    left.remove(order[0])
-    while left:
-        cosines = directions[left] @ directions[order[-1]]
-        alike = cosines > np.cos(SAME_POSE)
-        # A pose that is to be visited often comes first, so that others are left to stand between.
-        visits = np.array(
-            [np.sum(directions[left] @ directions[index] > np.cos(SAME_POSE)) for index in left]
-        )
-        often = visits >= max(2.0, 0.5 * len(left))
-        score = cosines + 10.0 * often - 100.0 * alike
-        place = int(np.argmax(np.asarray(np.round(score, 9), dtype=np.float64)))
-        order.append(left.pop(place))
-    return order
-
-
-def best_order(task: PoseTask, directions: Vectors, dwell: float) -> list[int]:
-    """Return the order in which a wandering bias does least harm; the shortest where none wanders.
-
-    Neighbours in time share a wander, and poses that look alike pass it on to the parameters: opposite poses one
-    after the other do not. Found by swapping two poses for as long as that helps.
-
-    Parameters
-    ----------
-    task, directions : as of `plan_poses`.
-    dwell : s of each pose.
-    """
-    order = shortest_order(directions)
-    if not task.noise.wanders or len(order) < 3:
-        return order
-    noise = hold_covariance(hold_times(np.full(len(order), dwell), task.turn), task.noise, task.rate)
-    rows, alike = pose_rows(directions), directions @ directions.T
-    base = (
-        1e-10 * np.eye(len(PARAMETERS)) if task.known is None else task.known * float(np.mean(np.diag(noise)))
-    )
-    if task.known is not None:
-        base = base / task.gravity**2
-    gain = inverted(rows.T @ rows + base) @ rows.T
-    mean = float(np.mean(np.diag(noise)))
-    still = float(np.cos(SAME_POSE))
-
-    def value(tried: list[int]) -> float:
-        at = np.array(tried)
-        if np.any(alike[at[1:], at[:-1]] > still):
-            return float("inf")
-        place = gain[:, at]
-        covariance = place @ (alike[np.ix_(at, at)] * noise) @ place.T / mean
-        return float(task.criterion.value(covariance))
-
-    now = value(order)
-    for _ in range(MOST_SWEEPS):
-        before = now
-        for first in range(len(order) - 1):
-            for second in range(first + 1, len(order)):
-                order[first], order[second] = order[second], order[first]
-                tried = value(order)
-                if tried < now * (1.0 - 1e-6):
-                    now = tried
-                else:
-                    order[first], order[second] = order[second], order[first]
-        if now > 0.995 * before:
-            break
-    return order
 
 
 def _title(task: PoseTask, reach: Reach) -> str:

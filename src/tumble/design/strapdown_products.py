@@ -59,11 +59,16 @@ def product_effects(
         variance[:, kind] += 2.0 * np.sum(common_squares[:, at] ** 2, axis=1)
         means[:, kind] += np.sum(common_squares[:, at], axis=1)
     variance += means**2
-    angle = max(float(np.sqrt(np.mean(angles**2))), fixture.execution)
+    return np.sqrt(variance), _product_sources(setup, angles, left)
+
+
+def _product_sources(setup: StrapdownSetup, angles: Series, left: Series) -> list[ErrorSource]:
+    """The sources in words, with sizes."""
+    angle = max(float(np.sqrt(np.mean(angles**2))), setup.fixture.execution)
     after = after_play_back(setup)
     left_rms = float(np.sqrt(np.mean(left[:9] ** 2)))
     vertical = "the vertical is projected on the nominal one: half the angle's square is lost"
-    sources = [
+    return [
         ErrorSource(
             "fixture × sensor errors",
             "sensors with errors on a fixture that is off" + after,
@@ -80,7 +85,6 @@ def product_effects(
         ),
         ErrorSource("fixture, squared", vertical, 0.0 if setup.norm else angle, "rad", "fixture"),
     ]
-    return np.sqrt(variance), sources
 
 
 @lru_cache(maxsize=64)

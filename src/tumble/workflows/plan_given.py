@@ -1,4 +1,4 @@
-"""What a recording or a calibration that is there already tells of both triads."""
+"""What a recording or a calibration that is there already tells: of the accelerometers, or of both triads."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
 
 if TYPE_CHECKING:
+    from tumble.arrays import Square
     from tumble.design.joint_information import JointInformation
     from tumble.design.joint_plan import PlanTask
     from tumble.document import Calibration
@@ -35,15 +36,10 @@ def read_given_information(
     UsageError, CalibrationFileError, RecordingError, SegmentationError, ProtocolError
         If it is neither, or cannot be read.
     """
-    path = Path(given)
-    if not path.exists():
-        raise UsageError(f"--given {path}: there is no such file; give a calibration.json or a recording.")
-    if path.is_dir() or path.suffix.lower() == ".json":
-        from tumble.document.result import read_calibration
-
-        calibration = read_calibration(path)
-        words = f"{path} is a {calibration.procedure} calibration from {calibration.quality.holds} holds."
-        return information_of(calibration, task), [words]
+    path = _existing(given)
+    found = _calibration_at(path)
+    if found is not None:
+        return information_of(found[0], task), found[1]
     from tumble.workflows.calibrate import calibrate
 
     try:
@@ -53,6 +49,74 @@ def read_given_information(
     quality = run.calibration.quality
     words = f"{path} has {quality.holds} holds and {quality.turns} turns, a {run.calibration.procedure} calibration."
     return information_of(run.calibration, task), [words]
+
+
+def read_known(given: str | os.PathLike[str]) -> tuple[Square, list[str]]:
+    """Return the information (9, 9) of a calibration or a recording, with words about it.
+
+    Parameters
+    ----------
+    given : a calibration.json, a folder with one, or a recording.
+
+    Raises
+    ------
+    UsageError, CalibrationFileError, RecordingError, SegmentationError, ObservabilityError
+        If it is neither, or has no holds, or no accelerometers.
+    """
+    path = _existing(given)
+    found = _calibration_at(path)
+    if found is None:
+        return _known_from_recording(path)
+    from tumble.design.next_pose import known_from_calibration
+
+    return known_from_calibration(found[0]), found[1]
+
+
+def _existing(given: str | os.PathLike[str]) -> Path:
+    path = Path(given)
+    if not path.exists():
+        raise UsageError(f"--given {path}: there is no such file; give a calibration.json or a recording.")
+    return path
+
+
+def _calibration_at(path: Path) -> tuple[Calibration, list[str]] | None:
+    """The calibration of a document or a folder, with words about it; None for a recording."""
+    if not path.is_dir() and path.suffix.lower() != ".json":
+        return None
+    from tumble.document.result import read_calibration
+
+    calibration = read_calibration(path)
+    holds = calibration.quality.holds
+    return calibration, [f"{path} is a {calibration.procedure} calibration from {holds} holds."]
+
+
+def _known_from_recording(path: Path) -> tuple[Square, list[str]]:
+    from tumble.calibration.poses import describe_direction, distinct_poses
+    from tumble.design.next_pose import known_from_holds
+    from tumble.recording import read_recording
+    from tumble.segmentation import find_timeline, observe_holds
+    from tumble.segmentation.rough_directions import scale_of_sphere, scale_of_units
+    from tumble.units import specific_force_factor
+
+    recording = read_recording(path)
+    means = observe_holds(recording, find_timeline(recording))
+    if means.specific_force is None or means.specific_force_covariance is None:
+        raise ObservabilityError(f"{path} has no accelerometer: poses tell nothing of gyros alone.")
+    raw = means.specific_force
+    scale = scale_of_units(raw)
+    if specific_force_factor(recording.specific_force_unit) is None:
+        found = scale_of_sphere(raw)
+        if found is None:
+            raise ObservabilityError(
+                f"{path} is in counts, and its {len(raw)} holds do not tell where zero is: declare its units, or hold "
+                "the unit in more poses."
+            )
+        scale = found
+    directions = scale.directions(raw)
+    words = [describe_direction(directions[index]) for index in distinct_poses(directions)]
+    return known_from_holds(directions, means.specific_force_covariance, scale.scale), [
+        f"{path} has {len(raw)} holds in {len(words)} different poses: {'; '.join(words)}."
+    ]
 
 
 def information_of(calibration: Calibration, task: PlanTask) -> JointInformation:

@@ -1,8 +1,7 @@
-"""Planning any protocol: from what a user says to what it is worth, step by step, its sheet and its document."""
+"""Planning any protocol as it is: what it is worth to both triads, step by step, its sheet and its document."""
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Callable
@@ -14,7 +13,18 @@ import numpy as np
 
 from tumble.earth import Site
 from tumble.errors import UsageError
-from tumble.workflows.planned_words import UNITS_OF_GROUPS, describe_plan
+from tumble.workflows.plan import (
+    check_seed,
+    document_text,
+    find_protocol,
+    finite,
+    plan_folder,
+    planned_grade,
+    planned_place,
+    read_targets,
+    silent,
+)
+from tumble.workflows.plan_words import UNITS_OF_GROUPS, describe_plan
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
@@ -27,7 +37,6 @@ if TYPE_CHECKING:
     from tumble.simulation import Grade, TriadNoise
 
 FILES = ("protocol.yaml", "plan.json", "sheet.html")
-_DEFAULT_LATITUDE_DEG = 45.0
 _TARGETS = {
     "bias": "accelerometer bias",
     "scale": "accelerometer scale",
@@ -42,7 +51,7 @@ _TARGETS = {
 
 
 @dataclass(slots=True)
-class JointPlanned:
+class ProtocolPlanned:
     """What `plan_any_protocol` found.
 
     Attributes
@@ -83,8 +92,8 @@ def plan_any_protocol(
     seed: int = 0,
     steps: bool = True,
     output: str | os.PathLike[str] | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> JointPlanned:
+    progress: Callable[[str], None] = silent,
+) -> ProtocolPlanned:
     """Foretell what any protocol tells of both triads, and say what would be better.
 
     Parameters
@@ -95,7 +104,7 @@ def plan_any_protocol(
     noise : noise.json of the unit, in place of the grade's noise.
     given : a recording of this unit, or its calibration, that is there already.
     recorded : the protocol that `given` was recorded with, for a table's angles.
-    targets : wished-for standard uncertainties, see `read_joint_targets`.
+    targets : wished-for standard uncertainties, see `read_protocol_targets`.
     site : of the test; the protocol's own, or latitude 45°, without.
     seed : of placement and hands.
     steps : judge every step, too.
@@ -109,40 +118,38 @@ def plan_any_protocol(
     OutputError
         If the files cannot be written; earlier ones are intact.
     """
-    say = progress or _silent
-    if seed < 0:
-        raise UsageError(f"--seed {seed}: a seed is a whole number from 0 on.")
+    check_seed(seed)
     if recorded is not None and given is None:
         raise UsageError(
             "--protocol says how --given was recorded: give --given RECORDING too, or leave it out."
         )
-    folder = None if output is None else _folder(output)
+    folder = plan_folder(output, FILES)
     protocol = find_protocol(asked)
-    limits = read_joint_targets(targets)
+    limits = read_protocol_targets(targets)
     task, grade, remarks = _task(protocol, imu, data_sheet, noise, site, seed)
     from tumble.design.joint_plan import plan_protocol
 
     known, said = None, list[str]()
     if given is not None:
-        from tumble.workflows.given_information import read_given_information
+        from tumble.workflows.plan_given import read_given_information
 
-        say("calibrating what is there already")
+        progress("calibrating what is there already")
         known, said = read_given_information(given, recorded, task)
         task = replace(task, known=known)
-    plan = plan_protocol(task, say)
-    done = JointPlanned(plan, grade.name, given=said, remarks=remarks)
-    _advise(done, known, limits, say, steps=steps)
+    plan = plan_protocol(task, progress)
+    done = ProtocolPlanned(plan, grade.name, given=said, remarks=remarks)
+    _advise(done, known, limits, progress, steps=steps)
     done.words = describe_plan(done)
     done.remarks += _remarks(done, site)
     if folder is not None:
-        say("writing")
+        progress("writing")
         done.files = _write(done, folder)
     return done
 
 
 def judge_protocol(
     protocol: Protocol, grade: Grade, place: Site, seed: int, say: Callable[[str], None]
-) -> JointPlanned:
+) -> ProtocolPlanned:
     """Foretell a protocol with a unit of a grade, without advice.
 
     Parameters
@@ -151,41 +158,12 @@ def judge_protocol(
     """
     from tumble.design.joint_plan import PlanTask, plan_protocol
 
-    return JointPlanned(plan_protocol(PlanTask.of_grade(protocol, grade, place, seed=seed), say), grade.name)
-
-
-def find_protocol(asked: str) -> Protocol:
-    """Return a named protocol or a file's.
-
-    Parameters
-    ----------
-    asked : as the user wrote it.
-
-    Raises
-    ------
-    UsageError
-        If there is neither.
-    ProtocolError
-        If the file is none.
-    """
-    import difflib
-
-    from tumble.protocol import PROTOCOLS
-    from tumble.workflows.plan import PROCEDURES
-    from tumble.workflows.pose_plan import PROCEDURES as POSES
-    from tumble.workflows.protocols import read_given_protocol
-
-    if asked in PROTOCOLS or Path(asked).exists():
-        return read_given_protocol(asked).protocol
-    names = [*POSES, *PROCEDURES, *(name for name in PROTOCOLS if name not in POSES)]
-    near = difflib.get_close_matches(asked.lower(), names, 1)
-    meant = f" Did you mean {near[0]}?" if near else ""
-    raise UsageError(
-        f"There is no plan of {asked!r}: give a protocol file, or one of {', '.join(dict.fromkeys(names))}.{meant}"
+    return ProtocolPlanned(
+        plan_protocol(PlanTask.of_grade(protocol, grade, place, seed=seed), say), grade.name
     )
 
 
-def read_joint_targets(text: str | None) -> Series | None:
+def read_protocol_targets(text: str | None) -> Series | None:
     """Return (30,) wished-for sigmas, SI, infinite where nothing is wished; None for no text.
 
     Parameters
@@ -201,22 +179,12 @@ def read_joint_targets(text: str | None) -> Series | None:
 
     if text is None:
         return None
+    units = ", ".join(f"{key} in {UNITS_OF_GROUPS[group][0]}" for key, group in _TARGETS.items())
+    sizes = {key: UNITS_OF_GROUPS[group][1] for key, group in _TARGETS.items()}
+    refusal = f"write NAME=NUMBER with commas between, each positive: {units}."
     limits = np.full(PARAMETERS, np.inf)
-    for part in text.split(","):
-        if not part.strip():
-            continue
-        name, _, number = (piece.strip() for piece in part.partition("="))
-        try:
-            value = float(number)
-        except ValueError:
-            value = math.nan
-        if name not in _TARGETS or not (math.isfinite(value) and value > 0.0):
-            units = ", ".join(f"{key} in {UNITS_OF_GROUPS[group][0]}" for key, group in _TARGETS.items())
-            raise UsageError(
-                f"--targets {text}: write NAME=NUMBER with commas between, each positive: {units}."
-            )
-        group = _TARGETS[name]
-        limits[GROUPS[group]] = value * UNITS_OF_GROUPS[group][1]
+    for name, value in read_targets(text, sizes, refusal).items():
+        limits[GROUPS[_TARGETS[name]]] = value
     return limits
 
 
@@ -232,14 +200,9 @@ def _task(
     from tumble.design.joint_plan import PlanTask
     from tumble.simulation.grades import find_grade
 
-    grade = find_grade(imu)
-    remarks = [f"Of {grade.name} no source states: {'; '.join(grade.assumed)}."] if grade.assumed else []
-    place = site or protocol.site
-    if place is None:
-        place = Site.from_latitude(math.radians(_DEFAULT_LATITUDE_DEG))
-        remarks.append(
-            f"No site was given: latitude {_DEFAULT_LATITUDE_DEG:g}° at height 0 is assumed (--site)."
-        )
+    grade, remarks = planned_grade(imu)
+    place, assumed = planned_place(site or protocol.site, "is assumed (--site).")
+    remarks += assumed
     task = PlanTask.of_grade(protocol, grade, place, seed=seed)
     if data_sheet is not None:
         sheet = find_grade(data_sheet)
@@ -300,7 +263,7 @@ def _triad(models: list[Any]) -> TriadNoise:
 
 
 def _advise(
-    done: JointPlanned,
+    done: ProtocolPlanned,
     known: JointInformation | None,
     limits: Series | None,
     say: Callable[[str], None],
@@ -332,7 +295,7 @@ def _advise(
         done.stop = False
 
 
-def _remarks(done: JointPlanned, site: Site | None) -> list[str]:
+def _remarks(done: ProtocolPlanned, site: Site | None) -> list[str]:
     from tumble.calibration.procedure import find_procedure
     from tumble.protocol import SpinStep
 
@@ -371,7 +334,7 @@ def _remarks(done: JointPlanned, site: Site | None) -> list[str]:
     return words
 
 
-def document_of_joint(done: JointPlanned) -> dict[str, Any]:
+def document_of_protocol(done: ProtocolPlanned) -> dict[str, Any]:
     """Return everything as plain data for a file, SI and one sigma.
 
     Parameters
@@ -391,7 +354,7 @@ def document_of_joint(done: JointPlanned) -> dict[str, Any]:
         "not_told": [
             {
                 "parameters": list(weak.parameters),
-                "data_sheet_spreads": _finite(weak.sigma),
+                "data_sheet_spreads": finite(weak.sigma),
                 "told_by": None if helping is None else helping[0].name,
             }
             for weak, helping in zip(plan.weak, done.helping, strict=True)
@@ -429,7 +392,7 @@ def document_of_joint(done: JointPlanned) -> dict[str, Any]:
     }
 
 
-def joint_parameters(done: JointPlanned) -> list[dict[str, Any]]:
+def joint_parameters(done: ProtocolPlanned) -> list[dict[str, Any]]:
     """Return every parameter with its predicted standard uncertainty as plain data, SI.
 
     Parameters
@@ -444,26 +407,15 @@ def joint_parameters(done: JointPlanned) -> list[dict[str, Any]]:
             "name": NAMES[i],
             "unit": UNITS[i],
             "told": bool(plan.told[i]),
-            "standard_uncertainty": _finite(float(plan.sigmas[i])) if plan.told[i] else None,
-            "of_noise_alone": _finite(float(plan.noise_sigmas[i])) if plan.told[i] else None,
-            "largest_over_smallest_performance": _finite(float(plan.spread[i])),
+            "standard_uncertainty": finite(float(plan.sigmas[i])) if plan.told[i] else None,
+            "of_noise_alone": finite(float(plan.noise_sigmas[i])) if plan.told[i] else None,
+            "largest_over_smallest_performance": finite(float(plan.spread[i])),
         }
         for i in map(int, plan.task.parameters())
     ]
 
 
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
-def _folder(output: str | os.PathLike[str]) -> Path:
-    folder = Path(output)
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"-o {folder} is a file: give a folder for {', '.join(FILES)}.")
-    return folder
-
-
-def _write(done: JointPlanned, folder: Path) -> list[Path]:
+def _write(done: ProtocolPlanned, folder: Path) -> list[Path]:
     """Write all files beside their places, then rename them all."""
     from tumble.files import write_texts
     from tumble.protocol import protocol_to_yaml
@@ -472,11 +424,7 @@ def _write(done: JointPlanned, folder: Path) -> list[Path]:
     protocol = replace(done.plan.task.protocol, site=done.plan.task.site)
     texts = (
         protocol_to_yaml(protocol),
-        json.dumps(document_of_joint(done), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        document_text(document_of_protocol(done)),
         render_sheet(protocol, protocol.description or protocol.name),
     )
     return write_texts({folder / name: text for name, text in zip(FILES, texts, strict=True)})
-
-
-def _silent(_: str) -> None:
-    """Tell nobody."""

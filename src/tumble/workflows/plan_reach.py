@@ -1,19 +1,17 @@
-"""Where poses can be, and what has been recorded already, from what a user says."""
+"""Where poses can be, from what a user says."""
 
 from __future__ import annotations
 
 import difflib
 import math
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.errors import ObservabilityError, UsageError
+from tumble.errors import UsageError
 
 if TYPE_CHECKING:
-    from tumble.arrays import Square
     from tumble.design.candidates import AxisRange
     from tumble.design.pose_plan import Reach
 
@@ -55,61 +53,6 @@ def choose_reach(reach: str, outer: str | None = None, inner: str | None = None)
         names = tuple(f"outer {_degrees(first)}, inner {_degrees(second)}" for first, second in angles)
         return Reach("the two-axis fixture", directions, names)
     return _jig(reach)
-
-
-def read_known(given: str | os.PathLike[str]) -> tuple[Square, list[str]]:
-    """Return the information (9, 9) of a calibration or a recording, with words about it.
-
-    Parameters
-    ----------
-    given : a calibration.json, a folder with one, or a recording.
-
-    Raises
-    ------
-    UsageError, CalibrationFileError, RecordingError, SegmentationError, ObservabilityError
-        If it is neither, or has no holds, or no accelerometers.
-    """
-    path = Path(given)
-    if not path.exists():
-        raise UsageError(f"--given {path}: there is no such file; give a calibration.json or a recording.")
-    if path.is_dir() or path.suffix.lower() == ".json":
-        from tumble.design.next_pose import known_from_calibration
-        from tumble.document.result import read_calibration
-
-        calibration = read_calibration(path)
-        return known_from_calibration(calibration), [
-            f"{path} is a {calibration.procedure} calibration from {calibration.quality.holds} holds."
-        ]
-    return _known_from_recording(path)
-
-
-def _known_from_recording(path: Path) -> tuple[Square, list[str]]:
-    from tumble.calibration.poses import describe_direction, distinct_poses
-    from tumble.design.next_pose import known_from_holds
-    from tumble.recording import read_recording
-    from tumble.segmentation import find_timeline, observe_holds
-    from tumble.segmentation.rough_directions import scale_of_sphere, scale_of_units
-    from tumble.units import specific_force_factor
-
-    recording = read_recording(path)
-    means = observe_holds(recording, find_timeline(recording))
-    if means.specific_force is None or means.specific_force_covariance is None:
-        raise ObservabilityError(f"{path} has no accelerometer: poses tell nothing of gyros alone.")
-    raw = means.specific_force
-    scale = scale_of_units(raw)
-    if specific_force_factor(recording.specific_force_unit) is None:
-        found = scale_of_sphere(raw)
-        if found is None:
-            raise ObservabilityError(
-                f"{path} is in counts, and its {len(raw)} holds do not tell where zero is: declare its units, or hold "
-                "the unit in more poses."
-            )
-        scale = found
-    directions = scale.directions(raw)
-    words = [describe_direction(directions[index]) for index in distinct_poses(directions)]
-    return known_from_holds(directions, means.specific_force_covariance, scale.scale), [
-        f"{path} has {len(raw)} holds in {len(words)} different poses: {'; '.join(words)}."
-    ]
 
 
 def _jig(reach: str) -> Reach:

@@ -9,20 +9,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from tumble.design.pose_plan import PosePlan, PoseTask
     from tumble.design.step_worth import StepWorth
-    from tumble.workflows.joint_plan import JointPlanned
+    from tumble.earth import Site
+    from tumble.workflows.plan_poses import PosesPlanned
+    from tumble.workflows.plan_protocol import ProtocolPlanned
 
-_SECOND = math.pi / 648000.0
+SECOND = math.pi / 648000.0
+MICRO_G = 9.80665e-6
+# Practical unit and its size in the unit of `tumble.design.candidates.PARAMETERS`, by group.
+UNITS = {"scale": ("ppm", 1e-6), "misalignment": ("″", SECOND), "bias": ("µg", 1e-6)}
 # Practical unit of each group, and its size in SI.
 UNITS_OF_GROUPS: dict[str, tuple[str, float]] = {
     "accelerometer bias": ("µg", 9.80665e-6),
     "accelerometer scale": ("ppm", 1e-6),
-    "accelerometer misalignment": ("″", _SECOND),
-    "gyro bias": ("°/h", _SECOND),
+    "accelerometer misalignment": ("″", SECOND),
+    "gyro bias": ("°/h", SECOND),
     "gyro scale": ("ppm", 1e-6),
-    "gyro misalignment": ("″", _SECOND),
-    "rotation between the triads": ("″", _SECOND),
-    "g-sensitivity": ("(°/h)/g", _SECOND / 9.80665),
+    "gyro misalignment": ("″", SECOND),
+    "rotation between the triads": ("″", SECOND),
+    "g-sensitivity": ("(°/h)/g", SECOND / 9.80665),
 }
 # Without the step nothing grows by more than this: it can be spared.
 SPARED = 0.05
@@ -32,7 +38,7 @@ RESTS_ON = 2.0
 DIFFERS = 1.2
 
 
-def prediction_rows(done: JointPlanned) -> list[list[str]]:
+def prediction_rows(done: ProtocolPlanned) -> list[list[str]]:
     """Return a row for each group: its name, three numbers (x, y, z; or yz, zx, zy) and the unit.
 
     Parameters
@@ -63,7 +69,7 @@ def prediction_rows(done: JointPlanned) -> list[list[str]]:
     return rows
 
 
-def step_rows(done: JointPlanned, *, each: bool = False) -> list[list[str]]:
+def step_rows(done: ProtocolPlanned, *, each: bool = False) -> list[list[str]]:
     """Return rows of what steps are worth: kinds of steps, or each by itself.
 
     Parameters
@@ -89,7 +95,7 @@ def step_rows(done: JointPlanned, *, each: bool = False) -> list[list[str]]:
 STEP_HEADS = ("step", "of the time", "of what is told", "without it, at worst", "a minute more: all fall by")
 
 
-def _kinds(done: JointPlanned, *, each: bool) -> list[tuple[str, list[StepWorth]]]:
+def _kinds(done: ProtocolPlanned, *, each: bool) -> list[tuple[str, list[StepWorth]]]:
     if each:
         return [(f"{one.step + 1}. {_named(one)}", [one]) for one in done.worths]
     ordered = sorted(done.worths, key=lambda one: (one.kind, -one.seconds))
@@ -111,7 +117,7 @@ def _growth(factor: float) -> str:
     return f"× {factor:.2f}"
 
 
-def describe_plan(done: JointPlanned) -> list[str]:
+def describe_plan(done: ProtocolPlanned) -> list[str]:
     """Return what is not told and what would tell it, which steps carry the result, and what to change.
 
     Parameters
@@ -121,7 +127,7 @@ def describe_plan(done: JointPlanned) -> list[str]:
     return [*_about_weak(done), *_about_steps(done), *_about_hands(done)]
 
 
-def _about_weak(done: JointPlanned) -> list[str]:
+def _about_weak(done: ProtocolPlanned) -> list[str]:
     words: list[str] = []
     for weak, helping in zip(done.plan.weak, done.helping, strict=True):
         names = weak.parameters[:4]
@@ -141,7 +147,7 @@ def _about_weak(done: JointPlanned) -> list[str]:
     return words
 
 
-def _about_steps(done: JointPlanned) -> list[str]:
+def _about_steps(done: ProtocolPlanned) -> list[str]:
     worths = done.worths
     if not worths:
         return []
@@ -168,7 +174,7 @@ def _about_steps(done: JointPlanned) -> list[str]:
     return words
 
 
-def _about_hands(done: JointPlanned) -> list[str]:
+def _about_hands(done: ProtocolPlanned) -> list[str]:
     from tumble.design.joint_information import NAMES
 
     spread = np.where(done.plan.told, done.plan.spread, 1.0)
@@ -182,7 +188,7 @@ def _about_hands(done: JointPlanned) -> list[str]:
     return [words]
 
 
-def next_words(done: JointPlanned) -> list[str]:
+def next_words(done: ProtocolPlanned) -> list[str]:
     """Return which steps to add next, one sentence each.
 
     Parameters
@@ -200,7 +206,7 @@ def next_words(done: JointPlanned) -> list[str]:
     return words
 
 
-def steps_in_words(done: JointPlanned) -> str:
+def steps_in_words(done: ProtocolPlanned) -> str:
     """Return how many holds, rotations and turns there are.
 
     Parameters
@@ -215,3 +221,160 @@ def steps_in_words(done: JointPlanned) -> str:
         for kind, words in ((HoldStep, "holds"), (SpinStep, "rotations of the table"), (TurnStep, "turns"))
     ]
     return ", ".join(f"{count} {words}" for count, words in counted if count)
+
+
+def describe_poses(done: PosesPlanned) -> list[str]:
+    """Return what holds of turns, wander and gravity in a plan of poses.
+
+    Parameters
+    ----------
+    done : a plan.
+    """
+    return [
+        *_about_turns(done.procedure),
+        *_about_wander(done.task, done.plan),
+        *_about_gravity(done.place),
+    ]
+
+
+def _about_wander(task: PoseTask, plan: PosePlan) -> list[str]:
+    from tumble.design.hold_noise import wander_sigma, white_density
+
+    if not task.noise.wanders:
+        return []
+    dwell = float(np.median(plan.dwells))
+    wander = wander_sigma(task.noise, dwell, plan.duration)
+    white = white_density(task.noise, task.rate) / math.sqrt(dwell)
+    share = 100.0 * wander**2 / (wander**2 + white**2)
+    more = " Longer holds would not help: more poses do." if share > 50.0 else ""
+    return [
+        (
+            f"The biases wander by {wander / MICRO_G:.2g} µg from hold to hold, the white noise of a hold is "
+            f"{white / MICRO_G:.2g} µg: {share:.0f} % of the variance are wander, which the order of the poses "
+            f"lessens: keep it.{more}"
+        )
+    ]
+
+
+def _about_turns(procedure: str) -> list[str]:
+    if procedure != "hand-held":
+        return []
+    return [
+        (
+            "The first table is what the holds tell of the accelerometers, the last one what holds and turns tell of "
+            "both triads. Turn about all axes of the unit, and about no two the same way one after the other."
+        )
+    ]
+
+
+def _about_gravity(place: Site) -> list[str]:
+    if place.gravity_sigma == 0.0:
+        return []
+    ppm = 1e6 * place.gravity_sigma / place.gravity
+    return [
+        (
+            f"Gravity is good to {ppm:.2g} ppm, which all scale factors share and no pose mends: --gravity says it "
+            "better. The comparison with other schemes is without it."
+        )
+    ]
+
+
+def group_means(plan: PosePlan) -> dict[str, float]:
+    """Return the root mean square sigma by group, noise alone, in the practical units of `UNITS`; nan if not told.
+
+    Parameters
+    ----------
+    plan : of a scheme.
+    """
+    from tumble.design.candidates import GROUPS
+
+    means: dict[str, float] = {}
+    for group, members in GROUPS.items():
+        sigma = float(np.sqrt(np.mean(plan.sigmas[list(members)] ** 2)))
+        means[group] = sigma / UNITS[group][1] if sigma < 0.3 else math.nan
+    return means
+
+
+def pose_names(plan: PosePlan) -> list[str]:
+    """Return a name for each pose: the fixture's, or the nearest face, edge or corner.
+
+    Parameters
+    ----------
+    plan : with names, or without.
+    """
+    from tumble.attitude.directions import twenty_six_directions
+    from tumble.calibration.poses import describe_direction
+
+    if plan.names:
+        return list(plan.names)
+    near = np.max(plan.directions @ twenty_six_directions().T, axis=1)
+    words = [describe_direction(up) for up in plan.directions]
+    return [
+        word if cosine > 1.0 - 1e-9 else f"{math.degrees(math.acos(min(cosine, 1.0))):.0f}° from {word}"
+        for word, cosine in zip(words, near.tolist(), strict=True)
+    ]
+
+
+def scheme_rows(done: PosesPlanned) -> tuple[list[str], list[list[str]]]:
+    """Return heads and rows of the comparison, the plan first; numbers are root mean squares of the noise alone.
+
+    Parameters
+    ----------
+    done : what was planned.
+    """
+    heads = [
+        "in the same time",
+        "poses",
+        "rest",
+        *(f"{group}, {unit}" for group, (unit, _) in UNITS.items()),
+        "criterion",
+    ]
+    plan = done.plan
+    rows = [_scheme_row(f"this plan: {plan.name}", plan, plan.value)]
+    for name, one in done.schemes.items():
+        rows.append(
+            [f"{name}: {one}", "", "", "", "", "", ""]
+            if isinstance(one, str)
+            else _scheme_row(name, one, plan.value)
+        )
+    return heads, rows
+
+
+def _scheme_row(name: str, plan: PosePlan, best: float) -> list[str]:
+    dwells = np.asarray(plan.dwells)
+    low, high = float(dwells.min()), float(dwells.max())
+    rest = f"{low:.0f} s" if high - low < 1.0 else f"{low:.0f} to {high:.0f} s"
+    means = [f"{value:.3g}" if math.isfinite(value) else "–" for value in group_means(plan).values()]
+    return [name, str(len(dwells)), rest, *means, f"{plan.value / best:.2f}"]
+
+
+def parameter_rows(done: PosesPlanned) -> list[list[str]]:
+    """Return name, predicted standard uncertainty, unit and what is of noise alone, for a table.
+
+    Parameters
+    ----------
+    done : what was planned.
+    """
+    rows: list[list[str]] = []
+    for one in done.predicted:
+        unit, size = UNITS[one.group]
+        factor = 1.0 / (size * (done.place.gravity if one.group == "bias" else 1.0))
+        rows.append([one.name, f"{one.total * factor:.3g}", unit, f"{one.noise * factor:.3g}"])
+    return rows
+
+
+def efficiency_words(plan: PosePlan) -> list[str]:
+    """Return what is proved of the plan.
+
+    Parameters
+    ----------
+    plan : with its efficiency, or zero.
+    """
+    if plan.efficiency <= 0.0:
+        return []
+    return [
+        (
+            f"Proved: no plan of these poses in this time is better by more than {1.0 / plan.efficiency:.2f} times "
+            "in the criterion (were the noise white)."
+        )
+    ]

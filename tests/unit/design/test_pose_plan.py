@@ -9,6 +9,7 @@ from tumble.attitude.directions import twenty_six_directions
 from tumble.design.candidates import pose_rows, sphere_grid
 from tumble.design.hold_noise import hold_covariance, predict_covariance
 from tumble.design.next_pose import find_next_poses, judge_stop, known_from_holds, sigmas_so_far
+from tumble.design.pose_order import shortest_order
 from tumble.design.pose_plan import (
     PoseTask,
     Reach,
@@ -18,7 +19,6 @@ from tumble.design.pose_plan import (
     plan_schemes,
     plan_time,
     require_seen,
-    shortest_order,
 )
 from tumble.design.pose_sets import paper_nine, predict_sigma
 from tumble.errors import ObservabilityError, UsageError

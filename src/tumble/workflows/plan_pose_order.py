@@ -1,0 +1,212 @@
+"""What a search of poses is asked for, and what that is for the design."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tumble.earth import Site
+from tumble.errors import UsageError
+from tumble.workflows.plan import check_seed, planned_grade
+from tumble.workflows.plan_words import MICRO_G
+
+if TYPE_CHECKING:
+    from tumble.design.pose_plan import PoseTask
+    from tumble.simulation import Grade
+
+LEVELLED = math.radians(0.5)
+"""One sigma to which faces on a plate are levelled, where nobody says."""
+# Seconds of a pose and of a turn, and the fewest poses that are planned without being asked.
+DEFAULTS = {"multi-position": (30.0, 3.0, 9), "hand-held": (4.0, 2.0, 26), "six-position": (30.0, 3.0, 6)}
+MOST_POSES = 200
+
+
+@dataclass(frozen=True, slots=True)
+class PoseOrder:
+    """What a search of poses is asked for.
+
+    Attributes
+    ----------
+    procedure : one of `tumble.workflows.plan.SEARCHED`.
+    imu : grade of the unit; `accelerometer_noise_ug` stands for its density in µg/√Hz.
+    data_sheet : a grade whose spreads are believed beforehand, as `calibrate --data-sheet` does.
+    poses, minutes : how many poses of `hold` seconds each, or how long the whole test may last with as many poses and
+        dwells as is best; by default nine poses.
+    hold, turn : s of a pose, and of the turn to the next.
+    criterion : one of `tumble.design.criteria.CRITERIA`.
+    wanted : parameters that matter, by group or name, with commas; None for all.
+    reach : "26", "sphere", "two-axis" or a file of poses.
+    outer, inner : of "two-axis", MIN,MAX,STEP in degrees.
+    given : a calibration, or a recording of this unit, that is there already.
+    targets : wished-for standard uncertainties, as "bias=50,scale=100,misalignment=20" in µg, ppm and arc-seconds.
+    placement : rad, of the faces on their plate, for six-position.
+    site : gravity; latitude 45° by default.
+    seed : of the search's starts.
+    """
+
+    procedure: str
+    imu: str = "consumer-mems"
+    data_sheet: str | None = None
+    accelerometer_noise_ug: float | None = None
+    poses: int | None = None
+    minutes: float | None = None
+    hold: float | None = None
+    turn: float | None = None
+    criterion: str = "A"
+    wanted: str | None = None
+    reach: str = "26"
+    outer: str | None = None
+    inner: str | None = None
+    given: str | os.PathLike[str] | None = None
+    targets: str | None = None
+    placement: float | None = None
+    site: Site | None = None
+    seed: int = 0
+
+    @property
+    def usual(self) -> tuple[float, float, int]:
+        """Seconds of a pose and of a turn, and the fewest poses, where nobody says."""
+        return DEFAULTS[self.procedure]
+
+    @property
+    def is_six_position(self) -> bool:
+        """Whether faces are levelled and believed."""
+        return self.procedure == "six-position"
+
+    @property
+    def dwell(self) -> float:
+        """Seconds of a pose, where the time of the test does not say."""
+        return self.hold or self.usual[0]
+
+    def check(self) -> None:
+        """Refuse numbers that contradict one another or that no test has.
+
+        Raises
+        ------
+        UsageError
+            If there is one.
+        """
+        if self.poses is not None and self.minutes is not None:
+            raise UsageError(
+                "--poses and --time: give the number of poses or the time of the whole test, not both."
+            )
+        if self.minutes is not None and self.hold is not None:
+            raise UsageError(
+                "--hold and --time: with the time of the whole test the dwells follow; leave --hold out."
+            )
+        if self.poses is not None and not 1 <= self.poses <= MOST_POSES:
+            raise UsageError(f"--poses {self.poses}: give 1 to {MOST_POSES}.")
+        if self.minutes is not None and not 0.0 < self.minutes <= 10_000.0:
+            raise UsageError(f"--time {self.minutes:g}: give minutes of the whole test, up to 10000.")
+        if self.hold is not None and not 1.0 <= self.hold <= 100_000.0:
+            raise UsageError(f"--hold {self.hold:g}: give 1 to 100000 seconds of rest in each pose.")
+        if self.turn is not None and not 0.5 <= self.turn <= 3600.0:
+            raise UsageError(
+                f"--turn-seconds {self.turn:g}: give 0.5 to 3600 seconds from one pose to the next."
+            )
+        check_seed(self.seed)
+
+
+def pose_task(order: PoseOrder, grade: Grade, place: Site) -> PoseTask:
+    """Return the design's task.
+
+    Parameters
+    ----------
+    order, grade, place : what is asked, of which unit, where.
+
+    Raises
+    ------
+    UsageError
+        If an option is none that a test has.
+    """
+    from tumble.design.pose_plan import PoseTask
+
+    return PoseTask(
+        grade.accelerometer.noise,
+        _criterion(order.procedure, order.criterion, order.wanted),
+        grade.rate,
+        order.usual[1] if order.turn is None else order.turn,
+        place.gravity,
+        _sheet(order.data_sheet, place.gravity),
+        *_placed(order, grade),
+    )
+
+
+def _criterion(procedure: str, name: str, wanted: str | None) -> Any:
+    from tumble.design.candidates import GROUPS, PARAMETERS
+    from tumble.design.criteria import CRITERIA
+    from tumble.design.pose_plan import criterion_of
+
+    known = {one.lower(): one for one in CRITERIA}
+    if name.lower() not in known:
+        raise UsageError(f"--criterion {name}: choose one of {', '.join(CRITERIA)}.")
+    chosen: list[int] = []
+    for part in (wanted or "").split(","):
+        word = " ".join(part.split())
+        if not word:
+            continue
+        if word in GROUPS:
+            chosen += GROUPS[word]
+        elif word in PARAMETERS:
+            chosen.append(PARAMETERS.index(word))
+        else:
+            raise UsageError(
+                f"--for {word}: choose of scale, misalignment, bias, or one of them such as {PARAMETERS[0]!r}, "
+                f"{PARAMETERS[3]!r}, {PARAMETERS[6]!r}, with commas between them."
+            )
+    if procedure == "six-position":
+        levelled = [*GROUPS["scale"], *GROUPS["bias"]]
+        if set(chosen) - set(levelled):
+            raise UsageError("--for misalignment: a six-position test tells scale factors and biases alone.")
+        chosen = chosen or levelled
+    return criterion_of(known[name.lower()], np.array(sorted(set(chosen))) if chosen else None)
+
+
+def pose_grade(order: PoseOrder) -> tuple[Grade, list[str]]:
+    """Return the unit's grade with the noise that was asked for, and what of it no source states.
+
+    Parameters
+    ----------
+    order : what is asked.
+
+    Raises
+    ------
+    UsageError
+        If there is no such grade, or the noise is none.
+    """
+    grade, remarks = planned_grade(order.imu)
+    noise_ug = order.accelerometer_noise_ug
+    if noise_ug is None:
+        return grade, remarks
+    if not 0.0 < noise_ug < 1e6:
+        raise UsageError(f"--accelerometer-noise-ug {noise_ug:g}: give a positive number.")
+    triad = grade.accelerometer
+    noise = replace(triad.noise, random_walk=MICRO_G / math.sqrt(2.0) * noise_ug)
+    return replace(grade, accelerometer=replace(triad, noise=noise)), remarks
+
+
+def _sheet(name: str | None, gravity: float) -> Any:
+    """The information of a data sheet's spreads."""
+    if name is None:
+        return None
+    from tumble.simulation.grades import find_grade
+
+    spread = find_grade(name).accelerometer
+    sigmas = (
+        [spread.scale_factor] * 3 + [math.sqrt(2.0) * spread.misalignment] * 3 + [spread.bias / gravity] * 3
+    )
+    return np.diag(1.0 / np.array(sigmas) ** 2)
+
+
+def _placed(order: PoseOrder, grade: Grade) -> tuple[float, float]:
+    """What levelling adds to a face's own reading (its square, and its product with misalignment), and its mean."""
+    if not order.is_six_position:
+        return 0.0, 0.0
+    tilt = LEVELLED if order.placement is None else order.placement
+    if not 0.0 <= tilt <= 0.2:
+        raise UsageError(f"--fixture-mrad {1e3 * tilt:g}: give 0 to 200 mrad.")
+    return math.hypot(tilt**2, math.sqrt(2.0) * tilt * grade.accelerometer.misalignment), tilt**2
