@@ -21,8 +21,8 @@ from tumble.document import Calibration, calibration_from_estimate
 from tumble.document.composition import FRAME_WORDS
 from tumble.earth import Site
 from tumble.errors import ObservabilityError, UsageError
+from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.protocol import named_protocol
-from tumble.protocol.procedures import KNOWN_PROCEDURES
 from tumble.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline, find_timeline, observe_holds
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording

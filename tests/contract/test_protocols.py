@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tumble.earth import Site
+from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.protocol import (
     PROTOCOLS,
     HoldStep,
@@ -22,7 +23,6 @@ from tumble.protocol import (
     read_protocol,
     write_protocol,
 )
-from tumble.protocol.procedures import KNOWN_PROCEDURES
 
 SITE = Site.from_latitude(np.radians(48.1), 520.0)
 

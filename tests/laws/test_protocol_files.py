@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tumble.earth import Site
+from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.protocol import (
     HoldStep,
     Pose,
@@ -23,7 +24,6 @@ from tumble.protocol import (
     read_protocol,
     write_protocol,
 )
-from tumble.protocol.procedures import KNOWN_PROCEDURES
 
 
 def same(one: Any, other: Any) -> bool:

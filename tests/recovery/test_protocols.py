@@ -15,8 +15,8 @@ import pytest
 
 from tumble.document.result import Calibration
 from tumble.earth import Site
+from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.protocol import named_protocol, write_protocol
-from tumble.protocol.procedures import KNOWN_PROCEDURES
 from tumble.sensor import change_frame
 from tumble.simulation import GRADES, TriadNoise, find_grade
 from tumble.workflows.calibrate import calibrate

@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
 from tumble.errors import UsageError
-from tumble.protocol.procedures import KNOWN_PROCEDURES
+from tumble.procedure_names import KNOWN_PROCEDURES
 
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Estimate

@@ -24,7 +24,7 @@ from tumble.cli.options import (
 )
 from tumble.cli.terminal import console, progress, results_stand, say_json_text
 from tumble.errors import UsageError
-from tumble.protocol.procedures import KNOWN_PROCEDURES
+from tumble.procedure_names import KNOWN_PROCEDURES
 
 if TYPE_CHECKING:
     from tumble.workflows.calibrate import CalibrationRun

@@ -16,7 +16,6 @@ from tumble.errors import OutputError, ProtocolError
 from tumble.files import opened
 from tumble.protocol.keys import ANGLES, DEGREE, FORMAT, FRAME, KINDS, PROTOCOL, SITE, VERSION
 from tumble.protocol.library import PROTOCOLS, named_protocol
-from tumble.protocol.procedures import KNOWN_PROCEDURES
 from tumble.protocol.step_entries import steps_of
 from tumble.protocol.steps import Protocol, Step
 from tumble.protocol.yaml_nodes import Entry, compose, nearest

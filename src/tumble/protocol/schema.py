@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.protocol.keys import ANGLES, FORMAT, FRAME, KINDS, PROTOCOL, SITE, VERSION, Key
 from tumble.protocol.library import PROTOCOLS
-from tumble.protocol.procedures import KNOWN_PROCEDURES
 
 
 def protocol_schema() -> dict[str, Any]:

@@ -102,7 +102,7 @@ def calibrate(
         of pandas or polars stands for a file, and a `Recording` for what was read; empty for those
         that the protocol names.
     output : folder for ``calibration.json`` and ``report.html``; None writes nothing.
-    procedure : its name, of `tumble.protocol.procedures`; None lets the protocol decide, or else the recording.
+    procedure : its name, of `tumble.procedure_names`; None lets the protocol decide, or else the recording.
     protocol : a protocol file, or the name of one of `tumble.protocol.PROTOCOLS`: what was done.
     site : gravity and latitude; None takes the protocol's, or else assumes standard gravity with an
         uncertainty of 0.015 m/s².
