@@ -14,6 +14,7 @@ from pathlib import Path
 from tumble.earth.site import Site
 from tumble.errors import OutputError, ProtocolError
 from tumble.files import opened
+from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.protocol.keys import ANGLES, DEGREE, FORMAT, FRAME, KINDS, PROTOCOL, SITE, VERSION
 from tumble.protocol.library import PROTOCOLS, named_protocol
 from tumble.protocol.step_entries import steps_of

@@ -194,8 +194,8 @@ def _command(
 
 def _write(folder: Path, noise: Characterisation, document: dict[str, Any], command: str) -> tuple[Path, ...]:
     from tumble.files import write_texts
-    from tumble.report.noise_document import document_text
     from tumble.report.noise import render_noise
+    from tumble.report.noise_document import document_text
 
     page = render_noise(noise, command)
     return tuple(write_texts({folder / DOCUMENT: document_text(document), folder / PAGE: page}))
