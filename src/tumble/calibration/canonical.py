@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Square, Table
 from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE
-from tumble.calibration.estimate import NamedValue, correlation_matrix
+from tumble.calibration.estimate import Described, NamedValue, correlation_matrix
 from tumble.earth import Site
 from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel, Triad, propagate
@@ -166,17 +166,6 @@ def named_parameters(
     return labels, evaluate
 
 
-@dataclass(frozen=True, slots=True)
-class Described:
-    """The 36 unknowns as everybody else knows them, with covariance; see `Estimate`."""
-
-    model: ImuModel
-    names: list[str]
-    covariance: Table
-    parameters: list[NamedValue]
-    correlations: Table
-
-
 def describe_unknowns(
     unknowns: Series,
     covariance: Square,
@@ -230,6 +219,26 @@ class DescribedTriad:
     covariance: Square
     parameters: list[NamedValue]
     spread: Table
+
+
+def describe_apart(accelerometer: DescribedTriad, gyro: DescribedTriad | None) -> Described:
+    """Return two triads that were estimated one without the other.
+
+    Parameters
+    ----------
+    accelerometer : described.
+    gyro : described; None without one.
+    """
+    from scipy.linalg import block_diag
+
+    parts = [accelerometer] if gyro is None else [accelerometer, gyro]
+    return Described(
+        ImuModel(accelerometer.triad, None if gyro is None else gyro.triad),
+        [name for part in parts for name in part.names],
+        block_diag(*(part.covariance for part in parts)),
+        [value for part in parts for value in part.parameters],
+        correlation_matrix(block_diag(*(part.spread for part in parts))),
+    )
 
 
 def describe_fixture_triad(

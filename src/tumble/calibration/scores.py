@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Matrix, Series, Vectors, inverted
+from tumble.arrays import Matrices, Matrix, Series, Vectors, inverted
 from tumble.attitude import angle_between, integrate_turns
 from tumble.attitude.integration import average_at_edge
 from tumble.calibration.equations.turn import HoldsAndTurns
-from tumble.sensor import ImuModel
+from tumble.calibration.estimate import LeftOut
+from tumble.calibration.evidence import Holds
+from tumble.calibration.snooping import Outlier
+from tumble.sensor import ImuModel, Triad
 
 # A turn smaller than this says nothing of scale factors.
 SMALLEST_TURN = np.radians(5.0)
@@ -43,6 +47,44 @@ def hold_norm_errors(model: ImuModel, means: Vectors, gravity: float) -> Series:
     if model.accelerometer is None:
         raise ValueError("the model has no accelerometer")
     return np.linalg.norm(model.accelerometer.correct(means), axis=1) - gravity
+
+
+def holds_evidence(
+    triad: Triad, means: Vectors, covariance: Matrices, gravity: float, wander: float = 0.0
+) -> Holds:
+    """Return what holds' corrected norms differ from gravity by, with what noise and wander make of them.
+
+    Parameters
+    ----------
+    triad : the accelerometers.
+    means, covariance : (holds, 3) and (holds, 3, 3) raw, of the holds.
+    gravity : m/s².
+    wander : (m/s²)², the variance that a bias has from hold to hold.
+    """
+    corrected = triad.correct(means)
+    length = np.linalg.norm(corrected, axis=1)
+    along = (corrected / length[:, None]) @ inverted(triad.matrix)
+    variance = np.einsum("ka,kab,kb->k", along, covariance, along)
+    return Holds(length - gravity, np.sqrt(variance + wander))
+
+
+def left_out_holds(outliers: Iterable[Outlier], norms: Series) -> list[LeftOut]:
+    """Return holds that gravity's norm left out, in words.
+
+    Parameters
+    ----------
+    outliers : of a kind whose groups are holds.
+    norms : (holds,) m/s², corrected norm minus gravity.
+    """
+    return [
+        LeftOut(
+            "hold",
+            o.group,
+            f"its specific force is off gravity by {1e3 * norms[o.group]:+.1f} mm/s², "
+            f"{o.normalised:.1f} times what the others show",
+        )
+        for o in outliers
+    ]
 
 
 def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Square
-from tumble.calibration.canonical import Described, canonical_names, gravity_covariance, named_parameters
+from tumble.calibration.canonical import canonical_names, gravity_covariance, named_parameters
 from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE
-from tumble.calibration.estimate import NamedValue, correlation_matrix
+from tumble.calibration.estimate import Described, NamedValue, correlation_matrix
 from tumble.calibration.joint.observability import NAME_PLATE_FORCE, NAME_PLATE_RATE, NAME_PLATE_SHARE
 from tumble.calibration.joint.table_parameters import WORTH_NAMING, table_parameters, told_table_parameters
 from tumble.calibration.joint.unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Vectors, inverted
-from tumble.calibration.canonical import Described, describe_unknowns
+from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.equations.turn import TOTAL
 from tumble.calibration.estimate import (
     Beside,
+    Described,
     Estimate,
     LeftOut,
     NamedValue,

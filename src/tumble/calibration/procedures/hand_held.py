@@ -34,10 +34,12 @@ from tumble.calibration.equations.turn import (
 )
 from tumble.calibration.estimate import (
     Estimate,
+    Figures,
     LeftOut,
     NamedValue,
     TermTest,
     coverage_factor,
+    estimate_of,
 )
 from tumble.calibration.evidence import Budget, Holds, Turns
 from tumble.calibration.handedness import refuse_contradicting_axes
@@ -395,23 +397,15 @@ def _estimate(
     angles = score_turns(described.model, data).angle
     variances = np.diagonal(linear.covariance, axis1=1, axis2=2)
     turn_sigmas = np.where(data.turn_start >= 0, np.sqrt(variances[:, TURN].sum(axis=1)), np.nan)
-    return Estimate(
-        procedure="hand-held",
-        model=described.model,
-        names=described.names,
-        covariance=described.covariance,
-        parameters=described.parameters,
-        correlations=described.correlations,
-        sigma0=alone.adjustment.sigma0,
-        sigma0_final=solution.adjustment.sigma0,
-        degrees_of_freedom=solution.adjustment.redundancy,
-        coverage_factor=coverage_factor(solution.adjustment.redundancy),
-        largest_normalised=_largest_normalised(solution.adjustment),
-        variance_components={
-            "accelerometer bias from hold to hold, m/s²": float(np.sqrt(solution.extra["norm"])),
-            "gyro bias from hold to hold, rad/s": float(np.sqrt(solution.extra["rate"])),
-            "direction after a turn, rad": float(np.sqrt(solution.extra["turn"])),
-        },
+    components = {
+        "accelerometer bias from hold to hold, m/s²": float(np.sqrt(solution.extra["norm"])),
+        "gyro bias from hold to hold, rad/s": float(np.sqrt(solution.extra["rate"])),
+        "direction after a turn, rad": float(np.sqrt(solution.extra["turn"])),
+    }
+    return estimate_of(
+        "hand-held",
+        described,
+        Figures.of(solution.adjustment, alone.adjustment.sigma0, components, tested=[NORM, RATE, TURN]),
         left_out=[_left_out(outlier, norms, angles) for outlier in outliers],
         terms=tests,
         evidence=[
@@ -434,13 +428,6 @@ def _all_conditions(
         ExtraVariances(solution.extra["norm"], solution.extra["rate"], solution.extra["turn"]),
     )
     return conditions, conditions.linearise(solution.values[solution.free])
-
-
-def _largest_normalised(adjustment: Adjustment) -> float:
-    from tumble.estimation import snoop_groups
-
-    tests = [t for columns in (NORM, RATE, TURN) for t in snoop_groups(adjustment, columns) if t.degrees]
-    return max((test.normalised for test in tests), default=0.0)
 
 
 def _left_out(outlier: Outlier, norms: Series, angles: Series) -> LeftOut:

@@ -16,7 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, Vectors, inverted
-from tumble.calibration.canonical import FIXTURE_UNKNOWNS, DescribedTriad, describe_fixture_triad
+from tumble.calibration.canonical import (
+    FIXTURE_UNKNOWNS,
+    DescribedTriad,
+    describe_apart,
+    describe_fixture_triad,
+)
 from tumble.calibration.closed_forms.rotation_pairs import (
     EarthParts,
     RotationPair,
@@ -24,21 +29,27 @@ from tumble.calibration.closed_forms.rotation_pairs import (
     refuse_unlike_angles,
 )
 from tumble.calibration.equations.placement import PlacedFit, PlacedReadings, fit_placed, is_excessive
-from tumble.calibration.estimate import Estimate, correlation_matrix, coverage_factor, said_of
-from tumble.calibration.evidence import Budget, Holds, RotationFit, Rotations, Spins, TurnedAngle
+from tumble.calibration.estimate import (
+    Estimate,
+    Figures,
+    coverage_factor,
+    estimate_of,
+    said_of,
+)
+from tumble.calibration.evidence import Budget, RotationFit, Rotations
 from tumble.calibration.procedure import Procedure
 from tumble.calibration.procedures.six_position import KnownPoses, known_poses
+from tumble.calibration.scores import holds_evidence
 from tumble.calibration.session import Session
+from tumble.calibration.turntable.rotations import spins_evidence, turned_angles
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
-from tumble.estimation import snoop_groups
 from tumble.protocol import Protocol
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans
 from tumble.segmentation.matching import Matching
 from tumble.segmentation.rotations import Rotation
-from tumble.sensor import ImuModel
 from tumble.units import angular_rate_factor, specific_force_factor
 
 AXES_NEEDED = 3
@@ -332,37 +343,35 @@ def _estimate(
 ) -> Estimate:
     told, turned = _described(recording, site, force, gyros)
     adjustment = force.adjustment
-    tests = [test for test in snoop_groups(adjustment, slice(0, 3)) if test.degrees]
+    degrees = adjustment.redundancy + gyros.degrees
     assert means.specific_force is not None
     assert means.specific_force_covariance is not None
-    corrected = told.triad.correct(means.specific_force)
-    length = np.linalg.norm(corrected, axis=1)
-    weight = (corrected / length[:, None]) @ inverted(told.triad.matrix)
-    variance = np.einsum("ka,kab,kb->k", weight, means.specific_force_covariance, weight)
-    degrees = adjustment.redundancy + gyros.degrees
-    return Estimate(
-        procedure="laboratory",
-        model=ImuModel(told.triad, turned.triad),
-        names=[*told.names, *turned.names],
-        covariance=_blocks(told.covariance, turned.covariance),
-        parameters=[*told.parameters, *turned.parameters],
-        correlations=correlation_matrix(_blocks(told.spread, turned.spread)),
-        sigma0=force.alone,
-        sigma0_final=float(np.sqrt((adjustment.square_sum + gyros.square_sum / gyros.factor) / degrees)),
-        degrees_of_freedom=degrees,
-        coverage_factor=coverage_factor(degrees),
-        largest_normalised=max((test.normalised for test in tests), default=0.0),
-        variance_components={
+    figures = Figures.of(
+        adjustment,
+        force.alone,
+        {
             "accelerometer bias from hold to hold, m/s²": _wander_si(force.matrix, wander),
             "placement of the unit beyond what the protocol states, rad": force.added,
         },
+        tested=[slice(0, 3)],
+    )
+    axes = [pair.axis_b for pair in gyros.pairs]
+    return estimate_of(
+        "laboratory",
+        describe_apart(told, turned),
+        replace(
+            figures,
+            sigma0_final=float(np.sqrt((adjustment.square_sum + gyros.square_sum / gyros.factor) / degrees)),
+            degrees_of_freedom=degrees,
+            coverage_factor=coverage_factor(degrees),
+        ),
         said=said_of(
             remarks=_remarks(poses, site, force, gyros, lonely),
             not_determined=[_SITS, "Nonlinear terms and g-sensitivity of the gyros are not estimated."],
         ),
         evidence=[
-            Holds(length - site.gravity, np.sqrt(variance)),
-            _spins(gyros),
+            holds_evidence(told.triad, means.specific_force, means.specific_force_covariance, site.gravity),
+            spins_evidence(gyros.pairs, axes, gyros.matrix, gyros.parts),
             Rotations(_rotation_fits(gyros, poses)),
             Budget(_budget(recording, site, force, gyros)),
         ],
@@ -376,30 +385,6 @@ def _wander_si(matrix: Matrix, wander: Vector) -> float:
     return float(np.sqrt(np.mean((wander / row) ** 2)))
 
 
-def _blocks(one: Table, other: Table) -> Table:
-    whole = np.zeros((len(one) + len(other), len(one) + len(other)))
-    whole[: len(one), : len(one)], whole[len(one) :, len(one) :] = one, other
-    return whole
-
-
-def _spins(gyros: _Gyros) -> Spins:
-    count = 1 + max(r.row for pair in gyros.pairs for r in pair.rotations)
-    inverse = inverted(gyros.matrix)
-    rates, names = np.zeros(count), ["a rotation without its counterpart"] * count
-    residuals, sigmas = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
-    for pair in gyros.pairs:
-        for side, sign in ((pair.forward, 1.0), (pair.backward, -1.0)):
-            for r in side:
-                rates[r.row] = sign * abs(r.angle) / r.seconds
-                turned = inverse @ (r.integral - gyros.parts[r.row])
-                residuals[r.row] = (turned - sign * abs(r.angle) * pair.axis_b) / r.seconds
-                spread = inverse @ r.covariance @ inverse.T
-                spread = spread + r.angle_sigma**2 * np.outer(pair.axis_b, pair.axis_b)
-                sigmas[r.row] = np.sqrt(np.diag(spread)) / r.seconds
-                names[r.row] = f"{pair.name}, {'counter-clockwise' if sign > 0 else 'clockwise'}"
-    return Spins(rates, residuals, sigmas, tuple(names))
-
-
 def _rotation_fits(gyros: _Gyros, poses: KnownPoses) -> tuple[RotationFit, ...]:
     """Each axis as the gyros saw it, against where the protocol has it."""
     inverse = inverted(gyros.matrix)
@@ -408,19 +393,9 @@ def _rotation_fits(gyros: _Gyros, poses: KnownPoses) -> tuple[RotationFit, ...]:
     for pair, rotation in zip(gyros.pairs, gyros.rotation, strict=True):
         seen = inverse @ rotation
         seen = seen / np.linalg.norm(seen)
-        angles: list[TurnedAngle] = []
-        for r in pair.rotations:
-            sign = 1.0 if r in pair.forward else -1.0
-            weight = pair.axis_b @ inverse
-            turned = sign * float(weight @ (r.integral - gyros.parts[r.row]))
-            spread = float(np.sqrt(weight @ r.covariance @ weight + r.angle_sigma**2))
-            angles.append(
-                TurnedAngle(
-                    r.row, sign * abs(r.angle), turned - abs(r.angle), spread, r.seconds, r.is_from_rest
-                )
-            )
+        angles = turned_angles(pair, pair.axis_b, gyros.matrix, gyros.parts)
         away = float(np.linalg.norm(np.cross(seen, pair.axis_b)))
-        fits.append(RotationFit(pair.name, seen, float("nan"), away, sigma, float("nan"), tuple(angles)))
+        fits.append(RotationFit(pair.name, seen, float("nan"), away, sigma, float("nan"), angles))
     return tuple(fits)
 
 

@@ -25,17 +25,25 @@ from tumble.calibration.equations.spin_groups import REVERSED, SpinGroup, group_
 from tumble.calibration.equations.table import VERTICAL, TableConditions, TableReadings
 from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, COUNT, SCALE, triad_from_unknowns
 from tumble.calibration.equations.turn import FORCE, G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, TOTAL
-from tumble.calibration.estimate import Estimate, LeftOut, TermTest, coverage_factor, said_of
-from tumble.calibration.evidence import Holds, Spins
+from tumble.calibration.estimate import (
+    Estimate,
+    Figures,
+    LeftOut,
+    TermTest,
+    estimate_of,
+    said_of,
+)
+from tumble.calibration.evidence import Spins
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.procedure import Procedure
 from tumble.calibration.procedures.multi_position import TriadFit, fit_norms
+from tumble.calibration.scores import holds_evidence, left_out_holds
 from tumble.calibration.session import Session
 from tumble.calibration.term_tests import wald_test
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.estimation import Adjustment, Prior, adjust, snoop_groups
+from tumble.estimation import Adjustment, Prior, adjust
 from tumble.protocol import Protocol
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, SpinMeans
@@ -330,31 +338,31 @@ def _estimate(task: _Task, spins: SpinMeans, joint: _Joint, norms: TriadFit) -> 
     described = describe_unknowns(
         joint.values, covariance, task.site, task.recording, terms=terms, gyro="full"
     )
-    hold_norms, hold_sigmas = _hold_norms(task, joint)
+    assert task.means.specific_force is not None
+    assert task.means.specific_force_covariance is not None
+    holds = holds_evidence(
+        triad_from_unknowns(joint.values[FORCE]),
+        task.means.specific_force,
+        task.means.specific_force_covariance,
+        task.site.gravity,
+        task.force.extra,
+    )
     residuals, sigmas = _spin_residuals(task, spins, joint)
-    tests = [t for t in snoop_groups(adjustment, slice(0, adjustment.residual.shape[1])) if t.degrees]
-    return Estimate(
-        procedure="modified-multi-position",
-        model=described.model,
-        names=described.names,
-        covariance=described.covariance,
-        parameters=described.parameters,
-        correlations=described.correlations,
-        sigma0=joint.alone,
-        sigma0_final=adjustment.sigma0,
-        degrees_of_freedom=adjustment.redundancy,
-        coverage_factor=coverage_factor(adjustment.redundancy),
-        largest_normalised=max((test.normalised for test in tests), default=0.0),
-        variance_components={
-            "accelerometer bias from hold to hold, m/s²": float(np.sqrt(task.force.extra)),
-            "gyro bias from spin to spin, rad/s": joint.wander,
-            "table's axis against the vertical, rad": joint.tilt,
-        },
-        left_out=_left_out(task, norms, hold_norms),
+    components = {
+        "accelerometer bias from hold to hold, m/s²": float(np.sqrt(task.force.extra)),
+        "gyro bias from spin to spin, rad/s": joint.wander,
+        "table's axis against the vertical, rad": joint.tilt,
+    }
+    every = slice(0, adjustment.residual.shape[1])
+    return estimate_of(
+        "modified-multi-position",
+        described,
+        Figures.of(adjustment, joint.alone, components, tested=[every]),
+        left_out=_left_out(task, norms, holds.norms),
         terms=joint.tests,
         said=said_of(remarks=_remarks(task, joint, norms), not_determined=_not_determined(task)),
         evidence=[
-            Holds(hold_norms, hold_sigmas),
+            holds,
             Spins(_spin_rates(task, len(spins)), residuals, sigmas, _spin_names(task, len(spins))),
         ],
     )
@@ -366,17 +374,6 @@ def _table_rate(task: _Task, joint: _Joint) -> Square:
     slope[GYRO_MATRIX] = joint.values[GYRO_MATRIX]
     share = max((step.sigma for group in task.groups for step in group.spins), default=0.0)
     return np.outer(slope, slope) * share**2
-
-
-def _hold_norms(task: _Task, joint: _Joint) -> tuple[Series, Series]:
-    assert task.means.specific_force is not None
-    assert task.means.specific_force_covariance is not None
-    triad = triad_from_unknowns(joint.values[FORCE])
-    corrected = triad.correct(task.means.specific_force)
-    length = np.linalg.norm(corrected, axis=1)
-    weight = (corrected / length[:, None]) @ inverted(triad.matrix)
-    variance = np.einsum("ka,kab,kb->k", weight, task.means.specific_force_covariance, weight)
-    return length - task.site.gravity, np.sqrt(variance + task.force.extra)
 
 
 def _spin_residuals(task: _Task, spins: SpinMeans, joint: _Joint) -> tuple[Vectors, Vectors]:
@@ -421,15 +418,7 @@ def _spin_names(task: _Task, count: int) -> tuple[str, ...]:
 
 
 def _left_out(task: _Task, norms: TriadFit, hold_norms: Series) -> list[LeftOut]:
-    holds = [
-        LeftOut(
-            "hold",
-            o.group,
-            f"its specific force is off gravity by {1e3 * hold_norms[o.group]:+.1f} mm/s², "
-            f"{o.normalised:.1f} times what the others show",
-        )
-        for o in task.force.outliers
-    ]
+    holds = left_out_holds(task.force.outliers, hold_norms)
     spun = [
         LeftOut(
             "spin", o.group, f"its rate is off the table's by {o.normalised:.1f} times what the others show"

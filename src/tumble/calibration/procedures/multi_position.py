@@ -25,22 +25,24 @@ from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, COUNT, SCAL
 from tumble.calibration.equations.turn import FORCE, G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, TOTAL
 from tumble.calibration.estimate import (
     Estimate,
+    Figures,
     LeftOut,
     TermTest,
-    coverage_factor,
+    estimate_of,
     said_of,
 )
 from tumble.calibration.evidence import Holds
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.procedure import Procedure
 from tumble.calibration.requirements import require_poses
+from tumble.calibration.scores import left_out_holds
 from tumble.calibration.session import Session
 from tumble.calibration.snooping import Kind, Outlier, balance
 from tumble.calibration.start_values import rough_triad
 from tumble.calibration.term_tests import wald_test
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
-from tumble.estimation import Adjustment, Prior, adjust, snoop_groups
+from tumble.estimation import Adjustment, Prior, adjust
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans
 from tumble.simulation import Grade
@@ -456,22 +458,11 @@ def _estimate(
     corrected = triad_from_unknowns(force.unknowns).correct(means.specific_force)
     norms = np.linalg.norm(corrected, axis=1) - site.gravity
     variance = np.diagonal(adjustment.linearisation.covariance, axis1=1, axis2=2)[:, 0]
-    tests = [test for test in snoop_groups(adjustment, _NORM) if test.degrees]
-    return Estimate(
-        procedure="multi-position",
-        model=described.model,
-        names=described.names,
-        covariance=described.covariance,
-        parameters=described.parameters,
-        correlations=described.correlations,
-        sigma0=force.alone,
-        sigma0_final=adjustment.sigma0,
-        degrees_of_freedom=adjustment.redundancy,
-        coverage_factor=coverage_factor(adjustment.redundancy) if force.extra > 0 else 1.96,
-        largest_normalised=max((test.normalised for test in tests), default=0.0),
-        variance_components={
-            "accelerometer bias from hold to hold, m/s²": float(np.sqrt(force.extra)),
-        },
+    components = {"accelerometer bias from hold to hold, m/s²": float(np.sqrt(force.extra))}
+    return estimate_of(
+        "multi-position",
+        described,
+        Figures.of(adjustment, force.alone, components, tested=[_NORM], estimated=force.extra > 0),
         left_out=_left_out(force, gyro, norms),
         terms=[] if test is None else [test],
         said=said_of(remarks=[] if gyro is None else [gyro.remark], not_determined=_not_determined(kind)),
@@ -480,15 +471,7 @@ def _estimate(
 
 
 def _left_out(force: TriadFit, gyro: _GyroFit | None, norms: Series) -> list[LeftOut]:
-    left = [
-        LeftOut(
-            "hold",
-            o.group,
-            f"its specific force is off gravity by {1e3 * norms[o.group]:+.1f} mm/s², "
-            f"{o.normalised:.1f} times what the others show",
-        )
-        for o in force.outliers
-    ]
+    left = left_out_holds(force.outliers, norms)
     if gyro is not None:
         left += [
             LeftOut("hold", o.group, f"its angular rate is {o.normalised:.1f} times off what the others show")

@@ -12,7 +12,7 @@ placed up and down enough the g-sensitivity is told from it. The accelerometers 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -38,11 +38,13 @@ from tumble.calibration.equations.spin_readings import (
     require_rates,
 )
 from tumble.calibration.estimate import (
+    Described,
     Estimate,
+    Figures,
     NamedValue,
     TermTest,
     correlation_matrix,
-    coverage_factor,
+    estimate_of,
     said_of,
 )
 from tumble.calibration.evidence import Spins
@@ -304,22 +306,23 @@ def _estimate(
     correlations[count:, count:] = correlation_matrix(spread)
     adjustment = fit.adjustment
     normalised = residuals / sigmas
-    estimate = Estimate(
-        procedure="rate-table",
-        model=ImuModel(None, told.triad),
-        names=told.names,
-        covariance=told.covariance,
-        parameters=[*told.parameters, *extra],
-        correlations=correlations,
-        sigma0=fit.alone,
-        sigma0_final=adjustment.sigma0,
-        degrees_of_freedom=adjustment.redundancy,
-        coverage_factor=coverage_factor(adjustment.redundancy) if fit.wander + fit.placement > 0 else 1.96,
-        largest_normalised=float(np.max(np.abs(normalised))) if normalised.size else 0.0,
-        variance_components={
-            "gyro bias from spin to spin, rad/s": fit.wander,
-            "placement of the unit beyond what the protocol states, rad": fit.placement,
-        },
+    components = {
+        "gyro bias from spin to spin, rad/s": fit.wander,
+        "placement of the unit beyond what the protocol states, rad": fit.placement,
+    }
+    figures = Figures.of(
+        adjustment, fit.alone, components, tested=[], estimated=fit.wander + fit.placement > 0
+    )
+    estimate = estimate_of(
+        "rate-table",
+        Described(
+            ImuModel(None, told.triad),
+            told.names,
+            told.covariance,
+            [*told.parameters, *extra],
+            correlations,
+        ),
+        replace(figures, largest_normalised=float(np.max(np.abs(normalised))) if normalised.size else 0.0),
         terms=[*fit.tests, *([] if biases.test is None else [biases.test])],
         evidence=[Spins(rates, residuals, sigmas, tuple(names))],
         frame="fixture",

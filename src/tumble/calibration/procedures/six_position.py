@@ -18,32 +18,36 @@ the nominal one stays and the bias alone is estimated.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import Matrices, Series, Square, Table, Vector, Vectors
+from tumble.arrays import Matrices, Series, Square, Vector, Vectors
 from tumble.calibration.canonical import (
     FIXTURE_UNKNOWNS,
     DescribedTriad,
+    describe_apart,
     describe_bias,
     describe_fixture_triad,
 )
 from tumble.calibration.equations.placement import PlacedFit, PlacedReadings, fit_placed, up_down_pair
-from tumble.calibration.estimate import Estimate, correlation_matrix, coverage_factor, said_of
-from tumble.calibration.evidence import Holds
+from tumble.calibration.estimate import (
+    Estimate,
+    Figures,
+    estimate_of,
+    said_of,
+)
 from tumble.calibration.faces import match_faces
 from tumble.calibration.procedure import Procedure
+from tumble.calibration.scores import holds_evidence
 from tumble.calibration.session import Session
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
-from tumble.estimation import snoop_groups
 from tumble.protocol import HoldStep, Pose, Protocol
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans
 from tumble.segmentation.matching import Matching
-from tumble.sensor import ImuModel
 from tumble.units import angular_rate_factor, specific_force_factor
 
 # A gyro's scale factor or angle from the Earth rate that is worse than this is left at its nominal value:
@@ -447,54 +451,25 @@ def _estimate(
     *,
     improved: bool,
 ) -> Estimate:
-    parts = [told] if gyro is None else [told, gyro.told]
-    adjustment = force.adjustment
-    tests = [test for test in snoop_groups(adjustment, slice(0, 3)) if test.degrees]
-    norms, norm_sigmas = _norms(means, told, site)
-    norm_sigmas[poses.hold] = _expected_norms(poses, force, norm_sigmas[poses.hold], site, improved=improved)
-    added = force.added > 0.0
-    return Estimate(
-        procedure="improved-six-position" if improved else "six-position",
-        model=ImuModel(told.triad, None if gyro is None else gyro.told.triad),
-        names=[name for part in parts for name in part.names],
-        covariance=_blocks([part.covariance for part in parts]),
-        parameters=[value for part in parts for value in part.parameters],
-        correlations=correlation_matrix(_blocks([part.spread for part in parts])),
-        sigma0=force.alone,
-        sigma0_final=adjustment.sigma0,
-        degrees_of_freedom=adjustment.redundancy,
-        coverage_factor=coverage_factor(adjustment.redundancy) if added else 1.96,
-        largest_normalised=max((test.normalised for test in tests), default=0.0),
-        variance_components={"placement of the unit beyond what the protocol states, rad": force.added},
+    assert means.specific_force is not None
+    assert means.specific_force_covariance is not None
+    holds = holds_evidence(told.triad, means.specific_force, means.specific_force_covariance, site.gravity)
+    sigmas = holds.sigmas.copy()
+    sigmas[poses.hold] = _expected_norms(poses, force, sigmas[poses.hold], site, improved=improved)
+    placement = {"placement of the unit beyond what the protocol states, rad": force.added}
+    return estimate_of(
+        "improved-six-position" if improved else "six-position",
+        describe_apart(told, None if gyro is None else gyro.told),
+        Figures.of(
+            force.adjustment, force.alone, placement, tested=[slice(0, 3)], estimated=force.added > 0.0
+        ),
         said=said_of(
             remarks=_remarks(poses, site, force, gyro, improved=improved),
             not_determined=_not_determined(gyro, improved=improved),
         ),
-        evidence=[Holds(norms, norm_sigmas)],
+        evidence=[replace(holds, sigmas=sigmas)],
         frame="fixture",
     )
-
-
-def _blocks(blocks: list[Table]) -> Table:
-    """Return a block-diagonal matrix."""
-    whole = np.zeros((sum(b.shape[0] for b in blocks), sum(b.shape[1] for b in blocks)))
-    at = 0
-    for block in blocks:
-        end = at + block.shape[0]
-        whole[at:end, at:end] = block
-        at = end
-    return whole
-
-
-def _norms(means: HoldMeans, told: DescribedTriad, site: Site) -> tuple[Series, Series]:
-    """Return the corrected norm of every hold minus gravity, and its noise."""
-    assert means.specific_force is not None
-    assert means.specific_force_covariance is not None
-    corrected = told.triad.correct(means.specific_force)
-    length = np.linalg.norm(corrected, axis=1)
-    weight = (corrected / length[:, None]) @ np.linalg.inv(told.triad.matrix)
-    variance = np.einsum("ka,kab,kb->k", weight, means.specific_force_covariance, weight)
-    return length - site.gravity, np.sqrt(variance)
 
 
 def _expected_norms(

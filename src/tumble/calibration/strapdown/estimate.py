@@ -12,14 +12,18 @@ from tumble.calibration.closed_forms.rotation_sequences import SequenceModel
 from tumble.calibration.closed_forms.sequence_inversion import SequenceSolution
 from tumble.calibration.closed_forms.sequence_measurements import SequenceMeasurement
 from tumble.calibration.estimate import (
+    Described,
     Estimate,
+    Figures,
     NamedValue,
     TermTest,
     correlation_matrix,
     coverage_factor,
+    estimate_of,
     said_of,
 )
-from tumble.calibration.evidence import Holds, SequenceFit, Sequences
+from tumble.calibration.evidence import SequenceFit, Sequences
+from tumble.calibration.scores import holds_evidence
 from tumble.calibration.strapdown.errors import apply_errors
 from tumble.calibration.strapdown.recorded_sequences import RecordedSequence
 from tumble.calibration.strapdown.start_earth import SeenEarth, earth_as_sensitivity
@@ -95,23 +99,23 @@ def strapdown_estimate(
     solution = outcome.solution
     assert means.specific_force is not None
     assert model.accelerometer is not None
-    norms, sigmas = _norms(means, model, site)
     sigma0 = float(np.sqrt(solution.square_sum / solution.degrees)) if solution.degrees else float("nan")
-    return Estimate(
-        procedure="strapdown-rotation",
-        model=model,
-        names=names,
-        covariance=canonical_covariance,
-        parameters=[
-            NamedValue(label, float(value), float(np.sqrt(max(variance, 0.0))), unit)
-            for label, unit, value, variance in zip(labels, units, values, np.diag(spread), strict=True)
-        ],
-        correlations=correlation_matrix(spread),
-        sigma0=sigma0,
-        sigma0_final=min(sigma0, 1.0) if np.isfinite(sigma0) else sigma0,
-        degrees_of_freedom=solution.degrees,
-        coverage_factor=coverage_factor(solution.degrees),
-        largest_normalised=float(np.max(np.abs(solution.residuals / solution.sigmas))),
+    parameters = [
+        NamedValue(label, float(value), float(np.sqrt(max(variance, 0.0))), unit)
+        for label, unit, value, variance in zip(labels, units, values, np.diag(spread), strict=True)
+    ]
+    assert means.specific_force_covariance is not None
+    return estimate_of(
+        "strapdown-rotation",
+        Described(model, names, canonical_covariance, parameters, correlation_matrix(spread)),
+        Figures(
+            sigma0,
+            min(sigma0, 1.0) if np.isfinite(sigma0) else sigma0,
+            solution.degrees,
+            coverage_factor(solution.degrees),
+            float(np.max(np.abs(solution.residuals / solution.sigmas))),
+            {},
+        ),
         terms=[] if outcome.term is None else [outcome.term],
         said=said_of(
             remarks=_remarks(outcome, site),
@@ -119,7 +123,9 @@ def strapdown_estimate(
             not_determined=_not_determined(outcome),
         ),
         evidence=[
-            Holds(norms, sigmas),
+            holds_evidence(
+                model.accelerometer, means.specific_force, means.specific_force_covariance, site.gravity
+            ),
             Sequences(_fits(outcome), tuple(_groups(change) for change in outcome.passes)),
         ],
         frame="mean-gyro",
@@ -264,18 +270,6 @@ def _named(recording: Recording, outcome: StrapdownOutcome) -> tuple[list[str], 
         return np.concatenate(parts)
 
     return labels, of, evaluate
-
-
-def _norms(means: HoldMeans, model: ImuModel, site: Site) -> tuple[Series, Series]:
-    """Corrected norm of every hold minus gravity, and its noise."""
-    assert means.specific_force is not None
-    assert means.specific_force_covariance is not None
-    assert model.accelerometer is not None
-    corrected = model.accelerometer.correct(means.specific_force)
-    length = np.linalg.norm(corrected, axis=1)
-    weight = (corrected / length[:, None]) @ np.linalg.inv(model.accelerometer.matrix)
-    variance = np.einsum("ka,kab,kb->k", weight, means.specific_force_covariance, weight)
-    return length - site.gravity, np.sqrt(variance)
 
 
 def _fits(outcome: StrapdownOutcome) -> tuple[SequenceFit, ...]:

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
-from tumble.calibration.canonical import Described
 from tumble.calibration.equations.triad_unknowns import BIAS
-from tumble.calibration.estimate import Estimate, LeftOut, coverage_factor, said_of
+from tumble.calibration.estimate import Described, Estimate, LeftOut, coverage_factor, said_of
 from tumble.calibration.evidence import Holds, Spins, Turns
 from tumble.calibration.joint.description import describe_wide, named_function
 from tumble.calibration.joint.estimate import joint_estimate

@@ -11,16 +11,17 @@ from tumble.attitude import skew
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.equations.triad_unknowns import triad_from_unknowns
 from tumble.calibration.equations.turn import FORCE, G_SENSITIVITY, GYRO_MATRIX, TOTAL
-from tumble.calibration.estimate import Estimate, LeftOut, coverage_factor, said_of
-from tumble.calibration.evidence import Budget, Holds, RotationFit, Rotations, Spins, TurnedAngle
+from tumble.calibration.estimate import Estimate, Figures, coverage_factor, estimate_of, said_of
+from tumble.calibration.evidence import Budget, Holds, RotationFit, Rotations
 from tumble.calibration.procedures.multi_position import ROTATION_SIGMA
+from tumble.calibration.scores import left_out_holds
+from tumble.calibration.turntable.rotations import spins_evidence, turned_angles
 from tumble.calibration.turntable.solution import (
     GROUPS,
     MATRIX,
 )
 from tumble.calibration.turntable.task import TurntableOutcome, TurntableTask
 from tumble.calibration.turntable.words import misread_words, not_determined, objections, remarks
-from tumble.estimation import snoop_groups
 
 
 def turntable_estimate(task: TurntableTask, solution: TurntableOutcome) -> Estimate:
@@ -50,33 +51,21 @@ def turntable_estimate(task: TurntableTask, solution: TurntableOutcome) -> Estim
     degrees = adjustment.redundancy + tests.angles[1] + tests.axes[1] + tests.rests[1]
     norms = np.linalg.norm(corrected, axis=1) - task.site.gravity
     fits = _rotation_fits(task, solution)
-    return Estimate(
-        procedure="turntable",
-        model=described.model,
-        names=described.names,
-        covariance=described.covariance,
-        parameters=described.parameters,
-        correlations=described.correlations,
-        sigma0=float(np.sqrt(square / degrees)) if degrees > 0 else float("nan"),
-        sigma0_final=adjustment.sigma0,
-        degrees_of_freedom=degrees,
-        coverage_factor=coverage_factor(degrees),
-        largest_normalised=max(
-            (test.normalised for test in snoop_groups(adjustment, slice(0, 1)) if test.degrees), default=0.0
-        ),
-        variance_components={
+    figures = Figures.of(
+        adjustment,
+        float(np.sqrt(square / degrees)) if degrees > 0 else float("nan"),
+        {
             "accelerometer bias from hold to hold, m/s²": float(np.sqrt(task.force.extra)),
             **{f"factor on the noise of {name}": factor for name, factor in solution.scaled.items()},
         },
-        left_out=[
-            LeftOut(
-                "hold",
-                o.group,
-                f"its specific force is off gravity by {1e3 * norms[o.group]:+.1f} mm/s², "
-                f"{o.normalised:.1f} times what the others show",
-            )
-            for o in task.force.outliers
-        ],
+        tested=[slice(0, 1)],
+    )
+    matrix = solution.unknowns[MATRIX].reshape(3, 3)
+    return estimate_of(
+        "turntable",
+        described,
+        replace(figures, degrees_of_freedom=degrees, coverage_factor=coverage_factor(degrees)),
+        left_out=left_out_holds(task.force.outliers, norms),
         terms=[] if solution.term is None else [solution.term],
         said=said_of(
             remarks=remarks(task, solution),
@@ -85,7 +74,7 @@ def turntable_estimate(task: TurntableTask, solution: TurntableOutcome) -> Estim
         ),
         evidence=[
             Holds(norms, np.sqrt(variance)),
-            _spins(task, solution),
+            spins_evidence(task.pairs, _about_axis(task, solution), matrix, solution.parts),
             Rotations(tuple(fits)),
             Budget(budget),
         ],
@@ -125,49 +114,17 @@ def _about_axis(task: TurntableTask, solution: TurntableOutcome) -> list[Vector]
     return list(turned / np.linalg.norm(turned, axis=1, keepdims=True))
 
 
-def _spins(task: TurntableTask, solution: TurntableOutcome) -> Spins:
-    """All spins, found in a pair or not."""
-    count = 1 + max(r.row for pair in task.pairs for r in pair.rotations)
-    matrix = solution.unknowns[MATRIX].reshape(3, 3)
-    inverse = inverted(matrix)
-    rates = np.zeros(count)
-    residuals, sigmas = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
-    names = ["a rotation without its counterpart"] * count
-    for pair, axis in zip(task.pairs, _about_axis(task, solution), strict=True):
-        for side, sign in ((pair.forward, 1.0), (pair.backward, -1.0)):
-            for r in side:
-                rates[r.row] = sign * abs(r.angle) / r.seconds
-                turned = inverse @ (r.integral - solution.parts[r.row])
-                residuals[r.row] = (turned - sign * abs(r.angle) * axis) / r.seconds
-                spread = inverse @ r.covariance @ inverse.T + r.angle_sigma**2 * np.outer(axis, axis)
-                sigmas[r.row] = np.sqrt(np.diag(spread)) / r.seconds
-                way = "counter-clockwise" if sign > 0 else "clockwise"
-                names[r.row] = f"{pair.name}, {way}"
-    return Spins(rates, residuals, sigmas, tuple(names))
-
-
 def _rotation_fits(task: TurntableTask, solution: TurntableOutcome) -> list[RotationFit]:
     inputs = solution.system.inputs
     missed = {}
     if solution.system.gain is not None:
         off, sigma = solution.system.axes_residuals(inputs.unchanged)
         missed = {int(k): (float(o), float(s)) for k, o, s in zip(inputs.plane, off, sigma, strict=True)}
-    inverse = inverted(solution.unknowns[MATRIX].reshape(3, 3))
+    matrix = solution.unknowns[MATRIX].reshape(3, 3)
     fits: list[RotationFit] = []
     for k, (pair, plane, axis) in enumerate(
         zip(task.pairs, task.planes, _about_axis(task, solution), strict=True)
     ):
-        angles: list[TurnedAngle] = []
-        for r in pair.rotations:
-            sign = 1.0 if r in pair.forward else -1.0
-            turned = float(axis @ (inverse @ (r.integral - solution.parts[r.row]))) * sign
-            weight = axis @ inverse
-            sigma = float(np.sqrt(weight @ r.covariance @ weight + r.angle_sigma**2))
-            angles.append(
-                TurnedAngle(
-                    r.row, sign * abs(r.angle), turned - abs(r.angle), sigma, r.seconds, r.is_from_rest
-                )
-            )
         off, off_sigma = missed.get(k, (float("nan"), float("nan")))
         fits.append(
             RotationFit(
@@ -177,7 +134,7 @@ def _rotation_fits(task: TurntableTask, solution: TurntableOutcome) -> list[Rota
                 off,
                 off_sigma,
                 plane.residual,
-                tuple(angles),
+                turned_angles(pair, axis, matrix, solution.parts),
                 plane.why or ("" if k in missed else "too few other axes tell the inter-triad angles"),
             )
         )
