@@ -90,7 +90,7 @@ WORDS = {
 
 USUAL = (
     r"cannot be seen|What misplacement does|What the table does|A table whose rates|agrees with how|wrong by 100 ppm"
-    r"|^Procedure |DataFrame"
+    r"|^Procedure |DataFrame|^The residuals are"
 )
 """Remarks that every recording gets, which name nothing."""
 
