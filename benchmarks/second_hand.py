@@ -80,7 +80,7 @@ WORDS = {
     "dead-gyro": r"constant|dead|never changes|stuck", "dead-accelerometer": r"constant|dead|never changes|stuck",
     "one-rate": r"left out|contradict|rates? .*(off|wrong)|times what",
     "all-rates": r"stand or fall|rates? .*(off|wrong) by",
-    "misread": r"misread|left out|angle .*(off|differ)|disagree",
+    "misread": r"misread|left out|angle .*(off|differ)",
     "missing-turn": r"left out|missing|not found|no part",
     "pose-off": r"left out|contradict|placed to|off by",
     "four-poses-off": r"left out|contradict|placed to|off by",
@@ -90,7 +90,7 @@ WORDS = {
 
 USUAL = (
     r"cannot be seen|What misplacement does|What the table does|A table whose rates|agrees with how|wrong by 100 ppm"
-    r"|^Procedure |DataFrame|^The residuals are"
+    r"|^Procedure |DataFrame|^The residuals are|readings at rest disagree"
 )
 """Remarks that every recording gets, which name nothing."""
 
