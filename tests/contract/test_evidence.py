@@ -252,3 +252,12 @@ class TestEvidence:
         assert len(set(names)) == len(names)
         assert all(figure.label and figure.data and figure.height > 0 for figure in page.figures)
         assert all(block.caption for block in page.blocks if isinstance(block, Figures))
+
+
+def test_stamps_since_1970_are_drawn_from_the_recordings_start(demo: Subject) -> None:
+    late = replace(demo, recording=replace(demo.recording, time=demo.recording.time + 1.7e9))
+    late = replace(late, estimate=replace(late.estimate, evidence=[thermal_curves(late)]))
+    figures = Page("Late", render_evidence(late, ThermalCurves)).figures
+    (span,) = [figure for figure in figures if figure.name == "span"]
+    # Rests of half a minute each minute: their middles.
+    np.testing.assert_allclose(span.data[1]["x"], 0.25 + np.arange(7), atol=1e-5)

@@ -9,7 +9,7 @@ import pytest
 
 from tumble.noise.characterisation import Channel, characterise
 from tumble.recording import Recording
-from tumble.report.noise import render_noise
+from tumble.report.noise import noise_page, render_noise
 from tumble.report.noise_words import noise_lines, noise_rows, practical_unit, si_unit
 
 RATE = 100.0
@@ -79,3 +79,16 @@ def test_a_files_name_cannot_write_into_the_page(recording: Recording) -> None:
     page = render_noise(characterise(named), "tumble noise <b>")
     assert "<script>alert" not in page
     assert "tumble noise &lt;b&gt;" in page
+
+
+def test_stamps_since_1970_leave_the_seconds_their_digits(recording: Recording) -> None:
+    """Time is drawn from the first instant on: each second of the levels has a place of its own."""
+    late = replace(recording, time=recording.time + 1.7e9)
+    drawn = [
+        {figure.name: figure for figure in noise_page(characterise(one), "tumble noise").figures}
+        for one in (recording, late)
+    ]
+    early, epoch = (figures["level-g"].data[0]["x"] for figures in drawn)
+    assert epoch[0] == 0.0
+    assert len(set(epoch)) == len(epoch)
+    np.testing.assert_allclose(epoch, early, atol=1e-5)  # stamps of 1.7e9 s have 2e-7 s of round-off
