@@ -31,7 +31,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import binom, chi2
 
-from tumble.calibration.joint.system import LATITUDE_SIGMA
+from tumble.calibration.equations.reference_equations import LATITUDE_SIGMA
 from tumble_papers.zhang.joint_turntable import (
     TruePlan,
     bound,

@@ -23,13 +23,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tumble.calibration.closed_forms.norm_batch import adjust_norms
+from tumble.calibration.equations.adjustment import balance_recording
 from tumble.calibration.equations.gathering import gather
-from tumble.calibration.joint.data import joint_data
-from tumble.calibration.joint.noise import balance_joint
-from tumble.calibration.joint.procedure import PLAIN, unknowns_of
-from tumble.calibration.joint.system import JointProblem, Masks, linearise_joint, start_state
-from tumble.calibration.joint.terms import Extra
+from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
+from tumble.calibration.equations.observed import observe
+from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
+from tumble.estimation.solve import linearise
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import Motion, simulate_recording
@@ -64,20 +64,18 @@ def measure(holds: int, hold: float, turn: float, rate: float) -> None:
     recording, timeline, means = scene(holds, hold, turn, rate, (0.01, 1e-3))
 
     def solve():
-        values = unknowns_of(MODEL)
-        values[12:21] += 1e-3
-        data = joint_data(gather(recording, timeline, means), values)
-        problem = JointProblem(data, SITE, PLAIN, Extra(), Masks.everything(data.holds))
-        state = start_state(data, values, SITE)
-        return problem, state, balance_joint(problem, state)
+        u = imu_unknowns(unknowns_of(MODEL))
+        u["gyro.matrix"][:] += 1e-3
+        task = start_adjustment(observe(gather(recording, timeline, means), u), u, SITE)
+        return task, balance_recording(task)
 
-    problem, state, _ = solve()
+    task, _ = solve()
     started = time.process_time()
     solve()
     whole = time.process_time() - started
     started = time.process_time()
     for _ in range(3):
-        linearise_joint(problem, state)
+        linearise(task)
     once = (time.process_time() - started) / 3.0
     tracemalloc.start()
     solve()

@@ -22,8 +22,9 @@ import numpy as np
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration import calibrate_hand_held
 from tumble.calibration.canonical import named_values
+from tumble.calibration.equations.imu_unknowns import unknowns_of
 from tumble.calibration.free_inertial import CalibratedUnit
-from tumble.calibration.joint.procedure import calibrate_joint, unknowns_of
+from tumble.calibration.joint import calibrate_joint
 from tumble.earth import Site
 from tumble.errors import TumbleError
 from tumble.protocol import named_protocol

@@ -27,7 +27,7 @@ from tumble.calibration import calibrate_hand_held
 from tumble.calibration.canonical import named_values
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.triad_unknowns import triad_from_unknowns, unknowns_from_triad
-from tumble.calibration.joint.procedure import calibrate_joint
+from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.procedures.multi_position import fit_norms
 from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.calibration.start_values import rough_triad

@@ -32,10 +32,10 @@ import numpy as np
 from uncertainty import GROUPS, true_values, without_wander
 
 from tumble.calibration import Estimate, calibrate_hand_held
-from tumble.calibration.joint.estimate import JointOutcome
-from tumble.calibration.joint.procedure import calibrate_joint
-from tumble.calibration.joint.turn_ons import adjust_several
+from tumble.calibration.joint import calibrate_joint
+from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.calibration.turn_ons.estimate import SeveralEstimate, several_estimate
+from tumble.calibration.turn_ons.outcome import adjust_several
 from tumble.earth import Site
 from tumble.errors import ObservabilityError, TumbleError, UsageError
 from tumble.protocol import named_protocol

@@ -28,10 +28,10 @@ from scipy.spatial.transform import Rotation
 from uncertainty import GROUPS, true_values
 
 from tumble.calibration import Estimate, calibrate_hand_held
-from tumble.calibration.joint.array import solve_array
-from tumble.calibration.joint.array_estimate import ArrayEstimate, array_estimate
-from tumble.calibration.joint.estimate import JointOutcome
-from tumble.calibration.joint.procedure import calibrate_joint
+from tumble.calibration.arrays.adjustment import solve_array
+from tumble.calibration.arrays.estimate import ArrayEstimate, array_estimate
+from tumble.calibration.joint import calibrate_joint
+from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.earth import Site
 from tumble.errors import TumbleError
 from tumble.recording import Recording

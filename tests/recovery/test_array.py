@@ -14,10 +14,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.calibration import Estimate
-from tumble.calibration.joint.array import ArraySolution, solve_array
-from tumble.calibration.joint.array_estimate import ArrayEstimate, array_estimate
-from tumble.calibration.joint.estimate import JointOutcome
-from tumble.calibration.joint.procedure import calibrate_joint, unknowns_of
+from tumble.calibration.arrays.adjustment import ArraySolution, solve_array
+from tumble.calibration.arrays.estimate import ArrayEstimate, array_estimate
+from tumble.calibration.equations.imu_unknowns import unknowns_of
+from tumble.calibration.joint import calibrate_joint
+from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.segmentation import find_timeline, observe_holds

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pytest
 
 from tumble.calibration import Estimate, calibrate_hand_held
-from tumble.calibration.joint.procedure import calibrate_joint
+from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.procedures.turntable import calibrate_turntable
 from tumble.earth import Site
 from tumble.protocol import HoldStep, Protocol, SpinStep, Step, named_protocol

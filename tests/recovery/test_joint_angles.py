@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration.joint.procedure import calibrate_joint
+from tumble.calibration.joint import calibrate_joint
 from tumble.earth import Site
 from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.segmentation import find_timeline, observe_holds

@@ -6,9 +6,6 @@ from functools import cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-
-from tumble.calibration.estimate import Estimate
-from tumble.calibration.joint.procedure import calibrate_joint
 from tumble.calibration.joint.unknowns import (
     FORCE_ASYMMETRY,
     G_SENSITIVITY,
@@ -22,6 +19,9 @@ from tumble.calibration.joint.unknowns import (
 )
 from tumble.calibration.joint.wanted import TERM_LIMIT
 from tumble.calibration.joint.wide import WIDE
+
+from tumble.calibration.estimate import Estimate
+from tumble.calibration.joint import calibrate_joint
 from tumble.earth import Site
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
 from tumble.sensor import ImuModel, Triad

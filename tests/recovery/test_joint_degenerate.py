@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from tumble.calibration.canonical import canonical_names
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.joint.procedure import calibrate_joint
+from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.session import Session
 from tumble.earth import Site

@@ -13,14 +13,14 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 import pytest
-
-from tumble.attitude.rotations import matrices_from_rotation_vectors, skews
-from tumble.calibration.estimate import Estimate
-from tumble.calibration.joint.procedure import calibrate_joint
-from tumble.calibration.joint.table_parameters import LAG_NAME
 from tumble.calibration.joint.table_terms import PAIRS, by_lever_arms, by_time_lag, size_effect
 from tumble.calibration.joint.unknowns import RawForce, raw_force
 from tumble.calibration.joint.wide import LEVER_ARMS, TIME_LAG, WIDE
+
+from tumble.attitude.rotations import matrices_from_rotation_vectors, skews
+from tumble.calibration.estimate import Estimate
+from tumble.calibration.joint import calibrate_joint
+from tumble.calibration.outcome.table_parameters import LAG_NAME
 from tumble.earth import Site
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.recording.recording import Recording

@@ -14,11 +14,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.calibration import Estimate
-from tumble.calibration.joint.estimate import JointOutcome
-from tumble.calibration.joint.procedure import calibrate_joint, unknowns_of
-from tumble.calibration.joint.several import TurnOn, solve_several, with_free
-from tumble.calibration.joint.turn_ons import SeveralOutcome, adjust_several
+from tumble.calibration.equations.imu_unknowns import unknowns_of
+from tumble.calibration.joint import calibrate_joint
+from tumble.calibration.outcome.estimate import JointOutcome
+from tumble.calibration.turn_ons.adjustment import TurnOn, solve_several, with_free
 from tumble.calibration.turn_ons.estimate import SeveralEstimate, several_estimate
+from tumble.calibration.turn_ons.outcome import SeveralOutcome, adjust_several
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.segmentation import find_timeline, observe_holds

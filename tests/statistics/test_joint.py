@@ -14,13 +14,13 @@ import numpy.typing as npt
 import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
-
-from tumble.calibration.equations.gathering import gather
-from tumble.calibration.equations.triad_unknowns import QUADRATIC
 from tumble.calibration.joint.data import joint_data
-from tumble.calibration.joint.procedure import PLAIN, unknowns_of
 from tumble.calibration.joint.system import JointProblem, JointSolution, Masks, solve_joint, start_state
 from tumble.calibration.joint.terms import Extra
+
+from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.imu_unknowns import PLAIN, unknowns_of
+from tumble.calibration.equations.triad_unknowns import QUADRATIC
 from tumble.earth import Site
 from tumble.recording.recording import Recording
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds

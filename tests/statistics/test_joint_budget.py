@@ -12,18 +12,19 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.special import chdtri
-
-from tumble.calibration import calibrate_hand_held
-from tumble.calibration.joint import draws as joint_draws
-from tumble.calibration.joint.budget import NamedParameters
 from tumble.calibration.joint.data import joint_data, window_spin
-from tumble.calibration.joint.draws import draw_distributions, redrawn
-from tumble.calibration.joint.estimate import JointOutcome
 from tumble.calibration.joint.influence import ANGLES, FORCE_REST, SWAY, TURNS, joint_influences
-from tumble.calibration.joint.procedure import PLAIN, calibrate_joint
 from tumble.calibration.joint.system import JointProblem, Masks, linearise_joint, solve_joint, start_state
 from tumble.calibration.joint.terms import Extra
 from tumble.calibration.joint.unknowns import GYRO_BIAS, force_matrix, gyro_matrix
+
+from tumble.calibration import calibrate_hand_held
+from tumble.calibration.equations.imu_unknowns import PLAIN
+from tumble.calibration.joint import calibrate_joint
+from tumble.calibration.joint import draws as joint_draws
+from tumble.calibration.outcome.budget import NamedParameters
+from tumble.calibration.outcome.draws import draw_distributions, redrawn
+from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.earth import Site
 from tumble.estimation.gauss_helmert import invert_normal_matrix
 from tumble.protocol import named_protocol

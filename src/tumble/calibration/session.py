@@ -12,7 +12,7 @@ from tumble.errors import UsageError
 from tumble.recording.recording import Recording
 
 if TYPE_CHECKING:
-    from tumble.calibration.joint.believed import BelievedPoses
+    from tumble.calibration.equations.believed_poses import BelievedPoses
     from tumble.calibration.prior import StableKnowledge
     from tumble.protocol import Protocol
     from tumble.segmentation import HoldMeans, SpinMeans, Timeline
@@ -144,7 +144,7 @@ class Session:
     @cached_property
     def believed_poses(self) -> BelievedPoses | None:
         """Poses of the protocol that the joint estimator believes; None where it believes none."""
-        from tumble.calibration.joint.believed import believed_poses
+        from tumble.calibration.equations.believed_poses import believed_poses
         from tumble.calibration.procedure import find_procedure
 
         if self.protocol is None or self.matching is None:

@@ -15,18 +15,15 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from tumble.estimation import Adjustment, GroupTest, Reliability
-
-# Median of chi-square over its degrees of freedom, for 1 to 6 degrees.
-MEDIAN_CHI_SQUARE = (0.4549, 1.3863, 2.3660, 3.3567, 4.3515, 5.3481)
-# At most this share of a kind may be left out; beyond it, the rest is no majority to judge by.
-LARGEST_SHARE_LEFT_OUT = 0.25
-# At most this share of a kind is left out at a time, so that a large error does not take its
-# neighbours along.
-SHARE_AT_A_TIME = 0.05
-# Residuals this likely by chance ask for no added variance.
-CHANCE = 0.025
-# 3 % of a variance is far below what any number of holds can tell.
-SETTLED = 0.03
+from tumble.estimation.balance import (
+    CHANCE,
+    LARGEST_SHARE_LEFT_OUT,
+    MEDIAN_CHI_SQUARE,
+    SETTLED,
+    SHARE_AT_A_TIME,
+    Outlier,
+    limit_of_largest,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,15 +32,6 @@ class Kind:
 
     name: str
     columns: slice
-
-
-@dataclass(frozen=True, slots=True)
-class Outlier:
-    """A group of conditions found to be no noise: `normalised` is in standard deviations."""
-
-    kind: str
-    group: int
-    normalised: float
 
 
 @runtime_checkable
@@ -201,21 +189,3 @@ def _gross_errors(
             if 2.0 * test.normalised >= beyond[0].normalised:
                 found.append((Outlier(kind.name, test.group, test.normalised), kind.columns))
     return found
-
-
-def limit_of_largest(degrees: int, groups: int, all_degrees: int, false_alarm: float) -> float:
-    """Return the limit of the largest of `groups` statistics when their scale is estimated too.
-
-    Parameters
-    ----------
-    degrees : of one statistic.
-    groups : how many there are.
-    all_degrees : of all of them together.
-    false_alarm : chance that the largest is beyond the limit although nothing is wrong.
-    """
-    from scipy.special import fdtri
-
-    single: float = (1.0 - false_alarm) ** (1.0 / groups)
-    # The robust scale has 37 % of the efficiency of the mean square.
-    scale_degrees = max(0.37 * (all_degrees - degrees), 1.0)
-    return degrees * float(fdtri(degrees, scale_degrees, single))

@@ -14,37 +14,18 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Square, Table, inverted
 from tumble.calibration.canonical import named_parameters
-from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, SCALE
-from tumble.calibration.joint.data import JointData
-from tumble.calibration.joint.influence import Influences, joint_influences
-from tumble.calibration.joint.noise import still_sway
-from tumble.calibration.joint.procedure import PLAIN, unknowns_of
-from tumble.calibration.joint.spins import SpinEquations, spin_equations
-from tumble.calibration.joint.system import (
-    HEADING_SIGMA,
-    LEFT_OUT,
-    JointProblem,
-    JointState,
-    Masks,
-    earth_terms,
-    solve_joint,
-    start_state,
-)
-from tumble.calibration.joint.terms import (
-    HEAD,
-    NODE,
-    TAIL,
-    Carried,
-    Extra,
-    Section,
-    carry,
-    hold_terms,
-    turn_terms,
-)
-from tumble.calibration.joint.unknowns import G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, SHARED
+from tumble.calibration.equations.adjustment import JointAdjustment, Section, still_sway
+from tumble.calibration.equations.imu_unknowns import LAYOUT, PLAIN, imu_unknowns, unknowns_of
+from tumble.calibration.equations.observed import Observed
+from tumble.calibration.equations.reference_equations import Heading
+from tumble.calibration.equations.stretches import RecordingStretch, SectionStretch
+from tumble.calibration.outcome.budget import recording_influences
+from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
 from tumble.estimation import Prior
-from tumble.estimation.bordered import BorderedChain, whiten
+from tumble.estimation.chain import Chain, Eliminated
+from tumble.estimation.influence import Influences
+from tumble.estimation.solve import solve
 from tumble.estimation.weak_directions import WeakDirection, find_weak_directions
 from tumble.sensor import ImuModel
 from tumble.sensor.conventions.shin import shin_from_matrix
@@ -53,7 +34,7 @@ from tumble.simulation import Grade
 
 Complex = npt.NDArray[Any]
 
-FREE = np.sort(np.concatenate([PLAIN, np.arange(G_SENSITIVITY.start, G_SENSITIVITY.stop)]))
+FREE = np.sort(np.concatenate([PLAIN, LAYOUT.indices("gyro.g_sensitivity")]))
 """The shared unknowns that a plan looks at: both triads and g-sensitivity."""
 _TERMS = frozenset({"g_sensitivity"})
 LABELS, _EVALUATE = named_parameters(terms=_TERMS, gyro="full", units=("m/s²", "rad/s"), factors=(1.0, 1.0))
@@ -174,42 +155,43 @@ def _symmetric(matrix: Square) -> Square:
 
 @dataclass(slots=True)
 class PlannedProblem:
-    """A planned test at its true state: linearised again and again with other masks or noise.
+    """A planned test at its true state: linearised again and again with other holds or noise.
 
     Attributes
     ----------
-    problem, state : of the joint estimator, at the truth.
-    spins : what each rotation tells, by the hold before it, once it has been asked for.
+    task : the adjustment, at the truth.
+    rotations : what each rotation says, by the hold before it, once it has been asked for.
     """
 
-    problem: JointProblem
-    state: JointState
-    spins: dict[int, SpinEquations] = field(default_factory=dict[int, SpinEquations])
+    task: JointAdjustment
+    rotations: dict[int, Eliminated] = field(default_factory=dict[int, Eliminated])
 
     def information(
-        self, masks: Masks | None = None, data: JointData | None = None, without: int | None = None
+        self,
+        taking_part: dict[str, np.ndarray] | None = None,
+        data: Observed | None = None,
+        without: int | None = None,
     ) -> JointInformation:
         """Return what it tells.
 
         Parameters
         ----------
-        masks : which holds and turns take part; everything by default.
+        taking_part : which holds and turns do; everything by default.
         data : the same motion with other noise of its holds; the problem's own by default.
         without : the hold after which a rotation is left out.
-
-        Notes
-        -----
-        The normal matrix of `linearise_joint`; a rotation, which is most of the work, is eliminated once.
         """
-        problem = replace(self.problem, masks=masks or self.problem.masks, data=data or self.problem.data)
-        carried = carry(problem.data, self.state.unknowns)
-        size = self.state.unknowns.size
-        normal = np.zeros((size, size))
-        for section in self.state.sections:
-            corner = self._chain(problem, section, carried, without).eliminated().corner
-            gain = inverted(np.ascontiguousarray(corner[:3, :3])) @ corner[:3, 3:]
-            normal += corner[3:, 3:] - corner[3:, :3] @ gain
-        return JointInformation(information_in_names(normal[np.ix_(FREE, FREE)], self.state.unknowns))
+        task = replace(
+            self.task,
+            taking_part=dict(taking_part or self.task.taking_part),
+            data=data or self.task.data,
+            unknowns=self.task.unknowns.with_free(FREE),
+        )
+        recording = RecordingStretch(task)
+        for (_, stretch), section in zip(recording.within, task.sections, strict=True):
+            assert isinstance(stretch, SectionStretch)
+            self._prepare(task, stretch, section, without)
+        normal = Chain.of(recording, task, FREE.size).eliminated().matrix
+        return JointInformation(information_in_names(normal, task.unknowns.values))
 
     def influences(self, known: Square, *, g_sensitivity: bool) -> Influences:
         """Return what each observation does to the unknowns, the wander that neighbours share in their covariance.
@@ -219,76 +201,39 @@ class PlannedProblem:
         known : (30, 30) information of the parameters beside the test's own, that leaves none of them open.
         g_sensitivity : whether it is estimated.
         """
-        slope = inverted(_back(self.state.unknowns))
-        precision = np.zeros((self.state.unknowns.size, self.state.unknowns.size))
+        values = self.task.unknowns.values
+        slope = inverted(_back(values))
+        precision = np.zeros((values.size, values.size))
         precision[np.ix_(FREE, FREE)] = slope.T @ known @ slope
-        prior = Prior(self.state.unknowns.copy(), precision)
-        free = FREE if g_sensitivity else PLAIN
-        return joint_influences(replace(self.problem, free=free, prior=prior), self.state)
+        free = self.task.unknowns.with_free(FREE if g_sensitivity else PLAIN)
+        return recording_influences(replace(self.task, unknowns=free, prior=Prior(values.copy(), precision)))
 
     def in_names(self, covariance: Table) -> Square:
-        """Return the covariance (30, 30) of the parameters of that of the shared unknowns.
+        """Return the covariance (30, 30) of the parameters of that of the unknowns.
 
         Parameters
         ----------
-        covariance : (33, 33).
+        covariance : of both triads and g-sensitivity, or without the latter.
         """
-        slope = inverted(_back(self.state.unknowns))
-        return _symmetric(slope @ covariance[np.ix_(FREE, FREE)] @ slope.T)
+        whole = np.zeros((FREE.size, FREE.size))
+        whole[: len(covariance), : len(covariance)] = covariance
+        slope = inverted(_back(self.task.unknowns.values))
+        return _symmetric(slope @ whole @ slope.T)
 
-    def _chain(
-        self, problem: JointProblem, section: Section, carried: Carried, without: int | None
-    ) -> BorderedChain:
-        data, unknowns = problem.data, self.state.unknowns
-        chain = BorderedChain.zero(section.last - section.first, NODE, 3 + unknowns.size)
-        terms = hold_terms(data, section, unknowns, problem.site.gravity, problem.extra)
-        turns = turn_terms(data, section, carried, unknowns, problem.extra)
-        for kind in terms if turns is None else [*terms, turns]:
-            by_next = np.zeros_like(kind.by_node) if kind.by_next is None else kind.by_next
-            covariance = np.where(problem.masks.of(kind), 1.0, LEFT_OUT)[:, None, None] * kind.covariance
-            residual, by_node, by_next, by_border = whiten(
-                covariance, kind.residual[..., None], kind.by_node, by_next, kind.by_border
-            )
-            if kind.by_next is None:
-                chain.add_unary(kind.node, residual[..., 0], by_node, by_border)
-            else:
-                chain.add_links(kind.node, residual[..., 0], by_node, by_next, by_border)
-        for k in section.holds[:-1].tolist():
-            if k in data.spins and k != without:
-                _add_rotation(chain, k - section.first, self._rotation(problem, section, k))
-        chain.diagonal[0, 2, 2] += 1.0 / HEADING_SIGMA**2
+    def _prepare(
+        self, task: JointAdjustment, stretch: SectionStretch, section: Section, without: int | None
+    ) -> None:
+        """Take rotations, which are most of the work, as they were eliminated before, and one of them out."""
+        outside = 9 + FREE.size
+        for place, inner in stretch.within:
+            k = place.node + section.first
+            if k not in self.rotations and not isinstance(inner, Eliminated):
+                self.rotations[k] = Chain.of(inner, task, outside).eliminated()
+        kept = [(p, self.rotations[p.node + section.first]) for p, _ in stretch.within]
+        stretch.within = [(p, inner) for p, inner in kept if p.node + section.first != without]
         if without is not None and section.first <= without < section.last - 1:
             # Across the gap the heading is not carried: the rest of the section has one of its own.
-            chain.diagonal[without + 1 - section.first, 2, 2] += 1.0 / UNKNOWN_HEADING**2
-        _, by_earth = earth_terms(problem.site, section)
-        chain.corner[:3, :3] += by_earth.T @ by_earth
-        return chain
-
-    def _rotation(self, problem: JointProblem, section: Section, k: int) -> SpinEquations:
-        if k not in self.spins:
-            node = k - section.first
-            self.spins[k] = spin_equations(
-                self.problem.data,
-                self.problem.data.spins[k],
-                self.state.spins[k],
-                (section.C_wb[node, 2], section.C_wb[node + 1, 0]),
-                section.earth_w,
-                self.state.unknowns,
-                problem.site.gravity,
-                problem.extra,
-            )
-        return self.spins[k]
-
-
-def _add_rotation(chain: BorderedChain, node: int, made: SpinEquations) -> None:
-    """Join what a rotation tells to the holds before and after it."""
-    start, end, rest = slice(0, 3), slice(3, 6), slice(6, None)
-    chain.diagonal[node, TAIL, TAIL] += made.corner[start, start]
-    chain.diagonal[node + 1, HEAD, HEAD] += made.corner[end, end]
-    chain.lower[node, HEAD, TAIL] += made.corner[end, start]
-    chain.border[node, TAIL] += made.corner[start, rest]
-    chain.border[node + 1, HEAD] += made.corner[end, rest]
-    chain.corner += made.corner[rest, rest]
+            stretch.equations.append(Heading(without + 1 - section.first, UNKNOWN_HEADING))
 
 
 def information_in_names(normal: Square, unknowns: Series) -> Square:
@@ -304,14 +249,12 @@ def information_in_names(normal: Square, unknowns: Series) -> Square:
 
 def _back(unknowns: Series) -> Square:
     """(free, 30) derivatives of the free unknowns by the named parameters."""
-    full = np.zeros(36)
-    full[:SHARED] = unknowns
-    slope = np.asarray(jacobian(_EVALUATE, full), dtype=np.float64)[:, FREE]
+    slope = np.asarray(jacobian(_EVALUATE, unknowns), dtype=np.float64)[:, FREE]
     return inverted(np.ascontiguousarray(slope))
 
 
 def planned_problem(
-    data: JointData, site: Site, sizes: Series, unknowns: Series | None = None
+    data: Observed, site: Site, sizes: Series, unknowns: Series | None = None
 ) -> PlannedProblem:
     """Return a planned test's equations where all unknowns are true.
 
@@ -320,27 +263,30 @@ def planned_problem(
     data : of `planned_data`, or of a recording.
     site : gravity and latitude.
     sizes : (30,) of `parameter_sizes`, that keep the adjustment in bounds where the test does not tell.
-    unknowns : (33,) where to linearise; exact sensors by default.
+    unknowns : where to linearise; exact sensors by default.
     """
-    at = unknowns_of(ImuModel.ideal()) if unknowns is None else unknowns
-    prior = Prior(at.copy(), np.diag(_precision(sizes)))
-    problem = JointProblem(data, site, FREE, Extra(), Masks.everything(data.holds), prior)
-    state = start_state(data, at, site)
+    at = imu_unknowns(unknowns_of(ImuModel.ideal()) if unknowns is None else unknowns, FREE)
+    task = start_adjustment(data, at, site)
+    task.prior = at.layout.sparse_prior(at.values, _spreads(sizes))
     # No smaller than what counts as none: a stiffer hold leaves weak directions to round-off.
-    problem.extra.sway = still_sway(problem, state)
+    task.noise.set("sway", still_sway(task))
     # One step finds whether the gyros see north; attitudes are where they belong already.
-    solve_joint(problem, state, once=True)
-    state.unknowns = at.copy()
-    return PlannedProblem(replace(problem, prior=None), state)
+    solve(task, once=True)
+    task.unknowns, task.prior = at, None
+    return PlannedProblem(task)
 
 
-def _precision(sizes: Series) -> Series:
-    made = np.zeros(SHARED)
-    made[BIAS], made[SCALE], made[ANGLE] = sizes[0:3], sizes[3:6], sizes[6:9]
+def _spreads(sizes: Series) -> dict[str, float | Series]:
     gyro = np.full((3, 3), float(np.hypot(sizes[15], sizes[18])))
     gyro[np.diag_indices(3)] = sizes[12:15]
-    made[GYRO_MATRIX], made[GYRO_BIAS], made[G_SENSITIVITY] = gyro.ravel(), sizes[9:12], sizes[21:30]
-    return np.where(made > 0.0, 1.0 / np.where(made > 0.0, made, 1.0) ** 2, 1.0)
+    return {
+        "force.bias": sizes[0:3],
+        "force.scale": sizes[3:6],
+        "force.angle": sizes[6:9],
+        "gyro.matrix": gyro.ravel(),
+        "gyro.bias": sizes[9:12],
+        "gyro.g_sensitivity": sizes[21:30],
+    }
 
 
 def parameters_of(
@@ -354,8 +300,14 @@ def parameters_of(
     gyro, gyro_bias, g_sensitivity : (3, 3), (3,) and (3, 3) of the gyros.
     """
     scale, angles = shin_from_matrix(force)
-    unknowns = np.zeros(36, dtype=complex)
-    unknowns[BIAS], unknowns[SCALE], unknowns[ANGLE] = force_bias, scale, angles
-    unknowns[GYRO_MATRIX], unknowns[GYRO_BIAS] = gyro.ravel(), gyro_bias
-    unknowns[G_SENSITIVITY] = g_sensitivity.ravel()
+    unknowns = np.zeros(LAYOUT.size, dtype=complex)
+    for name, values in (
+        ("force.bias", force_bias),
+        ("force.scale", scale),
+        ("force.angle", angles),
+        ("gyro.matrix", gyro.ravel()),
+        ("gyro.bias", gyro_bias),
+        ("gyro.g_sensitivity", g_sensitivity.ravel()),
+    ):
+        unknowns[LAYOUT[name]] = values
     return _EVALUATE(unknowns)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
-from tumble.calibration.joint.influence import FORCE_WANDER
+from tumble.calibration.equations.causes import FORCE_WANDER
 from tumble.design.hold_noise import hold_covariance
 from tumble.design.joint_information import (
     GROUPS,
@@ -231,7 +231,7 @@ def true_covariance(task: PlanTask, played: PlayedPlan, problem: PlannedProblem)
     triad = task.noise.accelerometer
     if triad.wanders:
         times = played.truth.hold_edges
-        floor = float(problem.problem.data.base.force_floor[0])
+        floor = float(problem.task.data.base.force_floor[0])
         wander = hold_covariance(times, replace(triad, random_walk=0.0, resolution=0.0))
         # By how much the unknowns move if all of a hold shows more by one along an axis.
         gain = np.zeros((len(times), len(covariance), 3))

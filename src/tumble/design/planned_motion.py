@@ -13,9 +13,9 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series
 from tumble.calibration.equations.gathering import EDGE_WINDOW
+from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
+from tumble.calibration.equations.observed import Observed, TableRotation, observe, table_rotation
 from tumble.calibration.equations.turn import HoldsAndTurns
-from tumble.calibration.joint.data import JointData, JointSpin, joint_data, window_spin
-from tumble.calibration.joint.procedure import unknowns_of
 from tumble.design.hold_noise import wander_sigma, white_density
 from tumble.earth import Site
 from tumble.errors import UsageError
@@ -125,7 +125,7 @@ def play_plan(protocol: Protocol, site: Site, rng: np.random.Generator) -> Playe
 
 def planned_data(
     played: PlayedPlan, noise: PlannedNoise, *, span: float | None = None, stretch: Series | None = None
-) -> JointData:
+) -> Observed:
     """Return what the joint estimator would see, with the noise that a unit has.
 
     Parameters
@@ -136,8 +136,8 @@ def planned_data(
     stretch : (holds,) how many times as long each hold lasts as far as its noise goes; once by default.
     """
     base = _base(played, noise, span, stretch)
-    values = unknowns_of(ImuModel.ideal())
-    return joint_data(base, values, _spins(played, base))
+    u = imu_unknowns(unknowns_of(ImuModel.ideal()))
+    return observe(base, u, _spins(played, base))
 
 
 def _base(
@@ -184,9 +184,9 @@ def _means(samples: AnyArray, ranges: np.ndarray) -> AnyArray:
     return np.array([samples[a:b].mean(axis=0) for a, b in ranges])
 
 
-def _spins(played: PlayedPlan, base: HoldsAndTurns) -> list[JointSpin]:
+def _spins(played: PlayedPlan, base: HoldsAndTurns) -> list[TableRotation]:
     """The rotations whose angle is read, as the estimator takes them; others are turns like any other."""
-    made: list[JointSpin] = []
+    made: list[TableRotation] = []
     time, edges = played.recording.time, played.truth.hold_edges
     for row, spin in enumerate(played.truth.spins):
         step = played.truth.steps[spin.step]
@@ -195,7 +195,7 @@ def _spins(played: PlayedPlan, base: HoldsAndTurns) -> list[JointSpin]:
         if step.angle is None or before < 0 or before + 1 >= len(edges):
             continue
         made.append(
-            window_spin(
+            table_rotation(
                 base,
                 before,
                 int(np.searchsorted(time, spin.start + EDGE)),

@@ -64,7 +64,7 @@ def find_step_worths(plan: JointPlan, say: Callable[[str], None] | None = None) 
     plan : of the whole protocol; its first performance is looked at.
     say : is told what is being done.
     """
-    task, data = plan.task, plan.problem.problem.data
+    task, data = plan.task, plan.problem.task.data
     base = plan.information
     covariance = task.covariance(base)
     found: list[tuple[int, str, JointInformation, float]] = []
@@ -73,15 +73,15 @@ def find_step_worths(plan: JointPlan, say: Callable[[str], None] | None = None) 
             continue
         if say is not None:
             say(f"leaving out hold {hold + 1} of {data.holds}")
-        masks = plan.problem.problem.masks.copy()
-        masks.force[hold] = masks.rate[hold] = False
+        left = plan.problem.task.copy().taking_part
+        left["force"][hold] = left["rate"][hold] = False
         stretch = np.ones(data.holds)
         stretch[hold] = 1.0 + LONGER
         longer = plan.problem.information(data=planned_data(plan.played, task.noise, stretch=stretch))
         gain = _gain(task, base, longer)
-        found.append((step, "hold", plan.problem.information(masks), gain))
+        found.append((step, "hold", plan.problem.information(left), gain))
     longer_gain: dict[tuple[float, float], float] = {}
-    for before, spin in data.spins.items():
+    for before, spin in data.rotations.items():
         if say is not None:
             say(f"leaving out {spin.name}")
         step = plan.played.truth.spins[spin.row].step

@@ -5,7 +5,7 @@ This room knows no IMU. Conditions ``f(observations, parameters) = 0`` come in g
 cost grows linearly with the number of groups.
 """
 
-from tumble.estimation.chain import BlockChain
+from tumble.estimation.block_chain import BlockChain
 from tumble.estimation.gauss_helmert import Adjustment, Conditions, Linearisation, Prior, adjust
 from tumble.estimation.reliability import GroupTest, Reliability, critical_value, snoop_groups
 from tumble.estimation.weak_directions import WeakDirection, find_weak_directions

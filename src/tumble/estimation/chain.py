@@ -1,80 +1,424 @@
-"""Symmetric block-tridiagonal matrices: factor, solve, and the diagonal blocks of the inverse."""
+"""Normal equations of a chain, and of chains within chains: cost grows linearly with the nodes.
+
+A chain has nodes (attitudes, say), each joined to its neighbours at most, and a border that every node may depend
+on: unknowns of its own, and those outside of it. Nodes and own unknowns are eliminated; what is left are equations
+of the outside. So a chain within another one (a rotation between two holds, a section of a recording, a recording of
+a unit) is eliminated first and joined to that one, and steps and covariances come back the same way.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import numpy as np
 
-from tumble.arrays import AnyArray
-from tumble.errors import ConvergenceError
+from tumble.arrays import AnyArray, Series, Square, Table, inverted
+from tumble.errors import ObservabilityError
+from tumble.estimation.equations import Equations, Linear
 
 
 @dataclass(frozen=True, slots=True)
-class BlockChain:
-    """A factored block-tridiagonal matrix with blocks of one size.
+class Place:
+    """Where a chain stands in the one around it: between a node and the next one, or nowhere along it.
+
+    The outside of the inner chain is these parts of both nodes, and then the outer chain's border.
 
     Attributes
     ----------
-    pivots_inverse : (groups, size, size) inverses of the pivots of the block LDL' factorisation.
-    couplings : (groups - 1, size, size) blocks L_k of the unit lower factor, or None if the matrix
-        is block diagonal.
-    log_determinant : of the whole matrix.
+    node : the node that it begins at; -1 for a chain that joins the border alone.
+    at_node, at_next : which unknowns of that node, and of the one after it.
     """
 
-    pivots_inverse: AnyArray
-    couplings: AnyArray | None
-    log_determinant: float
+    node: int = -1
+    at_node: slice = field(default_factory=lambda: slice(0, 0))
+    at_next: slice = field(default_factory=lambda: slice(0, 0))
+
+    @property
+    def width(self) -> int:
+        """How many unknowns of nodes it joins."""
+        return (self.at_node.stop - self.at_node.start) + (self.at_next.stop - self.at_next.start)
+
+    def parts(self) -> tuple[slice, slice, slice]:
+        """Return where both nodes and the border stand in the outside of the inner chain."""
+        first = self.at_node.stop - self.at_node.start
+        return slice(0, first), slice(first, self.width), slice(self.width, None)
+
+
+class Stretch(Protocol):
+    """What a chain is made of: nodes, unknowns of its own, equations, and stretches within it."""
+
+    @property
+    def nodes(self) -> int:
+        """How many nodes there are."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """How many unknowns a node has."""
+        ...
+
+    @property
+    def own(self) -> int:
+        """How many unknowns of the border are its own."""
+        ...
+
+    @property
+    def equations(self) -> Sequence[Equations]:
+        """Everything that is observed along it."""
+        ...
+
+    @property
+    def within(self) -> Sequence[tuple[Place, Stretch | Eliminated]]:
+        """The stretches within it, or what is left of them, each with its place."""
+        ...
+
+    def move(self, nodes: Table, own: Series) -> None:
+        """Move its unknowns by a step."""
+        ...
+
+
+@dataclass(slots=True)
+class Whitened:
+    """Residuals and derivatives in units of their standard deviations, with where they come from.
+
+    Attributes
+    ----------
+    equations, linear : what was observed, and its linearisation.
+    root : (terms, m, m) Cholesky factor of the covariance: raw errors are ``root @ whitened``.
+    residual : (terms, m).
+    by_node, by_next, by_border : (terms, m, ...) derivatives.
+    """
+
+    equations: Equations
+    linear: Linear
+    root: AnyArray
+    residual: AnyArray
+    by_node: AnyArray | None
+    by_next: AnyArray | None
+    by_border: AnyArray
 
     @staticmethod
-    def factor(diagonal: AnyArray, lower: AnyArray | None = None) -> BlockChain:
-        """Factor the matrix with blocks `diagonal` (groups, size, size) and `lower` below them.
+    def of(equations: Equations, linear: Linear) -> Whitened:
+        """Whiten a linearisation."""
+        root = np.asarray(np.linalg.cholesky(linear.weighed), dtype=np.float64)
+        given = [linear.residual[..., None], linear.by_border]
+        given += [by for by in (linear.by_node, linear.by_next) if by is not None]
+        solved = np.asarray(np.linalg.solve(root, np.concatenate(given, axis=2)), dtype=np.float64)
+        parts = np.split(solved, np.cumsum([part.shape[2] for part in given])[:-1], axis=2)
+        by_node = parts[2] if linear.by_node is not None else None
+        by_next = parts[-1] if linear.by_next is not None else None
+        return Whitened(equations, linear, root, parts[0][..., 0], by_node, by_next, parts[1])
 
-        `lower[k]` stands in block row k + 1, block column k.
+    @property
+    def square_sum(self) -> float:
+        """Of the residuals that take part."""
+        active = self.linear.active
+        return float(np.sum((self.residual if active is None else self.residual[active]) ** 2))
+
+    def move(self, nodes: Table, border: Series) -> None:
+        """Move the residuals by a step of what they depend on."""
+        self.residual = self.residual + self.by_border @ border
+        for by, at in ((self.by_node, self.linear.node), (self.by_next, self.linear.node + 1)):
+            if by is not None:
+                self.residual = self.residual + np.einsum("tmd,td->tm", by, nodes[at])
+
+    @property
+    def raw(self) -> AnyArray:
+        """(terms, m) residuals in their own units."""
+        return np.einsum("tij,tj->ti", self.root, self.residual)
+
+
+@dataclass(slots=True)
+class Chain:
+    """Normal equations ``H x = -g`` of a stretch, gathered term by term.
+
+    Attributes
+    ----------
+    own : unknowns of the border that are the chain's own; they come first.
+    diagonal : (nodes, d, d).
+    lower : (nodes - 1, d, d), blocks in row k + 1 and column k.
+    border : (nodes, d, b).
+    gradient : (nodes, d).
+    corner, corner_gradient : (b, b) and (b,), of the border itself.
+    terms : what was added.
+    within : chains within it, eliminated, and where.
+    stretch : what it is made of; None if it was put together by hand.
+    """
+
+    own: int
+    diagonal: AnyArray
+    lower: AnyArray
+    border: AnyArray
+    gradient: Table
+    corner: Square
+    corner_gradient: Series
+    terms: list[Whitened] = field(default_factory=list[Whitened])
+    within: list[tuple[Place, Eliminated]] = field(default_factory=list[Any])
+    stretch: Stretch | None = None
+
+    @staticmethod
+    def zero(nodes: int, size: int, own: int, outside: int) -> Chain:
+        """Return the empty equations of `nodes` nodes of `size` unknowns, and of a border."""
+        border = own + outside
+        return Chain(
+            own,
+            np.zeros((nodes, size, size)),
+            np.zeros((max(nodes - 1, 0), size, size)),
+            np.zeros((nodes, size, border)),
+            np.zeros((nodes, size)),
+            np.zeros((border, border)),
+            np.zeros(border),
+        )
+
+    @staticmethod
+    def of(stretch: Stretch, state: Any, outside: int) -> Chain:
+        """Return the equations of a stretch at a state, with what lies within it.
+
+        Parameters
+        ----------
+        stretch : what is observed.
+        state : where everything is; handed to the equations.
+        outside : how many unknowns lie outside.
+        """
+        chain = Chain.zero(stretch.nodes, stretch.size, stretch.own, outside)
+        chain.stretch = stretch
+        for equations in stretch.equations:
+            for linear in equations.linearise(state):
+                chain.add(Whitened.of(equations, linear))
+        for place, inner in stretch.within:
+            if not isinstance(inner, Eliminated):
+                inner = Chain.of(inner, state, place.width + stretch.own + outside).eliminated()
+            chain.join(place, inner)
+        return chain
+
+    def add(self, term: Whitened) -> None:
+        """Add whitened residuals that depend on a node and the next one at most, and on the border."""
+        node, by_node, by_next, by_border = term.linear.node, term.by_node, term.by_next, term.by_border
+        if by_next is not None and by_node is not None:
+            turned = np.swapaxes(by_next, 1, 2)
+            np.add.at(self.lower, node, turned @ by_node)
+            np.add.at(self.diagonal, node + 1, turned @ by_next)
+            np.add.at(self.border, node + 1, turned @ by_border)
+            np.add.at(self.gradient, node + 1, np.einsum("tmd,tm->td", by_next, term.residual))
+        if by_node is not None:
+            turned = np.swapaxes(by_node, 1, 2)
+            np.add.at(self.diagonal, node, turned @ by_node)
+            np.add.at(self.border, node, turned @ by_border)
+            np.add.at(self.gradient, node, np.einsum("tmd,tm->td", by_node, term.residual))
+        flat = by_border.reshape(-1, by_border.shape[2])
+        self.corner += flat.T @ flat
+        self.corner_gradient += flat.T @ term.residual.ravel()
+        self.terms.append(term)
+
+    def join(self, place: Place, inner: Eliminated) -> None:
+        """Add what an eliminated chain says of its outside."""
+        (first, second, rest), (k, at, after) = place.parts(), (place.node, place.at_node, place.at_next)
+        M, g = inner.matrix, inner.right
+        if k >= 0:
+            self.diagonal[k, at, at] += M[first, first]
+            self.diagonal[k + 1, after, after] += M[second, second]
+            self.lower[k, after, at] += M[second, first]
+            self.border[k, at] += M[first, rest]
+            self.border[k + 1, after] += M[second, rest]
+            self.gradient[k, at] += g[first]
+            self.gradient[k + 1, after] += g[second]
+        self.corner += M[rest, rest]
+        self.corner_gradient += g[rest]
+        self.within.append((place, inner))
+
+    @property
+    def square_sum(self) -> float:
+        """Of all residuals, those within included."""
+        return sum(t.square_sum for t in self.terms) + sum(i.chain.square_sum for _, i in self.within)
+
+    @property
+    def checks(self) -> int:
+        """How many observations there are beyond the nodes and own unknowns, those within included."""
+        unknowns = self.gradient.size + self.own
+        observations = sum(t.linear.observations for t in self.terms)
+        return observations - unknowns + sum(i.chain.checks for _, i in self.within)
+
+    def eliminated(self) -> Eliminated:
+        """Return the chain with nodes and own unknowns eliminated; the equations themselves are left as they are.
 
         Raises
         ------
-        ConvergenceError
-            If a pivot is not positive definite: the covariance given is not one.
+        ObservabilityError
+            If a node is not determined, whatever the border is.
         """
-        couplings: AnyArray | None = None
-        pivots = diagonal
-        try:
-            if lower is not None and np.any(lower):
-                pivots = diagonal.copy()
-                couplings = np.empty_like(lower)
-                for k in range(lower.shape[0]):
-                    solved: AnyArray = np.asarray(np.linalg.solve(pivots[k], lower[k].T), dtype=np.float64)
-                    couplings[k] = solved.T
-                    pivots[k + 1] = diagonal[k + 1] - couplings[k] @ lower[k].T
-            factors = np.linalg.cholesky(pivots)
-            if not np.all(np.isfinite(factors)):
-                raise np.linalg.LinAlgError("not finite")
-        except np.linalg.LinAlgError as error:
-            raise ConvergenceError(
-                "The covariance of the observations is not positive definite: "
-                "a hold has no noise at all, or too few samples."
-            ) from error
-        logs = np.log(np.diagonal(factors, axis1=1, axis2=2))
-        inverses: AnyArray = np.asarray(np.linalg.inv(pivots), dtype=np.float64)
-        return BlockChain(inverses, couplings, 2.0 * float(np.sum(logs)))
+        from tumble.estimation.kernels import eliminate
 
-    def solve(self, right: AnyArray) -> AnyArray:
-        """Return the inverse times `right`, (groups, size, columns)."""
-        if self.couplings is None:
-            return self.pivots_inverse @ right
-        forward = right.copy()
-        for k in range(self.couplings.shape[0]):
-            forward[k + 1] -= self.couplings[k] @ forward[k]
-        solution = self.pivots_inverse @ forward
-        for k in range(self.couplings.shape[0] - 1, -1, -1):
-            solution[k] -= self.couplings[k].T @ solution[k + 1]
-        return solution
+        diagonal, lower, border = self.diagonal.copy(), self.lower.copy(), self.border.copy()
+        gradient, corner, right = self.gradient.copy(), self.corner.copy(), self.corner_gradient.copy()
+        bad = eliminate(diagonal, lower, border, gradient, corner, right)
+        if bad >= 0:
+            raise ObservabilityError(
+                f"Node {bad + 1} of {len(self.diagonal)} of the motion is not determined by what was observed."
+            )
+        own = slice(0, self.own)
+        inverse = inverted(corner[own, own]) if self.own else np.zeros((0, 0))
+        return Eliminated(self, diagonal, lower, border, gradient, corner, right, inverse)
 
-    def inverse_diagonal(self) -> AnyArray:
-        """Return the diagonal blocks of the inverse, (groups, size, size)."""
-        blocks = self.pivots_inverse.copy()
-        if self.couplings is not None:
-            for k in range(self.couplings.shape[0] - 1, -1, -1):
-                blocks[k] += self.couplings[k].T @ blocks[k + 1] @ self.couplings[k]
-        return blocks
+
+@dataclass(slots=True)
+class Eliminated:
+    """A chain whose nodes and own unknowns are eliminated: factors, and what is left of the outside's equations.
+
+    Attributes
+    ----------
+    chain : the equations as they were.
+    diagonal, lower, border, gradient : factors, see `kernels.eliminate`.
+    corner, corner_gradient : (b, b), (b,) what the nodes leave of the border's equations.
+    own_inverse : of the own unknowns' part of it.
+    matrix, right : (outside, outside), (outside,) what is left when these are eliminated, too.
+    """
+
+    chain: Chain
+    diagonal: AnyArray
+    lower: AnyArray
+    border: AnyArray
+    gradient: Table
+    corner: Square
+    corner_gradient: Series
+    own_inverse: Square
+    matrix: Square = field(init=False)
+    right: Series = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Eliminate the own unknowns."""
+        own, outside = slice(0, self.chain.own), slice(self.chain.own, None)
+        across = self.corner[own, outside]
+        gain = self.own_inverse @ across
+        self.matrix = self.corner[outside, outside] - across.T @ gain
+        self.right = self.corner_gradient[outside] - gain.T @ self.corner_gradient[own]
+
+    def own_step(self, outside: Series) -> Series:
+        """Return the step of the own unknowns that goes with the outside's."""
+        own = slice(0, self.chain.own)
+        across = self.corner[own, self.chain.own :]
+        return -self.own_inverse @ (self.corner_gradient[own] + across @ outside)
+
+    def nodes_step(self, border: Series) -> Table:
+        """Return (nodes, d) the nodes' steps that go with the border's."""
+        from tumble.estimation.kernels import substitute
+
+        steps = np.zeros(self.gradient.shape)
+        if steps.size:
+            substitute(self.diagonal, self.lower, self.border, self.gradient, border, steps)
+        return steps
+
+    def move(self, outside: Series) -> None:
+        """Move everything in the chain, and within it, by the step that goes with the outside's."""
+        border = np.concatenate([self.own_step(outside), outside])
+        nodes = self.nodes_step(border)
+        for place, inner in self.within:
+            k = place.node
+            ends = [nodes[k, place.at_node], nodes[k + 1, place.at_next]] if k >= 0 else []
+            inner.move(np.concatenate([*ends, border]))
+        for term in self.chain.terms:
+            term.move(nodes, border)
+        if self.chain.stretch is not None:
+            self.chain.stretch.move(nodes, border[: self.chain.own])
+
+    @property
+    def within(self) -> list[tuple[Place, Eliminated]]:
+        """The chains within it."""
+        return self.chain.within
+
+
+@dataclass(slots=True)
+class Spread:
+    """Covariances of an eliminated chain.
+
+    Attributes
+    ----------
+    chain : with its terms.
+    border : (b, b) covariance of the border.
+    """
+
+    chain: Eliminated
+    border: Square
+    _nodes: tuple[AnyArray, AnyArray, AnyArray] | None = None
+
+    @staticmethod
+    def of(chain: Eliminated, outside: Square) -> Spread:
+        """Return the covariances that go with the outside's."""
+        n = chain.chain.own
+        gain = -chain.own_inverse @ chain.corner[:n, n:]
+        border = np.zeros((n + len(outside), n + len(outside)))
+        border[n:, n:] = outside
+        border[:n, n:] = gain @ outside
+        border[n:, :n] = border[:n, n:].T
+        border[:n, :n] = chain.own_inverse + border[:n, n:] @ gain.T
+        return Spread(chain, border)
+
+    @property
+    def nodes(self) -> tuple[AnyArray, AnyArray, AnyArray]:
+        """Covariances of nodes: (nodes, d, d), with the next one (nodes - 1, d, d), with the border (nodes, d, b)."""
+        if self._nodes is None:
+            from tumble.estimation.kernels import invert_selected
+
+            c = self.chain
+            made = np.zeros(c.diagonal.shape), np.zeros(c.lower.shape), np.zeros(c.border.shape)
+            invert_selected(c.diagonal, c.lower, c.border, self.border, *made)
+            self._nodes = made
+        return self._nodes
+
+    def within(self) -> list[Spread]:
+        """Return the covariances of the chains within it."""
+        made: list[Spread] = []
+        for place, inner in self.chain.within:
+            if place.node < 0:
+                made.append(Spread.of(inner, self.border))
+                continue
+            own, following, with_border = self.nodes
+            k, at, after = place.node, place.at_node, place.at_next
+            first, second, rest = place.parts()
+            outside = np.zeros((place.width + len(self.border),) * 2)
+            outside[first, first], outside[second, second] = own[k][at, at], own[k + 1][after, after]
+            outside[first, second] = following[k][at, after]
+            outside[second, first] = outside[first, second].T
+            outside[first, rest], outside[second, rest] = with_border[k][at], with_border[k + 1][after]
+            outside[rest, : place.width] = outside[: place.width, rest].T
+            outside[rest, rest] = self.border
+            made.append(Spread.of(inner, outside))
+        return made
+
+    def walk(self) -> Iterator[Spread]:
+        """Yield this chain's covariances, and those of all chains within it."""
+        yield self
+        for inner in self.within():
+            yield from inner.walk()
+
+    def gain(self, term: Whitened, last: int) -> AnyArray:
+        """Return (terms, last, m): by how much whitened errors move the last unknowns of the border.
+
+        Parameters
+        ----------
+        term : of the chain.
+        last : how many of the border's unknowns.
+        """
+        rows = slice(len(self.border) - last, None)
+        made = self.border[rows] @ np.swapaxes(term.by_border, 1, 2)
+        for by, at in ((term.by_node, term.linear.node), (term.by_next, term.linear.node + 1)):
+            if by is not None:
+                across = np.swapaxes(self.nodes[2][at][:, :, rows], 1, 2)
+                made = made + across @ np.swapaxes(by, 1, 2)
+        return made
+
+    def taken(self, term: Whitened) -> AnyArray:
+        """Return (terms, m, m) the whitened covariance of the adjusted observations."""
+        by_border, node = term.by_border, term.linear.node
+        whole = by_border @ self.border @ np.swapaxes(by_border, 1, 2)
+        for by, at in ((term.by_node, node), (term.by_next, node + 1)):
+            if by is not None:
+                cross = by @ self.nodes[2][at] @ np.swapaxes(by_border, 1, 2)
+                whole = (
+                    whole + by @ self.nodes[0][at] @ np.swapaxes(by, 1, 2) + cross + np.swapaxes(cross, 1, 2)
+                )
+        if term.by_node is not None and term.by_next is not None:
+            cross = term.by_node @ self.nodes[1][node] @ np.swapaxes(term.by_next, 1, 2)
+            whole = whole + cross + np.swapaxes(cross, 1, 2)
+        return whole

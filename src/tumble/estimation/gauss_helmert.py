@@ -20,7 +20,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square
 from tumble.errors import ConvergenceError, ObservabilityError
-from tumble.estimation.chain import BlockChain
+from tumble.estimation.block_chain import BlockChain
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,8 +32,8 @@ from tumble.workflows.turn_ons import labels_of
 
 if TYPE_CHECKING:
     from tumble.calibration import Estimate
-    from tumble.calibration.joint.array_estimate import ArrayEstimate
-    from tumble.calibration.joint.estimate import JointOutcome
+    from tumble.calibration.arrays.estimate import ArrayEstimate
+    from tumble.calibration.outcome.estimate import JointOutcome
     from tumble.calibration.prior import StableKnowledge
     from tumble.segmentation import Timeline
 
@@ -232,8 +232,8 @@ def _settle(name: str, session: Session, say: Callable[[str], None]) -> tuple[Es
 def _together(
     names: Sequence[str], settled: Sequence[tuple[Estimate, JointOutcome]], site: Site
 ) -> ArrayEstimate:
-    from tumble.calibration.joint.array import solve_array
-    from tumble.calibration.joint.array_estimate import array_estimate
+    from tumble.calibration.arrays.adjustment import solve_array
+    from tumble.calibration.arrays.estimate import array_estimate
 
     solution = solve_array(names, [kept for _, kept in settled])
     return array_estimate(solution, [estimate for estimate, _ in settled], site)

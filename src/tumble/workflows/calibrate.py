@@ -192,7 +192,7 @@ def calibrate(
 
 def _draw(estimate: Estimate, runs: int, say: Callable[[str], None]) -> None:
     """Draw the distributions of the parameters; the seed is fixed, so that the same call says the same."""
-    from tumble.calibration.joint.draws import draw_distributions
+    from tumble.calibration.outcome.draws import draw_distributions
 
     draw_distributions(estimate, runs, np.random.default_rng(101), say)
 

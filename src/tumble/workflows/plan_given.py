@@ -210,8 +210,8 @@ def _parameters(values: dict[str, complex]) -> Any:
 def _of_few_holds(path: Path, task: PlanTask) -> tuple[JointInformation, list[str]]:
     """The information of a recording that determines too little for a calibration."""
     from tumble.calibration.equations.gathering import gather
-    from tumble.calibration.joint.data import joint_data
-    from tumble.calibration.joint.procedure import unknowns_of
+    from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
+    from tumble.calibration.equations.observed import observe
     from tumble.design.joint_information import planned_problem
     from tumble.recording import read_recording
     from tumble.segmentation import find_timeline, observe_holds
@@ -231,7 +231,7 @@ def _of_few_holds(path: Path, task: PlanTask) -> tuple[JointInformation, list[st
     timeline = find_timeline(recording)
     means = observe_holds(recording, timeline)
     values = unknowns_of(ImuModel.ideal())
-    data = joint_data(gather(recording, timeline, means), values, [])
+    data = observe(gather(recording, timeline, means), imu_unknowns(values), [])
     problem = planned_problem(data, task.site, task.sizes)
     turns = int(data.turns.size)
     words = f"{path} has {data.holds} holds and {turns} turns that can be followed: too few for a calibration yet."

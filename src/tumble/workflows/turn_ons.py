@@ -32,7 +32,7 @@ from tumble.workflows.protocols import GivenProtocol, read_given_protocol
 
 if TYPE_CHECKING:
     from tumble.calibration import Estimate
-    from tumble.calibration.joint.estimate import JointOutcome
+    from tumble.calibration.outcome.estimate import JointOutcome
     from tumble.calibration.turn_ons.estimate import SeveralEstimate
     from tumble.document import Calibration
     from tumble.protocol import Protocol
@@ -209,8 +209,8 @@ def _together(
     *,
     optional_terms: bool,
 ) -> SeveralEstimate:
-    from tumble.calibration.joint.turn_ons import adjust_several
     from tumble.calibration.turn_ons.estimate import several_estimate
+    from tumble.calibration.turn_ons.outcome import adjust_several
 
     outcome = adjust_several(names, [kept for _, kept in settled], optional_terms=optional_terms)
     return several_estimate(outcome, [estimate for estimate, _ in settled], site)

@@ -17,22 +17,15 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, Vectors
 from tumble.attitude.rotations import matrices_from_rotation_vectors, rotation_between
-from tumble.calibration.equations.triad_unknowns import BIAS
+from tumble.calibration.equations.adjustment import JointAdjustment
+from tumble.calibration.equations.imu_unknowns import LAYOUT, PLAIN, imu_unknowns, unknowns_of
+from tumble.calibration.equations.observed import Observed, TableRotation, observe, table_rotation
+from tumble.calibration.equations.rotation_equations import LEAST_WOBBLE
 from tumble.calibration.equations.turn import HoldsAndTurns
-from tumble.calibration.joint.data import JointData, JointSpin, joint_data, window_spin
-from tumble.calibration.joint.influence import joint_influences
-from tumble.calibration.joint.procedure import PLAIN, unknowns_of
-from tumble.calibration.joint.system import (
-    JointProblem,
-    JointState,
-    Masks,
-    linearise_joint,
-    solve_joint,
-    start_state,
-)
-from tumble.calibration.joint.terms import Extra
-from tumble.calibration.joint.unknowns import GYRO_BIAS
+from tumble.calibration.outcome.budget import recording_influences
+from tumble.calibration.start import start_adjustment
 from tumble.earth import EARTH_RATE, Site
+from tumble.estimation.solve import linearise, solve
 from tumble.sensor import ImuModel, Triad, propagate
 from tumble.sensor.conventions.shin import matrix_from_shin
 from tumble.sensor.gauge import inverse, lower_factor
@@ -81,7 +74,7 @@ class TruePlan:
     setting : what is simulated.
     pieces : dwells first, then the rotations, both ways about each axis in turn.
     site : gravity and latitude.
-    truth : (33,) the unit's unknowns.
+    truth : all of the unit's unknowns.
     latitude_sigma : rad, by which the site's latitude is another one in each run than the estimator is told.
     instability : (6,) of the biases, B of the density B² / (2 pi f), counts; zero where none wanders.
     """
@@ -119,8 +112,8 @@ def true_plan(setting: Setting, *, latitude_sigma: float = 0.0, white_until: flo
     return TruePlan(setting, tuple(pieces), site, unknowns_of(model), latitude_sigma, instability)
 
 
-def simulated_data(plan: TruePlan, rng: np.random.Generator) -> tuple[JointData, Series]:
-    """Return one run's observations, and the (33,) true unknowns, biases as they are on average.
+def simulated_data(plan: TruePlan, rng: np.random.Generator) -> tuple[Observed, Series]:
+    """Return one run's observations, and the true unknowns, biases as they are on average.
 
     Parameters
     ----------
@@ -161,15 +154,15 @@ def simulated_data(plan: TruePlan, rng: np.random.Generator) -> tuple[JointData,
     made_force, made_rate = np.concatenate(raw_force), np.concatenate(raw_rate)
     if np.any(plan.instability > 0.0):
         for signal, instability, own in (
-            (made_force, plan.instability[:3], BIAS),
-            (made_rate, plan.instability[3:], GYRO_BIAS),
+            (made_force, plan.instability[:3], LAYOUT["force.bias"]),
+            (made_rate, plan.instability[3:], LAYOUT["gyro.bias"]),
         ):
             wander = instability * simulate_wander(TriadNoise(bias_instability=1.0), at, 1.0 / STEP, rng)
             signal += wander
             truth[own] += wander.mean(axis=0)
     base = _base(plan, made_force, made_rate, holds, turns)
     spins = [_spin(plan, base, hold, start, speed) for hold, start, speed in turns]
-    return joint_data(base, plan.truth, spins), truth
+    return observe(base, imu_unknowns(plan.truth), spins), truth
 
 
 def _base(
@@ -211,10 +204,10 @@ def _base(
     )
 
 
-def _spin(plan: TruePlan, base: HoldsAndTurns, hold: int, start: int, speed: float) -> JointSpin:
+def _spin(plan: TruePlan, base: HoldsAndTurns, hold: int, start: int, speed: float) -> TableRotation:
     setting = plan.setting
     samples = round(setting.duration / STEP)
-    spin = window_spin(
+    spin = table_rotation(
         base,
         hold,
         start + REST,
@@ -238,17 +231,17 @@ def estimate_run(plan: TruePlan, rng: np.random.Generator) -> tuple[Series, Seri
     plan, rng : the true motion, and the noise.
     """
     data, _ = simulated_data(plan, rng)
-    problem, state = _started(plan, data, rng)
-    solution = solve_joint(problem, state)
-    values, covariance = _parameters(state.unknowns, solution.cofactor)
+    task = _started(plan, data, rng)
+    solution = solve(task)
+    values, covariance = _parameters(task.unknowns.values, solution.cofactor)
     return values, np.sqrt(np.diag(covariance))
 
 
-def _started(plan: TruePlan, data: JointData, rng: np.random.Generator) -> tuple[JointProblem, JointState]:
-    """Return the problem, and a start as the paper's estimator gives it: off by ten times its own errors."""
+def _started(plan: TruePlan, data: Observed, rng: np.random.Generator) -> JointAdjustment:
+    """Return the adjustment with a start as the paper's estimator gives it: off by ten times its own errors."""
     start = plan.truth.copy()
     start[PLAIN] *= 1.0 + 1e-4 * rng.standard_normal(PLAIN.size)
-    return _problem(plan, data), start_state(data, start, plan.site)
+    return _task(plan, data, start)
 
 
 def coloured_run(plan: TruePlan, rng: np.random.Generator) -> tuple[Series, Square]:
@@ -259,11 +252,9 @@ def coloured_run(plan: TruePlan, rng: np.random.Generator) -> tuple[Series, Squa
     plan, rng : the true motion, with biases that wander, and the noise.
     """
     data, truth = simulated_data(plan, rng)
-    problem, state = _started(plan, data, rng)
-    solution = solve_joint(problem, state)
-    scale = max(1.0, solution.square_sum / solution.redundancy)
-    told = scale * joint_influences(problem, state).covariance[np.ix_(PLAIN, PLAIN)]
-    values, covariance = _parameters(state.unknowns, told)
+    task = _started(plan, data, rng)
+    told = solve(task).unit_weight * recording_influences(task).covariance
+    values, covariance = _parameters(task.unknowns.values, told)
     return values - np.real(_in_paper(truth[PLAIN])), covariance
 
 
@@ -276,20 +267,20 @@ def bound(plan: TruePlan, rng: np.random.Generator) -> Series:
     rng : for one set of data, at whose true parameters the information is taken.
     """
     data, _ = simulated_data(plan, rng)
-    problem = _problem(plan, data)
-    state = start_state(data, plan.truth, plan.site)
+    task = _task(plan, data, plan.truth)
     # Attitudes have to be where they belong; the shared unknowns stay the true ones.
-    solve_joint(problem, state)
-    state.unknowns = plan.truth.copy()
-    _, normal, _ = linearise_joint(problem, state)
+    solve(task)
+    task.unknowns = imu_unknowns(plan.truth)
+    _, normal, _ = linearise(task)
     cofactor = np.asarray(np.linalg.inv(normal), dtype=np.float64)
     return np.sqrt(np.diag(_parameters(plan.truth, cofactor)[1]))
 
 
-def _problem(plan: TruePlan, data: JointData) -> JointProblem:
+def _task(plan: TruePlan, data: Observed, start: Series) -> JointAdjustment:
+    task = start_adjustment(data, imu_unknowns(start), plan.site)
     # The simulated table rests without swaying, and its axis does not wobble.
-    wobble = dict.fromkeys(data.spins, EXACT_AXIS)
-    return JointProblem(data, plan.site, PLAIN, Extra(), Masks.everything(data.holds), wobble=wobble)
+    task.noise.factors["axis"] = dict.fromkeys(data.rotations, (EXACT_AXIS / LEAST_WOBBLE) ** 2)
+    return task
 
 
 def _parameters(unknowns: Series, cofactor: AnyArray) -> tuple[Series, Square]:

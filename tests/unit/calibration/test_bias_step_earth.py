@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tumble.calibration import Estimate
-from tumble.calibration.joint.procedure import calibrate_joint
+from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.procedures.hand_held import calibrate_hand_held
 from tumble.earth import EARTH_RATE, Site
 from tumble.recording import Recording

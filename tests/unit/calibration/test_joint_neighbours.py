@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from tumble.calibration.joint.data import joint_data
 from tumble.calibration.joint.influence import FORCE_WANDER, RATE_WANDER, Influences, joint_influences
 from tumble.calibration.joint.neighbours import Drift, shared_wander
-from tumble.calibration.joint.procedure import PLAIN, unknowns_of
 from tumble.calibration.joint.system import JointProblem, Masks, solve_joint, start_state
 from tumble.calibration.joint.terms import Extra
+
+from tumble.calibration.equations.imu_unknowns import PLAIN, unknowns_of
 
 
 @pytest.fixture(scope="module")

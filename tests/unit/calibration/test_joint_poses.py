@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from tumble.attitude.rotations import matrices_from_rotation_vectors, matrix_from_rotation_vector
-from tumble.calibration.joint.believed import LEAST_SIGMA, BelievedPoses, believed_poses
 from tumble.calibration.joint.poses import align_with_poses, left_jacobian, pose_terms
 from tumble.calibration.joint.terms import Extra, Section
 from tumble.calibration.joint.wide import FIXTURE, WIDE
+
+from tumble.attitude.rotations import matrices_from_rotation_vectors, matrix_from_rotation_vector
+from tumble.calibration.equations.believed_poses import LEAST_SIGMA, BelievedPoses, believed_poses
 from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, TurnStep
 from tumble.segmentation.matching import MatchedHold, Matching
 

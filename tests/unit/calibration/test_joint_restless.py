@@ -10,8 +10,8 @@ import pytest
 
 from tumble.calibration import Estimate
 from tumble.calibration.evidence import RestlessHold
-from tumble.calibration.joint.procedure import calibrate_joint
-from tumble.calibration.joint.restless import restless_remarks
+from tumble.calibration.joint import calibrate_joint
+from tumble.calibration.outcome.restless import restless_remarks
 from tumble.report.evidence.holds import restless
 from tumble.report.page import Table
 from tumble.segmentation import observe_holds

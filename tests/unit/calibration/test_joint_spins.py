@@ -7,10 +7,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 import pytest
-
-from tumble.arrays import AnyArray, Table
-from tumble.attitude.rotations import matrices_from_rotation_vectors
-from tumble.calibration.equations.gathering import gather
 from tumble.calibration.joint.data import (
     JointData,
     JointSpin,
@@ -18,12 +14,16 @@ from tumble.calibration.joint.data import (
     mean_backward_rotation,
     window_spin,
 )
-from tumble.calibration.joint.procedure import unknowns_of
 from tumble.calibration.joint.spins import Layout, SpinState, add_spin_terms, spin_equations, start_spin
 from tumble.calibration.joint.system import JointProblem, JointState, Masks, solve_joint, start_state
 from tumble.calibration.joint.terms import BORDER, Extra
-from tumble.earth import Site
 from tumble.estimation.bordered import BorderedChain
+
+from tumble.arrays import AnyArray, Table
+from tumble.attitude.rotations import matrices_from_rotation_vectors
+from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.imu_unknowns import unknowns_of
+from tumble.earth import Site
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
 from tumble.sensor import ImuModel, Triad, change_frame

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.joint.data import joint_data
 from tumble.calibration.joint.noise import balance_joint
-from tumble.calibration.joint.procedure import PLAIN, unknowns_of
-from tumble.calibration.joint.swing import hold_swings
 from tumble.calibration.joint.system import JointProblem, Masks, start_state
 from tumble.calibration.joint.terms import Extra, hold_terms
+
+from tumble.calibration.equations.imu_unknowns import PLAIN, unknowns_of
+from tumble.calibration.equations.swing import hold_swings
+from tumble.calibration.equations.turn import HoldsAndTurns
 
 
 @pytest.fixture(scope="module")

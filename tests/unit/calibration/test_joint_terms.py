@@ -8,10 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-
-from tumble.attitude.rotations import matrices_from_rotation_vectors
 from tumble.calibration.joint.data import JointData, joint_data
-from tumble.calibration.joint.procedure import unknowns_of
 from tumble.calibration.joint.system import start_state
 from tumble.calibration.joint.terms import (
     BORDER,
@@ -25,6 +22,9 @@ from tumble.calibration.joint.terms import (
     turn_terms,
 )
 from tumble.calibration.joint.unknowns import SHARED, raw_force, raw_rate
+
+from tumble.attitude.rotations import matrices_from_rotation_vectors
+from tumble.calibration.equations.imu_unknowns import unknowns_of
 from tumble.earth import Site
 
 Array = npt.NDArray[np.float64]

@@ -6,12 +6,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-
 from tumble.calibration.joint.data import joint_data, window_spin
-from tumble.calibration.joint.procedure import PLAIN, calibrate_joint, unknowns_of
 from tumble.calibration.joint.system import JointProblem, Masks
 from tumble.calibration.joint.terms import Extra
 from tumble.calibration.joint.trials import fresh_problem
+
+from tumble.calibration.equations.imu_unknowns import PLAIN, unknowns_of
+from tumble.calibration.joint import calibrate_joint
 from tumble.segmentation import observe_holds
 
 

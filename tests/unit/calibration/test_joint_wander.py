@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.joint.wander import (
+from tumble.estimation.wander import (
     covariance_about_the_mean,
     faster_variance,
     mode_count,

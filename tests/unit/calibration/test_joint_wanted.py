@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.special import fdtrc
-
-from tumble.calibration.equations.triad_unknowns import QUADRATIC
 from tumble.calibration.joint.data import joint_data
 from tumble.calibration.joint.noise import BalancedJoint, balance_joint
-from tumble.calibration.joint.procedure import PLAIN, unknowns_of
 from tumble.calibration.joint.scatter import shared_scatter, wider
 from tumble.calibration.joint.system import JointProblem, Masks, start_state
 from tumble.calibration.joint.terms import Extra
 from tumble.calibration.joint.trials import widened_problem
 from tumble.calibration.joint.wanted import ALL_TERMS, term_limits, wanted_terms
 from tumble.calibration.joint.wide import FORCE_ASYMMETRY
+
+from tumble.calibration.equations.imu_unknowns import PLAIN, unknowns_of
+from tumble.calibration.equations.triad_unknowns import QUADRATIC
 
 FLOOR = np.array([2e-3, 3e-3, 4e-3])  # m/s²
 NAMES = ["quadratic", "accelerometer_asymmetry"]

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.joint.draws import numerical_tolerance, shortest_intervals
-from tumble.calibration.reliability import noncentrality, undetected
+from tumble.calibration.outcome.draws import numerical_tolerance, shortest_intervals
 from tumble.calibration.uncertainty_statement import (
     chi_square_probability,
     coverage_factors,
     effective_degrees,
 )
+from tumble.estimation.undetected import noncentrality, undetected
 
 
 def test_the_end_gauge_of_the_gum_has_16_effective_degrees_of_freedom() -> None:

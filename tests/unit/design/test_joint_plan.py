@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from tumble.calibration.joint.influence import RATE_WANDER
 from tumble.calibration.joint.system import linearise_joint
 from tumble.calibration.joint.unknowns import GYRO_BIAS
+
 from tumble.design.joint_information import (
     GROUPS,
     NAMES,

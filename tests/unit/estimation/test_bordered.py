@@ -7,10 +7,10 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from tumble.errors import ObservabilityError
 from tumble.estimation.bordered import BorderedChain, whiten
 from tumble.estimation.gathered import GatheringChain
+
+from tumble.errors import ObservabilityError
 
 Array = npt.NDArray[np.float64]
 

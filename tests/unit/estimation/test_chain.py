@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tumble.errors import ConvergenceError
-from tumble.estimation.chain import BlockChain
+from tumble.estimation.block_chain import BlockChain
 
 Array = npt.NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from tumble.errors import ConvergenceError, ObservabilityError
 
 if TYPE_CHECKING:
     from tumble.calibration.estimate import Estimate
-    from tumble.calibration.joint.estimate import JointOutcome
+    from tumble.calibration.outcome.estimate import JointOutcome
     from tumble.calibration.session import Session
 
 
@@ -25,7 +25,7 @@ def run_joint(
     start : another procedure's estimate; None runs the recording's own first.
     keep : is handed the settled solution, see `calibrate_joint`.
     """
-    from tumble.calibration.joint.procedure import calibrate_joint
+    from tumble.calibration.joint import calibrate_joint
 
     first = _start(session) if start is None else start
     matching, has_gyro = session.matching, session.recording.angular_rate is not None

@@ -8,15 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
-from tumble.calibration.equations.triad_unknowns import BIAS
+from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.estimate import Described, Estimate, LeftOut, coverage_factor, said_of
 from tumble.calibration.evidence import Holds, Spins, Turns
-from tumble.calibration.joint.description import describe_wide, named_function
-from tumble.calibration.joint.estimate import joint_estimate
-from tumble.calibration.joint.table_parameters import lever_arms_of
-from tumble.calibration.joint.turn_ons import SeveralOutcome, settled_outcome, tells, whole_disagreement
-from tumble.calibration.joint.unknowns import GYRO_BIAS
-from tumble.calibration.joint.wide import WIDE, widened
+from tumble.calibration.outcome.description import describe, named_function
+from tumble.calibration.outcome.estimate import joint_estimate
+from tumble.calibration.outcome.table_parameters import lever_arms_of
 from tumble.calibration.turn_ons.biases import (
     FALSE_ALARM,
     Agreement,
@@ -26,6 +23,7 @@ from tumble.calibration.turn_ons.biases import (
     agreement_of,
     bias_scatter,
 )
+from tumble.calibration.turn_ons.outcome import SeveralOutcome, settled_outcome, tells, whole_disagreement
 from tumble.calibration.turn_ons.words import turn_on_cautions, turn_on_sentences
 from tumble.earth import Site
 from tumble.recording.recording import Recording
@@ -33,7 +31,7 @@ from tumble.sensor.propagation import jacobian
 from tumble.units import angular_rate_factor, specific_force_factor
 
 FRAME = "accelerometer-x"
-BIASES = (("accelerometer", BIAS), ("gyro", GYRO_BIAS))
+BIASES = (("accelerometer", LAYOUT["force.bias"]), ("gyro", LAYOUT["gyro.bias"]))
 
 
 @dataclass(slots=True)
@@ -84,7 +82,7 @@ def several_estimate(outcome: SeveralOutcome, alone: Sequence[Estimate], site: S
     for scatter, place in zip(turn_ons.biases, _bias_places(turn_ons.biases), strict=True):
         covariance[place, place] = max(scatter.next_sigma**2, covariance[place, place])
     covariance += _enlargement(outcome, named, turn_ons.agreements)
-    described = describe_wide(
+    described = describe(
         *(values, covariance, site, _units_of(outcome)),
         terms=outcome.kept,
         gyro=_gyro(outcome),
@@ -103,7 +101,7 @@ def several_estimate(outcome: SeveralOutcome, alone: Sequence[Estimate], site: S
 def _common(outcome: SeveralOutcome) -> tuple[Series, Table]:
     """All unknowns of the unit, biases as the recordings' mean, and their derivatives by what was adjusted."""
     solution = outcome.solution
-    values, effect = np.zeros(WIDE), np.zeros((WIDE, len(solution.covariance)))
+    values, effect = np.zeros(LAYOUT.size), np.zeros((LAYOUT.size, len(solution.covariance)))
     values[solution.stable] = solution.values
     effect[solution.stable, np.arange(solution.stable.size)] = 1.0
     for _, place in BIASES:
@@ -124,7 +122,7 @@ def _having(outcome: SeveralOutcome, unknown: int) -> tuple[list[int], list[int]
 
 
 def _of_parts(outcome: SeveralOutcome, unknown: int, at: Sequence[int]) -> Series:
-    return np.array([outcome.solution.parts[k].state.unknowns[unknown] for k in at])
+    return np.array([outcome.solution.parts[k].values[unknown] for k in at])
 
 
 def _scale(outcome: SeveralOutcome) -> float:
@@ -147,8 +145,7 @@ def _named(outcome: SeveralOutcome, values: Series) -> _Named:
     units = recording.specific_force_unit, recording.angular_rate_unit
     factors = specific_force_factor(units[0]), angular_rate_factor(units[1])
     labels, function = named_function(outcome.kept, _gyro(outcome), FRAME, units, factors)
-    wide = widened(values)
-    return _Named(labels, np.real(function(wide.astype(complex))), jacobian(function, wide))
+    return _Named(labels, np.real(function(values.astype(complex))), jacobian(function, values))
 
 
 def _turn_ons(
@@ -238,7 +235,7 @@ def _enlargement(outcome: SeveralOutcome, named: _Named, agreements: Sequence[Ag
     more = np.array([(a.enlarged**2 - 1.0) * a.sigma**2 for a in agreements])
     scale = np.max(np.abs(slope), axis=0)
     back: Table = np.asarray(np.linalg.pinv(slope / scale), dtype=np.float64) / scale[:, None]
-    made = np.zeros((WIDE, WIDE))
+    made = np.zeros((LAYOUT.size, LAYOUT.size))
     made[np.ix_(stable, stable)] = (back * more) @ back.T
     return made
 

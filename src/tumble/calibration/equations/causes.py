@@ -1,0 +1,24 @@
+"""The causes of error that a budget tells apart, in the order in which it shows them."""
+
+from tumble.estimation.influence import OUTLYING, PRIOR
+
+FORCE_REST = "accelerometers at rest"
+FORCE_TURNING = "accelerometers while turning"
+FORCE_WANDER = "accelerometer biases wander"
+RATE_REST = "gyros at rest"
+RATE_TURNING = "gyros while turning"
+RATE_WANDER = "gyro biases wander"
+SWAY = "sway in holds"
+TURNS = "turns beyond noise"
+ANGLES = "table angles"
+AXIS = "wobble of the table's axis"
+PLACEMENT = "placement"
+LEVER = "lever arms of rotations"
+EARTH_RATE_KNOWN = "Earth rate and latitude"
+GRAVITY = "reference gravity"
+OTHER = "everything else"
+SOURCES = (
+    *(FORCE_REST, FORCE_TURNING, FORCE_WANDER, RATE_REST, RATE_TURNING, RATE_WANDER, SWAY, TURNS, ANGLES),
+    *(AXIS, PLACEMENT),
+    *(LEVER, EARTH_RATE_KNOWN, PRIOR, OUTLYING, GRAVITY, OTHER),
+)

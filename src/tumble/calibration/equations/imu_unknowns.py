@@ -1,0 +1,276 @@
+"""The unknowns of both triads in named blocks, and the sensors' raw output with its derivatives by them.
+
+The accelerometers' bias, scale and angles as Shin has them, the gyros' whole matrix and bias, and what may be besides:
+quadratic terms, asymmetries, g-sensitivity, the unit's rotation in its fixture, the accelerometers' places in the unit
+and a lag between the triads. The model runs forwards, from true to raw: noise is a sensor's own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Matrix, Series, Vectors
+from tumble.calibration.equations.triad_unknowns import QUADRATIC, unknowns_from_triad
+from tumble.estimation.unknowns import Block, Layout, Unknowns
+from tumble.sensor import ImuModel
+from tumble.sensor.conventions.shin import matrix_from_shin
+from tumble.sensor.gauge import change_frame
+from tumble.sensor.propagation import jacobian
+
+# What a unit's name plate promises, one sigma: 30 mg and 1 °/s of bias, 3 % of scale, 3 % of an angle in rad.
+NAME_PLATE_FORCE, NAME_PLATE_RATE, NAME_PLATE_SHARE = 0.3, 0.02, 0.03
+MOUNTING = 0.2  # rad
+# Accelerometers of a unit sit so far apart, and triads lag each other by so much, one sigma.
+LEVER_ARM, LAG = 0.03, 0.01  # m, s
+_PAIRS = [(a, b) for a in "xyz" for b in "xyz"]
+
+
+def _axes(name: str, label: str, remedy: str) -> Block:
+    return Block(name, tuple(label.format(a) for a in "xyz"), tuple(remedy.format(a) for a in "xyz"))
+
+
+def _gyro_label(a: str, b: str) -> str:
+    return f"scale factor of gyro {a}" if a == b else f"what gyro {a} senses of a rate about {b}"
+
+
+LAYOUT = Layout(
+    (
+        _axes("force.bias", "bias of accelerometer {}", "a hold with {0} up and one with {0} down"),
+        _axes("force.scale", "scale factor of accelerometer {}", "a hold with {0} up and one with {0} down"),
+        Block(
+            "force.angle",
+            tuple(f"non-orthogonality {angle} of the accelerometers" for angle in ("yz", "zx", "zy")),
+            tuple(f"a hold with an edge between {a} and {b} up" for a, b in ("xy", "yz", "xz")),
+        ),
+        _axes(
+            "force.quadratic",
+            "quadratic term of accelerometer {}",
+            "a hold with {0} up and one with {0} down",
+        ),
+        Block(
+            "gyro.matrix",
+            tuple(_gyro_label(a, b) for a, b in _PAIRS),
+            tuple(f"a turn about {b} while {b} lies level" for _, b in _PAIRS),
+        ),
+        _axes("gyro.bias", "bias of gyro {}", "a longer rest"),
+        Block(
+            "gyro.g_sensitivity",
+            tuple(f"g-sensitivity of gyro {a} to force {b}" for a, b in _PAIRS),
+            tuple(f"long holds with {b} up and with {b} down" for _, b in _PAIRS),
+        ),
+        _axes(
+            "fixture",
+            "rotation of the unit in its fixture about {}",
+            "believed poses with two different faces up in the same fixture",
+        ),
+        _axes("force.asymmetry", "asymmetry of accelerometer {}", "holds with {} up, down and level"),
+        _axes("gyro.asymmetry", "asymmetry of gyro {}", "turns both ways about {}"),
+        Block(
+            "lever_arms",
+            tuple(f"lever arm of accelerometer {a} along {b}" for a, b in _PAIRS),
+            tuple(f"fast turns of the table about both edges between {a} and {b}" for a, b in _PAIRS),
+        ),
+        Block(
+            "lag",
+            ("lag of the accelerometers behind the gyros",),
+            ("a turn of the table about a level axis",),
+        ),
+        _axes("gyro.quadratic", "quadratic term of gyro {}", "turns about {} at several rates, both ways"),
+    )
+)
+"""All unknowns that there may be.
+
+``fixture`` is the rotation vector (rad) of C_bf, from the fixture's axes to the sensors' frame b. ``lever_arms`` are of
+each accelerometer, m in b, sensor by sensor; the point that they count from has the x of accelerometer x, the y of
+accelerometer y and the z of accelerometer z, so that each one's place along its own axis stays zero. ``lag`` is by how
+much the accelerometers lag behind the gyros, s.
+"""
+FORCE_ALONE = LAYOUT.indices("force.bias", "force.scale", "force.angle")
+"""Accelerometers without a gyro."""
+PLAIN = LAYOUT.indices("force.bias", "force.scale", "force.angle", "gyro.matrix", "gyro.bias")
+"""Both triads without optional terms."""
+
+
+def imu_unknowns(values: Series | None = None, free: np.ndarray = PLAIN) -> Unknowns:
+    """Return unknowns of both triads.
+
+    Parameters
+    ----------
+    values : the first of all, or all of them; what is not given is zero.
+    free : indices of those that are adjusted.
+    """
+    made = np.zeros(LAYOUT.size)
+    if values is not None:
+        made[: values.size] = values
+    return Unknowns(LAYOUT, made, free)
+
+
+def unknowns_of(model: ImuModel) -> Series:
+    """Return all unknowns of a model with both triads, in whatever frame it is.
+
+    Raises
+    ------
+    ValueError
+        If a triad is missing.
+    """
+    if model.accelerometer is None or model.gyroscope is None:
+        raise ValueError("the joint estimator's unknowns are those of both triads")
+    own = change_frame(model, "accelerometer-x")
+    assert own.accelerometer is not None
+    assert own.gyroscope is not None
+    values = np.zeros(LAYOUT.size)
+    values[: QUADRATIC.stop] = unknowns_from_triad(own.accelerometer)
+    values[LAYOUT["gyro.matrix"]] = own.gyroscope.matrix.ravel()
+    values[LAYOUT["gyro.bias"]] = own.gyroscope.bias
+    if own.g_sensitivity is not None:
+        values[LAYOUT["gyro.g_sensitivity"]] = own.g_sensitivity.ravel()
+    return values
+
+
+def name_plate(u: Unknowns) -> Series:
+    """Return one sigma of each unknown as any unit's name plate promises it, in its own unit.
+
+    Parameters
+    ----------
+    u : start values: raw units are the sensors' own.
+    """
+    scale, rows = np.abs(u["force.scale"]), np.linalg.norm(gyro_matrix(u), axis=1)
+    made = u.at(np.ones(u.values.size))
+    for name, size in (
+        ("force.bias", NAME_PLATE_FORCE * scale),
+        ("force.scale", NAME_PLATE_SHARE * scale),
+        ("force.angle", NAME_PLATE_SHARE),
+        ("force.quadratic", 1e-3 / np.maximum(scale, 1e-300)),
+        ("gyro.matrix", np.repeat(NAME_PLATE_SHARE * rows, 3)),
+        ("gyro.bias", NAME_PLATE_RATE * rows),
+        ("gyro.g_sensitivity", np.repeat(1e-3 * rows, 3)),
+        ("fixture", MOUNTING),
+        ("force.asymmetry", 0.01),
+        ("gyro.asymmetry", 0.01),
+        ("lever_arms", LEVER_ARM),
+        ("lag", LAG),
+        ("gyro.quadratic", 1e-3 / np.maximum(rows, 1e-300)),
+    ):
+        made[name][:] = size
+    return made.values
+
+
+def force_matrix(u: Unknowns) -> Matrix:
+    """Return the accelerometers' matrix, raw per m/s², in the frame ``accelerometer-x``."""
+    made = np.real(matrix_from_shin(u["force.scale"], u["force.angle"]))
+    return np.ascontiguousarray(made, dtype=np.float64)
+
+
+def gyro_matrix(u: Unknowns) -> Matrix:
+    """Return the gyros' matrix, raw per rad/s."""
+    return np.ascontiguousarray(u["gyro.matrix"].reshape(3, 3))
+
+
+def g_sensitivity(u: Unknowns) -> Matrix:
+    """Return the gyros' g-sensitivity, raw per m/s²."""
+    return np.ascontiguousarray(u["gyro.g_sensitivity"].reshape(3, 3))
+
+
+@dataclass(frozen=True, slots=True)
+class RawForce:
+    """Raw output of the accelerometers: (rows, 3), by the true force (rows, 3, 3), by blocks (rows, 3, block)."""
+
+    value: Vectors
+    by_true: AnyArray
+    by_blocks: dict[str, AnyArray]
+
+
+def raw_force(u: Unknowns, true: Vectors, apart: AnyArray | None = None) -> RawForce:
+    """Return what the accelerometers show for a specific force in b, with derivatives.
+
+    Parameters
+    ----------
+    u : where the unknowns are.
+    true : (rows, 3) m/s².
+    apart : (rows, 3, 3) m/s² that each accelerometer (second) feels beyond it where it sits; None for one place.
+    """
+    matrix, quadratic, asymmetry = force_matrix(u), u["force.quadratic"], u["force.asymmetry"]
+    felt = true[:, None, :] if apart is None else true[:, None, :] + apart
+    felt = np.broadcast_to(felt, (len(true), 3, 3))
+    own = np.einsum("ab,nab->na", matrix, felt)
+    slope = 1.0 + asymmetry * np.sign(own) + 2.0 * quadratic * own
+    scale = u.layout["force.scale"].start
+    moves = jacobian(
+        lambda p: matrix_from_shin(p[:3], p[3:6]).ravel(), u.values[scale : u.layout["force.angle"].stop]
+    )
+    turned = slope[:, :, None] * np.einsum("abp,nab->nap", moves.reshape(3, 3, 6), felt)
+    blocks = {
+        "force.bias": np.broadcast_to(np.eye(3), (len(true), 3, 3)),
+        "force.scale": turned[:, :, :3],
+        "force.angle": turned[:, :, 3:],
+    }
+    if u.is_free("force.quadratic"):
+        blocks["force.quadratic"] = _diagonal(own**2)
+    if u.is_free("force.asymmetry"):
+        blocks["force.asymmetry"] = _diagonal(np.abs(own))
+    value = own + asymmetry * np.abs(own) + quadratic * own**2 + u["force.bias"]
+    return RawForce(value, slope[:, :, None] * matrix, blocks)
+
+
+@dataclass(frozen=True, slots=True)
+class RawRate:
+    """Raw output of the gyros: (rows, 3), and by blocks (rows, 3, block)."""
+
+    value: Vectors
+    by_blocks: dict[str, AnyArray]
+
+
+def raw_rate(u: Unknowns, true: Vectors, force: Vectors) -> RawRate:
+    """Return what the gyros show for an angular rate in b while a specific force acts.
+
+    Parameters
+    ----------
+    u : where the unknowns are.
+    true, force : (rows, 3) rad/s and m/s².
+    """
+    own, asymmetry, quadratic = true @ gyro_matrix(u).T, u["gyro.asymmetry"], u["gyro.quadratic"]
+    slope = 1.0 + asymmetry * np.sign(own) + 2.0 * quadratic * own
+    blocks = {
+        "gyro.matrix": _rows(slope[:, :, None] * true[:, None, :]),
+        "gyro.bias": np.broadcast_to(np.eye(3), (len(true), 3, 3)),
+    }
+    if u.is_free("gyro.g_sensitivity"):
+        blocks["gyro.g_sensitivity"] = _rows(np.broadcast_to(force[:, None, :], (len(true), 3, 3)))
+    if u.is_free("gyro.asymmetry"):
+        blocks["gyro.asymmetry"] = _diagonal(np.abs(own))
+    if u.is_free("gyro.quadratic"):
+        blocks["gyro.quadratic"] = _diagonal(own**2)
+    value = own + asymmetry * np.abs(own) + quadratic * own**2 + force @ g_sensitivity(u).T + u["gyro.bias"]
+    return RawRate(value, blocks)
+
+
+def _diagonal(values: Vectors) -> AnyArray:
+    """(rows, 3, 3) of each sensor's own unknown."""
+    return values[:, :, None] * np.eye(3)
+
+
+def _rows(values: AnyArray) -> AnyArray:
+    """(rows, 3, 9) by a matrix's entries, sensor by sensor, of each sensor's derivatives by its own row."""
+    made = np.zeros((len(values), 3, 3, 3))
+    made[:, range(3), range(3)] = values
+    return made.reshape(-1, 3, 9)
+
+
+def without_asymmetry(u: Unknowns, raw: Vectors) -> Vectors:
+    """Return what the gyros would show if they were symmetric and linear, their own sign taken from the output.
+
+    Parameters
+    ----------
+    u : where the unknowns are.
+    raw : (samples, 3).
+    """
+    asymmetry, quadratic, bias = u["gyro.asymmetry"], u["gyro.quadratic"], u["gyro.bias"]
+    if not np.any(asymmetry) and not np.any(quadratic):
+        return raw
+    output = raw - bias
+    slope = 1.0 + asymmetry * np.sign(output)
+    # Of the two inputs that a parabola gives, the one that is near; beyond its vertex there is none.
+    root = np.sqrt(np.maximum(slope**2 + 4.0 * quadratic * output, 0.0))
+    return bias + 2.0 * output / (slope + root)

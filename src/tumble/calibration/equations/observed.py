@@ -1,0 +1,296 @@
+"""What a recording offers to an estimator: holds, the gyros between them, turning tables.
+
+A hold is at rest up to a sway; its specific force is seen in three parts, at the head, in the middle and
+at the tail, so that turns join it at its edges. Between holds the gyros are integrated sample by sample.
+A table's rotation offers more: means of the specific force over windows while it turns, and its angle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Matrices, Series, Square, Vector, Vectors, inverted
+from tumble.attitude.rotations import skews
+from tumble.calibration.equations.believed_poses import BelievedPoses
+from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
+from tumble.calibration.equations.swing import Swings, hold_swings
+from tumble.calibration.equations.turn import HoldsAndTurns, window_directions
+from tumble.estimation.unknowns import Unknowns
+from tumble.estimation.wander import covariance_about_the_mean, mode_count, wander_basis
+
+# The share of a window that the other parts must leave for a middle of its own.
+SMALLEST_MIDDLE = 0.05
+
+
+@dataclass(slots=True)
+class TableRotation:
+    """A table's rotation from one hold to the next.
+
+    Attributes
+    ----------
+    before : index of the hold before it; the hold after is the next one.
+    windows : (windows, 2) sample ranges at the constant rate.
+    centres : (windows,) the sample in whose frame each window's attitude is given.
+    force, force_covariance : (windows, 3), (windows, 3, 3) raw means.
+    rate : (windows, 3) raw means of the gyros.
+    time : (windows,) s, of the centres, from the first window's start.
+    offsets : (samples,) s of every sample from its window's centre.
+    modes : (windows, modes) cosines over the rotation, in which biases wander besides their constant.
+    mode_share : (modes,) variance of each mode's amplitude, per unit of ``ln f`` of the wander's density.
+    seconds : s from the first window's start to the last one's end.
+    angle, angle_sigma : rad that the table says it turned from rest to rest, with the gyros' own sign about
+        their own axis; None if nobody read it.
+    turn_rate, rate_sigma : rad/s against the Earth at which it is believed to turn over all windows; None if nobody
+        says so.
+    row : which of the matched spins it is; -1 for none.
+    name : in words.
+    """
+
+    before: int
+    windows: np.ndarray
+    centres: np.ndarray
+    force: Vectors
+    force_covariance: Matrices
+    rate: Vectors
+    time: Series
+    offsets: Series
+    modes: AnyArray
+    mode_share: Series
+    seconds: float
+    angle: float | None = None
+    angle_sigma: float = 0.0
+    turn_rate: float | None = None
+    rate_sigma: float = 0.0
+    row: int = -1
+    name: str = ""
+
+
+@dataclass(slots=True)
+class Observed:
+    """Everything that is observed, raw.
+
+    Attributes
+    ----------
+    base : holds and turns as the hand-held procedure gathers them.
+    parts : (holds, 3, 3) raw specific force at the head, in the middle and at the tail.
+    parts_covariance : (holds, 9, 9) of them.
+    length : (holds,) s from the first to the last sample of a hold.
+    swings : where the gyros see each hold's middle between its head and its tail.
+    force_density, rate_density : (3,) raw², by which biases wander per unit of ``ln f`` (1/f noise).
+    span : s of the whole recording.
+    sections : (sections, 2) half-open ranges of holds that usable turns join without a break.
+    rotations : by the index of the hold before.
+    poses : of holds, that are believed; None for none.
+    """
+
+    base: HoldsAndTurns
+    parts: AnyArray
+    parts_covariance: AnyArray
+    length: Series
+    swings: Swings
+    sections: np.ndarray
+    force_density: Vector
+    rate_density: Vector
+    span: float
+    rotations: dict[int, TableRotation] = field(default_factory=dict[int, TableRotation])
+    poses: BelievedPoses | None = None
+
+    @property
+    def holds(self) -> int:
+        """Number of holds."""
+        return self.base.holds
+
+    @property
+    def turns(self) -> np.ndarray:
+        """Holds after which a usable turn follows."""
+        return np.flatnonzero(self.base.turn_start >= 0)
+
+
+def observe(base: HoldsAndTurns, u: Unknowns, rotations: list[TableRotation] | None = None) -> Observed:
+    """Return the data of holds and turns, with a table's rotations.
+
+    Parameters
+    ----------
+    base : gathered holds and turns.
+    u : what is believed of the sensors: within the windows at a hold's edges the gyros turn each
+        sample to the edge, so that tremor is followed.
+    rotations : of a table, each in place of the turn between its two holds.
+    """
+    first, last = base.head[:, 0], base.tail[:, 1] - 1
+    span = float(base.time[last[-1]] - base.time[first[0]])
+    octaves = _wander_logarithm(base, span)
+    parts, covariance = _parts(base, base.force_floor / octaves)
+    matrix, bias = force_matrix(u), u["force.bias"]
+    turned = window_directions(base, matrix, bias, inverted(gyro_matrix(u)))
+    for part, windows, seen in ((0, base.head, turned[0]), (2, base.tail, turned[1])):
+        plain = (_window_means(base, windows) - bias) @ inverted(matrix).T
+        parts[:, part] += (seen - plain) @ matrix.T
+    return Observed(
+        base=base,
+        parts=parts,
+        parts_covariance=covariance,
+        length=base.time[last] - base.time[first],
+        swings=hold_swings(base, base.rate_floor / octaves),
+        sections=_sections(base),
+        force_density=base.force_floor / octaves,
+        rate_density=base.rate_floor / octaves,
+        span=span,
+        rotations={rotation.before: rotation for rotation in rotations or []},
+    )
+
+
+def _sections(base: HoldsAndTurns) -> np.ndarray:
+    broken = np.flatnonzero(base.turn_start[:-1] < 0) + 1 if base.holds else np.zeros(0, dtype=int)
+    edges = np.concatenate([[0], broken, [base.holds]])
+    return np.column_stack([edges[:-1], edges[1:]])
+
+
+def _wander_logarithm(base: HoldsAndTurns, span: float) -> float:
+    """Return ``ln(T / n)`` of a typical hold: the floor of its mean is so many times the wander's density."""
+    step = (base.time[-1] - base.time[0]) / max(base.time.shape[0] - 1, 1)
+    return max(float(np.log(span / (float(np.median(base.hold_samples)) * step))), 0.1)
+
+
+def _parts(base: HoldsAndTurns, density: Vector) -> tuple[AnyArray, AnyArray]:
+    """Cut each hold's mean into head, middle and tail; a middle of nothing gets no weight."""
+    head, tail = _window_means(base, base.head), _window_means(base, base.tail)
+    n = base.hold_samples.astype(float)
+    count = np.stack([_counts(base.head), np.zeros_like(n), _counts(base.tail)], axis=1)
+    count[:, 1] = n - count[:, 0] - count[:, 2]
+    empty = count[:, 1] < SMALLEST_MIDDLE * n
+    rest = n[:, None] * base.force_mean - count[:, :1] * head - count[:, 2:] * tail
+    middle = np.where(empty[:, None], base.force_mean, rest / np.maximum(count[:, 1:2], 1.0))
+    floor = np.diag(base.force_floor)
+    white = np.maximum(
+        np.diagonal(base.force_covariance, axis1=1, axis2=2) - base.force_floor,
+        base.force_sample_variance / n[:, None],
+    )
+    covariance = np.zeros((base.holds, 3, 3, 3, 3))
+    for part in range(3):
+        # a share of the samples has the white variance of the whole times what it lacks of it
+        weight = np.where(empty, 1e-6, count[:, 1] / n) if part == 1 else count[:, part] / n
+        covariance[:, part, :, part, :] = (white / weight[:, None])[:, :, None] * np.eye(3)
+    covariance += floor[None, None, :, None, :]
+    # What wanders within a hold moves its parts against one another and leaves its mean alone.
+    alike: dict[tuple[float, ...], Square] = {}
+    for k, samples in enumerate(count.tolist()):
+        own = tuple(samples)
+        if own not in alike:
+            alike[own] = _wander_of_parts(count[k], has_middle=not empty[k])
+        covariance[k] += alike[own][:, None, :, None] * np.diag(density)[None, :, None, :]
+    return np.stack([head, middle, tail], axis=1), covariance.reshape(-1, 9, 9)
+
+
+def _wander_of_parts(samples: Series, *, has_middle: bool) -> Square:
+    """Return (3, 3) covariance of head, middle and tail about their hold's mean, per density of 1/f noise."""
+    edges = np.concatenate([[0.0], np.cumsum(samples)])
+    there = np.array([True, has_middle, True])
+    made = np.zeros((3, 3))
+    made[np.ix_(there, there)] = covariance_about_the_mean(
+        edges[:-1][there], edges[1:][there], (0.0, float(edges[-1]))
+    )
+    return made
+
+
+def _counts(windows: np.ndarray) -> Series:
+    return (windows[:, 1] - windows[:, 0]).astype(float)
+
+
+def _window_means(base: HoldsAndTurns, windows: np.ndarray) -> Vectors:
+    return np.array([base.raw_force[a:b].mean(axis=0) for a, b in windows]).reshape(-1, 3)
+
+
+def table_rotation(
+    base: HoldsAndTurns,
+    before: int,
+    start: int,
+    stop: int,
+    rate: Vector,
+    *,
+    angle: float | None,
+    angle_sigma: float,
+    largest_angle: float = 0.3,
+    longest: float = 2.0,
+    turn_rate: float | None = None,
+    rate_sigma: float = 0.0,
+    row: int = -1,
+    name: str = "",
+) -> TableRotation:
+    """Cut a table's rotation into windows over which the specific force is averaged as it turns.
+
+    Parameters
+    ----------
+    base : holds, samples, and the noise of a sample at rest.
+    before : the hold before it.
+    start, stop : half-open sample range at the constant rate.
+    rate : (3,) rad/s, about what it turns with.
+    angle, angle_sigma : rad, the table's own; None if nobody read it.
+    largest_angle, longest : rad and s that a window may turn and last: a mean over 0.3 rad has lost 0.4 % of
+        what turns, which the model follows exactly and its derivatives neglect.
+    turn_rate, rate_sigma : rad/s, the table's own; None if nobody says.
+    row, name : which spin it is.
+    """
+    time = base.time
+    step = (time[stop - 1] - time[start]) / max(stop - 1 - start, 1)
+    seconds = min(longest, largest_angle / max(float(np.linalg.norm(rate)), 1e-6))
+    pieces = max(1, int(np.ceil((stop - start) * step / seconds)))
+    edges = np.linspace(start, stop, pieces + 1).round().astype(int)
+    windows = np.column_stack([edges[:-1], edges[1:]])
+    windows = windows[windows[:, 1] > windows[:, 0]]
+    count = windows[:, 1] - windows[:, 0]
+    centres = (windows[:, 0] + windows[:, 1] - 1) // 2
+    whole = float((stop - start) * step)
+    middle = (0.5 * (windows[:, 0] + windows[:, 1]) - start) * step / whole
+    modes, share = wander_basis(middle, _modes(base, len(windows), whole, float(np.linalg.norm(rate))))
+    return TableRotation(
+        before=before,
+        windows=windows,
+        centres=centres,
+        force=_window_means(base, windows),
+        force_covariance=np.diag(base.force_sample_variance)[None] / count[:, None, None],
+        rate=np.array([base.raw_rate[a:b].mean(axis=0) for a, b in windows]).reshape(-1, 3),
+        time=middle * whole,
+        offsets=time[start:stop] - np.repeat(time[centres], count),
+        modes=modes,
+        mode_share=share,
+        seconds=whole,
+        angle=angle,
+        angle_sigma=angle_sigma,
+        turn_rate=turn_rate,
+        rate_sigma=rate_sigma,
+        row=row,
+        name=name,
+    )
+
+
+def _modes(base: HoldsAndTurns, windows: int, seconds: float, rate: float) -> int:
+    """Return how many cosines a wander needs; none where nothing wanders."""
+    if not (np.any(base.force_floor > 0.0) or np.any(base.rate_floor > 0.0)):
+        return 0
+    return mode_count(windows, seconds * rate / (2.0 * np.pi))
+
+
+def mean_backward_rotation(rotation: TableRotation, rate: Vectors, lag: float = 0.0) -> Matrices:
+    """Return (windows, 3, 3) the mean over each window of the rotation from its centre's frame to each sample's.
+
+    Parameters
+    ----------
+    rotation : windows.
+    rate : (windows, 3) rad/s, corrected means of the gyros.
+    lag : s by which samples are of an earlier instant than their stamps say.
+
+    Notes
+    -----
+    The rate is constant over a window of a table's rotation: with the mean rate w of the window and t from the
+    centre, the mean of ``exp(-[w] t)`` is a sum of cosines along w and a small odd rest.
+    """
+    speed = np.linalg.norm(rate, axis=1)
+    count = rotation.windows[:, 1] - rotation.windows[:, 0]
+    phase = np.repeat(speed, count) * (rotation.offsets - lag)
+    starts = rotation.windows[:, 0] - rotation.windows[0, 0]
+    sine = np.add.reduceat(np.sin(phase), starts) / count
+    cosine = np.add.reduceat(np.cos(phase), starts) / count
+    cross = skews(rate / np.maximum(speed, 1e-30)[:, None])
+    return np.eye(3) - sine[:, None, None] * cross + (1.0 - cosine)[:, None, None] * (cross @ cross)

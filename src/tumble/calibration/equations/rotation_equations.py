@@ -1,0 +1,488 @@
+"""What a table's rotation adds: the specific force as it turns, and the angle that its display shows.
+
+While a table turns slowly, gravity goes round in the unit: window by window the accelerometers show it, turned on by
+the gyros from each window to the next. The axis keeps its direction, in the unit and in the room: what gyros across it
+show is bias and Earth rate. Each window has an attitude of its own, so that the gyros' random walk is followed and not
+assumed away. What else acts belongs to the rotation: where the accelerometers are off its axis (centripetal), and how
+both biases wander: a constant and cosines over the rotation, each with the variance that 1/f noise gives it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vector, inverted
+from tumble.attitude.rotations import (
+    matrix_from_rotation_vector,
+    rotation_vector_from_matrix,
+    rotation_vectors_from_matrices,
+    skew,
+    skews,
+    tangent_basis,
+)
+from tumble.calibration.equations import size_effect
+from tumble.calibration.equations.adjustment import JointAdjustment, RotationState
+from tumble.calibration.equations.causes import (
+    ANGLES,
+    AXIS,
+    FORCE_TURNING,
+    FORCE_WANDER,
+    LEVER,
+    OTHER,
+    RATE_TURNING,
+    RATE_WANDER,
+)
+from tumble.calibration.equations.imu_unknowns import (
+    force_matrix,
+    g_sensitivity,
+    gyro_matrix,
+    raw_force,
+    without_asymmetry,
+)
+from tumble.calibration.equations.observed import Observed, TableRotation, mean_backward_rotation
+from tumble.calibration.equations.turn_equations import (
+    edge_seconds,
+    integrate_links,
+    link_covariance,
+    link_residuals,
+)
+from tumble.estimation.equations import Drift, Equations, Linear, View
+from tumble.estimation.unknowns import Unknowns
+from tumble.estimation.wander import faster_variance
+
+if TYPE_CHECKING:
+    from tumble.calibration.equations.stretches import RotationStretch
+
+# How far the accelerometers may be off the axis, one sigma.
+LEVER_SIGMA = 1.0  # m
+# A good table's axis wobbles by an arcsecond or so; more is found from the residuals.
+LEAST_WOBBLE = 5e-6  # rad
+# Two copies of one attitude agree to this, and an exact rate is one to a microradian over the whole.
+SAME, LEAST_RATE_ANGLE = 1e-6, 1e-6  # rad
+LEAST_ANGLE_SIGMA = 1e-9  # rad
+# An angle that is read ten times better than gyros turn is checked by them all the same.
+CHECKED_ANGLE = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where a rotation's own unknowns stand in its border; the attitudes at both ends and the section's border follow.
+
+    First the lever arm (3), then how the axis leans in the unit and in the room (2 and 2), then what the
+    accelerometers' biases wander (constant and modes, 3 each), then the gyros', then the first window's attitude once
+    more where a rate is believed (3).
+    """
+
+    modes: int
+    rated: bool = False
+
+    @staticmethod
+    def of(rotation: TableRotation) -> Layout:
+        """Return the layout of a rotation."""
+        return Layout(rotation.modes.shape[1], rotation.turn_rate is not None)
+
+    @property
+    def wander(self) -> int:
+        """How many unknowns a triad's wander has."""
+        return 3 * (1 + self.modes)
+
+    @property
+    def own(self) -> int:
+        """How many unknowns are the rotation's own."""
+        return 7 + 2 * self.wander + (3 if self.rated else 0)
+
+    @property
+    def lever(self) -> slice:
+        """Of the lever arm."""
+        return slice(0, 3)
+
+    @property
+    def axis(self) -> slice:
+        """Of the axis's leaning in the unit (2) and in the room (2)."""
+        return slice(3, 7)
+
+    @property
+    def force(self) -> slice:
+        """Of the accelerometers' wander."""
+        return slice(7, 7 + self.wander)
+
+    @property
+    def rate(self) -> slice:
+        """Of the gyros' wander."""
+        return slice(7 + self.wander, 7 + 2 * self.wander)
+
+    @property
+    def anchor(self) -> slice:
+        """Of the first window's attitude; of nothing where no rate is believed."""
+        return slice(7 + 2 * self.wander, self.own)
+
+    @property
+    def start(self) -> slice:
+        """Of the attitude at the tail of the hold before."""
+        return slice(self.own, self.own + 3)
+
+    @property
+    def end(self) -> slice:
+        """Of the attitude at the head of the hold after."""
+        return slice(self.own + 3, self.own + 6)
+
+    @property
+    def earth(self) -> slice:
+        """Of the section's Earth rate; the shared unknowns follow."""
+        return slice(self.own + 6, self.own + 9)
+
+    def bases(self, values: AnyArray) -> AnyArray:
+        """Return (rows, 3, wander) what the constant and the modes (rows, modes) add to each axis."""
+        shapes = np.concatenate([np.ones((len(values), 1)), values], axis=1)
+        return np.einsum("tm,ab->tamb", shapes, np.eye(3)).reshape(len(values), 3, self.wander)
+
+
+class RotationEquations(Equations):
+    """Of one rotation."""
+
+    def __init__(self, stretch: RotationStretch) -> None:
+        self.stretch = stretch
+        self.spin: TableRotation = stretch.rotation
+        self.layout: Layout = stretch.layout
+        self.moving: RotationState = stretch.moving
+        self.place = np.array([stretch.k])
+
+    def empty(self, state: JointAdjustment, rows: int, size: int) -> AnyArray:
+        """Return (rows, size, border) derivatives of nothing."""
+        return np.zeros((rows, size, self.layout.earth.stop + state.unknowns.free.size))
+
+    def edges(self) -> tuple[Matrix, Matrix]:
+        """Return the attitudes at the tail of the hold before and at the head of the hold after."""
+        return self.stretch.edges()
+
+
+class Windows(RotationEquations):
+    """The windows' specific force: ``a(mean rotation · C' (0, 0, -g) + centripetal) + wander`` less the mean."""
+
+    kind, cause = "windows", FORCE_TURNING
+
+    def linearise(self, state: JointAdjustment) -> list[Linear]:
+        """Return three residuals a window, raw."""
+        u, spin, layout, moving = state.unknowns, self.spin, self.layout, self.moving
+        rates = _window_rates(spin, u)
+        lag = float(u["lag"][0])
+        backward = mean_backward_rotation(spin, rates, lag) @ np.swapaxes(moving.C_wb, 1, 2)
+        up = np.array([0.0, 0.0, -state.site.gravity])
+        centripetal, bases = skews(rates) @ skews(rates), layout.bases(spin.modes)
+        shown = raw_force(
+            u,
+            backward @ up + centripetal @ moving.own[layout.lever],
+            size_effect.apart(u, centripetal),
+        )
+        residual = shown.value + bases @ moving.own[layout.force] - spin.force
+        blocks = dict(shown.by_blocks)
+        if u.is_free("lever_arms"):
+            blocks["lever_arms"] = size_effect.by_lever_arms(shown.by_true, centripetal)
+        if u.is_free("lag"):
+            blocks["lag"] = size_effect.by_lag(shown.by_true, rates, backward @ up)[:, :, None]
+        by_border = u.columns(blocks, layout.earth.stop)
+        by_border[:, :, layout.lever] = shown.by_true @ centripetal
+        by_border[:, :, layout.force] = bases
+        by_node = shown.by_true @ backward @ skew(up)
+        shaking = state.noise.factor("windows", self.stretch.k)
+        covariance = shaking * spin.force_covariance + _faster(spin, state.data.force_density)
+        node, by_bias = np.arange(len(residual)), np.broadcast_to(np.eye(3), (len(residual), 3, 3))
+        return [Linear(residual, covariance, by_border, node, by_node, by_bias=by_bias)]
+
+    def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
+        """Return what wanders faster than the modes."""
+        windows = self.spin.windows
+        return {FORCE_WANDER: _fast_drift(state.data, self.spin, linear, windows, state.data.force_density)}
+
+
+class Links(RotationEquations):
+    """The gyros from the hold before through all windows to the hold after; the first and the last stand apart."""
+
+    kind, cause = "links", RATE_TURNING
+
+    def __init__(self, stretch: RotationStretch) -> None:
+        super().__init__(stretch)
+        self.duration = 0.0
+
+    def linearise(self, state: JointAdjustment) -> list[Linear]:
+        """Return three residuals a link, rad in w."""
+        u, data, layout, spin = state.unknowns, state.data, self.layout, self.spin
+        ranges, (start, end) = link_ranges(data, spin), self.edges()
+        link = integrate_links(data, u, ranges[:, 0], ranges[:, 1])
+        self.duration = float(np.sum(link.duration))
+        C = np.concatenate([start[None], self.moving.C_wb, end[None]])
+        shown = link_residuals(C[:-1], C[1:], self.stretch.section.earth_w, link, u)
+        # A gyro whose bias has wandered turns on by it: as the bias itself would.
+        wander = shown.by_blocks["gyro.bias"]
+        bases = wander @ layout.bases(_modes_of_links(spin))
+        residual = shown.value + bases @ self.moving.own[layout.rate]
+        by_border = u.columns(shown.by_blocks, layout.earth.stop)
+        by_border[:, :, layout.rate] = bases
+        by_border[:, :, layout.earth] = shown.by_earth
+        by_border[0, :, layout.start] = shown.by_start[0]
+        by_border[-1, :, layout.end] = shown.by_end[-1]
+        nothing = np.zeros(len(residual))
+        nothing[[0, -1]] = [float(t[0]) for t in edge_seconds(data, np.array([self.stretch.k]))]
+        covariance = link_covariance(data, C[:-1], link, u, nothing, own_bias=False)
+        covariance = covariance + wander @ _faster(spin, data.rate_density) @ np.swapaxes(wander, 1, 2)
+        windows = len(spin.windows)
+
+        def some(at: slice, node: np.ndarray, by_node: AnyArray, by_next: AnyArray | None) -> Linear:
+            return Linear(
+                residual[at], covariance[at], by_border[at], node, by_node, by_next, by_bias=wander[at]
+            )
+
+        first, middle, last = slice(0, 1), slice(1, windows), slice(windows, windows + 1)
+        return [
+            some(first, np.array([0]), shown.by_end[first], None),
+            some(middle, np.arange(windows - 1), shown.by_start[middle], shown.by_end[middle]),
+            some(last, np.array([windows - 1]), shown.by_start[last], None),
+        ]
+
+    def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
+        """Return what wanders faster than the modes."""
+        ranges = link_ranges(state.data, self.spin)[first : first + len(linear.residual)]
+        return {RATE_WANDER: _fast_drift(state.data, self.spin, linear, ranges, state.data.rate_density)}
+
+
+class Axis(RotationEquations):
+    """That the axis is the same in the unit and in the room: ``C axis_b - axis_w``, across."""
+
+    kind, cause = "axis", AXIS
+
+    def linearise(self, state: JointAdjustment) -> list[Linear]:
+        """Return two residuals a window, and two at each end, rad; of the axis nothing is known beforehand."""
+        layout, moving = self.layout, self.moving
+        start, end = self.edges()
+        C = np.concatenate([start[None], moving.C_wb, end[None]])
+        basis_b, basis_w = tangent_basis(moving.axis_b), tangent_basis(moving.axis_w)
+        seen = C @ moving.axis_b
+        residual = (seen - moving.axis_w) @ basis_w
+        by_attitude = -(basis_w.T @ skews(seen))
+        by_border = self.empty(state, len(C), 2)
+        by_border[:, :, layout.axis] = np.concatenate(
+            [basis_w.T @ C @ basis_b, np.broadcast_to(-np.eye(2), (len(C), 2, 2))], axis=2
+        )
+        by_border[0, :, layout.start], by_border[-1, :, layout.end] = by_attitude[0], by_attitude[-1]
+        variance = LEAST_WOBBLE**2 * state.noise.factor("axis", self.stretch.k)
+        covariance = variance * np.broadcast_to(np.eye(2), (len(C), 2, 2))
+        inner, ends = slice(1, len(C) - 1), [0, -1]
+        node = np.arange(len(C) - 2)
+        return [
+            Linear(residual[inner], covariance[inner], by_border[inner], node, by_attitude[inner]),
+            Linear(residual[ends], covariance[ends], by_border[ends]),
+        ]
+
+
+class Angle(RotationEquations):
+    """The rotation from rest to rest about the axis, less the table's angle."""
+
+    kind, cause = "angle", ANGLES
+
+    def linearise(self, state: JointAdjustment) -> list[Linear]:
+        """Return one residual, rad; none if nobody read it."""
+        if self.spin.angle is None or not state.reads_angle(self.stretch.k) or len(self.spin.windows) < 2:
+            return []
+        axis, (start, end) = self.moving.axis_w, self.edges()
+        turned = matrix_from_rotation_vector(axis * abs(self.spin.angle)) @ start
+        missed = float(axis @ rotation_vector_from_matrix(end @ turned.T))
+        sigma = max(self.spin.angle_sigma, LEAST_ANGLE_SIGMA)
+        by_border = self.empty(state, 1, 1)
+        by_border[0, 0, self.layout.start], by_border[0, 0, self.layout.end] = -axis, axis
+        return [Linear(np.array([[missed]]), np.full((1, 1, 1), sigma**2), by_border)]
+
+    def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
+        """Return it, however little checks it."""
+        return [View("angle", least=CHECKED_ANGLE)]
+
+    def directions(self, state: JointAdjustment) -> AnyArray:
+        """Return an error of the angle."""
+        return np.eye(1)
+
+    @staticmethod
+    def say(index: int, times: str) -> tuple[str, str]:
+        """Return that it was misread."""
+        what = f"the table's angle after hold {index + 1} contradicts everything else"
+        return "spin", f"{what}, {times}: misread?"
+
+
+class TableRate(RotationEquations):
+    """That the table turns at its rate from the first window to the last.
+
+    The two are no neighbours in the chain: the first one's attitude stands in the border once more.
+    """
+
+    kind, cause = "table rate", OTHER
+
+    @property
+    def seconds(self) -> float:
+        """From the first window's centre to the last one's, s."""
+        time, centres = self.stretch.task.data.base.time, self.spin.centres
+        return float(time[centres[-1]] - time[centres[0]])
+
+    def linearise(self, state: JointAdjustment) -> list[Linear]:
+        """Return three residuals that tie both attitudes, and one, rad, of the rate."""
+        spin, moving, layout = self.spin, self.moving, self.layout
+        if spin.turn_rate is None or moving.anchor is None or len(spin.windows) < 2:
+            return []
+        tie = rotation_vector_from_matrix(moving.C_wb[0] @ moving.anchor.T)
+        by_border = self.empty(state, 1, 3)
+        by_border[0, :, layout.anchor] = -np.eye(3)
+        same = SAME**2 * np.eye(3)[None]
+        tied = Linear(tie[None], same, by_border, np.array([0]), np.eye(3)[None])
+        axis, sigma = moving.axis_w, max(spin.rate_sigma * self.seconds, LEAST_RATE_ANGLE)
+        turned = matrix_from_rotation_vector(axis * abs(spin.turn_rate) * self.seconds) @ moving.anchor
+        missed = float(axis @ rotation_vector_from_matrix(moving.C_wb[-1] @ turned.T))
+        by_border = self.empty(state, 1, 1)
+        by_border[0, 0, layout.anchor] = -axis
+        last = np.array([len(spin.windows) - 1])
+        covariance = np.full((1, 1, 1), sigma**2)
+        return [tied, Linear(np.array([[missed]]), covariance, by_border, last, axis[None, None])]
+
+
+class Own(RotationEquations):
+    """What is believed of the rotation's own unknowns: how long a lever arm is, and how biases wander."""
+
+    kind = "own"
+
+    def linearise(self, state: JointAdjustment) -> list[Linear]:
+        """Return a residual of each that something is known of."""
+        variances, at = self._known(state)
+        by_border = self.empty(state, 1, at.size)
+        by_border[0, np.arange(at.size), at] = 1.0
+        return [Linear(self.moving.own[at][None], np.diag(variances)[None], by_border)]
+
+    def causes(self, state: JointAdjustment, linear: Linear) -> dict[str, AnyArray]:
+        """Return the lever arm's length, and the wanders."""
+        _, at = self._known(state)
+        made: dict[str, AnyArray] = {}
+        for cause, place in (
+            (LEVER, self.layout.lever),
+            (FORCE_WANDER, self.layout.force),
+            (RATE_WANDER, self.layout.rate),
+        ):
+            there = (at >= place.start) & (at < place.stop)
+            made[cause] = np.where(there, 1.0, 0.0)[None, :, None] * linear.covariance
+        return made
+
+    def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
+        """Return the wanders over a rotation as they are believed, which windows and links count anew."""
+        u, noise = state.unknowns, state.noise
+        _, at = self._known(state)
+        variances = wander_variances(state, self.spin)
+        added = (
+            noise["force"] * np.sum(force_matrix(u) ** 2, axis=1),
+            noise["rate"] * np.sum(gyro_matrix(u) ** 2, axis=1),
+        )
+        made: dict[str, Drift] = {}
+        for source, place, of_triad, more in zip(
+            (FORCE_WANDER, RATE_WANDER), (self.layout.force, self.layout.rate), variances, added, strict=True
+        ):
+            alone = of_triad.copy()
+            alone[0] -= more
+            whole = np.zeros(self.layout.own)
+            whole[place] = alone.ravel()
+            nothing = np.zeros((1, at.size, 3))
+            made[source] = Drift(np.zeros(1), np.zeros(1), nothing, np.diag(whole[at])[None])
+        return made
+
+    def _known(self, state: JointAdjustment) -> tuple[Series, np.ndarray]:
+        """Return variances of the own unknowns that something is known of, and which these are: all but the axis."""
+        force, rate = wander_variances(state, self.spin)
+        at = np.r_[self.layout.lever, self.layout.force, self.layout.rate]
+        return np.concatenate([np.full(3, LEVER_SIGMA**2), force.ravel(), rate.ravel()]), at
+
+
+def link_ranges(data: Observed, spin: TableRotation) -> np.ndarray:
+    """Half-open sample ranges of the links: tail of the hold before, each centre, head of the hold after."""
+    base, k = data.base, spin.before
+    points = np.concatenate([[base.tail[k, 1] - 1], spin.centres, [base.head[k + 1, 0]]])
+    return np.column_stack([points[:-1], points[1:] + 1])
+
+
+def start_rotation(
+    data: Observed, spin: TableRotation, C_tail: AnyArray, u: Unknowns, earth_w: Vector
+) -> RotationState:
+    """Return attitudes of the windows as the gyros carry them from the hold before.
+
+    Parameters
+    ----------
+    data, spin, u : observations and start values.
+    C_tail : (3, 3) attitude at the tail of the hold before.
+    earth_w : (3,) rad/s.
+    """
+    ranges = link_ranges(data, spin)
+    link = integrate_links(data, u, ranges[:-1, 0], ranges[:-1, 1])
+    made = [C_tail]
+    for rotation, t in zip(link.C_se, link.duration, strict=True):
+        made.append(matrix_from_rotation_vector(-t * earth_w) @ made[-1] @ rotation)
+    C_wb = np.array(made[1:])
+    axis = _axis(C_wb)
+    anchor = None if spin.turn_rate is None else C_wb[0].copy()
+    return RotationState(C_wb, np.asarray(C_tail.T @ axis), axis, np.zeros(Layout.of(spin).own), anchor)
+
+
+def wander_variances(state: JointAdjustment, spin: TableRotation) -> tuple[AnyArray, AnyArray]:
+    """Return (1 + modes, 3) raw², of the constant and of each mode, of the accelerometers and of the gyros.
+
+    Parameters
+    ----------
+    state, spin : the noise, and what is added to it; and the rotation.
+    """
+    data, u, noise = state.data, state.unknowns, state.noise
+    added = (
+        noise["force"] * np.sum(force_matrix(u) ** 2, axis=1),
+        noise["rate"] * np.sum(gyro_matrix(u) ** 2, axis=1),
+    )
+    force, rate = (
+        _wander_variance(data, spin, density, more)
+        for density, more in zip((data.force_density, data.rate_density), added, strict=True)
+    )
+    step = spin.seconds / max(spin.offsets.size, 1)
+    # Never quite nothing, so that the wander is always determined.
+    return force + 1e-6 * data.base.force_sample_variance, rate + 1e-10 * data.base.rate_random_walk / step
+
+
+def _wander_variance(data: Observed, spin: TableRotation, density: Vector, added: Vector) -> AnyArray:
+    """Return (1 + modes, 3) raw², of the constant and of each mode."""
+    constant = density * max(float(np.log(data.span / spin.seconds)), 0.0) + added
+    return np.concatenate([constant[None], spin.mode_share[:, None] * density])
+
+
+def _faster(spin: TableRotation, density: Vector) -> Matrix:
+    """Raw²: what wanders faster than the modes, down to a window."""
+    return np.diag(density) * faster_variance(*spin.modes.shape)
+
+
+def _fast_drift(
+    data: Observed, spin: TableRotation, linear: Linear, ranges: np.ndarray, density: Vector
+) -> Drift:
+    assert linear.by_bias is not None
+    independent = (linear.by_bias * (faster_variance(*spin.modes.shape) * density)) @ np.swapaxes(
+        linear.by_bias, 1, 2
+    )
+    time = data.base.time
+    return Drift(time[ranges[:, 0]], time[ranges[:, 1] - 1], linear.by_bias, independent)
+
+
+def _window_rates(spin: TableRotation, u: Unknowns) -> Table:
+    """(windows, 3) rad/s, without bias and g-sensitivity."""
+    force = (spin.force - u["force.bias"]) @ inverted(force_matrix(u)).T
+    seen = without_asymmetry(u, spin.rate) - u["gyro.bias"] - force @ g_sensitivity(u).T
+    return np.asarray(seen @ inverted(gyro_matrix(u)).T, dtype=np.float64)
+
+
+def _modes_of_links(spin: TableRotation) -> AnyArray:
+    """(links, modes) the modes halfway between the windows' centres; at the edges those of the first and the last."""
+    halfway = 0.5 * (spin.modes[:-1] + spin.modes[1:])
+    return np.concatenate([spin.modes[:1], halfway, spin.modes[-1:]])
+
+
+def _axis(C_wb: Matrices) -> Vector:
+    """The axis in w: over the windows the attitude goes round it, the same way all the time."""
+    steps = rotation_vectors_from_matrices(C_wb[1:] @ np.swapaxes(C_wb[:-1], 1, 2))
+    axis = steps.sum(axis=0) if len(steps) else np.array([0.0, 0.0, 1.0])
+    return np.asarray(axis / max(float(np.linalg.norm(axis)), 1e-30), dtype=np.float64)

@@ -1,0 +1,264 @@
+"""A hand turn from one hold to the next: what the gyros carry, against the attitudes at both ends.
+
+The gyros' integral carries the tail of one hold to the head of the next, while the level frame turns with the Earth:
+``r = log(exp(-[Ω T]) C_start C_se C_end')``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Matrices, Series, Vector, Vectors, inverted
+from tumble.attitude import integrate_turns
+from tumble.attitude.rotations import matrices_from_rotation_vectors, rotation_vectors_from_matrices
+from tumble.calibration.equations.adjustment import HEAD, NODE, TAIL, JointAdjustment, Section
+from tumble.calibration.equations.causes import RATE_TURNING, RATE_WANDER, TURNS
+from tumble.calibration.equations.hold_equations import EARTH
+from tumble.calibration.equations.imu_unknowns import (
+    force_matrix,
+    g_sensitivity,
+    gyro_matrix,
+    without_asymmetry,
+)
+from tumble.calibration.equations.observed import Observed
+from tumble.estimation.equations import Drift, Equations, Linear, View
+from tumble.estimation.unknowns import Unknowns
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """Integrals of the gyros over stretches of samples, from start s to end e.
+
+    Attributes
+    ----------
+    C_se : (links, 3, 3).
+    sums : (links, 3, 3, 7) see `integrate_turns`.
+    duration : (links,) s.
+    magnitudes : block -> (links, 3, 3, 3), the integral of the rotation to the start times each gyro's own |input|, or
+        its square; of the asymmetry and the quadratic term where these are adjusted.
+    """
+
+    C_se: Matrices
+    sums: AnyArray
+    duration: Series
+    magnitudes: dict[str, AnyArray]
+
+
+def integrate_links(data: Observed, u: Unknowns, starts: np.ndarray, stops: np.ndarray) -> Link:
+    """Return the gyros' integrals over sample ranges.
+
+    Parameters
+    ----------
+    data, u : samples, and where the unknowns are.
+    starts, stops : (links,) half-open ranges.
+    """
+    base = data.base
+    # From the first range to the last: one rotation of a table is a small part of its recording.
+    span = slice(int(starts.min()), int(stops.max()))
+    time, rate = base.time[span], without_asymmetry(u, base.raw_rate[span])
+    gyro = inverted(gyro_matrix(u))
+    made = integrate_turns(
+        time,
+        rate,
+        base.raw_force[span],
+        starts - span.start,
+        stops - span.start,
+        gyro_inverse=gyro,
+        gyro_bias=u["gyro.bias"],
+        force_inverse=inverted(force_matrix(u)),
+        force_bias=u["force.bias"],
+        g_sensitivity=g_sensitivity(u),
+    )
+
+    def summed(inputs: Vectors) -> AnyArray:
+        return integrate_turns(
+            time,
+            rate,
+            inputs,
+            starts - span.start,
+            stops - span.start,
+            gyro_inverse=gyro,
+            gyro_bias=u["gyro.bias"],
+            force_inverse=np.eye(3),
+            force_bias=np.zeros(3),
+            g_sensitivity=np.zeros((3, 3)),
+        ).sums[..., 4:7]
+
+    magnitudes: dict[str, AnyArray] = {}
+    if u.is_free("gyro.asymmetry"):
+        magnitudes["gyro.asymmetry"] = summed(np.abs(rate - u["gyro.bias"]))
+    if u.is_free("gyro.quadratic"):
+        magnitudes["gyro.quadratic"] = summed((rate - u["gyro.bias"]) ** 2)
+    return Link(made.C_start_end, made.sums, made.duration, magnitudes)
+
+
+@dataclass(frozen=True, slots=True)
+class LinkResiduals:
+    """Residuals of links (links, 3), rad in w, with their derivatives.
+
+    Attributes
+    ----------
+    value : (links, 3).
+    by_start, by_end : (links, 3, 3) by the attitudes of both ends.
+    by_earth : (links, 3, 3).
+    by_blocks : block -> (links, 3, unknowns).
+    """
+
+    value: Vectors
+    by_start: AnyArray
+    by_end: AnyArray
+    by_earth: AnyArray
+    by_blocks: dict[str, AnyArray]
+
+
+def link_residuals(
+    C_start: Matrices, C_end: Matrices, earth_w: Vector, link: Link, u: Unknowns
+) -> LinkResiduals:
+    """Return what the gyros carry, against the attitudes of both ends.
+
+    Parameters
+    ----------
+    C_start, C_end : (links, 3, 3) attitudes of the nodes.
+    earth_w : (3,) rad/s.
+    link : what the gyros carry.
+    u : where the unknowns are.
+
+    Notes
+    -----
+    A rate error ``E x(t)`` turns C_se by ``sums[..., j] E[:, j]`` in the start frame.
+    """
+    count = len(C_start)
+    earth = matrices_from_rotation_vectors(-link.duration[:, None] * earth_w)
+    residual = rotation_vectors_from_matrices(earth @ C_start @ link.C_se @ np.swapaxes(C_end, 1, 2))
+    inverse, outer = inverted(gyro_matrix(u)), earth @ C_start
+    moves = np.einsum("tab,tbcj,ci->taij", outer, link.sums, inverse)
+    blocks: dict[str, AnyArray] = {
+        "gyro.matrix": -moves[..., 0:3].reshape(count, 3, 9),
+        "gyro.bias": -moves[..., 3],
+        "gyro.g_sensitivity": -moves[..., 4:7].reshape(count, 3, 9),
+    }
+    for name, sums in link.magnitudes.items():
+        blocks[name] = -np.einsum("tab,tbcj,cj->taj", outer, sums, inverse)
+    by_earth = -link.duration[:, None, None] * np.eye(3)
+    by_end = np.broadcast_to(-np.eye(3), (count, 3, 3))
+    return LinkResiduals(residual, earth, by_end, by_earth, blocks)
+
+
+def link_covariance(
+    data: Observed, C_start: Matrices, link: Link, u: Unknowns, more: Series, *, own_bias: bool
+) -> Matrices:
+    """Return (links, 3, 3) rad² in w: angle random walk, and the bias's own wandering over the link.
+
+    Parameters
+    ----------
+    data : noise of the gyros.
+    C_start, link, u : as for `link_residuals`.
+    more : (links,) s for which the random walk acts beyond the link itself.
+    own_bias : let the bias wander by the floor seen between holds, each link for itself.
+    """
+    inverse = inverted(gyro_matrix(u))
+    white = (inverse * data.base.rate_random_walk) @ inverse.T
+    C_middle = 0.5 * (C_start + C_start @ link.C_se)
+    # the mean of both ends' axes, and what of the variance their difference leaves over
+    own = C_middle @ white @ np.swapaxes(C_middle, 1, 2)
+    lost = np.trace(white) - np.trace(own, axis1=1, axis2=2)
+    own = own + (lost / 3.0)[:, None, None] * np.eye(3)
+    covariance = (link.duration + more)[:, None, None] * own
+    if own_bias:
+        floor = mean_floor(data, u)
+        covariance = covariance + (link.duration**2)[:, None, None] * (floor * np.eye(3))
+    return covariance
+
+
+def mean_floor(data: Observed, u: Unknowns) -> float:
+    """Return the mean floor of the gyros' biases over the axes, (rad/s)²."""
+    inverse = inverted(gyro_matrix(u))
+    return float(np.trace((inverse * data.base.rate_floor) @ inverse.T)) / 3.0
+
+
+def edge_seconds(data: Observed, k: np.ndarray) -> tuple[Series, Series]:
+    """Return for how long the random walk acts between the parts' means and the edges, s: a third of each.
+
+    Parameters
+    ----------
+    data, k : samples, and the holds before.
+    """
+    base = data.base
+    step = (base.time[-1] - base.time[0]) / max(base.time.shape[0] - 1, 1)
+    tail = (base.tail[k, 1] - base.tail[k, 0]) * step / 3.0
+    head = (base.head[k + 1, 1] - base.head[k + 1, 0]) * step / 3.0
+    return tail, head
+
+
+class Turn(Equations):
+    """Of all turns of a section that no table made."""
+
+    kind = "turn"
+
+    def __init__(self, section: Section, place: np.ndarray) -> None:
+        self.section = section
+        self.place = place
+        self.node = place - section.first
+        self.duration = np.zeros(place.size)
+
+    def linearise(self, state: JointAdjustment) -> list[Linear]:
+        """Return three residuals a turn, rad in w."""
+        k, u, data = self.place, state.unknowns, state.data
+        tail, head = self.section.C_wb[self.node, 2], self.section.C_wb[self.node + 1, 0]
+        link = integrate_links(data, u, data.base.turn_start[k], data.base.turn_stop[k])
+        self.duration = link.duration
+        shown = link_residuals(tail, head, self.section.earth_w, link, u)
+        by_node, by_next = np.zeros((k.size, 3, NODE)), np.zeros((k.size, 3, NODE))
+        by_node[:, :, TAIL], by_next[:, :, HEAD] = shown.by_start, shown.by_end
+        by_border = u.columns(shown.by_blocks, 3)
+        by_border[:, :, EARTH] = shown.by_earth
+        edge = np.add(*edge_seconds(data, k))
+        covariance = link_covariance(data, tail, link, u, edge, own_bias=True)
+        wander = state.noise["turn"] + state.noise["rate"] * link.duration**2
+        covariance = covariance + wander[:, None, None] * np.eye(3)
+        active = state.taking_part["turn"][k]
+        # A turn that is left out leaves a heading that is known as many times as it is unknown.
+        counted = 3 * int(np.count_nonzero(active)) + int(np.count_nonzero(~active))
+        return [
+            Linear(
+                shown.value,
+                covariance,
+                by_border,
+                self.node,
+                by_node,
+                by_next,
+                active,
+                counted,
+                shown.by_blocks["gyro.bias"],
+            )
+        ]
+
+    def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
+        """Return all three."""
+        return [View("turn")]
+
+    def causes(self, state: JointAdjustment, linear: Linear) -> dict[str, AnyArray]:
+        """Return what the bias wanders by, what is beyond noise, and the rest."""
+        spread = (mean_floor(state.data, state.unknowns) + state.noise["rate"]) * self.duration**2
+        wander = spread[:, None, None] * np.eye(3)
+        beyond = np.broadcast_to(state.noise["turn"] * np.eye(3), wander.shape)
+        return {RATE_TURNING: linear.covariance - (wander + beyond), RATE_WANDER: wander, TURNS: beyond}
+
+    def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
+        """Return that the bias turns the attitude on."""
+        assert linear.by_bias is not None
+        base, k = state.data.base, self.place
+        start, stop = base.time[base.turn_start[k]], base.time[base.turn_stop[k] - 1]
+        alone = mean_floor(state.data, state.unknowns) * self.duration**2
+        return {RATE_WANDER: Drift(start, stop, linear.by_bias, alone[:, None, None] * np.eye(3))}
+
+    def directions(self, state: JointAdjustment) -> AnyArray:
+        """Return an error about each axis."""
+        return np.eye(3)
+
+    @staticmethod
+    def say(index: int, times: str) -> tuple[str, str]:
+        """Return that gravity does not arrive where it should; `{angle}` is by how much."""
+        return "turn", f"gravity carried by the gyro ends {{angle}} off, {times}"

@@ -1,0 +1,309 @@
+"""The joint estimator: one maximum-likelihood adjustment for every procedure.
+
+A procedure is what is known about the motion: that the unit rests in the holds, that gyros carry attitudes over
+the turns, that a table turns about a fixed axis by an angle that it shows. All of it enters one adjustment with
+the noise that each observation really has, so that gyros and accelerometers inform each other: a table's slow
+rotation shows gravity to the accelerometers at every angle, which ties their misalignments to the gyros'.
+
+Unknown are both triads, the attitude at the head and the tail of every hold, the Earth rate in each section's
+level frame (known as far as the latitude is), and for each rotation the attitude of every window, the lever
+arm, and how both biases wander. Optional terms are kept if the data want them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from tumble.arrays import Series, inverted
+from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording
+from tumble.calibration.equations.believed_poses import BelievedPoses
+from tumble.calibration.equations.imu_unknowns import (
+    FORCE_ALONE,
+    LAYOUT,
+    PLAIN,
+    force_matrix,
+    gyro_matrix,
+    imu_unknowns,
+    unknowns_of,
+)
+from tumble.calibration.equations.observed import TableRotation, observe, table_rotation
+from tumble.calibration.equations.pose_equations import mounting_prior
+from tumble.calibration.equations.size_effect import lever_prior
+from tumble.calibration.equations.turn import HoldsAndTurns
+from tumble.calibration.estimate import Estimate, TermTest
+from tumble.calibration.observability import (
+    Untold,
+    angle_prior,
+    find_untold,
+    name_plate_prior,
+    together,
+)
+from tumble.calibration.optional_terms import (
+    TERMS,
+    offered_terms,
+    seen_table_terms,
+    term_limits,
+    unknowns_with,
+    wanted_terms,
+)
+from tumble.calibration.outcome.estimate import JointOutcome, joint_estimate, rest_residuals
+from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.procedures.hand_held import add_bias_step, add_time_lag
+from tumble.calibration.start import gather_what_there_is, rough_start, rough_variances, start_adjustment
+from tumble.earth import Site
+from tumble.errors import ConvergenceError, ObservabilityError
+from tumble.estimation.balance import Balanced
+from tumble.estimation.solve import linearise
+from tumble.estimation.unknowns import Unknowns
+from tumble.recording.recording import Recording
+from tumble.segmentation import HoldMeans, Timeline
+from tumble.segmentation.rotations import LONGEST_GAP, Rotation
+
+# An axis that leans by less than this is upright; a window may then turn so far.
+UPRIGHT, UPRIGHT_ANGLE = 0.1, 3.0  # rad
+
+
+def calibrate_joint(
+    recording: Recording,
+    timeline: Timeline,
+    means: HoldMeans,
+    site: Site,
+    start: Estimate | None = None,
+    *,
+    rotations: Sequence[Rotation] = (),
+    poses: BelievedPoses | None = None,
+    frame: str = "accelerometer-x",
+    prior: StableKnowledge | None = None,
+    optional_terms: bool = True,
+    unused_holds: Sequence[int] = (),
+    progress: Callable[[str], None] | None = None,
+    keep: Callable[[JointOutcome], None] | None = None,
+) -> Estimate:
+    """Calibrate both triads from everything that was recorded.
+
+    Parameters
+    ----------
+    recording, timeline, means : raw samples, what was found in them, and the holds' means.
+    site : gravity; with a latitude, the Earth rate too.
+    start : what another procedure made of the same recording: start values, and the company in the report; None
+        starts from rough values.
+    rotations : of a table, from rest to rest, with the angles that were read.
+    poses : of holds, that are believed.
+    frame : of the result: "accelerometer-x", or "fixture" where poses tell it.
+    prior : what an earlier calibration knows of the accelerometers' angles.
+    optional_terms : try g-sensitivity, quadratic terms and asymmetries, on a table a lag between the triads and the
+        accelerometers' lever arms too, and keep what the data want.
+    unused_holds : holds whose force and rate are kept out of the estimate, for cross-validation.
+    progress : is told in words what is being done.
+    keep : is handed the settled solution with everything behind it, for adjustments that go on from there.
+
+    Raises
+    ------
+    ObservabilityError
+        If what was recorded does not determine both triads.
+    ConvergenceError
+        If the adjustment does not settle.
+    """
+    say = progress or _silent
+    say("joint adjustment")
+    u = _start_values(recording, timeline, means, site, start)
+    base, has_gyro = gather_what_there_is(recording, timeline, means)
+    if poses is None and frame != "accelerometer-x":
+        raise ObservabilityError(
+            f"No pose is believed, so that nothing tells the frame {frame!r}: give a protocol whose holds have poses "
+            "with a small sigma, or leave the frame as it is."
+        )
+    broken: list[str] = []
+    data = observe(base, u, _rotations(base, u, rotations, broken))
+    data.poses = poses
+    plain = PLAIN if has_gyro else FORCE_ALONE
+    if poses is not None:
+        plain = np.concatenate([plain, LAYOUT.indices("fixture")])
+    known = [name for name in ("g_sensitivity", "quadratic") if np.any(u.values[TERMS[name].unknowns])]
+    if not optional_terms:
+        known = []
+        for name in ("g_sensitivity", "quadratic"):
+            u.values[TERMS[name].unknowns] = 0.0
+    task = start_adjustment(data, u.with_free(plain), site)
+    for kind in ("force", "rate"):
+        task.taking_part[kind][list(unused_holds)] = False
+    task.taking_part["rate"] &= has_gyro
+    mounted = None if poses is None else mounting_prior(u)
+    task.prior = together(angle_prior(u, prior), mounted)
+    untold = find_untold(linearise(task)[1], task.unknowns)
+    if untold is not None:
+        _refuse_nothing_told(untold)
+        task.prior = together(task.prior, name_plate_prior(u.with_free(plain)))
+        task.noise = rough_variances(base, u, has_gyro=has_gyro)
+        optional_terms, known = False, []
+    task.unknowns = task.unknowns.with_free(unknowns_with(plain, known))
+    of_table = _seen_on_table(task) if optional_terms and has_gyro and data.rotations else []
+    balanced = _balanced_with(task, of_table)
+    tests: list[TermTest] = []
+    if optional_terms:
+        say("optional terms")
+        task, balanced, tests = _with_terms(task, balanced, plain, of_table)
+    outcome = JointOutcome(recording, task, balanced, tests, start, untold, frame, has_gyro, prior)
+    if keep is not None:
+        keep(outcome)
+    estimate = joint_estimate(outcome)
+    if optional_terms and has_gyro and not data.rotations:
+        add_time_lag(estimate, base)
+    estimate.say("remark", *broken)
+    if has_gyro:
+        add_bias_step(estimate, base, recording, *rest_residuals(outcome))
+    return estimate
+
+
+def _rotations(
+    base: HoldsAndTurns, u: Unknowns, rotations: Sequence[Rotation], broken: list[str]
+) -> list[TableRotation]:
+    inverse = inverted(gyro_matrix(u))
+    made: list[TableRotation] = []
+    for rotation in rotations:
+        before, after = _beside(base, rotation)
+        if before is None or after != before + 1:
+            continue
+        if _has_gap(base, before):
+            # Nothing is known of the attitude after it: a new section begins.
+            base.turn_start[before] = base.turn_stop[before] = -1
+            broken.append(
+                f"In rotation {rotation.row + 1} (step {rotation.step + 1} of the protocol) samples are missing: "
+                "it was not used, and what follows has a heading of its own."
+            )
+            continue
+        at_rate = not rotation.is_from_rest
+        # The search does not take a table's slow rotation for a turn where it cannot be told from a hold.
+        if base.turn_start[before] < 0:
+            base.turn_start[before] = base.tail[before, 1] - 1
+            base.turn_stop[before] = base.head[after, 0] + 1
+        rate = inverse @ (rotation.integral / rotation.seconds - u["gyro.bias"])
+        made.append(
+            table_rotation(
+                base,
+                before,
+                rotation.start,
+                rotation.stop,
+                rate,
+                angle=None if at_rate else rotation.angle,
+                angle_sigma=0.0 if at_rate else rotation.angle_sigma,
+                turn_rate=rotation.angle / rotation.seconds if at_rate else None,
+                rate_sigma=rotation.angle_sigma / rotation.seconds if at_rate else 0.0,
+                **_window_sizes(u, base, before, rate),
+                row=rotation.row,
+                name=f"rotation {rotation.row + 1}",
+            )
+        )
+    return made
+
+
+def _beside(base: HoldsAndTurns, rotation: Rotation) -> tuple[int | None, int | None]:
+    """The holds beside a rotation; of one at a constant rate those that are nearest."""
+    if rotation.before is not None:
+        return rotation.before, rotation.after
+    before = np.flatnonzero(base.tail[:, 1] <= rotation.start)
+    after = np.flatnonzero(base.head[:, 0] >= rotation.stop)
+    if not before.size or not after.size:
+        return None, None
+    return int(before[-1]), int(after[0])
+
+
+def _has_gap(base: HoldsAndTurns, before: int) -> bool:
+    """Whether samples are missing between a hold and the next one."""
+    steps = np.diff(base.time[base.tail[before, 1] - 1 : base.head[before + 1, 0] + 1])
+    return bool(np.any(steps > max(LONGEST_GAP, 1.5 * float(np.median(np.diff(base.time))))))
+
+
+def _window_sizes(u: Unknowns, base: HoldsAndTurns, before: int, rate: Series) -> dict[str, float]:
+    """How far a window may turn: gravity that stands on the axis does not go round, and wants few windows."""
+    up = inverted(force_matrix(u)) @ (base.force_mean[before] - u["force.bias"])
+    leaning = float(
+        np.linalg.norm(np.cross(up, rate)) / max(np.linalg.norm(up) * np.linalg.norm(rate), 1e-30)
+    )
+    return {"largest_angle": UPRIGHT_ANGLE} if leaning < UPRIGHT else {}
+
+
+def _start_values(
+    recording: Recording, timeline: Timeline, means: HoldMeans, site: Site, start: Estimate | None
+) -> Unknowns:
+    """From another procedure's estimate as far as it goes, the rest roughly."""
+    model = None if start is None or start.frame != "accelerometer-x" else start.model
+    if model is not None and model.accelerometer is not None and model.gyroscope is not None:
+        return imu_unknowns(unknowns_of(model))
+    u = rough_start(recording, timeline, means, site)
+    if start is not None and start.model.gyroscope is not None and _tells_gyros(start):
+        u["gyro.matrix"][:] = start.model.gyroscope.matrix.ravel()
+        u["gyro.bias"][:] = start.model.gyroscope.bias
+    return u
+
+
+def _tells_gyros(start: Estimate) -> bool:
+    return sum(name.startswith("gyroscope.matrix") for name in start.names) == 9
+
+
+def _refuse_nothing_told(untold: Untold) -> None:
+    """Refuse a recording that does not even tell biases and scale factors of the accelerometers."""
+    if np.all(np.isin(LAYOUT.indices("force.bias", "force.scale"), untold.unknowns)):
+        raise ObservabilityError(f"The holds tell nothing of the accelerometers. {untold.sentences[0]}")
+
+
+def _seen_on_table(task: JointAdjustment) -> list[str]:
+    """The terms that only a table's rotations show, as far as these do."""
+    trial = task.copy()
+    trial.unknowns = trial.unknowns.with_free(
+        np.union1d(task.unknowns.free, unknowns_with(FORCE_ALONE, [*TERMS]))
+    )
+    return seen_table_terms(linearise(trial)[1], trial.unknowns)
+
+
+def _balanced_with(task: JointAdjustment, names: list[str]) -> Balanced:
+    """Balance with a table's terms: what is left of a lag by itself would be taken for a table that shakes."""
+    prior, free = task.prior, task.unknowns.free
+    task.unknowns = task.unknowns.with_free(unknowns_with(free, names))
+    task.prior = together(prior, lever_prior(task.unknowns))
+    balanced = balance_recording(task)
+    task.unknowns, task.prior = task.unknowns.with_free(free), prior
+    return balanced
+
+
+def _with_terms(
+    task: JointAdjustment, base: Balanced, plain: np.ndarray, of_table: list[str]
+) -> tuple[JointAdjustment, Balanced, list[TermTest]]:
+    """Try all optional terms at once, drop the least significant until every one left is wanted."""
+    names = offered_terms(has_gyro=task.unknowns.is_free("gyro.bias")) + of_table
+    limits = term_limits(names)
+    tests: dict[str, TermTest] = {}
+    while names:
+        trial = task.copy(unknowns_with(plain, names))
+        trial.prior = together(trial.prior, lever_prior(trial.unknowns))
+        try:
+            balanced = balance_recording(trial)
+        except (ObservabilityError, ConvergenceError):
+            # Few holds and turns may tell the plain unknowns, and not so many more.
+            names.pop()
+            continue
+        # What was left out before there were any terms stays out, and is told.
+        balanced.outliers[:0] = base.outliers
+        wanted = wanted_terms(trial, balanced, names, tests, limits)
+        if wanted == names:
+            if trial.data.poses is None and not np.any(trial.unknowns.free >= 33):
+                trial = trial.copy()
+                outliers = balanced.outliers
+                balanced = balance_recording(trial)
+                balanced.outliers[:0] = outliers
+            return trial, balanced, list(tests.values())
+        names = wanted
+    if base.solution.unknowns.free.size > plain.size:
+        task = task.copy(plain)
+        outliers, base = base.outliers, balance_recording(task)
+        base.outliers[:0] = outliers
+    return task, base, list(tests.values())
+
+
+def _silent(_: str) -> None:
+    """Tell nobody."""
+
+
+__all__ = ["calibrate_joint"]

@@ -1,1 +1,0 @@
-"""The joint estimator: one maximum-likelihood adjustment of everything that was recorded."""

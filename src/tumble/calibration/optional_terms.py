@@ -1,0 +1,211 @@
+"""The optional terms of both triads, and whether the data want them.
+
+A new term is a block of `imu_unknowns`, its derivative in the equations that show it, and an entry here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Series, Square
+from tumble.calibration.equations.adjustment import JointAdjustment
+from tumble.calibration.equations.causes import FORCE_WANDER
+from tumble.calibration.equations.imu_unknowns import LAYOUT, LEVER_ARM, force_matrix, name_plate
+from tumble.calibration.equations.size_effect import ARMS
+from tumble.calibration.estimate import TermTest
+from tumble.calibration.observability import TOLD
+from tumble.calibration.procedures.hand_held import LAG_LIMIT
+from tumble.calibration.term_tests import wald_test
+from tumble.estimation.balance import Balanced
+from tumble.estimation.equations import Drift
+from tumble.estimation.settled import Settled
+from tumble.estimation.terms import keep_wanted
+from tumble.estimation.unknowns import Unknowns
+from tumble.estimation.wander import shared_wander
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """A term that is kept if the data want it.
+
+    Attributes
+    ----------
+    name : as users know it.
+    unknowns : indices of its unknowns.
+    shown_by : "force" for what holds show, "gyro" for what needs gyros, "table" for what only rotations show.
+    """
+
+    name: str
+    unknowns: np.ndarray
+    shown_by: str
+
+
+TERMS = {
+    term.name: term
+    for term in (
+        Term("g_sensitivity", LAYOUT.indices("gyro.g_sensitivity"), "gyro"),
+        Term("quadratic", LAYOUT.indices("force.quadratic"), "force"),
+        Term("accelerometer_asymmetry", LAYOUT.indices("force.asymmetry"), "force"),
+        Term("gyro_asymmetry", LAYOUT.indices("gyro.asymmetry"), "gyro"),
+        Term("time_lag", LAYOUT.indices("lag"), "table"),
+        Term("lever_arms", ARMS, "table"),
+        Term("gyro_quadratic", LAYOUT.indices("gyro.quadratic"), "table"),
+    )
+}
+OF_FORCE = tuple(term.name for term in TERMS.values() if term.shown_by == "force")
+EVERYWHERE = tuple(term.name for term in TERMS.values() if term.shown_by != "table")
+ON_TABLES = tuple(term.name for term in TERMS.values() if term.shown_by == "table")
+# A term that is not there is kept in fewer than this share of recordings, all terms together, the time lag too.
+TERM_FALSE_ALARM = 0.02
+# What the test of the time lag takes of it, each of the others gets an equal share of the rest; by hand these.
+TERM_LIMIT = (TERM_FALSE_ALARM - LAG_LIMIT) / len(EVERYWHERE)
+# Share of the name plate's variance that is left of a direction that the motion determines.
+LEFT = TOLD**2 / (1.0 + TOLD**2)
+
+
+def unknowns_with(plain: np.ndarray, names: list[str]) -> np.ndarray:
+    """Return the indices of plain unknowns and of some terms' together.
+
+    Parameters
+    ----------
+    plain, names : indices, and names of terms.
+    """
+    return np.sort(np.concatenate([plain, *(TERMS[name].unknowns for name in names)]))
+
+
+def offered_terms(*, has_gyro: bool) -> list[str]:
+    """Return the terms that any recording is tried with."""
+    return [name for name in EVERYWHERE if has_gyro or TERMS[name].shown_by != "gyro"]
+
+
+def term_limits(names: list[str]) -> dict[str, float]:
+    """Return how rarely chance may keep each term.
+
+    Parameters
+    ----------
+    names : of all that are tried.
+    """
+    others = [name for name in names if name != "time_lag"]
+    share = (TERM_FALSE_ALARM - LAG_LIMIT) / max(len(others), len(EVERYWHERE))
+    return {**dict.fromkeys(others, share), "time_lag": LAG_LIMIT}
+
+
+def wanted_terms(
+    task: JointAdjustment,
+    balanced: Balanced,
+    names: list[str],
+    tests: dict[str, TermTest],
+    limits: dict[str, float],
+) -> list[str]:
+    """Drop the least significant term until every one left is wanted; of each, its last test goes into `tests`.
+
+    Terms of the accelerometers are wanted only if they are whether or not neighbouring holds share what they scatter
+    by.
+
+    Parameters
+    ----------
+    task, balanced : with all terms free, and settled.
+    names : of the terms.
+    tests : are added to.
+    limits : how rarely chance may keep each.
+    """
+    solution, u = balanced.solution, task.unknowns
+    by_hand = not task.rotations
+    spread = solution.cofactor + shared_scatter(task, solution) if by_hand else solution.cofactor
+
+    def test(name: str, values: Series, blocks: list[Square]) -> tuple[float, bool]:
+        taken = blocks if name in OF_FORCE and by_hand else blocks[:1]
+        degrees, excess = _checks_of(name, task, balanced)
+        each = [term_test(name, values, excess * block, degrees, limits[name]) for block in taken]
+        tests[name] = max(each, key=lambda one: one.probability)
+        return tests[name].probability, tests[name].kept
+
+    places = {name: u.places(TERMS[name].unknowns) for name in names}
+    return keep_wanted(u.values[u.free], [solution.cofactor, spread], places, test)
+
+
+def _checks_of(name: str, task: JointAdjustment, balanced: Balanced) -> tuple[int, float]:
+    """Return what tells the noise that a term is tested against: its degrees of freedom, and its excess over that.
+
+    By hand that is what holds or turns show of their own kind: some sixty checks of forty holds tell by how much
+    accelerometers wander from one to the next, and the hundreds of others know nothing of it.
+    """
+    told = balanced.tests
+    kinds = ("rate", "turn") if TERMS[name].shown_by == "gyro" else ("force",)
+    taken = [told[kind] for kind in kinds if kind in told]
+    mean = sum(float(tests.redundancy.sum()) for tests in taken)
+    if task.rotations or mean < 1.0:
+        # The windows of a table are thousands, and their noise is known.
+        return balanced.solution.redundancy, 1.0
+    degrees = mean**2 / sum(float(tests.redundancy_square.sum()) for tests in taken)
+    excess = sum(float(tests.square.sum()) for tests in taken) / mean
+    return max(int(degrees), 1), max(excess, 1.0)
+
+
+def term_test(name: str, estimates: Series, covariance: Square, freedom: int, limit: float) -> TermTest:
+    """Test a term against zero, lever arms in what the motion tells of them; see `wald_test`.
+
+    Parameters
+    ----------
+    name, estimates, covariance, freedom, limit : as there; of lever arms with their prior taken in.
+    """
+    if name != "lever_arms":
+        return wald_test(name, estimates, covariance, freedom, limit)
+    values, vectors = np.linalg.eigh(covariance)
+    told = vectors[:, values < max(LEFT * LEVER_ARM**2, 1.001 * float(values[0]))]
+    return wald_test(name, told.T @ estimates, told.T @ covariance @ told, freedom, limit)
+
+
+def seen_table_terms(normal: Square, u: Unknowns) -> list[str]:
+    """Return the terms that a table's rotations determine; of lever arms any part of them.
+
+    Parameters
+    ----------
+    normal, u : information of the free unknowns, all terms among them.
+    """
+    sizes = name_plate(u)[u.free]
+    left = np.linalg.inv(normal * np.outer(sizes, sizes) + np.eye(u.free.size))
+    found: list[str] = []
+    for name in ON_TABLES:
+        at = u.places(TERMS[name].unknowns)
+        shares = np.linalg.eigvalsh(left[np.ix_(at, at)])
+        # Of lever arms a part is worth having.
+        if shares[0 if name == "lever_arms" else -1] < LEFT:
+            found.append(name)
+    return found
+
+
+def shared_scatter(task: JointAdjustment, solution: Settled) -> Square:
+    """Return (free, free) by how much the covariance would differ if holds scattered by a wander that they share.
+
+    Means of holds scatter by more than their white noise: partly by what is each hold's own, partly by a bias that
+    wanders, which neighbours have nearly in common. The adjustment takes all of it for each hold's own. For biases and
+    scale factors that is near enough for weighing; what a term of the second order would explain, a slow wander
+    explains as well, and three times as often as independent draws say.
+
+    Parameters
+    ----------
+    task, solution : observations with their noise, and the settled estimate; rotations of a table have wanders of
+        their own, and are left as they are.
+    """
+    base, free = task.data.base, solution.unknowns.free.size
+    matrix = force_matrix(task.unknowns)
+    scatter = np.diag(base.force_floor) + task.noise["force"] * (matrix @ matrix.T)
+    density = task.data.force_density * np.diag(scatter) / np.maximum(base.force_floor, 1e-300)
+    if not np.any(density > 0.0):
+        return np.zeros((free, free))
+    drifts: list[tuple[Drift, AnyArray]] = []
+    for spread in solution.spreads():
+        for term in spread.chain.chain.terms:
+            active = term.linear.active
+            if term.equations.kind != "force" or active is None or not np.any(active):
+                continue
+            inverse = np.asarray(np.linalg.inv(term.root), dtype=np.float64)
+            own = term.equations.drifts(task, term.linear, 0)[FORCE_WANDER]
+            alone = inverse @ np.tile(scatter, (3, 3)) @ np.swapaxes(inverse, 1, 2)
+            by_bias = inverse @ own.by_bias
+            drift = Drift(own.start[active], own.stop[active], by_bias[active], alone[active])
+            drifts.append((drift, spread.gain(term, free)[active]))
+    return shared_wander(drifts, density, (float(base.time[0]), float(base.time[-1])))

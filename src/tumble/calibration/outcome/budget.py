@@ -1,0 +1,366 @@
+"""The joint estimate's uncertainty after the GUM: a budget by sources, degrees of freedom, reliability."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, inverted
+from tumble.calibration.equations.adjustment import JointAdjustment
+from tumble.calibration.equations.causes import (
+    AXIS,
+    FORCE_REST,
+    FORCE_TURNING,
+    FORCE_WANDER,
+    GRAVITY,
+    PLACEMENT,
+    RATE_REST,
+    RATE_TURNING,
+    RATE_WANDER,
+    SOURCES,
+    SWAY,
+    TURNS,
+)
+from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
+from tumble.calibration.evidence import Budget
+from tumble.calibration.optional_terms import TERMS
+from tumble.calibration.outcome.description import named_function
+from tumble.calibration.uncertainty_statement import (
+    Detectable,
+    GlobalTest,
+    ModelChoice,
+    UncertaintyStatement,
+    chi_square_probability,
+    coverage_factors,
+    effective_degrees,
+)
+from tumble.estimation.equations import Tests
+from tumble.estimation.influence import Influences, influences_of
+from tumble.estimation.solve import settled_at, solve
+from tumble.estimation.undetected import ALPHA, POWER, undetected
+from tumble.recording.temperature import mean_celsius
+from tumble.sensor.propagation import Function, jacobian
+from tumble.units import angular_rate_factor, specific_force_factor
+
+if TYPE_CHECKING:
+    from tumble.calibration.estimate import Estimate
+    from tumble.calibration.outcome.estimate import JointOutcome
+
+# A source that adds less than this to the variance of every parameter is not shown.
+SHOWN = 1e-4
+# A hold's samples are cut into eight batches at least, whose scatter is the noise at rest.
+DEGREES_OF_A_HOLD = 7.0
+# A term is near its limit if its probability is within this factor of it, and below the last.
+NEAR, LARGEST_PROBABILITY = 100.0, 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class NamedParameters:
+    """The estimate's parameters as a function of the unknowns, at the solution.
+
+    Attributes
+    ----------
+    function : of all unknowns.
+    values : the solution.
+    slope : (parameters, free) derivatives by the free unknowns.
+    """
+
+    function: Function
+    values: Series
+    slope: Table
+
+    @staticmethod
+    def of(outcome: JointOutcome, names: list[str]) -> NamedParameters:
+        """Return those of a settled outcome, in the recording's units.
+
+        Parameters
+        ----------
+        outcome : the solution.
+        names : of the estimate's parameters: not every one that a function gives is told, and named.
+        """
+        recording = outcome.recording
+        units = recording.specific_force_unit, recording.angular_rate_unit
+        factors = specific_force_factor(units[0]), angular_rate_factor(units[1])
+        gyro = "full" if outcome.has_gyro else "none"
+        labels, function = named_function(outcome.kept, gyro, outcome.frame, units, factors)
+        at = {name: row for row, (name, _) in enumerate(labels)}
+        rows = [at[name] for name in names]
+        values = outcome.values
+        slope = jacobian(function, values)[rows][:, outcome.task.unknowns.free]
+        return NamedParameters(lambda x: function(x)[rows], values, slope)
+
+    def at(self, unknowns: Series) -> Series:
+        """Return the parameters at other unknowns."""
+        return np.real(self.function(unknowns.astype(complex)))
+
+
+def recording_influences(task: JointAdjustment) -> Influences:
+    """Return what each observation of a recording does to its unknowns at the solution.
+
+    Parameters
+    ----------
+    task : settled.
+
+    Raises
+    ------
+    ObservabilityError
+        If shared unknowns are not determined.
+    """
+    data = task.data
+    densities = {FORCE_WANDER: data.force_density, RATE_WANDER: data.rate_density}
+    span = float(data.base.time[0]), float(data.base.time[-1])
+    return influences_of(settled_at(task), task.prior, densities, span)
+
+
+def wander_factors(task: JointAdjustment) -> Series:
+    """Return (free,) by how much wandering together changes each unknown's standard uncertainty.
+
+    Parameters
+    ----------
+    task : settled.
+    """
+    influences = recording_influences(task)
+    told, independent = np.diag(influences.covariance), np.diag(influences.independent)
+    known = independent > 0.0
+    return np.sqrt(np.where(known, np.maximum(told, 0.0) / np.where(known, independent, 1.0), 1.0))
+
+
+def state_uncertainty(estimate: Estimate, outcome: JointOutcome, influences: Influences) -> None:
+    """Add the budget and the statement of uncertainty to an estimate's evidence.
+
+    Parameters
+    ----------
+    estimate : of the outcome.
+    outcome : the settled solution with its noise.
+    influences : of the same solution.
+    """
+    named = NamedParameters.of(outcome, [p.name for p in estimate.parameters])
+    scale = _scale(estimate)
+    everything = budget_of(influences, named, outcome, scale)
+    total = sum((part**2 for part in everything.values()), np.zeros(len(named.slope)))
+    shares = {
+        source: part
+        for source, part in everything.items()
+        if np.any(part**2 > SHOWN * np.maximum(total, 1e-300))
+    }
+    degrees = source_degrees(outcome)
+    effective = effective_degrees(everything, degrees)
+    if scale > 1.0:
+        # The whole was enlarged by what the residuals show, which is known as well as they are many.
+        effective = 1.0 / (1.0 / effective + 1.0 / max(estimate.degrees_of_freedom, 1))
+    statement = UncertaintyStatement(
+        effective_degrees=effective,
+        coverage_factors=coverage_factors(effective),
+        source_degrees={source: degrees.get(source, float("inf")) for source in shares},
+        test=_global_test(estimate, outcome),
+        detectable=_detectable(influences, named, estimate, outcome, scale),
+        alpha=ALPHA,
+        power=POWER,
+        model_choice=_model_choice(influences, named, outcome),
+        not_included=_not_included(outcome),
+        outcome=outcome,
+    )
+    estimate.show(Budget(shares, statement))
+
+
+def budget_of(
+    influences: Influences, named: NamedParameters, outcome: JointOutcome, scale: float = 1.0
+) -> dict[str, Series]:
+    """Return source -> (parameters,) standard uncertainties whose squares add up to the whole.
+
+    Parameters
+    ----------
+    influences, named, outcome : of one solution.
+    scale : factor on all standard uncertainties but gravity's, where residuals are larger than stated.
+    """
+    made = {
+        source: scale * np.sqrt(np.maximum(np.einsum("pa,ab,pb->p", named.slope, share, named.slope), 0.0))
+        for source, share in influences.shares(SOURCES).items()
+    }
+    made[GRAVITY] = np.abs(named.slope @ gravity_slope(outcome)) * outcome.site.gravity_sigma
+    return made
+
+
+def gravity_slope(outcome: JointOutcome) -> Series:
+    """Return (free,) by how much the unknowns move per m/s² of gravity, see `gravity_covariance`.
+
+    Parameters
+    ----------
+    outcome : the solution.
+    """
+    u = outcome.task.unknowns
+    slope = u.at(np.zeros(u.values.size))
+    for name in ("force.scale", "gyro.g_sensitivity"):
+        slope[name][:] = -u[name] / outcome.site.gravity
+    return slope.values[u.free]
+
+
+def source_degrees(outcome: JointOutcome) -> dict[str, float]:
+    """Return source -> degrees of freedom with which its size is known; what was given has none named.
+
+    Parameters
+    ----------
+    outcome : the solution with the tests of its residuals.
+
+    Notes
+    -----
+    Noise at rest is pooled from the batches of all holds. A variance component s² that was found as the excess
+    over another variance, v in all, from residuals with r degrees of freedom has ``r (s² / v)²`` of its own.
+    """
+    data, noise, tests = outcome.data, outcome.task.noise, outcome.balanced.tests
+    pooled = DEGREES_OF_A_HOLD * data.holds
+    made: dict[str, float] = dict.fromkeys((FORCE_REST, FORCE_TURNING, RATE_REST, RATE_TURNING), pooled)
+    unknowns = outcome.task.unknowns
+    floor = _in_si(data.base.force_floor, force_matrix(unknowns))
+    made[FORCE_WANDER] = _of_wander(floor, noise["force"], tests.get("force"), data.holds)
+    floor = _in_si(data.base.rate_floor, gyro_matrix(unknowns))
+    made[RATE_WANDER] = _of_wander(floor, noise["rate"], tests.get("rate"), data.holds)
+    made[TURNS] = _of_component(noise["turn"], tests.get("turn"))
+    placed = tests.get("tilt", tests.get("pose"))
+    if noise["placement"] > 0.0:
+        made[PLACEMENT] = _of_component(noise["placement"], placed)
+    made[SWAY] = _of_component(noise["sway"], tests.get("rest"))
+    windows = sum(len(spin.windows) for spin in data.rotations.values())
+    if windows:
+        made[AXIS] = 2.0 * windows
+    return made
+
+
+def _in_si(floor: Vector, matrix: Matrix) -> float:
+    lengths: Series = np.sum(matrix**2, axis=1)
+    return float(np.mean(floor / lengths))
+
+
+def _of_component(variance: float, tests: Tests | None) -> float:
+    if tests is None or variance <= 0.0:
+        return float("inf")
+    checked = tests.degrees > 0
+    if not np.any(checked):
+        return 1.0
+    whole = float(checked.sum() / np.sum(1.0 / tests.variance[checked]))
+    redundancy = float(tests.redundancy.sum())
+    return max(redundancy * min(variance / whole, 1.0) ** 2, 0.5)
+
+
+def _of_wander(floor: float, extra: float, tests: Tests | None, holds: int) -> float:
+    """Of the floor that holds show within, one degree a hold, and of what they show against each other."""
+    total = floor + extra
+    if total <= 0.0:
+        return float("inf")
+    spread = floor**2 / max(holds, 1) + extra**2 / _of_component(extra, tests)
+    return total**2 / spread if spread > 0.0 else float("inf")
+
+
+def _scale(estimate: Estimate) -> float:
+    sigma0 = estimate.sigma0_final
+    return max(1.0, sigma0) if np.isfinite(sigma0) else 1.0
+
+
+def _global_test(estimate: Estimate, outcome: JointOutcome) -> GlobalTest | None:
+    degrees = estimate.degrees_of_freedom
+    if degrees <= 0 or not np.isfinite(estimate.sigma0_final):
+        return None
+    noise = outcome.task.noise
+    sizes = (noise["force"], noise["rate"], noise["turn"], noise["sway"] - 1e-12)
+    components = sum(size > 0.0 for size in (*sizes, noise["placement"]))
+    components += sum(factor > 1.1 for factor in noise.factors.get("windows", {}).values())
+    statistic = estimate.sigma0_final**2 * degrees
+    alone = chi_square_probability(estimate.sigma0**2 * degrees, degrees)
+    return GlobalTest(statistic, degrees, chi_square_probability(statistic, degrees), alone, components)
+
+
+def _detectable(
+    influences: Influences,
+    named: NamedParameters,
+    estimate: Estimate,
+    outcome: JointOutcome,
+    scale: float,
+) -> list[Detectable]:
+    sigma = np.array([p.standard_uncertainty for p in estimate.parameters])
+    made: list[Detectable] = []
+    for influence in influences.each:
+        raw = None if influence.equations is None else influence.equations.directions(outcome.task)
+        if raw is None or influence.taken is None:
+            continue
+        inverse = np.asarray(np.linalg.inv(influence.root), dtype=np.float64)
+        for t in np.flatnonzero(influence.active):
+            left = np.eye(influence.taken.shape[1]) - influence.taken[t]
+            gain = named.slope @ influence.gain[t]
+            found = undetected(left, inverse[t] @ raw, scale * gain, sigma)
+            of_whole = raw.T @ inverse[t].T
+            # Of a hold's three parts only what they have in common is an error of the hold.
+            mean = inverted(of_whole @ of_whole.T) @ of_whole
+            redundancy = float(np.trace(mean @ left @ of_whole.T))
+            made.append(
+                Detectable(
+                    influence.kind,
+                    int(influence.place[t]),
+                    raw.shape[1],
+                    redundancy,
+                    scale * found.size,
+                    found.parameter,
+                    found.effect,
+                )
+            )
+    return sorted(made, key=lambda d: (d.kind, d.index))
+
+
+def _model_choice(influences: Influences, named: NamedParameters, outcome: JointOutcome) -> list[ModelChoice]:
+    made: list[ModelChoice] = []
+    for test in outcome.terms:
+        if not test.limit / NEAR < test.probability < min(NEAR * test.limit, LARGEST_PROBABILITY):
+            continue
+        if test.name not in TERMS or test.name == "lever_arms":
+            continue
+        place = TERMS[test.name].unknowns
+        other = _without(influences.covariance, outcome, place) if test.kept else _with(outcome, place)
+        change = named.at(other) - named.at(outcome.values)
+        made.append(ModelChoice(test.name, test.kept, test.probability, test.limit, change))
+    return made
+
+
+def _without(covariance: AnyArray, outcome: JointOutcome, place: np.ndarray) -> Series:
+    """Return the unknowns with those at `place` forced to zero."""
+    u, values = outcome.task.unknowns, outcome.values.copy()
+    at = u.places(place)
+    pull = covariance[:, at] @ inverted(covariance[np.ix_(at, at)])
+    values[u.free] -= pull @ values[place]
+    return values
+
+
+def _with(outcome: JointOutcome, place: np.ndarray) -> Series:
+    """Return the unknowns after one step in which those at `place` are free too."""
+    task = outcome.task.copy()
+    task.unknowns = task.unknowns.with_free(np.union1d(task.unknowns.free, place))
+    solve(task, once=True)
+    return task.unknowns.values
+
+
+def _not_included(outcome: JointOutcome) -> list[str]:
+    said: list[str] = []
+    celsius = outcome.recording.temperature
+    if celsius is None or mean_celsius(celsius) is None:
+        said.append(
+            "Temperature: the recording has no temperature. The parameters hold at whatever it was; what it did to the "
+            "biases while recording is in the wander, what it did to scale factors is not in the uncertainties."
+        )
+    else:
+        low, high = float(np.nanmin(celsius)), float(np.nanmax(celsius))
+        said.append(
+            f"Temperature: it went from {low:.1f} to {high:.1f} °C while recording. What that did to the biases is in "
+            "their wander; what it did to scale factors and angles is not in the uncertainties, and at another "
+            "temperature they do not hold."
+        )
+    if outcome.data.poses is None:
+        said.append("Placement: no pose was believed, so that none can be wrong.")
+    if not outcome.site.gravity_sigma:
+        said.append(
+            "Reference gravity was given as exact: a wrong one would make all accelerometer scale factors wrong alike."
+        )
+    said.append(
+        "Turn-on to turn-on: biases hold for this recording; how far they move until the unit is switched on again, "
+        "only several recordings tell."
+    )
+    return said

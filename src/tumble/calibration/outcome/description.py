@@ -1,0 +1,255 @@
+"""The joint estimator's unknowns as parameters: any subset, in the sensors' own frame or in the fixture's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.arrays import Series, Square
+from tumble.calibration.canonical import canonical_names, gravity_covariance, named_parameters
+from tumble.calibration.equations.imu_unknowns import (
+    LAYOUT,
+    NAME_PLATE_FORCE,
+    NAME_PLATE_RATE,
+    NAME_PLATE_SHARE,
+)
+from tumble.calibration.estimate import Described, NamedValue, correlation_matrix
+from tumble.calibration.outcome.table_parameters import WORTH_NAMING, table_parameters, told_table_parameters
+from tumble.earth import Site
+from tumble.recording.recording import Recording
+from tumble.sensor import ImuModel, Triad, propagate
+from tumble.sensor.conventions.shin import matrix_from_shin
+from tumble.units import angular_rate_factor, specific_force_factor
+
+Complex = npt.NDArray[Any]
+
+
+def describe(
+    unknowns: Series,
+    covariance: Square,
+    site: Site,
+    recording: Recording,
+    *,
+    terms: frozenset[str],
+    gyro: str,
+    frame: str = "accelerometer-x",
+    all_told: bool = False,
+) -> Described:
+    """Return model and parameters of the unknowns, without those that are hardly better known than beforehand.
+
+    Parameters
+    ----------
+    unknowns, covariance : all of `LAYOUT`.
+    site, recording : how well gravity is known; units.
+    terms : optional terms that were kept.
+    gyro : "full" or "none".
+    frame : "accelerometer-x" or "fixture".
+    all_told : name every parameter, however uncertain.
+    """
+    values, spread = unknowns, covariance + gravity_covariance(unknowns, site)
+    units = (recording.specific_force_unit, recording.angular_rate_unit)
+    factors = (specific_force_factor(units[0]), angular_rate_factor(units[1]))
+    names = _canonical_names(terms, gyro)
+    numbers, own = propagate(_canonical(terms, gyro, frame), values, spread)
+    keep = _worth_naming(names, numbers, own, values, all_told=all_told)
+    labels, evaluate = named_function(terms, gyro, frame, units, factors)
+    shown, told = propagate(evaluate, values, spread)
+    sigmas = np.sqrt(np.maximum(np.diag(told), 0.0))
+    named = told_table_parameters(labels, sigmas)
+    rows = [i for i in np.flatnonzero(named) if all_told or _is_told(labels[i], shown[i], sigmas[i], values)]
+    parameters = [NamedValue(*_pair(labels[i], shown[i], sigmas[i])) for i in rows]
+    return Described(
+        _model(values, terms, gyro, frame),
+        [names[i] for i in keep],
+        own[np.ix_(keep, keep)],
+        parameters,
+        correlation_matrix(told[np.ix_(rows, rows)]),
+    )
+
+
+def _pair(label: tuple[str, str], value: float, sigma: float) -> tuple[str, float, float, str]:
+    return label[0], float(value), float(sigma), label[1]
+
+
+def rotation_of_frame(x: Complex, frame: str) -> Complex:
+    """Return C_bf, analytic in the rotation vector; the identity in the sensors' own frame.
+
+    Parameters
+    ----------
+    x, frame : all unknowns, and "accelerometer-x" or "fixture".
+    """
+    if frame != "fixture":
+        return np.eye(3)
+    v = x[LAYOUT["fixture"]]
+    square = v @ v
+    if abs(square) < 1e-6:
+        one, two = 1.0 - square / 6.0 + square**2 / 120.0, 0.5 - square / 24.0 + square**2 / 720.0
+    else:
+        angle = np.sqrt(square)
+        one, two = np.sin(angle) / angle, (1.0 - np.cos(angle)) / square
+    zero = square * 0.0
+    cross = np.array([[zero, -v[2], v[1]], [v[2], zero, -v[0]], [-v[1], v[0], zero]])
+    return np.eye(3) + one * cross + two * (cross @ cross)
+
+
+def _force_matrix(x: Complex) -> Complex:
+    return matrix_from_shin(x[LAYOUT["force.scale"]], x[LAYOUT["force.angle"]])
+
+
+def _canonical(terms: frozenset[str], gyro: str, frame: str) -> Callable[[Complex], Complex]:
+    def evaluate(x: Complex) -> Complex:
+        C_bf = rotation_of_frame(x, frame)
+        parts: list[Complex] = [
+            (_force_matrix(x) @ C_bf).ravel(),
+            x[LAYOUT["force.bias"]],
+        ]
+        parts += [x[LAYOUT["force.quadratic"]]] if "quadratic" in terms else []
+        if gyro == "full":
+            parts += [(x[LAYOUT["gyro.matrix"]].reshape(3, 3) @ C_bf).ravel(), x[LAYOUT["gyro.bias"]]]
+        if "g_sensitivity" in terms:
+            parts.append((x[LAYOUT["gyro.g_sensitivity"]].reshape(3, 3) @ C_bf).ravel())
+        parts += [x[place] for name, place in _FURTHER if name in terms]
+        return np.concatenate(parts)
+
+    return evaluate
+
+
+_FURTHER = (
+    ("accelerometer_asymmetry", LAYOUT["force.asymmetry"]),
+    ("gyro_asymmetry", LAYOUT["gyro.asymmetry"]),
+    ("gyro_quadratic", LAYOUT["gyro.quadratic"]),
+)
+_FURTHER_KEYS = {
+    "accelerometer_asymmetry": "accelerometer.asymmetry",
+    "gyro_asymmetry": "gyroscope.asymmetry",
+    "gyro_quadratic": "gyroscope.quadratic",
+}
+
+
+def _canonical_names(terms: frozenset[str], gyro: str) -> list[str]:
+    names = canonical_names(terms, gyro)
+    for name, _ in _FURTHER:
+        if name in terms:
+            names += [f"{_FURTHER_KEYS[name]}[{i}]" for i in range(3)]
+    return names
+
+
+def _worth_naming(
+    names: list[str], numbers: Series, covariance: Square, values: Series, *, all_told: bool
+) -> list[int]:
+    if all_told:
+        return list(range(len(names)))
+    sizes = {
+        "accelerometer": float(np.mean(np.abs(values[LAYOUT["force.scale"]]))),
+        "gyroscope": float(np.linalg.norm(values[LAYOUT["gyro.matrix"]])) / np.sqrt(3.0),
+    }
+    of_bias = {"accelerometer": NAME_PLATE_FORCE, "gyroscope": NAME_PLATE_RATE}
+    kept: list[int] = []
+    for i, name in enumerate(names):
+        kind, key = name.split(".", 1)
+        promise = {"matrix": NAME_PLATE_SHARE * sizes[kind], "bias": of_bias[kind] * sizes[kind]}.get(
+            key.split("[")[0], np.inf
+        )
+        if float(np.sqrt(max(covariance[i, i], 0.0))) < WORTH_NAMING * promise:
+            kept.append(i)
+    return kept
+
+
+def _is_told(label: tuple[str, str], value: float, sigma: float, values: Series) -> bool:
+    name = label[0]
+    size = float(np.mean(np.abs(values[LAYOUT["force.scale"]])))
+    if name.startswith(("gyro", "g-")):
+        size = float(np.linalg.norm(values[LAYOUT["gyro.matrix"]])) / np.sqrt(3.0)
+    promise = np.inf
+    if " bias " in name:
+        promise = size * (NAME_PLATE_RATE if name.startswith("gyro") else NAME_PLATE_FORCE)
+    elif "scale factor" in name:
+        promise = NAME_PLATE_SHARE * (1.0 if "error" in name else abs(value))
+    elif any(word in name for word in ("orthogonality", "misalignment", "rotation")):
+        promise = NAME_PLATE_SHARE
+    return bool(sigma < WORTH_NAMING * promise)
+
+
+def named_function(
+    terms: frozenset[str],
+    gyro: str,
+    frame: str,
+    units: tuple[str, str],
+    factors: tuple[float | None, float | None],
+) -> tuple[list[tuple[str, str]], Callable[[Complex], Complex]]:
+    """Return names and units of the parameters, and the (analytic) function of all unknowns that gives them.
+
+    Parameters
+    ----------
+    terms, gyro, frame : as for `describe_wide`.
+    units, factors : raw units, and SI per raw unit or None for counts.
+    """
+    more = [(name, place) for name, place in _FURTHER if name in terms]
+    extra = [
+        (f"{name.replace('_', ' ')} {axis}", f"1/({units[1]})" if name == "gyro_quadratic" else "1")
+        for name, _ in more
+        for axis in "xyz"
+    ]
+    of_table, told = table_parameters(terms, lambda x: rotation_of_frame(x, frame), frame)
+    if frame != "fixture":
+        labels, own = named_parameters(terms=terms, gyro=gyro, units=units, factors=factors)
+        return [*labels, *extra, *of_table], lambda x: np.concatenate(
+            [own(x[:36]), *(x[place] for _, place in more), *told(x)]
+        )
+    labels = _fixture_labels("accelerometer", units[0], factors[0], "m/s²")
+    if gyro == "full":
+        labels += _fixture_labels("gyro", units[1], factors[1], "rad/s")
+
+    def evaluate(x: Complex) -> Complex:
+        C_bf = rotation_of_frame(x, frame)
+        parts = _fixture_values(
+            _force_matrix(x) @ C_bf,
+            x[LAYOUT["force.bias"]],
+            factors[0],
+        )
+        if gyro == "full":
+            parts += _fixture_values(
+                x[LAYOUT["gyro.matrix"]].reshape(3, 3) @ C_bf, x[LAYOUT["gyro.bias"]], factors[1]
+            )
+        return np.concatenate([*parts, *(x[place] for _, place in more), *told(x)])
+
+    return [*labels, *extra, *of_table], evaluate
+
+
+def _fixture_labels(short: str, unit: str, factor: float | None, si: str) -> list[tuple[str, str]]:
+    kind = "scale factor error" if factor else "scale factor"
+    return [
+        *((f"{short} bias {axis}", unit) for axis in "xyz"),
+        *((f"{short} {kind} {axis}", "1" if factor else f"{unit}/({si})") for axis in "xyz"),
+        *((f"{short} misalignment {a}{b}", "rad") for a in "xyz" for b in "xyz" if a != b),
+    ]
+
+
+def _fixture_values(matrix: Complex, bias: Complex, factor: float | None) -> list[Complex]:
+    length = np.sign(np.real(np.diag(matrix))) * np.sqrt(np.sum(matrix * matrix, axis=1))
+    scale = length if factor is None else length * factor - 1.0
+    leans = [np.arcsin(matrix[i, j] / length[i]) for i in range(3) for j in range(3) if i != j]
+    return [bias, scale, np.array(leans)]
+
+
+def _model(x: Series, terms: frozenset[str], gyro: str, frame: str) -> ImuModel:
+    C_bf = np.real(rotation_of_frame(x, frame))
+    accelerometer = Triad(
+        np.real(_force_matrix(x)) @ C_bf,
+        x[LAYOUT["force.bias"]].copy(),
+        x[LAYOUT["force.asymmetry"]].copy() if "accelerometer_asymmetry" in terms else None,
+        x[LAYOUT["force.quadratic"]].copy() if "quadratic" in terms else None,
+    )
+    gyroscope = None
+    if gyro == "full":
+        gyroscope = Triad(
+            x[LAYOUT["gyro.matrix"]].reshape(3, 3) @ C_bf,
+            x[LAYOUT["gyro.bias"]].copy(),
+            x[LAYOUT["gyro.asymmetry"]].copy() if "gyro_asymmetry" in terms else None,
+            x[LAYOUT["gyro.quadratic"]].copy() if "gyro_quadratic" in terms else None,
+        )
+    sensitivity = x[LAYOUT["gyro.g_sensitivity"]].reshape(3, 3) @ C_bf if "g_sensitivity" in terms else None
+    return ImuModel(accelerometer, gyroscope, sensitivity)

@@ -1,0 +1,423 @@
+"""The joint estimator's outcome as an estimate: parameters, covariance, residuals, what was left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import Matrix, Series, Vectors, inverted
+from tumble.calibration.canonical import describe_unknowns
+from tumble.calibration.equations.adjustment import JointAdjustment, rest_noise
+from tumble.calibration.equations.causes import FORCE_WANDER
+from tumble.calibration.equations.hold_equations import Rate
+from tumble.calibration.equations.imu_unknowns import gyro_matrix
+from tumble.calibration.equations.observed import Observed
+from tumble.calibration.equations.rotation_equations import (
+    CHECKED_ANGLE,
+    LEAST_ANGLE_SIGMA,
+    LEAST_WOBBLE,
+    Angle,
+    Links,
+    RotationEquations,
+    TableRate,
+)
+from tumble.calibration.equations.turn import TOTAL
+from tumble.calibration.equations.turn_equations import integrate_links, link_covariance
+from tumble.calibration.estimate import (
+    Beside,
+    Described,
+    Estimate,
+    LeftOut,
+    NamedValue,
+    TermTest,
+    coverage_factor,
+    said_of,
+)
+from tumble.calibration.evidence import Holds, Rotations, Spins, Turns
+from tumble.calibration.observability import Untold
+from tumble.calibration.optional_terms import OF_FORCE
+from tumble.calibration.outcome.budget import recording_influences, state_uncertainty
+from tumble.calibration.outcome.description import describe, rotation_of_frame
+from tumble.calibration.outcome.restless import find_restless, restless_remarks
+from tumble.calibration.outcome.table_parameters import lever_arms_of, table_remarks
+from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.scores import hold_norm_errors, score_turns
+from tumble.calibration.turntable.words import NOT_ESTIMATED
+from tumble.earth import Site
+from tumble.estimation.balance import Balanced
+from tumble.estimation.equations import Equations
+from tumble.estimation.influence import Influences
+from tumble.estimation.settled import Settled
+from tumble.estimation.solve import solve
+from tumble.estimation.wander import wider
+from tumble.recording.recording import Recording
+from tumble.sensor import ImuModel
+
+# Poses that scatter by less beyond their sigma are nobody's fault.
+LEAST_OBJECTED = 1e-4  # rad
+
+
+@dataclass(slots=True)
+class JointOutcome:
+    """A settled joint estimate with everything behind it.
+
+    Attributes
+    ----------
+    recording : what was recorded.
+    task, balanced : observations with their noise, all unknowns, solution and tests.
+    terms : tests of optional terms.
+    start : the other procedure's estimate that it started from; None if there was none.
+    untold : what the motion does not tell; None if it tells everything.
+    frame : in which the result is asked for.
+    has_gyro : whether the recording has one.
+    knowledge : of the accelerometers' angles, from an earlier calibration; None for none.
+    """
+
+    recording: Recording
+    task: JointAdjustment
+    balanced: Balanced
+    terms: list[TermTest]
+    start: Estimate | None
+    untold: Untold | None = None
+    frame: str = "accelerometer-x"
+    has_gyro: bool = True
+    knowledge: StableKnowledge | None = None
+
+    @property
+    def data(self) -> Observed:
+        """What was observed."""
+        return self.task.data
+
+    @property
+    def site(self) -> Site:
+        """Where."""
+        return self.task.site
+
+    @property
+    def values(self) -> Series:
+        """All unknowns at the solution."""
+        return self.task.unknowns.values
+
+    @property
+    def kept(self) -> frozenset[str]:
+        """Names of the optional terms that were kept."""
+        return frozenset(test.name for test in self.terms if test.kept)
+
+
+def joint_estimate(outcome: JointOutcome) -> Estimate:
+    """Return the outcome as an estimate.
+
+    Parameters
+    ----------
+    outcome : see there.
+    """
+    solution = outcome.balanced.solution
+    influences = recording_influences(outcome.task)
+    described = describe_joint(outcome, influences)
+    norms, sigmas = _norms(outcome, described.model)
+    angles, sizes = _turn_scores(outcome, described.model)
+    restless = find_restless(outcome.data, outcome.task.noise, float(outcome.recording.time[0]))
+    start = outcome.start
+    estimate = Estimate(
+        procedure="joint",
+        model=described.model,
+        names=described.names,
+        covariance=described.covariance,
+        parameters=described.parameters,
+        correlations=described.correlations,
+        sigma0=_alone(outcome).sigma0,
+        sigma0_final=solution.sigma0,
+        degrees_of_freedom=solution.redundancy,
+        coverage_factor=coverage_factor(solution.redundancy),
+        largest_normalised=_largest(outcome.balanced),
+        variance_components=_components(outcome),
+        left_out=_left_out(outcome.balanced, norms, angles),
+        terms=outcome.terms,
+        said=said_of(
+            remarks=_remarks(outcome, described.parameters),
+            cautions=start.cautions if start is not None and _tells_all(start) else (),
+            objections=[
+                *_objections(outcome),
+                *(start.objections if start is not None and _tells_all(start) else ()),
+            ],
+            not_determined=_not_determined(outcome),
+        ),
+        evidence=[
+            Holds(norms, sigmas, tuple(restless)),
+            Turns(angles, np.where(np.isfinite(angles), _turn_sigmas(outcome), np.nan), sizes),
+            _spins(outcome),
+        ],
+        frame=outcome.frame,
+        lever_arms=_lever_arms(outcome),
+    )
+    if start is not None:
+        estimate.show(*(one for one in start.evidence if isinstance(one, Rotations)), Beside(start))
+    if outcome.untold is None and outcome.has_gyro:
+        state_uncertainty(estimate, outcome, influences)
+    return estimate
+
+
+def describe_joint(outcome: JointOutcome, influences: Influences) -> Described:
+    """Return the model and its parameters, with the covariance that the residuals ask for.
+
+    Parameters
+    ----------
+    outcome : see there.
+    influences : of its solution.
+    """
+    solution, task = outcome.balanced.solution, outcome.task
+    values, terms = outcome.values, outcome.kept
+    own = solution.cofactor + influences.shared
+    if terms & set(OF_FORCE) and not task.rotations:
+        own = wider(own, -influences.neighbours.get(FORCE_WANDER, np.zeros(own.shape)))
+    covariance = solution.unit_weight * task.unknowns.expanded(own)
+    plain = outcome.untold is None and outcome.has_gyro and not np.any(task.unknowns.free >= TOTAL - 3)
+    if plain:
+        told = slice(0, TOTAL)
+        return describe_unknowns(
+            values[told], covariance[told, told], outcome.site, outcome.recording, terms=terms, gyro="full"
+        )
+    return describe(
+        *(values, covariance, outcome.site, outcome.recording),
+        terms=terms,
+        gyro="full" if outcome.has_gyro else "none",
+        frame=outcome.frame,
+        all_told=outcome.untold is None,
+    )
+
+
+def rest_residuals(outcome: JointOutcome) -> tuple[Vectors, Vectors]:
+    """Return what the gyros show at rest beyond what they should, (holds, 3) rad/s, and its variance, (rad/s)².
+
+    Parameters
+    ----------
+    outcome : the settled solution; observations that were left out have theirs, too.
+    """
+    task = outcome.task
+    inverse = inverted(gyro_matrix(task.unknowns))
+    residual, variance = np.zeros((outcome.data.holds, 3)), np.ones((outcome.data.holds, 3))
+    for section in task.sections:
+        (linear,) = Rate(section).linearise(task)
+        residual[section.holds] = -linear.residual @ inverse.T
+        spread = inverse @ linear.covariance @ inverse.T
+        variance[section.holds] = np.diagonal(spread, axis1=1, axis2=2)
+    return residual, variance
+
+
+def _lever_arms(outcome: JointOutcome) -> Matrix | None:
+    x = outcome.values
+    return lever_arms_of(x, outcome.kept, np.real(rotation_of_frame(x, outcome.frame)))
+
+
+def _components(outcome: JointOutcome) -> dict[str, float]:
+    noise = outcome.task.noise
+    found = {
+        "accelerometer bias from hold to hold, m/s²": float(np.sqrt(noise["force"])),
+        "gyro bias from hold to hold, rad/s": float(np.sqrt(noise["rate"])),
+        "direction after a turn, rad": float(np.sqrt(noise["turn"])),
+        "sway of the pose within a hold, rad": float(np.sqrt(noise["sway"])),
+    }
+    if outcome.data.poses is not None:
+        found["placement beyond what the protocol says, rad"] = float(np.sqrt(noise["placement"]))
+    return found
+
+
+def _tells_all(start: Estimate) -> bool:
+    """Whether another procedure meant both triads, so that what it says of them holds here too."""
+    return all(
+        any(name.startswith(f"{kind}.matrix") for name in start.names)
+        for kind in ("accelerometer", "gyroscope")
+    )
+
+
+def _not_determined(outcome: JointOutcome) -> list[str]:
+    start = outcome.start
+    said = list(start.not_determined) if start is not None and _tells_all(start) else []
+    said = [sentence for sentence in said if sentence != NOT_ESTIMATED]
+    if not outcome.has_gyro:
+        said.append("The gyros: the recording has none.")
+    if outcome.untold is not None:
+        said += outcome.untold.sentences
+    return list(dict.fromkeys(said))
+
+
+def _objections(outcome: JointOutcome) -> list[str]:
+    poses, added = outcome.data.poses, float(np.sqrt(outcome.task.noise["placement"]))
+    if poses is None or added <= max(float(np.median(poses.sigma)), LEAST_OBJECTED):
+        return []
+    stated = float(np.median(poses.sigma))
+    said = (
+        f"The poses scatter by {np.degrees(added):.2g}° beyond the {np.degrees(stated):.2g}° that the protocol "
+        "promises: give the sigma that the fixture keeps, or place the unit better."
+    )
+    return [said]
+
+
+def _turn_scores(outcome: JointOutcome, model: ImuModel) -> tuple[Series, Series]:
+    if not outcome.has_gyro:
+        return np.full(outcome.data.holds, np.nan), np.full(outcome.data.holds, np.nan)
+    scores = score_turns(model, outcome.data.base)
+    return scores.angle, scores.size
+
+
+def _alone(outcome: JointOutcome) -> Settled:
+    """Solve once more with the noise seen at rest alone, and everything that was recorded."""
+    task = outcome.task.copy()
+    task.noise = rest_noise()
+    for kind in ("force", "rate", "turn", "pose"):
+        task.taking_part[kind][:] = True
+    return solve(task, once=True)
+
+
+def _norms(outcome: JointOutcome, model: ImuModel) -> tuple[Series, Series]:
+    base = outcome.data.base
+    norms = hold_norm_errors(model, base.force_mean, outcome.site.gravity)
+    assert model.accelerometer is not None
+    corrected = model.accelerometer.correct(base.force_mean)
+    along = (corrected / np.linalg.norm(corrected, axis=1, keepdims=True)) @ np.asarray(
+        np.linalg.inv(model.accelerometer.matrix), dtype=np.float64
+    )
+    variance = np.einsum("ka,kab,kb->k", along, base.force_covariance, along) + outcome.task.noise["force"]
+    return norms, np.sqrt(variance)
+
+
+def _turn_sigmas(outcome: JointOutcome) -> Series:
+    """Return (holds,) rad, what carried and seen directions are expected to differ by; NaN without a turn."""
+    data, noise, u = outcome.data, outcome.task.noise, outcome.task.unknowns
+    sigmas = np.full(data.holds, np.nan)
+    k = data.turns
+    if not k.size:
+        return sigmas
+    link = integrate_links(data, u, data.base.turn_start[k], data.base.turn_stop[k])
+    C = np.broadcast_to(np.eye(3), (k.size, 3, 3))
+    spread = link_covariance(data, C, link, u, np.zeros(k.size), own_bias=True)
+    across = 2.0 / 3.0 * np.trace(spread, axis1=1, axis2=2)
+    gravity = outcome.site.gravity
+    scale = np.sum(u["force.scale"] ** 2) / 3.0
+    ends = np.zeros(k.size)
+    for hold, part in ((k, slice(6, 9)), (k + 1, slice(0, 3))):
+        seen = np.trace(data.parts_covariance[hold][:, part, part], axis1=1, axis2=2) / 3.0
+        ends = ends + 2.0 * (seen / scale + noise["force"]) / gravity**2
+    more = 2.0 * (noise["turn"] + noise["rate"] * link.duration**2 + noise["sway"])
+    sigmas[k] = np.sqrt(across + ends + more)
+    return sigmas
+
+
+def _spins(outcome: JointOutcome) -> Spins:
+    """All rotations, with their residuals along each axis.
+
+    An angle that hardly anything checks leaves hardly any residual: its sigma is the residual's, not the angle's.
+    """
+    checked = outcome.balanced.tests.get("angle")
+    found = [chain.chain for chain in outcome.balanced.solution.chains()]
+    found = [c for c in found if any(isinstance(t.equations, RotationEquations) for t in c.terms)]
+    rates = np.zeros(len(found))
+    residuals, sigmas = np.full((len(found), 3), np.nan), np.full((len(found), 3), np.nan)
+    names: list[str] = []
+    for at, chain in enumerate(found):
+        last = {term.equations.kind: term for term in chain.terms}
+        links = last["links"].equations
+        assert isinstance(links, Links)
+        spin, k, axis_w = links.spin, links.stretch.k, links.moving.axis_w
+        axis_b = links.edges()[0].T @ axis_w
+        names.append(spin.name)
+        if "angle" in last and spin.angle is not None:
+            rates[at] = spin.angle / links.duration
+            residuals[at] = axis_b * float(last["angle"].raw[0, 0]) / links.duration
+            redundancy = 0.0 if checked is None else float(checked.redundancy[checked.place == k][0])
+            left = np.sqrt(max(redundancy, CHECKED_ANGLE))
+            sigmas[at] = left * max(spin.angle_sigma, LEAST_ANGLE_SIGMA) / links.duration
+        elif "table rate" in last and spin.turn_rate is not None:
+            of_rate = last["table rate"].equations
+            assert isinstance(of_rate, TableRate)
+            rates[at] = spin.turn_rate
+            residuals[at] = axis_b * float(last["table rate"].raw[0, 0]) / of_rate.seconds
+            sigmas[at] = max(spin.rate_sigma, 1e-9)
+    return Spins(rates, residuals, sigmas, tuple(names))
+
+
+def _largest(balanced: Balanced) -> float:
+    largest = 0.0
+    for kind, tests in balanced.tests.items():
+        checked = tests.degrees > 0
+        if kind not in ("rest", "swing", "parts", "angle") and np.any(checked):
+            ratio = np.sqrt(tests.statistic[checked] / tests.degrees[checked])
+            largest = max(largest, float(ratio.max()))
+    return largest
+
+
+def _left_out(balanced: Balanced, norms: Series, angles: Series) -> list[LeftOut]:
+    """What takes no part, each said by its own equations."""
+    of_kind: dict[str, Equations] = {}
+    for chain in balanced.solution.chains():
+        for equations in [t.equations for t in chain.chain.terms]:
+            of_kind.setdefault(equations.kind, equations)
+    made: list[LeftOut] = []
+    for outlier in balanced.outliers:
+        k, times = outlier.group, f"{outlier.normalised:.1f} times what the others show"
+        of = Angle if outlier.kind == "angle" else type(of_kind[outlier.kind])
+        what, why = of.say(k, times)
+        why = why.format(norm=f"{1e3 * norms[k]:+.1f} mm/s²", angle=f"{np.degrees(angles[k]):.2f}°")
+        made.append(LeftOut(what, k, why))
+    return made
+
+
+def _remarks(outcome: JointOutcome, parameters: list[NamedValue]) -> list[str]:
+    told = table_remarks(outcome.kept, {p.name: (p.value, p.standard_uncertainty) for p in parameters})
+    data, task = outcome.data, outcome.task
+    if data.rotations:
+        windows = sum(len(s.windows) for s in data.rotations.values())
+        told.append(
+            f"{len(data.rotations)} rotations of the table show gravity in {windows} windows while it turns, and "
+            f"{sum(task.reads_angle(k) for k in data.rotations)} angles that were read."
+        )
+        rated = sum(s.turn_rate is not None for s in data.rotations.values())
+        if rated:
+            told.append(
+                f"Of {rated} rotations the rate is believed, over as many whole revolutions as there are."
+            )
+    shaken = [factor for factor in task.noise.factors.get("windows", {}).values() if factor > 1.1]
+    if shaken:
+        worst = max(shaken)
+        told.append(
+            f"In {len(shaken)} of {len(data.rotations)} rotations the accelerometers scatter more than at rest, up to "
+            f"{np.sqrt(worst):.1f} times: the table shakes, and its windows count for less."
+        )
+    wobbles = [LEAST_WOBBLE * np.sqrt(factor) for factor in task.noise.factors.get("axis", {}).values()]
+    wobbling = [wobble for wobble in wobbles if wobble > 1e-5]
+    if wobbling:
+        told.append(
+            f"In {len(wobbling)} of {len(data.rotations)} rotations the axis wobbles, by up to "
+            f"{np.degrees(max(wobbling)) * 3600.0:.0f}″ (one sigma)."
+        )
+    if data.poses is not None:
+        told.append(_of_poses(outcome))
+    sway = float(np.sqrt(outcome.task.noise["sway"]))
+    if sway > 1e-6:
+        told.append(
+            f"Within a hold the pose sways by {1e3 * sway:.2g} mrad (one sigma, from its start to its end)."
+        )
+    told += restless_remarks(find_restless(data, outcome.task.noise, float(outcome.recording.time[0])))
+    if len(task.sections) > 1:
+        told.append(
+            f"The recording falls into {len(task.sections)} parts between which the gyros could not be followed; "
+            "each has a heading of its own."
+        )
+    return told
+
+
+def _of_poses(outcome: JointOutcome) -> str:
+    poses = outcome.data.poses
+    assert poses is not None
+    solution = outcome.balanced.solution
+    sigmas = np.sqrt(np.diag(solution.cofactor)[solution.unknowns.places(["fixture"])])
+    told = ", ".join(
+        f"{np.degrees(v):+.4f}° ± {np.degrees(s):.4f}° about {axis}"
+        for v, s, axis in zip(outcome.task.unknowns["fixture"], sigmas, "xyz", strict=True)
+    )
+    headings = int(np.count_nonzero(poses.has_heading))
+    return (
+        f"{poses.hold.size} poses are believed, {headings} with their heading, to "
+        f"{np.degrees(float(np.median(poses.sigma))):.2g}°; the sensors' axes lie in the fixture turned by {told}."
+    )

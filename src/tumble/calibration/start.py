@@ -1,0 +1,215 @@
+"""Where an adjustment starts: attitudes from gravity and the gyros, rough sensors, and triads that are missing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tumble.arrays import Matrices, Matrix, Square, Vectors, inverted
+from tumble.attitude.rotations import matrix_from_rotation_vector
+from tumble.calibration.equations.adjustment import JointAdjustment, Section
+from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.imu_unknowns import gyro_matrix, imu_unknowns
+from tumble.calibration.equations.observed import Observed
+from tumble.calibration.equations.pose_equations import align_with_poses
+from tumble.calibration.equations.rotation_equations import RotationState, start_rotation
+from tumble.calibration.equations.triad_unknowns import COUNT, triad_from_unknowns
+from tumble.calibration.equations.turn import HoldsAndTurns
+from tumble.calibration.equations.turn_equations import integrate_links
+from tumble.calibration.start_values import rough_gyro_matrix, rough_triad
+from tumble.earth import EARTH_RATE, Site
+from tumble.errors import ObservabilityError
+from tumble.estimation.balance import Noise
+from tumble.estimation.unknowns import Unknowns
+from tumble.recording.recording import Recording
+from tumble.segmentation import HoldMeans, Timeline
+from tumble.units import angular_rate_factor, specific_force_factor
+
+# A rough matrix whose entries are less certain than this share is no better than the unit's own name plate.
+ROUGH_ENOUGH = 0.03
+# Of a nominal scale, how far rough accelerometer values may be off before they are not believed.
+PLAUSIBLE = 0.3
+# By which a bias may wander, a turn err and a pose sway, as long as nobody knows better.
+START_FORCE, START_TURN, START_SWAY = 5e-3, 1e-3, 1e-4  # m/s², rad, rad
+
+
+def start_adjustment(data: Observed, u: Unknowns, site: Site) -> JointAdjustment:
+    """Return an adjustment with attitudes from gravity in each hold, and headings that the gyros carry.
+
+    Parameters
+    ----------
+    data, site : what was observed, and where.
+    u : start values.
+    """
+    level = attitudes_from_force(triad_from_unknowns(u.values[:COUNT]).correct(data.parts.reshape(-1, 3)))
+    level = level.reshape(-1, 3, 3, 3)
+    earth = np.zeros(3)
+    if site.latitude is not None:
+        earth[2] = -EARTH_RATE * np.sin(site.latitude)
+    made = JointAdjustment(data, site, u.copy())
+    carried = _carried(data, u)
+    for first, last in data.sections:
+        C = level[first:last].copy()
+        for k in range(first, last):
+            here = C[k - first]
+            here[1], here[2] = _same_heading(here[1], here[0]), _same_heading(here[2], here[0])
+            if k + 1 == last:
+                continue
+            if k in data.rotations:
+                made.rotations[k] = start_rotation(data, data.rotations[k], here[2], u, earth)
+                on = _carried_end(data, k, made.rotations[k], u)
+            else:
+                on = here[2] @ carried[k]
+            C[k + 1 - first, 0] = _same_heading(C[k + 1 - first, 0], on)
+        made.sections.append(Section(int(first), int(last), C, earth.copy()))
+    if data.poses is not None:
+        align_with_poses(made)
+    return made
+
+
+def attitudes_from_force(force_b: Vectors) -> Matrices:
+    """Return (rows, 3, 3) level attitudes C_wb of any heading from specific forces in b."""
+    down = -force_b / np.linalg.norm(force_b, axis=1, keepdims=True)
+    first = np.eye(3)[np.argmin(np.abs(down), axis=1)]
+    north = first - np.sum(first * down, axis=1, keepdims=True) * down
+    north /= np.linalg.norm(north, axis=1, keepdims=True)
+    east = np.asarray(np.cross(down, north), dtype=np.float64)
+    return np.stack([north, east, down], axis=1)
+
+
+def _carried(data: Observed, u: Unknowns) -> Matrices:
+    """(holds, 3, 3) what the gyros turn by hand from each hold to the next; zeros where they do not."""
+    C_se = np.zeros((data.holds, 3, 3))
+    k = np.array([k for k in data.turns.tolist() if k not in data.rotations], dtype=int)
+    if k.size:
+        C_se[k] = integrate_links(data, u, data.base.turn_start[k], data.base.turn_stop[k]).C_se
+    return C_se
+
+
+def _carried_end(data: Observed, k: int, rotation: RotationState, u: Unknowns) -> Square:
+    last = np.array([data.rotations[k].centres[-1]])
+    link = integrate_links(data, u, last, np.array([data.base.head[k + 1, 0] + 1]))
+    return np.asarray(rotation.C_wb[-1] @ link.C_se[0], dtype=np.float64)
+
+
+def _same_heading(level: Square, carried: Square) -> Square:
+    """Turn `level` about the vertical until it is as near to `carried` as it can be."""
+    across = carried @ level.T
+    heading = np.arctan2(across[1, 0] - across[0, 1], across[0, 0] + across[1, 1])
+    return np.asarray(matrix_from_rotation_vector(np.array([0.0, 0.0, heading])) @ level, dtype=np.float64)
+
+
+def rough_variances(base: HoldsAndTurns, u: Unknowns, *, has_gyro: bool) -> Noise:
+    """Return variances to start from where little is told: what residuals do not ask for goes away again.
+
+    Without them a bias that wanders from hold to hold would first be taken for an error of what nothing else tells.
+
+    Parameters
+    ----------
+    base, u, has_gyro : what was observed, and where the adjustment starts.
+    """
+    rate = 0.0
+    if has_gyro:
+        seen = base.rate_mean @ inverted(gyro_matrix(u)).T
+        rate = float(np.mean(np.median(np.abs(seen - np.median(seen, axis=0)), axis=0) / 0.6745)) ** 2
+    added = {"force": START_FORCE**2, "rate": rate, "turn": START_TURN**2, "sway": START_SWAY**2}
+    return Noise(added)
+
+
+def rough_start(recording: Recording, timeline: Timeline, means: HoldMeans, site: Site) -> Unknowns:
+    """Return rough values of both triads, of counts or SI alike.
+
+    Accelerometers from the norms of the holds, the gyros' matrix from how turns turn gravity, or nominal where
+    they tell too little.
+
+    Parameters
+    ----------
+    recording, timeline, means, site : as for `calibrate_joint`.
+
+    Raises
+    ------
+    ObservabilityError
+        If there is no accelerometer, or a gyro in counts that no turn tells the scale of.
+    """
+    if recording.specific_force is None or means.specific_force is None:
+        raise ObservabilityError(
+            "The recording has no accelerometer, and the joint estimator knows poses and turns from gravity: "
+            "record the accelerometers too, or spin the unit on a table and take --procedure rate-table."
+        )
+    u = imu_unknowns()
+    values = u.values
+    values[:COUNT] = rough_triad(means.specific_force, site.gravity)
+    factor = specific_force_factor(recording.specific_force_unit)
+    scale = values[3:6]
+    if factor is not None and np.any(np.abs(scale * factor - 1.0) > PLAUSIBLE):
+        values[:COUNT] = 0.0
+        values[3:6] = 1.0 / factor
+    u["gyro.matrix"][:] = np.eye(3).ravel()
+    if recording.angular_rate is not None and means.angular_rate is not None:
+        u["gyro.bias"][:] = np.median(means.angular_rate, axis=0)
+        u["gyro.matrix"][:] = _gyro_matrix(recording, timeline, u).ravel()
+    return u
+
+
+def _gyro_matrix(recording: Recording, timeline: Timeline, u: Unknowns) -> Matrix:
+    assert recording.specific_force is not None
+    assert recording.angular_rate is not None
+    factor = angular_rate_factor(recording.angular_rate_unit)
+    force = triad_from_unknowns(u.values[:COUNT]).correct(recording.specific_force)
+    stretches = [
+        (timeline.holds[t.before].stop - 1, timeline.holds[t.after].start + 1)
+        for t in timeline.turns
+        if t.usable
+    ]
+    try:
+        forward, covariance = rough_gyro_matrix(
+            recording.time, recording.angular_rate, force, u["gyro.bias"], stretches
+        )
+    except ValueError as error:
+        if factor is None:
+            raise ObservabilityError(
+                f"The gyros count in unknown units, and the turns do not tell their scale: {error}. Turn the unit "
+                "about each of its axes while that axis lies level, or say the unit with --units."
+            ) from error
+        return np.eye(3) / factor
+    size = float(np.linalg.norm(forward)) / np.sqrt(3.0)
+    certain = float(np.sqrt(np.max(np.diag(covariance)))) < ROUGH_ENOUGH * size
+    if factor is not None and not certain:
+        return np.eye(3) / factor
+    return inverted(forward)
+
+
+def gather_what_there_is(
+    recording: Recording, timeline: Timeline, means: HoldMeans
+) -> tuple[HoldsAndTurns, bool]:
+    """Return holds and turns, and whether there is a gyro; without one the rates are zeros that nobody asks.
+
+    Parameters
+    ----------
+    recording, timeline, means : as for `calibrate_joint`.
+
+    Raises
+    ------
+    ObservabilityError
+        If there is no accelerometer.
+    """
+    if recording.angular_rate is not None and means.angular_rate is not None:
+        return gather(recording, timeline, means), True
+    if recording.specific_force is None:
+        raise ObservabilityError("The recording has no accelerometer: nothing tells its poses.")
+    still = np.zeros_like(recording.specific_force)
+    holds = means.count.size
+    floor = replace(timeline.noise_floor, angular_rate=np.full(3, 1e-9))
+    base = gather(
+        replace(recording, angular_rate=still),
+        replace(timeline, noise_floor=floor),
+        replace(
+            means,
+            angular_rate=np.zeros((holds, 3)),
+            angular_rate_covariance=np.broadcast_to(1e-12 * np.eye(3), (holds, 3, 3)).copy(),
+        ),
+    )
+    base.turn_start[:] = -1
+    base.turn_stop[:] = -1
+    return base, False

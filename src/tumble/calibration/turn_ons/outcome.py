@@ -1,0 +1,352 @@
+"""One unit from several recordings: from their own joint estimates to the common one, with optional terms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tumble.arrays import Series, Square, inverted
+from tumble.calibration.equations.imu_unknowns import FORCE_ALONE, LAYOUT, PLAIN, gyro_matrix, name_plate
+from tumble.calibration.estimate import TermTest
+from tumble.calibration.observability import TOLD, find_untold
+from tumble.calibration.optional_terms import (
+    OF_FORCE,
+    ON_TABLES,
+    TERM_LIMIT,
+    TERMS,
+    offered_terms,
+    shared_scatter,
+    term_test,
+    unknowns_with,
+)
+from tumble.calibration.outcome.estimate import JointOutcome
+from tumble.calibration.turn_ons.adjustment import (
+    SeveralSolution,
+    Told,
+    TurnOn,
+    balance_several,
+    others_prior,
+    own_equations,
+    solve_several,
+    stable_values,
+    tell,
+    with_free,
+)
+from tumble.calibration.turn_ons.biases import disagreement
+from tumble.errors import ObservabilityError, UsageError
+from tumble.estimation.solve import settled_at
+
+# Recordings whose stable parameters differ as chance does once in so many are no one unit's, if they differ by more
+# than any unit's scale factors and angles change from one day to the next (a MEMS unit over 40 °C: 0.2 %, 2 mrad).
+ANOTHER_UNIT, LARGEST_CHANGE = 1e-6, 3e-3
+
+
+@dataclass(slots=True)
+class SeveralOutcome:
+    """A settled adjustment of several recordings of one unit.
+
+    Attributes
+    ----------
+    solution : of all of them.
+    terms : tests of the optional terms, on all recordings together.
+    own : (recordings, stable) what each recording tells by itself, and its covariance; an unknown that it does not
+        tell is as uncertain as a name plate leaves it.
+    """
+
+    solution: SeveralSolution
+    terms: list[TermTest]
+    own: list[tuple[Series, Square]]
+
+    @property
+    def kept(self) -> frozenset[str]:
+        """Names of the optional terms that are wanted."""
+        return frozenset(test.name for test in self.terms if test.kept)
+
+
+def adjust_several(
+    names: Sequence[str], outcomes: Sequence[JointOutcome], *, optional_terms: bool = True
+) -> SeveralOutcome:
+    """Adjust several recordings of one unit together.
+
+    Parameters
+    ----------
+    names : of the recordings, for words.
+    outcomes : of each one's own joint adjustment.
+    optional_terms : try g-sensitivity, quadratic terms and asymmetries on all recordings, keep what the data want.
+
+    Raises
+    ------
+    UsageError
+        If the recordings are not of one unit.
+    ObservabilityError
+        If all recordings together do not tell the unit.
+    ConvergenceError
+        If the adjustment does not settle.
+    """
+    parts = [TurnOn.of(name, outcome) for name, outcome in zip(names, outcomes, strict=True)]
+    # Terms that are left out go into scale factors and angles, by the way that each recording was turned.
+    found = {name for name in TERMS if any(_has(outcome, name) for outcome in outcomes)}
+    # By what was recorded alone: a prior of another unit would make one of the recordings the stranger.
+    alone = [replace(part, outcome=replace(part.outcome, knowledge=None)) for part in parts]
+    refuse_another_unit([with_free(part, _free(part, [*(found | {"g_sensitivity"})])) for part in alone])
+    chosen = [*found] if optional_terms else []
+    adjusted = [with_free(part, _free(part, chosen)) for part in parts]
+    _refuse_untold(adjusted)
+    tests: list[TermTest] = []
+    if optional_terms:
+        chosen, tests = _wanted(parts, found)
+        adjusted = [with_free(part, _free(part, chosen)) for part in parts]
+    solution = balance_several(solve_several(adjusted))
+    return SeveralOutcome(solution, tests, _estimates(solution.parts, solution.stable, solution.told))
+
+
+def _has(outcome: JointOutcome, term: str) -> bool:
+    """Whether a recording by itself was adjusted with an optional term."""
+    return bool(np.all(np.isin(TERMS[term].unknowns, outcome.task.unknowns.free)))
+
+
+def _free(part: TurnOn, terms: Sequence[str]) -> np.ndarray:
+    """The unknowns of a recording with these terms; without a gyro none of gyros."""
+    has_gyro = part.outcome.has_gyro
+    plain = [PLAIN if has_gyro else FORCE_ALONE]
+    if part.task.data.poses is not None:
+        plain.append(LAYOUT.indices("fixture"))
+    return unknowns_with(np.concatenate(plain), [term for term in terms if _may_have(part, term)])
+
+
+def _may_have(part: TurnOn, term: str) -> bool:
+    """Whether a recording can have a term: gyros' ones a unit with gyros, a table's ones one on a table."""
+    if term in ON_TABLES:
+        return bool(part.task.data.rotations)
+    return part.outcome.has_gyro or TERMS[term].shown_by != "gyro"
+
+
+def _wanted(parts: list[TurnOn], found: set[str]) -> tuple[list[str], list[TermTest]]:
+    """Try all terms at once on all recordings, drop the least significant until every one left is wanted.
+
+    What only tables show is tried where a recording by itself has `found` it.
+    """
+    has_gyro = any(part.outcome.has_gyro for part in parts)
+    names = offered_terms(has_gyro=has_gyro) + [name for name in ON_TABLES if name in found]
+    tests: dict[str, TermTest] = {}
+    while names:
+        trial = [with_free(part, _free(part, names)) for part in parts]
+        try:
+            solution = solve_several(trial)
+        except ObservabilityError:
+            names.pop()
+            continue
+        shared = _shared_scatter(solution)
+        tests.update({name: _test(name, solution, shared) for name in names})
+        weakest = max(names, key=lambda name: tests[name].probability)
+        if tests[weakest].kept:
+            break
+        names.remove(weakest)
+    return names, list(tests.values())
+
+
+def _test(name: str, solution: SeveralSolution, shared: Square) -> TermTest:
+    """Of the accelerometers' terms the less significant: with and without what neighbouring holds share."""
+    at = np.searchsorted(solution.stable, TERMS[name].unknowns)
+    own, here = np.ix_(at, at), solution.values[at]
+    taken = [solution.covariance[own]]
+    if name in OF_FORCE:
+        taken.append(taken[0] + shared[own])
+    tests = [term_test(name, here, matrix, solution.redundancy, TERM_LIMIT) for matrix in taken]
+    return max(tests, key=lambda test: test.probability)
+
+
+def _shared_scatter(solution: SeveralSolution) -> Square:
+    """Return (stable, stable) by how much the covariance of what recordings have in common would differ.
+
+    Recordings with a table's rotations are left as they are. Each tells ``P_i x_i``, and together ``C Σ P_i x_i``: a
+    change D_i of the covariance of x_i is ``C P_i D_i P_i C`` of the whole.
+    """
+    size = solution.stable.size
+    total = np.zeros((size, size))
+    for part, told in zip(solution.parts, solution.told, strict=True):
+        if part.task.rotations:
+            continue
+        change = _scatter_of_one(part)
+        place, at = np.searchsorted(solution.stable, part.stable), part.task.unknowns.places(part.stable)
+        weights = told.precision[:, place]
+        total += weights @ change[np.ix_(at, at)] @ weights.T
+    covariance = solution.covariance[:size, :size]
+    return covariance @ total @ covariance
+
+
+def _scatter_of_one(part: TurnOn) -> Square:
+    """Of a recording by itself; zeros where it does not tell its unknowns alone."""
+    task = replace(part.task, prior=part.given)
+    try:
+        solution = settled_at(task)
+    except ObservabilityError:
+        return np.zeros((part.free.size, part.free.size))
+    return part.scale * shared_scatter(task, solution)
+
+
+def refuse_another_unit(parts: Sequence[TurnOn]) -> None:
+    """Refuse recordings that are not of one unit.
+
+    Parameters
+    ----------
+    parts : each at its own solution.
+
+    Raises
+    ------
+    UsageError
+        If scale factors or angles of one differ from the others' as no unit's do.
+    """
+    stable = np.unique(np.concatenate([part.stable for part in parts]))
+    told = [tell(part, stable) for part in parts]
+    own = _estimates(parts, stable, told)
+    worst: tuple[float, int, int, float] | None = None
+    for k, (estimate, covariance) in enumerate(own):
+        others = [i for i in range(len(parts)) if i != k]
+        mean, spread = _weighted([own[i] for i in others])
+        probability = _probability(estimate - mean, covariance + spread)
+        change = np.abs(estimate - mean) / _sizes(parts[k], stable)
+        # Only what is told well enough to be seen as another.
+        sigma = np.sqrt(np.diag(covariance + spread)) / _sizes(parts[k], stable)
+        change = np.where(sigma < LARGEST_CHANGE / 3.0, change, 0.0)
+        at = int(np.argmax(change))
+        found = (probability, k, int(stable[at]), float(change[at]))
+        if (
+            probability < ANOTHER_UNIT
+            and change[at] > LARGEST_CHANGE
+            and (worst is None or found[3] > worst[3])
+        ):
+            worst = found
+    if worst is None:
+        return
+    _, k, unknown, change = worst
+    rest = [part.name for i, part in enumerate(parts) if i != k]
+    raise UsageError(
+        f"{parts[k].name} and {' and '.join(rest[:2])}{' …' if len(rest) > 2 else ''} are not of one unit: "
+        f"{LAYOUT.label(unknown)} differs by {100.0 * change:.2g} %, which no unit's does from one day to the next. "
+        "Calibrate each unit by itself."
+    )
+
+
+def _sizes(part: TurnOn, stable: np.ndarray) -> Series:
+    """What an error of 1 of each unknown is: scale factors relative, angles in rad; terms do not count."""
+    u = part.outcome.task.unknowns
+    sizes = u.at(np.full(u.values.size, np.inf))
+    sizes["force.scale"][:] = np.abs(u["force.scale"])
+    sizes["force.angle"][:] = 1.0
+    sizes["gyro.matrix"][:] = np.repeat(np.linalg.norm(gyro_matrix(u), axis=1), 3)
+    return sizes.values[stable]
+
+
+def _refuse_untold(parts: Sequence[TurnOn]) -> None:
+    stable = np.unique(np.concatenate([part.stable for part in parts]))
+    told = [tell(part, stable) for part in parts]
+    for k, part in enumerate(parts):
+        normal, _ = own_equations(part)
+        others = [told[i] for i in range(len(parts)) if i != k]
+        prior = others_prior(part, stable, others)
+        free = np.ix_(part.free, part.free)
+        untold = find_untold(normal + prior.precision[free], part.task.unknowns)
+        if untold is not None:
+            raise ObservabilityError(
+                f"{part.name}, with all that the other recordings tell: {untold.sentences[0]}"
+            )
+
+
+def _estimates(
+    parts: Sequence[TurnOn], stable: np.ndarray, told: Sequence[Told]
+) -> list[tuple[Series, Square]]:
+    """What each recording tells by itself, with its covariance, about where all are."""
+    at = stable_values(parts, stable)
+    made: list[tuple[Series, Square]] = []
+    for part, own in zip(parts, told, strict=True):
+        plate = name_plate(part.task.unknowns)[stable]
+        sizes = np.where((plate > 0.0) & np.isfinite(plate), plate, 1.0)
+        scaled = own.precision * np.outer(sizes, sizes) + np.eye(stable.size) * NAME_PLATE_WEIGHT
+        covariance = inverted(scaled) * np.outer(sizes, sizes)
+        made.append((at + covariance @ (own.right - own.precision @ at), covariance))
+    return made
+
+
+# So little that it takes nothing from what a recording tells, and keeps finite what it does not.
+NAME_PLATE_WEIGHT = 1e-4
+
+
+def tells(covariance: Square, part: TurnOn, stable: np.ndarray) -> np.ndarray:
+    """Return which of the stable unknowns a recording tells by itself, (stable,) of bool.
+
+    Parameters
+    ----------
+    covariance : of its own estimate.
+    part, stable : the recording, and the indices.
+    """
+    plate = name_plate(part.task.unknowns)[stable]
+    return np.isin(stable, part.stable) & (np.sqrt(np.diag(covariance)) < TOLD * plate)
+
+
+def _weighted(estimates: Sequence[tuple[Series, Square]]) -> tuple[Series, Square]:
+    precisions = [inverted(covariance) for _, covariance in estimates]
+    covariance = inverted(sum(precisions[1:], precisions[0]))
+    right = [p @ value for p, (value, _) in zip(precisions, estimates, strict=True)]
+    return covariance @ sum(right[1:], right[0]), covariance
+
+
+def _probability(difference: Series, covariance: Square) -> float:
+    from scipy.special import chdtrc
+
+    scale = 1.0 / np.sqrt(np.diag(covariance))
+    squares = float(
+        (scale * difference) @ np.linalg.solve(covariance * np.outer(scale, scale), scale * difference)
+    )
+    return float(chdtrc(difference.size, squares))
+
+
+def whole_disagreement(outcome: SeveralOutcome) -> tuple[float, int, float]:
+    """Return chi-square, degrees of freedom and probability of all differences between the recordings.
+
+    Parameters
+    ----------
+    outcome : settled.
+    """
+    solution = outcome.solution
+    scale = max(1.0, solution.sigma0) ** 2 if np.isfinite(solution.sigma0) else 1.0
+    return disagreement(
+        [value for value, _ in outcome.own],
+        [scale * covariance for _, covariance in outcome.own],
+        [own.precision / scale for own in solution.told],
+        solution.values,
+    )
+
+
+def settled_outcome(outcome: SeveralOutcome, index: int) -> JointOutcome:
+    """Return a recording's outcome at the common solution.
+
+    Parameters
+    ----------
+    outcome : of all.
+    index : of the recording.
+    """
+    part = outcome.solution.parts[index]
+    assert part.balanced is not None
+    balanced = replace(part.balanced, outliers=part.outliers)
+    return replace(
+        part.outcome,
+        task=part.task,
+        balanced=balanced,
+        terms=outcome.terms,
+        start=None,
+        untold=None,
+        frame="accelerometer-x",
+    )
+
+
+__all__ = [
+    "SeveralOutcome",
+    "adjust_several",
+    "refuse_another_unit",
+    "settled_outcome",
+    "tells",
+    "whole_disagreement",
+]

@@ -1,0 +1,220 @@
+"""What a kind of observation is to the estimator: residuals with derivatives and noise, and words for an outlier.
+
+An estimator that knows `Equations` alone adds them up, balances their noise, leaves outliers out, splits an
+uncertainty by its causes and says how large an error would go unnoticed. What is observed is their own business.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Series, Table
+
+# Factor on the variance of an observation that is left out: it is made all but worthless and not taken away, for a
+# chain without a link would have no heading.
+LEFT_OUT = 1e10
+# Eigenvalues of a redundancy below this are directions that nothing checks.
+CHECKED = 0.05
+
+
+@dataclass(slots=True)
+class Linear:
+    """Residuals at a state, with their derivatives: all of one kind of one chain, as arrays.
+
+    Attributes
+    ----------
+    residual : (terms, m) predicted minus observed.
+    covariance : (terms, m, m) of the observations.
+    by_border : (terms, m, border) derivatives by the chain's border: its own unknowns, then those outside.
+    node : (terms,) the node that each depends on; empty for terms of the border alone.
+    by_node, by_next : (terms, m, size) derivatives by that node, and by the one after it; None without.
+    active : (terms,) of bool, whether each takes part; None for all.
+    counted : how many observations they are, if not as many as active residuals.
+    by_bias : (terms, m, axes) derivatives by the bias whose wander the terms show; None if they show none.
+    """
+
+    residual: AnyArray
+    covariance: AnyArray
+    by_border: AnyArray
+    node: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    by_node: AnyArray | None = None
+    by_next: AnyArray | None = None
+    active: np.ndarray | None = None
+    counted: int | None = None
+    by_bias: AnyArray | None = None
+
+    @property
+    def weighed(self) -> AnyArray:
+        """Covariance with what is left out made all but worthless."""
+        if self.active is None:
+            return self.covariance
+        return np.where(self.active, 1.0, LEFT_OUT)[:, None, None] * self.covariance
+
+    @property
+    def observations(self) -> int:
+        """How many observations they are."""
+        if self.counted is not None:
+            return self.counted
+        terms = len(self.residual) if self.active is None else int(np.count_nonzero(self.active))
+        return terms * self.residual.shape[1]
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """One way to test the residuals of a kind.
+
+    Attributes
+    ----------
+    name : of the test.
+    projection : (p, m) or (terms, p, m), what of the residuals is looked at; None for all of them.
+    scale : (p,) squared raw units per SI unit.
+    least : eigenvalue of the redundancy below which a direction is not checked.
+    pulled : whether a small variance pulls the residuals to nothing, so that what would be seen of a larger one is
+        the variance over the redundancy.
+    """
+
+    name: str
+    projection: AnyArray | None = None
+    scale: Series | None = None
+    least: float = CHECKED
+    pulled: bool = False
+
+    def of(self, terms: np.ndarray | slice) -> View:
+        """Return the same of some of the terms."""
+        if self.projection is None or self.projection.ndim == 2:
+            return self
+        return replace(self, projection=self.projection[terms])
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """How terms show what a bias wanders by.
+
+    Attributes
+    ----------
+    start, stop : (terms,) s.
+    by_bias : (terms, m, axes) derivatives by the bias, raw.
+    independent : (terms, m, m) covariance that the adjustment gives the wander, each term for itself.
+    """
+
+    start: Series
+    stop: Series
+    by_bias: AnyArray
+    independent: AnyArray
+
+
+class Equations:
+    """Observations of one kind along one chain; a class of its own for each kind.
+
+    Attributes
+    ----------
+    kind : its name.
+    place : (terms,) which hold, turn or rotation each belongs to; -1 for none.
+    cause : what its noise is called in a budget, where it has one cause only.
+    """
+
+    kind: str = ""
+    cause: str = ""
+    place: np.ndarray
+
+    def linearise(self, state: Any) -> Sequence[Linear]:
+        """Return residuals with derivatives at a state; several where not all depend on the same nodes."""
+        raise NotImplementedError
+
+    def views(self, state: Any, linear: Linear) -> Sequence[View]:
+        """Return how the residuals are tested; empty if they are not."""
+        return ()
+
+    def causes(self, state: Any, linear: Linear) -> dict[str, AnyArray]:
+        """Return cause -> (terms, m, m), covariances that add up to the terms' own."""
+        return {self.cause: linear.covariance}
+
+    def drifts(self, state: Any, linear: Linear, first: int) -> dict[str, Drift]:
+        """Return cause -> how the terms show a bias that wanders; `first` terms came before these."""
+        return {}
+
+    def directions(self, state: Any) -> Table | None:
+        """Return (m, d) raw errors per SI unit, of each direction that is looked at for one; None for no look."""
+        return None
+
+    @staticmethod
+    def say(index: int, times: str) -> tuple[str, str]:
+        """Return what is left out ("hold", "turn", "spin"), and why, of an outlier `times` as large as the others."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, slots=True)
+class Tests:
+    """Tests of every observation of one kind against what noise and redundancy make of it.
+
+    Attributes
+    ----------
+    place : (terms,) which hold, turn or rotation.
+    statistic : (terms,) chi-square with `degrees` if the noise given is the true one.
+    degrees : (terms,) how many of its directions something else checks.
+    square : (terms,) sum of squared whitened residuals.
+    redundancy : (terms,) what is left of its observations to check it, the trace of a matrix.
+    redundancy_square : (terms,) the trace of that matrix's square.
+    variance : (terms,) SI², typical of one component.
+    residual : (terms, p) raw or rad.
+    """
+
+    place: np.ndarray
+    statistic: Series
+    degrees: np.ndarray
+    square: Series
+    redundancy: Series
+    redundancy_square: Series
+    variance: Series
+    residual: AnyArray
+
+    def where(self, taken: np.ndarray) -> Tests:
+        """Return the tests of some of them, (terms,) of bool."""
+        return Tests(*(getattr(self, f.name)[taken] for f in fields(self)))
+
+    @staticmethod
+    def together(parts: Sequence[Tests]) -> Tests:
+        """Return tests of one kind of several chains as one."""
+        return Tests(*(np.concatenate([getattr(t, f.name) for t in parts]) for f in fields(Tests)))
+
+
+def tested(place: np.ndarray, residual: AnyArray, covariance: AnyArray, taken: AnyArray, view: View) -> Tests:
+    """Return the tests of adjusted residuals.
+
+    Parameters
+    ----------
+    place : (terms,).
+    residual, covariance : (terms, m), (terms, m, m) of the observations.
+    taken : (terms, m, m) covariance of the adjusted observations.
+    view : how they are looked at.
+    """
+    if view.projection is not None:
+        P = view.projection
+        residual = np.einsum("...ij,...j->...i", P, residual)
+        covariance, taken = (P @ C @ np.swapaxes(P, -1, -2) for C in (covariance, taken))
+    inverse = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=np.float64)
+    white = np.einsum("tij,tj->ti", inverse, residual)
+    left = np.eye(residual.shape[1]) - inverse @ taken @ np.swapaxes(inverse, 1, 2)
+    values, vectors = np.linalg.eigh(0.5 * (left + np.swapaxes(left, 1, 2)))
+    checked = values > max(view.least, 1e-12)
+    along = np.einsum("tji,tj->ti", vectors, white)
+    squares = np.where(checked, along**2 / np.where(checked, values, 1.0), 0.0)
+    scale = np.ones(residual.shape[1]) if view.scale is None else view.scale
+    variance = 1.0 / np.mean(scale / np.diagonal(covariance, axis1=1, axis2=2), axis=1)
+    redundancy = np.trace(left, axis1=1, axis2=2)
+    if view.pulled:
+        variance = variance * residual.shape[1] / np.maximum(redundancy, 1e-12)
+    return Tests(
+        place,
+        squares.sum(axis=1),
+        checked.sum(axis=1),
+        np.sum(white**2, axis=1),
+        redundancy,
+        np.sum(left**2, axis=(1, 2)),
+        variance,
+        residual,
+    )

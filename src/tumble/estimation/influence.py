@@ -1,0 +1,175 @@
+"""What each observation does to the shared unknowns, told apart by source of error.
+
+At the solution the estimate is linear in the errors of the observations: ``dx = N^-1 J' e`` with whitened errors e.
+Everything that was eliminated stands in N too, so that the gain of a term is ``Cov[shared, what the term depends on]
+J'``, and the covariance is the sum of ``G G'`` over all terms. A term whose covariance has several causes is split
+among them: ``G (L^-1 S L^-T) G'`` for each part S of ``L L'``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Square, Vector
+from tumble.estimation.chain import Spread, Whitened
+from tumble.estimation.equations import Drift, Equations
+from tumble.estimation.gauss_helmert import Prior
+from tumble.estimation.settled import Settled
+from tumble.estimation.wander import shared_wander
+
+PRIOR, OUTLYING = "prior", "observations left out"
+
+
+@dataclass(frozen=True, slots=True)
+class Influence:
+    """One kind of observations of one chain.
+
+    Attributes
+    ----------
+    kind : of the equations.
+    place : (terms,) which hold, turn or rotation; -1 where it is none.
+    active : (terms,) whether each takes part.
+    gain : (terms, unknowns, m) by how much whitened errors move the free unknowns.
+    parts : source -> (terms, m, m), the whitened covariance that it causes; they add up to the identity.
+    taken : (terms, m, m) whitened covariance of the adjusted observations; None for what is not tested.
+    root : (terms, m, m) Cholesky factor of the covariance: raw errors are ``root @ whitened``.
+    drifts : source -> how its terms, whitened, show what a bias wanders by.
+    equations : what was observed; None for what is believed beforehand.
+    """
+
+    kind: str
+    place: np.ndarray
+    active: np.ndarray
+    gain: AnyArray
+    parts: dict[str, AnyArray]
+    taken: AnyArray | None
+    root: AnyArray
+    drifts: dict[str, Drift] = field(default_factory=dict[str, Drift])
+    equations: Equations | None = None
+
+    def share(self, source: str) -> Square:
+        """Return (unknowns, unknowns) what a source adds to the covariance by these observations."""
+        part = self.parts.get(source)
+        if part is None:
+            return np.zeros((self.gain.shape[1], self.gain.shape[1]))
+        return np.einsum("tam,tmn,tbn->ab", self.gain, part, self.gain, optimize=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Influences:
+    """All of them, and the covariance (unknowns, unknowns) of the free unknowns that their shares add up to.
+
+    Attributes
+    ----------
+    each : the observations' own.
+    covariance : of the free unknowns.
+    neighbours : source -> (unknowns, unknowns), by how much it differs from that of independent observations because
+        biases of neighbours wander together; part of `covariance`.
+    """
+
+    each: list[Influence]
+    covariance: Square
+    neighbours: dict[str, Square] = field(default_factory=dict[str, Square])
+
+    @property
+    def independent(self) -> Square:
+        """Covariance (unknowns, unknowns) as it would be were each observation's wander its own."""
+        return self.covariance - self.shared
+
+    @property
+    def shared(self) -> Square:
+        """By how much the covariance is that of wanders in common and not of independent ones."""
+        return sum(self.neighbours.values(), np.zeros(self.covariance.shape))
+
+    def shares(self, order: Sequence[str]) -> dict[str, Square]:
+        """Return source -> (unknowns, unknowns) share of the covariance, of the sources that there are.
+
+        Parameters
+        ----------
+        order : all sources, as a budget shows them.
+        """
+        there = {source for influence in self.each for source in influence.parts}
+        made: dict[str, Square] = {}
+        for source in order:
+            if source in there:
+                total = np.zeros(self.covariance.shape)
+                for influence in self.each:
+                    if source in influence.parts:
+                        total = total + influence.share(source)
+                made[source] = total + self.neighbours.get(source, 0.0)
+        return made
+
+
+def influences_of(
+    settled: Settled, prior: Prior | None, densities: Mapping[str, Vector], span: tuple[float, float]
+) -> Influences:
+    """Return what each observation does to the free unknowns.
+
+    Parameters
+    ----------
+    settled : with its equations where everything is; see `solve.settled_at`.
+    prior : what was believed of all unknowns beforehand.
+    densities : source -> (3,) raw², by which a triad's biases wander per unit of ``ln f``.
+    span : s, of the recording.
+    """
+    made: list[Influence] = []
+    before: dict[tuple[int, str], int] = {}
+    for number, spread in enumerate(settled.spreads()):
+        for term in spread.chain.chain.terms:
+            key = number, term.equations.kind
+            made.append(_of_term(settled, spread, term, before.get(key, 0)))
+            before[key] = before.get(key, 0) + len(term.residual)
+    if prior is not None:
+        values, vectors = np.linalg.eigh(prior.precision)
+        rows = vectors[settled.unknowns.free]
+        made.append(_of_prior((settled.cofactor @ rows) * np.sqrt(np.maximum(values, 0.0))))
+    neighbours: dict[str, Square] = {}
+    for source, density in densities.items():
+        drifts = [(i.drifts[source], i.gain) for i in made if source in i.drifts]
+        if drifts and np.any(density > 0.0):
+            neighbours[source] = shared_wander(drifts, density, span)
+    return Influences(made, settled.cofactor + sum(neighbours.values(), np.zeros(())), neighbours)
+
+
+def _of_term(settled: Settled, spread: Spread, term: Whitened, first: int) -> Influence:
+    linear, state, root = term.linear, settled.state, term.root
+    active = np.ones(len(root), dtype=bool) if linear.active is None else linear.active
+    inverse = np.asarray(np.linalg.inv(root), dtype=np.float64)
+    turned = np.swapaxes(inverse, 1, 2)
+    parts = {
+        source: active[:, None, None] * (inverse @ part @ turned)
+        for source, part in term.equations.causes(state, linear).items()
+    }
+    if not np.all(active):
+        parts[OUTLYING] = ~active[:, None, None] * np.eye(root.shape[1])
+    drifts = {
+        source: Drift(d.start, d.stop, inverse @ d.by_bias, inverse @ d.independent @ turned)
+        for source, d in term.equations.drifts(state, linear, first).items()
+    }
+    taken = spread.taken(term) if term.equations.views(state, linear) else None
+    return Influence(
+        term.equations.kind,
+        _places(term),
+        active,
+        spread.gain(term, settled.unknowns.free.size),
+        parts,
+        taken,
+        root,
+        drifts,
+        term.equations,
+    )
+
+
+def _places(term: Whitened) -> np.ndarray:
+    """Of each residual; those of one rotation all have its place."""
+    place = term.equations.place
+    return place if len(place) == len(term.root) else np.full(len(term.root), place[0])
+
+
+def _of_prior(gain: AnyArray) -> Influence:
+    size = gain.shape[1]
+    unit = np.eye(size)[None]
+    return Influence("prior", np.array([-1]), np.ones(1, dtype=bool), gain[None], {PRIOR: unit}, None, unit)

@@ -1,0 +1,91 @@
+"""A settled estimate: where everything is, how well it is known, and how well the observations check each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tumble.arrays import Square
+from tumble.estimation.chain import Eliminated, Spread
+from tumble.estimation.equations import Tests, tested
+from tumble.estimation.unknowns import Unknowns
+
+
+@dataclass(slots=True)
+class Settled:
+    """The solution of any adjustment.
+
+    Attributes
+    ----------
+    state : what the equations were asked at, moved to the solution.
+    unknowns : the shared ones, at the solution.
+    chain : the equations of everything, at the last linearisation; its outside are the free unknowns.
+    cofactor : (free, free), their covariance if the noise given is the true one.
+    square_sum, redundancy : of all residuals, and of what is left to check them.
+    iterations : how many it took.
+    """
+
+    state: Any
+    unknowns: Unknowns
+    chain: Eliminated
+    cofactor: Square
+    square_sum: float
+    redundancy: int
+    iterations: int
+    _tests: dict[str, Tests] | None = None
+
+    @property
+    def sigma0(self) -> float:
+        """Square root of the variance of unit weight; NaN where nothing is checked."""
+        if self.redundancy <= 0:
+            return float("nan")
+        return float(np.sqrt(max(self.square_sum, 0.0) / self.redundancy))
+
+    @property
+    def unit_weight(self) -> float:
+        """Variance of unit weight, 1 at least: what the observations weigh less than they say."""
+        return max(1.0, self.square_sum / self.redundancy) if self.redundancy > 0 else 1.0
+
+    def spreads(self) -> Iterator[Spread]:
+        """Yield the covariances of every chain."""
+        return Spread.of(self.chain, self.cofactor).walk()
+
+    def chains(self) -> Iterator[Eliminated]:
+        """Yield every chain."""
+        waiting = [self.chain]
+        while waiting:
+            chain = waiting.pop(0)
+            yield chain
+            waiting += [inner for _, inner in chain.within]
+
+    def tests(self) -> dict[str, Tests]:
+        """Return the tests of all residuals that are tested, by the name of the test."""
+        if self._tests is None:
+            self._tests = self._tested()
+        return self._tests
+
+    def _tested(self) -> dict[str, Tests]:
+        found: dict[str, list[Tests]] = {}
+        for spread in self.spreads():
+            for term in spread.chain.chain.terms:
+                active = term.linear.active
+                if active is not None and not np.any(active):
+                    continue
+                views = term.equations.views(self.state, term.linear)
+                if not views:
+                    continue
+                taken = term.root @ spread.taken(term) @ np.swapaxes(term.root, 1, 2)
+                chosen = slice(None) if active is None else active
+                for view in views:
+                    made = tested(
+                        term.equations.place[chosen],
+                        term.raw[chosen],
+                        term.linear.covariance[chosen],
+                        taken[chosen],
+                        view.of(chosen),
+                    )
+                    found.setdefault(view.name, []).append(made)
+        return {name: Tests.together(parts) for name, parts in found.items()}

@@ -1,0 +1,145 @@
+"""Biases that wander (1/f noise): cosines over a stretch of time, and what neighbouring stretches share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Series, Square, Vector, inverted
+from tumble.estimation.equations import Drift
+
+# Cosines over a rotation in which a bias wanders, at least, a revolution, and at most; what is faster is as good
+# as white. Gravity goes round once a revolution, which is two of them for its cosine; its sine takes many, and what
+# they left out of it would seem free of wander.
+FEWEST_MODES, MODES_A_REVOLUTION, MOST_MODES = 8, 6, 32
+
+
+def mode_count(windows: int, revolutions: float) -> int:
+    """Return how many cosines stand for a wander over so many windows in which a table goes round so often."""
+    return min(max(FEWEST_MODES, int(np.ceil(MODES_A_REVOLUTION * revolutions))), MOST_MODES, windows - 1)
+
+
+def wander_basis(places: Series, count: int) -> tuple[AnyArray, Series]:
+    """Return cosines (places, count) over a rotation, and the variance of each one's amplitude by 1/f noise.
+
+    Parameters
+    ----------
+    places : (places,) of the rotation, 0 to 1.
+    count : how many.
+
+    Notes
+    -----
+    In units of the wander's density per ``ln f``. The integral of ``-4 ln |t - s| cos(n pi t) cos(n pi s)`` over the
+    unit square, for ``a = n pi``: ``4 (Si(a) / a - (1 - cos a) / a²)``, which nears 2 / n; two cosines correlate
+    by 0.12 at most.
+    """
+    turns = np.pi * np.arange(1, count + 1)
+    return np.cos(turns * places[:, None]), _variances(count)
+
+
+def _variances(count: int) -> Series:
+    from scipy.special import sici
+
+    turns = np.pi * np.arange(1, count + 1)
+    return np.asarray(4.0 * (sici(turns)[0] / turns - (1.0 - np.cos(turns)) / turns**2), dtype=np.float64)
+
+
+def faster_variance(windows: int, count: int) -> float:
+    """Return the variance of a window's mean by what wanders faster than `count` cosines, down to the window.
+
+    Parameters
+    ----------
+    windows : as many as go into the stretch; all in all their variance about the stretch's mean is ``ln(windows)``.
+    count : of cosines, of which each has half its amplitude's variance on average.
+    """
+    return max(float(np.log(windows) - 0.5 * np.sum(_variances(count))), 0.0)
+
+
+def covariance_about_the_mean(starts: Series, stops: Series, span: tuple[float, float]) -> Square:
+    """Return (stretches, stretches) covariance of the means of stretches by a wander, about its mean over all.
+
+    Parameters
+    ----------
+    starts, stops : (stretches,) s.
+    span : s, from when to when the wander's mean is taken.
+
+    Notes
+    -----
+    In units of the wander's density per ``ln f``. But for a constant that no difference from a mean shows, the
+    covariance of 1/f noise is minus the logarithm of the time between; its means over two stretches are closed.
+    """
+    starts, stops = np.append(starts, span[0]), np.append(stops, span[1])
+    whole = _mean_of_minus_logarithm(starts[:, None], stops[:, None], starts[None], stops[None])
+    own, of_mean = whole[:-1, :-1], whole[:-1, -1]
+    return np.asarray(own - of_mean[:, None] - of_mean[None] + whole[-1, -1], dtype=np.float64)
+
+
+def _mean_of_minus_logarithm(a: AnyArray, b: AnyArray, c: AnyArray, d: AnyArray) -> AnyArray:
+    """Return the mean of ``-ln |t - s|`` over t from a to b and s from c to d."""
+
+    def twice(x: AnyArray) -> AnyArray:
+        """Integral, twice, of the logarithm."""
+        size = np.abs(x)
+        return 0.5 * size**2 * np.log(np.maximum(size, 1e-300)) - 0.75 * size**2
+
+    total = twice(b - c) + twice(a - d) - twice(b - d) - twice(a - c)
+    return -total / ((b - a) * (d - c))
+
+
+# More stretches than these are taken together, two neighbours at a time.
+MOST_STRETCHES = 2000
+
+
+def shared_wander(
+    drifts: Sequence[tuple[Drift, AnyArray]], density: Vector, span: tuple[float, float]
+) -> Square:
+    """Return (unknowns, unknowns) by how much the covariance differs from that of independent draws.
+
+    The adjustment takes the bias of each hold, each turn and each rotation for an independent draw. 1/f noise is none:
+    close stretches have it nearly in common, and what all have in common is no error, for the bias of a recording is
+    its mean. What the wander over each stretch does to each unknown is known, and so is the covariance of any two.
+
+    Parameters
+    ----------
+    drifts : whitened, of all terms that show it, with the gains (terms, unknowns, m) by whitened errors.
+    density : (3,) raw², of the wander per unit of ``ln f``.
+    span : s, of the recording.
+    """
+    response = np.concatenate([gain @ drift.by_bias for drift, gain in drifts])
+    start = np.concatenate([drift.start for drift, _ in drifts])
+    stop = np.concatenate([drift.stop for drift, _ in drifts])
+    start, stop, response = _fewer(start, stop, response)
+    together = covariance_about_the_mean(start, stop, span)
+    made = np.zeros((response.shape[1], response.shape[1]))
+    for axis in range(3):
+        made += density[axis] * response[:, :, axis].T @ together @ response[:, :, axis]
+    for drift, gain in drifts:
+        made -= np.einsum("tam,tmn,tbn->ab", gain, drift.independent, gain, optimize=True)
+    return made
+
+
+def _fewer(start: Series, stop: Series, response: AnyArray) -> tuple[Series, Series, AnyArray]:
+    shown = np.any(response != 0.0, axis=(1, 2)) & (stop > start)
+    start, stop, response = start[shown], stop[shown], response[shown]
+    order = np.argsort(start)
+    start, stop, response = start[order], stop[order], response[order]
+    while start.size > MOST_STRETCHES:
+        at = np.arange(0, start.size, 2)
+        start, response = start[at], np.add.reduceat(response, at, axis=0)
+        stop = np.maximum.reduceat(stop, at)
+    return start, stop, response
+
+
+def wider(covariance: Square, change: Square) -> Square:
+    """Return a covariance that is at least as wide as it is with and without a change, in every direction.
+
+    Parameters
+    ----------
+    covariance, change : (unknowns, unknowns) positive definite, and symmetric.
+    """
+    root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+    inverse = inverted(root)
+    values, vectors = np.linalg.eigh(inverse @ change @ inverse.T)
+    along = root @ vectors
+    return covariance + (along * np.maximum(values, 0.0)) @ along.T
