@@ -17,8 +17,8 @@ from tumble.calibration import Estimate
 from tumble.calibration.arrays.adjustment import ArraySolution, solve_array
 from tumble.calibration.arrays.estimate import ArrayEstimate, array_estimate
 from tumble.calibration.equations.imu_unknowns import unknowns_of
-from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.outcome.estimate import JointOutcome
+from tumble.calibration.procedures.joint import calibrate_joint
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.segmentation import find_timeline, observe_holds
@@ -127,8 +127,8 @@ def test_without_noise_units_and_mountings_come_back() -> None:
     """To the coning that 50 Hz leave of a turn, which is another about each unit's axes."""
     solution = together(unit(0, noise=False), unit(1, noise=False)).solution
     for number, one in enumerate(solution.units):
-        free = one.problem.free
-        np.testing.assert_allclose(one.state.unknowns[free], own_frame(number)[free], rtol=0, atol=3e-6)
+        free = one.free
+        np.testing.assert_allclose(one.task.unknowns.values[free], own_frame(number)[free], rtol=0, atol=3e-6)
     np.testing.assert_allclose(solution.units[1].C_1b, true_mounting(1), atol=3e-6)
 
 
@@ -137,9 +137,9 @@ def test_with_noise_scale_factors_angles_and_mountings_are_within_their_uncertai
     solution = array().solution
     stable = [*range(3, 9), *range(9, 18)]
     for number, one in enumerate(solution.units):
-        free = one.problem.free
+        free = one.free
         sigma = np.sqrt(np.diag(solution.covariance))[solution.place(number)]
-        z = (one.state.unknowns[free] - own_frame(number)[free]) / sigma
+        z = (one.task.unknowns.values[free] - own_frame(number)[free]) / sigma
         assert np.max(np.abs(z[stable])) < LARGEST_Z
     for number in (1, 2):
         turned = Rotation.from_matrix(solution.units[number].C_1b @ true_mounting(number).T).as_rotvec()

@@ -6,22 +6,17 @@ from functools import cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from tumble.calibration.joint.unknowns import (
-    FORCE_ASYMMETRY,
-    G_SENSITIVITY,
-    GYRO_BIAS,
-    GYRO_MATRIX,
-    RATE_ASYMMETRY,
-    RATE_QUADRATIC,
+
+from tumble.calibration.equations.imu_unknowns import (
+    LAYOUT,
+    imu_unknowns,
     raw_force,
     raw_rate,
     without_asymmetry,
 )
-from tumble.calibration.joint.wanted import TERM_LIMIT
-from tumble.calibration.joint.wide import WIDE
-
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.joint import calibrate_joint
+from tumble.calibration.optional_terms import TERM_LIMIT
+from tumble.calibration.procedures.joint import calibrate_joint
 from tumble.earth import Site
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
 from tumble.sensor import ImuModel, Triad
@@ -84,33 +79,32 @@ def test_where_there_is_none_none_is_kept_and_all_terms_share_two_per_cent() -> 
 
 def test_derivatives_of_asymmetric_sensors_are_those_of_differences() -> None:
     rng = np.random.default_rng(3)
-    unknowns = np.zeros(WIDE)
-    unknowns[:12] = [0.1, -0.2, 0.3, 1.01, 0.98, 1.03, 0.01, -0.02, 0.03, 1e-4, -2e-4, 3e-4]
-    unknowns[GYRO_MATRIX] = (np.eye(3) + 0.02 * rng.standard_normal((3, 3))).ravel()
-    unknowns[GYRO_BIAS], unknowns[G_SENSITIVITY] = 0.01, 1e-4 * rng.standard_normal(9)
-    unknowns[FORCE_ASYMMETRY], unknowns[RATE_ASYMMETRY] = OF_FORCE, OF_RATE
-    unknowns[RATE_QUADRATIC] = OF_RATE[::-1]
+    u = imu_unknowns(free=np.arange(LAYOUT.size))
+    u.values[:12] = [0.1, -0.2, 0.3, 1.01, 0.98, 1.03, 0.01, -0.02, 0.03, 1e-4, -2e-4, 3e-4]
+    u["gyro.matrix"][:] = (np.eye(3) + 0.02 * rng.standard_normal((3, 3))).ravel()
+    u["gyro.bias"][:], u["gyro.g_sensitivity"][:] = 0.01, 1e-4 * rng.standard_normal(9)
+    u["force.asymmetry"][:], u["gyro.asymmetry"][:] = OF_FORCE, OF_RATE
+    u["gyro.quadratic"][:] = OF_RATE[::-1]
     force, rate = 9.0 * rng.standard_normal((4, 3)), rng.standard_normal((4, 3))
     step = 1e-6
-    for index in range(WIDE):
-        moved = unknowns.copy()
-        moved[index] += step
+    for index in range(LAYOUT.size):
+        moved = u.copy()
+        moved.values[index] += step
         for here, there in (
-            (raw_force(unknowns, force), raw_force(moved, force)),
-            (raw_rate(unknowns, rate, force), raw_rate(moved, rate, force)),
+            (raw_force(u, force), raw_force(moved, force)),
+            (raw_rate(u, rate, force), raw_rate(moved, rate, force)),
         ):
+            by_unknowns = u.columns(here.by_blocks)
             # Second order in 1e-6 over 1e-6, of forces squared.
-            np.testing.assert_allclose(
-                (there.value - here.value) / step, here.by_unknowns[:, :, index], atol=3e-4
-            )
+            np.testing.assert_allclose((there.value - here.value) / step, by_unknowns[:, :, index], atol=3e-4)
 
 
 def test_without_asymmetry_a_gyro_shows_what_a_symmetric_and_linear_one_would() -> None:
-    unknowns = np.zeros(WIDE)
-    unknowns[GYRO_MATRIX] = np.array([[0.99, 0.02, 0.0], [0.01, 1.02, -0.03], [0.0, 0.02, 0.98]]).ravel()
-    unknowns[GYRO_BIAS] = [0.01, -0.02, 0.03]
+    u = imu_unknowns()
+    u["gyro.matrix"][:] = np.array([[0.99, 0.02, 0.0], [0.01, 1.02, -0.03], [0.0, 0.02, 0.98]]).ravel()
+    u["gyro.bias"][:] = [0.01, -0.02, 0.03]
     rate = np.array([[1.0, -2.0, 0.5], [-0.3, 0.4, -1.5]])
-    symmetric = raw_rate(unknowns, rate, np.zeros((2, 3))).value
-    unknowns[RATE_ASYMMETRY], unknowns[RATE_QUADRATIC] = OF_RATE, OF_RATE[::-1]
-    shown = raw_rate(unknowns, rate, np.zeros((2, 3))).value
-    np.testing.assert_allclose(without_asymmetry(unknowns, shown), symmetric, rtol=1e-14)
+    symmetric = raw_rate(u, rate, np.zeros((2, 3))).value
+    u["gyro.asymmetry"][:], u["gyro.quadratic"][:] = OF_RATE, OF_RATE[::-1]
+    shown = raw_rate(u, rate, np.zeros((2, 3))).value
+    np.testing.assert_allclose(without_asymmetry(u, shown), symmetric, rtol=1e-14)

@@ -13,14 +13,14 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 import pytest
-from tumble.calibration.joint.table_terms import PAIRS, by_lever_arms, by_time_lag, size_effect
-from tumble.calibration.joint.unknowns import RawForce, raw_force
-from tumble.calibration.joint.wide import LEVER_ARMS, TIME_LAG, WIDE
 
 from tumble.attitude.rotations import matrices_from_rotation_vectors, skews
+from tumble.calibration.equations import size_effect
+from tumble.calibration.equations.imu_unknowns import LAYOUT, imu_unknowns, raw_force
+from tumble.calibration.equations.size_effect import PAIRS
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.outcome.table_parameters import LAG_NAME
+from tumble.calibration.procedures.joint import calibrate_joint
 from tumble.earth import Site
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.recording.recording import Recording
@@ -274,29 +274,30 @@ def test_where_the_point_is_that_they_count_from_changes_nothing() -> None:
         assert u @ told[0] == pytest.approx(expected, abs=1e-14)
 
 
-@pytest.mark.parametrize("index", [TIME_LAG.start, *range(LEVER_ARMS.start, LEVER_ARMS.stop), 3, 7])
+@pytest.mark.parametrize("index", [*LAYOUT.indices("lag", "lever_arms").tolist(), 3, 7])
 def test_derivatives_by_lag_and_lever_arms_are_those_of_differences(index: int) -> None:
     """Also those of scale factors and angles, whose accelerometers feel more than the point they count from."""
     rng = np.random.default_rng(3)
-    unknowns = np.zeros(WIDE)
-    unknowns[:12] = [0.1, -0.2, 0.3, 1.01, 0.98, 1.03, 0.01, -0.02, 0.03, 1e-4, -2e-4, 3e-4]
-    unknowns[LEVER_ARMS], unknowns[TIME_LAG] = rng.standard_normal(9), 0.2
+    u = imu_unknowns(free=np.arange(LAYOUT.size))
+    u.values[:12] = [0.1, -0.2, 0.3, 1.01, 0.98, 1.03, 0.01, -0.02, 0.03, 1e-4, -2e-4, 3e-4]
+    u["lever_arms"][:], u["lag"][:] = rng.standard_normal(9), 0.2
     rates, level = rng.standard_normal((4, 3)), 9.0 * rng.standard_normal((4, 3))
     centripetal = skews(rates) @ skews(rates)
 
-    def shown(values: Array) -> RawForce:
-        turned = matrices_from_rotation_vectors(values[TIME_LAG] * rates)
+    def shown(values: Array) -> tuple[Array, Array]:
+        at = u.at(values)
+        turned = matrices_from_rotation_vectors(at["lag"] * rates)
         gravity = np.einsum("nij,nj->ni", turned, level)
-        made = raw_force(values, gravity, size_effect(values, centripetal))
-        made.by_unknowns[:, :, LEVER_ARMS] = by_lever_arms(made, centripetal)
-        made.by_unknowns[:, :, TIME_LAG.start] = by_time_lag(made, rates, gravity)
-        return made
+        made = raw_force(at, gravity, size_effect.apart(at, centripetal))
+        made.by_blocks["lever_arms"] = size_effect.by_lever_arms(made.by_true, centripetal)
+        made.by_blocks["lag"] = size_effect.by_lag(made.by_true, rates, gravity)[:, :, None]
+        return made.value, at.columns(made.by_blocks)
 
-    step = np.zeros(WIDE)
+    step = np.zeros(LAYOUT.size)
     step[index] = 1e-6
-    difference = (shown(unknowns + step).value - shown(unknowns - step).value) / 2e-6
+    difference = (shown(u.values + step)[0] - shown(u.values - step)[0]) / 2e-6
     # Second order in 1e-6 of forces of ten, over 1e-6 with 1e-15 of ten.
-    np.testing.assert_allclose(difference, shown(unknowns).by_unknowns[:, :, index], atol=2e-7)
+    np.testing.assert_allclose(difference, shown(u.values)[1][:, :, index], atol=2e-7)
 
 
 def test_lag_and_lever_arms_have_a_budget_that_adds_up() -> None:

@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from tumble.calibration import Estimate
 from tumble.calibration.equations.imu_unknowns import unknowns_of
-from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.outcome.estimate import JointOutcome
+from tumble.calibration.procedures.joint import calibrate_joint
 from tumble.calibration.turn_ons.adjustment import TurnOn, solve_several, with_free
 from tumble.calibration.turn_ons.estimate import SeveralEstimate, several_estimate
 from tumble.calibration.turn_ons.outcome import SeveralOutcome, adjust_several
@@ -110,7 +110,7 @@ def test_without_noise_the_unit_and_each_turn_ons_biases_come_back() -> None:
     true = own_frame(UNIT)
     np.testing.assert_allclose(solution.values, true[solution.stable], rtol=0, atol=2e-6)
     for part, one in zip(solution.parts, played, strict=True):
-        np.testing.assert_allclose(part.state.unknowns[part.own], own_frame(one.model)[part.own], atol=2e-6)
+        np.testing.assert_allclose(part.values[part.own], own_frame(one.model)[part.own], atol=2e-6)
 
 
 def test_what_is_stable_is_within_its_uncertainty_and_better_known_than_from_one() -> None:
@@ -132,9 +132,7 @@ def test_it_is_the_adjustment_of_all_normal_equations_at_once() -> None:
     left = np.linalg.solve(told.precision, told.right - told.precision @ solution.values)
     assert np.max(np.abs(left) / np.sqrt(np.diag(np.linalg.inv(told.precision)))) < 1e-3
     for part in solution.parts:
-        np.testing.assert_allclose(
-            part.state.unknowns[solution.stable], solution.values, rtol=1e-9, atol=1e-12
-        )
+        np.testing.assert_allclose(part.values[solution.stable], solution.values, rtol=1e-9, atol=1e-12)
 
 
 def test_each_recording_has_its_own_biases_and_they_are_seen_to_change() -> None:
@@ -201,8 +199,8 @@ def test_a_recording_that_does_not_tell_the_unit_by_itself_takes_part_with_its_b
     assert short.outcome.untold is not None
     outcome, several = together(turn_on(0), short)
     part = outcome.solution.parts[1]
-    sigma = np.sqrt(np.diag(part.solution.cofactor))[np.isin(part.problem.free, part.own)]
-    z = (part.state.unknowns[part.own] - own_frame(short.model)[part.own]) / sigma
+    sigma = np.sqrt(np.diag(part.solution.cofactor))[np.isin(part.free, part.own)]
+    z = (part.values[part.own] - own_frame(short.model)[part.own]) / sigma
     # The wander of a bias over half a minute comes on top of what one recording's mean is uncertain by.
     assert np.max(np.abs(z)) < 2.0 * LARGEST_Z
     assert any(agreement.degrees == 0 for agreement in several.turn_ons.agreements)

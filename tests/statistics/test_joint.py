@@ -14,14 +14,15 @@ import numpy.typing as npt
 import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
-from tumble.calibration.joint.data import joint_data
-from tumble.calibration.joint.system import JointProblem, JointSolution, Masks, solve_joint, start_state
-from tumble.calibration.joint.terms import Extra
 
 from tumble.calibration.equations.gathering import gather
-from tumble.calibration.equations.imu_unknowns import PLAIN, unknowns_of
+from tumble.calibration.equations.imu_unknowns import PLAIN, imu_unknowns, unknowns_of
+from tumble.calibration.equations.observed import observe
 from tumble.calibration.equations.triad_unknowns import QUADRATIC
+from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
+from tumble.estimation.settled import Settled
+from tumble.estimation.solve import solve
 from tumble.recording.recording import Recording
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
 from tumble.sensor import ImuModel, Triad
@@ -52,7 +53,7 @@ def played() -> Recording:
     return simulate_recording(motion, RATE, rng, site=SITE, distort=MODEL.distort)[0]
 
 
-def solved(run: int) -> JointSolution:
+def solved(run: int) -> Settled:
     """One draw, settled from the truth."""
     quiet, rng = played(), np.random.default_rng([4, run])
     assert quiet.specific_force is not None
@@ -76,11 +77,10 @@ def solved(run: int) -> JointSolution:
         force_floor=np.zeros(3),
         rate_floor=np.zeros(3),
     )
-    truth = unknowns_of(MODEL)
-    data = joint_data(base, truth)
-    free = np.sort(np.concatenate([PLAIN, OPTIONAL]))
-    problem = JointProblem(data, SITE, free, Extra(sway=1e-12), Masks.everything(HOLDS))
-    return solve_joint(problem, start_state(data, truth, SITE))
+    u = imu_unknowns(unknowns_of(MODEL), np.sort(np.concatenate([PLAIN, OPTIONAL])))
+    task = start_adjustment(observe(base, u), u, SITE)
+    task.noise.set("sway", 1e-12)
+    return solve(task)
 
 
 @cache
@@ -88,8 +88,8 @@ def study() -> tuple[Array, Array]:
     """Errors (runs, 33) and covariances (runs, 33, 33)."""
     truth = unknowns_of(MODEL)
     made = [solved(run) for run in range(RUNS)]
-    free = made[0].free
-    errors = np.array([s.state.unknowns[free] - truth[free] for s in made])
+    free = made[0].unknowns.free
+    errors = np.array([s.unknowns.values[free] - truth[free] for s in made])
     return errors, np.array([s.cofactor for s in made])
 
 

@@ -12,21 +12,22 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.special import chdtri
-from tumble.calibration.joint.data import joint_data, window_spin
-from tumble.calibration.joint.influence import ANGLES, FORCE_REST, SWAY, TURNS, joint_influences
-from tumble.calibration.joint.system import JointProblem, Masks, linearise_joint, solve_joint, start_state
-from tumble.calibration.joint.terms import Extra
-from tumble.calibration.joint.unknowns import GYRO_BIAS, force_matrix, gyro_matrix
 
 from tumble.calibration import calibrate_hand_held
-from tumble.calibration.equations.imu_unknowns import PLAIN
-from tumble.calibration.joint import calibrate_joint
-from tumble.calibration.joint import draws as joint_draws
-from tumble.calibration.outcome.budget import NamedParameters
+from tumble.calibration.equations.adjustment import JointAdjustment
+from tumble.calibration.equations.causes import ANGLES, FORCE_REST, SOURCES, SWAY, TURNS
+from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
+from tumble.calibration.equations.observed import observe, table_rotation
+from tumble.calibration.outcome import draws as joint_draws
+from tumble.calibration.outcome.budget import NamedParameters, recording_influences
 from tumble.calibration.outcome.draws import draw_distributions, redrawn
 from tumble.calibration.outcome.estimate import JointOutcome
+from tumble.calibration.procedures.joint import calibrate_joint
+from tumble.calibration.start import start_adjustment
 from tumble.earth import Site
+from tumble.estimation.balance import Noise
 from tumble.estimation.gauss_helmert import invert_normal_matrix
+from tumble.estimation.solve import linearise, solve
 from tumble.protocol import named_protocol
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.simulation import find_grade, simulate_protocol
@@ -57,78 +58,61 @@ def outcome_of(estimate) -> JointOutcome:
     return estimate.statement.outcome
 
 
-def noisy_problem() -> tuple[JointProblem, object]:
-    """The hand-held problem with every variance component at work, and a hold and a turn left out."""
-    outcome = outcome_of(hand_held())
-    problem = replace(
-        outcome.problem,
-        extra=Extra(force=1e-6, rate=1e-9, turn=1e-7, sway=1e-8),
-        masks=outcome.problem.masks.copy(),
-    )
-    problem.masks.force[4] = problem.masks.turn[7] = False
-    state = deepcopy(outcome.state)
-    solve_joint(problem, state)
-    return problem, state
+ADDED = {"force": 1e-6, "rate": 1e-9, "turn": 1e-7, "sway": 1e-8}
 
 
-def covariance_of(problem: JointProblem, state) -> np.ndarray:
-    """The shared unknowns' covariance at a state."""
-    return invert_normal_matrix(linearise_joint(problem, state)[1])
+def noisy() -> JointAdjustment:
+    """The hand-held adjustment with every variance component at work, and a hold and a turn left out."""
+    task = outcome_of(hand_held()).task.copy()
+    task.noise = Noise(dict(ADDED))
+    task.taking_part["force"][4] = task.taking_part["turn"][7] = False
+    solve(task)
+    return task
+
+
+def covariance_of(task: JointAdjustment) -> np.ndarray:
+    """The free unknowns' covariance where everything is."""
+    return invert_normal_matrix(linearise(task)[1])
 
 
 def test_the_shares_of_all_sources_add_up_to_the_covariance() -> None:
-    problem, state = noisy_problem()
-    influences = joint_influences(problem, state)
-    whole = sum(influences.shares().values())
-    sigma = np.sqrt(np.diag(influences.covariance)[problem.free])
-    missed = (whole - influences.covariance)[np.ix_(problem.free, problem.free)] / np.outer(sigma, sigma)
+    influences = recording_influences(noisy())
+    whole = sum(influences.shares(SOURCES).values())
+    sigma = np.sqrt(np.diag(influences.covariance))
     # A hold that is left out is held to 0.1 rad so that nothing floats: no source's share, 2e-5 of the covariance.
-    assert np.max(np.abs(missed)) < 1e-4
+    assert np.max(np.abs((whole - influences.covariance) / np.outer(sigma, sigma))) < 1e-4
 
 
 def test_the_shares_of_a_tables_rotations_add_up_too() -> None:
     """A turn of the hand-held recording is cut into windows as if a table had made it, and its angle read."""
     outcome = outcome_of(hand_held())
-    base = deepcopy(outcome.data.base)
-    values = outcome.state.unknowns.copy()
+    base, u = deepcopy(outcome.data.base), outcome.task.unknowns
     made = []
     for k in (3, 8):
         start, stop = int(base.turn_start[k]) + 2, int(base.turn_stop[k]) - 2
-        rate = np.linalg.solve(
-            gyro_matrix(values), base.raw_rate[start:stop].mean(axis=0) - values[GYRO_BIAS]
-        )
-        made.append(window_spin(base, k, start, stop, rate, angle=1.0, angle_sigma=1e-4))
-    data = joint_data(base, values, made)
-    problem = JointProblem(
-        data,
-        SITE,
-        PLAIN,
-        Extra(force=1e-6, rate=1e-9, turn=1e-7, sway=1e-8),
-        Masks.everything(data.holds),
-        wobble={3: 1e-3, 8: 1e-3},
-    )
-    state = start_state(data, values, SITE)
-    influences = joint_influences(problem, state)
-    shares = influences.shares()
+        rate = np.linalg.solve(gyro_matrix(u), base.raw_rate[start:stop].mean(axis=0) - u["gyro.bias"])
+        made.append(table_rotation(base, k, start, stop, rate, angle=1.0, angle_sigma=1e-4))
+    task = start_adjustment(observe(base, u, made), u, SITE)
+    # a wobble of a milliradian
+    task.noise = Noise(dict(ADDED), {"axis": {3: 4e4, 8: 4e4}})
+    influences = recording_influences(task)
+    shares = influences.shares(SOURCES)
     assert ANGLES in shares
-    sigma = np.sqrt(np.diag(influences.covariance)[PLAIN])
-    missed = (sum(shares.values()) - influences.covariance)[np.ix_(PLAIN, PLAIN)] / np.outer(sigma, sigma)
+    sigma = np.sqrt(np.diag(influences.covariance))
+    missed = (sum(shares.values()) - influences.covariance) / np.outer(sigma, sigma)
     assert np.max(np.abs(missed)) < 1e-9
 
 
 @pytest.mark.parametrize(("source", "name"), [(TURNS, "turn"), (SWAY, "sway")])
 def test_a_share_is_how_the_covariance_grows_with_its_variance(source: str, name: str) -> None:
     """d C / d ln(variance) is the share itself: taken by differences, one per cent either way."""
-    problem, state = noisy_problem()
-    free = problem.free
-    share = joint_influences(problem, state).shares()[source][np.ix_(free, free)]
-    variance, step = getattr(problem.extra, name), 0.01
-    ends = [
-        covariance_of(
-            replace(problem, extra=replace(problem.extra, **{name: variance * np.exp(sign * step)})), state
-        )
-        for sign in (-1.0, 1.0)
-    ]
+    task, step = noisy(), 0.01
+    share = recording_influences(task).shares(SOURCES)[source]
+    ends = []
+    for sign in (-1.0, 1.0):
+        other = task.copy()
+        other.noise.set(name, task.noise[name] * np.exp(sign * step))
+        ends.append(covariance_of(other))
     grown = np.diag(ends[1] - ends[0]) / (2.0 * step)
     # the third derivative adds a few 1e-5 of the whole
     assert grown == pytest.approx(np.diag(share), rel=1e-3, abs=1e-6 * np.max(np.diag(share)))
@@ -159,17 +143,18 @@ def test_an_error_that_would_go_unnoticed_moves_its_parameter_by_what_is_said() 
     worst = max(forces, key=lambda d: d.effect)
     named = NamedParameters.of(outcome, [p.name for p in hand_held().parameters])
     sigma = estimate.parameters[worst.parameter].standard_uncertainty
-    state = deepcopy(outcome.state)
-    solve_joint(outcome.problem, state)
-    before = named.at(state.unknowns)[worst.parameter]
+    settled = outcome.task.copy()
+    solve(settled)
+    before = named.at(settled.unknowns.values)[worst.parameter]
     moved = []
     for axis in np.eye(3):
-        problem = deepcopy(outcome.problem)
+        task = settled.copy()
+        parts = settled.data.parts.copy()
         # small enough for the first order, and scaled up
-        problem.data.parts[worst.index] += 1e-2 * worst.size * (force_matrix(state.unknowns) @ axis)
-        other = deepcopy(state)
-        solve_joint(problem, other)
-        moved.append(1e2 * (named.at(other.unknowns)[worst.parameter] - before) / sigma)
+        parts[worst.index] += 1e-2 * worst.size * (force_matrix(settled.unknowns) @ axis)
+        task.data = replace(settled.data, parts=parts)
+        solve(task)
+        moved.append(1e2 * (named.at(task.unknowns.values)[worst.parameter] - before) / sigma)
     # of that size in any direction it moves no more, and along the best direction at least as far
     assert np.linalg.norm(moved) >= 0.99 * worst.effect
 
@@ -179,13 +164,13 @@ def test_observations_drawn_anew_scatter_as_the_covariance_says() -> None:
     estimate = hand_held()
     outcome = outcome_of(estimate)
     rng = np.random.default_rng(8)
-    free = outcome.problem.free
-    inverse = np.linalg.inv(covariance_of(outcome.problem, outcome.state))
+    free = outcome.task.unknowns.free
+    inverse = np.linalg.inv(covariance_of(outcome.task))
     total = 0.0
     for _ in range(20):
-        state = deepcopy(outcome.state)
-        solve_joint(redrawn(outcome.problem, outcome.state, rng), state)
-        off = (state.unknowns - outcome.state.unknowns)[free]
+        task = redrawn(outcome.task, rng)
+        solve(task)
+        off = (task.unknowns.values - outcome.values)[free]
         total += float(off @ inverse @ off)
     degrees = 20 * free.size
     assert chdtri(degrees, 0.9995) < total < chdtri(degrees, 0.0005)
@@ -199,7 +184,7 @@ def test_a_gravity_that_was_assumed_is_rectangular_and_contradicts_the_normal_in
     estimate = deepcopy(hand_held())
     outcome = outcome_of(estimate)
     unknown = Site.unknown()
-    outcome.site = replace(unknown, gravity=SITE.gravity)
+    outcome.task.site = replace(unknown, gravity=SITE.gravity)
     at = next(i for i, p in enumerate(estimate.parameters) if p.name == "accelerometer scale factor error x")
     sigma = unknown.gravity_sigma / SITE.gravity
     parameter = estimate.parameters[at]

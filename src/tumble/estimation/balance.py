@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -154,6 +154,7 @@ class Screen:
     given: bool = False
 
 
+@runtime_checkable
 class Balanceable(Adjustable, Protocol):
     """What can be balanced.
 

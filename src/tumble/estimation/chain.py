@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -46,6 +46,7 @@ class Place:
         return slice(0, first), slice(first, self.width), slice(self.width, None)
 
 
+@runtime_checkable
 class Stretch(Protocol):
     """What a chain is made of: nodes, unknowns of its own, equations, and stretches within it."""
 
@@ -282,8 +283,8 @@ class Eliminated:
     gradient: Table
     corner: Square
     corner_gradient: Series
-    own_inverse: Square
-    matrix: Square = field(init=False)
+    own_inverse: AnyArray
+    matrix: Table = field(init=False)
     right: Series = field(init=False)
 
     def __post_init__(self) -> None:

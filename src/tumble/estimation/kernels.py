@@ -1,4 +1,4 @@
-"""The loops of bordered chains, compiled by numba; called by `bordered`."""
+"""The loops of bordered chains, compiled by numba; called by `chain`."""
 
 # pyright: reportUnknownMemberType=false, reportUntypedFunctionDecorator=false, reportMissingTypeStubs=false
 

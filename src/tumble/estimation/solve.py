@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -19,6 +19,7 @@ DIVERGED = "The joint adjustment diverged: its unknowns left all bounds."
 TOLERANCE, ROUND_OFF = 1e-3, 1e-2
 
 
+@runtime_checkable
 class Adjustable(Protocol):
     """What can be adjusted: observations, what is believed beforehand, and where everything is.
 

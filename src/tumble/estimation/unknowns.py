@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Square
+from tumble.arrays import AnyArray, Series, Table
 from tumble.estimation.gauss_helmert import Prior
 
 
@@ -159,7 +159,7 @@ class Unknowns:
                 made[:, :, before + low : before + high] = by[:, :, self.free[low:high] - place.start]
         return made
 
-    def expanded(self, of_free: Square) -> Square:
+    def expanded(self, of_free: Table) -> AnyArray:
         """Return a matrix of all unknowns of one of the free ones, zeros elsewhere."""
         made = np.zeros((self.values.size, self.values.size))
         made[np.ix_(self.free, self.free)] = of_free

@@ -7,13 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tumble.calibration.joint.data import joint_data
-from tumble.calibration.joint.influence import FORCE_WANDER, RATE_WANDER, Influences, joint_influences
-from tumble.calibration.joint.neighbours import Drift, shared_wander
-from tumble.calibration.joint.system import JointProblem, Masks, solve_joint, start_state
-from tumble.calibration.joint.terms import Extra
 
-from tumble.calibration.equations.imu_unknowns import PLAIN, unknowns_of
+from tumble.calibration.equations.causes import FORCE_WANDER, RATE_WANDER, SOURCES
+from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
+from tumble.calibration.equations.observed import observe
+from tumble.calibration.outcome.budget import recording_influences
+from tumble.calibration.start import start_adjustment
+from tumble.estimation.equations import Drift
+from tumble.estimation.influence import Influences
+from tumble.estimation.solve import solve
+from tumble.estimation.wander import shared_wander
 
 
 @pytest.fixture(scope="module")
@@ -28,22 +31,21 @@ def influences(play: Any, site: Any, model: Any) -> Influences:
         force_covariance=base.force_covariance + np.diag(floors[0]),
         rate_covariance=base.rate_covariance + np.diag(floors[1]),
     )
-    values = unknowns_of(model)
-    data = joint_data(base, values)
-    problem = JointProblem(data, site, PLAIN, Extra(sway=1e-10), Masks.everything(data.holds))
-    state = start_state(data, values, site)
-    solve_joint(problem, state)
-    return joint_influences(problem, state)
+    u = imu_unknowns(unknowns_of(model))
+    task = start_adjustment(observe(base, u), u, site)
+    task.noise.set("sway", 1e-10)
+    solve(task)
+    return recording_influences(task)
 
 
 def test_a_bias_that_is_the_same_throughout_moves_the_bias_alone_and_by_all_of_it(
     influences: Influences,
 ) -> None:
-    for source, place in ((RATE_WANDER, slice(21, 24)), (FORCE_WANDER, slice(0, 3))):
+    for source, place in ((RATE_WANDER, "gyro.bias"), (FORCE_WANDER, "force.bias")):
         told = [i for i in influences.each if source in i.drifts]
         total = np.concatenate([i.gain @ i.drifts[source].by_bias for i in told]).sum(axis=0)
         expected = np.zeros_like(total)
-        expected[place] = np.eye(3)
+        expected[imu_unknowns().places([place])] = np.eye(3)
         np.testing.assert_allclose(total, expected, atol=1e-6)
 
 
@@ -51,14 +53,16 @@ def test_gyro_biases_are_better_known_than_by_holds_that_wander_each_for_itself(
     influences: Influences,
 ) -> None:
     """Twelve holds with most of the time between them cover much of what the mean over the recording is."""
-    truly = np.diag(influences.covariance)[21:24]
-    independent = truly - sum(np.diag(share)[21:24] for share in influences.neighbours.values())
+    truly = np.diag(influences.covariance)[imu_unknowns().places(["gyro.bias"])]
+    independent = truly - sum(
+        np.diag(share)[imu_unknowns().places(["gyro.bias"])] for share in influences.neighbours.values()
+    )
     assert np.all(truly < 0.5 * independent)
     assert np.all(np.linalg.eigvalsh(influences.covariance) > -1e-18)
 
 
 def test_the_budget_still_adds_up(influences: Influences) -> None:
-    total = sum(influences.shares().values())
+    total = sum(influences.shares(SOURCES).values())
     np.testing.assert_allclose(
         np.diag(np.asarray(total)), np.diag(influences.covariance), rtol=1e-6, atol=1e-20
     )
@@ -73,7 +77,7 @@ def test_many_stretches_are_taken_together_and_tell_the_same(monkeypatch: pytest
     gain = np.broadcast_to(np.diag([1.0, 2.0, 3.0]), (count, 3, 3))
     density = np.array([1.0, 2.0, 5.0])
     whole = shared_wander([(drift, gain)], density, (0.0, span))
-    monkeypatch.setattr("tumble.calibration.joint.neighbours.MOST_STRETCHES", 20)
+    monkeypatch.setattr("tumble.estimation.wander.MOST_STRETCHES", 20)
     fewer = shared_wander([(drift, gain)], density, (0.0, span))
     np.testing.assert_allclose(fewer, whole, rtol=1e-9, atol=1e-15)
     assert np.diag(whole)[2] == pytest.approx(9.0 * 5.0 * np.diag(whole)[0], rel=1e-9)

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tumble.calibration.joint.data import joint_data
-from tumble.calibration.joint.noise import balance_joint
-from tumble.calibration.joint.system import JointProblem, Masks, start_state
-from tumble.calibration.joint.terms import Extra, hold_terms
 
-from tumble.calibration.equations.imu_unknowns import PLAIN, unknowns_of
+from tumble.calibration.equations.adjustment import balance_recording
+from tumble.calibration.equations.hold_equations import Swing
+from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
+from tumble.calibration.equations.observed import observe
 from tumble.calibration.equations.swing import hold_swings
 from tumble.calibration.equations.turn import HoldsAndTurns
+from tumble.calibration.start import start_adjustment
 
 
 @pytest.fixture(scope="module")
@@ -84,27 +84,29 @@ def test_one_hold_that_sways_does_not_loosen_the_others(play: Any, site: Any, mo
     means = base.force_mean.copy(), base.rate_mean.copy()
     means[0][4], means[1][4] = force[first:last].mean(axis=0), rate[first:last].mean(axis=0)
     base = replace(base, raw_rate=rate, raw_force=force, force_mean=means[0], rate_mean=means[1])
-    values = unknowns_of(model)
-    data = joint_data(base, values)
-    problem = JointProblem(data, site, PLAIN, Extra(), Masks.everything(data.holds))
-    balanced = balance_joint(problem, start_state(data, values, site))
-    extra = balanced.solution.extra
+    u = imu_unknowns(unknowns_of(model))
+    task = start_adjustment(observe(base, u), u, site)
+    balanced = balance_recording(task)
+    noise = task.noise
     assert not balanced.outliers
-    assert list(extra.restless) == [4]
-    assert np.sqrt(extra.sway) < 2e-4
+    assert list(noise.factors["sway"]) == [4]
+    assert np.sqrt(noise["sway"]) < 2e-4
     # to the middle and back: of six numbers two are between 2/pi of 5 mrad and the whole of it
-    assert 5e-3 * 2.0 / np.pi / np.sqrt(3.0) < np.sqrt(extra.sways(np.array([4]))[0]) < 5.1e-3 / np.sqrt(3.0)
+    assert (
+        5e-3 * 2.0 / np.pi / np.sqrt(3.0)
+        < np.sqrt(noise.of_each("sway", np.array([4]))[0])
+        < 5.1e-3 / np.sqrt(3.0)
+    )
 
 
 def test_without_a_rate_there_is_no_swing(base: HoldsAndTurns, site: Any, model: Any) -> None:
     """Of a recording without gyros the rates are zeros, which would say that nothing ever sways."""
-    values = unknowns_of(model)
-    data = joint_data(base, values)
-    section = start_state(data, values, site).sections[0]
-    (swing,) = [t for t in hold_terms(data, section, values, site.gravity, Extra()) if t.kind == "swing"]
-    masks = Masks.everything(data.holds)
-    masks.rate[[1, 4]] = False
-    assert masks.of(swing).tolist() == [True, False, True, True, False, True]
+    u = imu_unknowns(unknowns_of(model))
+    task = start_adjustment(observe(base, u), u, site)
+    task.taking_part["rate"][[1, 4]] = False
+    (linear,) = Swing(task.sections[0]).linearise(task)
+    assert linear.active is not None
+    assert linear.active.tolist() == [True, False, True, True, False, True]
 
 
 def test_gyros_that_see_holds_swing_are_believed_where_accelerometers_scatter_too_much_to_tell(
@@ -114,11 +116,10 @@ def test_gyros_that_see_holds_swing_are_believed_where_accelerometers_scatter_to
     base = play(noise=(3e-2, 1e-5), holds=12).data()
     for hold in range(12):
         base = nodding(base, hold, 1e-4 * (-1.0) ** hold, hold % 3)
-    values = unknowns_of(model)
-    data = joint_data(base, values)
-    problem = JointProblem(data, site, PLAIN, Extra(), Masks.everything(data.holds))
-    balanced = balance_joint(problem, start_state(data, values, site))
+    u = imu_unknowns(unknowns_of(model))
+    task = start_adjustment(observe(base, u), u, site)
+    balanced = balance_recording(task)
     # a nod is a half wave of one axis of three there and back: its two steps are some 60 µrad about that axis
-    assert 1e-5 < np.sqrt(problem.extra.sway) < 1e-4
+    assert 1e-5 < np.sqrt(task.noise["sway"]) < 1e-4
     swing = balanced.tests["swing"]
     assert swing.square.sum() < 2.0 * swing.redundancy.sum()

@@ -6,34 +6,35 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from tumble.calibration.joint.data import joint_data, window_spin
-from tumble.calibration.joint.system import JointProblem, Masks
-from tumble.calibration.joint.terms import Extra
-from tumble.calibration.joint.trials import fresh_problem
 
-from tumble.calibration.equations.imu_unknowns import PLAIN, unknowns_of
-from tumble.calibration.joint import calibrate_joint
+from tumble.calibration.equations.imu_unknowns import PLAIN, imu_unknowns, unknowns_of
+from tumble.calibration.equations.observed import observe, table_rotation
+from tumble.calibration.procedures.joint import calibrate_joint
+from tumble.calibration.start import start_adjustment
+from tumble.estimation.balance import Outlier
 from tumble.segmentation import observe_holds
 
 
 def test_what_a_trial_changes_is_its_own(tumbled: Any, site: Any, model: Any) -> None:
-    """Whatever `balance_joint` writes to: noise and wobble of rotations, variances, masks, angles that were read."""
-    base, values = tumbled.data(), unknowns_of(model)
+    """Whatever balancing writes to: noise and wobble of rotations, variances, masks, angles that were read."""
+    base, u = tumbled.data(), imu_unknowns(unknowns_of(model))
     start, stop = int(base.turn_start[3]), int(base.turn_stop[3])
-    spin = window_spin(base, 3, start, stop, np.array([0.3, 0.1, -0.2]), angle=1.0, angle_sigma=1e-4)
-    data = joint_data(base, values, [spin])
-    problem = JointProblem(data, site, PLAIN, Extra(), Masks.everything(data.holds))
-    trial = fresh_problem(problem, PLAIN)
-    trial.wobble[3], trial.spin_noise[3] = 1e-3, 7.0
-    trial.extra.restless[4], trial.extra.sway = 9.0, 1e-6
-    trial.masks.force[2] = trial.masks.turn[5] = False
-    trial.data.spins[3].angle = None
-    assert not problem.wobble
-    assert not problem.spin_noise
-    assert problem.extra == Extra()
-    assert problem.masks.force.all()
-    assert problem.masks.turn.all()
-    assert problem.data.spins[3].angle == 1.0
+    spin = table_rotation(base, 3, start, stop, np.array([0.3, 0.1, -0.2]), angle=1.0, angle_sigma=1e-4)
+    task = start_adjustment(observe(base, u, [spin]), u, site)
+    trial = task.copy(PLAIN)
+    trial.noise.raise_factor("axis", 3, 9.0)
+    trial.noise.set("sway", 1e-6)
+    for kind, place in (("force", 2), ("turn", 5), ("angle", 3)):
+        trial.leave_out(Outlier(kind, place, 7.0))
+    trial.unknowns["force.bias"][:] = 1.0
+    trial.sections[0].C_wb[:] = 0.0
+    assert not task.noise.factors
+    assert task.noise["sway"] < 1e-12
+    assert all(active.all() for active in task.taking_part.values())
+    assert task.reads_angle(3)
+    assert not trial.reads_angle(3)
+    np.testing.assert_array_equal(task.unknowns["force.bias"], model.accelerometer.bias)
+    assert np.any(task.sections[0].C_wb)
 
 
 def test_what_was_left_out_before_the_terms_were_tried_is_told(play: Any, site: Any) -> None:

@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tumble.calibration.joint.influence import RATE_WANDER
-from tumble.calibration.joint.system import linearise_joint
-from tumble.calibration.joint.unknowns import GYRO_BIAS
 
+from tumble.calibration.equations.causes import RATE_WANDER
+from tumble.calibration.equations.imu_unknowns import PLAIN, imu_unknowns
 from tumble.design.joint_information import (
     GROUPS,
     NAMES,
@@ -25,6 +24,7 @@ from tumble.design.planned_motion import PlannedNoise, planned_data, play_plan
 from tumble.design.step_worth import find_step_worths, with_longer_step
 from tumble.earth import Site
 from tumble.errors import UsageError
+from tumble.estimation.solve import linearise
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep, named_protocol
 from tumble.simulation import TriadNoise, find_grade
 from tumble.simulation.noise import simulate_wander
@@ -71,8 +71,8 @@ def table() -> JointPlan:
 def test_the_information_is_that_of_the_estimator_itself(name: str, request: pytest.FixtureRequest) -> None:
     """The plan assembles the estimator's equations its own way, to eliminate a rotation only once."""
     problem = request.getfixturevalue(name).problem
-    _, normal, _ = linearise_joint(problem.problem, problem.state)
-    wanted = information_in_names(normal, problem.state.unknowns)
+    _, normal, _ = linearise(problem.task)
+    wanted = information_in_names(normal, problem.task.unknowns.values)
     size = np.sqrt(np.outer(np.diag(wanted), np.diag(wanted)))
     # the same sums in the same order
     assert np.max(np.abs(problem.information().matrix - wanted) / np.maximum(size, 1e-30)) < 1e-9
@@ -146,7 +146,7 @@ def test_what_is_foretold_is_what_drawn_wanders_do_to_the_estimate() -> None:
                 ):
                     error += gain @ by_bias @ wander[int(start * rate) : int(stop * rate) + 1].mean(axis=0)
     part = GROUPS["gyro bias"]
-    drawn = float(np.sqrt(np.mean(errors[:, GYRO_BIAS] ** 2)))
+    drawn = float(np.sqrt(np.mean(errors[:, imu_unknowns(None, PLAIN).places(["gyro.bias"])] ** 2)))
     told = float(np.sqrt(np.mean(np.diag(true_covariance(task, played, problem))[part])))
     # 600 numbers: 3 % (one sigma); white noise and the span's edges are some per cent of it
     assert drawn == pytest.approx(told, rel=0.12)

@@ -7,18 +7,27 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tumble.estimation.bordered import BorderedChain, whiten
-from tumble.estimation.gathered import GatheringChain
 
 from tumble.errors import ObservabilityError
+from tumble.estimation.chain import Chain, Spread, Whitened
+from tumble.estimation.equations import Equations, Linear
 
 Array = npt.NDArray[np.float64]
 
 
-def random_chain(seed: int, nodes: int, size: int, border: int) -> tuple[BorderedChain, Array, Array]:
+def white(residual: Array, by_border: Array, node=(), by_node=None, by_next=None) -> Whitened:
+    """Residuals of unit variance."""
+    covariance = np.broadcast_to(
+        np.eye(residual.shape[1]), (len(residual), residual.shape[1], residual.shape[1])
+    )
+    linear = Linear(residual, covariance, by_border, np.asarray(node, dtype=int), by_node, by_next)
+    return Whitened.of(Equations(), linear)
+
+
+def random_chain(seed: int, nodes: int, size: int, border: int) -> tuple[Chain, Array, Array]:
     """A chain of random terms of every kind, and the same residuals with their dense derivatives."""
     rng = np.random.default_rng(seed)
-    chain = BorderedChain.zero(nodes, size, border)
+    chain = Chain.zero(nodes, size, 0, border)
     dense: list[Array] = []
     residuals: list[Array] = []
 
@@ -34,7 +43,7 @@ def random_chain(seed: int, nodes: int, size: int, border: int) -> tuple[Bordere
     at = np.tile(np.arange(nodes), 2)
     r = rng.normal(size=(at.size, size + 1))
     A, B = rng.normal(size=(*r.shape, size)), rng.normal(size=(*r.shape, border))
-    chain.add_unary(at, r, A, B)
+    chain.add(white(r, B, at, A))
     for t, k in enumerate(at):
         put(r[t], (k * size, A[t]), (edge, B[t]))
     if nodes > 1:
@@ -42,12 +51,12 @@ def random_chain(seed: int, nodes: int, size: int, border: int) -> tuple[Bordere
         r = rng.normal(size=(at.size, 3))
         A, N = rng.normal(size=(*r.shape, size)), rng.normal(size=(*r.shape, size))
         B = rng.normal(size=(*r.shape, border))
-        chain.add_links(at, r, A, N, B)
+        chain.add(white(r, B, at, A, N))
         for t, k in enumerate(at):
             put(r[t], (k * size, A[t]), ((k + 1) * size, N[t]), (edge, B[t]))
     r = rng.normal(size=(3, border))
     B = rng.normal(size=(3, border, border))
-    chain.add_border(r, B)
+    chain.add(white(r, B))
     for t in range(3):
         put(r[t], (edge, B[t]))
     return chain, np.vstack(dense), np.concatenate(residuals)
@@ -70,20 +79,20 @@ def test_solution_covariances_and_decrease_are_those_of_dense_least_squares(
     made = chain.eliminated()
     z = -np.linalg.solve(made.corner, made.corner_gradient)
     np.testing.assert_allclose(z, x[edge:], **close)
-    np.testing.assert_allclose(made.steps(z).ravel(), x[:edge], **close)
+    np.testing.assert_allclose(made.nodes_step(z).ravel(), x[:edge], **close)
     inverse = np.linalg.inv(made.corner)
     np.testing.assert_allclose(inverse, S[edge:, edge:], **wide)
-    covariance = made.covariance(inverse)
+    own_nodes, following_nodes, with_border = Spread.of(made, inverse).nodes
     for k in range(nodes):
         own = slice(k * size, (k + 1) * size)
-        np.testing.assert_allclose(covariance.own[k], S[own, own], **wide)
-        np.testing.assert_allclose(covariance.with_border[k], S[own, edge:], **wide)
+        np.testing.assert_allclose(own_nodes[k], S[own, own], **wide)
+        np.testing.assert_allclose(with_border[k], S[own, edge:], **wide)
         if k + 1 < nodes:
             following = slice((k + 1) * size, (k + 2) * size)
-            np.testing.assert_allclose(covariance.following[k], S[own, following], **wide)
-    # `decrease` leaves out what the border's own share of the square sum is at rest: z of zero is the nodes' alone
-    fall = float(r @ r - np.sum((r + J @ x) ** 2))
-    assert made.decrease(z) == pytest.approx(fall, abs=1e-13 * condition * max(1.0, fall))
+            np.testing.assert_allclose(following_nodes[k], S[own, following], **wide)
+    made.move(z)
+    left = float(np.sum((r + J @ x) ** 2))
+    assert chain.square_sum == pytest.approx(left, abs=1e-13 * condition * max(1.0, float(r @ r)))
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 6))
@@ -92,9 +101,9 @@ def test_with_the_border_held_the_nodes_alone_decrease_the_square_sum(seed: int,
     A = J[:, : 3 * nodes]
     x = -np.linalg.solve(A.T @ A, A.T @ r)
     made = chain.eliminated()
-    np.testing.assert_allclose(made.steps(np.zeros(4)).ravel(), x, atol=1e-13 * np.linalg.cond(A.T @ A))
-    fall = float(r @ r - np.sum((r + A @ x) ** 2))
-    assert made.decrease(np.zeros(4)) == pytest.approx(fall, rel=1e-10)
+    np.testing.assert_allclose(made.nodes_step(np.zeros(4)).ravel(), x, atol=1e-13 * np.linalg.cond(A.T @ A))
+    made.move(np.zeros(4))
+    assert chain.square_sum == pytest.approx(float(np.sum((r + A @ x) ** 2)), rel=1e-9)
 
 
 def test_eliminating_leaves_the_equations_as_they_are() -> None:
@@ -129,35 +138,50 @@ def test_a_chain_in_a_chain_is_the_chain_of_both() -> None:
     np.testing.assert_allclose(z, x[19:], atol=1e-10)
 
 
+def test_own_unknowns_are_eliminated_as_nodes_are() -> None:
+    """The border's first two are the chain's own: what is left is the Schur complement of the whole."""
+    chain, J, r = random_chain(11, 4, 3, 5)
+    chain.own = 2
+    made = chain.eliminated()
+    inner, outer = J[:, :14], J[:, 14:]
+    Q, _ = np.linalg.qr(inner)
+    rest = outer - Q @ (Q.T @ outer)
+    np.testing.assert_allclose(made.matrix, rest.T @ rest, atol=1e-10)
+    np.testing.assert_allclose(made.right, rest.T @ r, atol=1e-10)
+    S = np.linalg.inv(J.T @ J)
+    np.testing.assert_allclose(Spread.of(made, S[14:, 14:]).border, S[12:, 12:], atol=1e-10)
+    assert chain.checks == len(J) - 14
+
+
 def test_whitened_residuals_have_the_chi_square_of_their_covariance() -> None:
     rng = np.random.default_rng(9)
     root = rng.normal(size=(6, 3, 3)) + 2.0 * np.eye(3)
     covariance = root @ np.swapaxes(root, 1, 2)
     residual, derivative = rng.normal(size=(6, 3)), rng.normal(size=(6, 3, 4))
-    white, by = whiten(covariance, residual[..., None], derivative)
+    made = Whitened.of(Equations(), Linear(residual, covariance, derivative))
+    np.testing.assert_allclose(made.raw, residual)
     for k in range(6):
         inverse = np.linalg.inv(covariance[k])
-        np.testing.assert_allclose(white[k, :, 0] @ white[k, :, 0], residual[k] @ inverse @ residual[k])
-        np.testing.assert_allclose(by[k].T @ white[k, :, 0], derivative[k].T @ inverse @ residual[k])
+        np.testing.assert_allclose(made.residual[k] @ made.residual[k], residual[k] @ inverse @ residual[k])
+        np.testing.assert_allclose(
+            made.by_border[k].T @ made.residual[k], derivative[k].T @ inverse @ residual[k]
+        )
     with pytest.raises(np.linalg.LinAlgError):
-        whiten(-covariance, residual[..., None])
+        Whitened.of(Equations(), Linear(residual, -covariance, derivative))
 
 
-def test_terms_that_are_kept_one_by_one_tell_the_covariance_of_what_is_adjusted() -> None:
-    """``taken`` of all terms is the diagonal of the hat matrix, whose trace is the number of unknowns."""
+def test_the_covariance_of_what_is_adjusted_is_the_hat_matrix() -> None:
     nodes, size, border = 4, 3, 5
-    chain, J, r = random_chain(10, nodes, size, border)
-    kept = GatheringChain.of(size, border)
-    rng = np.random.default_rng(10)
-    at = np.tile(np.arange(nodes), 2)
-    shape = rng.normal(size=(at.size, size + 1)).shape
-    A, B = rng.normal(size=(*shape, size)), rng.normal(size=(*shape, border))
-    kept.add_unary(at, np.zeros(shape), A, B)
+    chain, J, _ = random_chain(10, nodes, size, border)
     made = chain.eliminated()
-    inverse = np.linalg.inv(made.corner)
-    taken = kept.terms[0].taken(made.covariance(inverse), inverse)
+    spread = Spread.of(made, np.linalg.inv(made.corner))
     S = np.linalg.inv(J.T @ J)
-    for t in range(at.size):
-        rows = slice(t * (size + 1), (t + 1) * (size + 1))
-        np.testing.assert_allclose(taken[t], J[rows] @ S @ J[rows].T, atol=1e-10)
-    assert r.size == len(J)
+    row = 0
+    for term in chain.terms:
+        taken, gain = spread.taken(term), spread.gain(term, border)
+        for t in range(len(taken)):
+            own = J[row : row + taken.shape[1]]
+            np.testing.assert_allclose(taken[t], own @ S @ own.T, atol=1e-9)
+            np.testing.assert_allclose(gain[t], S[-border:] @ own.T, atol=1e-9)
+            row += taken.shape[1]
+    assert row == len(J)

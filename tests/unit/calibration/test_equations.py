@@ -1,0 +1,305 @@
+"""Every kind of observation keeps one contract: zero at the truth, derivatives of differences, causes that add up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tumble.attitude.rotations import matrix_from_rotation_vector
+from tumble.calibration.equations.adjustment import HEAD, NODE, TAIL, JointAdjustment
+from tumble.calibration.equations.believed_poses import BelievedPoses
+from tumble.calibration.equations.gathering import gather
+from tumble.calibration.equations.imu_unknowns import LAYOUT, imu_unknowns, unknowns_of
+from tumble.calibration.equations.observed import observe, table_rotation
+from tumble.calibration.equations.stretches import RecordingStretch
+from tumble.calibration.start import start_adjustment
+from tumble.earth import Site
+from tumble.estimation.chain import Whitened
+from tumble.estimation.solve import linearise, settled_at, solve
+from tumble.estimation.unknowns import Unknowns
+from tumble.protocol import HoldStep, Pose, Protocol, SpinStep
+from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
+from tumble.sensor import ImuModel, Triad, change_frame
+from tumble.simulation import TableErrors, simulate_protocol
+
+SITE = Site.from_latitude(np.radians(48.0), 300.0)
+EVERYTHING = np.arange(LAYOUT.size)
+SCENES = {
+    "by hand": {"force", "rate", "swing", "rest", "turn", "heading", "loose", "earth"},
+    "tilts": {"tilt"},
+    "poses": {"pose"},
+    "table": {"windows", "links", "axis", "angle", "own"},
+    "rate": {"table rate"},
+}
+# Of the largest derivative by the same unknown, what may be neglected: the trapezoid's step in a turn's integrals; what
+# a gyro's unknowns do to a window's mean, half a radian squared over 24; what accelerometers do through g-sensitivity.
+NEGLECTED = {"gyro": 1e-2, "force": 2e-2}
+MODEL = change_frame(
+    ImuModel(
+        Triad(
+            np.array([[1.02, 0.003, -0.004], [0.0031, 0.97, 0.002], [-0.0012, 0.0045, 1.05]]),
+            np.array([0.02, -0.03, 0.05]),
+        ),
+        Triad(
+            np.array([[0.99, 0.0021, -0.0033], [-0.0014, 1.03, 0.0026], [0.0037, -0.0018, 0.97]]),
+            np.array([1e-3, -2e-3, 3e-3]),
+        ),
+        1e-5 * np.array([[2.0, -3.0, 1.0], [4.0, -1.0, 5.0], [-6.0, 7.0, -2.0]]),
+    ),
+    "accelerometer-x",
+)
+
+
+def _by_hand(
+    play: Any, model: Any, site: Site, poses: Callable[[Any], BelievedPoses] | None = None
+) -> JointAdjustment:
+    u = imu_unknowns(unknowns_of(model), EVERYTHING)
+    data = observe(play(noise=(1e-9, 1e-11), holds=6).data(), u)
+    task = start_adjustment(data, u, site)
+    if poses is not None:
+        data.poses = poses(task.sections[0].C_wb[:, 1])
+        task = start_adjustment(data, u, site)
+    return task
+
+
+def _believed(with_heading: bool) -> Callable[[Any], BelievedPoses]:
+    def poses(C_wb: Any) -> BelievedPoses:
+        C_nf = C_wb @ matrix_from_rotation_vector(np.array([0.03, -0.08, 0.05]))
+        sigma = np.linspace(1e-3, 2e-3, len(C_wb))
+        return BelievedPoses(np.arange(len(C_wb)), -C_nf[:, 2], C_nf, np.full(len(C_wb), with_heading), sigma)
+
+    return poses
+
+
+def _on_table(*, rated: bool) -> JointAdjustment:
+    """One rotation without noise about a leaning axis, the unit beside it; its own unknowns settled."""
+    speed, rate, turn = np.radians(40.0), 50.0, 2.0 * np.pi
+    up, axis = np.array([0.3, -0.5, 0.8]) / np.linalg.norm([0.3, -0.5, 0.8]), np.array([0.6, 0.64, 0.48])
+    steps = (
+        HoldStep(4.0, Pose(up, 0.4)),
+        SpinStep(
+            axis_b=axis, rate=speed, duration=turn / speed - 1.0, ramp=1.0, angle=turn, angle_sigma=1e-5
+        ),
+        HoldStep(4.0, None),
+    )
+    protocol = Protocol("one rotation", "turntable", steps, site=SITE)
+    recording, truth = simulate_protocol(
+        protocol, rate, np.random.default_rng(1), site=SITE, model=MODEL, placement=False,
+        lever_arm_b=np.array([0.05, -0.03, 0.02]), table=TableErrors(angle_sigma=0.0),
+    )  # fmt: skip
+    first, last = (round(float(t) * rate) for t in (truth.hold_edges[0, 1], truth.hold_edges[1, 0]))
+    noise = NoiseFloor(np.full(3, 1e-4), np.full(3, 1e-6), 1.0, "stated")
+    holds = (Hold(0, first - 2), Hold(last + 3, len(recording.time)))
+    timeline = Timeline(holds, (Turn(0, 1, first - 2, last + 3),), (), noise)
+    base = gather(recording, timeline, observe_holds(recording, timeline))
+    start, stop = (round(float(t) * rate) for t in truth.step_edges[1])
+    spin = table_rotation(
+        base, 0, start + 3, stop - 3, speed * axis, angle=None if rated else turn, angle_sigma=1e-5,
+        largest_angle=0.5, turn_rate=speed if rated else None, rate_sigma=1e-5,
+    )  # fmt: skip
+    # modes as of a bias that wanders, whatever two rests tell of it
+    number = np.arange(1, 5)
+    spin.modes = np.cos(np.pi * number * (spin.time / spin.seconds)[:, None])
+    spin.mode_share = 2.0 * np.log((number + 0.5) / (number - 0.5))
+    # nothing shared is free but a gyro bias that is known: the rotation's own unknowns settle
+    u = imu_unknowns(unknowns_of(MODEL), LAYOUT.indices("gyro.bias"))
+    task = start_adjustment(observe(base, u, [spin]), u, SITE)
+    task.noise.factors["axis"] = {0: 400.0}
+    solve(task)
+    task.unknowns = task.unknowns.with_free(EVERYTHING)
+    return task
+
+
+@pytest.fixture(scope="module")
+def scenes(play: Any, model: Any, site: Site) -> dict[str, JointAdjustment]:
+    made = {
+        "by hand": _by_hand(play, model, site),
+        "tilts": _by_hand(play, model, site, _believed(False)),
+        "poses": _by_hand(play, model, site, _believed(True)),
+        "table": _on_table(rated=False),
+        "rate": _on_table(rated=True),
+    }
+    made["by hand"].taking_part["force"][2] = False
+    return made
+
+
+def _terms(task: JointAdjustment, *, of_table: bool) -> list[Whitened]:
+    stretch: Any = RecordingStretch(task).within[0][1]
+    if of_table:
+        stretch = stretch.within[0][1]
+    return [Whitened.of(e, linear) for e in stretch.equations for linear in e.linearise(task)]
+
+
+def _design(terms: list[Whitened], nodes: int, size: int) -> np.ndarray:
+    """Dense whitened derivatives: by all nodes, then by the border."""
+    rows: list[np.ndarray] = []
+    for term in terms:
+        for t in range(len(term.residual)):
+            row = np.zeros((term.residual.shape[1], nodes * size + term.by_border.shape[2]))
+            row[:, nodes * size :] = term.by_border[t]
+            for by, after in ((term.by_node, 0), (term.by_next, 1)):
+                if by is not None:
+                    k = int(term.linear.node[t]) + after
+                    row[:, size * k : size * (k + 1)] += by[t]
+            rows.append(row)
+    return np.vstack(rows)
+
+
+def _moved(task: JointAdjustment, step: np.ndarray, *, of_table: bool) -> JointAdjustment:
+    """Return a copy that is moved by a step of nodes and border, as the kernel moves it."""
+    made = task.copy()
+    section: Any = RecordingStretch(made).within[0][1]
+    free = made.unknowns.free.size
+    if of_table:
+        inner = section.within[0][1]
+        count = 3 * inner.nodes
+        own, ends = step[count : count + inner.own], step[count + inner.own : count + inner.own + 6]
+        inner.move(step[:count].reshape(-1, 3), own)
+        nodes = np.zeros((section.nodes, NODE))
+        nodes[0, TAIL], nodes[1, HEAD] = ends[:3], ends[3:]
+    else:
+        nodes = step[: NODE * section.nodes].reshape(-1, NODE)
+    section.move(nodes, step[-free - 3 : -free])
+    made.unknowns = made.unknowns.at(made.unknowns.values + step[-free:])
+    return made
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_kind_is_there(scenes: dict[str, JointAdjustment], name: str) -> None:
+    terms = _terms(scenes[name], of_table=name in ("table", "rate"))
+    assert {term.equations.kind for term in terms} >= SCENES[name]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_truth_without_noise_leaves_nothing(scenes: dict[str, JointAdjustment], name: str) -> None:
+    """A hundred-thousandth of a unit: ramps leave kinks in the trapezoids; holds settle with the unit's unknowns."""
+    task = scenes[name].copy()
+    if name not in ("table", "rate"):
+        blocks = ("gyro.bias",) if name == "by hand" else ("gyro.bias", "fixture")
+        task.unknowns = task.unknowns.with_free(LAYOUT.indices(*blocks))
+        solve(task)
+    for term in _terms(task, of_table=name in ("table", "rate")):
+        if term.equations.kind not in ("own", "earth"):
+            assert np.abs(term.raw).max() < 2e-5, term.equations.kind
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_derivatives_are_those_of_differences(scenes: dict[str, JointAdjustment], name: str) -> None:
+    of_table, task = name in ("table", "rate"), scenes[name]
+    section: Any = RecordingStretch(task).within[0][1]
+    nodes, size = (section.within[0][1].nodes, 3) if of_table else (section.nodes, NODE)
+    terms = _terms(task, of_table=of_table)
+    exact, roots = _design(terms, nodes, size), [term.root for term in terms]
+
+    def residuals(step: np.ndarray) -> np.ndarray:
+        there = _terms(_moved(task, step, of_table=of_table), of_table=of_table)
+        white = [
+            np.linalg.solve(root, t.linear.residual[..., None]) for root, t in zip(roots, there, strict=True)
+        ]
+        return np.concatenate([w.ravel() for w in white])
+
+    expected = np.zeros_like(exact)
+    for j in range(exact.shape[1]):
+        by = np.zeros(exact.shape[1])
+        by[j] = 1e-6
+        expected[:, j] = (residuals(by) - residuals(-by)) / 2e-6
+    # what is zero wherever it is has no difference
+    fixed = np.concatenate(
+        [np.full(t.residual.size, t.equations.kind in ("heading", "loose")) for t in terms]
+    )
+    scale = np.maximum(np.abs(expected).max(axis=0), 1e-9 * np.abs(expected).max())
+    off = (np.abs(exact - expected) * ~fixed[:, None]).max(axis=0) / scale
+    first = exact.shape[1] - LAYOUT.size
+    assert off[:first].max() < 2e-3
+    for block in LAYOUT.blocks:
+        place = LAYOUT[block.name]
+        limit = NEGLECTED.get(block.name.split(".")[0], 1e-3)
+        assert off[first + place.start : first + place.stop].max() < limit, block.name
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_causes_add_up_and_covariances_are_positive(scenes: dict[str, JointAdjustment], name: str) -> None:
+    task = scenes[name]
+    for term in _terms(task, of_table=name in ("table", "rate")):
+        covariance = term.linear.covariance
+        assert np.linalg.eigvalsh(covariance).min() > 0.0, term.equations.kind
+        causes = term.equations.causes(task, term.linear)
+        if not causes:
+            assert term.equations.kind == "loose"
+            continue
+        total = sum(causes.values(), np.zeros(covariance.shape))
+        np.testing.assert_allclose(total, covariance, atol=1e-9 * np.abs(covariance).max())
+
+
+@pytest.mark.parametrize("name", ["by hand", "poses", "table"])
+def test_what_is_eliminated_leaves_the_least_squares_of_the_rest(
+    scenes: dict[str, JointAdjustment], name: str
+) -> None:
+    """The normal matrix of the free unknowns does not depend on which others are free: held ones are no columns."""
+    task = scenes[name].copy()
+    plain = LAYOUT.indices("force.bias", "gyro.bias", "gyro.matrix")
+    whole = linearise(task)[1]
+    task.unknowns = task.unknowns.with_free(plain)
+    alone = linearise(task)[1]
+    scale = np.sqrt(np.outer(np.diag(alone), np.diag(alone)))
+    np.testing.assert_allclose(alone / scale, whole[np.ix_(plain, plain)] / scale, atol=1e-6)
+
+
+def test_shares_of_all_causes_add_up_to_the_covariance(scenes: dict[str, JointAdjustment]) -> None:
+    from tumble.calibration.equations.causes import SOURCES
+    from tumble.calibration.outcome.budget import recording_influences
+
+    task = scenes["by hand"].copy()
+    task.unknowns = task.unknowns.with_free(
+        LAYOUT.indices("force.bias", "force.scale", "gyro.bias", "gyro.matrix")
+    )
+    influences = recording_influences(task)
+    total = sum(influences.shares(SOURCES).values(), np.zeros(influences.covariance.shape))
+    sigma = np.sqrt(np.diag(influences.covariance))
+    apart = (total - influences.covariance) / np.outer(sigma, sigma)
+    # what keeps a hold without its force in place is no observation, and nobody's share
+    assert np.abs(apart).max() < 1e-3
+
+
+def test_covariances_of_attitudes_are_those_of_a_dense_inverse(scenes: dict[str, JointAdjustment]) -> None:
+    task = scenes["by hand"].copy()
+    task.unknowns = task.unknowns.with_free(LAYOUT.indices("force.bias", "gyro.bias"))
+    settled = settled_at(task)
+    (_, section) = list(settled.spreads())
+    terms = section.chain.chain.terms
+    J = _design(terms, section.chain.chain.stretch.nodes, NODE)
+    scale = np.sqrt(np.sum(J**2, axis=0))
+    dense = np.linalg.inv((J / scale).T @ (J / scale)) / np.outer(scale, scale)
+    count = NODE * 6
+    for k in range(6):
+        own = dense[NODE * k : NODE * (k + 1), NODE * k : NODE * (k + 1)]
+        np.testing.assert_allclose(section.nodes[0][k], own, atol=1e-5 * np.abs(own).max())
+    np.testing.assert_allclose(
+        section.border, dense[count:, count:], atol=1e-5 * np.abs(dense[count:, count:]).max()
+    )
+
+
+def test_words_of_an_outlier_are_in_its_own_class(scenes: dict[str, JointAdjustment]) -> None:
+    for name in SCENES:
+        task = scenes[name]
+        screened = {screen.name for screen in task.screens}
+        for term in _terms(task, of_table=name in ("table", "rate")):
+            if term.equations.kind in screened:
+                what, why = term.equations.say(4, "7.0 times what the others show")
+                assert what in ("hold", "turn", "spin")
+                assert "7.0 times" in why
+
+
+def test_unknowns_are_known_by_name() -> None:
+    u = Unknowns(LAYOUT, np.arange(LAYOUT.size, dtype=float), LAYOUT.indices("gyro.bias", "lag"))
+    assert u["gyro.bias"].tolist() == [21.0, 22.0, 23.0]
+    assert u.is_free("lag")
+    assert not u.is_free("gyro.matrix")
+    made = u.columns({"gyro.bias": np.ones((2, 3, 3)), "gyro.matrix": np.ones((2, 3, 9))}, 2)
+    assert made.shape == (2, 3, 6)
+    np.testing.assert_array_equal(made[0, 0], [0.0, 0.0, 1.0, 1.0, 1.0, 0.0])
+    assert LAYOUT.label(21) == "bias of gyro x"
+    assert LAYOUT.remedy(13) == "a turn about y while y lies level"
