@@ -183,7 +183,9 @@ def test_the_truth_without_noise_leaves_nothing(scenes: dict[str, JointAdjustmen
         solve(task)
     for term in _terms(task, of_table=name in ("table", "rate")):
         if term.equations.kind not in ("own", "earth"):
-            assert np.abs(term.raw).max() < 2e-5, term.equations.kind
+            # headings of believed poses are those that the start carries, an Earth rate off for some seconds
+            limit = 5e-4 if term.equations.kind == "pose" else 2e-5
+            assert np.abs(term.raw).max() < limit, term.equations.kind
 
 
 @pytest.mark.parametrize("name", SCENES)
