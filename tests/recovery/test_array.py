@@ -17,8 +17,8 @@ from tumble.calibration import Estimate
 from tumble.calibration.arrays.adjustment import ArraySolution, solve_array
 from tumble.calibration.arrays.estimate import ArrayEstimate, array_estimate
 from tumble.calibration.equations.imu_unknowns import unknowns_of
+from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.outcome.estimate import JointOutcome
-from tumble.calibration.procedures.joint import calibrate_joint
 from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.segmentation import find_timeline, observe_holds

@@ -15,8 +15,8 @@ from tumble.calibration.equations.imu_unknowns import (
     without_asymmetry,
 )
 from tumble.calibration.estimate import Estimate
+from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.optional_terms import TERM_LIMIT
-from tumble.calibration.procedures.joint import calibrate_joint
 from tumble.earth import Site
 from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
 from tumble.sensor import ImuModel, Triad

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from tumble.calibration.canonical import canonical_names
 from tumble.calibration.estimate import Estimate
+from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.procedures.joint import calibrate_joint
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
 from tumble.recording import Recording

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from tumble.calibration.canonical import canonical_names
 from tumble.calibration.equations.believed_poses import believed_poses
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.procedures.joint import calibrate_joint
+from tumble.calibration.joint import calibrate_joint
 from tumble.earth import Site
 from tumble.protocol import named_protocol
 from tumble.segmentation import find_timeline, observe_holds

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.equations.believed_poses import believed_poses
 from tumble.calibration.estimate import Estimate
-from tumble.calibration.procedures.joint import calibrate_joint
+from tumble.calibration.joint import calibrate_joint
 from tumble.earth import Site
 from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.segmentation import find_timeline, observe_holds

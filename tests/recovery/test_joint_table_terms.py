@@ -19,8 +19,8 @@ from tumble.calibration.equations import size_effect
 from tumble.calibration.equations.imu_unknowns import LAYOUT, imu_unknowns, raw_force
 from tumble.calibration.equations.size_effect import PAIRS
 from tumble.calibration.estimate import Estimate
+from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.outcome.table_parameters import LAG_NAME
-from tumble.calibration.procedures.joint import calibrate_joint
 from tumble.earth import Site
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.recording.recording import Recording

@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from tumble.calibration import Estimate
 from tumble.calibration.equations.imu_unknowns import unknowns_of
+from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.outcome.estimate import JointOutcome
-from tumble.calibration.procedures.joint import calibrate_joint
 from tumble.calibration.turn_ons.adjustment import TurnOn, solve_several, with_free
 from tumble.calibration.turn_ons.estimate import SeveralEstimate, several_estimate
 from tumble.calibration.turn_ons.outcome import SeveralOutcome, adjust_several

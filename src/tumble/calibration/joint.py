@@ -41,7 +41,9 @@ from tumble.calibration.observability import (
     together,
 )
 from tumble.calibration.optional_terms import (
+    NOT_TRIED_FIRST,
     TERMS,
+    determined_terms,
     offered_terms,
     seen_table_terms,
     term_limits,
@@ -140,12 +142,14 @@ def calibrate_joint(
         optional_terms, known = False, []
     task.unknowns = task.unknowns.with_free(unknowns_with(plain, known))
     of_table = _seen_on_table(task) if optional_terms and has_gyro and data.rotations else []
+    fresh = task.copy()
     balanced = _balanced_with(task, of_table)
     tests: list[TermTest] = []
+    untried: list[str] = []
     if optional_terms:
         say("optional terms")
-        task, balanced, tests = _with_terms(task, balanced, plain, of_table)
-    outcome = JointOutcome(recording, task, balanced, tests, start, untold, frame, has_gyro, prior)
+        task, balanced, tests, untried = _with_terms(task, balanced, fresh, plain, of_table)
+    outcome = JointOutcome(recording, task, balanced, tests, start, untold, frame, has_gyro, prior, untried)
     if keep is not None:
         keep(outcome)
     estimate = joint_estimate(outcome)
@@ -269,37 +273,46 @@ def _balanced_with(task: JointAdjustment, names: list[str]) -> Balanced:
 
 
 def _with_terms(
-    task: JointAdjustment, base: Balanced, plain: np.ndarray, of_table: list[str]
-) -> tuple[JointAdjustment, Balanced, list[TermTest]]:
-    """Try all optional terms at once, drop the least significant until every one left is wanted."""
-    names = offered_terms(has_gyro=task.unknowns.is_free("gyro.bias")) + of_table
-    limits = term_limits(names)
+    task: JointAdjustment, base: Balanced, fresh: JointAdjustment, plain: np.ndarray, of_table: list[str]
+) -> tuple[JointAdjustment, Balanced, list[TermTest], list[str]]:
+    """Try all optional terms at once, drop the least significant until every one left is wanted.
+
+    `fresh` has its variances and what takes part as they were before anything was balanced: what looks like a bad turn
+    without a term may be the term. Returned last are the terms that were not tried.
+    """
+    offered = offered_terms(has_gyro=task.unknowns.is_free("gyro.bias")) + of_table
+    names = _determined(task, plain, offered)
+    untried = [name for name in offered if name not in names]
+    limits = term_limits(offered)
     tests: dict[str, TermTest] = {}
     while names:
-        trial = task.copy(unknowns_with(plain, names))
+        free = unknowns_with(plain, names)
+        trial = task.copy(free)
+        trial.noise, trial.taking_part = fresh.copy().noise, fresh.copy().taking_part
         trial.prior = together(trial.prior, lever_prior(trial.unknowns))
         try:
             balanced = balance_recording(trial)
         except (ObservabilityError, ConvergenceError):
-            # Few holds and turns may tell the plain unknowns, and not so many more.
-            names.pop()
+            # Where the equations are bent, what is determined to first order may not be.
+            untried.append(min(names, key=NOT_TRIED_FIRST.index))
+            names = [name for name in names if name != untried[-1]]
             continue
-        # What was left out before there were any terms stays out, and is told.
-        balanced.outliers[:0] = base.outliers
         wanted = wanted_terms(trial, balanced, names, tests, limits)
         if wanted == names:
-            if trial.data.poses is None and not np.any(trial.unknowns.free >= 33):
-                trial = trial.copy()
-                outliers = balanced.outliers
-                balanced = balance_recording(trial)
-                balanced.outliers[:0] = outliers
-            return trial, balanced, list(tests.values())
+            return trial, balanced, list(tests.values()), untried
         names = wanted
     if base.solution.unknowns.free.size > plain.size:
         task = task.copy(plain)
-        outliers, base = base.outliers, balance_recording(task)
-        base.outliers[:0] = outliers
-    return task, base, list(tests.values())
+        task.noise, task.taking_part = fresh.copy().noise, fresh.copy().taking_part
+        base = balance_recording(task)
+    return task, base, list(tests.values()), untried
+
+
+def _determined(task: JointAdjustment, plain: np.ndarray, names: list[str]) -> list[str]:
+    """The terms that the recording determines, by the information where the adjustment without them has settled."""
+    trial = task.copy()
+    trial.unknowns = trial.unknowns.with_free(unknowns_with(plain, names))
+    return determined_terms(linearise(trial)[1], trial.unknowns, plain, names)
 
 
 def _silent(_: str) -> None:

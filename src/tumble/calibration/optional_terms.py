@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Square
+from tumble.arrays import AnyArray, Series, Square, inverted
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.causes import FORCE_WANDER
 from tumble.calibration.equations.imu_unknowns import LAYOUT, LEVER_ARM, force_matrix, name_plate
@@ -158,6 +158,71 @@ def term_test(name: str, estimates: Series, covariance: Square, freedom: int, li
     return wald_test(name, told.T @ estimates, told.T @ covariance @ told, freedom, limit)
 
 
+# Of terms that look alike in what was recorded, the first of these is not tried: asymmetries are what rotations both
+# ways and faces up and down show by themselves, whatever the curve between is.
+NOT_TRIED_FIRST = (
+    *("quadratic", "gyro_quadratic", "lever_arms", "time_lag"),
+    *("g_sensitivity", "accelerometer_asymmetry", "gyro_asymmetry"),
+)
+_IN_WORDS = {
+    "quadratic": "quadratic terms of the accelerometers",
+    "g_sensitivity": "g-sensitivity of the gyros",
+    "accelerometer_asymmetry": "asymmetries of the accelerometers",
+    "gyro_asymmetry": "asymmetries of the gyros",
+}
+
+
+def determined_terms(normal: Square, u: Unknowns, plain: np.ndarray, names: list[str]) -> list[str]:
+    """Return the terms that what was recorded determines, all of them together.
+
+    Parameters
+    ----------
+    normal, u : information of the free unknowns, all terms among them.
+    plain : indices of the unknowns that are free without any term.
+    names : of the terms.
+
+    Notes
+    -----
+    Faces up and down show ``a |u|`` and ``q u²`` as one number: both together would be determined by remainders of
+    second order, and be as wrong as these are. A term is determined if its standard uncertainty is below half of what
+    a unit may have of it, as of the plain unknowns.
+    """
+    sizes, left = name_plate(u), list(names)
+    while left:
+        at = u.places(unknowns_with(plain, left))
+        free, own = u.free[at], sizes[u.free[at]]
+        share = inverted(normal[np.ix_(at, at)] * np.outer(own, own) + np.eye(at.size))
+        untold = [name for name in left if not _is_determined(name, share, free)]
+        if not untold:
+            break
+        left.remove(min(untold, key=NOT_TRIED_FIRST.index))
+    return left
+
+
+def _is_determined(name: str, share: Square, free: np.ndarray) -> bool:
+    """Whether little is left of the name plate's variance in every direction of a term; of lever arms in any."""
+    at = np.flatnonzero(np.isin(free, TERMS[name].unknowns))
+    shares = np.linalg.eigvalsh(share[np.ix_(at, at)])
+    return bool(shares[0 if name == "lever_arms" else -1] < LEFT)
+
+
+def untried_words(names: list[str]) -> list[str]:
+    """Return a sentence about terms that were not tried because nothing determines them; none without.
+
+    Parameters
+    ----------
+    names : of the terms; those that only tables show are not missed.
+    """
+    words = [_IN_WORDS[name] for name in names if name in _IN_WORDS]
+    if not words:
+        return []
+    last = f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0]
+    return [
+        f"{last[0].upper()}{last[1:]}: what was recorded does not determine them, or not apart from other terms, so that "
+        "they were not tried. More poses would, among them some with no axis upright or level."
+    ]
+
+
 def seen_table_terms(normal: Square, u: Unknowns) -> list[str]:
     """Return the terms that a table's rotations determine; of lever arms any part of them.
 
@@ -166,15 +231,9 @@ def seen_table_terms(normal: Square, u: Unknowns) -> list[str]:
     normal, u : information of the free unknowns, all terms among them.
     """
     sizes = name_plate(u)[u.free]
-    left = np.linalg.inv(normal * np.outer(sizes, sizes) + np.eye(u.free.size))
-    found: list[str] = []
-    for name in ON_TABLES:
-        at = u.places(TERMS[name].unknowns)
-        shares = np.linalg.eigvalsh(left[np.ix_(at, at)])
-        # Of lever arms a part is worth having.
-        if shares[0 if name == "lever_arms" else -1] < LEFT:
-            found.append(name)
-    return found
+    left = inverted(normal * np.outer(sizes, sizes) + np.eye(u.free.size))
+    # Of lever arms a part is worth having.
+    return [name for name in ON_TABLES if _is_determined(name, left, u.free)]
 
 
 def shared_scatter(task: JointAdjustment, solution: Settled) -> Square:

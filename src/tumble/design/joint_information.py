@@ -224,6 +224,8 @@ class PlannedProblem:
         self, task: JointAdjustment, stretch: SectionStretch, section: Section, without: int | None
     ) -> None:
         """Take rotations, which are most of the work, as they were eliminated before, and one of them out."""
+        # What keeps a step finite is no knowledge.
+        stretch.equations = [e for e in stretch.equations if e.kind != "loose"]
         outside = 9 + FREE.size
         for place, inner in stretch.within:
             k = place.node + section.first

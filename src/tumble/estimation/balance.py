@@ -184,10 +184,6 @@ class Balanceable(Adjustable, Protocol):
         """Let an observation take no part."""
         ...
 
-    def snapshot(self) -> Callable[[], None]:
-        """Return a function that puts everything back where it is now."""
-        ...
-
 
 @dataclass(slots=True)
 class Balanced:

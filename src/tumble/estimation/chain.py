@@ -310,18 +310,18 @@ class Eliminated:
             substitute(self.diagonal, self.lower, self.border, self.gradient, border, steps)
         return steps
 
-    def move(self, outside: Series) -> None:
-        """Move everything in the chain, and within it, by the step that goes with the outside's."""
+    def move(self, outside: Series, share: float = 1.0) -> None:
+        """Move everything in the chain, and within it, by a share of the step that goes with the outside's."""
         border = np.concatenate([self.own_step(outside), outside])
         nodes = self.nodes_step(border)
         for place, inner in self.within:
             k = place.node
             ends = [nodes[k, place.at_node], nodes[k + 1, place.at_next]] if k >= 0 else []
-            inner.move(np.concatenate([*ends, border]))
+            inner.move(np.concatenate([*ends, border]), share)
         for term in self.chain.terms:
-            term.move(nodes, border)
+            term.move(share * nodes, share * border)
         if self.chain.stretch is not None:
-            self.chain.stretch.move(nodes, border[: self.chain.own])
+            self.chain.stretch.move(share * nodes, share * border[: self.chain.own])
 
     @property
     def within(self) -> list[tuple[Place, Eliminated]]:

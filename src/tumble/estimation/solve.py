@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from tumble.arrays import Series, Square
-from tumble.errors import ConvergenceError
+from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.chain import Chain, Eliminated, Stretch
 from tumble.estimation.gauss_helmert import Prior, invert_normal_matrix
 from tumble.estimation.settled import Settled
@@ -17,6 +19,8 @@ ITERATIONS = 100
 DIVERGED = "The joint adjustment diverged: its unknowns left all bounds."
 # A thousandth of a sigma: the step itself is still taken, and the next would be a millionth.
 TOLERANCE, ROUND_OFF = 1e-3, 1e-2
+# A square sum may grow by so much and not be worse; a smaller share of a step is no step.
+SLACK, LEAST_SHARE = 0.1, 1e-3
 
 
 @runtime_checkable
@@ -42,8 +46,12 @@ class Adjustable(Protocol):
         """Return everything that was observed."""
         ...
 
-    def stepped(self, chain: Eliminated, cofactor: Square) -> None:
-        """Note what a step has changed of what is believed."""
+    def stepped(self, chain: Eliminated, cofactor: Square) -> bool:
+        """Note what a step has changed of what is believed; return whether anything has."""
+        ...
+
+    def snapshot(self) -> Callable[[], None]:
+        """Return a function that puts everything back where it is now."""
         ...
 
 
@@ -83,28 +91,83 @@ def solve(task: Adjustable, *, once: bool = False) -> Settled:
         If unknowns are not determined.
     ConvergenceError
         If it diverges or does not settle.
+
+    Notes
+    -----
+    Gauss-Newton. A step after which the square sum is larger, or nothing is determined any more, is taken back, and a
+    quarter of it is tried; the share grows again with each step that is good.
     """
-    before = np.inf
+    before, share, last = np.inf, 1.0, _Step(np.inf, None)
     for iteration in range(1, ITERATIONS + 1):
-        try:
-            with np.errstate(divide="ignore", invalid="ignore"):
-                chain, normal, gradient = linearise(task)
-            cofactor = invert_normal_matrix(normal)
-        except np.linalg.LinAlgError as error:
-            raise ConvergenceError(DIVERGED) from error
-        step = -cofactor @ gradient
+        made = _equations(task, final=last.back is None or share <= LEAST_SHARE)
+        if last.back is not None and share > LEAST_SHARE and (made is None or last.is_bad(made.cost)):
+            last.back()
+            share, last = 0.25 * share, _Step(np.inf, None)
+            continue
+        assert made is not None
+        step = -made.cofactor @ made.gradient
         if not np.all(np.isfinite(step)):
             raise ConvergenceError(DIVERGED)
-        chain.move(step)
-        task.unknowns = _moved(task.unknowns, step)
-        size = longest(step, cofactor)
-        task.stepped(chain, cofactor)
+        size = longest(step, made.cofactor)
+        taken = 1.0 if once or size <= ROUND_OFF else share
+        back = None if once else task.snapshot()
+        made.chain.move(step, taken)
+        task.unknowns = _moved(task.unknowns, taken * step)
+        changed = task.stepped(made.chain, made.cofactor)
         here = np.abs(task.unknowns.values[task.unknowns.free])
         settled = bool(np.all(np.abs(step) <= 1e-13 * np.maximum(here, 1.0)))
         if once or size <= TOLERANCE or settled or (size < ROUND_OFF and size >= before):
-            return _settled(task, chain, cofactor, iteration)
-        before = size
+            return _settled(task, made.chain, made.cofactor, iteration)
+        # What is believed may have changed with the step: then the square sum says nothing of it.
+        last = _Step(np.inf if changed else made.cost, back)
+        before, share = size, min(1.0, 2.0 * share)
     raise ConvergenceError(f"The joint adjustment did not settle within {ITERATIONS} iterations.")
+
+
+@dataclass(frozen=True, slots=True)
+class _Made:
+    """The equations at a state: chain, covariance and gradient of the free unknowns, and the square sum."""
+
+    chain: Eliminated
+    cofactor: Square
+    gradient: Series
+    cost: float
+
+
+def _equations(task: Adjustable, *, final: bool) -> _Made | None:
+    """Return the equations where everything is; None where they determine nothing, if that is not `final`."""
+    try:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            chain, normal, gradient = linearise(task)
+        return _Made(chain, invert_normal_matrix(normal), gradient, _cost(task, chain))
+    except np.linalg.LinAlgError as error:
+        if final:
+            raise ConvergenceError(DIVERGED) from error
+    except ObservabilityError:
+        if final:
+            raise
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """The square sum before a step, and the way back."""
+
+    cost: float
+    back: Callable[[], None] | None
+
+    def is_bad(self, cost: float) -> bool:
+        """Whether the square sum has grown by more than nothing."""
+        return not cost <= self.cost + SLACK * (1.0 + abs(self.cost) * 1e-5)
+
+
+def _cost(task: Adjustable, chain: Eliminated) -> float:
+    """The square sum of all residuals and of what was believed beforehand."""
+    cost = chain.chain.square_sum
+    if task.prior is not None:
+        off = task.unknowns.values - task.prior.mean
+        cost += float(off @ task.prior.precision @ off)
+    return cost
 
 
 def longest(step: Series, covariance: Square) -> float:

@@ -10,9 +10,10 @@ import pytest
 
 from tumble.calibration import Estimate
 from tumble.calibration.evidence import RestlessHold
+from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.outcome.restless import restless_remarks
-from tumble.calibration.procedures.joint import calibrate_joint
-from tumble.report.residual_figures import restless_table
+from tumble.report.evidence.holds import restless
+from tumble.report.page import Table
 from tumble.segmentation import observe_holds
 
 LEAN = 5e-3
@@ -51,9 +52,9 @@ def test_the_hold_is_named_with_its_time_and_its_sway(leaning: Estimate) -> None
 
 
 def test_the_report_lists_it(leaning: Estimate) -> None:
-    table = restless_table(leaning)
-    assert "<td>5</td><td>20.0 to 23.0</td>" in table
-    assert restless_table(replace(leaning, evidence=[replace(leaning.holds, restless=())])) == ""
+    (table,) = (block for block in restless(leaning) if isinstance(block, Table))
+    assert table.rows[0][:2] == ["5", "20.0 to 23.0"]
+    assert restless(replace(leaning, evidence=[replace(leaning.holds, restless=())])) == []
 
 
 def test_of_many_the_worst_are_named_in_their_order() -> None:

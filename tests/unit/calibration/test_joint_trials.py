@@ -9,7 +9,7 @@ import numpy as np
 
 from tumble.calibration.equations.imu_unknowns import PLAIN, imu_unknowns, unknowns_of
 from tumble.calibration.equations.observed import observe, table_rotation
-from tumble.calibration.procedures.joint import calibrate_joint
+from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.start import start_adjustment
 from tumble.estimation.balance import Outlier
 from tumble.segmentation import observe_holds

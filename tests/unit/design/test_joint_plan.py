@@ -134,7 +134,7 @@ def test_what_is_foretold_is_what_drawn_wanders_do_to_the_estimate() -> None:
     influences = problem.influences(task.known_before(), g_sensitivity=False)
     rng, rate = np.random.default_rng(5), 5.0
     samples = int(played.recording.time[-1] * rate)
-    errors = np.zeros((200, 33))
+    errors = np.zeros((200, PLAIN.size))
     for error in errors:
         wander = simulate_wander(flicker, samples, rate, rng)
         wander -= wander.mean(axis=0)

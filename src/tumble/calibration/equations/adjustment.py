@@ -191,11 +191,13 @@ class JointAdjustment:
 
     def snapshot(self) -> Callable[[], None]:
         """Return a function that puts unknowns, attitudes and noise back where they are now."""
-        now = self.copy()
+        unknowns, noise = self.unknowns, self.noise.copy()
+        sections = [section.copy() for section in self.sections]
+        rotations = {k: rotation.copy() for k, rotation in self.rotations.items()}
 
         def back() -> None:
-            self.unknowns, self.sections, self.rotations = now.unknowns, now.sections, now.rotations
-            self.noise = now.noise
+            self.unknowns, self.sections, self.rotations = unknowns, sections, rotations
+            self.noise = noise
 
         return back
 
@@ -225,15 +227,16 @@ class JointAdjustment:
         poses = self.data.poses
         return poses is not None and bool(np.any(poses.has_heading[poses.of(section.first, section.last)]))
 
-    def stepped(self, chain: Eliminated, cofactor: Square) -> None:
+    def stepped(self, chain: Eliminated, cofactor: Square) -> bool:
         """Note the sections whose gyros know the horizontal Earth rate well enough for its length to help."""
         if self.site.latitude is None:
-            return
-        known = EARTH_RATE * float(np.cos(self.site.latitude))
+            return False
+        known, before = EARTH_RATE * float(np.cos(self.site.latitude)), [s.sees_north for s in self.sections]
         for section, (_, inner) in zip(self.sections, chain.within, strict=True):
             covariance = Spread.of(inner, cofactor).border[:2, :2]
             seen, spread = float(np.linalg.norm(section.earth_w[:2])), float(np.sqrt(np.trace(covariance)))
             section.sees_north = spread < SEES_NORTH * known and abs(seen - known) < known / 2.0
+        return before != [s.sees_north for s in self.sections]
 
 
 def still_sway(task: JointAdjustment) -> float:

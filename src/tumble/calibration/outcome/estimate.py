@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -36,7 +36,7 @@ from tumble.calibration.estimate import (
 )
 from tumble.calibration.evidence import Holds, Rotations, Spins, Turns
 from tumble.calibration.observability import Untold
-from tumble.calibration.optional_terms import OF_FORCE
+from tumble.calibration.optional_terms import OF_FORCE, untried_words
 from tumble.calibration.outcome.budget import recording_influences, state_uncertainty
 from tumble.calibration.outcome.description import describe, rotation_of_frame
 from tumble.calibration.outcome.restless import find_restless, restless_remarks
@@ -72,6 +72,7 @@ class JointOutcome:
     frame : in which the result is asked for.
     has_gyro : whether the recording has one.
     knowledge : of the accelerometers' angles, from an earlier calibration; None for none.
+    untried : optional terms that what was recorded does not determine.
     """
 
     recording: Recording
@@ -83,6 +84,7 @@ class JointOutcome:
     frame: str = "accelerometer-x"
     has_gyro: bool = True
     knowledge: StableKnowledge | None = None
+    untried: list[str] = field(default_factory=list[str])
 
     @property
     def data(self) -> Observed:
@@ -239,6 +241,7 @@ def _not_determined(outcome: JointOutcome) -> list[str]:
         said.append("The gyros: the recording has none.")
     if outcome.untold is not None:
         said += outcome.untold.sentences
+    said += untried_words(outcome.untried)
     return list(dict.fromkeys(said))
 
 

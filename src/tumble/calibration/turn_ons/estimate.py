@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Table
+from tumble.arrays import AnyArray, Series, Square, Table
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.estimate import Described, Estimate, LeftOut, coverage_factor, said_of
 from tumble.calibration.evidence import Holds, Spins, Turns
@@ -248,7 +248,7 @@ def _joined(
     degrees = solution.redundancy
     at_rest = sum(own.sigma0**2 * own.degrees_of_freedom for own in parts)
 
-    def every(kind: str, name: str) -> Series:
+    def every(kind: str, name: str) -> AnyArray:
         return np.concatenate([getattr(getattr(own, kind), name) for own in parts])
 
     return Estimate(
