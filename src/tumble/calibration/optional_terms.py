@@ -217,10 +217,11 @@ def untried_words(names: list[str]) -> list[str]:
     if not words:
         return []
     last = f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0]
-    return [
-        f"{last[0].upper()}{last[1:]}: what was recorded does not determine them, or not apart from other terms, so that "
-        "they were not tried. More poses would, among them some with no axis upright or level."
-    ]
+    said = (
+        f"{last[0].upper()}{last[1:]}: what was recorded does not determine them, or not apart from other terms: they "
+        "were not tried. More poses would, among them some with no axis upright or level."
+    )
+    return [said]
 
 
 def seen_table_terms(normal: Square, u: Unknowns) -> list[str]:
