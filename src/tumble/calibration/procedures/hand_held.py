@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tumble.arrays import Series, Vectors, inverted
+from tumble.calibration.bias_drift import add_bias_drift, count_departure
 from tumble.calibration.bias_steps import find_bias_step
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.equations.gathering import gather
@@ -211,18 +212,23 @@ def _add_lag(budget: Budget, sigma: float, degrees: int) -> None:
 def add_bias_step(
     estimate: Estimate, data: HoldsAndTurns, recording: Recording, residual: Vectors, variance: Vectors
 ) -> None:
-    """Note a jump of the gyro's bias between two holds.
+    """Note a drift of the gyro's bias, which widens its uncertainty, or else a jump between two holds.
 
     Parameters
     ----------
-    estimate : gets a remark.
+    estimate : gets a remark or a caution.
     data, recording : holds and turns, and the clock.
     residual, variance : (holds, 3) rad/s and (rad/s)², what the holds' mean rates show beyond bias, g-sensitivity
         and Earth rate: the Earth's alone is 0.004 °/s, and changes its sign with the pose.
     """
+    middle = 0.5 * (recording.time[data.head[:, 0]] + recording.time[data.tail[:, 1] - 1])
+    if add_bias_drift(estimate, middle, residual, variance, data.force_mean):
+        return
     step = find_bias_step(residual, variance)
     if step is None:
         return
+    weight = 1.0 / variance[:, step.axis]
+    count_departure(estimate, step.axis, step.size * float(weight[: step.before + 1].sum() / weight.sum()))
     when = 0.5 * (
         recording.time[data.tail[step.before, 1] - 1] + recording.time[data.head[step.before + 1, 0]]
     )
@@ -230,7 +236,8 @@ def add_bias_step(
         "remark",
         f"The bias of gyro {'xyz'[step.axis]} jumps by {np.degrees(step.size):+.3f} °/s "
         f"(± {np.degrees(step.sigma):.3f}) between hold {step.before + 1} and hold {step.before + 2}, at about "
-        f"{when:.0f} s: the stated bias is a mean of both. A knock or the supply can do it; record again.",
+        f"{when:.0f} s: the stated bias is a mean of both, and its uncertainty counts how far the last one is off it. "
+        "A knock or the supply can do it; record again.",
     )
 
 
