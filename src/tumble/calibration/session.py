@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -71,9 +71,18 @@ class Session:
 
     @cached_property
     def site(self) -> Site:
-        """Where it was recorded: as given, as the protocol says, or anywhere."""
-        told = None if self.protocol is None else self.protocol.site
-        return self.given_site or told or Site.unknown()
+        """Where it was recorded: as given, as the protocol says, or anywhere.
+
+        Raises
+        ------
+        SiteError
+            If the gravity that is given contradicts the protocol's latitude.
+        """
+        given, said = self.given_site, None if self.protocol is None else self.protocol.site
+        if given is not None and given.latitude is None and said is not None:
+            place = said.with_gravity(given.gravity)
+            return replace(place, gravity_sigma=given.gravity_sigma, source=given.source)
+        return given or said or Site.unknown()
 
     @cached_property
     def timeline(self) -> Timeline:

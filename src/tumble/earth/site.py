@@ -18,6 +18,8 @@ STANDARD_GRAVITY = 9.80665  # m/s², exact by convention (3rd CGPM, 1901)
 # given the middle and an even spread over that range, as the GUM (4.3.7) does with limits.
 _UNKNOWN_SITE_SIGMA = (9.832 - 9.780) / math.sqrt(12.0)
 _NORMAL_GRAVITY_SIGMA = 3e-4  # m/s²: rms gravity disturbance of the Earth, about 30 mGal
+# The largest disturbances on land are some 300 to 400 mGal (EGM2008); 500 is none.
+_LARGEST_DISTURBANCE = 5e-3  # m/s²
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +80,25 @@ class Site:
                 "give --gravity in m/s², or --site LATITUDE[,HEIGHT]."
             )
         return Site(gravity=gravity, gravity_sigma=0.0, source="given as an exact value")
+
+    def with_gravity(self, gravity: float) -> Site:
+        """Return this place with a gravity that was given, in m/s².
+
+        Raises
+        ------
+        SiteError
+            If no place has it, or if it is not that of the latitude and height, where these are known.
+        """
+        given = Site.from_gravity(gravity)
+        if self.latitude is None:
+            return given
+        normal = normal_gravity(self.latitude, self.height)
+        if abs(gravity - normal) > _LARGEST_DISTURBANCE:
+            raise SiteError(
+                f"Gravity of {gravity:g} m/s² contradicts the latitude {math.degrees(self.latitude):g}° and the height "
+                f"{self.height:g} m, where it is {normal:.4f} m/s²: give the one that you trust."
+            )
+        return Site(gravity, 0.0, self.latitude, self.height, given.source)
 
     @staticmethod
     def unknown() -> Site:

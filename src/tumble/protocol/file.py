@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from tumble.earth.site import Site
-from tumble.errors import OutputError, ProtocolError
+from tumble.errors import OutputError, ProtocolError, SiteError
 from tumble.files import opened
 from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.protocol.keys import ANGLES, DEGREE, FORMAT, FRAME, KINDS, PROTOCOL, SITE, VERSION
@@ -247,14 +247,16 @@ def site_of(found: dict[str, Entry]) -> Site:
     if "latitude_deg" in found:
         beyond = "Beyond 90 there are the poles; is it the longitude?"
         latitude = found["latitude_deg"].number(DEGREE, least=-90.0, most=90.0, instead=beyond)
+    site = None if latitude is None else Site.from_latitude(latitude, height)
     if "gravity" in found:
         gravity = found["gravity"].number(
             least=9.75, most=9.85, instead="No place on the Earth's surface has another, in m/s²."
         )
-        site = replace(Site.from_gravity(gravity), latitude=latitude, height=height)
-    else:
-        assert latitude is not None
-        site = Site.from_latitude(latitude, height)
+        try:
+            site = site.with_gravity(gravity) if site else replace(Site.from_gravity(gravity), height=height)
+        except SiteError as error:
+            raise found["gravity"].error(str(error)) from None
+    assert site is not None
     if "gravity_uncertainty" in found:
         site = replace(site, gravity_sigma=found["gravity_uncertainty"].number(least=0.0))
     if "source" in found:

@@ -35,15 +35,7 @@ def choose_site(site: str | None, gravity: float | None) -> Site | None:
     if abs(numbers[0]) > 90.0:
         raise SiteError(f"The latitude {numbers[0]:g} is beyond the poles: give degrees from -90 to 90.")
     place = Site.from_latitude(math.radians(numbers[0]), *numbers[1:])
-    if gravity is None:
-        return place
-    local = Site.from_gravity(gravity)
-    if abs(local.gravity - place.gravity) > 0.005:
-        raise SiteError(
-            f"--gravity {gravity:g} m/s² contradicts --site {site}, where it is {place.gravity:.4f} m/s²: "
-            "give the one that you trust."
-        )
-    return Site(local.gravity, 0.0, place.latitude, place.height, local.source)
+    return place if gravity is None else place.with_gravity(gravity)
 
 
 def given_site(site: object) -> Site | None:

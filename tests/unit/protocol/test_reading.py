@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tumble.earth import Site
+from tumble.errors import ProtocolError
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep, named_protocol, read_protocol
 
 HEAD = "format: tumble protocol\nprocedure: multi-position\n"
@@ -80,6 +81,13 @@ def test_gravity_given_beside_a_latitude_is_believed_and_exact_unless_it_says_ho
     more = read(tmp_path, f"{HEAD}{place}  gravity_uncertainty: 2e-5\n  source: a tie\nsteps:\n{HOLD}").site
     assert more is not None
     assert (more.gravity_sigma, more.source) == (2e-5, "a tie")
+
+
+def test_gravity_that_is_not_that_of_the_latitude_is_refused_with_its_line(tmp_path: Path) -> None:
+    """9.85 m/s² at 48° would be a disturbance of 42 mm/s²; the largest on land are 3 to 4 mm/s²."""
+    place = "site:\n  latitude_deg: 48\n  height_m: 520\n  gravity: 9.85\n"
+    with pytest.raises(ProtocolError, match=r"9\.85 m/s² contradicts the latitude 48° .* it is 9\.80"):
+        read(tmp_path, f"{HEAD}{place}steps:\n{HOLD}")
 
 
 def test_a_byte_order_mark_windows_lines_and_json_do_not_matter(tmp_path: Path) -> None:
