@@ -110,9 +110,9 @@ def _as_dict(answer: Answer) -> dict[str, object]:
 
 
 def _print(told: list[Answer], data_sheet: str | None) -> None:
-    from tumble.report.predictions import FOOTNOTE, cells
+    from tumble.report.predictions import FOOTNOTE, HEADS, cells
 
-    heads = ["after", "uncalibrated", "calibrated, one sigma", "most of it from"]
+    heads = [*HEADS]
     if data_sheet is not None:
         heads.insert(2, data_sheet)
     rows = [cells(answer, with_sheet=data_sheet is not None) for answer in told]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from tumble.noise.triads import triad_terms
 from tumble.noise.units import ACCELEROMETER, GYRO, practical_noise_unit, si_noise_unit
 from tumble.report.rounding import decimals_of, fixed
+from tumble.report.terminal import aligned
 
 if TYPE_CHECKING:
     from tumble.arrays import Series
@@ -193,8 +194,7 @@ def curve_lines(channels: tuple[Channel, ...], *, every: bool = False) -> list[s
             else f"−{100.0 * low:.2g} % × {1.0 + high:.2g}"
         )
         rows.append([f"{curve.tau[k]:.4g}", *cells, known])
-    width = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return ["  ".join(part.ljust(w) for part, w in zip(row, width, strict=True)).rstrip() for row in rows]
+    return aligned(rows)
 
 
 def _thinned(tau: Series) -> list[int]:
@@ -267,8 +267,7 @@ def noise_lines(channels: tuple[Channel, ...], *, seen_only: bool = False) -> li
         for k, row in enumerate(rows):
             letter = row.letter if len(row.letter) == 1 else ""
             cells.append([row.channel if k == 0 else "", row.name, letter, row.practical, row.si])
-    width = [max(len(line[i]) for line in cells) for i in range(len(cells[0]))]
-    return ["  ".join(part.ljust(w) for part, w in zip(line, width, strict=True)).rstrip() for line in cells]
+    return aligned(cells)
 
 
 def _label(channel: Channel, letter: str, name: str) -> str:

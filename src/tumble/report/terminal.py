@@ -10,6 +10,7 @@ from tumble.report.page import Block, Code, Facts, Heading, Sentences, Table, Ve
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table as RichTable
+    from rich.text import Text
 
 # Narrower than this, a terminal shows a table without its spare columns rather than folded.
 WIDE_TERMINAL = 104
@@ -25,7 +26,7 @@ def print_blocks(blocks: Iterable[Block], console: Console) -> None:
     """
     for block in blocks:
         if isinstance(block, Table):
-            console.print(rich_table(block, width=console.width))
+            console.print(rich_table(block, console))
             console.print()
         elif isinstance(block, Sentences):
             mark = "- " if block.look == "list" else ""
@@ -58,30 +59,32 @@ def print_verdict(verdict: Verdict, console: Console) -> None:
         console.print(f"- {reason}", markup=False)
 
 
-def rich_table(table: Table, *, width: int = WIDE_TERMINAL) -> RichTable:
-    """Return a table for a terminal of `width` characters.
+def rich_table(table: Table, console: Console) -> RichTable:
+    """Return a table for a terminal, whose console makes harmless what a terminal would obey.
 
     Parameters
     ----------
     table : of a page.
-    width : characters.
+    console : where it is to be printed.
     """
     from rich import box
     from rich.table import Table as RichTable
-    from rich.text import Text
+
+    def text(words: str, style: str = "") -> Text:
+        return console.render_str(words, style=style, markup=False, emoji=False, highlight=False)
 
     drawn = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, highlight=False)
-    columns = len(table.heads) - (table.spare if width < WIDE_TERMINAL else 0)
+    columns = len(table.heads) - (table.spare if console.width < WIDE_TERMINAL else 0)
     for place, head in enumerate(table.heads[:columns]):
         right = place in table.right
-        drawn.add_column(Text(head), overflow="fold", justify="right" if right else "left")
+        drawn.add_column(text(head), overflow="fold", justify="right" if right else "left")
     for number, row in enumerate(table.rows):
         if table.looks.get(number) == "group":
             if number:
                 drawn.add_section()
-            drawn.add_row(Text(row[0], style="bold"))
+            drawn.add_row(text(row[0], "bold"))
         else:
-            drawn.add_row(*(Text(cell) for cell in row[:columns]))
+            drawn.add_row(*(text(cell) for cell in row[:columns]))
     return drawn
 
 
