@@ -32,9 +32,9 @@ from uncertainty import GROUPS, simulate, true_values
 from tumble.calibration import calibrate_hand_held, calibrate_multi_position
 from tumble.earth import Site
 from tumble.errors import TumbleError
-from tumble.noise.autoregression import choose_order
-from tumble.noise.denoising import Shrinkage, choose_level, denoise_signal
-from tumble.noise.level_filter import fit_level_filter
+from tumble.noise.denoising.autoregression import choose_order
+from tumble.noise.denoising.level_filter import fit_level_filter
+from tumble.noise.denoising.shrinkage import Shrinkage, choose_level, denoise_signal
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.workflows.denoise import denoise_recording
 

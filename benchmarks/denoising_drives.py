@@ -30,7 +30,7 @@ from tumble.navigation import (
 )
 from tumble.navigation.free_drift import free_drift
 from tumble.navigation.gnss import make_track
-from tumble.noise.denoising import Shrinkage
+from tumble.noise.denoising.shrinkage import Shrinkage
 from tumble.noise.terms import NoiseModel
 from tumble.recording import Recording
 from tumble.simulation import find_grade, simulate_drive

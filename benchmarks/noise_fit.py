@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tumble.noise.deviation import allan_deviation
-from tumble.noise.fit import NoiseFit, fit_curve, fit_moments_of
+from tumble.noise.fitting.fit import NoiseFit, fit_curve, fit_moments_of
 from tumble.noise.lines import find_lines
 from tumble.noise.recording_length import seconds_for
 from tumble.noise.terms import GaussMarkov, Line, NoiseModel

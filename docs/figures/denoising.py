@@ -22,9 +22,9 @@ FOLDER = Path(__file__).resolve().parent
 sys.path.insert(0, str(FOLDER))
 from expected_uncertainty import opening  # noqa: E402
 
-from tumble.noise.denoising import Shrinkage, choose_level, denoise_signal  # noqa: E402
+from tumble.noise.denoising.level_filter import fit_level_filter  # noqa: E402
+from tumble.noise.denoising.shrinkage import Shrinkage, choose_level, denoise_signal  # noqa: E402
 from tumble.noise.deviation import allan_deviation  # noqa: E402
-from tumble.noise.level_filter import fit_level_filter  # noqa: E402
 
 RATE = 100.0
 COLOURS = {

@@ -22,7 +22,7 @@ sys.path.insert(0, str(FOLDER))
 from expected_uncertainty import opening  # noqa: E402
 
 from tumble.noise.deviation import Deviation, allan_deviation  # noqa: E402
-from tumble.noise.fit import NoiseFit, fit_curve  # noqa: E402
+from tumble.noise.fitting.fit import NoiseFit, fit_curve  # noqa: E402
 from tumble.noise.terms import NoiseModel  # noqa: E402
 
 PAGE = FOLDER.parent / "noise-other-tools.md"

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tumble.noise.deviation import allan_deviation
-from tumble.noise.fit import FALSE_ALARM, NoiseFit, fit_curve, fit_moments_of
+from tumble.noise.fitting.fit import FALSE_ALARM, NoiseFit, fit_curve, fit_moments_of
 from tumble.noise.terms import GaussMarkov, NoiseModel
 
 TRUE = NoiseModel(0.02, 0.05, 0.05, 0.01)

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from tumble.noise.deviation import allan_deviation
-from tumble.noise.fit import fit_curve, fit_moments_of
+from tumble.noise.fitting.fit import fit_curve, fit_moments_of
 from tumble.noise.lines import LINE_FALSE_ALARM, find_lines
 from tumble.noise.terms import GaussMarkov, Line, NoiseModel
 

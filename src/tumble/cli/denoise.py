@@ -12,7 +12,7 @@ from tumble.cli.terminal import progress, results_stand, say, say_json, say_writ
 from tumble.errors import UsageError
 
 if TYPE_CHECKING:
-    from tumble.noise.denoising import Shrinkage
+    from tumble.noise.denoising.shrinkage import Shrinkage
     from tumble.workflows.denoise import ChannelOutcome, Denoised
 
 
@@ -119,8 +119,8 @@ def _shrinkage(asked: WaveletOptions) -> Shrinkage | None:
     """The thresholds that were asked for, None if none were."""
     if asked == WaveletOptions():
         return None
-    from tumble.noise.denoising import Shrinkage
-    from tumble.noise.wavelets import USUAL
+    from tumble.noise.denoising.shrinkage import Shrinkage
+    from tumble.noise.denoising.wavelets import USUAL
 
     rule = asked.threshold or ("universal" if asked.shape == "hard" else "sure")
     shape = asked.shape or "soft"

@@ -11,7 +11,7 @@ import numpy as np
 from tumble.arrays import Vector
 from tumble.errors import UsageError
 from tumble.files import number_of, read_json
-from tumble.noise.fit import MISSED
+from tumble.noise.fitting.fit import MISSED
 
 _FORMAT = "tumble noise"
 _TRIADS = {"accelerometer": "a", "gyroscope": "g"}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.noise.deviation import Deviation
-from tumble.noise.fit import MISFIT, MISSED, NoiseFit
+from tumble.noise.fitting.fit import MISFIT, MISSED, NoiseFit
 from tumble.noise.recording_length import seconds_for
 from tumble.noise.terms import NoiseModel
 from tumble.noise.units import ACCELEROMETER, GYRO, practical_noise_unit

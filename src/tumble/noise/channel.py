@@ -10,9 +10,9 @@ import numpy as np
 from tumble.arrays import Series
 from tumble.errors import UsageError
 from tumble.noise.deviation import Deviation
-from tumble.noise.fit import MISFIT, NoiseFit, fit_curve, fit_moments_of
+from tumble.noise.fitting.fit import MISFIT, NoiseFit, fit_curve, fit_moments_of
+from tumble.noise.fitting.weighted_fit import Method
 from tumble.noise.lines import FoundLine
-from tumble.noise.weighted_fit import Method
 from tumble.noise.white_part import WhitePart, white_beyond
 
 FLOOR = sqrt(2.0 * log(2.0) / pi)

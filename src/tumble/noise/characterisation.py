@@ -28,11 +28,11 @@ from tumble.noise.bridging import BridgedBlocks, bridge, say_bridged
 from tumble.noise.channel import FLOOR, Channel, Term, characterise_channel
 from tumble.noise.deviation import Deviation, Kind, Taus
 from tumble.noise.evidence import WholeEvidence
+from tumble.noise.fitting.weighted_fit import Method
 from tumble.noise.held import Held, blocks_without_repeats, find_held, say_held, without_repeats
 from tumble.noise.spectrum import PowerSpectrum
 from tumble.noise.streaming import StreamedDeviation
 from tumble.noise.suitability import Suitability, judge_rest
-from tumble.noise.weighted_fit import Method
 from tumble.recording import Recording, Source
 
 _LEAST_SAMPLES = 16

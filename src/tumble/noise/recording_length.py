@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.noise.allan_covariance import allan_covariance
-from tumble.noise.fit import NoiseFit
+from tumble.noise.fitting.allan_covariance import allan_covariance
+from tumble.noise.fitting.fit import NoiseFit
+from tumble.noise.fitting.weighted_fit import root_of_weights
 from tumble.noise.terms import NoiseModel
 from tumble.noise.variances import allan_variance_of, markov_allan_variance
-from tumble.noise.weighted_fit import root_of_weights
 
 _NAMES = {
     "Q": "quantisation",

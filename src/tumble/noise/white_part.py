@@ -14,7 +14,7 @@ import numpy as np
 
 from tumble.errors import UsageError
 from tumble.noise.deviation import Deviation
-from tumble.noise.fit import MISFIT, NoiseFit, fit_curve
+from tumble.noise.fitting.fit import MISFIT, NoiseFit, fit_curve
 from tumble.noise.terms import GaussMarkov
 
 SHORT = 0.1

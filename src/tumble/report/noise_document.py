@@ -23,7 +23,7 @@ from tumble.report.noise_words import (
 if TYPE_CHECKING:
     from tumble.noise.characterisation import Channel, Characterisation
     from tumble.noise.deviation import Deviation
-    from tumble.noise.fit import NoiseFit
+    from tumble.noise.fitting.fit import NoiseFit
     from tumble.noise.lines import FoundLine
     from tumble.noise.triads import TriadTerm
 

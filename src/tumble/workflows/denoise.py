@@ -18,7 +18,7 @@ from tumble.errors import OutputError, RecordingError, SegmentationError, UsageE
 from tumble.recording import Recording, read_recording
 
 if TYPE_CHECKING:
-    from tumble.noise.denoising import Shrinkage
+    from tumble.noise.denoising.shrinkage import Shrinkage
 
 FORMAT, VERSION = "tumble denoise", 1
 WARNING = (
@@ -166,7 +166,7 @@ def denoise_recording(
     UsageError
         If an option is malformed or does not go with the method.
     """
-    from tumble.noise.denoising import Shrinkage
+    from tumble.noise.denoising.shrinkage import Shrinkage
     from tumble.recording.doctor import channels_of
 
     _check(method, level, order, shrinkage, filter_motion)
@@ -290,7 +290,7 @@ def _one_channel(
 def _shrunk(
     values: Series, rate: float, stretches: _Stretches, level: int | None, how: Shrinkage, filter_motion: bool
 ) -> tuple[Series, str, float | None, tuple[float, float], dict[str, Any]]:
-    from tumble.noise.denoising import choose_level, denoise_signal, level_above, motion_bandwidth
+    from tumble.noise.denoising.shrinkage import choose_level, denoise_signal, level_above, motion_bandwidth
 
     settings: dict[str, Any] = {
         "wavelet": how.wavelet,
@@ -331,9 +331,9 @@ def _shrunk(
 def _followed(
     values: Series, rate: float, stretches: _Stretches, order: int | None
 ) -> tuple[Series, str, float, float, dict[str, Any]]:
-    from tumble.noise.autoregression import whiteness
-    from tumble.noise.denoising import choose_level
-    from tumble.noise.level_filter import fit_level_filter
+    from tumble.noise.denoising.autoregression import whiteness
+    from tumble.noise.denoising.level_filter import fit_level_filter
+    from tumble.noise.denoising.shrinkage import choose_level
 
     block = 1 << choose_level(values, rate, stretches.rest).level
     found = fit_level_filter(values, stretches.rest, block, order=order)

@@ -18,7 +18,7 @@ from tumble.recording.reading import Paths, recording_inputs
 if TYPE_CHECKING:
     from tumble.noise.characterisation import Characterisation
     from tumble.noise.deviation import Kind, Taus
-    from tumble.noise.weighted_fit import Method
+    from tumble.noise.fitting.weighted_fit import Method
 
 DOCUMENT, PAGE = "noise.json", "noise.html"
 

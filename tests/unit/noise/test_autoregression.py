@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from tumble.errors import UsageError
-from tumble.noise.autoregression import (
+from tumble.noise.denoising.autoregression import (
     Autoregression,
     burg,
     burg_ladder,

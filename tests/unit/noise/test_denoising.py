@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tumble.errors import UsageError
-from tumble.noise.denoising import (
+from tumble.noise.denoising.shrinkage import (
     Shrinkage,
     choose_level,
     denoise_signal,
@@ -15,7 +15,7 @@ from tumble.noise.denoising import (
     motion_bandwidth,
     sure_threshold,
 )
-from tumble.noise.wavelets import Transform, deepest_level, filter_length
+from tumble.noise.denoising.wavelets import Transform, deepest_level, filter_length
 
 RATE = 100.0
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tumble.noise.deviation import allan_deviation
-from tumble.noise.fit import NoiseFit, fit_curve
+from tumble.noise.fitting.fit import NoiseFit, fit_curve
 from tumble.noise.terms import NoiseModel
 
 WALKS = NoiseModel(random_walk=0.01, rate_random_walk=8e-4)

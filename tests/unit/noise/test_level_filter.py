@@ -7,8 +7,8 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
-from tumble.noise.autoregression import Autoregression
-from tumble.noise.level_filter import LevelFilter, fit_level_filter
+from tumble.noise.denoising.autoregression import Autoregression
+from tumble.noise.denoising.level_filter import LevelFilter, fit_level_filter
 
 TRUE = Autoregression(0.0, np.array([0.6, -0.2]), 1.0, 1)
 

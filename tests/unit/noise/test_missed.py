@@ -8,7 +8,7 @@ from tumble.arrays import Series
 from tumble.noise.advice import advise
 from tumble.noise.channel import Channel, characterise_channel
 from tumble.noise.deviation import allan_deviation
-from tumble.noise.fit import MISSED
+from tumble.noise.fitting.fit import MISSED
 from tumble.noise.terms import NoiseModel
 
 RATE = 50.0

@@ -8,10 +8,10 @@ import pytest
 from tumble.errors import UsageError
 from tumble.noise import channel as module
 from tumble.noise.advice import advise
-from tumble.noise.allan_covariance import AllanCovariance
 from tumble.noise.characterisation import characterise
+from tumble.noise.fitting.allan_covariance import AllanCovariance
+from tumble.noise.fitting.weighted_fit import AllanTask
 from tumble.noise.terms import NoiseModel
-from tumble.noise.weighted_fit import AllanTask
 from tumble.recording import Recording
 
 RATE, SAMPLES = 10.0, 2**14

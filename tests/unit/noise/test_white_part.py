@@ -124,7 +124,7 @@ def test_a_slower_process_is_left_apart_and_told() -> None:
     rng = np.random.default_rng(2)
     slow = NoiseModel(random_walk=0.05, gauss_markov=(GaussMarkov(0.3, 2.0),))
     octaves = allan_deviation(slow.simulate(40_000, 20.0, rng), 20.0, taus="octave")
-    from tumble.noise.fit import fit_curve
+    from tumble.noise.fitting.fit import fit_curve
 
     fit = fit_curve(octaves)
     assert white_part(fit) is None
@@ -140,7 +140,7 @@ def test_where_no_process_makes_the_shape_the_curve_beyond_it_counts() -> None:
     rng = np.random.default_rng(3)
     smooth = np.convolve(rng.standard_normal(60_007) * np.sqrt(RATE), np.full(8, 0.125), "valid")
     octaves = allan_deviation(smooth, RATE, taus="octave")
-    from tumble.noise.fit import fit_curve
+    from tumble.noise.fitting.fit import fit_curve
 
     fit = fit_curve(octaves)
     assert fit.probability < 0.01

@@ -13,7 +13,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, inverted
-from tumble.noise.allan_covariance import AllanCovariance
+from tumble.noise.fitting.allan_covariance import AllanCovariance
 from tumble.noise.terms import GaussMarkov, NoiseModel
 from tumble.noise.variances import allan_variance_of, markov_allan_variance
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Square
+from tumble.noise.fitting.weighted_fit import AllanTask, Solution
 from tumble.noise.variances import LETTERS
-from tumble.noise.weighted_fit import AllanTask, Solution
 
 # Two estimates that are correlated by more than this are one number more than two.
 _ALIKE = 0.95

@@ -14,7 +14,7 @@ import numpy as np
 
 from tumble.arrays import Series, Square
 from tumble.errors import UsageError
-from tumble.noise.weighted_fit import AllanTask, Solution
+from tumble.noise.fitting.weighted_fit import AllanTask, Solution
 
 FALSE_ALARM = 0.01
 """Probability that a term is kept which is not there, for each term that is tried."""

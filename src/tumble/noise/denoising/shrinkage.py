@@ -25,9 +25,9 @@ import numpy as np
 
 from tumble.arrays import Series
 from tumble.errors import UsageError
+from tumble.noise.denoising.wavelets import USUAL, Coefficients, Transform, deepest_level, filter_length
 from tumble.noise.deviation import allan_deviation
 from tumble.noise.spectrum import power_spectrum
-from tumble.noise.wavelets import USUAL, Coefficients, Transform, deepest_level, filter_length
 
 Rule: TypeAlias = Literal["sure", "universal", "remove"]
 Shape: TypeAlias = Literal["soft", "hard"]
@@ -51,7 +51,7 @@ class Shrinkage:
         (σ √(2 ln n), above all of the noise), or "remove" (all details go: a linear low-pass filter).
     shape : "soft" (what is above the threshold is taken down by it) or "hard" (it stays as it is).
     wavelet : a name of PyWavelets.
-    stationary : whether the transform has no grid, see `tumble.noise.wavelets.Transform`.
+    stationary : whether the transform has no grid, see `tumble.noise.denoising.wavelets.Transform`.
 
     Raises
     ------

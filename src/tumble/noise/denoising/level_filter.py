@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.noise.autoregression import Autoregression, burg, choose_order
+from tumble.noise.denoising.autoregression import Autoregression, burg, choose_order
 
 Ranges = Sequence[tuple[int, int]]
 

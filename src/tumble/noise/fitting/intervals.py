@@ -21,9 +21,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
+from tumble.noise.fitting.weighted_fit import AllanTask, Solution
 from tumble.noise.terms import GaussMarkov, NoiseModel
 from tumble.noise.variances import allan_variance_of, markov_allan_variance
-from tumble.noise.weighted_fit import AllanTask, Solution
 
 _TINY = 1e-300
 

@@ -25,21 +25,21 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square
 from tumble.errors import UsageError
-from tumble.noise.allan_covariance import allan_covariance
 from tumble.noise.deviation import Deviation, Integers, allan_deviation
-from tumble.noise.identifiability import remarks_on, stand_ins
-from tumble.noise.intervals import letter_interval, process_interval
-from tumble.noise.lines import FoundLine, allan_variance_of_lines, find_lines
-from tumble.noise.selection import (
+from tumble.noise.fitting.allan_covariance import allan_covariance
+from tumble.noise.fitting.identifiability import remarks_on, stand_ins
+from tumble.noise.fitting.intervals import letter_interval, process_interval
+from tumble.noise.fitting.selection import (
     FALSE_ALARM,
     MOST_PROCESSES,
     in_moments,
     with_processes,
     without_the_unseen,
 )
+from tumble.noise.fitting.weighted_fit import AllanTask, Method, Solution, misfit_of_scores, normal_scores
+from tumble.noise.lines import FoundLine, allan_variance_of_lines, find_lines
 from tumble.noise.terms import NoiseModel
 from tumble.noise.variances import LETTERS
-from tumble.noise.weighted_fit import AllanTask, Method, Solution, misfit_of_scores, normal_scores
 
 CONFIDENCE = 0.95
 """Probability of intervals and of upper limits unless another is asked for."""
