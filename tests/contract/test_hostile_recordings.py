@@ -349,3 +349,38 @@ def test_a_name_that_is_no_utf_8_stands_in_the_source_as_numbers(tmp_path: Path)
     (source,) = read_recording(file).sources
     assert source.name.encode() == b"hand<U+DCFF>.csv"
     assert find_format(file).NAME == "text"
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_matlab_variables_of_every_kind_are_let_pass(tmp_path: Path, packed: bool) -> None:
+    import scipy.io
+    import scipy.sparse
+
+    cells = np.empty((2, 1), dtype=object)
+    cells[0, 0], cells[1, 0] = "text", rows_of(5)
+    variables = {
+        "imu": rows_of(50),
+        "info": {"name": "MPU", "rate": 100.0, "inside": {"x": [1, 2, 3]}, "none": np.zeros((0, 0))},
+        "cells": cells,
+        "few": scipy.sparse.csc_matrix(np.eye(4)),
+        "complex": np.array([1.0 + 2.0j]),
+        "whole": np.arange(9, dtype=np.int16),
+        "true": np.array([True, False]),
+        "words": np.array(["ab", "cd"]),
+    }
+    file = tmp_path / "hand.mat"
+    scipy.io.savemat(file, variables, do_compression=packed)
+    assert len(read_recording(file).time) == 50
+
+
+def test_a_type_that_matlab_has_not_is_refused_before_it_is_looked_up(tmp_path: Path) -> None:
+    """scipy 1.17 takes the type for a place in a table, and the program ends."""
+    import scipy.io
+
+    file = tmp_path / "hand.mat"
+    scipy.io.savemat(file, {"imu": rows_of(50)})
+    content = bytearray(file.read_bytes())
+    at = content.index(struct.pack("<II", 9, 50 * 56))
+    content[at + 1] = 0x40
+    file.write_bytes(content)
+    refused(file, "type 16393, which there is not")
