@@ -7,13 +7,13 @@ read is what was written to the last bit (see `tumble.protocol.numerals`).
 from __future__ import annotations
 
 import os
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 from tumble.earth.site import Site
-from tumble.errors import OutputError, ProtocolError, SiteError
+from tumble.errors import ProtocolError, SiteError
 from tumble.files import opened
+from tumble.files.writing import put_text, written_beside
 from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.protocol.keys import ANGLES, DEGREE, FORMAT, FRAME, KINDS, PROTOCOL, SITE, VERSION
 from tumble.protocol.library import PROTOCOLS, named_protocol
@@ -79,23 +79,14 @@ def write_protocol(protocol: Protocol, path: str | os.PathLike[str]) -> None:
     ------
     ProtocolError
         If no file can hold the protocol: it has no site, or a step that cannot be.
+    UsageError
+        If `path` is no place for a result.
     OutputError
         If it cannot be written; an earlier file is intact.
     """
-    file, content = Path(path), protocol_to_yaml(protocol)
-    beside = file.with_name(f".{file.name}.{os.getpid()}.part")
-    try:
-        with beside.open("w", encoding="utf-8", newline="\n") as target:
-            target.write(content)
-            target.flush()
-            os.fsync(target.fileno())
-        beside.replace(file)
-    except OSError as error:
-        raise OutputError(f"{file} could not be written: {error.strerror or error}.") from error
-    finally:
-        # On a read-only place even removing what is not there is an error, and not the one to tell.
-        with suppress(OSError):
-            beside.unlink(missing_ok=True)
+    content = protocol_to_yaml(protocol)
+    with written_beside(Path(path)) as beside:
+        put_text(beside, content)
 
 
 def protocol_to_yaml(protocol: Protocol) -> str:
