@@ -27,6 +27,7 @@ from tumble.workflows.calibrate import (
 )
 from tumble.workflows.joining import require_different_samples
 from tumble.workflows.procedures import add_objections, check_prior
+from tumble.workflows.progress import silent
 from tumble.workflows.site import given_site
 from tumble.workflows.turn_ons import labels_of
 
@@ -87,7 +88,7 @@ def calibrate_array(
     OutputError
         If the results cannot be written.
     """
-    say = progress or _silent
+    say = progress or silent
     folder = None if output is None else Path(output)
     if folder is not None:
         require_writable(folder)
@@ -302,10 +303,6 @@ def _write(done: ArrayRun, folder: Path) -> None:
     table = folder / "array.json"
     write_text(table, json.dumps(done.document, indent=1, ensure_ascii=False) + "\n")
     done.files.append(table)
-
-
-def _silent(_: str) -> None:
-    """Tell nobody."""
 
 
 __all__ = ["ArrayRun", "calibrate_array"]

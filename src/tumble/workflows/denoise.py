@@ -16,6 +16,7 @@ import tumble
 from tumble.arrays import Series, Vectors
 from tumble.errors import OutputError, RecordingError, SegmentationError, UsageError
 from tumble.recording import Recording, read_recording
+from tumble.workflows.progress import silent
 
 if TYPE_CHECKING:
     from tumble.noise.denoising.shrinkage import Shrinkage
@@ -129,7 +130,7 @@ def denoise(
     """
     _check(method, level, order, shrinkage, filter_motion)
     target, statement = _targets(output, paths)
-    say = progress or _silent
+    say = progress or silent
     say("reading")
     recording = read_recording(paths, columns=columns, units=units, rate=rate, topics=topics)
     say("looking for rest")
@@ -176,7 +177,7 @@ def denoise_recording(
     outcomes: list[ChannelOutcome] = []
     signals: dict[str, Series] = {}
     for name, values in channels_of(recording).items():
-        (progress or _silent)(f"de-noising {name}")
+        (progress or silent)(f"de-noising {name}")
         unit = recording.angular_rate_unit if name.startswith("g") else recording.specific_force_unit
         signals[name], outcome = _one_channel(
             (name, unit), values, recording.rate, stretches, method, level, order, how, filter_motion
@@ -453,10 +454,6 @@ def _channel(each: ChannelOutcome) -> dict[str, Any]:
 def _finite(value: float) -> float | None:
     """The number, or None where there is none, as JSON wants it."""
     return float(value) if np.isfinite(value) else None
-
-
-def _silent(stage: str) -> None:
-    """Tell nobody."""
 
 
 def _targets(

@@ -51,6 +51,7 @@ from tumble.workflows.calibration_parts import (
 from tumble.workflows.drive_filter import drive_filter
 from tumble.workflows.drive_innovations import about_innovations
 from tumble.workflows.drive_verification import DriveVerification, PartResult, judge_drive, no_proof
+from tumble.workflows.progress import silent
 from tumble.workflows.temperature import check_outside, refuse_twice
 
 _FEWEST_FIXES = 30
@@ -108,7 +109,7 @@ def verify_drive(
     ThermalSpanError
         If the temperature leaves the calibrated span and `outside` is ``refuse``.
     """
-    say = progress or _silent
+    say = progress or silent
     document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
     grade = find_grade(data_sheet)
     files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
@@ -411,10 +412,6 @@ def _refuse_bad_numbers(
         raise UsageError("--outages takes lengths in seconds from 0.5 to 600, as 2,10,30,60.")
     if turn_on is not None and not (turn_on[0] >= 0.0 and turn_on[1] >= 0.0):
         raise UsageError("--turn-on-bias takes two numbers that are not negative: mg and °/h.")
-
-
-def _silent(_: str) -> None:
-    """Say nothing."""
 
 
 __all__ = ["OUTAGES", "verify_drive"]

@@ -24,6 +24,7 @@ from tumble.recording import read_recordings
 from tumble.recording.corrections import corrections_of
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.workflows.apply import in_calibration_units, raw_factors
+from tumble.workflows.progress import silent
 from tumble.workflows.site import given_site
 from tumble.workflows.temperature import FAR_FROM_CALIBRATION, recorded_span, refuse_twice
 
@@ -104,7 +105,7 @@ def mount(
     OutputError
         If the file cannot be written; an earlier one is intact.
     """
-    say = progress or _silent
+    say = progress or silent
     if not 0.0 <= mount_sigma <= 0.1:
         raise UsageError(f"A mount levelled to {1e3 * mount_sigma:g} mrad: give 0 to 100 (--mount-mrad).")
     if Path(level).exists() and Path(pitched).exists() and Path(level).samefile(pitched):
@@ -273,7 +274,3 @@ def _document(
         "remarks": remarks,
         "test_vector": {"v_B": _TEST_VECTOR.tolist(), "v_M": (found.C_MB @ _TEST_VECTOR).tolist()},
     }
-
-
-def _silent(_: str) -> None:
-    """Tell nobody."""

@@ -14,6 +14,7 @@ from tumble.errors import UsageError
 from tumble.recording import Recording, read_blocks, read_recording
 from tumble.recording.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
+from tumble.workflows.progress import silent
 
 if TYPE_CHECKING:
     from tumble.noise.characterisation import Characterisation
@@ -88,7 +89,7 @@ def analyse_noise(
     if folder is not None and folder.exists() and not folder.is_dir():
         raise UsageError(f"-o {folder} is a file: give a folder.")
     which, wanted, method = _kind(kind), _taus(taus), _method(fit)
-    say = progress or _silent
+    say = progress or silent
     if isinstance(paths, Recording) and (columns or units or rate or topics or stream):
         raise UsageError(
             "A Recording was read already: say columns, units, rate and topics when it is read, not afterwards."
@@ -128,10 +129,6 @@ def analyse_noise(
         say("writing")
         files = _write(folder, noise, document, _command(noise, skip, remove_temperature, kind, taus, method))
     return NoiseAnalysis(noise, document, files)
-
-
-def _silent(stage: str) -> None:
-    """Tell nobody."""
 
 
 def _kind(name: str) -> Kind:

@@ -194,10 +194,6 @@ def finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def silent(_: str) -> None:
-    """Tell nobody what is being done."""
-
-
 __all__ = [
     "BUDGETED",
     "SEARCHED",
@@ -211,5 +207,4 @@ __all__ = [
     "planned_grade",
     "planned_place",
     "read_targets",
-    "silent",
 ]

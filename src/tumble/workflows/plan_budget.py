@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
-from tumble.workflows.plan import document_text, planned_grade, planned_place, silent
+from tumble.workflows.plan import document_text, planned_grade, planned_place
+from tumble.workflows.progress import silent
 
 if TYPE_CHECKING:
     from tumble.design.error_budget import ErrorBudget

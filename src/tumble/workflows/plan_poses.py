@@ -19,7 +19,6 @@ from tumble.workflows.plan import (
     plan_folder,
     planned_place,
     read_targets,
-    silent,
 )
 from tumble.workflows.plan_given import read_known
 from tumble.workflows.plan_pose_order import LEVELLED, PoseOrder, pose_grade, pose_task
@@ -35,6 +34,7 @@ from tumble.workflows.plan_words import (
     pose_names,
     scheme_rows,
 )
+from tumble.workflows.progress import silent
 
 if TYPE_CHECKING:
     from tumble.arrays import Series, Square

@@ -22,9 +22,9 @@ from tumble.workflows.plan import (
     planned_grade,
     planned_place,
     read_targets,
-    silent,
 )
 from tumble.workflows.plan_words import UNITS_OF_GROUPS, describe_plan
+from tumble.workflows.progress import silent
 
 if TYPE_CHECKING:
     from tumble.arrays import Series

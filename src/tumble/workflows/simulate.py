@@ -17,7 +17,8 @@ import numpy as np
 from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
 from tumble.files import filled_folder, put_text, read_json
-from tumble.workflows.played_protocol import read_played
+from tumble.workflows.progress import silent
+from tumble.workflows.protocols import read_played
 from tumble.workflows.site import given_site
 from tumble.workflows.truth import FORMAT, Settings, case_columns, read_in_other_axes, truth_document
 
@@ -123,7 +124,7 @@ def simulate(
     from tumble.simulation.thermal_steps import has_chamber
     from tumble.workflows.thermal_truth import thermal_truth
 
-    say, began = progress or _silent, time.perf_counter()
+    say, began = progress or silent, time.perf_counter()
     given = read_played(protocol, duration)
     chosen = find_grade(grade)
     remarks = _check_terms(chosen.name, nonlinear=nonlinear, wander=wander, axes=axes)
@@ -451,7 +452,3 @@ def _runs(protocol: Protocol) -> list[list[int]]:
         else:
             runs.append([number])
     return runs
-
-
-def _silent(_: str) -> None:
-    """Tell nobody."""

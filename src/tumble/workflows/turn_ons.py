@@ -28,6 +28,7 @@ from tumble.workflows.calibrate import (
 )
 from tumble.workflows.joining import join_recordings, join_timelines, require_one_unit
 from tumble.workflows.procedures import add_objections, check_prior
+from tumble.workflows.progress import silent
 from tumble.workflows.protocols import GivenProtocol, read_given_protocol
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def calibrate_turn_ons(
     OutputError
         If the results cannot be written; earlier ones are intact.
     """
-    say = progress or _silent
+    say = progress or silent
     folder = None if output is None else Path(output)
     if folder is not None:
         require_writable(folder)
@@ -274,10 +275,6 @@ def _document(
 
 def _saying(say: Callable[[str], None], name: str) -> Callable[[str], None]:
     return lambda words: say(f"{name}: {words}")
-
-
-def _silent(_: str) -> None:
-    """Tell nobody."""
 
 
 __all__ = ["calibrate_turn_ons", "labels_of"]

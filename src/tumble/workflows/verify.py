@@ -23,6 +23,7 @@ from tumble.recording.reading import Paths, recording_inputs
 from tumble.segmentation import find_timeline, observe_holds, read_intervals
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.expected_norms import conditions, corrected_whole, hold_noise, norm_covariance
+from tumble.workflows.progress import silent
 from tumble.workflows.site import given_site
 from tumble.workflows.temperature import (
     about_temperature,
@@ -116,7 +117,7 @@ def verify(
     ThermalSpanError
         If the temperature leaves the calibrated span and `outside` is ``refuse``.
     """
-    say = progress or _silent
+    say = progress or silent
     document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
     if document.accelerometer is None or document.accelerometer.matrix is None:
         raise CalibrationFileError(
@@ -274,7 +275,3 @@ def _words_on_turns(result: Verification, document: Calibration) -> str:
         f"Turns: {scored.size}; gravity carried by the corrected gyro is off by "
         f"{two_digits(np.degrees(result.rms_angle))}° rms (largest {two_digits(np.degrees(scored.max()))}°){compared}."
     )
-
-
-def _silent(_: str) -> None:
-    """Tell nobody."""
