@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
-import re
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tumble.earth import Site
-from tumble.errors import OutputError, UsageError
-from tumble.files import filled_folder, put_text, read_json
+from tumble.errors import UsageError
 from tumble.workflows.progress import silent
 from tumble.workflows.protocols import read_played
+from tumble.workflows.simulated_files import require_place, write_simulation
 from tumble.workflows.site import given_site
-from tumble.workflows.truth import FORMAT, Settings, case_columns, read_in_other_axes, truth_document
+from tumble.workflows.truth import Settings, case_columns, read_in_other_axes, truth_document
 
 if TYPE_CHECKING:
     from tumble.arrays import AnyArray
@@ -119,15 +117,71 @@ def simulate(
     OutputError
         If the files cannot be written; earlier ones are intact.
     """
-    from tumble.protocol import SpinStep
-    from tumble.simulation import Imperfections, find_grade, find_thermal_grade, simulate_protocol
+    from tumble.simulation import Imperfections, find_grade
     from tumble.simulation.thermal_steps import has_chamber
-    from tumble.workflows.thermal_truth import thermal_truth
 
     say, began = progress or silent, time.perf_counter()
     given = read_played(protocol, duration)
     chosen = find_grade(grade)
     remarks = _check_terms(chosen.name, nonlinear=nonlinear, wander=wander, axes=axes)
+    place = _place(given, site, table, remarks)
+    hertz = rate if rate is not None else given.rate or (CHAMBER_RATE if has_chamber(given) else chosen.rate)
+    if has_chamber(given):
+        _check_chamber(units, table, fixture, lever_arm_b)
+    _check(units, seed, unit, hertz, given, per_step)
+    folder = Path(output) if output is not None else Path(f"{given.name}-simulated")
+    require_place(folder)
+
+    say("playing the protocol")
+    settings = Settings(
+        chosen.with_wandering_biases() if wander else chosen,
+        seed,
+        seed if unit is None else unit,
+        noise,
+        placement,
+        axes,
+        imperfections or Imperfections(),
+        table,
+        lever_arm_b,
+    )
+    model = chosen.simulate_model(
+        _generator(settings.unit, "unit"),
+        nonlinear=nonlinear,
+        case_axes=axes == "case",
+        asymmetry=asymmetry,
+    )
+    model = _switched_on(model, turn_on, _generator(seed, "turn-on"))
+    if fixture is None:
+        fixture_azimuth = None
+    else:
+        given, fixture = _aimed(given, fixture_azimuth), fixture.drawn(_generator(seed, "fixture"))
+    played = _Played(given, hertz, place, units, fixture, fixture_azimuth)
+    recording, truth, document = _play(played, model, chosen, settings)
+    simulated = time.perf_counter()
+    say("writing")
+    files = write_simulation(
+        folder, _as_played(played, truth, chosen, axes), recording, truth, document, per_step
+    )
+    seconds = {"simulating": simulated - began, "writing": time.perf_counter() - simulated}
+    return Simulated(folder, files, document, remarks, seconds)
+
+
+@dataclass(frozen=True, slots=True)
+class _Played:
+    """What is played: protocol, Hz, place, units, and the fixture with where it points."""
+
+    protocol: Protocol
+    rate: float
+    site: Site
+    units: str
+    fixture: FixtureErrors | None
+    azimuth: float | None
+
+
+def _place(given: Protocol, site: Site | None, table: TableErrors | None, remarks: list[str]) -> Site:
+    """Where it is played; what is assumed, or changes nothing, is remarked on."""
+    from tumble.protocol import SpinStep
+
     place = given_site(site) or given.site
     if place is None:
         place = Site.from_latitude(DEFAULT_LATITUDE)
@@ -136,65 +190,60 @@ def simulate(
         remarks.append(
             f"The protocol {given.name} has no spins: what is wrong with the table changes nothing."
         )
-    usual = CHAMBER_RATE if has_chamber(given) else chosen.rate
-    hertz = rate if rate is not None else given.rate or usual
-    if has_chamber(given):
-        _check_chamber(units, table, fixture, lever_arm_b)
-    _check(units, seed, unit, hertz, given, per_step)
-    folder = Path(output) if output is not None else Path(f"{given.name}-simulated")
-    _require_place(folder)
+    return place
 
-    say("playing the protocol")
-    unit = seed if unit is None else unit
-    played_by = chosen.with_wandering_biases() if wander else chosen
-    chain = imperfections or Imperfections()
-    if fixture is not None:
-        given = _aimed(given, fixture_azimuth)
-        fixture = fixture.drawn(_generator(seed, "fixture"))
-    model = chosen.simulate_model(
-        _generator(unit, "unit"), nonlinear=nonlinear, case_axes=axes == "case", asymmetry=asymmetry
-    )
-    model = _switched_on(model, turn_on, _generator(seed, "turn-on"))
+
+def _play(
+    played: _Played, model: ImuModel, drawn_from: Grade, settings: Settings
+) -> tuple[Recording, Truth, dict[str, Any]]:
+    """The recording, what was true, and the document that says so."""
+    from tumble.simulation import find_thermal_grade, simulate_protocol
+    from tumble.simulation.thermal_steps import has_chamber
+    from tumble.workflows.thermal_truth import thermal_truth
+
     inside = None
-    if has_chamber(given):
-        recording, truth, inside = _in_chamber(
-            given, hertz, seed, unit, place, model, chosen, played_by, noise, chain, placement
-        )
+    if has_chamber(played.protocol):
+        recording, truth, inside = _in_chamber(played, model, drawn_from, settings)
     else:
         recording, truth = simulate_protocol(
-            given,
-            hertz,
-            _generator(seed, "session"),
-            site=place,
-            grade=played_by,
+            played.protocol,
+            played.rate,
+            _generator(settings.seed, "session"),
+            site=played.site,
+            grade=settings.grade,
             model=model,
-            noise=noise,
-            imperfections=chain,
-            placement=placement,
-            heading=fixture_azimuth if fixture is not None else None,
-            lever_arm_b=lever_arm_b,
-            table=table,
-            fixture=fixture,
-            units=units,
+            noise=settings.noise,
+            imperfections=settings.imperfections,
+            placement=settings.placement,
+            heading=played.azimuth,
+            lever_arm_b=settings.lever_arm_b,
+            table=settings.table,
+            fixture=played.fixture,
+            units=played.units,
         )
-    columns = None
-    if axes == "case" and chosen.C_instrument_case is not None:
-        # Read by these columns, the recording is in the axes that the poses are of.
-        columns = case_columns(chosen.C_instrument_case)
-        truth = read_in_other_axes(truth, chosen.C_instrument_case.T)
-    settings = Settings(played_by, seed, unit, noise, placement, axes, chain, table, lever_arm_b)
-    document = truth_document(given, recording, truth, settings)
+    if settings.axes == "case" and drawn_from.C_instrument_case is not None:
+        truth = read_in_other_axes(truth, drawn_from.C_instrument_case.T)
+    document = truth_document(played.protocol, recording, truth, settings)
     if inside is not None:
-        document["thermal"] = thermal_truth(inside, find_thermal_grade(chosen.name))
-    simulated = time.perf_counter()
-    say("writing")
-    said = "counts" if units == "counts" else "m/s^2,rad/s,s"
-    played = replace(
-        given, steps=truth.steps, site=place, recordings=(), rate=None, columns=columns, units=said
+        document["thermal"] = thermal_truth(inside, find_thermal_grade(drawn_from.name))
+    return recording, truth, document
+
+
+def _as_played(played: _Played, truth: Truth, drawn_from: Grade, axes: str) -> Protocol:
+    """The protocol to calibrate with: as it was played, and how the recording is read."""
+    columns = None
+    if axes == "case" and drawn_from.C_instrument_case is not None:
+        # Read by these columns, the recording is in the axes that the poses are of.
+        columns = case_columns(drawn_from.C_instrument_case)
+    return replace(
+        played.protocol,
+        steps=truth.steps,
+        site=played.site,
+        recordings=(),
+        rate=None,
+        columns=columns,
+        units="counts" if played.units == "counts" else "m/s^2,rad/s,s",
     )
-    files = _write(folder, played, recording, truth, document, per_step)
-    seconds = {"simulating": simulated - began, "writing": time.perf_counter() - simulated}
-    return Simulated(folder, files, document, remarks, seconds)
 
 
 def _check_chamber(
@@ -212,35 +261,25 @@ def _check_chamber(
 
 
 def _in_chamber(
-    protocol: Protocol,
-    rate: float,
-    seed: int,
-    unit: int,
-    site: Site,
-    model: ImuModel,
-    drawn_from: Grade,
-    played_by: Grade,
-    noise: bool,
-    chain: Imperfections,
-    placement: bool,
+    played: _Played, model: ImuModel, drawn_from: Grade, settings: Settings
 ) -> tuple[Recording, Truth, ChamberTruth]:
     """Record a unit that changes with temperature; without noise its thermometer has none either."""
     from tumble.simulation import Chamber, find_thermal_grade, simulate_chamber
 
-    grade = find_thermal_grade(drawn_from.name)
+    grade, noise = find_thermal_grade(drawn_from.name), settings.noise
     return simulate_chamber(
-        protocol,
-        rate,
-        _generator(seed, "session"),
-        site=site,
-        thermal=grade.simulate_model(model, _generator(unit, "thermal")),
+        played.protocol,
+        played.rate,
+        _generator(settings.seed, "session"),
+        site=played.site,
+        thermal=grade.simulate_model(model, _generator(settings.unit, "thermal")),
         chamber=Chamber(
             thermometer_noise=grade.thermometer_noise if noise else 0.0,
             thermometer_resolution=grade.thermometer_resolution if noise else 0.0,
         ),
-        grade=played_by if noise else None,
-        imperfections=chain,
-        placement=placement,
+        grade=settings.grade if noise else None,
+        imperfections=settings.imperfections,
+        placement=settings.placement,
     )
 
 
@@ -306,7 +345,7 @@ def _check_terms(name: str, *, nonlinear: bool, wander: bool, axes: str) -> list
 def _check(units: str, seed: int, unit: int | None, rate: float, protocol: Protocol, per_step: bool) -> None:
     if units not in UNITS:
         raise UsageError(f"--output-units {units}: a simulated recording is in {' or '.join(UNITS)}.")
-    for name, value in (("seed", seed), ("unit", unit)):
+    for name, value in (("seed", seed), ("unit-seed", unit)):
         if value is not None and value < 0:
             raise UsageError(f"--{name} {value}: a seed is a whole number from 0 on.")
     if not 1.0 <= rate <= 20_000.0:
@@ -321,134 +360,3 @@ def _check(units: str, seed: int, unit: int | None, rate: float, protocol: Proto
         raise UsageError(
             "--per-step: the procedure hand-held needs the turns between the holds, so that its recording is one file."
         )
-
-
-def _require_place(folder: Path) -> None:
-    """Refuse before the work what would fail after it, and never write over what was not simulated."""
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"-o {folder} is a file: give a folder for the simulated files.")
-    existing = folder
-    while not existing.exists() and existing != existing.parent:
-        existing = existing.parent
-    if not existing.is_dir():
-        raise OutputError(f"The folder {folder} cannot be made: {existing} is a file. Give another with -o.")
-    if not os.access(existing, os.W_OK):
-        raise OutputError(f"{existing} cannot be written to: give another folder with -o.")
-    precious = [name for name in ("recording.csv", "protocol.yaml") if (folder / name).exists()]
-    if precious and not (folder / "truth.json").exists():
-        raise UsageError(
-            f"{folder} holds a {precious[0]} that was not simulated, for there is no truth.json beside it: "
-            "give another folder with -o."
-        )
-    if (folder / "truth.json").exists() and not _earlier(folder):
-        raise UsageError(f"{folder / 'truth.json'} is not of `tumble simulate`: give another folder with -o.")
-
-
-def _earlier(folder: Path) -> dict[str, Any]:
-    """The truth of an earlier simulation in the folder; empty where there is none."""
-    try:
-        found: Any = read_json(folder / "truth.json")
-    except (OSError, ValueError):
-        return {}
-    if not isinstance(found, dict):
-        return {}
-    document = cast("dict[str, Any]", found)
-    return document if document.get("format") == FORMAT else {}
-
-
-def _earlier_recordings(folder: Path) -> list[str]:
-    """The recordings of an earlier simulation, by the names that a simulation gives: no other file is removed."""
-    names: Any = _earlier(folder).get("recordings", [])
-    listed = cast("list[Any]", names) if isinstance(names, list) else []
-    return [n for n in listed if isinstance(n, str) and re.fullmatch(r"recording\.csv|step-\d+\.csv", n)]
-
-
-def _write(
-    folder: Path,
-    protocol: Protocol,
-    recording: Recording,
-    truth: Truth,
-    document: dict[str, Any],
-    per_step: bool,
-) -> list[Path]:
-    """Write everything into a folder inside the folder, then rename it all into place."""
-    from tumble.recording.formats.output import write_recording
-
-    try:
-        with filled_folder(folder, instead_of=_earlier_recordings(folder)) as beside:
-            if per_step:
-                protocol, names = _write_steps(protocol, recording, truth, beside)
-            else:
-                names = [write_recording(recording, beside / "recording.csv").name]
-                protocol = replace(protocol, recordings=tuple(names))
-            document["recordings"] = list(names)
-            names += _write_texts(protocol, document, beside)
-    except (OSError, OutputError) as error:
-        # A writer below has turned the system's error into a sentence about a name that nobody knows.
-        cause = error.__cause__ if isinstance(error, OutputError) else error
-        words = cause.strerror if isinstance(cause, OSError) and cause.strerror else str(cause or error)
-        raise OutputError(f"The simulated recording could not be written to {folder}: {words}.") from error
-    return [folder / name for name in names]
-
-
-def _write_texts(protocol: Protocol, document: dict[str, Any], beside: Path) -> list[str]:
-    from tumble.protocol import protocol_to_yaml
-
-    texts = {
-        "protocol.yaml": protocol_to_yaml(protocol),
-        "truth.json": json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
-    }
-    for name, text in texts.items():
-        put_text(beside / name, text)
-    return list(texts)
-
-
-def _write_steps(
-    protocol: Protocol, recording: Recording, truth: Truth, beside: Path
-) -> tuple[Protocol, list[str]]:
-    """Write each hold and spin to a file of its own; return the protocol whose steps name them, and the names.
-
-    A rotation whose angle is known is one with the rests beside it: so far as these reach it is one file. So
-    is a sequence of the strapdown rotation test.
-    """
-    from tumble.recording.formats.output import write_recording
-
-    names: list[str] = []
-    steps = [replace(step, file=None, interval=None) for step in protocol.steps]
-    width = len(str(len(steps)))
-    # Whole samples inside the steps: half an interval from each of their ends.
-    inside = 0.5 / recording.rate * (1.0 - 1e-6)
-    firsts: list[int] = np.searchsorted(recording.time, truth.step_edges[:, 0] + inside).tolist()
-    lasts: list[int] = np.searchsorted(recording.time, truth.step_edges[:, 1] - inside, side="right").tolist()
-    for run in _runs(protocol):
-        first, last = firsts[run[0]], lasts[run[-1]]
-        if not last - first > 1:
-            continue
-        names.append(f"step-{run[0] + 1:0{width}d}.csv")
-        write_recording(recording.between(first, last), beside / names[-1])
-        for number in run:
-            steps[number] = replace(steps[number], file=names[-1])
-    return replace(protocol, steps=tuple(steps)), names
-
-
-def _runs(protocol: Protocol) -> list[list[int]]:
-    """Return which steps, turns apart, share a file: each alone, but rotations of known angle with their rests."""
-    from tumble.protocol import SpinStep, TurnStep, sequence_steps
-
-    steps = protocol.steps
-    sequences = sequence_steps(protocol) if protocol.procedure == "strapdown-rotation" else []
-    inside = {number for s in sequences for number in range(s.start + 1, s.end + 1)}
-    runs: list[list[int]] = []
-    known = [isinstance(step, SpinStep) and step.angle is not None for step in steps]
-    for number, step in enumerate(steps):
-        if number in inside:
-            runs[-1].append(number)
-            continue
-        if isinstance(step, TurnStep):
-            continue
-        joined = runs and runs[-1][-1] == number - 1 and (known[number] or known[number - 1])
-        if joined:
-            runs[-1].append(number)
-        else:
-            runs.append([number])
-    return runs

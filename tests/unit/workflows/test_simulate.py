@@ -228,13 +228,13 @@ def test_what_was_not_simulated_is_never_written_over(tmp_path: Path, name: str)
     ("options", "words"),
     [
         ({"grade": "hg1800"}, "no IMU grade 'hg1800'.*Did you mean hg1[79]00"),
-        ({"rate": -5.0}, "--rate -5: the sampling rate is in Hz, from 1 to 20000"),
-        ({"rate": 0.0}, "--rate 0"),
-        ({"rate": float("nan")}, "--rate nan"),
-        ({"rate": 1e5}, "--rate 100000"),
+        ({"rate": -5.0}, "--sample-rate -5: the sampling rate is in Hz, from 1 to 20000"),
+        ({"rate": 0.0}, "--sample-rate 0"),
+        ({"rate": float("nan")}, "--sample-rate nan"),
+        ({"rate": 1e5}, "--sample-rate 100000"),
         ({"seed": -1}, "--seed -1: a seed is a whole number from 0 on"),
-        ({"unit": -2}, "--unit -2"),
-        ({"units": "g"}, "--units g: a simulated recording is in SI or counts"),
+        ({"unit": -2}, "--unit-seed -2"),
+        ({"units": "g"}, "--output-units g: a simulated recording is in SI or counts"),
         ({"axes": "north"}, "--axes north"),
         ({"axes": "case"}, "consumer-mems lie in its case; hg1700 and hg1900 do"),
     ],
@@ -255,7 +255,7 @@ def test_protocols_that_are_not_there_are_answered_with_the_nearest_name(tmp_pat
 
 
 def test_more_samples_than_a_machine_holds_are_refused_before_they_are_made(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="at most 20,000,000 are simulated; give a lower --rate"):
+    with pytest.raises(UsageError, match="at most 20,000,000 are simulated; give a lower --sample-rate"):
         simulate("rate-table", output=tmp_path, rate=20_000.0)
 
 
