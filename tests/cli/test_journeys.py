@@ -106,6 +106,37 @@ def test_a_calibration_that_is_not_fit_is_written_and_ends_with_1(
     assert document["verdict"]["reasons"]
 
 
+@pytest.mark.parametrize(
+    ("columns", "factor", "options", "fit", "word"),
+    [
+        (slice(3, 4), 1.0 / 9.80665, ("--units", "counts"), False, "g beside m/s²"),
+        (slice(3, 4), 1.0 / 9.80665, ("--units", "m/s^2,rad/s"), False, "g beside m/s²"),
+        (slice(1, 4), 1.13, ("--units", "m/s^2,rad/s"), False, "beyond belief"),
+        (slice(1, 4), 1.13, ("--units", "m/s^2,rad/s", "--confirm-scale"), True, "confirmed"),
+        (slice(1, 4), 1.08, ("--units", "m/s^2,rad/s"), True, "unusual"),
+    ],
+)
+def test_scale_factors_that_few_or_no_units_have_are_in_the_verdict(
+    tumble: Any,
+    written: Any,
+    rows: np.ndarray,
+    tmp_path: Path,
+    columns: slice,
+    factor: float,
+    options: tuple[str, ...],
+    fit: bool,
+    word: str,
+) -> None:
+    """A wrong scale fits gravity as well as the right one: residuals cannot show it."""
+    other = rows.copy()
+    other[:, columns] *= factor
+    path = written(tmp_path / "other.csv", other)
+    tumble("calibrate", path, "--gravity", GRAVITY, "-o", tmp_path / "results", *options)
+    verdict = document_of(tmp_path / "results")["verdict"]
+    assert verdict["fit"] is fit
+    assert word in " ".join(verdict["reasons"])
+
+
 def test_model_and_serial_number_are_noted(tumble: Any, recording: Path, tmp_path: Path) -> None:
     tumble(
         "calibrate", recording, "-o", tmp_path / "r", "-q", "--imu-model", "MPU-9150", "--imu-serial", "no. 7"

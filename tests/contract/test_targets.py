@@ -524,6 +524,14 @@ def test_counts_need_the_driver_s_factor() -> None:
     )
 
 
+def test_counts_of_one_unit_are_not_units_of_one_count() -> None:
+    counts = document(
+        ImuModel(Triad(1000 * M_A, 1000 * B_A), Triad(5000 * M_G, 5000 * B_G)), ("counts", "counts")
+    )
+    with pytest.raises(UsageError, match="counts of one unit"):
+        prepare(counts, TARGETS["kalibr"], Wishes(per_count=(16384.0, 131.0)))
+
+
 HOSTILE = (
     "x\nimport os\n#",
     "x\r\n#error\r\n",

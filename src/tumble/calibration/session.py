@@ -30,12 +30,14 @@ class Options:
     noise_correction : take the noise's own square out of the norm of gyros on the Earth's rate.
     data_sheet : name of a grade whose spreads are a prior; None for none.
     unknowns : of a triad; None for all nine.
+    confirm_scale : the user knows that the scale factors are beyond what units have.
     """
 
     optional_terms: bool = True
     noise_correction: bool = True
     data_sheet: str | None = None
     unknowns: int | None = None
+    confirm_scale: bool = False
 
 
 def _silent(_: str) -> None:

@@ -12,9 +12,13 @@ from tumble.recording.recording import Recording
 from tumble.sensor import Triad
 from tumble.units import angular_rate_factor, specific_force_factor
 
-# Beyond these a value is no sensor's: consumer data sheets allow 3 % of scale and 2 % of cross-axis
-# sensitivity (20 mrad); hand-soldered boards some degrees between the triads.
-LARGEST_SCALE_ERROR = 0.2
+# Beyond these a value is no sensor's: consumer data sheets allow 3 % of scale, analogue ones 10 %, and 2 % of
+# cross-axis sensitivity (20 mrad); hand-soldered boards some degrees between the triads.
+UNUSUAL_SCALE_ERROR = 0.05
+LARGEST_SCALE_ERROR = 0.1
+_A = {"accelerometer": "An accelerometer", "gyro": "A gyro"}
+# Between two units that one may take for the other, and what the two are called.
+_FACTORS = ((9.80665, "g beside m/s²"), (180.0 / np.pi, "degrees beside radians"), (2.0, "another range"))
 LARGEST_ANGLE = np.radians(15.0)
 # An accelerometer bias beyond 0.2 g, half of the worst consumer zero-g offsets on record.
 LARGEST_FORCE_BIAS = 2.0
@@ -38,16 +42,31 @@ class Judgement:
     reasons: list[str]
 
 
-def judge(estimate: Estimate, recording: Recording) -> Judgement:
-    """Judge an estimate by plausibility, by its own uncertainties and by its residuals."""
+def judge(estimate: Estimate, recording: Recording, *, confirm_scale: bool = False) -> Judgement:
+    """Judge an estimate by plausibility, by its own uncertainties and by its residuals.
+
+    Parameters
+    ----------
+    estimate, recording : what was found, and what it was found in.
+    confirm_scale : the user knows that the scale factors are beyond what units have.
+    """
+    implausible, unusual = _doubtful_scales(estimate, recording)
+    against_scale: list[str] = []
+    if confirm_scale:
+        unusual = [*(f"{text} It was confirmed (--confirm-scale)." for text in implausible), *unusual]
+    else:
+        against_scale = [f"{text} If the unit is really so, say --confirm-scale." for text in implausible]
     against = [
         *estimate.objections,
+        *against_scale,
         *_implausible(estimate, recording),
         *_misfit(estimate),
         *_too_uncertain(estimate),
         *_too_much_left_out(estimate),
     ]
-    return Judgement(not against, [*against, *estimate.cautions, *_in_plain_words(estimate, recording)])
+    return Judgement(
+        not against, [*against, *estimate.cautions, *unusual, *_in_plain_words(estimate, recording)]
+    )
 
 
 def _misfit(estimate: Estimate) -> list[str]:
@@ -85,41 +104,70 @@ def two_digits(value: float) -> str:
     return f"{value:.0f}" if value >= 100.0 else f"{value:.2g}"
 
 
+def _known_triads(estimate: Estimate, recording: Recording) -> list[tuple[str, Triad, float | None]]:
+    """Return (name, triad, SI units of one raw unit) of the triads whose matrices are known."""
+    gyro_known = any(name.startswith("gyroscope.matrix") for name in estimate.names)
+    model = estimate.model
+    triads = (
+        ("accelerometer", model.accelerometer, specific_force_factor(recording.specific_force_unit)),
+        ("gyro", model.gyroscope if gyro_known else None, angular_rate_factor(recording.angular_rate_unit)),
+    )
+    return [(name, triad, factor) for name, triad, factor in triads if triad is not None]
+
+
+def _doubtful_scales(estimate: Estimate, recording: Recording) -> tuple[list[str], list[str]]:
+    """Return what is said of scale factors that no unit has, and of those that few have."""
+    implausible: list[str] = []
+    unusual: list[str] = []
+    for name, triad, factor in _known_triads(estimate, recording):
+        length = np.linalg.norm(triad.matrix, axis=1)
+        if not np.min(length) > 0.0:
+            continue
+        # Counts have no nominal scale: there the axes are compared with one another.
+        middle = 0.5 * (np.min(length) + np.max(length)) if factor is None else 1.0 / factor
+        error = np.abs(length / middle - 1.0)
+        worst = float(length[np.argmax(error)] / middle)
+        told = f"{_A[name]} scale of {worst:.3f} of the nominal one is"
+        if factor is None:
+            ratio = np.max(length) / np.min(length)
+            told = f"A factor of {ratio:.3g} between the {name}s' scale factors is"
+        if np.max(error) > LARGEST_SCALE_ERROR:
+            implausible.append(
+                f"{told} beyond belief: {_as_units(length, middle)}check the unit (--units) and gravity."
+            )
+        elif np.max(error) > UNUSUAL_SCALE_ERROR:
+            unusual.append(f"{told} unusual, for data sheets allow 3 %: check the unit (--units).")
+    return implausible, unusual
+
+
+def _as_units(length: np.ndarray, middle: float) -> str:
+    """Return which mistaken unit has the factor that is seen, if one has."""
+    ratios = np.abs(np.log([*(length / middle), np.max(length) / np.min(length)]))
+    for size, words in _FACTORS:
+        if np.min(np.abs(ratios - np.log(size))) < LARGEST_SCALE_ERROR:
+            return f"a factor of {size:.3g} is {words}; "
+    return ""
+
+
 def _implausible(estimate: Estimate, recording: Recording) -> list[str]:
     against: list[str] = []
-    gyro_known = any(name.startswith("gyroscope.matrix") for name in estimate.names)
-    force_factor = specific_force_factor(recording.specific_force_unit)
-    rate_factor = angular_rate_factor(recording.angular_rate_unit)
-    triads = [("accelerometer", estimate.model.accelerometer, force_factor)]
-    if gyro_known:
-        triads.append(("gyro", estimate.model.gyroscope, rate_factor))
-    for name, triad, factor in triads:
-        if triad is not None:
-            against += _implausible_triad(name, triad, factor)
-    if force_factor is not None and estimate.model.accelerometer is not None:
-        bias = estimate.model.accelerometer.bias * force_factor
-        if np.max(np.abs(bias)) > LARGEST_FORCE_BIAS:
+    for name, triad, factor in _known_triads(estimate, recording):
+        if not np.min(np.linalg.norm(triad.matrix, axis=1)) > 0.0:
+            against.append(f"{_A[name]} scale factor is zero or no number: check the columns (--columns).")
+            continue
+        if np.linalg.det(triad.matrix) <= 0:
+            against.append(f"The {name}s form a left-handed triad: a scale factor is negative.")
+        axes = triad.matrix / np.linalg.norm(triad.matrix, axis=1, keepdims=True)
+        if np.max(np.arccos(np.clip(np.diag(axes), -1.0, 1.0))) > LARGEST_ANGLE:
             against.append(
-                f"An accelerometer bias of {np.max(np.abs(bias)):.2f} m/s² is beyond what sensors have "
+                f"{_A[name]} axis is more than 15° off: check the order of the columns (--columns)."
+            )
+        bias = float(np.max(np.abs(triad.bias))) * (factor or 0.0)
+        if name == "accelerometer" and bias > LARGEST_FORCE_BIAS:
+            against.append(
+                f"An accelerometer bias of {bias:.2f} m/s² is beyond what sensors have "
                 f"({LARGEST_FORCE_BIAS:g} m/s²): check the unit and the columns."
             )
-    return against
-
-
-def _implausible_triad(name: str, triad: Triad, factor: float | None) -> list[str]:
-    against: list[str] = []
-    length = np.linalg.norm(triad.matrix, axis=1)
-    if np.linalg.det(triad.matrix) <= 0:
-        against.append(f"The {name}s form a left-handed triad: a scale factor is negative.")
-    if factor is not None and np.max(np.abs(length * factor - 1.0)) > LARGEST_SCALE_ERROR:
-        worst = float((length * factor)[np.argmax(np.abs(length * factor - 1.0))])
-        against.append(
-            f"A {name} scale of {worst:.3f} of the nominal one is beyond belief: "
-            "check the unit (--units) and gravity."
-        )
-    axes = triad.matrix / length[:, None]
-    if np.max(np.arccos(np.clip(np.diag(axes), -1.0, 1.0))) > LARGEST_ANGLE:
-        against.append(f"A {name} axis is more than 15° off: check the order of the columns (--columns).")
     return against
 
 

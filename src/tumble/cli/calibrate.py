@@ -135,6 +135,15 @@ class EstimateOptions:
             "--optional-terms/--no-optional-terms",
         ),
     ] = True
+    confirm_scale: Annotated[
+        bool,
+        option(
+            ADVANCED,
+            "",
+            "The unit's scale factors are really beyond what units have: no reason against its calibration.",
+            "--confirm-scale",
+        ),
+    ] = False
 
 
 def calibrate_command(
@@ -175,7 +184,7 @@ def calibrate_command(
 
     given = recordings or []
     shared: dict[str, Any] = {**asdict(file), "site": choose_site(**asdict(site))}
-    shared |= {"optional_terms": estimate.optional_terms}
+    shared |= {"optional_terms": estimate.optional_terms, "confirm_scale": estimate.confirm_scale}
     if several.array:
         _refuse(context, "--array", procedure, [OneOptions, ProtocolOptions, UnitOptions])
         if several.turn_ons:

@@ -53,9 +53,10 @@ def calibration_from_estimate(
     created: datetime | None = None,
     remarks: tuple[str, ...] = (),
     imu: tuple[str | None, str | None] = (None, None),
+    confirm_scale: bool = False,
 ) -> Calibration:
     """Return the document of an estimate, judged and with test vectors."""
-    judgement = judge(estimate, recording)
+    judgement = judge(estimate, recording, confirm_scale=confirm_scale)
     temperature = mean_celsius(recording.temperature)
     thermal = _thermal(estimate)
     if thermal is not None:

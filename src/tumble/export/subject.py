@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tumble.arrays import Vectors
+from tumble.arrays import Series, Vectors
 from tumble.document.merging import merge_models
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
@@ -20,6 +20,7 @@ from tumble.sensor.thermal import ThermalModel
 from tumble.units import angular_rate_factor, find_unit, specific_force_factor
 
 LARGEST_LOSS = 0.02
+LARGEST_COUNT_ERROR = 0.5  # of what a driver makes of one count, against what the calibration found
 """Of the true vector's length: a target that would lose more is not written without being told to."""
 
 
@@ -233,8 +234,22 @@ def _in_units(
                     "driver makes of one count, in m/s² and rad/s, with --per-count ACC,GYRO."
                 )
             from_si = wishes.per_count[number]
+            _refuse_other_scale(triad, from_si, number)
         scale.append((from_si or 1.0) / to_si)
     return scaled(model, scale), None if thermal is None else _scaled_thermal(thermal, scale), target.units
+
+
+def _refuse_other_scale(triad: Triad, per_count: float, number: int) -> None:
+    """Refuse SI units of one count with which the calibrated scale factors are no sensor's."""
+    shown: Series = np.linalg.norm(triad.matrix, axis=1) * per_count
+    if not np.all(np.abs(shown - 1.0) < LARGEST_COUNT_ERROR):
+        word, unit = (("ACC", "m/s²"), ("GYRO", "rad/s"))[number]
+        count = per_count / float(shown.mean())
+        raise UsageError(
+            f"--per-count ACC,GYRO: with {word} = {per_count:g} {unit} the calibrated scale factors are "
+            f"{shown.min():.3g} to {shown.max():.3g} of the nominal ones. Give {unit} of one count, and "
+            f"not counts of one unit: the calibration has about {count:.4g} {unit}."
+        )
 
 
 def scaled(model: ImuModel, scale: Sequence[float]) -> ImuModel:

@@ -65,6 +65,7 @@ def calibrate_array(
     rate: float | None = None,
     topics: Sequence[str] | None = None,
     optional_terms: bool = True,
+    confirm_scale: bool = False,
     prior: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> ArrayRun:
@@ -76,7 +77,8 @@ def calibrate_array(
         ``acc.csv,gyro.csv``.
     output : folder for ``array.json`` and a folder with ``calibration.json`` and ``report.html`` of each unit; None
         writes nothing.
-    site, columns, units, rate, topics, optional_terms, progress : as for `calibrate`, for all recordings.
+    site, columns, units, rate, topics, optional_terms, confirm_scale, progress : as for `calibrate`, for all
+        recordings.
     prior : earlier calibrations of the units in their order, whose non-orthogonalities are kept, or one for all.
 
     Raises
@@ -102,7 +104,8 @@ def calibrate_array(
     place = given_site(site) or Site.unknown()
     sessions = _observed(names, read, place, say)
     for session, knowledge in zip(sessions, priors, strict=True):
-        session.options, session.prior = Options(optional_terms=optional_terms), knowledge
+        session.options = Options(optional_terms=optional_terms, confirm_scale=confirm_scale)
+        session.prior = knowledge
     settled = [_settle(name, session, say) for name, session in zip(names, sessions, strict=True)]
     say("all units together")
     array = _together(names, settled, place)
@@ -245,7 +248,13 @@ def _run(session: Session, estimate: Estimate, text: str | os.PathLike[str], cou
 
     reason = f"Procedure joint: {count} units of one array, whose poses are common, in one adjustment."
     remarks = (reason, *(remark.text for remark in session.recording.remarks))
-    calibration = calibration_from_estimate(estimate, session.recording, session.site, remarks=remarks)
+    calibration = calibration_from_estimate(
+        estimate,
+        session.recording,
+        session.site,
+        remarks=remarks,
+        confirm_scale=session.options.confirm_scale,
+    )
     before = corrected_by_before(_files(text), None)
     if before:
         calibration = calibration.model_copy(update={"input_corrected_by": before})

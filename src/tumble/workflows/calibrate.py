@@ -87,6 +87,7 @@ def calibrate(
     data_sheet: str | None = None,
     intervals: str | os.PathLike[str] | None = None,
     optional_terms: bool = True,
+    confirm_scale: bool = False,
     noise_correction: bool = True,
     unknowns: int | None = None,
     noise: str | os.PathLike[str] | None = None,
@@ -112,6 +113,7 @@ def calibrate(
         triads; for the multi-position procedure only.
     intervals : file of the holds' start and stop in seconds, instead of finding them.
     optional_terms : try g-sensitivity and quadratic terms.
+    confirm_scale : scale factors beyond what units have are really the unit's, and no reason against its calibration.
     noise_correction : take the noise's own square out of the norm of gyros on the Earth's rate.
     unknowns : 9, 6 or 3 a triad, for the multi-position procedure only.
     noise : noise.json of the unit: its models instead of the holds' scatter say how well their means are known.
@@ -130,7 +132,7 @@ def calibrate(
     """
     say = progress or _silent
     site = given_site(site)
-    options = Options(optional_terms, noise_correction, data_sheet, unknowns)
+    options = Options(optional_terms, noise_correction, data_sheet, unknowns, confirm_scale)
     check_procedure(procedure, options, has_protocol=protocol is not None)
     if monte_carlo is not None and not FEWEST_DRAWS <= monte_carlo <= MOST_DRAWS:
         raise UsageError(
@@ -175,7 +177,9 @@ def calibrate(
     from tumble.document import calibration_from_estimate
 
     remarks = (reason, *(r.text for r in recording.remarks))
-    calibration = calibration_from_estimate(estimate, recording, session.site, remarks=remarks, imu=imu)
+    calibration = calibration_from_estimate(
+        estimate, recording, session.site, remarks=remarks, imu=imu, confirm_scale=confirm_scale
+    )
     earlier = corrected_by_before(paths, given)
     if earlier:
         calibration = calibration.model_copy(update={"input_corrected_by": earlier})

@@ -64,6 +64,7 @@ def calibrate_turn_ons(
     rate: float | None = None,
     topics: Sequence[str] | None = None,
     optional_terms: bool = True,
+    confirm_scale: bool = False,
     prior: str | os.PathLike[str] | None = None,
     imu: tuple[str | None, str | None] = (None, None),
     progress: Callable[[str], None] | None = None,
@@ -78,7 +79,8 @@ def calibrate_turn_ons(
         that names its recording.
     output : folder for ``calibration.json`` and ``report.html``; None writes nothing.
     protocol : what was done in the recordings that are no protocol files themselves; None for tumbling by hand.
-    site, columns, units, rate, topics, optional_terms, imu, progress : as for `calibrate`, for all recordings.
+    site, columns, units, rate, topics, optional_terms, confirm_scale, imu, progress : as for `calibrate`, for
+        all recordings.
     prior : an earlier calibration of the unit, whose non-orthogonalities count once, as if the first recording told
         them, too.
 
@@ -112,7 +114,7 @@ def calibrate_turn_ons(
                 told,
                 site,
                 prior=None if sessions else knowledge,
-                options=Options(optional_terms=optional_terms),
+                options=Options(optional_terms=optional_terms, confirm_scale=confirm_scale),
                 say=with_name,
             )
             find_holds(session, None, clock)
@@ -227,7 +229,8 @@ def _run(
 ) -> CalibrationRun:
     recording, timeline, means = _joined(sessions)
     reason = REASON.format(count=len(sessions))
-    calibration = _document(recording, several, _one_site(sessions), reason, imu)
+    confirm_scale = sessions[0].options.confirm_scale
+    calibration = _document(recording, several, _one_site(sessions), reason, imu, confirm_scale)
     return CalibrationRun(calibration, several.estimate, recording, timeline, means, reason)
 
 
@@ -249,6 +252,7 @@ def _document(
     site: Site,
     reason: str,
     imu: tuple[str | None, str | None],
+    confirm_scale: bool,
 ) -> Calibration:
     """The document: judged by what was measured, with the biases' uncertainty that of the next turn-on."""
     from tumble.document import calibration_from_estimate
@@ -263,7 +267,9 @@ def _document(
         ],
     )
     remarks = (reason, *dict.fromkeys(remark.text for remark in recording.remarks))
-    made = calibration_from_estimate(judged, recording, site, remarks=remarks, imu=imu)
+    made = calibration_from_estimate(
+        judged, recording, site, remarks=remarks, imu=imu, confirm_scale=confirm_scale
+    )
     parameters = [
         block.model_copy(update={"standard_uncertainty": p.standard_uncertainty, "coverage_factor": factor})
         for block, p, factor in zip(
