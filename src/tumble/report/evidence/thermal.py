@@ -118,7 +118,7 @@ def _panel(
             beside.append(_points(at, seen[here] - np.interp(at, x, settled), unit, **look))
         if line is not None and np.any(line != curve.bias):
             beside.append(_line(x, factor * line[:, axis] - settled, colour, name, place))
-    whole.append(_line(x, settled, "#444a55", "model, settled", place))
+    whole.append(_line(x, settled, "#7a8290", "model, settled", place))
     if triad == "accelerometer":
         whole += _separate(evidence, axis, factor, np.zeros_like(x), place, unit)
         beside += _separate(evidence, axis, factor, settled, place, unit)

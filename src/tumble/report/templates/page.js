@@ -25,9 +25,11 @@
     copy.hoverlabel = { bgcolor: look.hover, bordercolor: look.line, font: { color: look.text } };
     // A finger scrolls the page; a mouse zooms.
     if (touch && !copy.scene) copy.dragmode = false;
-    copy.xaxis = axisLook(copy.xaxis || {}, look);
-    copy.yaxis = axisLook(copy.yaxis || {}, look);
-    if (copy.yaxis2) copy.yaxis2 = axisLook(copy.yaxis2, look);
+    copy.xaxis = copy.xaxis || {};
+    copy.yaxis = copy.yaxis || {};
+    // Of figures with several panels too: xaxis, yaxis, yaxis2, yaxis3 and so on.
+    Object.keys(copy).filter(function (name) { return /^[xy]axis\d*$/.test(name); })
+      .forEach(function (name) { copy[name] = axisLook(copy[name], look); });
     if (copy.scene) {
       ["xaxis", "yaxis", "zaxis"].forEach(function (name) { copy.scene[name] = axisLook(copy.scene[name], look); });
     }
