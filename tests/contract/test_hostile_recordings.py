@@ -22,9 +22,9 @@ import pytest
 from tumble.errors import OutputError, RecordingError, UsageError
 from tumble.recording import read_recording
 from tumble.recording.formats import compressed, compression, find_format, read_table
+from tumble.recording.formats.bags.mcap import McapFile
 from tumble.recording.formats.compression import decompress_bz2, decompress_lz4, decompress_zstd
 from tumble.recording.formats.header import header_names
-from tumble.recording.formats.mcap import McapFile
 from tumble.recording.reading import read_blocks
 
 HEADER = "t,ax,ay,az,gx,gy,gz\n"

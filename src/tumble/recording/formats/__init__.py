@@ -22,23 +22,19 @@ from tumble.files import opened
 from tumble.recording.formats import (
     archive,
     compressed,
-    dataflash,
     folder,
     hdf5,
     increments,
     matlab,
-    mavlink,
-    mcap,
     novatel,
     npy,
     npz,
     parquet,
-    rosbag1,
-    rosbag2,
     text,
-    ulog,
     xsens,
 )
+from tumble.recording.formats.bags import mcap, rosbag1, rosbag2
+from tumble.recording.formats.logs import dataflash, mavlink, ulog
 from tumble.recording.formats.table import RawTable, hash_file, measurable
 from tumble.recording.recording import Source
 

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tumble.errors import RecordingError
-from tumble.recording.formats import phone, text
-from tumble.recording.formats.logged_streams import table_of_streams
+from tumble.recording.formats import text
+from tumble.recording.formats.logs import phone
+from tumble.recording.formats.logs.logged_streams import table_of_streams
 from tumble.recording.formats.table import RawTable, hash_file, hash_files
 from tumble.recording.recording import Source
 

@@ -15,7 +15,7 @@ import numpy as np
 from tumble.arrays import Vectors
 from tumble.errors import RecordingError
 from tumble.recording.formats import text
-from tumble.recording.formats.logged_streams import Stream
+from tumble.recording.formats.logs.logged_streams import Stream
 from tumble.recording.formats.streams import Samples, Units
 from tumble.recording.formats.table import RawTable
 from tumble.recording.stamps import guess_time_unit

@@ -17,10 +17,10 @@ from typing import BinaryIO
 
 from tumble.errors import RecordingError
 from tumble.files import opened
-from tumble.recording.formats.bags import Topic, bag_readers
+from tumble.recording.formats.bags.bag import Topic, bag_readers
+from tumble.recording.formats.bags.ros_messages import plain_type
 from tumble.recording.formats.compression import decompress_bz2, decompress_lz4
 from tumble.recording.formats.damage import CutShort, Damage, at_most, exactly
-from tumble.recording.formats.ros_messages import plain_type
 from tumble.recording.recording import Remark
 
 NAME = "ROS 1 bag"

@@ -22,7 +22,7 @@ from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError, UsageError
 from tumble.files import opened
 from tumble.recording.formats.damage import foreign
-from tumble.recording.formats.logged_streams import Stream, table_of_streams
+from tumble.recording.formats.logs.logged_streams import Stream, table_of_streams
 from tumble.recording.formats.streams import Samples, Units, merge_streams
 from tumble.recording.formats.table import RawTable, hash_file, mapped
 from tumble.recording.recording import Remark

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from tumble.errors import RecordingError, UsageError
-from tumble.recording.formats.ros_messages import READABLE, decode, holds, samples_of
+from tumble.recording.formats.bags.ros_messages import READABLE, decode, holds, samples_of
 from tumble.recording.formats.streams import (
     BLOCK_ROWS,
     Merging,

@@ -20,12 +20,12 @@ from urllib.parse import quote
 
 from tumble.errors import RecordingError
 from tumble.files import opened
-from tumble.recording.formats.bags import Bag, Topic, bag_readers
+from tumble.recording.formats.bags.bag import Bag, Topic, bag_readers
+from tumble.recording.formats.bags.mcap import McapFile
+from tumble.recording.formats.bags.ros_messages import plain_type
 from tumble.recording.formats.compressed import unpacked
 from tumble.recording.formats.compression import ZSTD_MAGIC, decompress_zstd
 from tumble.recording.formats.damage import Damage
-from tumble.recording.formats.mcap import McapFile
-from tumble.recording.formats.ros_messages import plain_type
 from tumble.recording.formats.table import hash_file, hash_files
 from tumble.recording.recording import Remark, Source
 
