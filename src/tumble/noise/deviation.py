@@ -395,76 +395,13 @@ def _freedom(
     return result
 
 
-@dataclass(frozen=True, slots=True)
-class WaveletVariance:
-    """Variance of the Haar wavelet coefficients (maximal overlap) of each level.
-
-    Attributes
-    ----------
-    level : (levels,) j = 1, 2, ...; the wavelet compares two means of 2^(j-1) samples each.
-    scale : (levels,) s, the length of one of the two means.
-    variance : (levels, channels) in the square of the signal's unit; half the Allan variance at `scale`.
-    count : (levels,) coefficients that no edge touches.
-    edf, low, high : (levels, channels) as of a deviation, the limits of the variance.
-    confidence : probability of each interval.
-    """
-
-    level: Integers
-    scale: Series
-    variance: Table
-    count: Integers
-    edf: Table
-    low: Table
-    high: Table
-    confidence: float
-
-
-def haar_wavelet_variance(
-    signal: AnyArray,
-    rate: float,
-    *,
-    gaps: Sequence[int] = (),
-    noise: int | None = None,
-    confidence: float = ONE_SIGMA,
-) -> WaveletVariance:
-    """Return the unbiased Haar wavelet variance of all channels at all levels.
-
-    Parameters
-    ----------
-    signal, rate, gaps, noise, confidence : as for `allan_deviation`.
-
-    Raises
-    ------
-    UsageError
-        If the signal is shorter than one difference, or an argument is out of range.
-
-    Notes
-    -----
-    The coefficient of level j is half the difference of two neighbouring means of m = 2^(j-1) samples, so
-    that its variance is AVAR(m) / 2 exactly (Percival 1995, section 6).
-    """
-    allan = allan_deviation(signal, rate, taus="octave", gaps=gaps, noise=noise, confidence=confidence)
-    return WaveletVariance(
-        level=np.arange(1, len(allan) + 1, dtype=np.int64),
-        scale=allan.tau,
-        variance=0.5 * allan.deviation**2,
-        count=allan.count,
-        edf=allan.edf,
-        low=0.5 * allan.low**2,
-        high=0.5 * allan.high**2,
-        confidence=confidence,
-    )
-
-
 __all__ = [
     "KINDS",
     "NAMED_TAUS",
     "ONE_SIGMA",
     "Deviation",
-    "WaveletVariance",
     "allan_deviation",
     "choose_averaging",
     "find_pieces",
     "finish",
-    "haar_wavelet_variance",
 ]

@@ -44,7 +44,7 @@ def test_white_noise_has_the_scale_that_is_stated_at_every_level(stationary: boo
 
 def test_the_haar_details_are_half_differences_of_means() -> None:
     """Level j of the stationary Haar transform has AVAR(2^(j-1) samples)/2 (Percival 1995)."""
-    from tumble.noise.deviation import haar_wavelet_variance
+    from tumble.noise.denoising.wavelets import haar_wavelet_variance
 
     signal = np.cumsum(np.random.default_rng(3).standard_normal(50_000))
     found = Transform(4, "haar").analyse(signal)

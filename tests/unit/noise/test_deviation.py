@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tumble.errors import UsageError
-from tumble.noise.deviation import allan_deviation, choose_averaging, find_pieces, haar_wavelet_variance
+from tumble.noise.denoising.wavelets import haar_wavelet_variance
+from tumble.noise.deviation import allan_deviation, choose_averaging, find_pieces
 
 
 def signal_of(samples: int, seed: int = 1) -> np.ndarray:
