@@ -177,6 +177,43 @@ def test_several_recordings_of_one_unit_are_taken_together(
     assert np.median([both[name] / alone[name] for name in alone if name in both]) < 0.9
 
 
+@pytest.mark.parametrize(
+    ("columns", "step", "word"),
+    [(slice(4, 7), 0.02, "at rest gyro"), (slice(1, 4), 0.1, "by themselves they have accelerometer")],
+)
+def test_files_of_different_units_are_refused(
+    tumble: Any,
+    written: Any,
+    sessions: Any,
+    recording: Path,
+    tmp_path: Path,
+    columns: slice,
+    step: float,
+    word: str,
+) -> None:
+    """Other biases in one file: calibrated as one unit, both would be wrong by half of the difference."""
+    rows = sessions(11)
+    rows[:, columns] += step * np.array([1.0, -0.5, 0.2])
+    other = written(tmp_path / "other.csv", rows)
+    answer = tumble("calibrate", recording, other, "--gravity", GRAVITY, "-o", tmp_path / "r")
+    assert answer.status == 2
+    assert word in answer.err
+    assert "--turn-ons" in answer.err
+    assert "--array" in answer.err
+
+
+def test_a_file_without_a_hold_is_said_and_not_fit(
+    tumble: Any, written: Any, sessions: Any, recording: Path, tmp_path: Path
+) -> None:
+    """A gyro bias of 0.1 rad/s looks like motion beside a unit that has none."""
+    rows = sessions(11)
+    rows[:, 4:7] += [0.1, -0.05, 0.02]
+    other = written(tmp_path / "other.csv", rows)
+    answer = tumble("calibrate", recording, other, "--gravity", GRAVITY, "-o", tmp_path / "r")
+    assert answer.status == 1, answer
+    assert "other.csv gives no hold" in " ".join(document_of(tmp_path / "r")["verdict"]["reasons"])
+
+
 def test_recordings_in_different_units_are_not_taken_together(
     tumble: Any, written: Any, rows: np.ndarray, recording: Path, tmp_path: Path
 ) -> None:

@@ -19,7 +19,7 @@ from tumble.errors import OutputError, UsageError
 from tumble.recording import Recording, read_recordings
 from tumble.recording.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
-from tumble.workflows.joining import join_recordings
+from tumble.workflows.joining import NamedSpan, check_files, join_recordings, named_spans
 from tumble.workflows.noise_models import NoiseOfHolds
 from tumble.workflows.procedures import (
     add_objections,
@@ -149,7 +149,7 @@ def calibrate(
 
         # What the protocol says against itself would else look like a fault of the recording.
         refuse_contradicting_turns(given.protocol)
-    recording, told = read_as_told(paths, given, columns, units, rate, topics)
+    recording, told, files = read_as_told(paths, given, columns, units, rate, topics)
     knowledge = None if prior is None else read_prior(prior, imu[1])
     modelled = None if noise is None else NoiseOfHolds.read(noise, recording)
     clock.lap("reading")
@@ -162,7 +162,9 @@ def calibrate(
     find_holds(session, intervals, clock)
     if modelled is not None:
         session.means = modelled.means_of(session)
+    without_holds = check_files(session, files) if told is None else []
     estimate, reason = run_procedure(session, procedure)
+    estimate.say("objection", *without_holds)
     add_objections(session, estimate, procedure, reason)
     if modelled is not None:
         estimate.say("remark", *modelled.said(estimate.procedure))
@@ -208,8 +210,10 @@ def read_as_told(
     units: str | None,
     rate: float | None,
     topics: str | Sequence[str] | None,
-) -> tuple[Recording, Protocol | None]:
+) -> tuple[Recording, Protocol | None, list[NamedSpan]]:
     """Read the recordings named, or the protocol's own; options go before what the protocol says.
+
+    Returns the recordings as one, the protocol on its clock, and where on it each recording is.
 
     Parameters
     ----------
@@ -222,7 +226,7 @@ def read_as_told(
         If nothing is named, or the recordings are not of one unit with the same columns.
     """
     if isinstance(paths, Recording):
-        return _already_read(paths, given, columns or units or rate or topics)
+        return *_already_read(paths, given, columns or units or rate or topics), []
     named = _listed(paths)
     if given is None:
         if not named:
@@ -231,7 +235,8 @@ def read_as_told(
                 "see `tumble calibrate --help`."
             )
         recordings = read_recordings(named, columns=columns, units=units, rate=rate, topics=topics)
-        return join_recordings(recordings)[0], None
+        recording, spans = join_recordings(recordings)
+        return recording, None, named_spans(recordings, spans)
     if not named:
         named = [*given.files()]
         if not named:
@@ -247,7 +252,7 @@ def read_as_told(
         topics=topics,
     )
     recording, spans = join_recordings(recordings)
-    return recording, given.on_clock_of(recordings, spans)
+    return recording, given.on_clock_of(recordings, spans), named_spans(recordings, spans)
 
 
 def _listed(paths: Paths) -> list[Path | Frame]:

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tumble.errors import UsageError
+from tumble.errors import ConvergenceError, ObservabilityError, UsageError
 from tumble.recording import Recording, Remark
 
 if TYPE_CHECKING:
+    from tumble.calibration.session import Session
     from tumble.segmentation import Hold, HoldMeans, Rejection, Timeline, Turn
 
 # Between recordings of separate poses: long enough that no hold and no turn goes across.
 PAUSE = 10.0
 
 Span = tuple[float, float]
+NamedSpan = tuple[str, Span]
+
+# Holds of a file from which on their scatter, or what they tell of the accelerometers by themselves, is compared.
+FEWEST_SCATTERED, FEWEST_ALONE = 4, 12
+# Files of one unit that was switched on once differ by no more: in the scatter of the holds of a file, and in standard
+# uncertainties (repeated calibrations of real units differ by twice as many as they should).
+LARGEST_BIAS_STEP, LARGEST_DIFFERENCE = 6.0, 8.0
 
 
 def join_recordings(recordings: list[Recording]) -> tuple[Recording, list[Span]]:
@@ -85,6 +94,104 @@ def _same_samples(one: Recording, other: Recording) -> bool:
         (a is None and b is None) or (a is not None and b is not None and np.array_equal(a, b))
         for a, b in pairs
     )
+
+
+def named_spans(recordings: Sequence[Recording], spans: Sequence[Span]) -> list[NamedSpan]:
+    """Return by what name each recording goes, and where it lies on the joined one's clock.
+
+    Parameters
+    ----------
+    recordings, spans : as given to `join_recordings`, and from there.
+    """
+    return [(one.sources[0].name, span) for one, span in zip(recordings, spans, strict=True) if one.sources]
+
+
+def check_files(session: Session, files: Sequence[NamedSpan]) -> list[str]:
+    """Refuse files that are not of one unit switched on once; return what speaks against those without a hold.
+
+    Parameters
+    ----------
+    session : of recordings that were joined, without a protocol that says what each of them is.
+    files : where each of them is.
+
+    Raises
+    ------
+    UsageError
+        If two files with many holds have other gyro biases, or other accelerometers.
+    """
+    if len(files) < 2:
+        return []
+    time = session.means.time
+    named = [(name, np.flatnonzero((time >= start) & (time <= stop))) for name, (start, stop) in files]
+    for (one, its), (other, others) in itertools.combinations(named, 2):
+        difference = _rate_difference(session, its, others) or _force_difference(session, its, others)
+        if difference:
+            raise UsageError(
+                f"{one} and {other} are not of one unit that was switched on once: {difference}. Give --turn-ons if it "
+                "is the same unit, switched on anew; --array if they are units that were tumbled together; else "
+                "calibrate each by itself."
+            )
+    return [
+        f"{name} gives no hold, and the result is of the other files alone: look at it with tumble inspect. Recordings "
+        "of different units are calibrated each by itself, or with --array if they were tumbled together."
+        for name, holds in named
+        if not holds.size
+    ]
+
+
+def _rate_difference(session: Session, *holds: np.ndarray) -> str:
+    """By how much the gyros at rest differ between two files, if far beyond what holds of a file do."""
+    rates = session.means.angular_rate
+    if rates is None or min(own.size for own in holds) < FEWEST_SCATTERED:
+        return ""
+    one, other = (rates[own] for own in holds)
+    scatter = np.sqrt(0.5 * (one.var(axis=0, ddof=1) + other.var(axis=0, ddof=1)))
+    step = np.abs(np.median(one, axis=0) - np.median(other, axis=0))
+    if not np.any(step > LARGEST_BIAS_STEP * scatter):
+        return ""
+    axis = int(np.argmax(step - LARGEST_BIAS_STEP * scatter))
+    return (
+        f"at rest gyro {'xyz'[axis]} differs by {step[axis]:.2g} {session.recording.angular_rate_unit} between them, "
+        f"and within a file by {scatter[axis]:.2g}"
+    )
+
+
+def _force_difference(session: Session, *holds: np.ndarray) -> str:
+    """By how much the accelerometers differ that the holds of each of two files tell by themselves."""
+    if session.means.specific_force is None or min(own.size for own in holds) < FEWEST_ALONE:
+        return ""
+    from tumble.calibration import calibrate_multi_position
+
+    try:
+        one, other = (
+            calibrate_multi_position(session.recording, _means_of(session.means, own), session.site)
+            for own in holds
+        )
+    except (ObservabilityError, ConvergenceError):
+        return ""
+    others = {parameter.name: parameter for parameter in other.parameters}
+    for own in one.parameters:
+        its = others.get(own.name)
+        if its is None or not own.name.startswith("accelerometer"):
+            continue
+        sigma = np.hypot(own.standard_uncertainty, its.standard_uncertainty)
+        if abs(own.value - its.value) > LARGEST_DIFFERENCE * sigma:
+            return (
+                f"by themselves they have {own.name} {own.value:.4g} and {its.value:.4g} {own.unit}, "
+                f"{abs(own.value - its.value) / sigma:.0f} standard uncertainties apart"
+            )
+    return ""
+
+
+def _means_of(means: HoldMeans, holds: np.ndarray) -> HoldMeans:
+    """Some of the holds, without what a noise model tells between them."""
+    parts = {f.name: getattr(means, f.name) for f in fields(means)}
+    own = {
+        name: None if value is None else value[holds]
+        for name, value in parts.items()
+        if "between" not in name
+    }
+    return replace(means, **own, specific_force_between=None, angular_rate_between=None)
 
 
 def join_timelines(

@@ -192,7 +192,7 @@ def labels_of(names: Sequence[str]) -> list[str]:
 def _read(
     one: _Named, columns: str | None, units: str | None, rate: float | None, topics: Sequence[str] | None
 ) -> tuple[Recording, Protocol | None]:
-    return read_as_told([str(file) for file in one.files], one.given, columns, units, rate, topics)
+    return read_as_told([str(file) for file in one.files], one.given, columns, units, rate, topics)[:2]
 
 
 def _settle(session: Session) -> tuple[Estimate, JointOutcome]:
