@@ -12,7 +12,8 @@ arm, and how both biases wander. Optional terms are kept if the data want them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -49,6 +50,7 @@ from tumble.calibration.optional_terms import (
     term_limits,
     unknowns_with,
     wanted_terms,
+    worse_predicted,
 )
 from tumble.calibration.outcome.estimate import JointOutcome, joint_estimate, rest_residuals
 from tumble.calibration.prior import StableKnowledge
@@ -142,8 +144,9 @@ def calibrate_joint(
         optional_terms, known = False, []
     task.unknowns = task.unknowns.with_free(unknowns_with(plain, known))
     of_table = _seen_on_table(task) if optional_terms and has_gyro and data.rotations else []
-    fresh = task.copy()
-    balanced = _balanced_with(task, of_table)
+    task, balanced, fresh = _settled_from(
+        task, of_table, lambda: rough_start(recording, timeline, means, site)
+    )
     tests: list[TermTest] = []
     untried: list[str] = []
     if optional_terms:
@@ -262,6 +265,35 @@ def _seen_on_table(task: JointAdjustment) -> list[str]:
     return seen_table_terms(linearise(trial)[1], trial.unknowns)
 
 
+def _settled_from(
+    task: JointAdjustment, names: list[str], rough: Callable[[], Unknowns]
+) -> tuple[JointAdjustment, Balanced, JointAdjustment]:
+    """Balance from the first start that settles; return the adjustment, and as it was before."""
+    fresh = task.copy()
+    try:
+        return task, _balanced_with(task, names), fresh
+    except (ConvergenceError, ObservabilityError) as error:
+        for other in _other_starts(fresh, rough()):
+            before = other.copy()
+            try:
+                return other, _balanced_with(other, names), before
+            except (ConvergenceError, ObservabilityError):
+                continue
+        raise error
+
+
+def _other_starts(fresh: JointAdjustment, rough: Unknowns) -> Iterator[JointAdjustment]:
+    """The same sensors with rough variances, then rough sensors with them.
+
+    Without added variance a bias that wanders is first taken for an error of something else.
+    """
+    has_gyro = fresh.unknowns.is_free("gyro.bias")
+    noise = rough_variances(fresh.data.base, fresh.unknowns, has_gyro=has_gyro)
+    again = start_adjustment(fresh.data, rough.with_free(fresh.unknowns.free), fresh.site)
+    for one in (fresh.copy(), again):
+        yield replace(one, noise=noise.copy(), taking_part=fresh.copy().taking_part, prior=fresh.prior)
+
+
 def _balanced_with(task: JointAdjustment, names: list[str]) -> Balanced:
     """Balance with a table's terms: what is left of a lag by itself would be taken for a table that shakes."""
     prior, free = task.prior, task.unknowns.free
@@ -283,12 +315,13 @@ def _with_terms(
     offered = offered_terms(has_gyro=task.unknowns.is_free("gyro.bias")) + of_table
     names = _determined(task, plain, offered)
     untried = [name for name in offered if name not in names]
-    limits = term_limits(offered)
-    tests: dict[str, TermTest] = {}
+    limits, tests, without = (
+        term_limits(offered),
+        dict[str, TermTest](),
+        _without_terms(task, base, fresh, plain),
+    )
     while names:
-        free = unknowns_with(plain, names)
-        trial = task.copy(free)
-        trial.noise, trial.taking_part = fresh.copy().noise, fresh.copy().taking_part
+        trial = _from_before(task, fresh, unknowns_with(plain, names))
         trial.prior = together(trial.prior, lever_prior(trial.unknowns))
         try:
             balanced = balance_recording(trial)
@@ -299,13 +332,29 @@ def _with_terms(
             continue
         wanted = wanted_terms(trial, balanced, names, tests, limits)
         if wanted == names:
-            return trial, balanced, list(tests.values()), untried
+            worse = worse_predicted(without[1], balanced, names)
+            if not worse:
+                return trial, balanced, list(tests.values()), untried
+            weakest = max(worse, key=lambda name: tests[name].probability)
+            tests[weakest] = replace(tests[weakest], kept=False)
+            wanted = [name for name in names if name != weakest]
         names = wanted
-    if base.solution.unknowns.free.size > plain.size:
-        task = task.copy(plain)
-        task.noise, task.taking_part = fresh.copy().noise, fresh.copy().taking_part
-        base = balance_recording(task)
-    return task, base, list(tests.values()), untried
+    return *without, list(tests.values()), untried
+
+
+def _without_terms(
+    task: JointAdjustment, base: Balanced, fresh: JointAdjustment, plain: np.ndarray
+) -> tuple[JointAdjustment, Balanced]:
+    """The adjustment without any optional term: what it is compared with, and what is left if none is wanted."""
+    if base.solution.unknowns.free.size == plain.size:
+        return task, base
+    alone = _from_before(task, fresh, plain)
+    return alone, balance_recording(alone)
+
+
+def _from_before(task: JointAdjustment, fresh: JointAdjustment, free: np.ndarray) -> JointAdjustment:
+    """A copy from where the adjustment is, with noise and observations as they were before it was balanced."""
+    return replace(task.copy(free), noise=fresh.noise.copy(), taking_part=fresh.copy().taking_part)
 
 
 def _determined(task: JointAdjustment, plain: np.ndarray, names: list[str]) -> list[str]:

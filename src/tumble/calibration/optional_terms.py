@@ -5,7 +5,7 @@ A new term is a block of `imu_unknowns`, its derivative in the equations that sh
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,6 +61,8 @@ ON_TABLES = tuple(term.name for term in TERMS.values() if term.shown_by == "tabl
 TERM_FALSE_ALARM = 0.02
 # What the test of the time lag takes of it, each of the others gets an equal share of the rest; by hand these.
 TERM_LIMIT = (TERM_FALSE_ALARM - LAG_LIMIT) / len(EVERYWHERE)
+# No unit has so many times what a name plate allows of a term: 5 % of asymmetry, 3 °/s a g.
+LARGEST_OF_A_UNIT = 5.0
 # Share of the name plate's variance that is left of a direction that the motion determines.
 LEFT = TOLD**2 / (1.0 + TOLD**2)
 
@@ -112,7 +114,7 @@ def wanted_terms(
     limits : how rarely chance may keep each.
     """
     solution, u = balanced.solution, task.unknowns
-    by_hand = not task.rotations
+    by_hand, plate = not task.rotations, name_plate(u)
     spread = solution.cofactor + shared_scatter(task, solution) if by_hand else solution.cofactor
 
     def test(name: str, values: Series, blocks: list[Square]) -> tuple[float, bool]:
@@ -120,10 +122,58 @@ def wanted_terms(
         degrees, excess = _checks_of(name, task, balanced)
         each = [term_test(name, values, excess * block, degrees, limits[name]) for block in taken]
         tests[name] = max(each, key=lambda one: one.probability)
+        at = TERMS[name].unknowns
+        if name in EVERYWHERE and np.any(np.abs(values) > LARGEST_OF_A_UNIT * plate[at]):
+            # Something else is wrong with the recording, and the term takes it up.
+            tests[name] = replace(tests[name], kept=False)
+            return 2.0, False
         return tests[name].probability, tests[name].kept
 
     places = {name: u.places(TERMS[name].unknowns) for name in names}
     return keep_wanted(u.values[u.free], [solution.cofactor, spread], places, test)
+
+
+def worse_predicted(base: Balanced, trial: Balanced, names: list[str]) -> list[str]:
+    """Return the terms of a kind whose holds or turns are predicted worse with them than without.
+
+    Each hold and each turn is predicted from all the others, by the estimate without it; those that one of both leaves
+    out are not compared.
+
+    Parameters
+    ----------
+    base, trial : without and with the terms.
+    names : of the terms.
+    """
+    worse: list[str] = []
+    for shown_by, kind in (("force", "force"), ("gyro", "turn")):
+        of_kind = [name for name in names if TERMS[name].shown_by == shown_by]
+        before, after = base.tests.get(kind), trial.tests.get(kind)
+        if not of_kind or before is None or after is None:
+            continue
+        _, here, there = np.intersect1d(before.place, after.place, return_indices=True)
+        if float(np.sum(after.predicted[there])) > float(np.sum(before.predicted[here])):
+            worse += of_kind
+    return worse
+
+
+def implausible_words(tests: list[TermTest]) -> list[str]:
+    """Return a sentence about terms that would be significant but larger than any unit has them; none without.
+
+    Parameters
+    ----------
+    tests : of all terms.
+    """
+    words = [
+        _IN_WORDS[t.name] for t in tests if not t.kept and t.probability < t.limit and t.name in _IN_WORDS
+    ]
+    if not words:
+        return []
+    said = (
+        f"The data would be explained by {' and '.join(words)} that are larger than any unit's, or that predict holds "
+        "and turns worse than without them: they were not kept. Look for another cause: a mount that gives, a wrong "
+        "unit or rate, a clipped sensor."
+    )
+    return [said]
 
 
 def _checks_of(name: str, task: JointAdjustment, balanced: Balanced) -> tuple[int, float]:

@@ -137,6 +137,13 @@ class Equations:
         """Return cause -> how the terms show a bias that wanders; `first` terms came before these."""
         return {}
 
+    def bent(self, state: Any, nodes: AnyArray) -> tuple[AnyArray, AnyArray] | None:
+        """Return mean (terms, m) and covariance (terms, m, m) of what the second order of the nodes does to residuals.
+
+        None where it does nothing; `nodes` (terms, size, size) is the covariance of each term's node.
+        """
+        return None
+
     def directions(self, state: Any) -> Table | None:
         """Return (m, d) raw errors per SI unit, of each direction that is looked at for one; None for no look."""
         return None
@@ -161,6 +168,7 @@ class Tests:
     redundancy_square : (terms,) the trace of that matrix's square.
     variance : (terms,) SI², typical of one component.
     residual : (terms, p) raw or rad.
+    predicted : (terms,) SI², squared residual against what the others predict without it, in what they check.
     """
 
     place: np.ndarray
@@ -171,6 +179,7 @@ class Tests:
     redundancy_square: Series
     variance: Series
     residual: AnyArray
+    predicted: Series
 
     def where(self, taken: np.ndarray) -> Tests:
         """Return the tests of some of them, (terms,) of bool."""
@@ -196,7 +205,8 @@ def tested(place: np.ndarray, residual: AnyArray, covariance: AnyArray, taken: A
         P = view.projection
         residual = np.einsum("...ij,...j->...i", P, residual)
         covariance, taken = (P @ C @ np.swapaxes(P, -1, -2) for C in (covariance, taken))
-    inverse = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=np.float64)
+    root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+    inverse = np.asarray(np.linalg.inv(root), dtype=np.float64)
     white = np.einsum("tij,tj->ti", inverse, residual)
     left = np.eye(residual.shape[1]) - inverse @ taken @ np.swapaxes(inverse, 1, 2)
     values, vectors = np.linalg.eigh(0.5 * (left + np.swapaxes(left, 1, 2)))
@@ -206,6 +216,8 @@ def tested(place: np.ndarray, residual: AnyArray, covariance: AnyArray, taken: A
     scale = np.ones(residual.shape[1]) if view.scale is None else view.scale
     variance = 1.0 / np.mean(scale / np.diagonal(covariance, axis1=1, axis2=2), axis=1)
     redundancy = np.trace(left, axis1=1, axis2=2)
+    alone = np.where(checked, along / np.where(checked, values, 1.0), 0.0)
+    unseen = np.einsum("tij,tjk,tk->ti", root, vectors, alone)
     if view.pulled:
         variance = variance * residual.shape[1] / np.maximum(redundancy, 1e-12)
     return Tests(
@@ -217,4 +229,5 @@ def tested(place: np.ndarray, residual: AnyArray, covariance: AnyArray, taken: A
         np.sum(left**2, axis=(1, 2)),
         variance,
         residual,
+        np.sum(unseen**2 / scale, axis=1),
     )

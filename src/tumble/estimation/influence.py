@@ -20,7 +20,7 @@ from tumble.estimation.gauss_helmert import Prior
 from tumble.estimation.settled import Settled
 from tumble.estimation.wander import shared_wander
 
-PRIOR, OUTLYING = "prior", "observations left out"
+PRIOR, OUTLYING, BENT = "prior", "observations left out", "attitudes to second order"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +66,8 @@ class Influences:
     ----------
     each : the observations' own.
     covariance : of the free unknowns.
-    neighbours : source -> (unknowns, unknowns), by how much it differs from that of independent observations because
-        biases of neighbours wander together; part of `covariance`.
+    neighbours : source -> (unknowns, unknowns), by how much it differs from that of independent observations to first
+        order: because biases of neighbours wander together, and because equations are bent; part of `covariance`.
     """
 
     each: list[Influence]
@@ -91,7 +91,7 @@ class Influences:
         ----------
         order : all sources, as a budget shows them.
         """
-        there = {source for influence in self.each for source in influence.parts}
+        there = {source for influence in self.each for source in influence.parts} | set(self.neighbours)
         made: dict[str, Square] = {}
         for source in order:
             if source in there:
@@ -131,7 +131,30 @@ def influences_of(
         drifts = [(i.drifts[source], i.gain) for i in made if source in i.drifts]
         if drifts and np.any(density > 0.0):
             neighbours[source] = shared_wander(drifts, density, span)
+    neighbours[BENT] = _second_order(settled)
     return Influences(made, settled.cofactor + sum(neighbours.values(), np.zeros(())), neighbours)
+
+
+def _second_order(settled: Settled) -> Square:
+    """Return (free, free) what the second order of the nodes adds to the mean square error.
+
+    An estimate to first order is off by the gain of what its residuals' second order is on average (M. J. Box, Bias in
+    nonlinear estimation, J. R. Stat. Soc. B 33 (1971) 171-201), and scatters by as much.
+    """
+    free = settled.unknowns.free.size
+    shift, spread_of = np.zeros(free), np.zeros((free, free))
+    for spread in settled.spreads():
+        for term in spread.chain.chain.terms:
+            if not len(term.linear.node):
+                continue
+            made = term.equations.bent(settled.state, spread.nodes[0][term.linear.node])
+            if made is None:
+                continue
+            inverse = np.asarray(np.linalg.inv(term.root), dtype=np.float64)
+            gain = spread.gain(term, free) @ inverse
+            shift += np.einsum("tam,tm->a", gain, made[0])
+            spread_of += np.einsum("tam,tmn,tbn->ab", gain, made[1], gain, optimize=True)
+    return np.outer(shift, shift) + spread_of
 
 
 def _of_term(settled: Settled, spread: Spread, term: Whitened, first: int) -> Influence:

@@ -10,11 +10,24 @@ import pytest
 from scipy.special import fdtrc
 
 from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording
-from tumble.calibration.equations.imu_unknowns import PLAIN, imu_unknowns, unknowns_of
+from tumble.calibration.equations.imu_unknowns import PLAIN, imu_unknowns, name_plate, unknowns_of
 from tumble.calibration.equations.observed import observe
-from tumble.calibration.optional_terms import shared_scatter, term_limits, unknowns_with, wanted_terms
+from tumble.calibration.optional_terms import (
+    TERMS,
+    determined_terms,
+    implausible_words,
+    shared_scatter,
+    term_limits,
+    unknowns_with,
+    untried_words,
+    wanted_terms,
+    worse_predicted,
+)
+from tumble.calibration.outcome.estimate import require_positive
 from tumble.calibration.start import start_adjustment
+from tumble.errors import ObservabilityError
 from tumble.estimation.balance import Balanced
+from tumble.estimation.unknowns import Unknowns
 from tumble.estimation.wander import wider
 
 FLOOR = np.array([2e-3, 3e-3, 4e-3])  # m/s²
@@ -99,3 +112,58 @@ def test_terms_are_tested_by_the_checks_of_their_own_kind(
     assert told.statistic > 1.0
     assert told.probability > chance(balanced.solution.redundancy, told.statistic)
     assert told.probability < chance(10, told.statistic)
+
+
+def _information(u: Unknowns, alike: tuple[str, str], apart: float) -> np.ndarray:
+    """Everything is known to a hundredth of a name plate, but two terms that show as one number."""
+    sizes = name_plate(u)
+    scaled = 1e4 * np.eye(u.values.size)
+    first, second = (TERMS[name].unknowns for name in alike)
+    for i, j in zip(first, second, strict=True):
+        scaled[i, j] = scaled[j, i] = 1e4 * (1.0 - apart)
+    whole = scaled / np.outer(sizes, sizes)
+    return whole[np.ix_(u.free, u.free)]
+
+
+@pytest.mark.parametrize(("apart", "left"), [(1e-9, NAMES[1:]), (0.5, NAMES)])
+def test_terms_that_look_alike_are_not_tried_together(apart: float, left: list[str], model: Any) -> None:
+    """As faces up and down show an asymmetry and a quadratic term: the others are tried all the same."""
+    names = [*NAMES, "gyro_asymmetry"]
+    u = imu_unknowns(unknowns_of(model), unknowns_with(PLAIN, names))
+    found = determined_terms(
+        _information(u, ("quadratic", "accelerometer_asymmetry"), apart), u, PLAIN, names
+    )
+    assert found == [*left, "gyro_asymmetry"]
+    (said,) = untried_words(["quadratic"])
+    assert said.startswith("Quadratic terms of the accelerometers: ")
+
+
+def test_a_term_larger_than_any_unit_s_is_not_kept_and_said(
+    settled: tuple[JointAdjustment, Balanced],
+) -> None:
+    """Six per cent of asymmetry, three hundred of its sigmas."""
+    task, balanced = settled
+    large = with_quadratic(task, balanced, 0.0)
+    large.unknowns["force.asymmetry"][:] = [0.06, 0.0, 0.0]
+    tests: dict[str, Any] = {}
+    assert wanted_terms(large, balanced, list(NAMES), tests, term_limits(NAMES)) == []
+    assert tests["accelerometer_asymmetry"].probability < 1e-6
+    (said,) = implausible_words(list(tests.values()))
+    assert "asymmetries of the accelerometers" in said
+
+
+def test_a_term_that_predicts_holds_worse_is_not_kept(settled: tuple[JointAdjustment, Balanced]) -> None:
+    _, balanced = settled
+    force = balanced.tests["force"]
+    for factor, worse in ((1.1, NAMES), (0.9, [])):
+        tests = {"force": replace(force, predicted=factor * force.predicted)}
+        assert worse_predicted(balanced, replace(balanced, tests=tests), list(NAMES)) == worse
+
+
+def test_a_covariance_that_is_none_is_refused(model: Any) -> None:
+    u = imu_unknowns(unknowns_of(model))
+    require_positive(np.eye(u.free.size), u)
+    bad = np.eye(u.free.size)
+    bad[2, 3] = bad[3, 2] = 1.01
+    with pytest.raises(ObservabilityError, match=r"accelerometer (z|x)"):
+        require_positive(bad, u)

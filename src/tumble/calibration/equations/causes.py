@@ -1,6 +1,6 @@
 """The causes of error that a budget tells apart, in the order in which it shows them."""
 
-from tumble.estimation.influence import OUTLYING, PRIOR
+from tumble.estimation.influence import BENT, OUTLYING, PRIOR
 
 FORCE_REST = "accelerometers at rest"
 FORCE_TURNING = "accelerometers while turning"
@@ -20,5 +20,5 @@ OTHER = "everything else"
 SOURCES = (
     *(FORCE_REST, FORCE_TURNING, FORCE_WANDER, RATE_REST, RATE_TURNING, RATE_WANDER, SWAY, TURNS, ANGLES),
     *(AXIS, PLACEMENT),
-    *(LEVER, EARTH_RATE_KNOWN, PRIOR, OUTLYING, GRAVITY, OTHER),
+    *(LEVER, EARTH_RATE_KNOWN, PRIOR, OUTLYING, BENT, GRAVITY, OTHER),
 )

@@ -90,6 +90,22 @@ class Force(HoldEquations):
         floor = np.tile(np.diag(state.data.base.force_floor), (self.place.size, 3, 3))
         return {FORCE_WANDER: Drift(*self.span(state.data), linear.by_bias, floor)}
 
+    def bent(self, state: JointAdjustment, nodes: AnyArray) -> tuple[AnyArray, AnyArray]:
+        """Return what tilts take off gravity: half their square, by which a scale factor is too small."""
+        up, matrix = np.array([0.0, 0.0, -state.site.gravity]), force_matrix(state.unknowns)
+        backward = matrix @ np.swapaxes(self.section.C_wb, 2, 3)
+        mean = np.zeros((self.place.size, 9))
+        for at, first in enumerate((HEAD, MIDDLE, TAIL)):
+            own = nodes[:, first, first]
+            turned = 0.5 * (own - np.trace(own, axis1=1, axis2=2)[:, None, None] * np.eye(3)) @ up
+            mean[:, first] = np.einsum("tij,tj->ti", backward[:, at], turned)
+        # The three parts lean together, as far as it matters.
+        tilts = nodes[:, MIDDLE, MIDDLE][:, :2, :2]
+        share = 0.5 * np.sum(tilts**2, axis=(1, 2))
+        along = np.concatenate([backward[:, at] @ up for at in range(3)], axis=1)
+        covariance = share[:, None, None] * along[:, :, None] * along[:, None, :]
+        return mean, covariance
+
     def directions(self, state: JointAdjustment) -> Table:
         """Return an error of the whole hold along each axis."""
         return np.tile(force_matrix(state.unknowns), (3, 1))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tumble.arrays import Matrix, Series, Vectors, inverted
+from tumble.arrays import Matrix, Series, Square, Vectors, inverted
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.equations.adjustment import JointAdjustment, rest_noise
 from tumble.calibration.equations.causes import FORCE_WANDER
@@ -36,7 +36,7 @@ from tumble.calibration.estimate import (
 )
 from tumble.calibration.evidence import Holds, Rotations, Spins, Turns
 from tumble.calibration.observability import Untold
-from tumble.calibration.optional_terms import OF_FORCE, untried_words
+from tumble.calibration.optional_terms import OF_FORCE, implausible_words, untried_words
 from tumble.calibration.outcome.budget import recording_influences, state_uncertainty
 from tumble.calibration.outcome.description import describe, rotation_of_frame
 from tumble.calibration.outcome.restless import find_restless, restless_remarks
@@ -45,15 +45,19 @@ from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.calibration.turntable.words import NOT_ESTIMATED
 from tumble.earth import Site
+from tumble.errors import ObservabilityError
 from tumble.estimation.balance import Balanced
 from tumble.estimation.equations import Equations
 from tumble.estimation.influence import Influences
 from tumble.estimation.settled import Settled
 from tumble.estimation.solve import solve
+from tumble.estimation.unknowns import Unknowns
 from tumble.estimation.wander import wider
 from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel
 
+# Of a correlation matrix: below this, a combination is known exactly, or less than that.
+LEAST_EIGENVALUE = 1e-10
 # Poses that scatter by less beyond their sigma are nobody's fault.
 LEAST_OBJECTED = 1e-4  # rad
 
@@ -173,6 +177,7 @@ def describe_joint(outcome: JointOutcome, influences: Influences) -> Described:
     own = solution.cofactor + influences.shared
     if terms & set(OF_FORCE) and not task.rotations:
         own = wider(own, -influences.neighbours.get(FORCE_WANDER, np.zeros(own.shape)))
+    require_positive(own, task.unknowns)
     covariance = solution.unit_weight * task.unknowns.expanded(own)
     plain = outcome.untold is None and outcome.has_gyro and not np.any(task.unknowns.free >= TOTAL - 3)
     if plain:
@@ -186,6 +191,34 @@ def describe_joint(outcome: JointOutcome, influences: Influences) -> Described:
         gyro="full" if outcome.has_gyro else "none",
         frame=outcome.frame,
         all_told=outcome.untold is None,
+    )
+
+
+def require_positive(covariance: Square, u: Unknowns) -> None:
+    """Refuse a covariance that is none: no interval of such an estimate would mean anything.
+
+    Parameters
+    ----------
+    covariance, u : (free, free), and whose.
+
+    Raises
+    ------
+    ObservabilityError
+        If it is not positive definite.
+    """
+    variances = np.diag(covariance)
+    if np.all(variances > 0.0):
+        sigma = np.sqrt(variances)
+        values, vectors = np.linalg.eigh(covariance / np.outer(sigma, sigma))
+        if values[0] > LEAST_EIGENVALUE:
+            return
+        worst = int(np.argmax(np.abs(vectors[:, 0])))
+    else:
+        worst = int(np.argmin(variances))
+    raise ObservabilityError(
+        "What the observations leave uncertain cannot be stated: the covariance of the adjustment is not positive "
+        f"definite, most of all for the {u.layout.label(int(u.free[worst]))}. Record more holds in different poses, or "
+        "take the procedure that the recording was made for (--procedure NAME)."
     )
 
 
@@ -368,6 +401,7 @@ def _left_out(balanced: Balanced, norms: Series, angles: Series) -> list[LeftOut
 
 def _remarks(outcome: JointOutcome, parameters: list[NamedValue]) -> list[str]:
     told = table_remarks(outcome.kept, {p.name: (p.value, p.standard_uncertainty) for p in parameters})
+    told += implausible_words(outcome.terms)
     data, task = outcome.data, outcome.task
     if data.rotations:
         windows = sum(len(s.windows) for s in data.rotations.values())
