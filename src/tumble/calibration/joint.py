@@ -349,7 +349,11 @@ def _without_terms(
     if base.solution.unknowns.free.size == plain.size:
         return task, base
     alone = _from_before(task, fresh, plain)
-    return alone, balance_recording(alone)
+    try:
+        return alone, balance_recording(alone)
+    except (ObservabilityError, ConvergenceError):
+        # Terms that the start had may be what it settles with.
+        return task, base
 
 
 def _from_before(task: JointAdjustment, fresh: JointAdjustment, free: np.ndarray) -> JointAdjustment:
