@@ -384,3 +384,16 @@ def test_a_type_that_matlab_has_not_is_refused_before_it_is_looked_up(tmp_path: 
     content[at + 1] = 0x40
     file.write_bytes(content)
     refused(file, "type 16393, which there is not")
+
+
+def test_noise_takes_nothing_from_a_pipe_to_guess_the_memory() -> None:
+    from tumble.workflows.noise import _numbers_in
+
+    reading, writing = os.pipe()
+    try:
+        os.write(writing, b"0123456789")
+        assert _numbers_in(Path(f"/dev/fd/{reading}")) == 0
+        assert os.read(reading, 100) == b"0123456789"
+    finally:
+        os.close(reading)
+        os.close(writing)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Callable, Sequence
@@ -207,7 +206,7 @@ def _rest(
         mean=np.asarray(means.specific_force[longest], dtype=np.float64),
         covariance=np.asarray(means.specific_force_covariance[longest], dtype=np.float64),
         seconds=float(means.duration[longest]),
-        sha256=hashlib.sha256(Path(path).read_bytes()).hexdigest(),
+        sha256=recording.sources[0].sha256,
     )
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tumble.errors import UsageError
+from tumble.files import opened
 from tumble.recording import Recording, read_blocks, read_recording
 from tumble.recording.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
@@ -171,7 +172,7 @@ def _numbers_in(path: Path | Frame) -> int:
     if not isinstance(path, Path):
         return 0
     try:
-        with path.open("rb") as file:
+        with opened(path) as file:
             packed = file.read(8).startswith(_COMPRESSED_STARTS)
         return path.stat().st_size * (_COMPRESSED if packed else 1)
     except OSError:
