@@ -33,6 +33,8 @@ import numpy as np
 from uncertainty import GROUPS, true_values, without_wander
 
 from tumble.calibration import Estimate
+from tumble.calibration.estimate import Beside
+from tumble.calibration.evidence import Budget
 from tumble.calibration.procedures.joint import run_joint
 from tumble.calibration.session import Session
 from tumble.earth import Site
@@ -112,7 +114,8 @@ def calibrate(procedure: str, recording: Recording, protocol, site: Site) -> dic
     if procedure != "hand-held":
         session.protocol, session.matching = protocol, match_protocol(protocol, recording, timeline, means)
     joint = run_joint(session)
-    beside = joint.beside
+    shown = joint.shown(Beside)
+    beside = None if shown is None else shown.estimate
     if beside is None or beside.frame != joint.frame:
         return {"joint": joint}
     return {"dedicated": beside, "joint": joint}
@@ -140,7 +143,8 @@ def add_errors(done: Run, way: str, estimate: Estimate, model: ImuModel) -> None
     done.sigmas[way] = {p.name: p.standard_uncertainty for p in named}
     done.factor[way] = estimate.coverage_factor
     if way == "joint":
-        told = estimate.statement
+        budget = estimate.shown(Budget)
+        told = None if budget is None else budget.statement
         own = [estimate.coverage_factor] * len(estimate.parameters) if told is None else told.coverage_factors
         done.own_factors = {estimate.parameters[k].name: float(own[k]) for k in at}
     done.kept[way] = tuple(term.name for term in estimate.terms if term.kept)

@@ -23,6 +23,7 @@ from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration import calibrate_hand_held
 from tumble.calibration.canonical import named_values
 from tumble.calibration.equations.imu_unknowns import unknowns_of
+from tumble.calibration.evidence import Budget
 from tumble.calibration.free_inertial import CalibratedUnit
 from tumble.calibration.joint import calibrate_joint
 from tumble.earth import Site
@@ -52,7 +53,9 @@ def one_run(seed: int, grade: str, rate: float):
     means = observe_holds(recording, timeline)
     start = calibrate_hand_held(recording, timeline, means, SITE)
     estimate = calibrate_joint(recording, timeline, means, SITE, start)
-    told = estimate.statement
+    budget = estimate.shown(Budget)
+    assert budget is not None
+    told = budget.statement
     assert told is not None
     model = change_frame(truth.model, "accelerometer-x")
     # A session's biases are what they were on average, wander included.

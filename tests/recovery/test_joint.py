@@ -13,6 +13,7 @@ import numpy.typing as npt
 import pytest
 
 from tumble.calibration import Estimate, calibrate_hand_held
+from tumble.calibration.estimate import Beside
 from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.procedures.turntable import calibrate_turntable
 from tumble.earth import Site
@@ -186,8 +187,7 @@ def test_by_hand_with_noise_the_truth_is_within_the_uncertainty(grade: str) -> N
     estimate = by_hand(played.recording)
     assert np.max(np.abs(normalised(estimate, played.truth))) < LARGEST_Z
     assert not kept(estimate)
-    assert estimate.beside is not None
-    assert estimate.beside.procedure == "hand-held"
+    assert estimate.shown(Beside).estimate.procedure == "hand-held"
 
 
 @cache
@@ -204,9 +204,9 @@ def test_on_a_table_with_noise_the_truth_is_within_the_uncertainty_and_nearer() 
     estimate = turned_and_estimated()
     assert np.max(np.abs(normalised(estimate, turned().truth))) < LARGEST_Z
     assert not kept(estimate)
-    assert estimate.beside is not None
     ours, theirs = (
-        {p.name: p.standard_uncertainty for p in e.parameters} for e in (estimate, estimate.beside)
+        {p.name: p.standard_uncertainty for p in e.parameters}
+        for e in (estimate, estimate.shown(Beside).estimate)
     )
     angles = [name for name in ours if name.startswith("accelerometer non-orthogonality")]
     assert len(angles) == 3
@@ -233,7 +233,7 @@ def test_a_misread_table_angle_is_left_out_and_named_also_on_a_table_that_shakes
     estimate = on_the_table(
         played.recording,
         replace(protocol, steps=steps),
-        start=turned_and_estimated().beside,
+        start=turned_and_estimated().shown(Beside).estimate,
         optional_terms=False,
     )
     named = [left for left in estimate.left_out if left.kind == "spin"]

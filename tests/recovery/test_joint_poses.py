@@ -10,6 +10,7 @@ from scipy.stats import chi2
 from tumble.calibration.canonical import canonical_names
 from tumble.calibration.equations.believed_poses import believed_poses
 from tumble.calibration.estimate import Estimate
+from tumble.calibration.evidence import Budget
 from tumble.calibration.joint import calibrate_joint
 from tumble.earth import Site
 from tumble.protocol import named_protocol
@@ -84,12 +85,12 @@ def test_a_two_axis_fixture_tells_both_triads_in_its_own_axes_within_their_sigma
 def test_parameters_in_the_fixtures_axes_have_a_budget_in_which_placement_stands() -> None:
     estimate, _ = _run("strapdown-rotation", "tactical", noise=True, frame="fixture")
     stated = np.array([p.standard_uncertainty for p in estimate.parameters])
-    whole = np.sqrt(sum(part**2 for part in estimate.budget.values()))
+    whole = np.sqrt(sum(part**2 for part in estimate.shown(Budget).shares.values()))
     # sources below 1e-4 of every variance are not in it
     np.testing.assert_allclose(whole, stated, rtol=1e-3)
     leaning = [p.name for p in estimate.parameters].index("gyro misalignment xy")
     # poses of a milliradian are what the axes of the fixture are known by
-    assert estimate.budget["placement"][leaning] > 0.9 * stated[leaning]
+    assert estimate.shown(Budget).shares["placement"][leaning] > 0.9 * stated[leaning]
 
 
 def test_six_noisy_faces_name_what_their_turns_leave_open() -> None:

@@ -19,6 +19,7 @@ from tumble.calibration.equations import size_effect
 from tumble.calibration.equations.imu_unknowns import LAYOUT, imu_unknowns, raw_force
 from tumble.calibration.equations.size_effect import PAIRS
 from tumble.calibration.estimate import Estimate
+from tumble.calibration.evidence import Budget
 from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.outcome.table_parameters import LAG_NAME
 from tumble.earth import Site
@@ -303,14 +304,13 @@ def test_derivatives_by_lag_and_lever_arms_are_those_of_differences(index: int) 
 def test_lag_and_lever_arms_have_a_budget_that_adds_up() -> None:
     """Of every parameter, the ones that only a table tells too; what these take is in the others' budget."""
     estimate = _estimate(ALL, lag=LAG, apart=True)
-    assert estimate.statement is not None
     stated = np.array([p.standard_uncertainty for p in estimate.parameters])
-    whole = np.sqrt(sum(part**2 for part in estimate.budget.values()))
+    whole = np.sqrt(sum(part**2 for part in estimate.shown(Budget).shares.values()))
     # sources below 1e-4 of every variance are not in it
     np.testing.assert_allclose(whole, stated, rtol=1e-3)
     names = [p.name for p in estimate.parameters]
-    lag = {source: part[names.index(LAG_NAME)] for source, part in estimate.budget.items()}
+    lag = {source: part[names.index(LAG_NAME)] for source, part in estimate.shown(Budget).shares.items()}
     # when gravity comes round in the accelerometers is what tells when they are read
     assert lag["accelerometers while turning"] > 0.5 * stated[names.index(LAG_NAME)]
     assert lag["reference gravity"] == 0.0 if "reference gravity" in lag else True
-    assert len(estimate.statement.effective_degrees) == len(names)
+    assert len(estimate.shown(Budget).statement.effective_degrees) == len(names)

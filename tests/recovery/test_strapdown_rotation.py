@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from tumble.calibration import Estimate
+from tumble.calibration.evidence import Sequences
 from tumble.calibration.procedures.strapdown_rotation import calibrate_strapdown_rotation
 from tumble.earth import Site
 from tumble.errors import ObservabilityError, SegmentationError, TumbleError
@@ -109,7 +110,7 @@ def test_without_noise_all_errors_come_back_on_a_fixture_as_the_protocol_has_it(
     np.testing.assert_allclose((found_errors(estimate, units) - ERRORS) / SCALE, 0.0, rtol=0, atol=5e-8)
     assert estimate.procedure == "strapdown-rotation"
     assert estimate.frame == "mean-gyro"
-    assert len(estimate.sequences) == 17
+    assert len(estimate.shown(Sequences).fits) == 17
     assert not estimate.objections
     # The bias is raw; an asymmetry of 3e-4 makes 2e-8 of an Earth rate of 7e-5 rad/s.
     assert estimate.model.gyroscope is not None
@@ -168,8 +169,8 @@ def test_with_noise_the_truth_is_within_the_uncertainty(grade: str) -> None:
 
 def test_each_play_back_changes_a_thousandth_of_the_one_before() -> None:
     _, _, estimate = noisy("ring-laser")
-    assert len(estimate.passes) == 3
-    first, second, third = (p["kappa_lin"] for p in estimate.passes)
+    assert len(estimate.shown(Sequences).passes) == 3
+    first, second, third = (p["kappa_lin"] for p in estimate.shown(Sequences).passes)
     assert second < 0.01 * first
     assert third < 0.01 * second
 
@@ -364,7 +365,7 @@ def test_a_sequence_turned_another_way_or_in_another_order_is_left_out_with_what
     recording, truth = recorded(protocol=changed(PROTOCOL, name, change), grade=find_grade("ring-laser"))
     estimate = calibrated(recording)
     assert any(text.startswith(words) for text in estimate.remarks)
-    assert len(estimate.sequences) == 16
+    assert len(estimate.shown(Sequences).fits) == 16
     # all errors are still told, by others
     assert max(map(abs, normalised(estimate, truth).values())) < 4.5
 
@@ -398,7 +399,7 @@ def test_two_sequences_done_in_the_other_order_are_left_out_with_what_the_gyros_
     said = " ".join(estimate.remarks)
     assert "Sequence 1 was left out: the protocol has +360° y, and the gyros saw -3" in said
     assert "Sequence 1a was left out: the protocol has -360° y, and the gyros saw +3" in said
-    assert len(estimate.sequences) == 15
+    assert len(estimate.shown(Sequences).fits) == 15
     assert max(map(abs, normalised(estimate, truth).values())) < 4.5
 
 
@@ -407,7 +408,7 @@ def test_a_sequence_done_twice_counts_twice_if_the_protocol_says_so_and_does_no_
     twice = of_sequences([*ROWS, "7"])
     recording, truth = recorded(protocol=twice, grade=find_grade("ring-laser"))
     estimate = calibrated(recording, twice if told else PROTOCOL)
-    assert [fit.name for fit in estimate.sequences].count("7") == (2 if told else 1)
+    assert [fit.name for fit in estimate.shown(Sequences).fits].count("7") == (2 if told else 1)
     assert max(map(abs, normalised(estimate, truth).values())) < 4.5
 
 
@@ -428,7 +429,7 @@ def test_six_sequences_alone_give_what_they_tell_and_name_the_rest() -> None:
     protocol = of_sequences(["1", "2", "3", "7", "8", "9"])
     recording, truth = recorded(protocol=protocol, grade=find_grade("ring-laser"))
     estimate = calibrated(recording, protocol)
-    assert len(estimate.sequences) == 6
+    assert len(estimate.shown(Sequences).fits) == 6
     assert any("do not tell upsilon yz, upsilon zx, upsilon xy" in text for text in estimate.not_determined)
     assert max(map(abs, normalised(estimate, truth).values())) < 4.5
 

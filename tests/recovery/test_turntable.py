@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from tumble.calibration import Estimate
+from tumble.calibration.evidence import Budget, Rotations
 from tumble.calibration.procedures.laboratory import calibrate_laboratory
 from tumble.calibration.procedures.turntable import calibrate_turntable
 from tumble.earth import Site
@@ -226,7 +227,7 @@ def test_the_budget_s_squares_add_up_to_the_uncertainty() -> None:
             )
         estimate = calibrated(recording, told, site)
         whole = np.array([parameter.standard_uncertainty for parameter in estimate.parameters])
-        parts = np.array(list(estimate.budget.values()))
+        parts = np.array(list(estimate.shown(Budget).shares.values()))
         # a variance component of the placement is in the whole, not among the laboratory's sources
         np.testing.assert_allclose(np.sqrt(np.sum(parts**2, axis=0)), whole, rtol=1e-6)
 
@@ -303,7 +304,7 @@ def test_a_seventh_axis_one_way_only_takes_no_part_and_it_is_said() -> None:
         remark.startswith("A rotation took no part: the axis x was turned about counter-clockwise only")
         for remark in estimate.remarks
     )
-    assert len(estimate.rotations) == 6
+    assert len(estimate.shown(Rotations).fits) == 6
     assert truth.model is not None
 
 

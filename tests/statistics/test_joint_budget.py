@@ -18,6 +18,7 @@ from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.causes import ANGLES, FORCE_REST, SOURCES, SWAY, TURNS
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
 from tumble.calibration.equations.observed import observe, table_rotation
+from tumble.calibration.evidence import Budget
 from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.outcome import draws as joint_draws
 from tumble.calibration.outcome.budget import NamedParameters, recording_influences
@@ -53,9 +54,8 @@ def hand_held():
 
 def outcome_of(estimate) -> JointOutcome:
     """The solution behind an estimate."""
-    assert estimate.statement is not None
-    assert isinstance(estimate.statement.outcome, JointOutcome)
-    return estimate.statement.outcome
+    assert isinstance(estimate.shown(Budget).statement.outcome, JointOutcome)
+    return estimate.shown(Budget).statement.outcome
 
 
 ADDED = {"force": 1e-6, "rate": 1e-9, "turn": 1e-7, "sway": 1e-8}
@@ -120,15 +120,15 @@ def test_a_share_is_how_the_covariance_grows_with_its_variance(source: str, name
 
 def test_the_budget_adds_up_to_the_stated_uncertainties() -> None:
     estimate = hand_held()
-    whole = np.sqrt(sum(part**2 for part in estimate.budget.values()))
+    whole = np.sqrt(sum(part**2 for part in estimate.shown(Budget).shares.values()))
     stated = [p.standard_uncertainty for p in estimate.parameters]
     # sources below 1e-4 of every variance are not in it
     assert whole == pytest.approx(stated, rel=1e-3)
-    assert estimate.budget[FORCE_REST][0] > 0.3 * stated[0]
+    assert estimate.shown(Budget).shares[FORCE_REST][0] > 0.3 * stated[0]
 
 
 def test_redundancy_numbers_of_all_observations_are_within_their_bounds() -> None:
-    told = hand_held().statement
+    told = hand_held().shown(Budget).statement
     assert told is not None
     assert all(-1e-6 < d.redundancy < d.count + 1e-6 for d in told.detectable)
     assert {d.kind for d in told.detectable} == {"force", "rate", "turn"}
@@ -138,8 +138,7 @@ def test_an_error_that_would_go_unnoticed_moves_its_parameter_by_what_is_said() 
     """Put into the hold's specific force and adjusted anew: the worst direction is found by trying all three."""
     estimate = hand_held()
     outcome = outcome_of(estimate)
-    assert estimate.statement is not None
-    forces = [d for d in estimate.statement.detectable if d.kind == "force"]
+    forces = [d for d in estimate.shown(Budget).statement.detectable if d.kind == "force"]
     worst = max(forces, key=lambda d: d.effect)
     named = NamedParameters.of(outcome, [p.name for p in hand_held().parameters])
     sigma = estimate.parameters[worst.parameter].standard_uncertainty
@@ -190,8 +189,7 @@ def test_a_gravity_that_was_assumed_is_rectangular_and_contradicts_the_normal_in
     parameter = estimate.parameters[at]
     estimate.parameters[at] = replace(parameter, standard_uncertainty=float(np.hypot(sigma, 1e-5)))
     draw_distributions(estimate, 5000, np.random.default_rng(1), lambda _: None)
-    assert estimate.statement is not None
-    drawn = estimate.statement.drawn
+    drawn = estimate.shown(Budget).statement.drawn
     assert drawn is not None
     half = 0.5 * float(np.diff(drawn.intervals[at])[0])
     assert half == pytest.approx(0.95 * np.sqrt(3.0) * sigma, rel=0.05)

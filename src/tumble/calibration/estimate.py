@@ -8,21 +8,13 @@ from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
 
-from tumble.arrays import Matrix, Series, Square, Table, Vectors
+from tumble.arrays import Matrix, Square, Table
 from tumble.calibration.evidence import (
-    Budget,
     Evidence,
     Holds,
-    RestlessHold,
-    RotationFit,
-    Rotations,
-    SequenceFit,
-    Sequences,
     Spins,
     Turns,
 )
-from tumble.calibration.thermal.evidence import ThermalCurves
-from tumble.calibration.uncertainty_statement import UncertaintyStatement
 from tumble.estimation import Adjustment, snoop_groups
 from tumble.sensor import ImuModel
 from tumble.sensor.thermal import ThermalModel
@@ -261,99 +253,6 @@ class Estimate:
         """What it does not determine."""
         return tuple(self.sentences("not determined"))
 
-    # What the report still asks for by these names.
-
-    @property
-    def hold_norms(self) -> Series:
-        """See `evidence`."""
-        return self.holds.norms
-
-    @property
-    def hold_sigmas(self) -> Series:
-        """See `evidence`."""
-        return self.holds.sigmas
-
-    @property
-    def restless(self) -> list[RestlessHold]:
-        """See `evidence`."""
-        return list(self.holds.restless)
-
-    @property
-    def turn_angles(self) -> Series:
-        """See `evidence`."""
-        return self.turns.angles
-
-    @property
-    def turn_sigmas(self) -> Series:
-        """See `evidence`."""
-        return self.turns.sigmas
-
-    @property
-    def turn_sizes(self) -> Series:
-        """See `evidence`."""
-        return self.turns.sizes
-
-    @property
-    def spin_rates(self) -> Series:
-        """See `evidence`."""
-        return self.spins.rates
-
-    @property
-    def spin_residuals(self) -> Vectors:
-        """See `evidence`."""
-        return self.spins.residuals
-
-    @property
-    def spin_sigmas(self) -> Vectors:
-        """See `evidence`."""
-        return self.spins.sigmas
-
-    @property
-    def spin_names(self) -> Sequence[str]:
-        """See `evidence`."""
-        return self.spins.names
-
-    @property
-    def rotations(self) -> list[RotationFit]:
-        """See `evidence`."""
-        shown = self.shown(Rotations)
-        return [] if shown is None else list(shown.fits)
-
-    @property
-    def sequences(self) -> list[SequenceFit]:
-        """See `evidence`."""
-        shown = self.shown(Sequences)
-        return [] if shown is None else list(shown.fits)
-
-    @property
-    def passes(self) -> list[dict[str, float]]:
-        """See `evidence`."""
-        shown = self.shown(Sequences)
-        return [] if shown is None else list(shown.passes)
-
-    @property
-    def budget(self) -> dict[str, Series]:
-        """See `evidence`."""
-        shown = self.shown(Budget)
-        return {} if shown is None else shown.shares
-
-    @property
-    def statement(self) -> UncertaintyStatement | None:
-        """See `evidence`."""
-        shown = self.shown(Budget)
-        return None if shown is None else shown.statement
-
-    @property
-    def beside(self) -> Estimate | None:
-        """See `evidence`."""
-        shown = self.shown(Beside)
-        return None if shown is None else shown.estimate
-
-    @property
-    def thermal_evidence(self) -> ThermalCurves | None:
-        """See `evidence`."""
-        return self.shown(ThermalCurves)
-
 
 @dataclass(frozen=True, slots=True)
 class Beside(Evidence):
@@ -377,6 +276,8 @@ def estimate_of(
     terms: Iterable[TermTest] = (),
     left_out: Iterable[LeftOut] = (),
     frame: str = "accelerometer-x",
+    thermal: OverTemperature | None = None,
+    lever_arms: Matrix | None = None,
 ) -> Estimate:
     """Return the estimate of a procedure.
 
@@ -385,7 +286,7 @@ def estimate_of(
     procedure : its name.
     described : model and parameters with their covariance.
     figures : how well the adjustment fits.
-    said, evidence, terms, left_out, frame : as in `Estimate`.
+    said, evidence, terms, left_out, frame, thermal, lever_arms : as in `Estimate`.
     """
     return Estimate(
         procedure=procedure,
@@ -405,6 +306,8 @@ def estimate_of(
         said=list(said),
         evidence=list(evidence),
         frame=frame,
+        thermal=thermal,
+        lever_arms=lever_arms,
     )
 
 

@@ -38,7 +38,7 @@ def leaning(play: Any, site: Any, model: Any) -> Estimate:
 
 
 def test_the_hold_is_named_with_its_time_and_its_sway(leaning: Estimate) -> None:
-    (one,) = leaning.restless
+    (one,) = leaning.holds.restless
     assert one.hold == 4
     # samples at the middle of their intervals, 100 Hz, the first at 5 ms
     assert (one.start, one.stop) == pytest.approx((20.0, 22.99), abs=0.011)
@@ -52,9 +52,9 @@ def test_the_hold_is_named_with_its_time_and_its_sway(leaning: Estimate) -> None
 
 
 def test_the_report_lists_it(leaning: Estimate) -> None:
-    (table,) = (block for block in restless(leaning) if isinstance(block, Table))
+    (table,) = (block for block in restless(leaning.holds) if isinstance(block, Table))
     assert table.rows[0][:2] == ["5", "20.0 to 23.0"]
-    assert restless(replace(leaning, evidence=[replace(leaning.holds, restless=())])) == []
+    assert restless(replace(leaning.holds, restless=())) == []
 
 
 def test_of_many_the_worst_are_named_in_their_order() -> None:

@@ -28,10 +28,12 @@ from tumble.calibration.estimate import (
     Beside,
     Described,
     Estimate,
+    Figures,
     LeftOut,
     NamedValue,
     TermTest,
     coverage_factor,
+    estimate_of,
     said_of,
 )
 from tumble.calibration.evidence import Holds, Rotations, Spins, Turns
@@ -125,19 +127,18 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
     angles, sizes = _turn_scores(outcome, described.model)
     restless = find_restless(outcome.data, outcome.task.noise, float(outcome.recording.time[0]))
     start = outcome.start
-    estimate = Estimate(
-        procedure="joint",
-        model=described.model,
-        names=described.names,
-        covariance=described.covariance,
-        parameters=described.parameters,
-        correlations=described.correlations,
-        sigma0=_alone(outcome).sigma0,
-        sigma0_final=solution.sigma0,
-        degrees_of_freedom=solution.redundancy,
-        coverage_factor=coverage_factor(solution.redundancy),
-        largest_normalised=_largest(outcome.balanced),
-        variance_components=_components(outcome),
+    figures = Figures(
+        _alone(outcome).sigma0,
+        solution.sigma0,
+        solution.redundancy,
+        coverage_factor(solution.redundancy),
+        _largest(outcome.balanced),
+        _components(outcome),
+    )
+    estimate = estimate_of(
+        "joint",
+        described,
+        figures,
         left_out=_left_out(outcome.balanced, norms, angles),
         terms=outcome.terms,
         said=said_of(

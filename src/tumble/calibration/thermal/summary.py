@@ -8,12 +8,15 @@ from tumble.arrays import AnyArray, Series, Vectors
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.equations.triad_unknowns import BIAS
 from tumble.calibration.estimate import (
+    Described,
     Estimate,
+    Figures,
     LeftOut,
     OverTemperature,
     TermTest,
     correlation_matrix,
     coverage_factor,
+    estimate_of,
     said_of,
 )
 from tumble.calibration.evidence import Holds
@@ -183,19 +186,13 @@ def thermal_estimate(
     correlations = _padded(correlations, len(own), solution)
     norms, sigmas = _norms(fit, kept)
     largest = float(np.nanmax(np.abs(evidence.residuals))) if np.any(np.isfinite(evidence.residuals)) else 0.0
-    return Estimate(
-        procedure="thermal",
-        model=described.model,
-        names=names,
-        covariance=covariance,
-        parameters=parameters,
-        correlations=correlations,
-        sigma0=fit.alone,
-        sigma0_final=fit.adjustment.sigma0,
-        degrees_of_freedom=fit.adjustment.redundancy,
-        coverage_factor=_factor(fit.levels),
-        largest_normalised=largest,
-        variance_components={
+    figures = Figures(
+        fit.alone,
+        fit.adjustment.sigma0,
+        fit.adjustment.redundancy,
+        _factor(fit.levels),
+        largest,
+        {
             "accelerometer bias from rest to rest, m/s²": float(np.sqrt(fit.levels.single["force"])),
             "gyro bias from rest to rest, rad/s": float(np.sqrt(fit.levels.single["rate"])),
             "accelerometer bias, flicker floor of the Allan deviation, m/s²": float(
@@ -205,6 +202,11 @@ def thermal_estimate(
                 np.sqrt(fit.levels.flicker["rate"])
             ),
         },
+    )
+    return estimate_of(
+        "thermal",
+        Described(described.model, names, covariance, parameters, correlations),
+        figures,
         left_out=[
             LeftOut(
                 "hold",

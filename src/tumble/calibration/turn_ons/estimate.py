@@ -9,7 +9,15 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square, Table
 from tumble.calibration.equations.imu_unknowns import LAYOUT
-from tumble.calibration.estimate import Described, Estimate, LeftOut, coverage_factor, said_of
+from tumble.calibration.estimate import (
+    Described,
+    Estimate,
+    Figures,
+    LeftOut,
+    coverage_factor,
+    estimate_of,
+    said_of,
+)
 from tumble.calibration.evidence import Holds, Spins, Turns
 from tumble.calibration.outcome.description import describe, named_function
 from tumble.calibration.outcome.estimate import joint_estimate
@@ -251,23 +259,22 @@ def _joined(
     def every(kind: str, name: str) -> AnyArray:
         return np.concatenate([getattr(getattr(own, kind), name) for own in parts])
 
-    return Estimate(
-        procedure="joint",
-        model=described.model,
-        names=described.names,
-        covariance=described.covariance,
-        parameters=described.parameters,
-        correlations=described.correlations,
-        sigma0=float(np.sqrt(at_rest / sum(own.degrees_of_freedom for own in parts))),
-        sigma0_final=solution.sigma0,
-        degrees_of_freedom=degrees,
-        coverage_factor=coverage_factor(degrees),
-        largest_normalised=max(own.largest_normalised for own in parts),
-        variance_components={
+    figures = Figures(
+        float(np.sqrt(at_rest / sum(own.degrees_of_freedom for own in parts))),
+        solution.sigma0,
+        degrees,
+        coverage_factor(degrees),
+        max(own.largest_normalised for own in parts),
+        {
             f"{name} ({part.name})": value
             for part, own in zip(solution.parts, parts, strict=True)
             for name, value in own.variance_components.items()
         },
+    )
+    return estimate_of(
+        "joint",
+        described,
+        figures,
         left_out=_left_out(outcome, parts),
         terms=outcome.terms,
         said=said_of(

@@ -9,7 +9,7 @@ from tumble.report.page import Block, Sentences, Table
 from tumble.report.rounding import with_uncertainty
 
 if TYPE_CHECKING:
-    from tumble.calibration.joint.array_estimate import ArrayEstimate, MountedUnit
+    from tumble.calibration.arrays.estimate import ArrayEstimate, MountedUnit
 
 _FIRST = "the first: its axes are the array's"
 
