@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Matrices, Matrix, Vector
+from tumble.arrays import Matrices, Matrix, Series, Vector
 from tumble.calibration.equations.spin import SpinReadings, padded, spin_covariance
 from tumble.calibration.equations.spin_groups import SpinGroup, group_spins
 from tumble.earth import EARTH_RATE, Site
@@ -23,6 +23,12 @@ from tumble.units import specific_force_factor
 
 # An axis within this of a coordinate axis is meant to be it.
 _FACE_COSINE = np.cos(np.radians(10.0))
+# Rates on a table's display are further apart than this share; the Earth's rotation adds less to one of them.
+SAME_RATE = 0.02
+# Spins at one rate whose scatter is a yardstick, and by how much their mean is off: in its standard deviations, and
+# as a share that no gyro's nonlinearity reaches.
+FEWEST_OF_RATE = 4
+LARGEST_CONTRADICTION, LEAST_CONTRADICTION = 6.0, 0.002
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,6 +194,40 @@ def axis_words(axis: Vector) -> str:
     if abs(axis[face]) > 1.0 - 1e-6:
         return f"axis {'-' if axis[face] < 0 else ''}{'xyz'[face]}"
     return "axis (" + ", ".join(f"{v:.3g}" for v in axis) + ")"
+
+
+def contradicting_rates(rates: Series, errors: Series) -> list[str]:
+    """Name the rate of a table whose spins show another rate than those at the other rates.
+
+    The scatter of the spins at one rate is the yardstick: a model of the noise that explains all residuals explains
+    a wrong rate, too.
+
+    Parameters
+    ----------
+    rates : (spins,) rad/s, about each spin's axis.
+    errors : (spins,) rad/s, by how much more the corrected gyros show about it.
+    """
+    order = np.argsort(np.abs(rates))
+    steps = np.flatnonzero(np.diff(np.log(np.abs(rates[order]))) > SAME_RATE) + 1
+    members = np.split(order, steps)
+    sizes = [float(np.mean(np.abs(rates[own]))) for own in members]
+    groups = [errors[own] / rates[own] for own in members]
+    if len(groups) < 2 or min(group.size for group in groups) < FEWEST_OF_RATE:
+        return []
+    shown = np.array([np.mean(group) for group in groups])
+    sigma = np.array([np.std(group, ddof=1) / np.sqrt(group.size) for group in groups])
+    worst = int(np.argmax(np.abs(shown - np.median(shown))))
+    nearest = int(np.argsort(np.abs(shown - np.median(shown)))[0])
+    off = float(shown[worst] - shown[nearest])
+    limit = max(LARGEST_CONTRADICTION * float(np.hypot(sigma[worst], sigma[nearest])), LEAST_CONTRADICTION)
+    if abs(off) < limit:
+        return []
+    which = "" if len(groups) > 2 else ", or these by as much the other way"
+    sentence = (
+        f"The {groups[worst].size} spins at {np.degrees(sizes[worst]):.4g}°/s show {100 * off:+.2g} % more than those "
+        f"at the other rates{which}: the table did not turn as the protocol says, or the gyros saturate or bend there."
+    )
+    return [sentence]
 
 
 def known_columns(placements: list[SpunPlacement]) -> np.ndarray:

@@ -32,6 +32,7 @@ from tumble.calibration.equations.spin_groups import REVERSED
 from tumble.calibration.equations.spin_readings import (
     SpunPlacement,
     axis_words,
+    contradicting_rates,
     find_placements,
     gather_spins,
     known_columns,
@@ -422,6 +423,10 @@ def _tell(
             f"would be an error of the bias as large, {two_digits(1e6 * abs(vertical) / slowest)} ppm of the slowest "
             "spin."
         )
+    axes = np.zeros_like(estimate.spins.residuals)
+    for c, placement in enumerate(placements):
+        axes[readings.spin[c][readings.spin[c] >= 0]] = placement.axis
+    against += contradicting_rates(estimate.spins.rates, np.sum(estimate.spins.residuals * axes, axis=1))
     missing += biases.not_determined
     say += biases.remarks
     say.append(_linearity(readings, fit))
@@ -433,11 +438,12 @@ def _tell(
         )
     sigma = float(np.hypot(np.sqrt(np.mean(readings.sigma**2)), fit.placement))
     say.append(_about_tilt(sigma))
-    say.append(
-        "A table whose rates are all wrong by 100 ppm makes all scale factors wrong by 100 ppm; no residual shows it. "
+    trusted = (
+        "The gyro scale factors stand or fall with the table's rates: a table whose rates are all wrong by 100 ppm "
+        "makes all scale factors wrong by 100 ppm; no residual shows it. "
         f"The protocol states {two_digits(1e6 * float(np.max(readings.share)))} ppm, taken as common to all spins."
     )
-    estimate.said = said_of(remarks=say, objections=against, not_determined=missing)
+    estimate.said = said_of(remarks=say, cautions=[trusted], objections=against, not_determined=missing)
 
 
 def _one_way_axes(readings: SpinReadings, known: np.ndarray) -> list[str]:
