@@ -12,6 +12,7 @@ from tumble.calibration.canonical import canonical_names
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.session import Session
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
 from tumble.recording import Recording
@@ -19,7 +20,7 @@ from tumble.segmentation import Hold, NoiseFloor, Timeline, Turn, observe_holds
 from tumble.segmentation.turns import find_saturated_axis
 from tumble.sensor import ImuModel, Triad
 from tumble.simulation import Motion, simulate_recording
-from tumble.workflows.procedures import Task, check_prior
+from tumble.workflows.procedures import check_prior
 
 SITE = Site(9.81, 0.0, float(np.radians(48.0)), 300.0, "as simulated")
 MODEL = ImuModel(
@@ -138,5 +139,7 @@ def test_a_prior_of_another_unit_is_objected_to_and_the_units_own_is_not() -> No
     for off, objected in ((np.zeros(3), False), (np.array([0.01, -0.02, 0.015]), True)):
         believed = StableKnowledge(angles + off, 1e-8 * np.eye(3))
         estimate = _calibrated(recording, timeline, believed)
-        check_prior([Task(recording, timeline, means, SITE)], believed, estimate)
+        session = Session(recording, None, SITE)
+        session.timeline, session.means = timeline, means
+        check_prior([session], believed, estimate)
         assert any("contradicts" in sentence for sentence in estimate.objections) == objected
