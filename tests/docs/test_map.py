@@ -1,0 +1,39 @@
+"""The map of the house is that of the source, and what it points to is there."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "docs" / "site"))
+
+from map_page import map_of, page_with_map  # noqa: E402  (a script of the documentation, in no package)
+
+PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+QUESTIONS = PAGE[PAGE.index("## Where is") : PAGE.index("## How do I add")]
+ADDING = PAGE[PAGE.index("## How do I add") : PAGE.index("## Which way")]
+
+
+def test_the_map_is_that_of_the_source() -> None:
+    assert page_with_map(PAGE) == PAGE, "the map is behind the source: run `make map`"
+
+
+def test_every_module_is_on_the_map() -> None:
+    told = re.findall(r"^\| `(\w+)` \|", map_of(), re.M)
+    modules = [path for path in (ROOT / "src").rglob("*.py") if path.name != "__init__.py"]
+    assert len(told) == len(modules)
+
+
+@pytest.mark.parametrize(("room", "modules"), re.findall(r"`([a-z_.]+)` → ((?:`\w+`(?:, )?)+)", QUESTIONS))
+def test_an_answer_names_a_module_that_is_there(room: str, modules: str) -> None:
+    for name in re.findall(r"`(\w+)`", modules):
+        assert (ROOT / "src" / "tumble" / room.replace(".", "/") / f"{name}.py").is_file()
+
+
+@pytest.mark.parametrize("place", re.findall(r"`([a-z_]+/[a-z_/.]+)`", ADDING))
+def test_where_something_is_added_is_there(place: str) -> None:
+    assert (ROOT / "src" / "tumble" / place).exists()
