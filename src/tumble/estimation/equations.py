@@ -6,6 +6,7 @@ uncertainty by its causes and says how large an error would go unnoticed. What i
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
@@ -107,7 +108,7 @@ class Drift:
     independent: AnyArray
 
 
-class Equations:
+class Equations(ABC):
     """Observations of one kind along one chain; a class of its own for each kind.
 
     Attributes
@@ -121,9 +122,9 @@ class Equations:
     cause: str = ""
     place: np.ndarray
 
+    @abstractmethod
     def linearise(self, state: Any) -> Sequence[Linear]:
         """Return residuals with derivatives at a state; several where not all depend on the same nodes."""
-        raise NotImplementedError
 
     def views(self, state: Any, linear: Linear) -> Sequence[View]:
         """Return how the residuals are tested; empty if they are not."""
@@ -150,8 +151,16 @@ class Equations:
 
     @staticmethod
     def say(index: int, times: str) -> tuple[str, str]:
-        """Return what is left out ("hold", "turn", "spin"), and why, of an outlier `times` as large as the others."""
-        raise NotImplementedError
+        """Return what is left out ("hold", "turn", "spin"), and why, of an outlier `times` as large as the others.
+
+        Raises
+        ------
+        TypeError
+            If observations of this kind are never left out: such a kind has no words for it.
+        """
+        raise TypeError(
+            f"outlier {index}, {times} as large as the others, is of a kind that is never left out"
+        )
 
 
 @dataclass(frozen=True, slots=True)
