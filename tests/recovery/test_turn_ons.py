@@ -120,7 +120,7 @@ def test_what_is_stable_is_within_its_uncertainty_and_better_known_than_from_one
     z = (solution.values - own_frame(UNIT)[solution.stable]) / sigma
     assert np.max(np.abs(z)) < LARGEST_Z
     alone = turn_on(0).outcome.balanced.solution
-    single = np.sqrt(np.diag(alone.cofactor))[np.isin(alone.free, solution.stable)]
+    single = np.sqrt(np.diag(alone.cofactor))[np.isin(alone.unknowns.free, solution.stable)]
     gain = single / sigma
     assert 1.4 < np.median(gain) < 2.2
 
