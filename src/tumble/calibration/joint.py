@@ -295,7 +295,23 @@ def _other_starts(fresh: JointAdjustment, rough: Unknowns) -> Iterator[JointAdju
 
 
 def _balanced_with(task: JointAdjustment, names: list[str]) -> Balanced:
-    """Balance with a table's terms: what is left of a lag by itself would be taken for a table that shakes."""
+    """Balance with a table's terms: what is left of a lag by itself would be taken for a table that shakes.
+
+    Lever arms that only round-off seems to tell are taken out of `names`, where nothing settles with them.
+    """
+    if "lever_arms" in names:
+        before = task.copy()
+        try:
+            return _balanced(task, names)
+        except (ConvergenceError, ObservabilityError):
+            names.remove("lever_arms")
+            for name in ("unknowns", "sections", "rotations", "noise", "taking_part", "prior"):
+                setattr(task, name, getattr(before, name))
+    return _balanced(task, names)
+
+
+def _balanced(task: JointAdjustment, names: list[str]) -> Balanced:
+    """Balance with some terms free, and hold them again."""
     prior, free = task.prior, task.unknowns.free
     task.unknowns = task.unknowns.with_free(unknowns_with(free, names))
     task.prior = together(prior, lever_prior(task.unknowns))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Square, inverted
+from tumble.arrays import AnyArray, Series, Square
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.causes import FORCE_WANDER
 from tumble.calibration.equations.imu_unknowns import LAYOUT, LEVER_ARM, force_matrix, name_plate
@@ -63,6 +63,8 @@ TERM_FALSE_ALARM = 0.02
 TERM_LIMIT = (TERM_FALSE_ALARM - LAG_LIMIT) / len(EVERYWHERE)
 # No unit has so many times what a name plate allows of a term: 5 % of asymmetry, 3 °/s a g.
 LARGEST_OF_A_UNIT = 5.0
+# Of the largest eigenvalue of an information matrix: below this it is the round-off of the others.
+ROUND_OFF = 1e-13
 # Share of the name plate's variance that is left of a direction that the motion determines.
 LEFT = TOLD**2 / (1.0 + TOLD**2)
 
@@ -241,12 +243,19 @@ def determined_terms(normal: Square, u: Unknowns, plain: np.ndarray, names: list
     while left:
         at = u.places(unknowns_with(plain, left))
         free, own = u.free[at], sizes[u.free[at]]
-        share = inverted(normal[np.ix_(at, at)] * np.outer(own, own) + np.eye(at.size))
+        share = _left_open(normal[np.ix_(at, at)] * np.outer(own, own))
         untold = [name for name in left if not _is_determined(name, share, free)]
         if not untold:
             break
         left.remove(min(untold, key=NOT_TRIED_FIRST.index))
     return left
+
+
+def _left_open(information: Square) -> Square:
+    """What is left of the name plate's covariance, in its sizes; information that is round-off counts for none."""
+    values, vectors = np.linalg.eigh(information)
+    values = np.where(values > ROUND_OFF * values[-1], values, 0.0)
+    return np.asarray((vectors / (values + 1.0)) @ vectors.T, dtype=np.float64)
 
 
 def _is_determined(name: str, share: Square, free: np.ndarray) -> bool:
@@ -282,7 +291,7 @@ def seen_table_terms(normal: Square, u: Unknowns) -> list[str]:
     normal, u : information of the free unknowns, all terms among them.
     """
     sizes = name_plate(u)[u.free]
-    left = inverted(normal * np.outer(sizes, sizes) + np.eye(u.free.size))
+    left = _left_open(normal * np.outer(sizes, sizes))
     # Of lever arms a part is worth having.
     return [name for name in ON_TABLES if _is_determined(name, left, u.free)]
 
