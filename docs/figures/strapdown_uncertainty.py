@@ -52,14 +52,13 @@ def one_run(job: Job) -> dict[str, float]:
 
     import numpy as np
 
+    from tumble.calibration.session import Session
     from tumble.earth import Site
     from tumble.protocol import HoldStep, named_protocol
-    from tumble.segmentation import find_timeline, observe_holds
-    from tumble.segmentation.matching import match_protocol
     from tumble.simulation import find_grade
     from tumble.simulation.protocols import simulate_protocol
     from tumble.simulation.two_axis import FixtureErrors
-    from tumble.workflows.procedures import Task, run_procedure
+    from tumble.workflows.procedures import run_procedure
 
     grade, seconds, seed = job
     rng = np.random.default_rng([seed, round(seconds)])
@@ -76,10 +75,7 @@ def one_run(job: Job) -> dict[str, float]:
     recording, _ = simulate_protocol(
         protocol, 100.0, rng, site=site, grade=find_grade(grade), fixture=fixture
     )
-    timeline = find_timeline(recording)
-    means = observe_holds(recording, timeline)
-    matching = match_protocol(protocol, recording, timeline, means)
-    estimate, _ = run_procedure(Task(recording, timeline, means, site, protocol, matching), None)
+    estimate, _ = run_procedure(Session(recording, protocol, site), None)
     return {
         group: median(p.standard_uncertainty for p in estimate.parameters if p.name.startswith(group))
         for group in GROUPS

@@ -35,13 +35,12 @@ HEADS = ("gyro scale, ppm", "gyro angles, ″", "gyro bias, °/h", "between the 
 
 def errors(name: str, case: dict[str, float], seed: int) -> list[float]:
     """Return the largest error of each kind in one calibration."""
+    from tumble.calibration.session import Session
     from tumble.earth import Site
     from tumble.protocol import named_protocol
-    from tumble.segmentation import find_timeline, observe_holds
-    from tumble.segmentation.matching import match_protocol
     from tumble.sensor import ImuModel, Triad, change_frame
     from tumble.simulation import TableErrors, simulate_protocol
-    from tumble.workflows.procedures import Task, run_procedure
+    from tumble.workflows.procedures import run_procedure
 
     rng = np.random.default_rng(seed)
     model = ImuModel(
@@ -54,12 +53,7 @@ def errors(name: str, case: dict[str, float], seed: int) -> list[float]:
     recording, _ = simulate_protocol(
         protocol, 20.0, rng, site=site, model=model, table=table, placement=name != "laboratory"
     )
-    timeline = find_timeline(recording)
-    means = observe_holds(recording, timeline)
-    task = Task(
-        recording, timeline, means, site, protocol, match_protocol(protocol, recording, timeline, means)
-    )
-    estimate, _ = run_procedure(task, None)
+    estimate, _ = run_procedure(Session(recording, protocol, site), None)
     true = model if estimate.frame == "fixture" else change_frame(model, "accelerometer-x")
     own, known = estimate.model.gyroscope.matrix, true.gyroscope.matrix
     off = np.linalg.solve(known, own) - np.eye(3)

@@ -99,12 +99,11 @@ def one_run(job: Job) -> dict[str, float]:
     """Return the median stated uncertainty of each group of parameters in one simulated calibration."""
     import numpy as np
 
+    from tumble.calibration.session import Session
     from tumble.earth import Site
-    from tumble.segmentation import find_timeline, observe_holds
-    from tumble.segmentation.matching import match_protocol
     from tumble.simulation import find_grade
     from tumble.simulation.protocols import simulate_protocol
-    from tumble.workflows.procedures import Task, run_procedure
+    from tumble.workflows.procedures import run_procedure
 
     name, grade, seconds, table, seed = job
     rng = np.random.default_rng([seed, round(seconds), round(table)])
@@ -112,10 +111,7 @@ def one_run(job: Job) -> dict[str, float]:
     site = Site(site.gravity, 0.0, site.latitude, site.height, "simulated")
     protocol = changed_protocol(name, seconds, table)
     recording, _ = simulate_protocol(protocol, 100.0, rng, site=site, grade=find_grade(grade))
-    timeline = find_timeline(recording)
-    means = observe_holds(recording, timeline)
-    matching = match_protocol(protocol, recording, timeline, means)
-    estimate, _ = run_procedure(Task(recording, timeline, means, site, protocol, matching), None)
+    estimate, _ = run_procedure(Session(recording, protocol, site), None)
     return {
         group: median(p.standard_uncertainty for p in estimate.parameters if p.name.startswith(group))
         for group in GROUPS[name]
