@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tumble.earth import Site
+from tumble.earth.gravity import normal_gravity
 from tumble.procedure_names import KNOWN_PROCEDURES
 from tumble.protocol import (
     HoldStep,
@@ -53,15 +54,26 @@ WORDS = st.text(max_size=12) | st.sampled_from(
 )
 NAMED = WORDS.filter(bool)
 POSE = st.builds(Pose, AXIS, st.none() | ANGLE, SIGMA)
+
+
+def surveyed(latitude: float, height: float, disturbance: float, sigma: float, source: str) -> Site:
+    """A place whose gravity was measured: that of the latitude, but for a disturbance."""
+    gravity = normal_gravity(latitude, height) + 0.999 * disturbance
+    return Site(gravity, sigma, latitude, height, source)
+
+
 SITE = st.one_of(
     st.builds(Site.from_latitude, st.floats(-1.57, 1.57), st.floats(-500.0, 10_000.0)),
     st.builds(Site.from_gravity, st.floats(9.75, 9.85)),
     st.builds(
-        Site,
-        st.floats(9.75, 9.85),
+        Site, st.floats(9.75, 9.85), st.floats(0.0, 0.1), st.none(), st.floats(-500.0, 10_000.0), WORDS
+    ),
+    st.builds(
+        surveyed,
+        st.floats(-1.57, 1.57),
+        st.floats(-500.0, 4000.0),  # above, gravity may be below 9.75 m/s², which is refused as a given one
+        st.floats(-5e-3, 5e-3),
         st.floats(0.0, 0.1),
-        st.none() | st.floats(-1.57, 1.57),
-        st.floats(-500.0, 10_000.0),
         WORDS,
     ),
 )
