@@ -106,10 +106,10 @@ def test_nothing_is_ever_written_over(
     path = written(tmp_path / "moved.csv", moved)
     content = path.read_bytes()
     (tmp_path / "a.denoise.json").write_text("mine", encoding="utf-8")
-    for target in (path, tmp_path / "a.csv"):
+    for target, why in ((path, "is one of the inputs"), (tmp_path / "a.csv", "is there already")):
         answer = tumble("denoise", path, "-o", target)
         assert answer.status == 2
-        assert "is there already" in answer.err
+        assert why in answer.err
     assert path.read_bytes() == content
     assert (tmp_path / "a.denoise.json").read_text(encoding="utf-8") == "mine"
     assert not (tmp_path / "a.csv").exists()

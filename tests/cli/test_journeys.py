@@ -341,7 +341,7 @@ def test_apply_refuses_to_overwrite_its_input(
         getattr(target, link)(path)
     answer = tumble("apply", calibrated, path, "-o", target)
     assert answer.status == 2
-    assert "is the recording itself" in answer.err
+    assert "is one of the inputs" in answer.err
     assert path.read_bytes() == recording.read_bytes()
 
 

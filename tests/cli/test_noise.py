@@ -130,7 +130,11 @@ def test_a_clock_whose_two_sides_do_not_agree_is_refused_with_the_place(
 
 @pytest.mark.parametrize(
     ("options", "words"),
-    [(["--skip", "-3"], "--skip"), (["--skip", "1e9"], "leaves nothing"), (["-o", "still.csv"], "is a file")],
+    [
+        (["--skip", "-3"], "--skip"),
+        (["--skip", "1e9"], "leaves nothing"),
+        (["-o", "still.csv"], "is one of the inputs"),
+    ],
 )
 def test_wrong_options_end_in_a_sentence(
     tumble: Any,

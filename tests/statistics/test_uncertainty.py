@@ -250,7 +250,7 @@ def test_a_jump_of_the_gyro_s_bias_is_told(runs: list[Run]) -> None:
     spoiled = replace(run.recording, angular_rate=rate)
     estimate = calibrate_hand_held(spoiled, run.timeline, observe_holds(spoiled, run.timeline), SITE)
     told = [remark for remark in estimate.remarks if "jumps" in remark]
-    assert len(told) == 1, estimate.remarks
+    assert len(told) == 1, estimate.said
     assert "gyro y" in told[0]
     # g-sensitivity takes up a part of the jump, so that it may be placed one hold off and come out smaller.
     found = re.search(r"by ([+-][\d.]+) °/s \(± ([\d.]+)\) between hold (\d+)", told[0])

@@ -100,10 +100,10 @@ def _slopes(
 
 def add_bias_drift(
     estimate: Estimate, time: Series, residual: Vectors, variance: Vectors, force: Vectors
-) -> bool:
+) -> set[int]:
     """Note drifts of the gyro's biases, and count in their uncertainties by how much the last hold is off.
 
-    Returns whether there are any.
+    Returns the axes that drift.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def add_bias_drift(
             f"and its uncertainty counts the {np.degrees(abs(drift.left)):.2g} °/s that the last hold is off it. Let "
             "the unit warm up before recording.",
         )
-    return bool(drifts)
+    return {drift.axis for drift in drifts}
 
 
 def count_departure(estimate: Estimate, axis: int, left: float) -> None:

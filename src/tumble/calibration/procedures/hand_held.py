@@ -212,7 +212,7 @@ def _add_lag(budget: Budget, sigma: float, degrees: int) -> None:
 def add_bias_step(
     estimate: Estimate, data: HoldsAndTurns, recording: Recording, residual: Vectors, variance: Vectors
 ) -> None:
-    """Note a drift of the gyro's bias, which widens its uncertainty, or else a jump between two holds.
+    """Note drifts of the gyro's biases and a jump of another one, which widen their uncertainties.
 
     Parameters
     ----------
@@ -222,10 +222,10 @@ def add_bias_step(
         and Earth rate: the Earth's alone is 0.004 °/s, and changes its sign with the pose.
     """
     middle = 0.5 * (recording.time[data.head[:, 0]] + recording.time[data.tail[:, 1] - 1])
-    if add_bias_drift(estimate, middle, residual, variance, data.force_mean):
-        return
+    drifting = add_bias_drift(estimate, middle, residual, variance, data.force_mean)
     step = find_bias_step(residual, variance)
-    if step is None:
+    # What drifts looks like a jump, too; a jump of another axis may make this one seem to drift by g-sensitivity.
+    if step is None or step.axis in drifting:
         return
     weight = 1.0 / variance[:, step.axis]
     count_departure(estimate, step.axis, step.size * float(weight[: step.before + 1].sum() / weight.sum()))
