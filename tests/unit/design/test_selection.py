@@ -67,8 +67,8 @@ def test_a_optimal_sets_are_at_least_as_good_as_those_known(
         found = find_on_sphere(count, criterion, rng, starts=8)
     else:
         cube = twenty_six_directions()
-        # Which end a start leads to, round-off decides where exchanges tie: of a hundred one is the best.
-        found = cube[find_exact(pose_candidates(cube), count, criterion, rng, starts=100).chosen]
+        # Which end a start leads to, round-off decides where exchanges tie: of three hundred some end at the best.
+        found = cube[find_exact(pose_candidates(cube), count, criterion, rng, starts=300).chosen]
     assert mean_of_variances(tuple(shown(found))) <= 1.005 * mean_of_variances(known)
 
 
