@@ -329,7 +329,7 @@ def _with_terms(
     without a term may be the term. Returned last are the terms that were not tried.
     """
     offered = offered_terms(has_gyro=task.unknowns.is_free("gyro.bias")) + of_table
-    names = _determined(task, plain, offered)
+    names: list[str] = _determined(task, plain, offered)
     untried = [name for name in offered if name not in names]
     limits, tests, without = (
         term_limits(offered),

@@ -212,7 +212,7 @@ def term_test(name: str, estimates: Series, covariance: Square, freedom: int, li
 
 # Of terms that look alike in what was recorded, the first of these is not tried: asymmetries are what rotations both
 # ways and faces up and down show by themselves, whatever the curve between is.
-NOT_TRIED_FIRST = (
+NOT_TRIED_FIRST: tuple[str, ...] = (
     *("quadratic", "gyro_quadratic", "lever_arms", "time_lag"),
     *("g_sensitivity", "accelerometer_asymmetry", "gyro_asymmetry"),
 )
