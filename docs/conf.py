@@ -79,6 +79,7 @@ CONTENTS = {
         "joint",
         "segmentation",
         "uncertainty",
+        "reliability",
         "real-recordings",
     ],
     "Planning": ["plan", "poses", "mount", "simulation"],
