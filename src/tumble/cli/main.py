@@ -182,13 +182,13 @@ def program() -> None:
     every file is closed and renamed by then.
     """
     status = 0
-    if not (sys.warnoptions or os.environ.get("TUMBLE_DEBUG")):
-        # What a library says to programmers is no sentence for a user; our tests make errors of it.
-        import warnings
-
-        warnings.simplefilter("ignore")
     try:
         _hear_stops()
+        if not (sys.warnoptions or os.environ.get("TUMBLE_DEBUG")):
+            # What a library says to programmers is no sentence for a user; our tests make errors of it.
+            import warnings
+
+            warnings.simplefilter("ignore")
         main()
     except SystemExit as end:
         status = end.code if isinstance(end.code, int) else 0

@@ -6,7 +6,6 @@ uncertainty by its causes and says how large an error would go unnoticed. What i
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
@@ -108,7 +107,7 @@ class Drift:
     independent: AnyArray
 
 
-class Equations(ABC):
+class Equations:
     """Observations of one kind along one chain; a class of its own for each kind.
 
     Attributes
@@ -122,9 +121,15 @@ class Equations(ABC):
     cause: str = ""
     place: np.ndarray
 
-    @abstractmethod
     def linearise(self, state: Any) -> Sequence[Linear]:
-        """Return residuals with derivatives at a state; several where not all depend on the same nodes."""
+        """Return residuals with derivatives at a state; several where not all depend on the same nodes.
+
+        Raises
+        ------
+        TypeError
+            If the kind has no equation of its own.
+        """
+        raise TypeError(f"observations of the kind {self.kind!r} have no equation")
 
     def views(self, state: Any, linear: Linear) -> Sequence[View]:
         """Return how the residuals are tested; empty if they are not."""
