@@ -9,6 +9,7 @@ PYTHON ?= python3 python3.13 python3.12 python3.11 python
 
 RUN := $(VENV)/.run
 DEV := $(VENV)/.dev
+BUILT := build/kernels.sha256
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
@@ -21,6 +22,14 @@ help:  ## This list
 demo: $(RUN) bytecode  ## Calibrate the recording that ships with the package
 	$(BIN)/tumble demo
 
+.PHONY: kernels
+kernels: $(RUN)  ## Build the compiled loops anew where their sources have changed
+	$(BIN)/python setup.py -q build_ext --inplace
+
+.PHONY: wheel
+wheel: $(RUN)  ## Build a wheel for this platform and Python into dist
+	$(PIP) wheel --quiet --no-deps --no-build-isolation -w dist .
+
 .PHONY: test
 test: $(DEV) bytecode  ## Run what a change needs; `make test ARGS="tests/laws -x"` runs some
 	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow" $(ARGS)
@@ -31,6 +40,25 @@ test-slow: $(DEV) bytecode  ## Run what `make test` leaves out: recovery, statis
 
 .PHONY: test-all
 test-all: test test-slow  ## Run every test
+
+# The readers and writers, and the tests that are about them. What is reached by whole calibrations alone is not counted.
+COVERED := src/tumble/files,src/tumble/recording/formats,src/tumble/export,src/tumble/document
+COVERING := tests/contract/test_bags.py tests/contract/test_f*.py tests/contract/test_h*.py tests/contract/test_t*.py \
+            tests/unit/files tests/unit/recording tests/unit/document tests/unit/export tests/fuzz \
+            tests/laws/test_calibration_document.py tests/laws/test_calibration_algebra.py \
+            tests/cli/test_convert.py tests/cli/test_predict.py tests/cli/test_mount.py \
+            tests/unit/workflows/test_thermal_apply.py tests/laws/test_thermal_model.py tests/faults/test_disks_that_fail.py
+
+.PHONY: coverage
+coverage: $(DEV) bytecode  ## Measure the branches of readers and writers that tests take (some minutes)
+	$(BIN)/python -m coverage run --branch --source=$(COVERED) -m pytest -q -n 0 -m "not slow" $(COVERING)
+	$(BIN)/python -m coverage report --skip-covered
+
+.PHONY: fuzz
+fuzz: $(DEV) bytecode  ## Try 20,000 changed files and calls, 200 kills, failing disks, hostile files (an hour of one core)
+	$(BIN)/python -m tests.fuzz --cases 20000
+	$(BIN)/python -m tests.faults --kills 200
+	$(BIN)/python -m tests.faults --hostile '*'
 
 .PHONY: lint
 lint: $(DEV)  ## Check style and layout of the code (ruff)
@@ -83,6 +111,7 @@ measure: $(RUN) bytecode  ## Print how large the source is and how it hangs toge
 lock:  ## Compile requirements/ anew from pyproject.toml (needs uv)
 	uv pip compile pyproject.toml --group build --group dev $(LOCK) -o requirements/dev.txt
 	uv pip compile pyproject.toml --group build -c requirements/dev.txt $(LOCK) -o requirements/run.txt
+	echo 'ziglang>=0.13' | uv pip compile - $(LOCK) -o requirements/compiler.txt
 
 # Hashes for every platform and Python; neither the index's address nor a path of this machine.
 LOCK := --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
@@ -92,6 +121,7 @@ LOCK := --quiet --universal --python-version 3.11 --generate-hashes --no-header 
 clean:  ## Remove the environment and everything that was made
 	rm -rf $(VENV) build dist tumble-demo .pytest_cache .ruff_cache .hypothesis .import_linter_cache .coverage
 	find src tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
+	find src \( -name '*.so' -o -name '*.pyd' \) -delete
 
 $(RUN): requirements/run.txt pyproject.toml
 	@found=; for python in $(PYTHON); do \
@@ -100,7 +130,15 @@ $(RUN): requirements/run.txt pyproject.toml
 	if [ -z "$$found" ]; then echo "No Python 3.11 or newer among: $(PYTHON). Name one: make PYTHON=..." >&2; exit 1; fi; \
 	"$$found" -m venv --clear $(VENV)
 	$(PIP) install --quiet --compile --require-hashes -r requirements/run.txt
+	@cc=$$($(BIN)/python -c 'import sysconfig; print((sysconfig.get_config_var("CC") or "cc").split()[0])'); \
+	if ! command -v "$$cc" >/dev/null; then \
+	    $(PIP) install --quiet --require-hashes -r requirements/compiler.txt; fi
+	@echo "Building the compiled loops (once)."
 	$(PIP) install --quiet --no-deps --no-build-isolation -e .
+	@touch $@
+
+$(BUILT): setup.py $(shell find src -name 'kernels.p*' -o -name '*_kernel.py') | $(RUN)
+	$(BIN)/python setup.py -q build_ext --inplace
 	@touch $@
 
 $(DEV): requirements/dev.txt $(RUN)
@@ -109,5 +147,5 @@ $(DEV): requirements/dev.txt $(RUN)
 
 # Python may be told not to write bytecode (PYTHONDONTWRITEBYTECODE), and then compiles at every start.
 .PHONY: bytecode
-bytecode: $(RUN)
+bytecode: $(RUN) $(BUILT)
 	@$(BIN)/python -m compileall -q src

@@ -23,7 +23,7 @@ import time
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parents[1] / "tests" / "reference" / "xsens_mti_hand"
-LIBRARIES = "import numpy, numba, scipy.special, pydantic, typer, rich.console, rich.table"
+LIBRARIES = "import numpy, scipy.special, pydantic, typer, rich.console, rich.table"
 TUMBLE = "import sys; from tumble.cli.main import program; sys.argv[0] = 'tumble'; program()"
 
 

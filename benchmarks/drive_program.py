@@ -6,7 +6,7 @@
 FOLDER holds the car drive of rtklibexplorer/GNSS_IMU: imu_1934.csv and gnss_1934_sf.pos. `--repeats` runs the program
 so often in processes of its own and prints the least time and processor time. `--every-sample` keeps and writes the
 state and its standard deviations at every sample of the IMU, as KF-GINS does, and not at the fixes alone; without
-`--offset` the offset between the clocks is found first. Caches of Python and numba are warm from the second run on.
+`--offset` the offset between the clocks is found first. Bytecode is there from the second run on.
 """
 
 from __future__ import annotations

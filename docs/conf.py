@@ -63,10 +63,15 @@ suppress_warnings = ["ref.python"]
 
 # Where each page stands at the side; a code host shows the tables of index.md instead.
 CONTENTS = {
+    "Where to begin": ["start/*"],
     "Tutorials": ["reference/quickstart", "tutorials/*"],
     "Commands and files": [
         "commands",
         "reference/commands/index",
+        "capture",
+        "production",
+        "registry",
+        "certificate",
         "formats",
         "inspect",
         "file-format",

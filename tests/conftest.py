@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 # Before tumble.arrays is first imported. The slow tests set it empty: they run the same code at length, unchecked.
 os.environ.setdefault("TUMBLE_CHECK_SHAPES", "1")
+# Of a program that a test starts too: a warning of numpy is a fault, and ends it.
+os.environ.setdefault("PYTHONWARNINGS", "error::RuntimeWarning")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line sets it; before numpy is imported
 
 import hypothesis
@@ -43,7 +48,7 @@ def check_shapes() -> None:
         raise RuntimeError(f"{already[0]} was imported before its shapes could be checked.")
     hook = install_import_hook([f"tumble.{room}" for room in CHECKED_ROOMS], CHECKER).hook
     instruments = hook.should_instrument
-    # numba compiles the function that it is given: a checking wrapper around it would not compile.
+    # Run as Python they hold sources of Cython, whose annotations are C types.
     hook.should_instrument = lambda name: instruments(name) and not name.endswith(("kernels", "_kernel"))
 
 
@@ -53,12 +58,33 @@ if os.environ["TUMBLE_CHECK_SHAPES"]:
 hypothesis.settings.register_profile(
     "tumble",
     derandomize=True,  # the same examples every time: a red test stays red until it is mended
-    deadline=None,  # numba compiles at the first example
+    deadline=None,  # the first example imports
     suppress_health_check=[hypothesis.HealthCheck.too_slow],
 )
 hypothesis.settings.load_profile("tumble")
 
 ROOT = Path(__file__).resolve().parent.parent
+
+
+def refuse_stale_kernels() -> None:
+    """End with a sentence if the compiled loops are not those of their sources."""
+    built = ROOT / "build" / "kernels.sha256"
+    if not (ROOT / "src").exists() or not Path(sys.modules["tumble"].__file__ or "").is_relative_to(ROOT):
+        return
+    lines = built.read_text(encoding="utf-8").splitlines() if built.exists() else ["  setup.py"]
+    for line in lines:
+        digest, name = line.split("  ", 1)
+        if not (ROOT / name).exists() or hashlib.sha256((ROOT / name).read_bytes()).hexdigest() != digest:
+            pytest.exit(f"The compiled loops were not built from {name} as it is now: run `make kernels`.", 2)
+
+
+def pytest_sessionstart() -> None:
+    """Begin with compiled loops that are those of their sources."""
+    import tumble  # noqa: F401 (says where it is)
+
+    refuse_stale_kernels()
+
+
 # Whole calibrations of simulated tests, many times over: `make test` leaves them to `make test-all`.
 SLOW_FOLDERS = ("recovery", "statistics", "unit/papers")
 
@@ -81,3 +107,17 @@ def root() -> Path:
 def reference_data() -> Path:
     """The folder of reference sets; each has its data and a SOURCE.md."""
     return ROOT / "tests" / "reference"
+
+
+@pytest.fixture(scope="session")
+def as_python() -> Callable[[str], ModuleType]:
+    """A function that gives the source of compiled loops as plain Python, by the module's name."""
+
+    def load(name: str) -> ModuleType:
+        path = ROOT / "src" / f"{name.replace('.', '/')}.py"
+        module = ModuleType(name)
+        module.__file__ = f"{path}, as Python"
+        exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), module.__dict__)
+        return module
+
+    return load

@@ -27,6 +27,24 @@ def _shortened(word: re.Match[str]) -> str:
     return f"{word[0][:120]}…{word[0][-60:]}"
 
 
+class NotBuiltError(TumbleError, ImportError):
+    """The compiled loops are missing: this is a checkout in which they were not built."""
+
+
+def require_compiled(path: str) -> None:
+    """Refuse to run a source of compiled loops as Python, thousands of times as slow: `path` is the module's own.
+
+    Raises
+    ------
+    NotBuiltError
+        If the file is a Python source.
+    """
+    if path.endswith(".py"):
+        raise NotBuiltError(
+            f"The compiled loops of tumble are not built ({path}): run `make kernels` in the clone, or install anew."
+        )
+
+
 class UsageError(TumbleError):
     """The call itself is off: an unknown name, two options that exclude each other."""
 

@@ -360,3 +360,18 @@ def test_a_text_without_motion_has_no_holds_to_calibrate_from(
     answer = tumble("calibrate", written(tmp_path / "shaken.csv", shaken), "-o", tmp_path / "results")
     one_sentence(answer, 2)
     assert not (tmp_path / "results").exists()
+
+
+def test_a_wrong_sampling_rate_is_no_calibration_in_counts(
+    tumble: Any, recording: Path, tmp_path: Path
+) -> None:
+    """Half of the true rate makes the gyro's numbers twice as large as rad/s: no unit is so, and it is said."""
+    rows = np.loadtxt(recording, delimiter=",", skiprows=1)
+    steps = np.diff(rows[:, 0])
+    path = tmp_path / "bare.csv"
+    np.savetxt(path, rows[:, 1:7], delimiter=",", header="ax,ay,az,gx,gy,gz", comments="")
+    half = 0.5 / float(np.median(steps))
+    answer = tumble("calibrate", path, "--gravity", 9.81, "--rate", half, "-o", tmp_path / "out")
+    assert answer.status == 1
+    assert answer.out.startswith("NOT FIT FOR USE")
+    assert "the sampling rate is not" in " ".join(answer.out.split())

@@ -166,3 +166,22 @@ def test_numbers_that_no_conversion_can_work_with_are_refused(
     assert answer.status == 2
     assert option[0] in answer.err
     assert not (tmp_path / "new").exists()
+
+
+def test_diff_with_the_truth_says_whether_it_is_recovered(tumble: Any, tmp_path: Path) -> None:
+    """The truth is what the simulator drew, by which the estimator was not told; another unit's is far off."""
+    for seed in (3, 4):
+        tumble("simulate", "hand-held", "--seed", seed, "-o", tmp_path / str(seed), "-q")
+    truth = tmp_path / "3" / "truth.json"
+    made = tmp_path / "made"
+    tumble("calibrate", tmp_path / "3" / "recording.csv", "--site", "45,0", "-o", made, "-q")
+    answer = tumble("diff", truth, made)
+    assert answer.status == 0
+    assert answer.out.startswith("Recovered: all ")
+    assert "truth" in answer.out
+    other = tumble("diff", tmp_path / "4" / "truth.json", made, "-q")
+    assert other.status == 1
+    assert other.out.startswith("Not recovered: ")
+    (tmp_path / "bad.json").write_text('{"format": "tumble truth", "raw_units": [5]}', encoding="utf-8")
+    is_told(tumble("diff", tmp_path / "bad.json", made), "no truth.json")
+    is_told(tumble("diff", truth, made, "--allowed", "5,5"), "--allowed")

@@ -40,7 +40,7 @@ def test_calibrate_prints_the_parameters_the_verdict_and_where_the_files_are(
     answer = tumble("calibrate", recording, "--gravity", GRAVITY, "-o", tmp_path / "results")
     assert answer.status == 0
     assert answer.err == ""
-    for word in ("hand-held", "bias x", "FIT FOR USE", "calibration.json", "report.html"):
+    for word in ("hand-held", "bias", "FIT FOR USE", "calibration.json", "report.html"):
         assert word in answer.out
     assert sorted(p.name for p in (tmp_path / "results").iterdir()) == ["calibration.json", "report.html"]
     page = (tmp_path / "results" / "report.html").read_text(encoding="utf-8")

@@ -50,7 +50,8 @@ def test_an_option_takes_the_same_kind_of_value_in_every_command() -> None:
 def test_what_used_to_collide_is_one_thing() -> None:
     found = parameters()
     assert {p.metavar for _, p in found["--noise"]} == {"NOISE.JSON"}
-    assert {p.help for _, p in found["--rate"]} == {"Sampling rate, for a file without time stamps."}
+    (told,) = {p.help for _, p in found["--rate"]}
+    assert told.startswith("Sampling rate, for a file without time stamps;")
     assert {p.help for _, p in found["--topic"] if _ != "convert"} == {p.help for _, p in found["--topic"]}
     assert len({p.help for _, p in found["--turn-on-bias"]}) == 1
     assert "simulate" not in dict(found["--units"])

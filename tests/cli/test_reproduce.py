@@ -70,6 +70,7 @@ def test_an_item_of_the_other_paper_is_printed_beside_it(tumble: Any) -> None:
     assert re.search(r"^\d+ of 19 rows inside\.", answer.out, re.M)
 
 
+@pytest.mark.slow
 def test_all_of_the_other_paper_is_made_in_one_go(tumble: Any, tmp_path: Path) -> None:
     answer = tumble("reproduce", "zhang", "--repetitions", 3, "-q", "-o", tmp_path)
     assert answer.status == 0

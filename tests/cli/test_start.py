@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-HEAVY = ("numpy", "scipy", "numba", "polars", "yaml", "plotly", "jinja2")
+HEAVY = ("numpy", "scipy", "polars", "yaml", "plotly", "jinja2")
 
 
 @pytest.mark.parametrize("command", ["calibrate", "plan", "simulate", "verify", "predict"])

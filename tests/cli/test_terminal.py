@@ -122,7 +122,7 @@ def test_no_markup_is_printed(tumble: Any, tmp_path: Path) -> None:
     assert "\\[" not in answer.out
 
 
-@pytest.mark.parametrize("name", ["tumble.cli.main", "typer", "numpy", "numpy.linalg", "scipy", "numba"])
+@pytest.mark.parametrize("name", ["tumble.cli.main", "typer", "numpy", "numpy.linalg", "scipy"])
 @pytest.mark.parametrize(("number", "status"), [("SIGINT", 130), ("SIGTERM", 143)])
 def test_a_stop_while_python_imports_is_one_line(name: str, number: str, status: int, tmp_path: Path) -> None:
     code = SENT.format(name=name, number=number) + RUN

@@ -21,26 +21,22 @@ from tumble.recording.formats import (
     FORMATS,
     archive,
     compressed,
-    dataflash,
     find_format,
     folder,
     hdf5,
     increments,
     matlab,
-    mavlink,
-    mcap,
     novatel,
     npy,
     npz,
     parquet,
     read_table,
     read_table_blocks,
-    rosbag1,
-    rosbag2,
     text,
-    ulog,
     xsens,
 )
+from tumble.recording.formats.bags import mcap, rosbag1, rosbag2
+from tumble.recording.formats.logs import dataflash, mavlink, ulog
 
 NAMES = ("t", "ax", "ay", "az", "gx", "gy", "gz")
 

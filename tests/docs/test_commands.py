@@ -17,6 +17,8 @@ COMMANDS = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
 PROMISED = (
     "inspect",
     "calibrate",
+    "batch",
+    "capture",
     "apply",
     "verify",
     "convert",
@@ -30,6 +32,8 @@ PROMISED = (
     "simulate",
     "reproduce",
     "units",
+    "registry",
+    "certificate",
     "demo",
 )
 
@@ -60,8 +64,11 @@ def commands_of(text: str) -> list[str]:
 
 
 def options_of(command: str) -> set[str]:
-    """The options that a command's help lists at the start of a row, `--help` apart."""
+    """The options that a command's help lists at the start of a row, `--help` apart; of a group, of its commands."""
     rows = re.findall(r"^[│|* ]*(-[-\w]+(?:[ ,/]+-[-\w]+)*)", help_of(command), re.M)
+    if re.search(r"^\W*Commands\b", help_of(command), re.M):
+        for one in commands_of(help_of(command)):
+            rows += re.findall(r"^[│|* ]*(-[-\w]+(?:[ ,/]+-[-\w]+)*)", help_of(command, one), re.M)
     return {option for row in rows for option in OPTION.findall(row)} - {"--help"}
 
 

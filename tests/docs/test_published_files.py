@@ -132,7 +132,8 @@ def test_the_scores_on_the_page_of_real_recordings_are_those_of_today(
     if stated is None:
         assert recording == "MPU-9150 imu0"  # it wants no terms, so that both rows would be one
         return
-    run = calibrate(paths, site=Site.from_gravity(gravity), optional_terms=terms, **options)  # type: ignore[arg-type]
+    site = Site.from_gravity(gravity)
+    run = calibrate(paths, site=site, procedure="hand-held", optional_terms=terms, **options)  # type: ignore[arg-type]
     data = gather(run.recording, run.timeline, run.means)
     norms = 1e3 * np.sqrt(np.mean(hold_norm_errors(run.estimate.model, data.force_mean, gravity) ** 2))
     angle = np.degrees(np.sqrt(np.nanmean(score_turns(run.estimate.model, data).angle ** 2)))

@@ -1,4 +1,4 @@
-"""Every command of the tutorials runs, in their order, and prints what they show; digits may differ by machine."""
+"""Every command of tutorials and first pages runs, in order, and prints what they show; digits may differ."""
 
 from __future__ import annotations
 
@@ -9,10 +9,19 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-TUTORIALS = Path(__file__).resolve().parents[2] / "docs" / "tutorials"
-PAGES = sorted(page.name for page in TUTORIALS.glob("*.md") if page.name != "index.md")
+from contract.test_formats import write_dataflash, write_rosbag1
+from tumble.workflows.simulate import simulate
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGES = sorted(
+    f"{folder}/{page.name}"
+    for folder in ("tutorials", "start")
+    for page in (DOCS / folder).glob("*.md")
+    if page.name != "index.md"
+)
 RUN = "import sys; from tumble.cli.main import main; sys.argv[0] = 'tumble'; main()"
 CONSOLE = re.compile(r"^```console\n(.*?)^```$", re.M | re.S)
 
@@ -20,7 +29,7 @@ CONSOLE = re.compile(r"^```console\n(.*?)^```$", re.M | re.S)
 def commands_of(page: str) -> list[tuple[str, list[str]]]:
     """Each command with the lines that are shown below it."""
     found: list[tuple[str, list[str]]] = []
-    for block in CONSOLE.findall((TUTORIALS / page).read_text(encoding="utf-8")):
+    for block in CONSOLE.findall((DOCS / page).read_text(encoding="utf-8")):
         for line in block.splitlines():
             if line.startswith("$ "):
                 found.append((line[2:], []))
@@ -34,12 +43,30 @@ def words_of(text: str) -> str:
     return " ".join(re.sub(r"-?\d+(?:\.\d+)?", "#", text).split())
 
 
+def write_recordings(folder: Path, commands: str) -> None:
+    """Write what a page takes for granted: a simulated session by hand, as a bag or as an autopilot's log."""
+    for name, write in (("robot.bag", write_rosbag1), ("flight.bin", write_dataflash)):
+        if name in commands:
+            write(folder / name, session_by_hand(folder / "session"))
+
+
+def session_by_hand(folder: Path) -> np.ndarray:
+    """(samples, 7) time, specific force and angular rate of a simulated session."""
+    simulate("hand-held", output=folder, seed=1)
+    return np.loadtxt(folder / "recording.csv", delimiter=",", skiprows=1)
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_a_tutorial_s_commands_run_and_print_what_it_shows(page: str, tmp_path: Path) -> None:
     # Programs of their own, where shapes are not checked: what a user waits for.
     plain = {"COLUMNS": "160", "NO_COLOR": "1", "TUMBLE_CHECK_SHAPES": ""}
     commands = commands_of(page)
     assert len(commands) >= 3
+    write_recordings(tmp_path, " ".join(command for command, _ in commands))
+    for name, text in re.findall(
+        r"`(\S+\.yaml)`:\n\n```yaml\n(.*?)```", (DOCS / page).read_text("utf-8"), re.S
+    ):
+        (tmp_path / name).write_text(text, encoding="utf-8")
     for command, shown in commands:
         program, *arguments = shlex.split(command)
         assert program == "tumble"
@@ -58,5 +85,7 @@ def test_a_tutorial_s_commands_run_and_print_what_it_shows(page: str, tmp_path: 
 
 
 def test_every_tutorial_is_in_their_list() -> None:
-    listed = (TUTORIALS / "index.md").read_text(encoding="utf-8")
-    assert all(f"({page})" in listed for page in PAGES)
+    listed = (DOCS / "tutorials" / "index.md").read_text(encoding="utf-8")
+    front = (DOCS / "index.md").read_text(encoding="utf-8")
+    for page in PAGES:
+        assert f"({page})" in front or f"({page.removeprefix('tutorials/')})" in listed

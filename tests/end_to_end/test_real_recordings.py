@@ -18,6 +18,7 @@ from tumble.calibration import Estimate, calibrate_hand_held
 from tumble.calibration.canonical import named_values
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.triad_unknowns import unknowns_from_triad
+from tumble.calibration.estimate import Beside
 from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.document import read_calibration
 from tumble.earth import Site
@@ -103,7 +104,10 @@ def imu_tk(reference_data: Path) -> ImuModel:
 @pytest.mark.parametrize("name", ["xsens", "imu0", "imu1"])
 def test_it_is_calibrated_and_fit_without_any_further_word(name: str, request: pytest.FixtureRequest) -> None:
     run: CalibrationRun = request.getfixturevalue(name)
-    assert run.calibration.procedure == "hand-held"
+    assert run.calibration.procedure == "joint"
+    beside = run.estimate.shown(Beside)
+    assert beside is not None
+    assert beside.estimate.procedure == "hand-held"
     assert run.calibration.verdict.fit, run.calibration.verdict.reasons
     assert [file.name for file in run.files] == ["calibration.json", "report.html"]
     assert read_calibration(run.files[0]) == run.calibration

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.faults.kills import findings
 from tests.fuzz.seeds import HEADER, rows, seeds, text
 
 from tumble.document import read_calibration
@@ -122,8 +121,3 @@ def test_an_earlier_result_is_whole_wherever_the_disk_fails(
         # Of several files one may have taken its place when the rename of another fails.
         assert len(new) <= (name == "texts" and call == asked), new
         assert not any(file.startswith(".") for file in names)
-
-
-def test_runs_that_are_killed_or_stopped_leave_whole_results() -> None:
-    _, wrong = findings(4, seed=7)
-    assert wrong == []

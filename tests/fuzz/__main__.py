@@ -32,6 +32,8 @@ def main() -> int:
         what = outcome(case)
         taken = time.perf_counter() - start
         slowest, slow = max((slowest, slow), (taken, number))
+        if sum(tried.values()) % 2000 == 0:
+            print(f"{sum(tried.values())} cases, {len(findings)} different findings so far", flush=True)
         if what is not None and (place := ":".join(what.split(":")[:2])) not in findings:
             findings[place] = (number, case, what)
             print(f"case {number} ({case.kind}, {case.name}): {what}", flush=True)

@@ -20,7 +20,11 @@ from tests.fuzz.seeds import repacked, seeds
 from tumble.errors import TumbleError
 
 FOUND = Path(__file__).with_name("found.json")
-_SHARE = {"text": 3, "recording": 5, "calibration": 3, "foreign": 3, "noise": 1, "protocol": 3, "gnss": 2}
+_SHARE = {
+    "text": 12, "recording": 20, "calibration": 12, "foreign": 12, "noise": 4, "protocol": 12, "gnss": 8,
+    "intervals": 3, "options": 3, "call": 6, "work": 1,
+}  # fmt: skip
+_CHANGES = {"recording": mutations.BINARY, "call": mutations.CALL, "work": mutations.COLUMNS}
 _SHORT = 600  # bytes of a text that stands as it is in found.json
 _LONGEST = 1500  # characters of a sentence: it lists twelve topics, columns or files at most
 
@@ -55,7 +59,7 @@ def case_of(number: int, seed: int = 1) -> Case:
     kind = mutations.pick(kinds, rng)
     name, content = mutations.pick(seeds()[kind], rng)
     json_ = name.endswith(".json")
-    changes = mutations.BINARY if kind == "recording" else mutations.JSON if json_ else mutations.TEXT
+    changes = _CHANGES.get(kind, mutations.JSON if json_ else mutations.TEXT)
     if rng.random() < 0.7:
         return Case(
             kind, name, repacked(name, content, lambda inside: mutations.changed(inside, changes, rng))
@@ -205,6 +209,55 @@ def _read_options(file: Path, case: Case) -> None:
     )
 
 
+def _call(file: Path, case: Case) -> None:
+    from tests.fuzz.seeds import HEADER, rows, seeds, text
+
+    words: Any = json.loads(case.content)
+    if not isinstance(words, list) or not all(isinstance(word, str) for word in words):
+        return
+    (file.parent / "hand.csv").write_text(f"{HEADER}\n{text(rows())}")
+    for kind in ("calibration", "noise", "intervals", "gnss"):
+        name, content = seeds()[kind][0]
+        (file.parent / name).write_bytes(content)
+    _run_program(words, file.parent)
+
+
+def _work(file: Path, case: Case) -> None:
+    from tests.fuzz.seeds import seeds
+
+    command = case.name.split("/")[0]
+    (file.parent / "calibration.json").write_bytes(seeds()["calibration"][0][1])
+    before = ["calibration.json"] if command in ("verify", "apply") else []
+    after = {"calibrate": ["-o", "out"], "noise": ["-o", "out"], "apply": ["-o", "out.csv"]}.get(command, [])
+    _run_program([command, *before, file.name, *after], file.parent)
+
+
+def _run_program(words: list[str], folder: Path) -> None:
+    """Run the command line in this process: a status and at most one line on standard error."""
+    import os
+    import sys
+    from contextlib import chdir, redirect_stderr, redirect_stdout
+    from io import StringIO
+
+    from tumble.cli.main import main
+
+    out, err, argv = StringIO(), StringIO(), sys.argv
+    sys.argv, os.environ["TUMBLE_DEBUG"] = ["tumble", *words], "1"
+    try:
+        with chdir(folder), redirect_stdout(out), redirect_stderr(err):
+            main()
+    except SystemExit as end:
+        said = err.getvalue()
+        if end.code not in (0, 1, 2, 3, None):
+            raise AssertionError(f"status {end.code}: {said}") from end
+        one_line = said.startswith("tumble: ") and said.count("\n") == 1 and len(said) < _LONGEST + 1000
+        if end.code in (2, 3) and not one_line:
+            raise AssertionError(f"not one sentence: {said}") from end
+    finally:
+        sys.argv = argv
+        del os.environ["TUMBLE_DEBUG"]
+
+
 _READERS: dict[str, Callable[[Path, Case], None]] = {
     "text": _read_recording,
     "recording": _read_recording,
@@ -215,4 +268,6 @@ _READERS: dict[str, Callable[[Path, Case], None]] = {
     "gnss": _read_gnss,
     "intervals": _read_intervals,
     "options": _read_options,
+    "call": _call,
+    "work": _work,
 }

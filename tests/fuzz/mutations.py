@@ -145,15 +145,76 @@ def entry(content: bytes, rng: np.random.Generator) -> bytes:
         del parent[key]
     elif how == 1 and isinstance(parent, list):
         parent.insert(key, parent[key])
-    elif how == 2 and isinstance(parent[key], int | float) and not isinstance(parent[key], bool):
+    elif how == 2 and type(parent[key]) in (int, float) and abs(parent[key]) < 1e290:
         parent[key] = parent[key] * float(10.0 ** rng.uniform(-12, 12))
     else:
         parent[key] = pick(VALUES, rng)
     return json.dumps(document, default=str).encode()
 
 
+def argument(content: bytes, rng: np.random.Generator) -> bytes:
+    """Replace, drop or double one word of a call; where results go stays as it is."""
+    words: list[str] = json.loads(content)
+    free = [
+        n for n in range(1, len(words)) if words[n - 1] not in ("-o", "--save") and words[n] not in ("-o",)
+    ]
+    if not free:
+        return content
+    at, how = pick(free, rng), int(rng.integers(8))
+    if how == 0:
+        del words[at]
+    elif how == 1:
+        words.insert(at, words[at])
+    elif how == 2:
+        words[at] = ",".join([words[at], pick(NUMBERS, rng)][:: 1 if rng.random() < 0.5 else -1])
+    elif how == 3 and (numbers := re.findall(r"[-+]?\d+\.?\d*", words[at])):
+        scaled = float(pick(numbers, rng)) * float(10.0 ** rng.uniform(-9, 9))
+        words[at] = re.sub(r"[-+]?\d+\.?\d*", f"{scaled:.6g}", words[at], count=1)
+    else:
+        words[at] = pick(NUMBERS if rng.random() < 0.7 else WORDS, rng)
+    # The system gives a program words of bytes without a zero.
+    return json.dumps([word.replace("\0", "") for word in words]).encode()
+
+
+def column(content: bytes, rng: np.random.Generator) -> bytes:
+    """Change the numbers of one column, or some rows, of a table of commas as no sensor but a fault would."""
+    header, _, body = content.decode().partition("\n")
+    table = np.array([[float(cell or "nan") for cell in line.split(",")] for line in body.splitlines()])
+    at, how = int(rng.integers(table.shape[1])), int(rng.integers(12))
+    start, stop = np.sort(rng.integers(0, len(table) + 1, 2))
+    with np.errstate(all="ignore"):
+        if how == 0:
+            table[:, at] *= 10.0 ** rng.uniform(-40, 40)
+        elif how == 1:
+            table[:, 1:] *= 10.0 ** rng.uniform(-30, 30)
+        elif how == 2:
+            table[start:stop, at] = pick((0.0, 1.0, np.nan, 1e29, -1e29, 1e-300), rng)
+        elif how == 3:
+            table[:, at] += 10.0 ** rng.uniform(-3, 15)
+        elif how == 4:
+            table = table[start:stop]
+        elif how == 5:
+            table = np.delete(table, np.s_[start:stop], axis=0)
+        elif how == 6:
+            table[start:stop] = table[min(start, len(table) - 1)]
+        elif how == 7:
+            table[:, at] = np.round(table[:, at], int(rng.integers(-1, 2)))
+        elif how == 8:
+            table[:, 0] = 0.0 if rng.random() < 0.5 else np.cumsum(rng.uniform(0, 0.1, len(table)))
+        elif how == 9:
+            table[:, [at, int(rng.integers(7))]] = 0.0
+        elif how == 10:
+            table[rng.integers(0, len(table), 5), at] = 10.0 ** rng.uniform(-5, 29)
+        else:
+            table[:, 1:] = rng.normal(0.0, 10.0 ** rng.uniform(-9, 3), table[:, 1:].shape)
+    cells = ([("" if np.isnan(v) else f"{v:.6g}") for v in row] for row in table)
+    return "\n".join([header, *(",".join(row) for row in cells)]).encode() + b"\n"
+
+
 BINARY: tuple[Change, ...] = (flip, overwrite, near_the_beginning, cut, drop, repeat, insert)
 TEXT: tuple[Change, ...] = (*BINARY, number, number, word, line, line)
+CALL: tuple[Change, ...] = (argument,)
+COLUMNS: tuple[Change, ...] = (column,)
 JSON: tuple[Change, ...] = (*TEXT, entry, entry, entry, entry, entry)
 
 

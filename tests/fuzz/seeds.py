@@ -56,6 +56,8 @@ def seeds() -> Seeds:
             "gnss": _tracks(),
             "intervals": [("holds.csv", b"start,stop\n0.1,1.4\n1.8,3.0\n# last\n3.4 4.7\n")],
             "options": [("options.json", option) for option in _options()],
+            "call": [("call.json", json.dumps(call.split()).encode()) for call in CALLS],
+            "work": [(f"{command}/tumbled.csv", tumbled()) for command in WORK],
         }
     return found
 
@@ -331,6 +333,57 @@ def _options() -> list[bytes]:
         "topic": ["/imu", "sensor_accel:0"],
     }
     return [json.dumps({option: value}).encode() for option, values in known.items() for value in values]
+
+
+CALLS = (
+    "calibrate hand.csv -o out --site 48.1,520 --gravity 9.81 --units m/s^2,rad/s,s --json",
+    "calibrate hand.csv -o out --procedure multi-position --unknowns 6 --columns t,ax,ay,az,gx,gy,gz --rate 50",
+    "calibrate hand.csv -o out --procedure joint --monte-carlo 100 --data-sheet consumer-mems -v --confirm-scale",
+    "calibrate hand.csv -o out --prior calibration.json --noise noise.json --intervals holds.csv --imu-model X",
+    "calibrate hand.csv -o out --protocol rate-table --no-optional-terms --imu-serial 7 -q",
+    "calibrate hand.csv -o out --protocol laboratory --site 48.1",
+    "calibrate hand.csv -o out --protocol strapdown-rotation --site -33.9,10",
+    "calibrate hand.csv hand.csv -o out --turn-ons --topic /imu",
+    "calibrate hand.csv hand.csv -o out --array",
+    "inspect hand.csv --save saved.csv --units g,deg/s,ms --columns t,ax,ay,az,gx,gy,gz --rate 100 -v",
+    "apply calibration.json hand.csv -o corrected.csv --temperature 25 --outside hold --json",
+    "verify calibration.json hand.csv --site 48.1,520 --temperature 20 --intervals holds.csv --gravity 9.8",
+    "verify calibration.json hand.csv --gnss track.csv -o out --lever-arm 0.1,0.2,0.3 --gnss-time 18 --outages 2,10",
+    "predict calibration.json --turn 90 --turn-rate 30 --seconds 60 --data-sheet consumer-mems --json",
+    "predict calibration.json --trajectory cart -o filter.json --noise noise.json --turn-on-bias 1,10 --seconds 30",
+    "convert calibration.json --to kalibr -o made.yaml --noise noise.json --inflate 2,10 --ros-topic /imu0",
+    "convert calibration.json --to px4 -o made.params --instance 1 --largest-loss 500 --per-count 0.001,0.001",
+    "convert calibration.json --to kf-gins -o made.yaml --noise noise.json --correlation-time 3600",
+    "convert calibration.json --to c -o made.h --at-temperature 20 --consumer-rate 100",
+    "compose calibration.json calibration.json -o both.json",
+    "invert calibration.json -o back.json",
+    "diff calibration.json calibration.json --json",
+    "mount hand.csv hand.csv -c calibration.json -o mount.json --mount-mrad 1 --site 48.1",
+    "noise hand.csv -o out --skip 1 --kind hadamard --taus 0.1,0.2,0.4 --fit curve --units g,deg/s",
+    "noise hand.csv --remove-temperature --stream --rate 50 --json",
+    "denoise hand.csv -o out.csv",
+    "simulate six-position -o out --sample-rate 5 --seed 3 --unit-seed 4 --jitter 1 --dropped 1 --burst 3 --axes case",
+    "simulate rest -o out --duration 10 --output-units counts --turn-on-bias 1,10 --sampling-jitter 0.1 --wander",
+    "simulate turntable-9 -o out --sample-rate 2 --table-angle-arcsec 5 --table-tilt-deg 1 --table-stops 1:50",
+    "simulate strapdown-rotation -o out --sample-rate 2 --fixture-zero-mrad 1 --fixture-ramp-s 2 --fixture-pause-s 20",
+    "simulate rate-table -o out --sample-rate 2 --table-ripple-ppm 100 --table-lever-arm-cm 1,2,3",
+    "plan six-position --data-sheet consumer-mems --seconds 600 --site 48.1",
+    "units explain 60 ug/sqrt(Hz) --sample-rate 100",
+    "units convert 3 deg/h rad/s",
+)
+"""Calls of the program with as many options as go together; each is changed word by word."""
+WORK = ("calibrate", "noise", "verify", "apply", "inspect")
+"""Commands that are given recordings whose numbers were changed."""
+
+
+@cache
+def tumbled() -> bytes:
+    """Return a recording of a unit that was tumbled through ten poses: enough to be calibrated."""
+    from tests.cli.conftest import HEADER as NAMES
+    from tests.cli.conftest import tumbled_rows
+
+    body = tumbled_rows(3, holds=10)[::2]
+    return (NAMES + "\n" + text(body)).encode()
 
 
 def repacked(name: str, content: bytes, change: Callable[[bytes], bytes]) -> bytes:

@@ -7,16 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.document.algebra import inverted, merged, polar_rotation, turned_to
+from tumble.document.algebra import inverted, merged, turned_to
 from tumble.document.composed import compose_calibrations
 from tumble.document.difference import compare_calibrations
 from tumble.document.entries import entry_names, model_of_vector, stacked, vector_of_model
 from tumble.document.imported import calibration_from_model
 from tumble.document.merging import merge_models
 from tumble.document.result import Calibration
+from tumble.document.thermal_block import thermal_block
 from tumble.errors import UsageError
 from tumble.sensor import FRAMES, ImuModel, Triad, change_frame
-from tumble.sensor.gauge import mean_gyro_rotation
+from tumble.sensor.gauge import mean_gyro_rotation, polar_rotation
+from tumble.sensor.thermal import TemperatureBasis, ThermalModel
 from tumble.workflows.algebra import verdict
 
 M_A = np.array([[1.012, 0.004, -0.007], [-0.009, 0.991, 0.006], [0.003, -0.012, 1.021]])
@@ -180,9 +182,9 @@ def test_a_term_that_only_one_has_is_listed_and_judged() -> None:
     without = document(ImuModel(MODEL.accelerometer, MODEL.gyroscope))
     found = compare_calibrations(document(MODEL), without)
     rows = {p.name: p for p in found.parameters}
-    assert rows["gyro g-sensitivity xy"].first == pytest.approx(-4e-4)
-    assert rows["gyro g-sensitivity xy"].second == 0.0
-    assert abs(rows["gyro g-sensitivity xx"].sigmas) > 30
+    assert rows["g-sensitivity of gyro x to force y"].first == pytest.approx(-4e-4)
+    assert rows["g-sensitivity of gyro x to force y"].second == 0.0
+    assert abs(rows["g-sensitivity of gyro x to force x"].sigmas) > 30
     assert next(g for g in found.groups if g.name == "gyros: g-sensitivity").probability < 1e-12
     assert any("Only the first has gyroscope g-sensitivity" in remark for remark in found.remarks)
     assert found.significant
@@ -222,3 +224,207 @@ def test_the_verdict_follows_the_rows() -> None:
         matters, sentences = verdict(found, None)
         assert found.significant or not matters
         assert ("differ by more than chance" in sentences[0]) == found.significant
+
+
+def thermal_model(seed: int = 3) -> ThermalModel:
+    """Everything changes with temperature, by two functions; biases loop, too."""
+    rng = np.random.default_rng(seed)
+    terms = {
+        "accelerometer.bias": 1e-3 * rng.normal(size=(2, 3)),
+        "accelerometer.matrix": 1e-4 * rng.normal(size=(2, 3, 3)),
+        "gyroscope.bias": 1e-4 * rng.normal(size=(2, 3)),
+        "gyroscope.matrix": 1e-4 * rng.normal(size=(2, 3, 3)),
+        "g_sensitivity": 1e-6 * rng.normal(size=(2, 3, 3)),
+    }
+    loops = {"gyroscope.bias": np.array([1e-4, -2e-4, 3e-4])}
+    basis = TemperatureBasis("polynomial", 25.0, order=2)
+    return ThermalModel(MODEL, basis, terms, hysteresis=loops, span_celsius=(-10.0, 60.0))
+
+
+def thermal_document() -> Calibration:
+    model = thermal_model()
+    size = len(model.names)
+    root = np.random.default_rng(8).normal(size=(size, 2 * size)) * 1e-6
+    block = thermal_block(model, model.names, root @ root.T)
+    return document(MODEL, thermal=block, temperature_celsius=25.0)
+
+
+def test_a_calibration_with_temperature_is_turned_at_every_temperature() -> None:
+    """One rotation for all: corrected vectors at any temperature and direction of the loop are turned by it."""
+    calibration = thermal_document()
+    turned = turned_to(calibration, "accelerometer-z")
+    before, after = calibration.thermal_model, turned.thermal_model
+    assert before is not None
+    assert after is not None
+    force, rate = before.at(25.0).correct(RAW_A, RAW_G)
+    turned_force, _ = after.at(25.0).correct(RAW_A, RAW_G)
+    C = np.linalg.lstsq(force, turned_force, rcond=None)[0].T
+    assert np.allclose(C @ C.T, np.eye(3), atol=1e-12)
+    for celsius, state in ((-10.0, 1.0), (48.0, -1.0), (60.0, 0.3)):
+        force, rate = before.at(celsius, 0.0, state).correct(RAW_A, RAW_G)
+        turned_force, turned_rate = after.at(celsius, 0.0, state).correct(RAW_A, RAW_G)
+        assert np.allclose(turned_force, force @ C.T, rtol=0, atol=1e-12)
+        assert np.allclose(turned_rate, rate @ C.T, rtol=0, atol=1e-12)
+
+
+def test_the_covariance_of_coefficients_is_turned_with_them() -> None:
+    """``M C^T`` is linear in the coefficients: block for block the covariance is ``E P E^T``, of Kronecker products."""
+    calibration = thermal_document()
+    turned = turned_to(calibration, "accelerometer-z")
+    block, after = calibration.thermal, turned.thermal
+    assert block is not None
+    assert after is not None
+    assert list(after.covariance_parameters) == list(block.covariance_parameters)
+    force, _ = calibration.correct(RAW_A, RAW_G, temperature_celsius=25.0)
+    turned_force, _ = turned.correct(RAW_A, RAW_G, temperature_celsius=25.0)
+    C = np.linalg.lstsq(force, turned_force, rcond=None)[0].T
+    assert np.degrees(np.arccos((np.trace(C) - 1) / 2)) > 0.3
+    # two functions: 6 of a bias, 18 of a matrix (six rows of three); and three of the loop
+    six, rows = np.eye(6), np.kron(np.eye(6), C)
+    parts = (six, rows, six, rows, rows, np.eye(3))
+    size, at = len(block.covariance_parameters), 0
+    effect = np.zeros((size, size))
+    for one in parts:
+        effect[at : at + len(one), at : at + len(one)] = one
+        at += len(one)
+    assert at == size
+    before = np.array(block.covariance)
+    expected, found = effect @ before @ effect.T, np.array(after.covariance)
+    assert np.allclose(found, expected, rtol=0, atol=1e-9 * np.abs(before).max())
+    assert np.abs(found - before).max() > 1e-3 * np.abs(before).max()
+
+
+def test_lever_arms_are_turned_with_the_frame_and_left_out_of_others() -> None:
+    arms = ((0.003, 0.0, 0.001), (0.0, 0.004, -0.002), (0.005, 0.0, 0.012))
+    calibration = document(MODEL, lever_arms=arms)
+    turned = turned_to(calibration, "accelerometer-x")
+    force, _ = document(MODEL).correct(RAW_A, RAW_G)
+    turned_force, _ = turned_to(document(MODEL), "accelerometer-x").correct(RAW_A, RAW_G)
+    C = np.linalg.lstsq(force, turned_force, rcond=None)[0].T
+    assert turned.lever_arms is not None
+    assert np.allclose(np.array(turned.lever_arms), np.array(arms) @ C.T, rtol=0, atol=1e-15)
+    inverse = inverted(calibration)
+    assert inverse.lever_arms is None
+    assert "lever arms are not in it" in inverse.remarks[-1]
+
+
+@pytest.mark.parametrize("which", ["accelerometer", "gyroscope"])
+def test_one_triad_alone_is_turned_inverted_and_merged(which: str) -> None:
+    def alone(model: ImuModel) -> ImuModel:
+        return (
+            ImuModel(model.accelerometer, None)
+            if which == "accelerometer"
+            else ImuModel(None, model.gyroscope)
+        )
+
+    first = document(alone(MODEL))
+    raw = {"accelerometer": (RAW_A, None), "gyroscope": (None, RAW_G)}[which]
+    at = 0 if which == "accelerometer" else 1
+    true = first.correct(*raw)[at]
+    back = {"accelerometer": (true, None), "gyroscope": (None, true)}[which]
+    assert np.allclose(inverted(first).correct(*back)[at], raw[at], rtol=0, atol=1e-12)
+    second = document(alone(OTHER), 2, input_corrected_by=[first.identity])
+    composed = compose_calibrations(first, second)
+    assert np.allclose(merged(composed).correct(*raw)[at], composed.correct(*raw)[at], rtol=0, atol=1e-12)
+    frame = "accelerometer-x" if which == "accelerometer" else "mean-gyro"
+    turned = turned_to(first, frame).correct(*raw)[at]
+    assert np.allclose(np.linalg.norm(turned, axis=1), np.linalg.norm(true, axis=1), rtol=1e-12)
+    other = "mean-gyro" if which == "accelerometer" else "accelerometer-z"
+    with pytest.raises(UsageError, match="which is not calibrated"):
+        turned_to(first, other)
+    with pytest.raises(UsageError, match="not of the same triads"):
+        compose_calibrations(first, document(OTHER, 2, input_corrected_by=[first.identity]))
+    with pytest.raises(UsageError, match="not of the same triads"):
+        merge_models(MODEL, alone(OTHER))
+
+
+def test_other_raw_units_are_undone_in_si() -> None:
+    """A unit in g and deg/s: its inverse takes SI and gives SI, so what it gives is the raw number in SI."""
+    in_g = ImuModel(
+        Triad(M_A / 9.80665, np.array([0.11, -0.23, 0.34]) / 9.80665),
+        Triad(np.degrees(M_G), np.degrees(np.array([0.012, -0.034, 0.021]))),
+        np.degrees(G),
+    )
+    calibration = calibration_from_model(
+        in_g, ("g", "deg/s"), ("fixture", "axes"), [], procedure="by hand", remarks=[]
+    )
+    force, rate = calibration.correct(RAW_A / 9.80665, np.degrees(RAW_G))
+    back = inverted(calibration).correct(force, rate)
+    assert np.allclose(back[0], RAW_A, rtol=0, atol=1e-12)
+    assert np.allclose(back[1], RAW_G, rtol=0, atol=1e-12)
+    counts = calibration.model_copy(
+        update={"raw_units": calibration.raw_units.model_copy(update={"angular_rate": "counts"})}
+    )
+    with pytest.raises(UsageError, match="takes counts cannot be inverted"):
+        inverted(counts)
+    # The same unit told in two units is no change; and one that moved shows with its true size.
+    found = compare_calibrations(document(MODEL), calibration)
+    assert found.force is not None
+    assert found.force.value < 1e-12
+    assert found.rate_scale is not None
+    assert found.rate_scale.value < 1e-12
+    with pytest.raises(UsageError, match="takes rad/s, the other counts: they cannot be compared"):
+        compare_calibrations(document(MODEL), counts)
+
+
+def test_what_is_composed_or_mirrored_has_no_other_frame_and_no_inverse() -> None:
+    first = document(MODEL)
+    composed = compose_calibrations(first, document(OTHER, 2, input_corrected_by=[first.identity]))
+    with pytest.raises(UsageError, match="merge it into one first"):
+        turned_to(composed, "accelerometer-x")
+    with pytest.raises(UsageError, match="inverted stage by stage"):
+        inverted(composed)
+    with pytest.raises(UsageError, match="compared stage by stage"):
+        compare_calibrations(composed, first)
+    with pytest.raises(UsageError, match="composed already"):
+        compose_calibrations(first, composed)
+    with pytest.raises(UsageError, match="There is no frame 'accelerometer-y'"):
+        turned_to(first, "accelerometer-y")
+    with pytest.raises(UsageError, match="changes with temperature has no inverse"):
+        inverted(thermal_document())
+    mirrored = ImuModel(Triad(M_A @ np.diag([1.0, -1.0, 1.0]), np.zeros(3)), MODEL.gyroscope)
+    with pytest.raises(UsageError, match="left-handed: an axis is reversed"):
+        turned_to(document(mirrored), "accelerometer-x")
+
+
+def test_calibrations_that_would_correct_twice_are_not_composed() -> None:
+    first, second = document(MODEL), document(OTHER, 2)
+    with pytest.raises(UsageError, match="the same correction would be applied twice"):
+        compose_calibrations(first, first)
+    with pytest.raises(UsageError, match="on raw recordings, as far as they say"):
+        compose_calibrations(first, second)
+    with pytest.raises(UsageError, match="on recordings corrected by another"):
+        compose_calibrations(first, second.model_copy(update={"input_corrected_by": ["another"]}))
+    assert compose_calibrations(first, second, unmarked=True).input_corrected_by == [first.identity]
+    in_g = second.raw_units.model_copy(update={"specific_force": "g"})
+    with pytest.raises(UsageError, match="takes g and rad/s, and the first one gives"):
+        compose_calibrations(first, second.model_copy(update={"raw_units": in_g}), unmarked=True)
+    warm = thermal_document()
+    stages = compose_calibrations(warm, second, unmarked=True)
+    with pytest.raises(UsageError, match="leave --merge out"):
+        merged(stages)
+
+
+def test_frames_that_are_fixed_from_outside_are_compared_in_one_of_the_unit_s_own() -> None:
+    """The same unit against a fixture and against a table that is turned by 20° about z: no change."""
+    c, s = np.cos(np.radians(20.0)), np.sin(np.radians(20.0))
+    C = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    assert MODEL.accelerometer is not None
+    assert MODEL.gyroscope is not None
+    turned = ImuModel(
+        Triad(M_A @ C.T, MODEL.accelerometer.bias), Triad(M_G @ C.T, MODEL.gyroscope.bias), G @ C.T
+    )
+    table = calibration_from_model(
+        turned, ("m/s^2", "rad/s"), ("table", "axes"), [], procedure="by hand", remarks=[]
+    )
+    found = compare_calibrations(document(MODEL), table)
+    assert found.force is not None
+    assert found.force.value < 1e-12
+    assert any("both were turned to accelerometer-x" in remark for remark in found.remarks)
+    warm, cold = document(MODEL, temperature_celsius=25.0), document(MODEL, temperature_celsius=-5.0)
+    said = " ".join(compare_calibrations(warm, cold).remarks)
+    assert "They are of 25.0 °C and -5.0 °C" in said
+    with pytest.raises(UsageError, match="no triad in common"):
+        compare_calibrations(
+            document(ImuModel(MODEL.accelerometer, None)), document(ImuModel(None, MODEL.gyroscope))
+        )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from tumble.calibration.evidence import Holds, Turns
 from tumble.document import Calibration, calibration_from_estimate, read_calibration
 from tumble.document.result import calibration_schema
 from tumble.earth import Site
-from tumble.errors import CalibrationFileError
+from tumble.errors import CalibrationFileError, ConvergenceError
 from tumble.recording import Recording
 from tumble.recording.recording import Source
 from tumble.sensor import ImuModel, Triad
@@ -51,7 +52,22 @@ def document_of(
     *,
     terms: frozenset[str] = frozenset({"g_sensitivity", "quadratic"}),
     counts: bool = False,
+    **changed: Any,
 ) -> Calibration:
+    return calibration_from_estimate(
+        replace(estimate_of(numbers, terms=terms, counts=counts), **changed),
+        Recording(
+            np.arange(4.0), np.ones((4, 3)), np.ones((4, 3)),
+            "counts" if counts else "m/s^2", "counts" if counts else "rad/s", 1.0,
+            sources=(Source("tumbled.csv", "0" * 64),),
+        ),
+        Site.from_latitude(0.8, 100.0),
+        created=datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC),
+        imu=("model", "serial"),
+    )  # fmt: skip
+
+
+def estimate_of(numbers: list[float], *, terms: frozenset[str], counts: bool) -> Estimate:
     model = model_of(
         numbers,
         terms=terms,
@@ -60,7 +76,7 @@ def document_of(
     )
     names = canonical_names(terms, "full")
     root = np.random.default_rng(7).standard_normal((len(names), len(names)))
-    estimate = Estimate(
+    return Estimate(
         procedure="hand-held",
         model=model,
         names=names,
@@ -78,18 +94,6 @@ def document_of(
         ],
         terms=[TermTest("g_sensitivity", True, 9.0, 9, 1e-9, 0.01, "+9 sigma")],
         said=said_of(not_determined=["nothing"]),
-    )
-    recording = Recording(
-        np.arange(4.0), np.ones((4, 3)), np.ones((4, 3)),
-        "counts" if counts else "m/s^2", "counts" if counts else "rad/s", 1.0,
-        sources=(Source("tumbled.csv", "0" * 64),),
-    )  # fmt: skip
-    return calibration_from_estimate(
-        estimate,
-        recording,
-        Site.from_latitude(0.8, 100.0),
-        created=datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC),
-        imu=("model", "serial"),
     )
 
 
@@ -313,3 +317,36 @@ def test_a_missing_file_and_a_folder_without_one_are_told(tmp_path: Path) -> Non
     for path in (tmp_path / "absent.json", tmp_path):
         with pytest.raises(CalibrationFileError, match="There is no calibration"):
             read_calibration(path)
+
+
+TERMS = frozenset({"g_sensitivity", "quadratic"})
+
+
+@pytest.mark.parametrize(
+    "part", ["covariance", "names", "model", "parameters", "symmetry", "sign", "correlation"]
+)
+def test_an_estimate_that_can_be_none_becomes_no_document(part: str) -> None:
+    sound = estimate_of(EXAMPLE, terms=TERMS, counts=False)
+    covariance, model = sound.covariance.copy(), sound.model
+    assert model.accelerometer is not None
+    changed: dict[str, Any] = {"covariance": covariance}
+    if part == "covariance":
+        covariance[3, 1] = covariance[1, 3] = np.nan
+    elif part == "names":
+        changed = {"names": sound.names[:-1]}
+    elif part == "model":
+        changed = {
+            "model": replace(model, accelerometer=replace(model.accelerometer, bias=np.array([0, np.inf, 0])))
+        }
+    elif part == "parameters":
+        changed = {"parameters": [NamedValue("accelerometer bias x", 0.1, float("inf"), "m/s^2")]}
+    elif part == "symmetry":
+        covariance[3, 1] *= 1.0 + 1e-6
+    elif part == "sign":
+        covariance[2, 2] = -covariance[2, 2]
+    else:
+        covariance[0, 4] = covariance[4, 0] = 1.01 * np.sqrt(covariance[0, 0] * covariance[4, 4])
+    with pytest.raises(
+        ConvergenceError, match=r"came to no usable numbers: .* record more poses and longer holds"
+    ):
+        document_of(EXAMPLE, terms=TERMS, **changed)

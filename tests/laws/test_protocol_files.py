@@ -104,7 +104,7 @@ def steps(draw: Callable[..., Any]) -> tuple[Step, ...]:
             rate = draw(st.floats(-50.0, 50.0).filter(lambda r: abs(r) > 1e-6))
             turns = draw(st.none() | st.integers(1, 500))
             duration = draw(TIME) if turns is None else turns * (2.0 * np.pi / abs(rate))
-            spread, ramp = draw(st.floats(0.0, 1.0)), draw(st.floats(0.0, 60.0))
+            spread, ramp = draw(st.none() | st.floats(0.0, 1.0)), draw(st.floats(0.0, 60.0))
             turned = draw(st.none() | st.floats(1e-6, 1e3) | st.integers(1, 9000).map(np.radians).map(float))
             shown = (
                 {} if turned is None else {"angle": math.copysign(turned, rate), "angle_sigma": draw(SIGMA)}

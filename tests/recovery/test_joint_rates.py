@@ -31,7 +31,7 @@ def _protocol() -> Protocol:
     for k, up_b in enumerate(twenty_six_directions()[:6]):
         pose = Pose(up_b, None, np.radians(0.5))
         steps += [TurnStep(2.0)] if steps else []
-        spin = SpinStep(12.0, RATE * (-1.0) ** (k // 2), ramp=1.0)
+        spin = SpinStep(12.0, RATE * (-1.0) ** (k // 2), ramp=1.0, sigma=0.0)
         steps += [HoldStep(6.0, pose), spin, HoldStep(6.0, pose)]
     return Protocol("mine", "rate-table", tuple(steps))
 

@@ -122,7 +122,8 @@ def _timeline(
             mean = np.asarray(recording.angular_rate)[first:last].mean(axis=0)
             rotations.append(
                 Rotation(
-                    len(rotations), at, mean * (stop - start), np.eye(3), stop - start, 0.0, 0.0,
+                    len(rotations), at, mean * (stop - start), np.eye(3), stop - start,
+                    0.5 * (start + stop), 0.0, 0.0,
                     step.angle, SIGMA, len(holds) - 1, len(holds), first, last,
                 )
             )  # fmt: skip

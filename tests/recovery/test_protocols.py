@@ -59,9 +59,9 @@ def white(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def played(
-    folder: Path, name: str, procedure: str, *, noise: bool, units: str, seed: int
+    folder: Path, name: str, procedure: str, *, noise: bool, units: str, seed: int, jointly: bool = False
 ) -> tuple[Any, Calibration]:
-    """Simulate a protocol, calibrate from what was written, and return the truth and the calibration."""
+    """Simulate a protocol, calibrate from what was written, by name or jointly, and return truth and calibration."""
     protocol = replace(named_protocol(name), site=SITE, procedure=procedure)
     write_protocol(protocol, folder / "todo.yaml")
     done = simulate(
@@ -73,7 +73,8 @@ def played(
         noise=noise,
         placement=noise,
     )
-    return done.truth, calibrate(protocol=folder / "sim" / "protocol.yaml").calibration
+    asked = None if jointly else procedure
+    return done.truth, calibrate(protocol=folder / "sim" / "protocol.yaml", procedure=asked).calibration
 
 
 def blocks_of(truth: Any, calibration: Calibration) -> Any:
@@ -127,14 +128,16 @@ def test_fewer_poses_give_the_truth_back_too(tmp_path: Path, name: str) -> None:
     np.testing.assert_allclose(calibration.accelerometer.matrix, true, rtol=0, atol=1e-9 * true[0, 0])
 
 
+@pytest.mark.parametrize("jointly", [False, True], ids=["own", "jointly"])
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("procedure", sorted(FULL))
 def test_with_noise_and_placement_errors_the_truth_is_within_the_uncertainty(
-    tmp_path: Path, procedure: str, seed: int
+    tmp_path: Path, procedure: str, seed: int, jointly: bool
 ) -> None:
     name, _ = FULL[procedure]
+    units = "SI" if seed == 1 else "counts"
     truth, calibration = played(
-        tmp_path, name, procedure, noise=True, units="SI" if seed == 1 else "counts", seed=seed
+        tmp_path, name, procedure, noise=True, units=units, seed=seed, jointly=jointly
     )
     blocks = blocks_of(truth, calibration)
     sigma = np.sqrt(np.diag(calibration.covariance_matrix))

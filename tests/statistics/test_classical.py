@@ -209,7 +209,10 @@ def test_an_exact_placement_is_believed_and_covers() -> None:
 def test_the_norms_are_as_far_from_gravity_as_the_tilts_make_them(improved: bool, tilt: float) -> None:
     """Squares of tilts: the rms of 60 runs of six such norms scatters by some 8 %, and 20 % are 2.5 of that."""
     angle = math.radians(tilt)
-    runs = [six_positions(seed, improved=improved, stated=angle, truly=angle) for seed in range(60)]
+    every = [six_positions(seed, improved=improved, stated=angle, truly=angle) for seed in range(60)]
+    # In one of a hundred a right pose is said to be off, and then counted by itself.
+    runs = [one for one in every if not any("the others agree" in said for said in one.cautions)]
+    assert len(every) - len(runs) <= stats.binom.ppf(1 - FALSE_ALARM, len(every), 0.01)
     found = math.sqrt(np.mean([one.holds.norms**2 for one in runs]))
     expected = math.sqrt(np.mean([one.holds.sigmas**2 for one in runs]))
     assert found == pytest.approx(expected, rel=0.2)
@@ -243,7 +246,7 @@ def on_a_table(
         steps += [TurnStep(2.0), HoldStep(180.0, pose)]
         for rate in rates:
             turned.append(MatchedSpin(len(steps), 0, 1))
-            steps.append(SpinStep(180.0, rate))
+            steps.append(SpinStep(180.0, rate, sigma=0.0))
     spun = np.array([(rate + earth) * axis for axis in axes for rate in rates])
     means = means_of(rng, force.distort(SITE.gravity * axes), GYRO.distort(earth * axes + sideways), sigma)
     count = len(spun)

@@ -1,31 +1,29 @@
-"""The hot loops of attitude integration, compiled by numba; called by `integration` and for rotation sequences."""
-
-# pyright: reportUnknownMemberType=false, reportUntypedFunctionDecorator=false, reportMissingTypeStubs=false
+"""The hot loops of attitude integration, compiled; called by `integration` and for rotation sequences."""
 
 from __future__ import annotations
 
-import numba
-import numpy as np
-import numpy.typing as npt
+from tumble.errors import require_compiled
 
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
+require_compiled(__file__)
+
+import cython
+from cython.cimports.libc.math import cos, sin, sqrt
 
 
-@numba.njit(cache=True, nogil=True, fastmath=False)
+@cython.locals(v0=cython.double, v1=cython.double, v2=cython.double)
 def integrate_segments(
-    time: Floats,
-    raw_rate: Floats,
-    raw_force: Floats,
-    gyro_inverse: Floats,
-    gyro_bias: Floats,
-    g_sensitivity: Floats,
-    force_inverse: Floats,
-    force_bias: Floats,
-    starts: Integers,
-    stops: Integers,
-    C_start_end: Floats,
-    gyro_sums: Floats,
+    time: cython.const[cython.double][::1],
+    raw_rate: cython.const[cython.double][:, ::1],
+    raw_force: cython.const[cython.double][:, ::1],
+    gyro_inverse: cython.const[cython.double][:, ::1],
+    gyro_bias: cython.const[cython.double][::1],
+    g_sensitivity: cython.const[cython.double][:, ::1],
+    force_inverse: cython.const[cython.double][:, ::1],
+    force_bias: cython.const[cython.double][::1],
+    starts: cython.const[cython.longlong][:],
+    stops: cython.const[cython.longlong][:],
+    C_start_end: cython.double[:, :, ::1],
+    gyro_sums: cython.double[:, :, :, ::1],
 ) -> None:
     """Integrate each segment from sample `starts[k]` to sample `stops[k] - 1`.
 
@@ -35,190 +33,203 @@ def integrate_segments(
     Between samples the rate is linear in time: the rotation vector is the mean rate times the step
     plus step^2/12 of the cross product of both rates (the coning term of a linear rate).
     """
-    for k in range(starts.shape[0]):
-        c00, c01, c02 = 1.0, 0.0, 0.0
-        c10, c11, c12 = 0.0, 1.0, 0.0
-        c20, c21, c22 = 0.0, 0.0, 1.0
-        sums = np.zeros((3, 3, 7))
-        now = np.zeros(7)
-        before = np.zeros(7)
-        middle = np.zeros(7)
-        for i in range(starts[k], stops[k]):
-            for axis in range(3):
-                total = 0.0
+    c = cython.declare(cython.double[9])
+    half_way = cython.declare(cython.double[9])
+    # seven regressors, and one place more, so that a row is two wide registers
+    now = cython.declare(cython.double[8])
+    before = cython.declare(cython.double[8])
+    middle = cython.declare(cython.double[8])
+    sums = cython.declare(cython.double[72])
+    with cython.nogil:
+        for k in range(starts.shape[0]):
+            _unit(c)
+            for m in range(72):
+                sums[m] = 0.0
+            for j in range(8):
+                now[j] = before[j] = middle[j] = 0.0
+            for i in range(starts[k], stops[k]):
+                for axis in range(3):
+                    now[4 + axis] = (
+                        force_inverse[axis, 0] * (raw_force[i, 0] - force_bias[0])
+                        + force_inverse[axis, 1] * (raw_force[i, 1] - force_bias[1])
+                        + force_inverse[axis, 2] * (raw_force[i, 2] - force_bias[2])
+                    )
+                v0 = raw_rate[i, 0] - gyro_bias[0]
+                v1 = raw_rate[i, 1] - gyro_bias[1]
+                v2 = raw_rate[i, 2] - gyro_bias[2]
                 for j in range(3):
-                    total += force_inverse[axis, j] * (raw_force[i, j] - force_bias[j])
-                now[4 + axis] = total
-            v0 = raw_rate[i, 0] - gyro_bias[0]
-            v1 = raw_rate[i, 1] - gyro_bias[1]
-            v2 = raw_rate[i, 2] - gyro_bias[2]
-            for j in range(3):
-                v0 -= g_sensitivity[0, j] * now[4 + j]
-                v1 -= g_sensitivity[1, j] * now[4 + j]
-                v2 -= g_sensitivity[2, j] * now[4 + j]
-            for axis in range(3):
-                now[axis] = (
-                    gyro_inverse[axis, 0] * v0 + gyro_inverse[axis, 1] * v1 + gyro_inverse[axis, 2] * v2
-                )
-            now[3] = 1.0
-            if i == starts[k]:
-                before[:] = now
-                continue
-            step = time[i] - time[i - 1]
-            half = 0.5 * step
-            coning = step * step / 12.0
-            for j in range(7):
-                middle[j] = half * (before[j] + now[j])
-            p = middle[0] + coning * (before[1] * now[2] - before[2] * now[1])
-            q = middle[1] + coning * (before[2] * now[0] - before[0] * now[2])
-            r = middle[2] + coning * (before[0] * now[1] - before[1] * now[0])
-            square = p * p + q * q + r * r
-            if square < 1e-4:
-                sinc = 1.0 - square / 6.0 * (1.0 - square / 20.0)
-                cosc = 0.5 - square / 24.0 * (1.0 - square / 30.0)
-                half_sinc = 1.0 - square / 24.0 * (1.0 - square / 80.0)
-                half_cosc = 0.5 - square / 96.0 * (1.0 - square / 120.0)
-            else:
-                angle = np.sqrt(square)
-                sinc = np.sin(angle) / angle
-                cosc = (1.0 - np.cos(angle)) / square
-                half_angle = 0.5 * angle
-                half_sinc = np.sin(half_angle) / half_angle
-                half_cosc = (1.0 - np.cos(half_angle)) / (half_angle * half_angle)
-            # Middle of the step, for the sums: half of the rotation vector.
-            hp, hq, hr, hs = 0.5 * p, 0.5 * q, 0.5 * r, 0.25 * square
-            m00, m01, m02, m10, m11, m12, m20, m21, m22 = _multiply(
-                c00, c01, c02, c10, c11, c12, c20, c21, c22, hp, hq, hr, hs, half_sinc, half_cosc
-            )
-            for j in range(7):
-                x = middle[j]
-                sums[0, 0, j] += m00 * x
-                sums[0, 1, j] += m01 * x
-                sums[0, 2, j] += m02 * x
-                sums[1, 0, j] += m10 * x
-                sums[1, 1, j] += m11 * x
-                sums[1, 2, j] += m12 * x
-                sums[2, 0, j] += m20 * x
-                sums[2, 1, j] += m21 * x
-                sums[2, 2, j] += m22 * x
-            c00, c01, c02, c10, c11, c12, c20, c21, c22 = _multiply(
-                c00, c01, c02, c10, c11, c12, c20, c21, c22, p, q, r, square, sinc, cosc
-            )
-            before[:] = now
-        C_start_end[k, 0, 0], C_start_end[k, 0, 1], C_start_end[k, 0, 2] = c00, c01, c02
-        C_start_end[k, 1, 0], C_start_end[k, 1, 1], C_start_end[k, 1, 2] = c10, c11, c12
-        C_start_end[k, 2, 0], C_start_end[k, 2, 1], C_start_end[k, 2, 2] = c20, c21, c22
-        gyro_sums[k] = sums
+                    v0 -= g_sensitivity[0, j] * now[4 + j]
+                    v1 -= g_sensitivity[1, j] * now[4 + j]
+                    v2 -= g_sensitivity[2, j] * now[4 + j]
+                for axis in range(3):
+                    now[axis] = (
+                        gyro_inverse[axis, 0] * v0 + gyro_inverse[axis, 1] * v1 + gyro_inverse[axis, 2] * v2
+                    )
+                now[3] = 1.0
+                if i > starts[k]:
+                    step = time[i] - time[i - 1]
+                    half = 0.5 * step
+                    coning = step * step * (1.0 / 12.0)
+                    for j in range(8):
+                        middle[j] = half * (before[j] + now[j])
+                    p = middle[0] + coning * (before[1] * now[2] - before[2] * now[1])
+                    q = middle[1] + coning * (before[2] * now[0] - before[0] * now[2])
+                    r = middle[2] + coning * (before[0] * now[1] - before[1] * now[0])
+                    # the middle of the step, for the sums: half of the rotation vector
+                    _turn(c, 0.5 * p, 0.5 * q, 0.5 * r, half_way)
+                    for m in range(9):
+                        for j in range(8):
+                            sums[8 * m + j] += half_way[m] * middle[j]
+                    _turn(half_way, 0.5 * p, 0.5 * q, 0.5 * r, c)
+                for j in range(8):
+                    before[j] = now[j]
+            for m in range(3):
+                for j in range(3):
+                    C_start_end[k, m, j] = c[3 * m + j]
+                    for axis in range(7):
+                        gyro_sums[k, m, j, axis] = sums[8 * (3 * m + j) + axis]
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def _multiply(
-    c00,
-    c01,
-    c02,
-    c10,
-    c11,
-    c12,
-    c20,
-    c21,
-    c22,
-    p,
-    q,
-    r,
-    square,
-    sinc,
-    cosc,  # type: ignore[no-untyped-def]
-):
-    """Return C times the Rodrigues matrix of (p, q, r), element by element."""
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _unit(c: cython.p_double) -> cython.void:
+    """Fill the unit matrix."""
+    for m in range(9):
+        c[m] = 0.0
+    c[0] = c[4] = c[8] = 1.0
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _turn(
+    c: cython.p_double, p: cython.double, q: cython.double, r: cython.double, turned: cython.p_double
+) -> cython.void:
+    """Fill C times the rotation by the vector (p, q, r) rad (Rodrigues); `turned` is another matrix."""
+    square = p * p + q * q + r * r
+    if square < 0.04:
+        # to 1e-17 below 0.2 rad
+        sinc = 1.0 - square * (
+            1.0 / 6.0
+            - square
+            * (
+                1.0 / 120.0
+                - square * (1.0 / 5040.0 - square * (1.0 / 362880.0 - square * (1.0 / 39916800.0)))
+            )
+        )
+        cosc = 0.5 - square * (
+            1.0 / 24.0
+            - square
+            * (
+                1.0 / 720.0
+                - square * (1.0 / 40320.0 - square * (1.0 / 3628800.0 - square * (1.0 / 479001600.0)))
+            )
+        )
+    else:
+        angle = sqrt(square)
+        sinc = sin(angle) / angle
+        cosc = (1.0 - cos(angle)) / square
     d = 1.0 - cosc * square
     r00, r11, r22 = d + cosc * p * p, d + cosc * q * q, d + cosc * r * r
     r01, r10 = cosc * p * q - sinc * r, cosc * p * q + sinc * r
     r02, r20 = cosc * p * r + sinc * q, cosc * p * r - sinc * q
     r12, r21 = cosc * q * r - sinc * p, cosc * q * r + sinc * p
-    return (
-        c00 * r00 + c01 * r10 + c02 * r20,
-        c00 * r01 + c01 * r11 + c02 * r21,
-        c00 * r02 + c01 * r12 + c02 * r22,
-        c10 * r00 + c11 * r10 + c12 * r20,
-        c10 * r01 + c11 * r11 + c12 * r21,
-        c10 * r02 + c11 * r12 + c12 * r22,
-        c20 * r00 + c21 * r10 + c22 * r20,
-        c20 * r01 + c21 * r11 + c22 * r21,
-        c20 * r02 + c21 * r12 + c22 * r22,
-    )
+    for m in range(3):
+        x, y, z = c[3 * m], c[3 * m + 1], c[3 * m + 2]
+        turned[3 * m] = x * r00 + y * r10 + z * r20
+        turned[3 * m + 1] = x * r01 + y * r11 + z * r21
+        turned[3 * m + 2] = x * r02 + y * r12 + z * r22
 
 
-@numba.njit(cache=True, nogil=True)
 def average_windows(
-    time: Floats,
-    raw_rate: Floats,
-    raw_force: Floats,
-    gyro_inverse: Floats,
-    gyro_bias: Floats,
-    force_inverse: Floats,
-    force_bias: Floats,
-    starts: Integers,
-    stops: Integers,
-    backward: bool,
-    means: Floats,
+    time: cython.const[cython.double][::1],
+    raw_rate: cython.const[cython.double][:, ::1],
+    raw_force: cython.const[cython.double][:, ::1],
+    gyro_inverse: cython.const[cython.double][:, ::1],
+    gyro_bias: cython.const[cython.double][:, ::1],
+    force_inverse: cython.const[cython.double][:, ::1],
+    force_bias: cython.const[cython.double][::1],
+    starts: cython.const[cython.longlong][:],
+    stops: cython.const[cython.longlong][:],
+    backward: cython.bint,
+    means: cython.double[:, ::1],
 ) -> None:
     """Average the corrected specific force of each window, every sample turned to the window's edge.
 
     The edge is the last sample, or the first if `backward`. Inside a window the unit is all but at
-    rest, so that a rotation vector of first order in each step, kept by composition, suffices.
+    rest, so that a rotation vector of first order in each step suffices.
     """
-    for k in range(starts.shape[0]):
-        c00, c01, c02 = 1.0, 0.0, 0.0
-        c10, c11, c12 = 0.0, 1.0, 0.0
-        c20, c21, c22 = 0.0, 0.0, 1.0
-        s0, s1, s2 = 0.0, 0.0, 0.0
-        w = np.zeros(3)
-        last = np.zeros(3)
-        f = np.zeros(3)
-        count = stops[k] - starts[k]
-        for n in range(count):
-            i = starts[k] + n if backward else stops[k] - 1 - n
-            for axis in range(3):
-                rate = 0.0
-                force = 0.0
+    c = cython.declare(cython.double[9])
+    turned = cython.declare(cython.double[9])
+    w = cython.declare(cython.double[3])
+    last = cython.declare(cython.double[3])
+    f = cython.declare(cython.double[3])
+    with cython.nogil:
+        for k in range(starts.shape[0]):
+            _unit(c)
+            s0 = s1 = s2 = 0.0
+            count = stops[k] - starts[k]
+            for n in range(count):
+                i = starts[k] + n if backward else stops[k] - 1 - n
+                for axis in range(3):
+                    w[axis] = f[axis] = 0.0
+                    for j in range(3):
+                        w[axis] += gyro_inverse[axis, j] * (raw_rate[i, j] - gyro_bias[k, j])
+                        f[axis] += force_inverse[axis, j] * (raw_force[i, j] - force_bias[j])
+                if n > 0:
+                    # Positive going forward from the edge, negative going back to it.
+                    half = 0.5 * (time[i] - time[i - 1] if backward else time[i] - time[i + 1])
+                    _turn(
+                        c, half * (w[0] + last[0]), half * (w[1] + last[1]), half * (w[2] + last[2]), turned
+                    )
+                    for j in range(9):
+                        c[j] = turned[j]
+                s0 += c[0] * f[0] + c[1] * f[1] + c[2] * f[2]
+                s1 += c[3] * f[0] + c[4] * f[1] + c[5] * f[2]
+                s2 += c[6] * f[0] + c[7] * f[1] + c[8] * f[2]
                 for j in range(3):
-                    rate += gyro_inverse[axis, j] * (raw_rate[i, j] - gyro_bias[k, j])
-                    force += force_inverse[axis, j] * (raw_force[i, j] - force_bias[j])
-                w[axis] = rate
-                f[axis] = force
-            if n > 0:
-                # Positive going forward from the edge, negative going back to it.
-                step = time[i] - time[i - 1] if backward else time[i] - time[i + 1]
-                p = 0.5 * step * (w[0] + last[0])
-                q = 0.5 * step * (w[1] + last[1])
-                r = 0.5 * step * (w[2] + last[2])
-                square = p * p + q * q + r * r
-                sinc = 1.0 - square / 6.0
-                cosc = 0.5 - square / 24.0
-                c00, c01, c02, c10, c11, c12, c20, c21, c22 = _multiply(
-                    c00, c01, c02, c10, c11, c12, c20, c21, c22, p, q, r, square, sinc, cosc
-                )
-            s0 += c00 * f[0] + c01 * f[1] + c02 * f[2]
-            s1 += c10 * f[0] + c11 * f[1] + c12 * f[2]
-            s2 += c20 * f[0] + c21 * f[1] + c22 * f[2]
-            last[:] = w
-        means[k, 0] = s0 / count
-        means[k, 1] = s1 / count
-        means[k, 2] = s2 / count
+                    last[j] = w[j]
+            means[k, 0] = s0 / count
+            means[k, 1] = s1 / count
+            means[k, 2] = s2 / count
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract", "arcp", "nsz"})
+@cython.locals(
+    w=cython.double,
+    x=cython.double,
+    y=cython.double,
+    z=cython.double,
+    hx=cython.double,
+    hy=cython.double,
+    hz=cython.double,
+    s=cython.double,
+    sinc=cython.double,
+    cosine=cython.double,
+    a=cython.double,
+    b=cython.double,
+    c=cython.double,
+    d=cython.double,
+    tx=cython.double,
+    ty=cython.double,
+    tz=cython.double,
+    vx=cython.double,
+    vy=cython.double,
+    vz=cython.double,
+)
 def transform_sequence(
-    rate: Floats,
-    force: Floats,
-    step: float,
-    earth: Floats,
-    first_weights: Floats,
-    first: int,
-    last_weights: Floats,
-    last: int,
-    averages: Floats,
-    C_start_end: Floats,
+    rate: cython.const[cython.double][:, ::1],
+    force: cython.const[cython.double][:, ::1],
+    step: cython.double,
+    earth: cython.const[cython.double][::1],
+    first_weights: cython.const[cython.double][::1],
+    first: cython.Py_ssize_t,
+    last_weights: cython.const[cython.double][::1],
+    last: cython.Py_ssize_t,
+    averages: cython.double[:, ::1],
+    C_start_end: cython.double[:, ::1],
 ) -> None:
     """Carry `rate` from sample to sample and average `force` in the frame of the start over two windows.
 
@@ -226,97 +237,105 @@ def transform_sequence(
     start. `averages` (2, 3) receives the weighted sums over the windows that begin at samples `first` and, not
     before that one's end, `last`; `C_start_end` (3, 3) the attitude at the end.
     """
-    w, x, y, z = 1.0, 0.0, 0.0, 0.0
-    averages[:, :] = 0.0
-    ex, ey, ez = earth[0], earth[1], earth[2]
-    half = 0.5 * step
-    begin = 0
-    for piece in range(5):
-        # before the first window, in it, between the two, in the last, after it
-        window, at, weights, stop = -1, 0, first_weights, rate.shape[0]
-        if piece == 0:
-            stop = first
-        elif piece == 1:
-            window, at, stop = 0, first, first + first_weights.shape[0]
-        elif piece == 2:
-            stop = last
-        elif piece == 3:
-            window, at, weights, stop = 1, last, last_weights, last + last_weights.shape[0]
-        middle = at + 0.5 * (weights.shape[0] - 1)
-        # sums of the force with the powers of the time from the window's middle
-        s00, s01, s02, s10, s11, s12 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        s20, s21, s22, s30, s31, s32 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for k in range(begin, min(stop, rate.shape[0])):
-            hx, hy, hz = half * rate[k, 0], half * rate[k, 1], half * rate[k, 2]
-            s = hx * hx + hy * hy + hz * hz
-            if s < 1e-3:
-                # sin(h)/h and cos(h) to 1e-17 below 0.03 rad of half an angle
-                sinc = 1.0 + s * (-1.0 / 6 + s * (1.0 / 120 - s * (1.0 / 5040)))
-                cosine = 1.0 + s * (-0.5 + s * (1.0 / 24 - s * (1.0 / 720 - s * (1.0 / 40320))))
-            else:
-                h = np.sqrt(s)
-                sinc, cosine = np.sin(h) / h, np.cos(h)
-            hx *= sinc
-            hy *= sinc
-            hz *= sinc
-            a = w * cosine - x * hx - y * hy - z * hz
-            b = w * hx + x * cosine + y * hz - z * hy
-            c = w * hy - x * hz + y * cosine + z * hx
-            d = w * hz + x * hy - y * hx + z * cosine
-            w, x, y, z = a, b, c, d
-            if window >= 0:
-                weight = weights[k - at]
-                fx, fy, fz = weight * force[k, 0], weight * force[k, 1], weight * force[k, 2]
-                # q f q*, of a unit quaternion
-                tx, ty, tz = 2.0 * (y * fz - z * fy), 2.0 * (z * fx - x * fz), 2.0 * (x * fy - y * fx)
-                vx = fx + w * tx + y * tz - z * ty
-                vy = fy + w * ty + z * tx - x * tz
-                vz = fz + w * tz + x * ty - y * tx
-                t = (k - middle) * step
-                s00, s01, s02 = s00 + vx, s01 + vy, s02 + vz
-                vx, vy, vz = vx * t, vy * t, vz * t
-                s10, s11, s12 = s10 + vx, s11 + vy, s12 + vz
-                vx, vy, vz = vx * t, vy * t, vz * t
-                s20, s21, s22 = s20 + vx, s21 + vy, s22 + vz
-                s30, s31, s32 = s30 + vx * t, s31 + vy * t, s32 + vz * t
-        begin = max(begin, stop)
-        if window < 0:
-            continue
-        # Back by what the Earth has turned since the start: by a series from the middle of the window, whose fourth
-        # power is nothing (1e-8 of gravity in ten minutes), and from there to the start by exp(-[earth t]).
-        ux, uy, uz = (
-            s20 - (ey * s32 - ez * s31) / 3.0,
-            s21 - (ez * s30 - ex * s32) / 3.0,
-            s22 - (ex * s31 - ey * s30) / 3.0,
+    sums = cython.declare(cython.double[12])
+    with cython.nogil:
+        w, x, y, z = 1.0, 0.0, 0.0, 0.0
+        for j in range(3):
+            averages[0, j] = averages[1, j] = 0.0
+        ex, ey, ez = earth[0], earth[1], earth[2]
+        half = 0.5 * step
+        begin = 0
+        for piece in range(5):
+            # before the first window, in it, between the two, in the last, after it
+            window, at, weights, stop = -1, 0, first_weights, rate.shape[0]
+            if piece == 0:
+                stop = first
+            elif piece == 1:
+                window, at, stop = 0, first, first + first_weights.shape[0]
+            elif piece == 2:
+                stop = last
+            elif piece == 3:
+                window, at, weights, stop = 1, last, last_weights, last + last_weights.shape[0]
+            middle = at + 0.5 * (weights.shape[0] - 1)
+            # sums of the force with the powers of the time from the window's middle
+            for m in range(12):
+                sums[m] = 0.0
+            for k in range(begin, min(stop, rate.shape[0])):
+                hx, hy, hz = half * rate[k, 0], half * rate[k, 1], half * rate[k, 2]
+                s = hx * hx + hy * hy + hz * hz
+                if s < 1e-3:
+                    # sin(h)/h and cos(h) to 1e-17 below 0.03 rad of half an angle
+                    sinc = 1.0 + s * (-1.0 / 6 + s * (1.0 / 120 - s * (1.0 / 5040)))
+                    cosine = 1.0 + s * (-0.5 + s * (1.0 / 24 - s * (1.0 / 720 - s * (1.0 / 40320))))
+                else:
+                    h = sqrt(s)
+                    sinc, cosine = sin(h) / h, cos(h)
+                hx *= sinc
+                hy *= sinc
+                hz *= sinc
+                a = w * cosine - x * hx - y * hy - z * hz
+                b = w * hx + x * cosine + y * hz - z * hy
+                c = w * hy - x * hz + y * cosine + z * hx
+                d = w * hz + x * hy - y * hx + z * cosine
+                w, x, y, z = a, b, c, d
+                if window >= 0:
+                    weight = weights[k - at]
+                    fx, fy, fz = weight * force[k, 0], weight * force[k, 1], weight * force[k, 2]
+                    # q f q*, of a unit quaternion
+                    tx, ty, tz = 2.0 * (y * fz - z * fy), 2.0 * (z * fx - x * fz), 2.0 * (x * fy - y * fx)
+                    vx = fx + w * tx + y * tz - z * ty
+                    vy = fy + w * ty + z * tx - x * tz
+                    vz = fz + w * tz + x * ty - y * tx
+                    t = (k - middle) * step
+                    for power in range(4):
+                        sums[3 * power] += vx
+                        sums[3 * power + 1] += vy
+                        sums[3 * power + 2] += vz
+                        vx *= t
+                        vy *= t
+                        vz *= t
+            begin = max(begin, stop)
+            if window < 0:
+                continue
+            # Back by what the Earth has turned since the start: by a series from the middle of the window, whose fourth
+            # power is nothing (1e-8 of gravity in ten minutes), and from there to the start by exp(-[earth t]).
+            ux, uy, uz = (
+                sums[6] - (ey * sums[11] - ez * sums[10]) / 3.0,
+                sums[7] - (ez * sums[9] - ex * sums[11]) / 3.0,
+                sums[8] - (ex * sums[10] - ey * sums[9]) / 3.0,
+            )
+            ux, uy, uz = (
+                sums[3] - 0.5 * (ey * uz - ez * uy),
+                sums[4] - 0.5 * (ez * ux - ex * uz),
+                sums[5] - 0.5 * (ex * uy - ey * ux),
+            )
+            vx, vy, vz = (
+                sums[0] - (ey * uz - ez * uy),
+                sums[1] - (ez * ux - ex * uz),
+                sums[2] - (ex * uy - ey * ux),
+            )
+            t = (middle + 0.5) * step
+            rx, ry, rz = ex * t, ey * t, ez * t
+            angle = rx * rx + ry * ry + rz * rz
+            one, two = 1.0 - angle / 6.0 + angle * angle / 120.0, 0.5 - angle / 24.0 + angle * angle / 720.0
+            cx, cy, cz = ry * vz - rz * vy, rz * vx - rx * vz, rx * vy - ry * vx
+            averages[window, 0] = vx - one * cx + two * (ry * cz - rz * cy)
+            averages[window, 1] = vy - one * cy + two * (rz * cx - rx * cz)
+            averages[window, 2] = vz - one * cz + two * (rx * cy - ry * cx)
+        norm = 1.0 / sqrt(w * w + x * x + y * y + z * z)
+        w, x, y, z = w * norm, x * norm, y * norm, z * norm
+        C_start_end[0, 0], C_start_end[0, 1], C_start_end[0, 2] = (
+            1.0 - 2.0 * (y * y + z * z),
+            2.0 * (x * y - w * z),
+            2.0 * (x * z + w * y),
         )
-        ux, uy, uz = (
-            s10 - 0.5 * (ey * uz - ez * uy),
-            s11 - 0.5 * (ez * ux - ex * uz),
-            s12 - 0.5 * (ex * uy - ey * ux),
+        C_start_end[1, 0], C_start_end[1, 1], C_start_end[1, 2] = (
+            2.0 * (x * y + w * z),
+            1.0 - 2.0 * (x * x + z * z),
+            2.0 * (y * z - w * x),
         )
-        vx, vy, vz = s00 - (ey * uz - ez * uy), s01 - (ez * ux - ex * uz), s02 - (ex * uy - ey * ux)
-        t = (middle + 0.5) * step
-        rx, ry, rz = ex * t, ey * t, ez * t
-        angle = rx * rx + ry * ry + rz * rz
-        one, two = 1.0 - angle / 6.0 + angle * angle / 120.0, 0.5 - angle / 24.0 + angle * angle / 720.0
-        cx, cy, cz = ry * vz - rz * vy, rz * vx - rx * vz, rx * vy - ry * vx
-        averages[window, 0] = vx - one * cx + two * (ry * cz - rz * cy)
-        averages[window, 1] = vy - one * cy + two * (rz * cx - rx * cz)
-        averages[window, 2] = vz - one * cz + two * (rx * cy - ry * cx)
-    norm = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
-    w, x, y, z = w * norm, x * norm, y * norm, z * norm
-    C_start_end[0, 0], C_start_end[0, 1], C_start_end[0, 2] = (
-        1.0 - 2.0 * (y * y + z * z),
-        2.0 * (x * y - w * z),
-        2.0 * (x * z + w * y),
-    )
-    C_start_end[1, 0], C_start_end[1, 1], C_start_end[1, 2] = (
-        2.0 * (x * y + w * z),
-        1.0 - 2.0 * (x * x + z * z),
-        2.0 * (y * z - w * x),
-    )
-    C_start_end[2, 0], C_start_end[2, 1], C_start_end[2, 2] = (
-        2.0 * (x * z - w * y),
-        2.0 * (y * z + w * x),
-        1.0 - 2.0 * (x * x + y * y),
-    )
+        C_start_end[2, 0], C_start_end[2, 1], C_start_end[2, 2] = (
+            2.0 * (x * z - w * y),
+            2.0 * (y * z + w * x),
+            1.0 - 2.0 * (x * x + y * y),
+        )

@@ -32,10 +32,12 @@ class Said:
     kind : a "remark" on how it was made; a "caution", which stands first in the verdict of what is fit: what its use
         depends on; an "objection", which makes it unfit for use, whatever its numbers say; what is "not determined".
     text : the sentence.
+    of_recording : it speaks of what was recorded, and holds for every estimate that is made of it.
     """
 
     kind: Kind
     text: str
+    of_recording: bool = False
 
 
 def said_of(
@@ -155,6 +157,24 @@ class OverTemperature:
     covariance: Table
 
 
+@dataclass(frozen=True, slots=True)
+class Unseen:
+    """What all gyro scale factors follow, and no residual shows.
+
+    Attributes
+    ----------
+    source : as a budget of uncertainty names it.
+    sigma : standard uncertainty of it, as a share.
+    because : where that is from, as a clause.
+    mend : what to do to know it better, as a clause.
+    """
+
+    source: str
+    sigma: float
+    because: str
+    mend: str
+
+
 @dataclass(slots=True)
 class Estimate:
     """The outcome of a procedure, before it becomes a document.
@@ -179,6 +199,7 @@ class Estimate:
         knows the poses, and has the axes of the fixture in them.
     thermal : how the triads change with temperature; None if that was not asked for.
     lever_arms : (3, 3) m in `frame`, where each accelerometer sits; None where they are taken to be at one place.
+    unseen : what all gyro scale factors follow and no residual shows; it is in the covariance.
     """
 
     procedure: str
@@ -200,6 +221,7 @@ class Estimate:
     frame: str = "accelerometer-x"
     thermal: OverTemperature | None = None
     lever_arms: Matrix | None = None
+    unseen: list[Unseen] = field(default_factory=list[Unseen])
 
     def say(self, kind: Kind, *texts: str) -> None:
         """Add sentences of a kind."""
@@ -208,6 +230,10 @@ class Estimate:
     def sentences(self, kind: Kind) -> list[str]:
         """Return all sentences of a kind, in their order."""
         return [said.text for said in self.said if said.kind == kind]
+
+    def said_of_recording(self) -> list[Said]:
+        """Return the sentences that hold for every estimate of the same recording."""
+        return [said for said in self.said if said.of_recording]
 
     def show(self, *evidence: Evidence) -> None:
         """Add evidence; a record of the same kind gives way."""

@@ -12,13 +12,13 @@ arm, and how both biases wander. Optional terms are kept if the data want them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from tumble.arrays import Series, inverted
-from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording
+from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording, solve_recording
 from tumble.calibration.equations.believed_poses import BelievedPoses
 from tumble.calibration.equations.imu_unknowns import (
     FORCE_ALONE,
@@ -27,6 +27,7 @@ from tumble.calibration.equations.imu_unknowns import (
     force_matrix,
     gyro_matrix,
     imu_unknowns,
+    name_plate,
     unknowns_of,
 )
 from tumble.calibration.equations.observed import TableRotation, observe, table_rotation
@@ -47,6 +48,7 @@ from tumble.calibration.optional_terms import (
     determined_terms,
     offered_terms,
     seen_table_terms,
+    surprise_added,
     term_limits,
     unknowns_with,
     wanted_terms,
@@ -56,6 +58,7 @@ from tumble.calibration.outcome.estimate import JointOutcome, joint_estimate, re
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.procedures.hand_held import add_bias_step, add_time_lag
 from tumble.calibration.start import gather_what_there_is, rough_start, rough_variances, start_adjustment
+from tumble.calibration.unseen import add_common_scale, rest_rate
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.balance import Balanced
@@ -67,6 +70,8 @@ from tumble.segmentation.rotations import LONGEST_GAP, Rotation
 
 # An axis that leans by less than this is upright; a window may then turn so far.
 UPRIGHT, UPRIGHT_ANGLE = 0.1, 3.0  # rad
+# A recording tells its clock if it leaves less than this share of what is believed of it open.
+CLOCK_TOLD = 0.3
 
 
 def calibrate_joint(
@@ -80,6 +85,8 @@ def calibrate_joint(
     poses: BelievedPoses | None = None,
     frame: str = "accelerometer-x",
     prior: StableKnowledge | None = None,
+    alike: Mapping[str, float] | None = None,
+    partly: bool = True,
     optional_terms: bool = True,
     unused_holds: Sequence[int] = (),
     progress: Callable[[str], None] | None = None,
@@ -95,8 +102,11 @@ def calibrate_joint(
         starts from rough values.
     rotations : of a table, from rest to rest, with the angles that were read.
     poses : of holds, that are believed.
-    frame : of the result: "accelerometer-x", or "fixture" where poses tell it.
+    frame : of the result: "accelerometer-x", "mean-gyro", or "fixture" where poses tell it.
     prior : what an earlier calibration knows of the accelerometers' angles.
+    alike : of what gyros are compared with and may be wrong alike, ``clock`` and ``table_rate``, one sigma as a share;
+        None takes both as exact.
+    partly : go on where some unknowns are not told, and leave them to the name plate.
     optional_terms : try g-sensitivity, quadratic terms and asymmetries, on a table a lag between the triads and the
         accelerometers' lever arms too, and keep what the data want.
     unused_holds : holds whose force and rate are kept out of the estimate, for cross-validation.
@@ -114,7 +124,7 @@ def calibrate_joint(
     say("joint adjustment")
     u = _start_values(recording, timeline, means, site, start)
     base, has_gyro = gather_what_there_is(recording, timeline, means)
-    if poses is None and frame != "accelerometer-x":
+    if poses is None and frame == "fixture":
         raise ObservabilityError(
             f"No pose is believed, so that nothing tells the frame {frame!r}: give a protocol whose holds have poses "
             "with a small sigma, or leave the frame as it is."
@@ -136,9 +146,15 @@ def calibrate_joint(
     task.taking_part["rate"] &= has_gyro
     mounted = None if poses is None else mounting_prior(u)
     task.prior = together(angle_prior(u, prior), mounted)
+    given = {name: sigma for name, sigma in (alike or {}).items() if sigma > 0.0 and has_gyro}
+    adjusted = _adjusted_alike(task, given)
+    if adjusted:
+        plain = np.sort(np.concatenate([plain, LAYOUT.indices(*adjusted)]))
+        task.unknowns = task.unknowns.with_free(plain)
+        task.prior = together(task.prior, LAYOUT.sparse_prior(u.values, adjusted))
     untold = find_untold(linearise(task)[1], task.unknowns)
     if untold is not None:
-        _refuse_nothing_told(untold)
+        _refuse_nothing_told(untold, partly=partly)
         task.prior = together(task.prior, name_plate_prior(u.with_free(plain)))
         task.noise = rough_variances(base, u, has_gyro=has_gyro)
         optional_terms, known = False, []
@@ -156,12 +172,34 @@ def calibrate_joint(
     if keep is not None:
         keep(outcome)
     estimate = joint_estimate(outcome)
+    if "clock" in given and "clock" not in adjusted:
+        add_common_scale(estimate, given["clock"], rest_rate(estimate, means))
     if optional_terms and has_gyro and not data.rotations:
         add_time_lag(estimate, base)
     estimate.say("remark", *broken)
     if has_gyro:
         add_bias_step(estimate, base, recording, *rest_residuals(outcome))
     return estimate
+
+
+def _adjusted_alike(task: JointAdjustment, given: Mapping[str, float]) -> dict[str, float]:
+    """What clock and table may be wrong by alike and the recording tells something of: the others stay as they are.
+
+    A table's rates that are believed tell the clock, and so does the Earth's rotation to gyros that see it well.
+    """
+    rated = any(rotation.turn_rate is not None for rotation in task.data.rotations.values())
+    table = {"table_rate": given["table_rate"]} if rated and "table_rate" in given else {}
+    if "clock" not in given:
+        return table
+    both = {**table, "clock": given["clock"]}
+    trial = task.copy()
+    trial.unknowns = task.unknowns.with_free(np.union1d(task.unknowns.free, LAYOUT.indices(*both)))
+    trial.prior = together(task.prior, LAYOUT.sparse_prior(trial.unknowns.values, both))
+    sizes, (at,) = name_plate(trial.unknowns)[trial.unknowns.free], trial.unknowns.places(["clock"])
+    normal = linearise(trial)[1] * np.outer(sizes, sizes)
+    # Directions of the sensors that nothing tells are open by their name plate.
+    left = inverted(normal + np.eye(len(normal)))[at, at] * sizes[at] ** 2
+    return both if np.sqrt(left) < CLOCK_TOLD * given["clock"] else table
 
 
 def _rotations(
@@ -236,7 +274,7 @@ def _start_values(
     recording: Recording, timeline: Timeline, means: HoldMeans, site: Site, start: Estimate | None
 ) -> Unknowns:
     """From another procedure's estimate as far as it goes, the rest roughly."""
-    model = None if start is None or start.frame != "accelerometer-x" else start.model
+    model = None if start is None else start.model
     if model is not None and model.accelerometer is not None and model.gyroscope is not None:
         return imu_unknowns(unknowns_of(model))
     u = rough_start(recording, timeline, means, site)
@@ -250,8 +288,12 @@ def _tells_gyros(start: Estimate) -> bool:
     return sum(name.startswith("gyroscope.matrix") for name in start.names) == 9
 
 
-def _refuse_nothing_told(untold: Untold) -> None:
-    """Refuse a recording that does not even tell biases and scale factors of the accelerometers."""
+def _refuse_nothing_told(untold: Untold, *, partly: bool) -> None:
+    """Refuse a recording that does not even tell biases and scale factors of the accelerometers, or not everything."""
+    if not partly:
+        raise ObservabilityError(
+            f"it needs a motion that tells all of both triads. {' '.join(untold.sentences[:1])}"
+        )
     if np.all(np.isin(LAYOUT.indices("force.bias", "force.scale"), untold.unknowns)):
         raise ObservabilityError(f"The holds tell nothing of the accelerometers. {untold.sentences[0]}")
 
@@ -311,11 +353,14 @@ def _balanced_with(task: JointAdjustment, names: list[str]) -> Balanced:
 
 
 def _balanced(task: JointAdjustment, names: list[str]) -> Balanced:
-    """Balance with some terms free, and hold them again."""
+    """Settle with some terms free, and hold them again.
+
+    With a table's terms it is a start for trials that begin with the noise anew: nothing is balanced yet.
+    """
     prior, free = task.prior, task.unknowns.free
     task.unknowns = task.unknowns.with_free(unknowns_with(free, names))
     task.prior = together(prior, lever_prior(task.unknowns))
-    balanced = balance_recording(task)
+    balanced = Balanced(solve_recording(task), [], {}) if names else balance_recording(task)
     task.unknowns, task.prior = task.unknowns.with_free(free), prior
     return balanced
 
@@ -349,13 +394,35 @@ def _with_terms(
         wanted = wanted_terms(trial, balanced, names, tests, limits)
         if wanted == names:
             worse = worse_predicted(without[1], balanced, names)
-            if not worse:
+            weakest = _unneeded(
+                task, fresh, plain, balanced, sorted(worse, key=lambda n: -tests[n].probability)
+            )
+            if weakest is None:
                 return trial, balanced, list(tests.values()), untried
-            weakest = max(worse, key=lambda name: tests[name].probability)
             tests[weakest] = replace(tests[weakest], kept=False)
             wanted = [name for name in names if name != weakest]
         names = wanted
     return *without, list(tests.values()), untried
+
+
+def _unneeded(
+    task: JointAdjustment, fresh: JointAdjustment, plain: np.ndarray, balanced: Balanced, worse: list[str]
+) -> str | None:
+    """The first term without which everything that was recorded is predicted better; None if there is none.
+
+    Holds are not predicted better by what turns tell of accelerometers, and turns are.
+    """
+    for name in worse:
+        others = np.setdiff1d(balanced.solution.unknowns.free, TERMS[name].unknowns)
+        alone = _from_before(task, fresh, np.union1d(others, plain))
+        alone.prior = together(alone.prior, lever_prior(alone.unknowns))
+        try:
+            without = balance_recording(alone)
+        except (ObservabilityError, ConvergenceError):
+            continue
+        if surprise_added(without, balanced, ("force", "rate", "turn")) > 0.0:
+            return name
+    return None
 
 
 def _without_terms(
@@ -369,7 +436,9 @@ def _without_terms(
         return alone, balance_recording(alone)
     except (ObservabilityError, ConvergenceError):
         # Terms that the start had may be what it settles with.
-        return task, base
+        again = _from_before(task, fresh, base.solution.unknowns.free)
+        again.prior = together(again.prior, lever_prior(again.unknowns))
+        return again, balance_recording(again)
 
 
 def _from_before(task: JointAdjustment, fresh: JointAdjustment, free: np.ndarray) -> JointAdjustment:

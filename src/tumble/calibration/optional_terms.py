@@ -5,6 +5,7 @@ A new term is a block of `imu_unknowns`, its derivative in the equations that sh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -138,8 +139,9 @@ def wanted_terms(
 def worse_predicted(base: Balanced, trial: Balanced, names: list[str]) -> list[str]:
     """Return the terms of a kind whose holds or turns are predicted worse with them than without.
 
-    Each hold and each turn is predicted from all the others, by the estimate without it; those that one of both leaves
-    out are not compared.
+    Each hold and each turn is predicted from all the others, by the estimate without it, with the uncertainty of that
+    prediction: a few holds that alone tell a term are predicted badly without them, and it is known how badly. Those
+    that one of both leaves out are not compared.
 
     Parameters
     ----------
@@ -149,13 +151,29 @@ def worse_predicted(base: Balanced, trial: Balanced, names: list[str]) -> list[s
     worse: list[str] = []
     for shown_by, kind in (("force", "force"), ("gyro", "turn")):
         of_kind = [name for name in names if TERMS[name].shown_by == shown_by]
-        before, after = base.tests.get(kind), trial.tests.get(kind)
-        if not of_kind or before is None or after is None:
-            continue
-        _, here, there = np.intersect1d(before.place, after.place, return_indices=True)
-        if float(np.sum(after.predicted[there])) > float(np.sum(before.predicted[here])):
+        if of_kind and surprise_added(base, trial, (kind,)) > 0.0:
             worse += of_kind
     return worse
+
+
+def surprise_added(base: Balanced, trial: Balanced, kinds: Sequence[str]) -> float:
+    """Return by how much observations of some kinds surprise a trial more that was made without each of them.
+
+    Parameters
+    ----------
+    base, trial : two estimates of the same recording; what either leaves out, or checks in fewer directions than the
+        other, does not count.
+    kinds : of observations.
+    """
+    more = 0.0
+    for kind in kinds:
+        before, after = base.tests.get(kind), trial.tests.get(kind)
+        if before is None or after is None:
+            continue
+        _, here, there = np.intersect1d(before.place, after.place, return_indices=True)
+        alike = before.degrees[here] == after.degrees[there]
+        more += float(np.sum(after.surprise[there[alike]]) - np.sum(before.surprise[here[alike]]))
+    return more
 
 
 def implausible_words(tests: list[TermTest]) -> list[str]:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from tumble.errors import UsageError
 from tumble.procedure_names import KNOWN_PROCEDURES
@@ -55,14 +55,14 @@ class Procedure:
     suits : whether it suits a recording of which nobody says what was done.
     otherwise : the procedure to try next where it does not; empty for the last one, and those that are never tried.
     failed : what is said where it was tried and the recording does not determine enough.
-    joint_is_better : the joint estimator takes over unasked: it is two to five times nearer the truth for every grade
-        that was simulated.
-    starts_joint : the joint estimator can start from its estimate.
+    starts_joint : the joint estimator takes over from its estimate, unless the procedure is asked for by name.
     believes : it takes poses or rates from the protocol, which a plan does not.
     joint_believes : the joint estimator, too, takes the poses of its protocols from them.
     free_turns : turns between its holds are made by hand, and tell the gyros.
     counts_between_holds : its covariance counts what the means of different holds have in common.
     by_temperature : temperatures tell the steps of its protocols, and not poses.
+    gyros_from : what the gyros' scale factors are from: ``turns`` whose angles gravity tells, a ``table`` that shows
+        angles or keeps rates, known ``rates`` alone; empty where it tells none, or the Earth's rotation does.
     """
 
     name: str
@@ -80,13 +80,13 @@ class Procedure:
     suits: Callable[[Session], Suits] = _unasked
     otherwise: str = ""
     failed: str = ""
-    joint_is_better: bool = False
     starts_joint: bool = True
     believes: bool = False
     joint_believes: bool = True
     free_turns: bool = True
     counts_between_holds: bool = False
     by_temperature: bool = False
+    gyros_from: Literal["turns", "table", "rates", ""] = ""
 
     @property
     def row(self) -> str:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Series, Vectors
+from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.equations.triad_unknowns import BIAS, SCALE
+from tumble.calibration.faces import FACE_ANGLE
 from tumble.calibration.poses import distinct_poses
 from tumble.calibration.singular_poses import describe_mending, describe_untold
 from tumble.errors import ObservabilityError
@@ -52,7 +54,7 @@ def require_poses(
     if untold:
         raise ObservabilityError(
             f"The {held.shape[0]} different poses {untold}. "
-            f"Record again and hold the unit also with {describe_mending(held, needed)}."
+            f"Record again and hold the unit also with {describe_mending(held, needed)}{_serves(held, needed)}."
         )
 
 
@@ -81,4 +83,19 @@ def _too_few(held: Vectors, needed: int, has_prior: bool) -> str:
     )
     if needed == 9 and found >= 6:
         text += "; or give an earlier calibration of this unit with --prior, and six poses suffice"
-    return text + "."
+    return f"{text}{_serves(held, needed)}."
+
+
+def _serves(held: Vectors, needed: int) -> str:
+    """Which option gets something out of these poses as they are; empty where none does."""
+    if needed < 9 or held.shape[0] < 6:
+        return ""
+    options: list[str] = []
+    if not describe_untold(held, 6):
+        options.append(
+            "--procedure multi-position --unknowns 6 takes the non-orthogonalities as nominal and gives biases and "
+            "scale factors"
+        )
+    if np.all(np.max(held @ twenty_six_directions()[:6].T, axis=0) > np.cos(FACE_ANGLE)):
+        options.append("--procedure six-position gives these and believes that the faces were levelled")
+    return f"; or {', and '.join(options)}" if options else ""

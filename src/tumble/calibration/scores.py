@@ -101,10 +101,11 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
     """
     if model.accelerometer is None or model.gyroscope is None:
         raise ValueError("turns need both triads in the model")
-    # Quadratic terms are taken out of the raw numbers first: the kernels know matrix and bias.
-    raw_force = data.raw_force
-    if model.accelerometer.quadratic is not None or model.accelerometer.asymmetry is not None:
-        raw_force = model.accelerometer.own_input(data.raw_force) + model.accelerometer.bias
+    # Quadratic terms and asymmetries are taken out of the raw numbers first: the kernels know matrix and bias.
+    raw_force, raw_rate = (
+        _straight(model.accelerometer, data.raw_force),
+        _straight(model.gyroscope, data.raw_rate),
+    )
     gyro_inverse: Matrix = inverted(model.gyroscope.matrix)
     force_inverse: Matrix = inverted(model.accelerometer.matrix)
     sensitivity = np.zeros((3, 3)) if model.g_sensitivity is None else model.g_sensitivity
@@ -115,7 +116,7 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
         return TurnScores(angle, size, duration)
     integrated = integrate_turns(
         data.time,
-        data.raw_rate,
+        raw_rate,
         raw_force,
         data.turn_start[turns],
         data.turn_stop[turns],
@@ -133,7 +134,7 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
         ends.append(
             average_at_edge(
                 data.time,
-                data.raw_rate,
+                raw_rate,
                 raw_force,
                 windows[:, 0],
                 windows[:, 1],
@@ -151,3 +152,10 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
         if size[k] >= SMALLEST_TURN:
             angle[k] = angle_between(ends[0][turn], C_se @ ends[1][turn])
     return TurnScores(angle, size, duration)
+
+
+def _straight(triad: Triad, raw: Vectors) -> Vectors:
+    """Raw numbers as a triad of the same matrix and bias without asymmetry and quadratic terms would show them."""
+    if triad.quadratic is None and triad.asymmetry is None:
+        return raw
+    return triad.own_input(raw) + triad.bias

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from tumble.calibration.equations.believed_poses import BelievedPoses
     from tumble.calibration.prior import StableKnowledge
     from tumble.protocol import Protocol
+    from tumble.recording.clock import Clock
     from tumble.segmentation import HoldMeans, SpinMeans, Timeline
     from tumble.segmentation.matching import Matching
     from tumble.segmentation.rotations import Rotation
@@ -85,6 +86,11 @@ class Session:
             place = said.with_gravity(given.gravity)
             return replace(place, gravity_sigma=given.gravity_sigma, source=given.source)
         return given or said or Site.unknown()
+
+    @cached_property
+    def clock(self) -> Clock:
+        """The clock that the recording's stamps are from, and how far its rate may be off."""
+        return self.recording.clock
 
     @cached_property
     def timeline(self) -> Timeline:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tumble.calibration.ceilings import beyond_ceilings
 from tumble.calibration.estimate import Estimate, NamedValue
 from tumble.calibration.procedure import find_procedure
 from tumble.recording.recording import Recording
@@ -18,7 +19,11 @@ UNUSUAL_SCALE_ERROR = 0.05
 LARGEST_SCALE_ERROR = 0.1
 _A = {"accelerometer": "An accelerometer", "gyro": "A gyro"}
 # Between two units that one may take for the other, and what the two are called.
-_FACTORS = ((9.80665, "g beside m/s²"), (180.0 / np.pi, "degrees beside radians"), (2.0, "another range"))
+_FACTORS = (
+    (9.80665, "g beside m/s²"),
+    (180.0 / np.pi, "degrees beside radians"),
+    (2.0, "another range (of a gyro, or another sample rate)"),
+)
 LARGEST_ANGLE = np.radians(15.0)
 # An accelerometer bias beyond 0.2 g, half of the worst consumer zero-g offsets on record.
 LARGEST_FORCE_BIAS = 2.0
@@ -61,6 +66,7 @@ def judge(estimate: Estimate, recording: Recording, *, confirm_scale: bool = Fal
         *against_scale,
         *_implausible(estimate, recording),
         *_misfit(estimate),
+        *beyond_ceilings(estimate),
         *_too_uncertain(estimate),
         *_too_much_left_out(estimate),
     ]

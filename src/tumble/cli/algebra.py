@@ -5,18 +5,16 @@ from __future__ import annotations
 import dataclasses
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
 from tumble.cli.groups import FIRST, option
 from tumble.cli.options import CalibrationArgument, PrintOptions, output_option
-from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
+from tumble.cli.terminal import console, results_stand, say, say_json, say_written
 from tumble.errors import UsageError
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from tumble.document import Calibration
     from tumble.document.difference import Difference
 
@@ -67,7 +65,10 @@ def invert_command(calibration: CalibrationArgument, output: Output, printed: Pr
 
 
 def diff_command(
-    first: Annotated[Path, typer.Argument(help="A calibration.json, or the folder that holds it.")],
+    first: Annotated[
+        Path,
+        typer.Argument(help="A calibration.json, or the folder that holds it; or a simulation's truth.json."),
+    ],
     second: Annotated[Path, typer.Argument(help="Another one of the same unit.")],
     printed: PrintOptions,
     allowed: Annotated[
@@ -79,17 +80,45 @@ def diff_command(
 
     Both are brought into one frame and one unit first. The exit status is 1 if the change matters: it is
     more than its uncertainty, and more than --allowed.
+
+    tumble diff truth.json calibration.json says whether a calibration recovers a simulated unit.
     """
     from tumble.workflows.algebra import difference, verdict
+    from tumble.workflows.recovery import is_truth
 
+    if is_truth(first):
+        if allowed is not None:
+            raise UsageError(
+                "--allowed is for two calibrations: leave it out where the first is a truth.json."
+            )
+        _say_recovery(first, second, printed)
     found = difference(first, second)
     matters, sentences = verdict(found, None if allowed is None else _allowed(allowed))
     if printed.as_json:
         say_json({**dataclasses.asdict(found), "matters": matters, "sentences": sentences})
     else:
-        _print(found, sentences, printed.quiet)
+        _print(first, found, sentences, printed.quiet)
     if matters:
         raise typer.Exit(1)
+
+
+def _say_recovery(truth: Path, calibration: Path, printed: PrintOptions) -> NoReturn:
+    """Print how far a calibration is from the truth, and leave with the status of the answer."""
+    from tumble.report.difference import change_table
+    from tumble.report.terminal import print_blocks
+    from tumble.workflows.recovery import recovery
+
+    found = recovery(truth, calibration)
+    if printed.as_json:
+        parameters = [dataclasses.asdict(change) for change in found.parameters]
+        say_json({"recovered": found.recovered, "limit": found.limit, "parameters": parameters})
+    else:
+        screen = console()
+        screen.print(found.sentence)
+        if not printed.quiet:
+            heads = ("truth", "error ± uncertainty")
+            print_blocks([change_table(found.calibration, found.parameters, heads)], screen)
+    raise typer.Exit(0 if found.recovered else 1)
 
 
 def _allowed(text: str) -> tuple[float, float]:
@@ -104,42 +133,29 @@ def _allowed(text: str) -> tuple[float, float]:
     return ug * 1e-6 * STANDARD_GRAVITY, math.radians(per_hour) / 3600.0
 
 
-def _print(found: Difference, sentences: list[str], quiet: bool) -> None:
+def _print(first: Path, found: Difference, sentences: list[str], quiet: bool) -> None:
     screen = console()
-    if not quiet:
-        screen.print(_parameters(found))
-        for group in found.groups:
-            told = (
-                f"chi-square {group.chi_square:.1f} of {group.degrees_of_freedom}, by chance in "
-                f"{_percent(group.probability)} of cases"
-                if math.isfinite(group.chi_square)
-                else "a number that both state as certain has changed"
-            )
-            screen.print(f"{group.name}: {told}")
-        for remark in found.remarks:
-            screen.print(f"• {remark}")
     for sentence in sentences:
         screen.print(sentence)
+    if quiet:
+        return
+    from tumble.document import read_calibration
+    from tumble.report.difference import change_table
+    from tumble.report.terminal import print_blocks
 
-
-def _parameters(found: Difference) -> Table:
-    from rich.text import Text
-
-    heads = ("parameter", "first", "change", "± one sigma", "sigmas", "unit")
-    shown = table(heads, right=(1, 2, 3, 4))
-    for column in shown.columns:
-        column.no_wrap = True
-    before = ""
-    for p in found.parameters:
-        triad, _, name = p.name.partition(" ")
-        if triad != before:
-            shown.add_row(Text(triad, "bold"))
-            before = triad
-        sigmas = "-" if math.isnan(p.sigmas) else f"{p.sigmas:+.1f}"
-        change = f"{p.second - p.first:+.2g}"
-        cells = (name, f"{p.first:+.6g}", change, f"{p.standard_uncertainty:.2g}", sigmas, p.unit)
-        shown.add_row(*(Text(cell) for cell in cells))
-    return shown
+    screen.print()
+    table = change_table(read_calibration(first), found.parameters, ("first", "change ± uncertainty"))
+    print_blocks([table], screen)
+    for group in found.groups:
+        told = (
+            f"chi-square {group.chi_square:.1f} of {group.degrees_of_freedom}, by chance in "
+            f"{_percent(group.probability)} of cases"
+            if math.isfinite(group.chi_square)
+            else "a number that both state as certain has changed"
+        )
+        screen.print(f"{group.name}: {told}")
+    for remark in found.remarks:
+        screen.print(f"- {remark}")
 
 
 def _percent(share: float) -> str:

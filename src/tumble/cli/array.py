@@ -24,6 +24,7 @@ def print_array(run: ArrayRun, printed: PrintOptions) -> None:
         say_json(run.document)
         return
     from tumble.report.evidence.mountings import mountings
+    from tumble.report.limits import limits_lines
     from tumble.report.terminal import print_blocks
 
     screen = console()
@@ -37,6 +38,7 @@ def print_array(run: ArrayRun, printed: PrintOptions) -> None:
         )
         for reason in () if verdict.fit else verdict.reasons:
             screen.print(f"- {reason}")
+        print_blocks(limits_lines(made.calibration), screen)
     for file in run.files:
         screen.print(f"written: {file.resolve()}", soft_wrap=True)
 

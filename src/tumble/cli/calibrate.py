@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -15,10 +16,12 @@ from tumble.cli.options import (
     DataSheet,
     FileOptions,
     Intervals,
+    Limits,
     LongPrintOptions,
     NoiseFile,
     OptionalRecordings,
     Protocol,
+    RegistryName,
     SiteOptions,
     output_option,
 )
@@ -157,6 +160,8 @@ def calibrate_command(
     unit: UnitOptions,
     printed: LongPrintOptions,
     recordings: OptionalRecordings = None,
+    limits: Limits = None,
+    registry: RegistryName = None,
     output: Annotated[
         Path | None, output_option("Folder for calibration.json and report.html (default: NAME-calibration).")
     ] = None,
@@ -178,13 +183,19 @@ def calibrate_command(
     seconds each, and turn it in between about all axes. With a fixture or a table: say in a protocol
     what was done (--protocol; `tumble simulate` writes examples). Writes calibration.json and
     report.html, prints the parameters with their standard uncertainties, and says whether the result
-    is fit for use (exit status 0) or not (1).
+    is fit for use (exit status 0) or not (1). With --limits the unit has to be within them, too.
     """
     from tumble.workflows.site import choose_site
 
     given = recordings or []
+    if registry is not None:
+        _check_registry(registry, unit, several)
     shared: dict[str, Any] = {**asdict(file), "site": choose_site(**asdict(site))}
-    shared |= {"optional_terms": estimate.optional_terms, "confirm_scale": estimate.confirm_scale}
+    shared |= {
+        "limits": limits,
+        "optional_terms": estimate.optional_terms,
+        "confirm_scale": estimate.confirm_scale,
+    }
     if several.array:
         _refuse(context, "--array", procedure, [OneOptions, ProtocolOptions, UnitOptions])
         if several.turn_ons:
@@ -200,11 +211,26 @@ def calibrate_command(
         from tumble.workflows.turn_ons import calibrate_turn_ons
 
         _refuse(context, "--turn-ons", procedure, [OneOptions])
-        _calibrate(lambda tell: calibrate_turn_ons(recordings=given, progress=tell, **shared), printed)
+        make = partial(calibrate_turn_ons, recordings=given, **shared)
+        _calibrate(lambda tell: make(progress=tell), printed, registry)
     from tumble.workflows.calibrate import calibrate
 
     shared |= {"procedure": procedure, **asdict(one)}
-    _calibrate(lambda tell: calibrate(given, progress=tell, **shared), printed)
+    _calibrate(lambda tell: calibrate(given, progress=tell, **shared), printed, registry)
+
+
+def _check_registry(registry: str, unit: UnitOptions, several: SeveralOptions) -> None:
+    """Find out before minutes of work that a registry cannot take what comes."""
+    from tumble.workflows.registry import registry_at
+
+    if several.array:
+        raise UsageError(
+            "--registry does not go with --array: add each unit's folder by `tumble registry add --unit`."
+        )
+    if unit.imu_serial is None:
+        raise UsageError("A registry has to know which unit it is: give --imu-serial.")
+    with registry_at(registry, make=True):
+        pass
 
 
 def _refuse(context: typer.Context, way: str, procedure: str | None, groups: list[type]) -> None:
@@ -217,14 +243,20 @@ def _refuse(context: typer.Context, way: str, procedure: str | None, groups: lis
 
 
 def _calibrate(
-    make: Callable[[Callable[[str], None]], CalibrationRun], printed: LongPrintOptions
+    make: Callable[[Callable[[str], None]], CalibrationRun],
+    printed: LongPrintOptions,
+    registry: str | None,
 ) -> NoReturn:
     """Make a calibration, print what was found, and leave with the status of its verdict."""
     with progress(printed.silent) as tell:
         run = make(tell)
+    if registry is not None:
+        from tumble.workflows.registry import add_calibration
+
+        add_calibration(registry, run.calibration)
     results_stand()
     print_run(run, printed)
-    raise typer.Exit(0 if run.calibration.verdict.fit else 1)
+    raise typer.Exit(0 if run.accepted else 1)
 
 
 def _calibrate_array(
@@ -241,7 +273,7 @@ def _calibrate_array(
         made = calibrate_array(recordings=recordings, output=folder, prior=prior, progress=tell, **shared)
     results_stand()
     print_array(made, printed)
-    raise typer.Exit(0 if all(run.calibration.verdict.fit for run in made.runs) else 1)
+    raise typer.Exit(0 if all(run.accepted for run in made.runs) else 1)
 
 
 def _one_prior(given: list[Path] | None) -> Path | None:
@@ -274,21 +306,37 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
     if printed.as_json:
         say_json_text(run.calibration.to_json())
         return
-    from tumble.report.summary import print_calibration
+    from tumble.report.summary import print_calibration, verdict_line
 
-    screen, quiet = console(), printed.quiet
-    if not quiet:
-        screen.print(run.reason)
-        for remark in run.recording.remarks:
-            # A guess is said, and so is what was changed; what was merely found or cannot be seen, on request.
-            if printed.verbose or remark.kind in ("assumed", "mended"):
-                screen.print(f"{remark.kind}: {remark.text}", style="dim")
-        screen.print()
-    print_calibration(run.calibration, screen, quiet=quiet)
-    for remark in () if quiet else run.estimate.remarks:
-        screen.print(f"- {remark}")
+    screen, more = console(), printed.verbose
+    if printed.quiet:
+        screen.print(verdict_line(run.calibration, run.files), markup=False, soft_wrap=True)
+        return
+    print_calibration(run.calibration, screen, verbose=more)
+    # A guess is said, and so is what was changed; what was merely found or cannot be seen, on request.
+    read = [r for r in run.recording.remarks if more or r.kind in ("assumed", "mended")]
+    screen.print(run.reason, markup=False)
+    for line in (*(f"{r.kind}: {r.text}" for r in read), *(run.estimate.remarks if more else ())):
+        screen.print(f"- {line}", markup=False)
+    for step in _steps(run)[: None if more else 1]:
+        screen.print(f"Next: {step}", markup=False)
     for file in run.files:
-        screen.print(f"written: {file.resolve()}", soft_wrap=True)
-    if printed.verbose:
+        screen.print(f"written: {file.resolve()}", markup=False, soft_wrap=True)
+    if more:
         seconds = ", ".join(f"{stage} {value:.2f} s" for stage, value in run.seconds.items())
         screen.print(f"time: {seconds}", style="dim")
+        return
+    hidden = len(run.estimate.remarks)
+    remarks = f", {hidden} remark{'s' if hidden != 1 else ''}" if hidden else ""
+    screen.print(
+        f"Intervals, residuals, terms that were tried{remarks}: with -v, and in the report.", style="dim"
+    )
+
+
+def _steps(run: CalibrationRun) -> list[str]:
+    """What would make the calibration better, the most useful first."""
+    from tumble.report.advice import next_steps
+    from tumble.report.subject import Subject
+
+    subject = Subject(run.calibration, run.estimate, run.recording, run.timeline, run.means)
+    return next_steps(run.calibration, subject.rows, subject.up_b, run.recording, run.timeline, run.protocol)

@@ -14,7 +14,10 @@ import typer
 import tumble
 from tumble.cli.algebra import compose_command, diff_command, invert_command
 from tumble.cli.apply import apply_command
+from tumble.cli.batch import batch_command
 from tumble.cli.calibrate import calibrate_command
+from tumble.cli.capture import capture_command
+from tumble.cli.certificate import certificate_command
 from tumble.cli.convert import convert_command
 from tumble.cli.demo import demo_command
 from tumble.cli.denoise import denoise_command
@@ -24,6 +27,7 @@ from tumble.cli.mount import mount_command
 from tumble.cli.noise import noise_command
 from tumble.cli.plan import plan_command
 from tumble.cli.predict import predict_command
+from tumble.cli.registry import app as registry_app
 from tumble.cli.reproduce import reproduce_command
 from tumble.cli.simulate import simulate_command
 from tumble.cli.terminal import StreamError, plain, shortened, state, streams
@@ -54,6 +58,8 @@ app = typer.Typer(
 COMMANDS = {
     "inspect": inspect_command,
     "calibrate": calibrate_command,
+    "batch": batch_command,
+    "capture": capture_command,
     "apply": apply_command,
     "verify": verify_command,
     "predict": predict_command,
@@ -68,6 +74,7 @@ COMMANDS = {
     "plan": plan_command,
     "reproduce": reproduce_command,
     "units": units_command,
+    "certificate": certificate_command,
     "demo": demo_command,
 }
 FORMER = {
@@ -93,6 +100,9 @@ for _name, _command in COMMANDS.items():
     app.command(_name, cls=command_class(FORMER.get(_name, {})), context_settings=_settings)(
         grouped(_command)
     )
+
+# Commands of its own under one name.
+app.add_typer(registry_app)
 
 
 def _print_version(value: bool) -> None:
@@ -123,7 +133,7 @@ _STOPS = (KeyboardInterrupt, Terminated)
 def main() -> None:
     """Run the command line; every error is one sentence and an exit status."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    state["results stand"] = False
+    state["results stand"], state["stopped"] = False, ""
     try:
         with streams():
             _run()
@@ -141,7 +151,7 @@ def _run() -> None:
     except TumbleError as error:
         _end(str(error), error.exit_status)
     except (*_STOPS, typer.Abort) as error:
-        _end(STOPPED, _status_of(_stop_behind(error)))
+        _end(_stopped(), _status_of(_stop_behind(error)))
     except (BrokenPipeError, SystemExit):
         # Nobody reads on, as after `| head`: typer knows no other reason to leave by itself.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -152,13 +162,18 @@ def _run() -> None:
         _end("The recording does not fit into memory: cut it, or use a machine with more.", 2)
     except Exception as error:  # noqa: BLE001 (the last line of defence: a sentence, not a traceback)
         if stop := _stop_behind(error):
-            _end(STOPPED, _status_of(stop))
+            _end(_stopped(), _status_of(stop))
         _usage_or_internal(error)
     else:
         # typer turns Ctrl-C into this status without a word.
         if status == INTERRUPTED:
-            _end(STOPPED, INTERRUPTED)
+            _end(_stopped(), INTERRUPTED)
         sys.exit(status if isinstance(status, int) else 0)
+
+
+def _stopped() -> str:
+    """What a stop leaves: nothing, unless the command says otherwise."""
+    return str(state["stopped"]) or STOPPED
 
 
 def _send_again(lost: Any) -> None:
@@ -178,17 +193,12 @@ def _send_again(lost: Any) -> None:
 def program() -> None:
     """Run `main` as the program itself: leave at once when it is done.
 
-    Taking numba and its compiler down piece by piece costs a third of a second and changes nothing:
+    Taking all modules down piece by piece costs time and changes nothing:
     every file is closed and renamed by then.
     """
     status = 0
     try:
         _hear_stops()
-        if not (sys.warnoptions or os.environ.get("TUMBLE_DEBUG")):
-            # What a library says to programmers is no sentence for a user; our tests make errors of it.
-            import warnings
-
-            warnings.simplefilter("ignore")
         main()
     except SystemExit as end:
         status = end.code if isinstance(end.code, int) else 0
@@ -267,4 +277,5 @@ def _end(message: str, status: int) -> None:
 def _try_to_say(message: str) -> None:
     """Print a sentence on standard error, where anybody listens."""
     with suppress(OSError, AttributeError):
-        sys.stderr.write(f"tumble: {plain(shortened(message))}\n")
+        # One line: a line break can only come from a name.
+        sys.stderr.write(f"tumble: {plain(shortened(message)).replace(chr(10), chr(92) + 'n')}\n")

@@ -63,6 +63,24 @@ NoiseFile: TypeAlias = Annotated[
         "--noise",
     ),
 ]
+Limits: TypeAlias = Annotated[
+    Path | None,
+    option(
+        FIRST,
+        "LIMITS.YAML",
+        "Acceptance limits of parameters, with a decision rule: also say whether the unit is within them.",
+        "--limits",
+    ),
+]
+RegistryName: TypeAlias = Annotated[
+    str | None,
+    option(
+        FIRST,
+        "FILE|URL",
+        "The registry: a SQLite file, or postgresql://user:password@host/name.",
+        "--registry",
+    ),
+]
 DataSheet: TypeAlias = Annotated[
     str | None,
     option(
@@ -139,7 +157,14 @@ class FileOptions:
             FILE, "NAME,...", "What the columns are, as t,ax,ay,az,gx,gy,gz; - skips one, -ay reverses one."
         ),
     ] = None
-    rate: Annotated[float | None, option(FILE, "HZ", "Sampling rate, for a file without time stamps.")] = None
+    rate: Annotated[
+        str | None,
+        option(
+            FILE,
+            "HZ[±HZ]",
+            "Sampling rate, for a file without time stamps; with its standard uncertainty, as 100±0.1, for any.",
+        ),
+    ] = None
     topics: Annotated[
         list[str] | None,
         option(
@@ -214,12 +239,14 @@ __all__ = [
     "Imu",
     "Intervals",
     "Json",
+    "Limits",
     "LongPrintOptions",
     "NoiseFile",
     "OptionalRecordings",
     "PrintOptions",
     "Protocol",
     "Recordings",
+    "RegistryName",
     "Seed",
     "SiteOptions",
     "TemperatureOptions",

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-state = {"results stand": False}
-"""Whether files of this call are already in their places."""
+state: dict[str, Any] = {"results stand": False, "stopped": ""}
+"""Whether files of this call are already in their places, and what a stop leaves, if it is not nothing."""
 
 # Control characters but tab and line feed, line ends of Unicode, signs that reverse reading, broken UTF-8.
 _OBEYED = re.compile(
@@ -157,6 +157,16 @@ def say(*lines: str) -> None:
     """
     for line in lines:
         sys.stdout.write(f"{plain(line)}\n")
+
+
+def say_aside(line: str) -> None:
+    """Print a line on standard error.
+
+    Parameters
+    ----------
+    line : of text.
+    """
+    sys.stderr.write(f"tumble: {plain(line)}\n")
 
 
 def say_written(files: Iterable[Path]) -> None:
@@ -294,6 +304,7 @@ __all__ = [
     "progress",
     "results_stand",
     "say",
+    "say_aside",
     "say_json",
     "say_json_text",
     "say_written",

@@ -15,6 +15,7 @@ from tumble.cli.options import (
     DataSheet,
     FileOptions,
     Intervals,
+    Limits,
     NoiseFile,
     PrintOptions,
     Recordings,
@@ -41,6 +42,7 @@ class HoldOptions:
     """What only a recording of holds and turns has."""
 
     intervals: Intervals = None
+    limits: Limits = None
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ def verify_command(
 
     The residuals are compared with what the calibration's uncertainty and the noise explain. Gravity
     is the calibration's own unless --site or --gravity is given. A calibration with a thermal model follows the
-    recording's temperature. Exit status 0: it serves; 1: not.
+    recording's temperature. Exit status 0: it serves; 1: not. With --limits its parameters have to be within them.
     """
     read = {**asdict(file), **asdict(temperature)}
     if gnss is not None:
@@ -103,18 +105,29 @@ def verify_command(
         refuse_given(context, [SiteOptions, HoldOptions], sentence)
         _verify_drive(calibration, recordings, gnss, drive, read, printed)
     refuse_given(context, [DriveOptions], "{} is for a drive: give its satellite positions with --gnss.")
+    from tumble.workflows.limits import limits_of
     from tumble.workflows.site import choose_site
     from tumble.workflows.verify import verify
 
     place = choose_site(**asdict(site))
+    held = None if holds.limits is None else limits_of(calibration, holds.limits)
     with progress(printed.silent) as tell:
-        results = verify(calibration, recordings, site=place, progress=tell, **asdict(holds), **read)
+        results = verify(
+            calibration, recordings, site=place, progress=tell, intervals=holds.intervals, **read
+        )
     if printed.as_json:
-        say_json([_as_dict(result) for result in results], indent=1)
+        told = {} if held is None else {"limits": held.model_dump(mode="json")}
+        say_json([_as_dict(result) | told for result in results], indent=1)
     else:
         for result in results:
             _print(result, printed.quiet)
-    raise typer.Exit(0 if all(result.fit for result in results) else 1)
+        if held is not None:
+            from tumble.report.limits import limits_verdict
+            from tumble.report.terminal import print_blocks
+
+            print_blocks([limits_verdict(held)], console())
+    within = held is None or held.decision == "passed"
+    raise typer.Exit(0 if within and all(result.fit for result in results) else 1)
 
 
 def _verify_drive(

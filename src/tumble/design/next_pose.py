@@ -17,6 +17,8 @@ from tumble.simulation.noise import TriadNoise
 
 # Of what is not told yet: so uncertain before anything is recorded (relative, rad, over gravity).
 IGNORANCE = 0.3
+# Known to no better than this share of it, a parameter is not told.
+OPEN = 0.1
 # One more pose that takes less than this off every wanted sigma is not worth its time.
 WORTH = 0.02
 # The Allan deviation of flicker is this times B at its floor.
@@ -105,7 +107,7 @@ def known_from_holds(directions: Vectors, covariances: Matrices, scale: float) -
 def find_next_poses(
     known: Square, reach: Reach, sigma: float, criterion: Criterion, count: int = 3
 ) -> list[NextPose]:
-    """Return the poses that make the criterion smallest, one after the other.
+    """Return the poses that leave the fewest parameters open and make the criterion smallest, one after the other.
 
     Parameters
     ----------
@@ -121,8 +123,12 @@ def find_next_poses(
     for _ in range(count):
         before = float(criterion.value(inverted(total)))
         tried = total + rows[:, :, None] * rows[:, None, :]
-        values = criterion.value(np.asarray(np.linalg.inv(tried), dtype=np.float64))
-        best = int(np.argmin(np.round(values / before, 9)))
+        covariances = np.asarray(np.linalg.inv(tried), dtype=np.float64)
+        values = criterion.value(covariances)
+        # Each pose takes one direction of ignorance away, whichever it is: how many parameters it closes decides.
+        variances = np.diagonal(covariances, axis1=1, axis2=2)[:, criterion.wanted]
+        still_open = np.sum(variances > (OPEN * IGNORANCE) ** 2, axis=1)
+        best = int(np.lexsort((np.round(values / before, 9), still_open))[0])
         total = tried[best]
         after, covariance = float(values[best]), inverted(total)
         name = "" if reach.names is None else reach.names[best]
@@ -140,7 +146,7 @@ def sigmas_so_far(known: Square) -> Series:
     known : (9, 9) information; may be singular.
     """
     sigmas = np.sqrt(np.diag(inverted(known + np.eye(len(PARAMETERS)) / IGNORANCE**2)))
-    return np.where(sigmas > 0.1 * IGNORANCE, np.inf, sigmas)
+    return np.where(sigmas > OPEN * IGNORANCE, np.inf, sigmas)
 
 
 def judge_stop(

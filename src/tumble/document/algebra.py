@@ -6,6 +6,7 @@ operation is an analytic function of it, so that the covariance is carried exact
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,10 +28,9 @@ from tumble.document.merging import merge_models
 from tumble.document.result import Calibration, FrameBlock, RawUnits
 from tumble.document.thermal_block import thermal_block
 from tumble.errors import UsageError
-from tumble.sensor import FRAMES, ImuModel, frame_rotation, propagate
+from tumble.sensor import FRAMES, ImuModel, frame_rotation, polar_rotation, propagate
 from tumble.sensor.gauge import inverse
 from tumble.sensor.propagation import jacobian
-from tumble.sensor.thermal import ThermalModel
 from tumble.units import angular_rate_factor, specific_force_factor
 
 Complex = npt.NDArray[Any]
@@ -100,17 +100,6 @@ def turned_to(calibration: Calibration, frame: str) -> Calibration:
     )
 
 
-def polar_rotation(matrix: Complex) -> Complex:
-    """Return U of ``matrix = P U``, P symmetric, by Newton's iteration: analytic, for complex steps.
-
-    ``U ← (U + U^-T) / 2`` (Higham 1986), which doubles its digits each time.
-    """
-    turn = matrix / np.sqrt(np.sum(matrix * matrix) / 3.0)
-    for _ in range(12):
-        turn = 0.5 * (turn + inverse(turn).T)
-    return turn
-
-
 def _turned_arms(calibration: Calibration, C: Table) -> Any:
     """The accelerometers' places along the axes of another frame."""
     if calibration.lever_arms is None:
@@ -123,24 +112,7 @@ def _turned_thermal(calibration: Calibration, C: Table, reference: ImuModel) -> 
     thermal = calibration.thermal_model
     if thermal is None or calibration.thermal is None:
         return None
-    moved = {
-        name: values @ C.T if name.endswith(("matrix", "g_sensitivity")) else values
-        for name, values in thermal.coefficients.items()
-    }
-    other = ThermalModel(
-        reference,
-        thermal.basis,
-        moved,
-        thermal.rate_coefficients,
-        thermal.hysteresis,
-        hysteresis_width=thermal.hysteresis_width,
-        lag=thermal.lag,
-        span_celsius=thermal.span_celsius,
-        largest_rate=thermal.largest_rate,
-        smoothing=thermal.smoothing,
-        dead_band=thermal.dead_band,
-        start_hysteresis=thermal.start_hysteresis,
-    )
+    other = replace(thermal.turned(C), reference=reference)
     names = list(calibration.thermal.covariance_parameters)
     effect = np.eye(len(names))
     place = {name: at for at, name in enumerate(names)}
@@ -309,6 +281,7 @@ def _document(
             "accelerometer": accelerometer,
             "gyroscope": gyroscope,
             "parameters": named_parameters(model, spread, units),
+            "limits": None,
             "covariance_parameters": [names[at] for at in kept],
             "covariance": (0.5 * (spread + spread.T))[np.ix_(kept, kept)].tolist(),
             "test_vectors": test_vectors(model, (units.specific_force, units.angular_rate)),

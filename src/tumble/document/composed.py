@@ -53,4 +53,6 @@ def compose_calibrations(first: Calibration, second: Calibration, *, unmarked: b
         second.gyroscope is None
     ):
         raise UsageError("The two calibrations are not of the same triads.")
-    return second.model_copy(update={"composed_with": first, "input_corrected_by": identities})
+    return second.model_copy(
+        update={"composed_with": first, "input_corrected_by": identities, "limits": None}
+    )

@@ -25,10 +25,13 @@ from tumble.document.result import (
     TermBlock,
     TestVector,
     TriadBlock,
+    UnseenBlock,
     VerdictBlock,
 )
+from tumble.document.soundness import covariance_fault, not_finite
 from tumble.document.thermal_block import ThermalBlock, thermal_block
 from tumble.earth import EARTH_RATE, Site
+from tumble.errors import ConvergenceError
 from tumble.files import shown
 from tumble.recording.recording import Recording
 from tumble.recording.temperature import mean_celsius
@@ -55,7 +58,14 @@ def calibration_from_estimate(
     imu: tuple[str | None, str | None] = (None, None),
     confirm_scale: bool = False,
 ) -> Calibration:
-    """Return the document of an estimate, judged and with test vectors."""
+    """Return the document of an estimate, judged and with test vectors.
+
+    Raises
+    ------
+    ConvergenceError
+        If a number of the estimate is not finite, or its covariance can be none.
+    """
+    _refuse_unsound(estimate)
     judgement = judge(estimate, recording, confirm_scale=confirm_scale)
     temperature = mean_celsius(recording.temperature)
     thermal = _thermal(estimate)
@@ -103,6 +113,31 @@ def calibration_from_estimate(
         thermal=thermal,
         lever_arms=None if estimate.lever_arms is None else _rows(estimate.lever_arms),
     )
+
+
+def _refuse_unsound(estimate: Estimate) -> None:
+    """Refuse an estimate that no document may hold, before a word of it is judged."""
+    fault = _unsound_model(estimate) or covariance_fault(estimate.covariance, estimate.names)
+    for named in estimate.parameters:
+        fault = fault or not_finite(named.name, np.array([named.value, named.standard_uncertainty]))
+    if estimate.thermal is not None:
+        fault = fault or covariance_fault(estimate.thermal.covariance, estimate.thermal.names)
+    if fault:
+        raise ConvergenceError(
+            f"The adjustment came to no usable numbers: {fault}. What was recorded tells too little of some "
+            "parameters, or contradicts itself: record more poses and longer holds."
+        )
+
+
+def _unsound_model(estimate: Estimate) -> str | None:
+    model, fault = estimate.model, None
+    for name, triad in (("the accelerometer's", model.accelerometer), ("the gyro's", model.gyroscope)):
+        for part in ("matrix", "bias", "asymmetry", "quadratic"):
+            numbers = None if triad is None else getattr(triad, part)
+            fault = fault or (None if numbers is None else not_finite(f"{name} {part}", numbers))
+    for name, numbers in (("g-sensitivity", model.g_sensitivity), ("lever arms", estimate.lever_arms)):
+        fault = fault or (None if numbers is None else not_finite(f"the {name}", numbers))
+    return fault
 
 
 def _thermal(estimate: Estimate) -> ThermalBlock | None:
@@ -184,6 +219,10 @@ def _quality(estimate: Estimate) -> QualityBlock:
                 limit=t.limit,
             )
             for t in estimate.terms
+        ],
+        unseen=[
+            UnseenBlock(source=one.source, relative_standard_uncertainty=one.sigma, because=one.because)
+            for one in estimate.unseen
         ],
     )
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Vectors
+from tumble.document.soundness import covariance_fault
 from tumble.document.thermal_block import contradiction as thermal_contradiction
 from tumble.errors import TumbleError
 from tumble.files import HIDDEN
@@ -27,6 +28,8 @@ def contradiction_in(calibration: Calibration) -> str | None:
     size = len(calibration.covariance_parameters)
     if len(calibration.covariance) != size or any(len(row) != size for row in calibration.covariance):
         return f"covariance: it is not {size} by {size}, as covariance_parameters has it"
+    if fault := covariance_fault(calibration.covariance_matrix, calibration.covariance_parameters):
+        return f"covariance: {fault}"
     for key in ("model", "serial_number"):
         if HIDDEN.search(getattr(calibration.imu, key) or ""):
             return f"imu.{key}: it holds a line break or another control character, which no name has"

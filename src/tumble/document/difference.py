@@ -132,10 +132,20 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
         remarks.append(
             "One of the two has no uncertainties: the sigmas are those of the other alone, or missing."
         )
-    table = [
-        {p.name: p for p in named_parameters(model, spread, first.raw_units)}
-        for model, spread in zip(models, (spread_one, spread_two), strict=True)
-    ]
+    if (
+        first.frame.name == second.frame.name
+        and scale == (1.0, 1.0)
+        and first.parameters
+        and second.parameters
+    ):
+        # As both say them: what the frame sets to zero, or nothing has determined, is no row of either.
+        table = [{p.name: p for p in one.parameters if _is_plain(p.name)} for one in (first, second)]
+        remarks += _alone(table)
+    else:
+        table = [
+            {p.name: p for p in named_parameters(model, spread, first.raw_units)}
+            for model, spread in zip(models, (spread_one, spread_two), strict=True)
+        ]
     natural = _natural_sizes(one)
     changes = [
         _changed(table[0][name], table[1][name], _natural_size(name, natural))
@@ -146,7 +156,7 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
     terms = [name for name in terms if np.any(part(one, name)) or np.any(part(two, name))]
     changes += _optional_changes(terms, (one, two), (spread_one, spread_two), natural, first)
     remarks += _one_sided(terms, one, two)
-    changes.sort(key=lambda change: change.name.startswith("gyro"))
+    changes.sort(key=lambda change: not change.name.startswith("accelerometer"))
     joint = np.block([[spread_one, np.zeros((SIZE, SIZE))], [np.zeros((SIZE, SIZE)), spread_two]])
     both = np.concatenate([one, two])
     return Difference(
@@ -158,6 +168,22 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
         rate_scale=_worst("rate, relative", _rate_change, both, joint) if has[1] else None,
         remarks=remarks,
     )
+
+
+def _is_plain(name: str) -> bool:
+    """Whether a parameter is a bias, a scale factor or an angle: optional terms have rows of their own."""
+    words = ("bias", "scale factor", "non-orthogonality", "misalignment", "rotation between")
+    return not name.startswith("thermal") and any(word in name for word in words)
+
+
+def _alone(tables: list[dict[str, ParameterBlock]]) -> list[str]:
+    """Say which parameters only one of the two has determined."""
+    said: list[str] = []
+    for which, own, other in (("first", *tables), ("second", *reversed(tables))):
+        missing = [name for name in own if name not in other]
+        if missing:
+            said.append(f"Determined by the {which} calibration alone: {', '.join(missing)}.")
+    return said
 
 
 def _same_frame(
@@ -222,7 +248,7 @@ def _natural_sizes(values: Series) -> tuple[float, float]:
 
 def _natural_size(name: str, natural: tuple[float, float]) -> float:
     """How large a number of that name would be if it were not small, in its own unit."""
-    own = natural[name.startswith("gyro")]
+    own = natural[not name.startswith("accelerometer")]
     if "quadratic" in name:
         return 1.0 / own
     return own if "bias" in name or "sensitivity" in name or name[:-2].endswith("scale factor") else 1.0
@@ -261,7 +287,9 @@ def _optional_changes(
             axis = "xyz"[(at - place.start) % 3]
             if what == "g_sensitivity":
                 axis = "xyz"[(at - place.start) // 3] + axis
-            name = f"{'gyro' if kind == 'gyroscope' else kind} {what.replace('g_s', 'g-s')} {axis}"
+            name = f"{'gyro' if kind == 'gyroscope' else kind} {what} {axis}"
+            if what == "g_sensitivity":
+                name = f"g-sensitivity of gyro {axis[0]} to force {axis[1]}"
             pair = [
                 ParameterBlock(
                     name=name,

@@ -108,6 +108,25 @@ def named_parameters(model: ImuModel, covariance: Square, units: RawUnits) -> li
     covariance : (45, 45), of `vector_of_model`.
     units : of raw numbers.
     """
+    labels, values, spread = parameter_vector(model, covariance, units)
+    sigmas = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    return [
+        ParameterBlock(name=name, value=float(value), standard_uncertainty=float(sigma), unit=unit)
+        for (name, unit), value, sigma in zip(labels, values, sigmas, strict=True)
+    ]
+
+
+def parameter_vector(
+    model: ImuModel, covariance: Square, units: RawUnits
+) -> tuple[list[tuple[str, str]], Series, Table]:
+    """Return names with units, values (n,) and covariance (n, n) of what `named_parameters` lists.
+
+    Parameters
+    ----------
+    model : with the terms that there are.
+    covariance : (45, 45), of `vector_of_model`.
+    units : of raw numbers.
+    """
     labels: list[tuple[str, str]] = []
     functions: list[Callable[[Complex], Complex]] = []
     for kind, short, unit, si, factor in (
@@ -134,17 +153,13 @@ def named_parameters(model: ImuModel, covariance: Square, units: RawUnits) -> li
         ]
         functions.append(_triad_parameters(kind, factor))
     if not labels:
-        return []
+        return [], np.zeros(0), np.zeros((0, 0))
 
     def evaluate(x: Complex) -> Complex:
         return np.concatenate([function(x) for function in functions])
 
     values, spread = propagate(evaluate, vector_of_model(model), covariance)
-    sigmas = np.sqrt(np.maximum(np.diag(spread), 0.0))
-    return [
-        ParameterBlock(name=name, value=float(value), standard_uncertainty=float(sigma), unit=unit)
-        for (name, unit), value, sigma in zip(labels, values, sigmas, strict=True)
-    ]
+    return labels, np.real(values), spread
 
 
 def _triad_parameters(kind: str, factor: float | None) -> Callable[[Complex], Complex]:

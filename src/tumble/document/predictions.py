@@ -76,11 +76,12 @@ def answers(
     Raises
     ------
     CalibrationFileError
-        If it is composed of several calibrations, or has no matrix.
+        If it is composed of several calibrations, has no matrix, or states no uncertainties.
     ValueError
         If a time or a turn is out of bounds.
     """
     model, gravity = calibration.model, calibration.site.gravity
+    calibration.need_uncertainties("the errors of what it corrects cannot be predicted")
     unit = CalibratedUnit(
         model, tuple(calibration.covariance_parameters), calibration.covariance_matrix, gravity
     )

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from tumble.arrays import Series, Square, Vectors
 from tumble.document.contradictions import contradiction_in
+from tumble.document.limits_block import LimitsBlock
 from tumble.document.thermal_block import ThermalBlock
 from tumble.document.turn_ons_block import TurnOnsBlock
 from tumble.errors import CalibrationFileError
@@ -126,6 +127,14 @@ class TermBlock(_Strict):
     limit: float
 
 
+class UnseenBlock(_Strict):
+    """What all gyro scale factors follow alike and no residual shows; it is in the covariance."""
+
+    source: str
+    relative_standard_uncertainty: float
+    because: str
+
+
 class QualityBlock(_Strict):
     """How well the data fit, and what was left out."""
 
@@ -142,6 +151,7 @@ class QualityBlock(_Strict):
     variance_components: dict[str, float]
     left_out: list[LeftOutBlock]
     optional_terms: list[TermBlock]
+    unseen: list[UnseenBlock] = Field(default_factory=list[UnseenBlock])
 
 
 class VerdictBlock(_Strict):
@@ -168,6 +178,7 @@ class Calibration(_Strict):
     accelerometer, gyroscope : what `model` is made of; a triad that was not calibrated is None.
     parameters : in the procedure's own convention, with standard uncertainties.
     covariance, covariance_parameters : over the entries of matrices and biases, in their units.
+    limits : how it stands to acceptance limits, if it was held against any; the verdict says whether to trust it.
     temperature_celsius : that the triads hold at; with a `thermal` block its reference temperature.
     thermal : how the triads change with temperature, or None.
     lever_arms : m, where each accelerometer sits in frame b, a row each, from one point of the unit; None where they
@@ -199,6 +210,7 @@ class Calibration(_Strict):
     covariance: list[list[float]]
     quality: QualityBlock
     verdict: VerdictBlock
+    limits: LimitsBlock | None = None
     remarks: list[str] = Field(default_factory=list)
     test_vectors: list[TestVector]
     thermal: ThermalBlock | None = None
@@ -278,8 +290,27 @@ class Calibration(_Strict):
 
     @property
     def covariance_matrix(self) -> Square:
-        """(n, n) covariance over `covariance_parameters`."""
-        return np.array(self.covariance, dtype=float)
+        """(n, n) covariance over `covariance_parameters`; (0, 0) where the document states no uncertainties."""
+        size = len(self.covariance_parameters)
+        return np.array(self.covariance, dtype=float).reshape(size, size)
+
+    def need_uncertainties(self, purpose: str) -> None:
+        """Refuse a document without uncertainties, as one that was read from another tool's file.
+
+        Parameters
+        ----------
+        purpose : what cannot be done without them, as the end of a sentence.
+
+        Raises
+        ------
+        CalibrationFileError
+            If it states none.
+        """
+        if not self.covariance_parameters:
+            raise CalibrationFileError(
+                f"The calibration states no uncertainties, as one from another tool's file: {purpose}. Calibrate the "
+                "unit with `tumble calibrate`, which states them."
+            )
 
     def correct(
         self,

@@ -233,9 +233,13 @@ def _without_chance(task: Balanceable, component: Component, solution: Settled) 
     back = task.snapshot()
     task.noise.set(component.name, nothing)
     try:
-        trial = solve(task)
-        tests = trial.tests()
-        if all(_explained_by_chance(tests.get(witness)) for witness in witnesses):
+        # One step tells almost always: what it refuses need not settle.
+        for once in (True, False):
+            trial = solve(task, once=once)
+            tests = trial.tests()
+            if not all(_explained_by_chance(tests.get(witness)) for witness in witnesses):
+                break
+        else:
             return trial
     except ConvergenceError:
         pass

@@ -107,10 +107,11 @@ class Whitened:
         given = [linear.residual[..., None], linear.by_border]
         given += [by for by in (linear.by_node, linear.by_next) if by is not None]
         solved = np.asarray(np.linalg.solve(root, np.concatenate(given, axis=2)), dtype=np.float64)
-        parts = np.split(solved, np.cumsum([part.shape[2] for part in given])[:-1], axis=2)
-        by_node = parts[2] if linear.by_node is not None else None
-        by_next = parts[-1] if linear.by_next is not None else None
-        return Whitened(equations, linear, root, parts[0][..., 0], by_node, by_next, parts[1])
+        first = 1 + linear.by_border.shape[2]
+        second = first if linear.by_node is None else first + linear.by_node.shape[2]
+        by_node = None if linear.by_node is None else solved[..., first:second]
+        by_next = None if linear.by_next is None else solved[..., second:]
+        return Whitened(equations, linear, root, solved[..., 0], by_node, by_next, solved[..., 1:first])
 
     @property
     def square_sum(self) -> float:
@@ -129,6 +130,14 @@ class Whitened:
     def raw(self) -> AnyArray:
         """(terms, m) residuals in their own units."""
         return np.einsum("tij,tj->ti", self.root, self.residual)
+
+
+def _add_at(made: AnyArray, at: np.ndarray, values: AnyArray) -> None:
+    """Add values to rows; where each row comes once, as it does but for several looks at one node, in one go."""
+    if at.size < 2 or bool(np.all(at[1:] > at[:-1])):
+        made[at] += values
+    else:
+        np.add.at(made, at, values)
 
 
 @dataclass(slots=True)
@@ -199,15 +208,15 @@ class Chain:
         node, by_node, by_next, by_border = term.linear.node, term.by_node, term.by_next, term.by_border
         if by_next is not None and by_node is not None:
             turned = np.swapaxes(by_next, 1, 2)
-            np.add.at(self.lower, node, turned @ by_node)
-            np.add.at(self.diagonal, node + 1, turned @ by_next)
-            np.add.at(self.border, node + 1, turned @ by_border)
-            np.add.at(self.gradient, node + 1, np.einsum("tmd,tm->td", by_next, term.residual))
+            _add_at(self.lower, node, turned @ by_node)
+            _add_at(self.diagonal, node + 1, turned @ by_next)
+            _add_at(self.border, node + 1, turned @ by_border)
+            _add_at(self.gradient, node + 1, (turned @ term.residual[..., None])[..., 0])
         if by_node is not None:
             turned = np.swapaxes(by_node, 1, 2)
-            np.add.at(self.diagonal, node, turned @ by_node)
-            np.add.at(self.border, node, turned @ by_border)
-            np.add.at(self.gradient, node, np.einsum("tmd,tm->td", by_node, term.residual))
+            _add_at(self.diagonal, node, turned @ by_node)
+            _add_at(self.border, node, turned @ by_border)
+            _add_at(self.gradient, node, (turned @ term.residual[..., None])[..., 0])
         flat = by_border.reshape(-1, by_border.shape[2])
         self.corner += flat.T @ flat
         self.corner_gradient += flat.T @ term.residual.ravel()

@@ -183,6 +183,8 @@ class Tests:
     variance : (terms,) SI², typical of one component.
     residual : (terms, p) raw or rad.
     predicted : (terms,) SI², squared residual against what the others predict without it, in what they check.
+    surprise : (terms,) -2 ln of the density that the others' prediction gives it, in what they check, up to a constant:
+        a prediction that knows how uncertain it is surprises less than one that does not.
     """
 
     place: np.ndarray
@@ -194,6 +196,7 @@ class Tests:
     variance: Series
     residual: AnyArray
     predicted: Series
+    surprise: Series
 
     def where(self, taken: np.ndarray) -> Tests:
         """Return the tests of some of them, (terms,) of bool."""
@@ -244,4 +247,7 @@ def tested(place: np.ndarray, residual: AnyArray, covariance: AnyArray, taken: A
         variance,
         residual,
         np.sum(unseen**2 / scale, axis=1),
+        squares.sum(axis=1)
+        + np.sum(2.0 * np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
+        - np.sum(np.log(np.where(checked, values, 1.0)), axis=1),
     )

@@ -1,24 +1,23 @@
-"""The loops of bordered chains, compiled by numba; called by `chain`."""
-
-# pyright: reportUnknownMemberType=false, reportUntypedFunctionDecorator=false, reportMissingTypeStubs=false
+"""The loops of bordered chains, compiled; called by `chain`."""
 
 from __future__ import annotations
 
-import numba
+from tumble.errors import require_compiled
+
+require_compiled(__file__)
+
+import cython
 import numpy as np
-import numpy.typing as npt
-
-Floats = npt.NDArray[np.float64]
+from cython.cimports.libc.math import sqrt
 
 
-@numba.njit(cache=True, nogil=True)
 def eliminate(
-    diagonal: Floats,
-    lower: Floats,
-    border: Floats,
-    gradient: Floats,
-    corner: Floats,
-    corner_gradient: Floats,
+    diagonal: cython.double[:, :, ::1],
+    lower: cython.double[:, :, ::1],
+    border: cython.double[:, :, ::1],
+    gradient: cython.double[:, ::1],
+    corner: cython.double[:, ::1],
+    corner_gradient: cython.double[::1],
 ) -> int:
     """Factor a bordered chain in place, nodes from first to last; return -1, or the node that is not positive.
 
@@ -26,7 +25,25 @@ def eliminate(
     column k, becomes L_k^-1 lower_k'; `border` (nodes, d, b) and `gradient` (nodes, d) become L_k^-1 times
     what is left of them; `corner` (b, b) and `corner_gradient` (b,) lose what the nodes take.
     """
-    nodes, d, b = border.shape
+    with cython.nogil:
+        found = _eliminate(diagonal, lower, border, gradient, corner, corner_gradient)
+    return int(found)
+
+
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+@cython.locals(total=cython.double)
+def _eliminate(
+    diagonal: cython.double[:, :, ::1],
+    lower: cython.double[:, :, ::1],
+    border: cython.double[:, :, ::1],
+    gradient: cython.double[:, ::1],
+    corner: cython.double[:, ::1],
+    corner_gradient: cython.double[::1],
+) -> cython.Py_ssize_t:
+    """Do what `eliminate` does."""
+    nodes, d, b = border.shape[0], border.shape[1], border.shape[2]
     for k in range(nodes):
         if k > 0:
             for i in range(d):
@@ -50,7 +67,7 @@ def eliminate(
                 if i == j:
                     if not total > 0.0:
                         return k
-                    diagonal[k, i, i] = np.sqrt(total)
+                    diagonal[k, i, i] = sqrt(total)
                 else:
                     diagonal[k, i, j] = total / diagonal[k, j, j]
             for j in range(i + 1, d):
@@ -86,91 +103,103 @@ def eliminate(
     return -1
 
 
-@numba.njit(cache=True, nogil=True)
+@cython.locals(total=cython.double)
 def substitute(
-    diagonal: Floats, lower: Floats, border: Floats, gradient: Floats, corner_step: Floats, steps: Floats
+    diagonal: cython.const[cython.double][:, :, ::1],
+    lower: cython.const[cython.double][:, :, ::1],
+    border: cython.const[cython.double][:, :, ::1],
+    gradient: cython.const[cython.double][:, ::1],
+    corner_step: cython.const[cython.double][::1],
+    steps: cython.double[:, ::1],
 ) -> None:
     """Fill `steps` (nodes, d) from the factors of `eliminate` and the border's step (b,)."""
-    nodes, d, b = border.shape
-    for k in range(nodes - 1, -1, -1):
-        for i in range(d):
-            total = -gradient[k, i]
-            for j in range(b):
-                total -= border[k, i, j] * corner_step[j]
-            if k + 1 < nodes:
-                for j in range(d):
-                    total -= lower[k, i, j] * steps[k + 1, j]
-            steps[k, i] = total
-        for i in range(d - 1, -1, -1):
-            for m in range(i + 1, d):
-                steps[k, i] -= diagonal[k, m, i] * steps[k, m]
-            steps[k, i] /= diagonal[k, i, i]
+    with cython.nogil:
+        nodes, d, b = border.shape[0], border.shape[1], border.shape[2]
+        for back in range(nodes):
+            k = nodes - 1 - back
+            for i in range(d):
+                total = -gradient[k, i]
+                for j in range(b):
+                    total -= border[k, i, j] * corner_step[j]
+                if k + 1 < nodes:
+                    for j in range(d):
+                        total -= lower[k, i, j] * steps[k + 1, j]
+                steps[k, i] = total
+            for up in range(d):
+                i = d - 1 - up
+                for m in range(i + 1, d):
+                    steps[k, i] -= diagonal[k, m, i] * steps[k, m]
+                steps[k, i] /= diagonal[k, i, i]
 
 
-@numba.njit(cache=True, nogil=True)
+@cython.locals(total=cython.double)
 def invert_selected(
-    diagonal: Floats,
-    lower: Floats,
-    border: Floats,
-    corner_covariance: Floats,
-    own: Floats,
-    following: Floats,
-    with_border: Floats,
+    diagonal: cython.const[cython.double][:, :, ::1],
+    lower: cython.const[cython.double][:, :, ::1],
+    border: cython.const[cython.double][:, :, ::1],
+    corner_covariance: cython.const[cython.double][:, :],
+    own: cython.double[:, :, ::1],
+    following: cython.double[:, :, ::1],
+    with_border: cython.double[:, :, ::1],
 ) -> None:
     """Fill the covariances of nodes from the factors of `eliminate` and the border's covariance.
 
     `own` (nodes, d, d); `following` (nodes - 1, d, d), of node k with node k + 1; `with_border` (nodes, d, b).
     """
-    nodes, d, b = border.shape
-    gain_next = np.zeros((d, d))
-    gain = np.zeros((d, b))
-    root = np.zeros((d, d))
-    for k in range(nodes - 1, -1, -1):
-        # x_k = -L^-T (B z + K x_next) + L^-T e, with e of unit variance
-        root[:, :] = 0.0
-        for j in range(d):
-            root[j, j] = 1.0
-            for i in range(d - 1, -1, -1):
-                for m in range(i + 1, d):
-                    root[i, j] -= diagonal[k, m, i] * root[m, j]
-                root[i, j] /= diagonal[k, i, i]
-        for i in range(d):
-            for j in range(b):
-                total = 0.0
-                for m in range(d):
-                    total -= root[i, m] * border[k, m, j]
-                gain[i, j] = total
+    nodes, d, b = border.shape[0], border.shape[1], border.shape[2]
+    gain_next: cython.double[:, ::1] = np.zeros((d, d))
+    gain: cython.double[:, ::1] = np.zeros((d, b))
+    root: cython.double[:, ::1] = np.zeros((d, d))
+    with cython.nogil:
+        for back in range(nodes):
+            k = nodes - 1 - back
+            # x_k = -L^-T (B z + K x_next) + L^-T e, with e of unit variance
             for j in range(d):
-                total = 0.0
-                if k + 1 < nodes:
+                for i in range(d):
+                    root[i, j] = 0.0
+                root[j, j] = 1.0
+                for up in range(d):
+                    i = d - 1 - up
+                    for m in range(i + 1, d):
+                        root[i, j] -= diagonal[k, m, i] * root[m, j]
+                    root[i, j] /= diagonal[k, i, i]
+            for i in range(d):
+                for j in range(b):
+                    total = 0.0
                     for m in range(d):
-                        total -= root[i, m] * lower[k, m, j]
-                gain_next[i, j] = total
-        for i in range(d):
-            for j in range(b):
-                total = 0.0
-                for m in range(b):
-                    total += gain[i, m] * corner_covariance[m, j]
-                if k + 1 < nodes:
-                    for m in range(d):
-                        total += gain_next[i, m] * with_border[k + 1, m, j]
-                with_border[k, i, j] = total
-            if k + 1 < nodes:
+                        total -= root[i, m] * border[k, m, j]
+                    gain[i, j] = total
                 for j in range(d):
                     total = 0.0
+                    if k + 1 < nodes:
+                        for m in range(d):
+                            total -= root[i, m] * lower[k, m, j]
+                    gain_next[i, j] = total
+            for i in range(d):
+                for j in range(b):
+                    total = 0.0
                     for m in range(b):
-                        total += gain[i, m] * with_border[k + 1, j, m]
-                    for m in range(d):
-                        total += gain_next[i, m] * own[k + 1, m, j]
-                    following[k, i, j] = total
-        for i in range(d):
-            for j in range(d):
-                total = 0.0
-                for m in range(d):
-                    total += root[i, m] * root[j, m]
-                for m in range(b):
-                    total += gain[j, m] * with_border[k, i, m]
+                        total += gain[i, m] * corner_covariance[m, j]
+                    if k + 1 < nodes:
+                        for m in range(d):
+                            total += gain_next[i, m] * with_border[k + 1, m, j]
+                    with_border[k, i, j] = total
                 if k + 1 < nodes:
+                    for j in range(d):
+                        total = 0.0
+                        for m in range(b):
+                            total += gain[i, m] * with_border[k + 1, j, m]
+                        for m in range(d):
+                            total += gain_next[i, m] * own[k + 1, m, j]
+                        following[k, i, j] = total
+            for i in range(d):
+                for j in range(d):
+                    total = 0.0
                     for m in range(d):
-                        total += gain_next[j, m] * following[k, i, m]
-                own[k, i, j] = total
+                        total += root[i, m] * root[j, m]
+                    for m in range(b):
+                        total += gain[j, m] * with_border[k, i, m]
+                    if k + 1 < nodes:
+                        for m in range(d):
+                            total += gain_next[j, m] * following[k, i, m]
+                    own[k, i, j] = total

@@ -211,7 +211,13 @@ def check_rotation(matrix: Matrix, name: str, path: Path) -> Matrix:
     CalibrationFileError
         If it is not, to 1e-3.
     """
-    if not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-3) or np.linalg.det(matrix) < 0.0:
+    # No entry of a rotation is beyond one; the squares of others may be beyond any number.
+    possible = bool(np.all(np.abs(matrix) < 2.0))
+    if (
+        not possible
+        or not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-3)
+        or np.linalg.det(matrix) < 0.0
+    ):
         raise CalibrationFileError(
             f"{name} in {path} is no rotation; older OpenVINS configurations had another matrix there: check the file."
         )

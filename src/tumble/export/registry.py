@@ -1,57 +1,22 @@
-"""The targets by name, in the order in which they are listed."""
+"""The targets by name: one file of `export.targets` each, found there."""
 
 from __future__ import annotations
 
+from importlib import import_module
+from pkgutil import iter_modules
+
 from tumble.errors import UsageError
-from tumble.export import (
-    ardupilot,
-    basalt,
-    c_header,
-    cpp_header,
-    fusion,
-    ikalibr,
-    imu_tk,
-    imucal,
-    kalibr,
-    kf_gins,
-    matlab,
-    okvis,
-    openvins,
-    px4,
-    python_file,
-    realsense,
-    ros,
-    svo,
-    vectornav,
-    vins,
-)
+from tumble.export import targets
 from tumble.export.target import Target
 
-_ALL = (
-    kalibr.NOISE_TARGET,
-    kalibr.TARGET,
-    openvins.TARGET,
-    imu_tk.TARGET,
-    imu_tk.OPENICC,
-    px4.TARGET,
-    ardupilot.TARGET,
-    c_header.TARGET,
-    cpp_header.TARGET,
-    python_file.TARGET,
-    ros.TARGET,
-    vins.TARGET,
-    okvis.TARGET,
-    svo.TARGET,
-    basalt.TARGET,
-    kf_gins.TARGET,
-    fusion.TARGET,
-    vectornav.TARGET,
-    matlab.TARGET,
-    imucal.TARGET,
-    realsense.TARGET,
-    ikalibr.TARGET,
-)
-TARGETS: dict[str, Target] = {target.name: target for target in _ALL}
+
+def _all() -> list[Target]:
+    """Return the records, in the order of the files' names."""
+    names = sorted(module.name for module in iter_modules(targets.__path__))
+    return [import_module(f"{targets.__name__}.{name}").TARGET for name in names]
+
+
+TARGETS: dict[str, Target] = {target.name: target for target in _all()}
 
 
 def find_target(name: str, *, reading: bool = False) -> Target:

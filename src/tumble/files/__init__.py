@@ -9,6 +9,7 @@ Every file that tumble writes goes out through it: whole, beside its place and t
 a device or a pipe.
 """
 
+from tumble.files.appending import GrowingFile
 from tumble.files.documents import read_json, read_yaml
 from tumble.files.numbers import number_of
 from tumble.files.opening import opened, read_text, size_of
@@ -19,6 +20,7 @@ from tumble.files.writing import (
     inputs_kept,
     make_folder,
     put_text,
+    temporary_folder,
     uninterrupted,
     write_text,
     write_texts,
@@ -27,6 +29,7 @@ from tumble.files.writing import (
 
 __all__ = [
     "HIDDEN",
+    "GrowingFile",
     "check_target",
     "filled_folder",
     "inputs_kept",
@@ -40,6 +43,7 @@ __all__ = [
     "read_yaml",
     "shown",
     "size_of",
+    "temporary_folder",
     "uninterrupted",
     "write_text",
     "write_texts",

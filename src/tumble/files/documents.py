@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, cast
 
 from tumble.files.opening import read_text
+from tumble.files.text import shown
 
 LARGEST_JSON = 64 << 20
 LARGEST_YAML = 1 << 20
@@ -38,11 +40,11 @@ def read_json(path: Path, largest: int = LARGEST_JSON) -> Any:
     OSError
         If it cannot be opened, is no ordinary file, or is longer.
     DocumentError
-        If it is no JSON, nested too deeply, or holds a number or a text that cannot be.
+        If it is no JSON, nested too deeply, has a key twice, or holds a number or a text that cannot be.
     """
     text = _text(path, largest)
     try:
-        document: Any = json.loads(text, parse_int=_whole)
+        document: Any = json.loads(text, parse_int=_whole, object_pairs_hook=_once)
     except json.JSONDecodeError as error:
         raise DocumentError(f"it is no JSON ({error.msg}, line {error.lineno})") from None
     except RecursionError:
@@ -62,6 +64,23 @@ def _whole(digits: str) -> int:
     if len(digits) > MOST_DIGITS:
         raise DocumentError(f"it holds a number of {len(digits)} digits")
     return int(digits)
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object; of a key that stands twice nobody knows which value is meant."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        _refuse_twice(key for key, _ in pairs)
+    return found
+
+
+def _refuse_twice(keys: Iterable[Any]) -> None:
+    """Refuse keys of one object of which two are the same; the sentence names the first such."""
+    seen: set[Any] = set()
+    for key in keys:
+        if key in seen:
+            raise DocumentError(f'it has the key "{shown(str(key))[:60]}" twice in one place: take one away')
+        seen.add(key)
 
 
 def _check(document: Any, *, halves: bool) -> None:
@@ -96,7 +115,7 @@ def read_yaml(path: Path, largest: int = LARGEST_YAML) -> Any:
     OSError
         If it cannot be opened, is no ordinary file, or is longer.
     DocumentError
-        If it is no YAML, nested too deeply, or grows beyond measure by its aliases.
+        If it is no YAML, nested too deeply, has a key twice, or grows beyond measure by its aliases.
     """
     import yaml
 
@@ -106,6 +125,7 @@ def read_yaml(path: Path, largest: int = LARGEST_YAML) -> Any:
     loader = yaml_loader()
     try:
         node = composed(text, loader)
+        _refuse_keys(node)
         return None if node is None else loader("").construct_document(node)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
@@ -115,6 +135,21 @@ def read_yaml(path: Path, largest: int = LARGEST_YAML) -> Any:
         if isinstance(error, DocumentError):
             raise
         raise DocumentError(f"it holds a value that cannot be ({str(error)[:60]})") from None
+
+
+def _refuse_keys(root: Any) -> None:
+    """Refuse a mapping that has a key twice, anywhere in a document."""
+    level, seen = [root], set[int]()
+    while level:
+        node = level.pop()
+        if node is None or node.id == "scalar" or id(node) in seen:
+            continue
+        seen.add(id(node))
+        if node.id == "mapping":
+            _refuse_twice(key.value for key, _ in node.value if key.id == "scalar")
+            level += [part for pair in node.value for part in pair]
+        else:
+            level += node.value
 
 
 def yaml_loader() -> Any:

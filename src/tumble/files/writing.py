@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import stat
 import threading
+import zlib
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
@@ -22,6 +24,13 @@ _KINDS = (
     (stat.S_ISCHR, "a device: give an ordinary file"),
     (stat.S_ISBLK, "a disk: give an ordinary file"),
 )
+
+
+WINDOWS = os.name == "nt"
+"""Whether names have to be those that Windows has."""
+_NO_WINDOWS_NAME = re.compile(r"(?i)(con|prn|aux|nul|com[1-9¹²³]|lpt[1-9¹²³]) *(\..*)?")
+_LONGEST_NAME = 200
+"""Bytes of a file's name to which the ending of what is written beside it can be added on any disk."""
 
 
 @contextmanager
@@ -55,8 +64,11 @@ def check_target(path: Path) -> None:
     Raises
     ------
     UsageError
-        If an input is there, or a folder, a device or another thing that is no ordinary file.
+        If an input is there, or a folder, a device or another thing that is no ordinary file; on Windows, if the name
+        is that of a device or no name at all.
     """
+    if WINDOWS:
+        _refuse_no_windows_name(path)
     try:
         found = path.stat()
     except (OSError, ValueError):
@@ -68,6 +80,26 @@ def check_target(path: Path) -> None:
         raise UsageError(
             f"{path} is one of the inputs, which is not written over: give another file with -o."
         )
+
+
+def _refuse_no_windows_name(path: Path) -> None:
+    """Refuse what Windows takes for a device, a stream of another file, or silently for another name."""
+    name = path.name
+    if _NO_WINDOWS_NAME.fullmatch(name):
+        raise UsageError(f"{name} is the name of a device on Windows: give another file with -o.")
+    if name != name.rstrip(" .") or re.search(r'[<>:"|?*\x00-\x1f]', name):
+        raise UsageError(
+            f'{name} is no name of a file on Windows, which has none of <>:"|?* and none that ends with a point or a '
+            "space: give another file with -o."
+        )
+
+
+def _beside(path: Path) -> Path:
+    """Return a place beside `path` of this process's own, also where the name is as long as a name may be."""
+    name = path.name
+    if len(os.fsencode(name)) > _LONGEST_NAME:
+        name = f"{name[:40]}-{zlib.crc32(os.fsencode(name)):08x}"
+    return path.with_name(f".{name}.{os.getpid()}.part")
 
 
 @contextmanager
@@ -82,7 +114,7 @@ def written_beside(path: Path) -> Generator[Path, None, None]:
         If the file cannot be written; what stood at `path` is then intact.
     """
     check_target(path)
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    beside = _beside(path)
     try:
         yield beside
         beside.replace(path)
@@ -189,6 +221,27 @@ def filled_folder(folder: Path, instead_of: Iterable[str] = ()) -> Generator[Pat
         if made:
             with suppress(OSError):
                 folder.rmdir()  # only where nothing came to be in it
+
+
+@contextmanager
+def temporary_folder() -> Generator[Path, None, None]:
+    """Give a folder of the system's that is removed afterwards.
+
+    Raises
+    ------
+    OutputError
+        If there is none that can be written to.
+    """
+    import tempfile
+
+    try:
+        held = tempfile.TemporaryDirectory(prefix="tumble-")
+    except OSError as error:
+        raise OutputError(
+            "There is no temporary folder that can be written to, which unpacking takes: set TMPDIR to one."
+        ) from error
+    with held as place:
+        yield Path(place)
 
 
 def put_text(path: Path, text: str) -> None:

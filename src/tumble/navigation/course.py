@@ -69,7 +69,8 @@ def find_course_rate(track: GnssTrack) -> tuple[Series, Series, Series]:
     course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
     span = time[steps:] - time[:-steps]
     turn = np.remainder(course[steps:] - course[:-steps] + np.pi, 2.0 * np.pi) - np.pi
-    least = np.array([speed[i : i + steps + 1].min() for i in range(len(span))])
+    windows = np.lib.stride_tricks.sliding_window_view(speed, min(steps + 1, len(speed)))
+    least = windows.min(axis=1)[: len(span)]
     weights = ((least > slowest) & (span < 1.5 * max(WINDOW, track.interval))).astype(float)
     return 0.5 * (time[steps:] + time[:-steps]), turn / span, weights
 
@@ -86,8 +87,11 @@ def slowest_course(track: GnssTrack) -> float:
     covariance = track.velocity_covariance_n
     if track.has_velocity.sum() <= _FEWEST_VELOCITIES:
         covariance = track.position_covariance_n / (2.0 * max(track.interval, 1e-3) ** 2)
-    variance = np.nanmedian(0.5 * (covariance[:, 0, 0] + covariance[:, 1, 1]))
-    return float(np.clip(_CERTAIN * np.sqrt(np.nan_to_num(variance, nan=np.inf)), _SLOWEST, _FAST_ENOUGH))
+    variance = 0.5 * (covariance[:, 0, 0] + covariance[:, 1, 1])
+    told = variance[np.isfinite(variance)]
+    if not told.size:
+        return _FAST_ENOUGH
+    return float(np.clip(_CERTAIN * np.sqrt(np.median(told)), _SLOWEST, _FAST_ENOUGH))
 
 
 def track_velocities(track: GnssTrack) -> Vectors:

@@ -5,17 +5,18 @@ latitude, longitude, height, velocity (north, east, down) and the quaternion of 
 frame's is position, velocity and the quaternion of C_eb in e. Euler-type errors are those of the second order of
 the step everywhere.
 
-States and increments are tuples, which stay in registers. What costs is the chain from one state to the next, so
+States and increments are small arrays, which stay in registers. What costs is the chain from one state to the next, so
 that a step has one root and one division: sine and cosine of the latitude are turned from a place nearby.
 """
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from tumble.errors import require_compiled
 
-import numpy as np
-import numpy.typing as npt
-from numba import njit, types
+require_compiled(__file__)
+
+import cython
+from cython.cimports.libc.math import atan2, cos, fabs, sin, sqrt
 
 from tumble.earth.gravity import (
     ECCENTRICITY_SQUARED,
@@ -28,33 +29,36 @@ from tumble.earth.gravity import (
 )
 from tumble.earth.site import EARTH_RATE
 
-_A = SEMI_MAJOR_AXIS
-_E2 = ECCENTRICITY_SQUARED
-_B = _A * (1.0 - FLATTENING)
-_SECOND_E2 = _E2 / (1.0 - _E2)
-_W = EARTH_RATE
-_OPEN = 2.0 / _A * (1.0 + FLATTENING + GRAVITY_RATIO)
-_SLOPE = 4.0 / _A * FLATTENING
-_BEND = 3.0 / _A**2
-
-Floats: TypeAlias = npt.NDArray[np.float64]
-Place: TypeAlias = tuple[float, float, float]
-
-_ROW = types.float64[::1]
-_ROWS = types.float64[:, ::1]
-_READ_ROW = types.Array(types.float64, 1, "C", readonly=True)
-_READ_ROWS = types.Array(types.float64, 2, "C", readonly=True)
-# Products fused into sums and no signed zeros; orders are kept, and what is not a number stays so.
-_FAST = {"contract", "nsz", "arcp"}
-_INLINE = {"cache": True, "nogil": True, "fastmath": _FAST, "forceinline": True}
+_A = cython.declare(cython.double, SEMI_MAJOR_AXIS)
+_E2 = cython.declare(cython.double, ECCENTRICITY_SQUARED)
+_B = cython.declare(cython.double, SEMI_MAJOR_AXIS * (1.0 - FLATTENING))
+_SECOND_E2 = cython.declare(cython.double, ECCENTRICITY_SQUARED / (1.0 - ECCENTRICITY_SQUARED))
+_W = cython.declare(cython.double, EARTH_RATE)
+_OPEN = cython.declare(cython.double, 2.0 / SEMI_MAJOR_AXIS * (1.0 + FLATTENING + GRAVITY_RATIO))
+_SLOPE = cython.declare(cython.double, 4.0 / SEMI_MAJOR_AXIS * FLATTENING)
+_BEND = cython.declare(cython.double, 3.0 / SEMI_MAJOR_AXIS**2)
+_G_EQUATOR = cython.declare(cython.double, GRAVITY_AT_EQUATOR)
+_SOMIGLIANA = cython.declare(cython.double, SOMIGLIANA_CONSTANT)
+_CURVATURE = cython.declare(cython.double, PLUMB_LINE_CURVATURE)
+_HALF_TURN = cython.declare(cython.double, 3.141592653589793)
 # Up to here from a latitude, rad, the series of its sine to the third order is exact: 2e-4**4 / 24 is 7e-17.
-_NEAR = 2e-4
+_NEAR = cython.declare(cython.double, 2e-4)
 # A place that no latitude is near.
-NOWHERE = (1e9, 0.0, 0.0)
+_NOWHERE = cython.declare(cython.double, 1e9)
+_ENDLESS = cython.declare(cython.double, float("inf"))
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
-def ends_of_interval(before, mean, after, first, interval, previous_interval):
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+def ends_of_interval(
+    before: cython.p_double,
+    mean: cython.p_double,
+    after: cython.p_double,
+    first: cython.bint,
+    interval: cython.double,
+    previous_interval: cython.double,
+) -> cython.void:
     """Fill rate and force at both ends of an interval from its mean and the one before it, which `before` holds.
 
     Linear signals: the ends give the mean back, and the two-sample terms of coning and sculling.
@@ -66,15 +70,38 @@ def ends_of_interval(before, mean, after, first, interval, previous_interval):
         after[j] = mean[j] + half
 
 
-@njit(**_INLINE)
-def sample(rate, force, row):
-    """Return rate and force of a row."""
-    return rate[row, 0], rate[row, 1], rate[row, 2], force[row, 0], force[row, 1], force[row, 2]
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def sample(
+    rate: cython.const[cython.double][:, ::1],
+    force: cython.const[cython.double][:, ::1],
+    row: cython.Py_ssize_t,
+    kept: cython.p_double,
+) -> cython.void:
+    """Fill rate and force (6,) of a row."""
+    kept[0] = rate[row, 0]
+    kept[1] = rate[row, 1]
+    kept[2] = rate[row, 2]
+    kept[3] = force[row, 0]
+    kept[4] = force[row, 1]
+    kept[5] = force[row, 2]
 
 
-@njit(**_INLINE)
-def body_increments(old, new, weight, share, interval):
-    """Return rotation vector (3) and velocity increment (3), in b at the step's start, with coning and sculling.
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def body_increments(
+    old: cython.p_double,
+    new: cython.p_double,
+    weight: cython.double,
+    share: cython.double,
+    interval: cython.double,
+    increments: cython.p_double,
+) -> cython.void:
+    """Fill rotation vector (3) and velocity increment (3), in b at the step's start, with coning and sculling.
 
     The signals' mean over the step is `new + weight (old - new)` and their change over half of it `share (new -
     old)`: 1/2 and 1/2 of instants. Coning and sculling for linear signals (Savage 1998, J. Guid. Control Dyn. 21,
@@ -98,28 +125,45 @@ def body_increments(old, new, weight, share, interval):
     square = ax * ax + ay * ay + az * az
     one, two = 0.5 - square * (1.0 / 24.0), 1.0 / 6.0 - square * (1.0 / 120.0)
     k = interval * interval * (1.0 / 6.0)
-    return (
-        ax + k * (w1 * u2 - w2 * u1),
-        ay + k * (w2 * u0 - w0 * u2),
-        az + k * (w0 * u1 - w1 * u0),
-        vx + k * (w1 * g2 - w2 * g1 + f1 * u2 - f2 * u1) + one * cx + two * (ay * cz - az * cy),
-        vy + k * (w2 * g0 - w0 * g2 + f2 * u0 - f0 * u2) + one * cy + two * (az * cx - ax * cz),
-        vz + k * (w0 * g1 - w1 * g0 + f0 * u1 - f1 * u0) + one * cz + two * (ax * cy - ay * cx),
-    )
+    increments[0] = ax + k * (w1 * u2 - w2 * u1)
+    increments[1] = ay + k * (w2 * u0 - w0 * u2)
+    increments[2] = az + k * (w0 * u1 - w1 * u0)
+    increments[3] = vx + k * (w1 * g2 - w2 * g1 + f1 * u2 - f2 * u1) + one * cx + two * (ay * cz - az * cy)
+    increments[4] = vy + k * (w2 * g0 - w0 * g2 + f2 * u0 - f0 * u2) + one * cy + two * (az * cx - ax * cz)
+    increments[5] = vz + k * (w0 * g1 - w1 * g0 + f0 * u1 - f1 * u0) + one * cz + two * (ax * cy - ay * cx)
 
 
-@njit(**_INLINE)
-def turned_velocity(state, increments):
-    """Return the velocity increment in the frame of the state's quaternion."""
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def turned_velocity(
+    state: cython.p_double,
+    increments: cython.p_double,
+    turned: cython.p_double,
+) -> cython.void:
+    """Fill the velocity increment in the frame of the state's quaternion."""
     x, y, z, w = state[6], state[7], state[8], state[9]
     vx, vy, vz = increments[3], increments[4], increments[5]
     tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
-    return vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
+    turned[0] = vx + w * tx + y * tz - z * ty
+    turned[1] = vy + w * ty + z * tx - x * tz
+    turned[2] = vz + w * tz + x * ty - y * tx
 
 
-@njit(**_INLINE)
-def turned_attitude(state, increments, tx, ty, tz):
-    """Return the state's quaternion turned by the body's rotation vector from the right, the frame's from the left.
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def turned_attitude(
+    state: cython.p_double,
+    increments: cython.p_double,
+    tx: cython.double,
+    ty: cython.double,
+    tz: cython.double,
+    quaternion: cython.p_double,
+) -> cython.void:
+    """Fill the state's quaternion turned by the body's rotation vector from the right, the frame's from the left.
 
     (tx, ty, tz) is what the frame has turned, rad, small: its quaternion is exact to the fourth order.
     """
@@ -129,8 +173,8 @@ def turned_attitude(state, increments, tx, ty, tz):
         sinc = 1.0 + s * (-1.0 / 6 + s * (1.0 / 120 - s * (1.0 / 5040)))
         c = 1.0 + s * (-0.5 + s * (1.0 / 24 - s * (1.0 / 720 - s * (1.0 / 40320))))
     else:
-        angle = np.sqrt(s)
-        sinc, c = np.sin(angle) / angle, np.cos(angle)
+        angle = sqrt(s)
+        sinc, c = sin(angle) / angle, cos(angle)
     x, y, z, w = state[6], state[7], state[8], state[9]
     # one Newton step to unit length
     length = 1.5 - 0.5 * (x * x + y * y + z * z + w * w)
@@ -141,70 +185,109 @@ def turned_attitude(state, increments, tx, ty, tz):
     e = w * c - x * hx - y * hy - z * hz
     px, py, pz = -0.5 * tx, -0.5 * ty, -0.5 * tz
     p = 1.0 - 0.5 * (px * px + py * py + pz * pz)
-    return (
-        p * a + px * e + py * d - pz * b,
-        p * b - px * d + py * e + pz * a,
-        p * d + px * b - py * a + pz * e,
-        p * e - px * a - py * b - pz * d,
-    )
+    quaternion[0] = p * a + px * e + py * d - pz * b
+    quaternion[1] = p * b - px * d + py * e + pz * a
+    quaternion[2] = p * d + px * b - py * a + pz * e
+    quaternion[3] = p * e - px * a - py * b - pz * d
 
 
-@njit(**_INLINE)
-def sine_and_cosine(latitude: float, place: Place) -> tuple[float, float, Place]:
-    """Return sine and cosine of a latitude, and the place (latitude, its sine and cosine) for the next one.
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def sine_and_cosine(
+    latitude: cython.double,
+    place: cython.p_double,
+    found: cython.p_double,
+) -> cython.void:
+    """Fill sine and cosine of a latitude, and the place (latitude, its sine and cosine) for the next one.
 
     Near the place they are turned from there, exact to rounding; further off it is moved here.
     """
     turn = latitude - place[0]
-    if abs(turn) > _NEAR:
-        s, c = np.sin(latitude), np.cos(latitude)
-        return s, c, (latitude, s, c)
+    if fabs(turn) > _NEAR:
+        place[0], place[1], place[2] = latitude, sin(latitude), cos(latitude)
+        turn = 0.0
     square = turn * turn
     odd, even = turn - turn * square * (1.0 / 6.0), 1.0 - 0.5 * square
-    return place[1] * even + place[2] * odd, place[2] * even - place[1] * odd, place
+    found[0] = place[1] * even + place[2] * odd
+    found[1] = place[2] * even - place[1] * odd
 
 
-@njit(**_INLINE)
-def reciprocals(s, c, height):
-    """Return 1 over the radius across the meridian, that along it, cos latitude and root, by one division.
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def reciprocals(
+    s: cython.double,
+    c: cython.double,
+    height: cython.double,
+    over: cython.p_double,
+) -> cython.void:
+    """Fill `over` with 1 over the radius across the meridian, that along it, cos latitude and root, by one division.
 
     The root is of 1 - e² sin²; with it the radii are (a + h root) / root and (a (1 - e²) + h root³) / root³.
     """
     reduced = 1.0 - _E2 * s * s
-    root = np.sqrt(reduced)
+    root = sqrt(reduced)
     cube = reduced * root
     across, meridian = _A + height * root, _A * (1.0 - _E2) + height * cube
     one, two = across * c, meridian * root
-    over = 1.0 / (one * two)
-    return (
-        root * (over * (c * two)),
-        cube * (over * (root * one)),
-        over * (across * two),
-        over * (one * meridian),
-    )
+    divided = 1.0 / (one * two)
+    over[0] = root * (divided * (c * two))
+    over[1] = cube * (divided * (root * one))
+    over[2] = divided * (across * two)
+    over[3] = divided * (one * meridian)
 
 
-@njit(**_INLINE)
-def gravity_down_and_north(s, c, over_root, height):
-    """Return normal gravity (Somigliana, with height to the second order) and its lean to the north, m/s²."""
-    gravity = GRAVITY_AT_EQUATOR * (1.0 + SOMIGLIANA_CONSTANT * s * s) * over_root
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def gravity_down_and_north(
+    s: cython.double,
+    c: cython.double,
+    over_root: cython.double,
+    height: cython.double,
+    down_and_north: cython.p_double,
+) -> cython.void:
+    """Fill normal gravity (Somigliana, with height to the second order) and its lean to the north, m/s²."""
+    gravity = _G_EQUATOR * (1.0 + _SOMIGLIANA * s * s) * over_root
     gravity *= 1.0 - (_OPEN - _SLOPE * s * s) * height + _BEND * height * height
-    return gravity, -PLUMB_LINE_CURVATURE * height * 2.0 * s * c
+    down_and_north[0] = gravity
+    down_and_north[1] = -_CURVATURE * height * 2.0 * s * c
 
 
-@njit(**_INLINE)
-def step_in_local_level(nav, increments, place, interval):
-    """Return the local-level state after a step, and the place for the next.
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def step_in_local_level(
+    nav: cython.p_double,
+    increments: cython.p_double,
+    place: cython.p_double,
+    interval: cython.double,
+) -> cython.void:
+    """Carry the local-level state `nav` over a step, and the place for the next.
 
     Earth and transport rate, Coriolis and gravity are taken at the step's middle; position by the trapezoid.
     """
-    dn, de, dd = turned_velocity(nav, increments)
+    turned = cython.declare(cython.double[3])
+    latitude = cython.declare(cython.double[2])
+    over = cython.declare(cython.double[4])
+    pull = cython.declare(cython.double[2])
+    quaternion = cython.declare(cython.double[4])
+    turned_velocity(nav, increments, turned)
+    dn, de, dd = turned[0], turned[1], turned[2]
     north, east, down = nav[3], nav[4], nav[5]
     half = 0.5 * interval
     height = nav[2] - half * down
-    s, c, place = sine_and_cosine(nav[0] + half * north / (_A + height), place)
-    over_across, over_meridian, over_c, over_root = reciprocals(s, c, height)
-    gravity, lean = gravity_down_and_north(s, c, over_root, height)
+    sine_and_cosine(nav[0] + half * north / (_A + height), place, latitude)
+    s, c = latitude[0], latitude[1]
+    reciprocals(s, c, height, over)
+    over_across, over_meridian, over_c = over[0], over[1], over[2]
+    gravity_down_and_north(s, c, over[3], height, pull)
+    gravity, lean = pull[0], pull[1]
     middle_north = north + 0.5 * dn
     middle_east = east + 0.5 * de
     middle_down = down + 0.5 * (dd + gravity * interval)
@@ -221,34 +304,42 @@ def step_in_local_level(nav, increments, place, interval):
     new_down = (
         down + dd - 0.5 * (hn * de - he * dn) + interval * (gravity - (un * middle_east - ue * middle_north))
     )
-    after = (
-        nav[0] + half * (north + new_north) * over_meridian,
-        nav[1] + half * (east + new_east) * (over_across * over_c),
-        nav[2] - half * (down + new_down),
-        new_north,
-        new_east,
-        new_down,
-        *turned_attitude(nav, increments, hn, he, hd),
-    )
-    return after, place
+    turned_attitude(nav, increments, hn, he, hd, quaternion)
+    nav[0] += half * (north + new_north) * over_meridian
+    nav[1] += half * (east + new_east) * (over_across * over_c)
+    nav[2] -= half * (down + new_down)
+    nav[3], nav[4], nav[5] = new_north, new_east, new_down
+    nav[6], nav[7], nav[8], nav[9] = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
 
 
-@njit(**_INLINE)
-def step_in_earth_frame(state, increments, interval):
-    """Return the state of the Earth frame after a step, with the same gravity as in the local level."""
-    dx, dy, dz = turned_velocity(state, increments)
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def step_in_earth_frame(
+    state: cython.p_double,
+    increments: cython.p_double,
+    interval: cython.double,
+) -> cython.void:
+    """Carry the state of the Earth frame over a step, with the same gravity as in the local level."""
+    turned = cython.declare(cython.double[3])
+    pull = cython.declare(cython.double[2])
+    quaternion = cython.declare(cython.double[4])
+    turned_velocity(state, increments, turned)
+    dx, dy, dz = turned[0], turned[1], turned[2]
     half = 0.5 * interval
     px, py, pz = state[0] + half * state[3], state[1] + half * state[4], state[2] + half * state[5]
     # latitude by Bowring's formula, without angles
-    radius = np.sqrt(px * px + py * py)
-    over = 1.0 / np.sqrt((pz * _A) * (pz * _A) + (radius * _B) * (radius * _B))
+    radius = sqrt(px * px + py * py)
+    over = 1.0 / sqrt((pz * _A) * (pz * _A) + (radius * _B) * (radius * _B))
     sb, cb = pz * _A * over, radius * _B * over
     up, out = pz + _SECOND_E2 * _B * sb * sb * sb, radius - _E2 * _A * cb * cb * cb
-    over = 1.0 / np.sqrt(up * up + out * out)
+    over = 1.0 / sqrt(up * up + out * out)
     s, c = up * over, out * over
-    root = np.sqrt(1.0 - _E2 * s * s)
+    root = sqrt(1.0 - _E2 * s * s)
     height = radius * c + pz * s - _A * root
-    gravity, lean = gravity_down_and_north(s, c, 1.0 / root, height)
+    gravity_down_and_north(s, c, 1.0 / root, height, pull)
+    gravity, lean = pull[0], pull[1]
     outward = (-lean * s - gravity * c) / radius if radius > 0.0 else 0.0
     gx, gy, gz = outward * px, outward * py, lean * c - gravity * s
     mx, my = state[3] + 0.5 * (dx + gx * interval), state[4] + 0.5 * (dy + gy * interval)
@@ -256,113 +347,128 @@ def step_in_earth_frame(state, increments, interval):
     nx = state[3] + dx + 0.5 * turn * dy + interval * gx + 2.0 * turn * my
     ny = state[4] + dy - 0.5 * turn * dx + interval * gy - 2.0 * turn * mx
     nz = state[5] + dz + interval * gz
-    return (
-        state[0] + half * (state[3] + nx),
-        state[1] + half * (state[4] + ny),
-        state[2] + half * (state[5] + nz),
-        nx,
-        ny,
-        nz,
-        *turned_attitude(state, increments, 0.0, 0.0, turn),
-    )
+    turned_attitude(state, increments, 0.0, 0.0, turn, quaternion)
+    state[0] += half * (state[3] + nx)
+    state[1] += half * (state[4] + ny)
+    state[2] += half * (state[5] + nz)
+    state[3], state[4], state[5] = nx, ny, nz
+    state[6], state[7], state[8], state[9] = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
 
 
-@njit(**_INLINE)
-def to_local_level(state):
-    """Return the local-level state of a state of the Earth frame."""
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def to_local_level(
+    state: cython.p_double,
+    level: cython.p_double,
+) -> cython.void:
+    """Fill the local-level state of a state of the Earth frame."""
     px, py, pz = state[0], state[1], state[2]
-    radius = np.sqrt(px * px + py * py)
-    over = 1.0 / np.sqrt((pz * _A) * (pz * _A) + (radius * _B) * (radius * _B))
+    radius = sqrt(px * px + py * py)
+    over = 1.0 / sqrt((pz * _A) * (pz * _A) + (radius * _B) * (radius * _B))
     sb, cb = pz * _A * over, radius * _B * over
     up, out = 0.0, 0.0
     for _ in range(2):
         up, out = pz + _SECOND_E2 * _B * sb * sb * sb, radius - _E2 * _A * cb * cb * cb
-        over = 1.0 / np.sqrt(_B * up * _B * up + _A * out * _A * out)
+        over = 1.0 / sqrt(_B * up * _B * up + _A * out * _A * out)
         sb, cb = _B * up * over, _A * out * over
-    over = 1.0 / np.sqrt(up * up + out * out)
+    over = 1.0 / sqrt(up * up + out * out)
     s, c = up * over, out * over
-    latitude, longitude = np.arctan2(up, out), np.arctan2(py, px)
+    latitude, longitude = atan2(up, out), atan2(py, px)
     sl, cl = 0.0, 1.0
     if radius > 0.0:
         sl, cl = py / radius, px / radius
     vx, vy, vz = state[3], state[4], state[5]
     outward = cl * vx + sl * vy
     # conj(q_en) q_eb with q_en a turn by the longitude about z, then by -(90 deg + latitude) about y
-    a, b = 0.5 * longitude, -0.5 * (0.5 * np.pi + latitude)
-    sa, ca, sb, cb = np.sin(a), np.cos(a), np.sin(b), np.cos(b)
+    a, b = 0.5 * longitude, -0.5 * (0.5 * _HALF_TURN + latitude)
+    sa, ca, sb, cb = sin(a), cos(a), sin(b), cos(b)
     ex, ey, ez, ew = sa * sb, -ca * sb, -sa * cb, ca * cb
     x, y, z, w = state[6], state[7], state[8], state[9]
-    return (
-        latitude,
-        longitude,
-        radius * c + pz * s - _A * np.sqrt(1.0 - _E2 * s * s),
-        -s * outward + c * vz,
-        -sl * vx + cl * vy,
-        -c * outward - s * vz,
-        ew * x + ex * w + ey * z - ez * y,
-        ew * y - ex * z + ey * w + ez * x,
-        ew * z + ex * y - ey * x + ez * w,
-        ew * w - ex * x - ey * y - ez * z,
-    )
+    level[0] = latitude
+    level[1] = longitude
+    level[2] = radius * c + pz * s - _A * sqrt(1.0 - _E2 * s * s)
+    level[3] = -s * outward + c * vz
+    level[4] = -sl * vx + cl * vy
+    level[5] = -c * outward - s * vz
+    level[6] = ew * x + ex * w + ey * z - ez * y
+    level[7] = ew * y - ex * z + ey * w + ez * x
+    level[8] = ew * z + ex * y - ey * x + ez * w
+    level[9] = ew * w - ex * x - ey * y - ez * z
 
 
-@njit(**_INLINE)
-def unpacked(state):
-    """Return a state's array (10,) as a tuple."""
-    return (
-        *(state[0], state[1], state[2], state[3], state[4]),
-        *(state[5], state[6], state[7], state[8], state[9]),
-    )
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+def step_between(
+    nav: cython.p_double,
+    place: cython.p_double,
+    old: cython.p_double,
+    new: cython.p_double,
+    weight: cython.double,
+    share: cython.double,
+    interval: cython.double,
+) -> cython.void:
+    """Carry a local-level state (10,) over one step, with the samples' weights of `body_increments`."""
+    increments = cython.declare(cython.double[6])
+    body_increments(old, new, weight, share, interval, increments)
+    step_in_local_level(nav, increments, place, interval)
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
-def advance(nav: Floats, before: Floats, after: Floats, interval: float) -> None:
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+def advance(
+    nav: cython.p_double,
+    before: cython.p_double,
+    after: cython.p_double,
+    interval: cython.double,
+) -> cython.void:
     """Carry a local-level state (10,) over one step between two instants."""
-    increments = body_increments(before, after, 0.5, 0.5, interval)
-    moved, _ = step_in_local_level(unpacked(nav), increments, NOWHERE, interval)
-    for j, value in enumerate(moved):
-        nav[j] = value
+    increments = cython.declare(cython.double[6])
+    place = cython.declare(cython.double[3])
+    place[0] = _NOWHERE
+    body_increments(before, after, 0.5, 0.5, interval, increments)
+    step_in_local_level(nav, increments, place, interval)
 
 
-@njit(**_INLINE)
-def keep(nav, position, velocity, quaternion, row):
-    """Write a local-level state to its row of the outputs."""
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _keep(
+    state: cython.p_double,
+    earth_frame: cython.bint,
+    nav: cython.p_double,
+    position: cython.double[:, ::1],
+    velocity: cython.double[:, ::1],
+    quaternion: cython.double[:, ::1],
+    row: cython.Py_ssize_t,
+) -> cython.void:
+    """Write a state to its row of the outputs as the local-level state `nav`."""
+    if earth_frame:
+        to_local_level(state, nav)
+    else:
+        for j in range(10):
+            nav[j] = state[j]
     position[row, 0], position[row, 1], position[row, 2] = nav[0], nav[1], nav[2]
     velocity[row, 0], velocity[row, 1], velocity[row, 2] = nav[3], nav[4], nav[5]
     quaternion[row, 0], quaternion[row, 1] = nav[6], nav[7]
     quaternion[row, 2], quaternion[row, 3] = nav[8], nav[9]
 
 
-@njit(
-    [
-        types.void(
-            _READ_ROW,
-            _READ_ROWS,
-            _READ_ROWS,
-            types.boolean,
-            types.boolean,
-            types.int64,
-            _ROW,
-            _ROWS,
-            _ROWS,
-            _ROWS,
-        )
-    ],
-    cache=True,
-    nogil=True,
-    fastmath=_FAST,
-)
 def integrate(
-    time: Floats,
-    rate: Floats,
-    force: Floats,
-    means: bool,
-    earth_frame: bool,
-    every: int,
-    start: Floats,
-    position: Floats,
-    velocity: Floats,
-    quaternion: Floats,
+    time: cython.const[cython.double][::1],
+    rate: cython.const[cython.double][:, ::1],
+    force: cython.const[cython.double][:, ::1],
+    means: cython.bint,
+    earth_frame: cython.bint,
+    every: cython.Py_ssize_t,
+    start: cython.const[cython.double][::1],
+    position: cython.double[:, ::1],
+    velocity: cython.double[:, ::1],
+    quaternion: cython.double[:, ::1],
 ) -> None:
     """Carry a start (10,) through all samples and keep every `every`-th, and the last, beginning with the start.
 
@@ -370,38 +476,39 @@ def integrate(
     that ends there (the first row is then not read). `position` (kept, 3) is latitude, longitude, height,
     `velocity` (kept, 3) and `quaternion` (kept, 4) those of the local level, whatever the frame.
     """
-    state, place = unpacked(start), NOWHERE
-    keep(to_local_level(state) if earth_frame else state, position, velocity, quaternion, 0)
-    # the change over half an interval of means comes from the interval before, of which the first has none
-    old = sample(rate, force, 1 if means else 0)
-    weight, share = (0.0, 0.0) if means else (0.5, 0.5)
-    row, kept, previous, count = 1, 0, np.inf, time.shape[0]
-    for i in range(1, count):
-        interval = time[i] - time[i - 1]
-        if means:
-            share = interval / (interval + previous)
-            previous = interval
-        new = sample(rate, force, i)
-        increments = body_increments(old, new, weight, share, interval)
-        old = new
-        if earth_frame:
-            state = step_in_earth_frame(state, increments, interval)
-        else:
-            state, place = step_in_local_level(state, increments, place, interval)
-        kept += 1
-        if kept == every or i == count - 1:
-            keep(to_local_level(state) if earth_frame else state, position, velocity, quaternion, row)
-            row += 1
-            kept = 0
+    state = cython.declare(cython.double[10])
+    level = cython.declare(cython.double[10])
+    place = cython.declare(cython.double[3])
+    old = cython.declare(cython.double[6])
+    new = cython.declare(cython.double[6])
+    increments = cython.declare(cython.double[6])
+    with cython.nogil:
+        place[0] = _NOWHERE
+        for j in range(10):
+            state[j] = start[j]
+        _keep(state, earth_frame, level, position, velocity, quaternion, 0)
+        # the change over half an interval of means comes from the interval before, of which the first has none
+        sample(rate, force, 1 if means else 0, old)
+        weight = share = 0.0 if means else 0.5
+        row, kept, previous, count = 1, 0, _ENDLESS, time.shape[0]
+        for i in range(1, count):
+            interval = time[i] - time[i - 1]
+            if means:
+                share = interval / (interval + previous)
+                previous = interval
+            sample(rate, force, i, new)
+            body_increments(old, new, weight, share, interval, increments)
+            old[0], old[1], old[2] = new[0], new[1], new[2]
+            old[3], old[4], old[5] = new[3], new[4], new[5]
+            if earth_frame:
+                step_in_earth_frame(state, increments, interval)
+            else:
+                step_in_local_level(state, increments, place, interval)
+            kept += 1
+            if kept == every or i == count - 1:
+                _keep(state, earth_frame, level, position, velocity, quaternion, row)
+                row += 1
+                kept = 0
 
 
-__all__ = [
-    "NOWHERE",
-    "advance",
-    "body_increments",
-    "ends_of_interval",
-    "integrate",
-    "sine_and_cosine",
-    "step_in_local_level",
-    "unpacked",
-]
+__all__ = ["integrate"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.errors import RecordingError, UsageError
-from tumble.navigation.loading import collector_paused
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import HIGHEST_LATITUDE, NavigationState, Trajectory
 
@@ -38,8 +37,7 @@ def navigate(
     RecordingError
         If the samples do not reach over the start.
     """
-    with collector_paused():
-        from tumble.navigation.kernels import integrate
+    from tumble.navigation.kernels import integrate
 
     if frame not in FRAMES:
         raise UsageError(

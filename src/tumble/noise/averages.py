@@ -23,7 +23,7 @@ from tumble.units import angular_rate_factor, specific_force_factor
 _BINS = 20  # of the spectrum, a decade
 _LEVEL_POINTS = 600  # of the drawing of levels over time
 _LINE_SAMPLES = 1 << 19  # of the longest rest, in which vibration lines are looked for
-_TOLD = ("assumed", "mended")  # remarks of the reader that noise depends on
+_TOLD = ("assumed", "doubtful", "mended")  # remarks of the reader that noise depends on
 _COLUMNS = ": time "  # in the reader's remark on what the columns are
 
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from tumble.earth.site import Site
-from tumble.errors import ProtocolError, SiteError
+from tumble.errors import ProtocolError, SiteError, UsageError
 from tumble.files import opened
 from tumble.files.writing import put_text, written_beside
 from tumble.procedure_names import KNOWN_PROCEDURES
@@ -21,6 +21,7 @@ from tumble.protocol.step_entries import steps_of
 from tumble.protocol.steps import Protocol, Step
 from tumble.protocol.yaml_nodes import Entry, compose, nearest
 from tumble.protocol.yaml_text import protocol_to_text
+from tumble.sample_rates import sample_rate
 
 # Ten thousand steps are a megabyte; a recording that is given for a protocol is more.
 LARGEST = 2 * 1024 * 1024
@@ -176,8 +177,20 @@ def _protocol(root: Entry, keys: dict[str, Entry], stem: str) -> Protocol:
         recordings=_recordings(keys),
         units=text.get("units"),
         columns=text.get("columns"),
-        rate=keys["rate_hz"].number(positive=True) if "rate_hz" in keys else None,
+        rate=_rate(keys["rate_hz"]) if "rate_hz" in keys else None,
     )
+
+
+def _rate(entry: Entry) -> float:
+    """Return a sampling rate, with its uncertainty if the file says it."""
+    if not any(sign in entry.text() for sign in ("±", "+-", "+/-")):
+        return entry.number(positive=True)
+    try:
+        return sample_rate(entry.text())
+    except UsageError:
+        raise entry.error(
+            f"`rate_hz` is {entry.text()}: write it as 100, or as 100±0.1 with its standard uncertainty."
+        ) from None
 
 
 def _named(entry: Entry) -> Protocol:

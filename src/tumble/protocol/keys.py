@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from math import pi
 from typing import Any
 
+from tumble.protocol.steps import ASSUMED_RATE
+
 FORMAT, VERSION = "tumble protocol", 1
 FRAME = "b: the unit's axes x, y, z, as the recording's columns name them; n: north, east, down"
 ANGLES = "right-handed: positive is counter-clockwise for someone whom the axis points at"
@@ -147,7 +149,10 @@ SPIN = {
     ),
     "ramp_s": Key("how long it takes to come to the rate, and to stop", "s", f"{RAMP:g}", _LEAST_0),
     "uncertainty_ppm": Key(
-        "standard uncertainty of the rate", "ppm of it", "0 (exact)", {"type": "number", "minimum": 0}
+        "standard uncertainty of the rate, common to all spins of the table",
+        "ppm of it",
+        f"{ASSUMED_RATE / PPM:g} is assumed, and said",
+        {"type": "number", "minimum": 0},
     ),
     "angle_deg": Key(
         "what the table's display says it turned, from rest to rest with both ramps, of any size, "
@@ -211,7 +216,12 @@ PROTOCOL = {
     ),
     "units": Key("of those files, as `--units` takes them", default="as the files say"),
     "columns": Key("of those files, as `--columns` takes them", default="as the files say"),
-    "rate_hz": Key("sampling rate of files without stamps", "Hz", "as the stamps say", _POSITIVE),
+    "rate_hz": Key(
+        "sampling rate of files without stamps, or of any with its standard uncertainty, as `100±0.1`",
+        "Hz",
+        "as the stamps say",
+        {"oneOf": [_POSITIVE, {"type": "string", "pattern": r"^[0-9.eE]+ ?(±|\\+/?-) ?[0-9.eE+-]+$"}]},
+    ),
     "like": Key("a named protocol whose steps are meant, instead of `steps`", default="see `steps`"),
     "steps": Key("list of holds, turns, spins, soaks and ramps, in order", default="those of `like`"),
 }

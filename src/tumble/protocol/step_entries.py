@@ -275,7 +275,7 @@ def _spin(keys: dict[str, Entry], place: _Place) -> SpinStep:
     vertical = "axis" not in keys or (keys["axis"].is_scalar and keys["axis"].text() == "up")
     axis = None if vertical else _direction(keys["axis"])
     ramp = keys["ramp_s"].number(least=0.0) if "ramp_s" in keys else RAMP
-    sigma = keys["uncertainty_ppm"].number(PPM, least=0.0) if "uncertainty_ppm" in keys else 0.0
+    sigma = keys["uncertainty_ppm"].number(PPM, least=0.0) if "uncertainty_ppm" in keys else None
     angle, angle_sigma = _display(keys, rate)
     return SpinStep(duration, rate, axis, sigma, ramp, **place, angle=angle, angle_sigma=angle_sigma)
 

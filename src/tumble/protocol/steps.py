@@ -99,6 +99,11 @@ class TurnStep:
     interval: tuple[float, float] | None = None
 
 
+ASSUMED_RATE = 1e-3
+"""Share by which a table's rate is taken to be uncertain, one sigma, where nobody says: 0.1 %, as motors hold it that
+no crystal times. A laboratory's rate table is ten to a hundred times better, and its data sheet says so."""
+
+
 @dataclass(frozen=True, slots=True)
 class SpinStep:
     """A table turns the unit at a constant rate.
@@ -109,7 +114,7 @@ class SpinStep:
     rate : rad/s against the Earth about the axis, with sign.
     axis_b : (3,) unit vector in b along the table's axis; None for a vertical axis that points up,
         wherever that is in b.
-    sigma : standard uncertainty of the rate as a share of it; zero for an exact table.
+    sigma : standard uncertainty of the rate as a share of it; zero for an exact table, None where nobody says.
     ramp : s that the table takes to come to its rate, and to stop.
     name, file, interval : as for `HoldStep`.
     angle : rad that the table's display says it turned, from the rest before to the rest after, ramps
@@ -121,13 +126,18 @@ class SpinStep:
     duration: float
     rate: float
     axis_b: Vector | None = None
-    sigma: float = 0.0
+    sigma: float | None = None
     ramp: float = 2.0
     name: str = ""
     file: str | None = None
     interval: tuple[float, float] | None = None
     angle: float | None = None
     angle_sigma: float = 0.0
+
+    @property
+    def rate_sigma(self) -> float:
+        """Standard uncertainty of the rate as a share of it: as stated, or what is assumed of any table."""
+        return ASSUMED_RATE if self.sigma is None else self.sigma
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from tumble.errors import ProtocolError
 from tumble.protocol.keys import ANGLES, ARC_SECOND, DEGREE, FORMAT, FRAME, PPM, REVOLUTION, VERSION
 from tumble.protocol.numerals import numeral_of, value_of
 from tumble.protocol.steps import HoldStep, Protocol, RampStep, SoakStep, SpinStep, Step, TurnStep
+from tumble.sample_rates import SampleRate
 
 _HEAD = """\
 # A protocol: what is done to the unit, step by step, and how well it is known.
@@ -50,12 +51,18 @@ def protocol_to_text(protocol: Protocol) -> str:
         if value is not None:
             lines.append(f"{key}: {_quoted(value)}")
     if protocol.rate is not None:
-        lines.append(f"rate_hz: {numeral_of(protocol.rate)}")
+        lines.append(f"rate_hz: {_rate_text(protocol.rate)}")
     lines.append("steps:")
     for step in protocol.steps:
         first, *others = _step_lines(step)
         lines += [f"  - {first}", *(f"    {line}" for line in others)]
     return "\n".join(lines) + "\n"
+
+
+def _rate_text(rate: float) -> str:
+    """Return a sampling rate, with its uncertainty where it has one."""
+    sigma = rate.uncertainty if isinstance(rate, SampleRate) else None
+    return numeral_of(rate) if sigma is None else f"{numeral_of(rate)}±{numeral_of(sigma)}"
 
 
 def _site_lines(site: Site) -> list[str]:
@@ -142,8 +149,9 @@ def _spin_lines(step: SpinStep) -> list[str]:
         f"rate_deg_per_s: {numeral_of(step.rate, DEGREE)}",
         _spin_length(step),
         f"ramp_s: {numeral_of(step.ramp)}",
-        f"uncertainty_ppm: {numeral_of(step.sigma, PPM)}",
     ]
+    if step.sigma is not None:
+        lines.append(f"uncertainty_ppm: {numeral_of(step.sigma, PPM)}")
     if step.angle is not None:
         lines.append(f"angle_deg: {numeral_of(step.angle, DEGREE)}")
     if step.angle is not None or step.angle_sigma:

@@ -13,6 +13,7 @@ from tumble.arrays import Series, Table, Vectors
 from tumble.errors import RecordingError
 from tumble.recording.columns import ColumnPlan, kind_of_file
 from tumble.recording.gravity_check import gyro_scale_from_gravity, unit_of_scale
+from tumble.recording.range_check import gyro_step_words
 from tumble.recording.recording import Recording, Remark
 from tumble.recording.rest import QuietStretches, find_quiet_stretches, sample_pieces, smallest_step
 from tumble.recording.unit_change import two_force_levels
@@ -312,11 +313,9 @@ def guess_angular_rate_unit(recording: Recording, header_is_plain: bool) -> tupl
         said = f"gravity turning in body axes gives {scale.scale:.4g} rad/s per unit"
         if unit is not None:
             return unit, [Remark("assumed", f"Angular rate is taken as {unit}: {said}.")]
-        return COUNTS, [
-            Remark(
-                "assumed", f"Angular rate is taken as counts: {said}{_rate_doubt(recording, scale.scale)}."
-            )
-        ]
+        doubt = _rate_doubt(recording, scale.scale)
+        kind = "doubtful" if doubt else "assumed"
+        return COUNTS, [Remark(kind, f"Angular rate is taken as counts: {said}{doubt}.")]
     unit, reason = _unit_by_size(recording.angular_rate, recording.rate, header_is_plain)
     return unit, [
         Remark("assumed", f"Angular rate is taken as {unit}: {reason}."),
@@ -382,9 +381,11 @@ def check_angular_rate_unit(recording: Recording, unit: str, name: str) -> list[
             Remark("found", f"The gyro's unit ({unit}) agrees with how gravity turns (ratio {ratio:.2f}).")
         ]
     other = unit_of_scale(scale.scale)
+    doubled = gyro_step_words(ratio, recording.rate)
+    advice = f"{doubled}. Else it" if doubled is not None else "it"
     raise RecordingError(
         f"{name}: the gyro is declared to be in {unit}, but gravity turning in body axes shows "
-        f"{scale.scale:.3g} rad/s per unit ({ratio:.3g} times the declared); it looks like "
+        f"{scale.scale:.3g} rad/s per unit ({ratio:.3g} times the declared); {advice} looks like "
         f"{other or 'counts'}: say so with --units."
     )
 

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from tumble.arrays import AnyArray, Series
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import content, stamps
+from tumble.recording.clock import clock_without_stamps
 from tumble.recording.columns import ColumnPlan, plan_from_names, plan_from_option, temperature_unit_in
 from tumble.recording.declared import DeclaredUnits
 from tumble.recording.formats.table import RawTable
@@ -21,6 +22,7 @@ from tumble.recording.recording import Recording, Remark, Source
 from tumble.recording.signals import Signals, pick_signals
 from tumble.recording.temperature import COLDEST, HOTTEST, without_slips
 from tumble.recording.unit_choice import Interpretation, about_units, decide_force, decide_rate
+from tumble.sample_rates import sample_rate
 from tumble.units import COUNTS, celsius_from, find_unit, time_factor
 
 __all__ = ["BlockState", "Interpretation", "choose_columns", "interpret", "interpret_block"]
@@ -108,7 +110,9 @@ def _ordered(
         index = (
             np.arange(count, dtype=np.float64) if signals.rows is None else signals.rows.astype(np.float64)
         )
-        return signals, stamps.Stamps(index / rate, np.ones(count, bool), gaps, rate, "s")
+        return signals, stamps.Stamps(
+            index / rate, np.ones(count, bool), gaps, float(rate), "s", clock_without_stamps(rate)
+        )
     rows = signals.rows
 
     def place(row: int) -> str:
@@ -129,7 +133,7 @@ def interpret(
     table: RawTable,
     plan: ColumnPlan,
     units: DeclaredUnits,
-    rate: float | None,
+    rate: float | str | None,
     sources: tuple[Source, ...],
     remarks: list[Remark],
     *,
@@ -151,6 +155,7 @@ def interpret(
     UsageError
         If the declared rate is not positive.
     """
+    rate = None if rate is None else sample_rate(rate)
     if rate is not None and not stamps.RATES[0] <= rate <= stamps.RATES[1]:
         raise UsageError(f"--rate {rate:g}: give a positive number of samples a second, as 100.")
     remarks = [*table.remarks, *remarks, *about_units(table, plan, units)]
@@ -179,6 +184,7 @@ def interpret(
         sources=sources,
         gaps=ordered.gaps,
         temperature_unit=plan.temperature_unit,
+        said_clock=ordered.clock,
     )
     remarks += _about_temperature(recording)
     if table.judged and units == DeclaredUnits() and plan.said_by == "header":

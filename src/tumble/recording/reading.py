@@ -76,7 +76,7 @@ def read_recording(
     *,
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
-    rate: float | None = None,
+    rate: float | str | None = None,
     topics: str | Sequence[str] | None = None,
     parted: bool = False,
 ) -> Recording:
@@ -117,7 +117,7 @@ def read_recordings(
     *,
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
-    rate: float | None = None,
+    rate: float | str | None = None,
     topics: str | Sequence[str] | None = None,
 ) -> list[Recording]:
     """Read files that are one recording each, or one pair; the parameters are `read_recording`'s.
@@ -140,7 +140,7 @@ def _recording_of(
     tables: list[RawTable],
     columns: str | None,
     declared: DeclaredUnits,
-    rate: float | None,
+    rate: float | str | None,
     *,
     parted: bool = False,
 ) -> Recording:
@@ -181,7 +181,7 @@ def read_blocks(
     *,
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
-    rate: float | None = None,
+    rate: float | str | None = None,
     topics: str | Sequence[str] | None = None,
     parted: bool = False,
 ) -> Iterator[Recording]:

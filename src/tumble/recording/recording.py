@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from tumble.arrays import Series, Vectors
+from tumble.recording.clock import Clock, clock_of_stamps
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,10 +29,11 @@ class Remark:
     """Something that the reader noticed, assumed or mended, as a sentence for the user.
 
     `kind` is "found" (a fact of the file), "assumed" (a guess that the user may overrule),
-    "mended" (samples left out or changed) or "unchecked" (what nothing in the file can show).
+    "doubtful" (a guess that other numbers of the file contradict), "mended" (samples left out or changed) or
+    "unchecked" (what nothing in the file can show).
     """
 
-    kind: Literal["found", "assumed", "mended", "unchecked"]
+    kind: Literal["found", "assumed", "doubtful", "mended", "unchecked"]
     text: str
 
 
@@ -51,6 +53,7 @@ class Recording:
     remarks : what was found, assumed or mended on reading.
     gaps : indices i where samples are missing between i - 1 and i.
     temperature_unit : what the file or the user says that the temperature was in, None if nobody does.
+    said_clock : the clock that the stamps are from, as far as who made the recording knows it; else None.
     """
 
     time: Series
@@ -64,6 +67,7 @@ class Recording:
     remarks: tuple[Remark, ...] = field(default=())
     gaps: tuple[int, ...] = ()
     temperature_unit: str | None = None
+    said_clock: Clock | None = None
 
     def __len__(self) -> int:
         return int(self.time.shape[0])
@@ -72,6 +76,11 @@ class Recording:
     def duration(self) -> float:
         """Seconds from the first to the last sample."""
         return float(self.time[-1] - self.time[0]) if len(self) else 0.0
+
+    @property
+    def clock(self) -> Clock:
+        """The clock that the stamps are from, and how far its rate may be off: as it is known, or as they lie."""
+        return self.said_clock or clock_of_stamps(self.time)
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
@@ -102,6 +111,7 @@ class Recording:
             remarks=self.remarks,
             gaps=tuple(i - start for i in self.gaps if start < i < stop),
             temperature_unit=self.temperature_unit,
+            said_clock=self.said_clock,
         )
 
     def without_rows(self, keep: np.ndarray) -> Recording:
@@ -120,4 +130,5 @@ class Recording:
             remarks=self.remarks,
             gaps=tuple(int(i) for i in np.unique(moved) if 0 < i < index.size),
             temperature_unit=self.temperature_unit,
+            said_clock=self.said_clock,
         )

@@ -11,7 +11,15 @@ import numpy.typing as npt
 
 from tumble.arrays import Series
 from tumble.errors import RecordingError
+from tumble.recording.clock import (
+    AGREES,
+    AGREES_AT_LEAST,
+    CRYSTAL,
+    Clock,
+    clock_of_stamps,
+)
 from tumble.recording.recording import Remark
+from tumble.sample_rates import SampleRate
 from tumble.units import time_factor
 
 _PLAUSIBLE_RATE = (5.0, 5000.0)  # Hz: slow loggers in seconds are many, rates above in milliseconds few
@@ -56,6 +64,7 @@ class Stamps:
     gaps : indices into `time` before which samples are missing.
     rate : samples a second, from the stamps outside the gaps.
     unit : unit of the raw stamps.
+    clock : that they are from.
     remarks : what was assumed and mended.
     """
 
@@ -64,6 +73,7 @@ class Stamps:
     gaps: tuple[int, ...]
     rate: float
     unit: str
+    clock: Clock
     remarks: list[Remark] = field(default_factory=list[Remark])
 
 
@@ -197,7 +207,7 @@ def order_stamps(
         text = f"A rate of {found:.3g} Hz is unusual for an IMU; check the unit of time ({unit})."
         remarks.append(Remark("unchecked", text))
     gaps = _gaps_of(steps, found) if time.size > 2 else ()
-    return Stamps(time, keep, gaps, found, unit, remarks)
+    return Stamps(time, keep, gaps, found, unit, clock_of_stamps(time, rate), remarks)
 
 
 def _even_out(raw: Series, steps: Series, unit: str | None, rate: float | None, name: str) -> Stamps | None:
@@ -235,7 +245,9 @@ def _even_out(raw: Series, steps: Series, unit: str | None, rate: float | None, 
         f"arrival. The samples are taken as evenly spaced, at {found:.5g} Hz."
     )
     said.append(Remark("assumed", text))
-    return Stamps(even, np.ones(raw.size, bool), tuple(edges[1:-1]), found, unit, said)
+    arrival = float(np.hypot(CRYSTAL, factor * between / float(even[-1] - even[0])))
+    clock = Clock("host", found, arrival)
+    return Stamps(even, np.ones(raw.size, bool), tuple(edges[1:-1]), found, unit, clock, said)
 
 
 def _more(count: int) -> str:
@@ -340,8 +352,13 @@ def _other_unit(guess: str, found: float) -> str:
 
 
 def _check_rate(found: float, rate: float | None, name: str, unit: str) -> None:
-    if rate is not None and abs(np.log(found / rate)) > 0.05:
+    if rate is None:
+        return
+    stated = rate.relative if isinstance(rate, SampleRate) else None
+    limit = 0.05 if stated is None else max(AGREES * stated, AGREES_AT_LEAST)
+    if abs(np.log(found / rate)) > limit:
+        declared = f"{float(rate):g}" if stated is None else f"{rate}"
         raise RecordingError(
-            f"{name}: the stamps (in {unit}) give {found:.5g} Hz, but {rate:g} Hz was declared; leave one of "
+            f"{name}: the stamps (in {unit}) give {found:.6g} Hz, but {declared} Hz was declared; leave one of "
             "the two out (a time column is skipped with --columns)."
         )

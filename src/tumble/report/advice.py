@@ -17,6 +17,7 @@ from tumble.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from tumble.document.result import Calibration
+    from tumble.protocol import Protocol
     from tumble.recording.recording import Recording
     from tumble.segmentation import Timeline
 
@@ -30,6 +31,7 @@ def next_steps(
     up_b: Vectors | None,
     recording: Recording,
     timeline: Timeline,
+    protocol: Protocol | None = None,
 ) -> list[str]:
     """Return what would improve the calibration or make it more trustworthy, as sentences.
 
@@ -38,11 +40,12 @@ def next_steps(
     calibration, rows : the result and its parameters for people.
     up_b : (holds, 3) corrected specific force of the holds, m/s²; None without calibrated accelerometers.
     recording, timeline : for the turns.
+    protocol : what was done, where it was told: on a table nobody holds the unit with a corner up.
     """
     steps: list[str] = []
     if not calibration.verdict.fit:
         steps.append("The calibration is not fit for use: mend what the verdict names, and record again.")
-    procedure = procedure_or_none(calibration.procedure)
+    procedure = procedure_or_none(calibration.procedure if protocol is None else protocol.procedure)
     if procedure is not None and procedure.placement:
         steps.append(procedure.placement)
     elif up_b is not None:

@@ -15,6 +15,7 @@ from tumble.report.figures.poses import poses
 from tumble.report.figures.timeline import timeline
 from tumble.report.formula import formula_text, python_snippet
 from tumble.report.html import render_page
+from tumble.report.limits import limits_section
 from tumble.report.page import Block, Code, Facts, Footer, Page, Sentences, Table, Verdict, section
 from tumble.report.parameters import GROUPS, ParameterRow, plain_unit
 from tumble.report.predictions import predictions
@@ -57,16 +58,17 @@ def write_report(path: str | os.PathLike[str], **made: Any) -> None:
     write_text(Path(path), render_report(**made))
 
 
-def render_report(**made: Any) -> str:
+def render_report(*, library: str | None = None, **made: Any) -> str:
     """Return the report of a calibration as one HTML page that works offline.
 
     Parameters
     ----------
+    library : where the plotting library lies, seen from the page; None puts it into the page.
     made : what a `Subject` has.
     """
     subject = Subject(**made)
     document = subject.calibration.model_dump(mode="json")
-    return render_page(calibration_page(subject), {"calibration": document})
+    return render_page(calibration_page(subject), {"calibration": document}, library)
 
 
 def calibration_page(subject: Subject) -> Page:
@@ -81,6 +83,7 @@ def calibration_page(subject: Subject) -> Page:
     blocks: list[Block] = [
         Facts(_facts(subject)),
         Verdict(fit, verdict_words(fit), calibration.verdict.reasons),
+        *limits_section(calibration),
         *render_evidence(subject, *FIRST),
         *_parameters(subject),
         *predictions(subject),
@@ -243,7 +246,9 @@ def _test_vectors(calibration: Calibration) -> Table:
 
 def _end(subject: Subject) -> list[Block]:
     calibration = subject.calibration
-    steps = next_steps(calibration, subject.rows, subject.up_b, subject.recording, subject.timeline)
+    steps = next_steps(
+        calibration, subject.rows, subject.up_b, subject.recording, subject.timeline, subject.protocol
+    )
     blocks = section("What to do next", Sentences(steps))
     if calibration.remarks:
         blocks += section("How it was made", Sentences(calibration.remarks))

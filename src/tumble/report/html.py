@@ -25,18 +25,21 @@ _RUNS = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
     "img-src data: blob:; font-src data:"
 )
+# As `_RUNS`, with the plotting library beside the page.
+_RUNS_BESIDE = _RUNS.replace("script-src", "script-src 'self' file:")
 _RUNS_NOTHING = "default-src 'none'; style-src 'unsafe-inline'"
 # Before a number, an exponent or the name of an axis it is no hyphen.
 _MINUS = re.compile(r"(?<![\w-])-(?=[\d.]|[xyz]\b)|(?<=[\d)]e)-(?=\d)")
 
 
-def render_page(page: Page, data: Mapping[str, Any] | None = None) -> str:
+def render_page(page: Page, data: Mapping[str, Any] | None = None, library: str | None = None) -> str:
     """Return the page as HTML that works offline.
 
     Parameters
     ----------
     page : what stands on it.
     data : documents that it carries as JSON, by the identifiers of their elements.
+    library : where the plotting library lies, seen from the page; None puts it into the page.
     """
     from markupsafe import Markup
 
@@ -48,9 +51,10 @@ def render_page(page: Page, data: Mapping[str, Any] | None = None) -> str:
         .get_template("sheet.html" if printed else "page.html")
         .render(
             page=page,
-            policy=_RUNS if figures else _RUNS_NOTHING,
+            policy=(_RUNS if library is None else _RUNS_BESIDE) if figures else _RUNS_NOTHING,
+            library=library if figures else None,
             data={name: Markup(_json(value)) for name, value in carried.items()},
-            scripts=[Markup(_plotting_library()), Markup(_resource("page.js"))] if figures else [],
+            scripts=_scripts(library) if figures else [],
             style=Markup(_resource("sheet.css" if printed else "page.css")),
         )
     )
@@ -79,8 +83,15 @@ def _kind(block: Block) -> str:
     return type(block).__name__.lower()
 
 
+def _scripts(library: str | None) -> list[Any]:
+    from markupsafe import Markup
+
+    own = [] if library is not None else [Markup(plotting_library())]
+    return [*own, Markup(_resource("page.js"))]
+
+
 @cache
-def _plotting_library() -> str:
+def plotting_library() -> str:
     """Return the source of plotly.js as the installed plotly package brings it."""
     return (files("plotly") / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
 

@@ -146,7 +146,7 @@ def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> lis
     measures = [Measure(p.value, p.standard_uncertainty, plain_unit(p.unit)) for p in members]
     if family == "bias":
         shown, other, drawn = _biases(calibration, group, members, measures)
-    elif family == "scale factor error":
+    elif family == "scale factor error" or family.endswith("asymmetry"):
         shown = _in_practical_unit(measures, _SCALES)
         other, drawn = _nothing(shown), shown
     elif family == "scale factor":

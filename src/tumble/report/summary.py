@@ -1,16 +1,19 @@
-"""What a calibration comes to, for a terminal: parameters, quality, what was left out, verdict."""
+"""What a calibration comes to, for a terminal: the verdict and the parameters on one screen, the rest on request."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tumble.report.calibration import parameter_table
 from tumble.report.evidence.thermal_changes import thermal_changes, thermal_lines
 from tumble.report.evidence.turn_ons import bias_table
+from tumble.report.limits import DECISIONS, limits_lines
 from tumble.report.page import Block, Sentences, Verdict
-from tumble.report.parameters import TEMPERATURE, parameter_rows
+from tumble.report.parameters import GROUPS, TEMPERATURE, Measure, ParameterRow, parameter_rows
+from tumble.report.rounding import with_uncertainty
 from tumble.report.terminal import aligned, print_blocks
 from tumble.report.words import (
     left_out_sentences,
@@ -50,24 +53,108 @@ def summary(calibration: Calibration, *, width: int) -> list[Block]:
     return [*(table for table in tables if table is not None), Sentences(sentences)]
 
 
-def print_calibration(
-    calibration: Calibration, console: Console, *, quiet: bool = False, files: Sequence[Path] = ()
-) -> None:
-    """Print the tables, how well the data fit, what was left out, and the verdict with its reasons.
+def brief(calibration: Calibration, *, width: int) -> list[Block]:
+    """Return what a terminal shows under the verdict where nobody asks for more: each parameter once.
+
+    Parameters
+    ----------
+    calibration : the document.
+    width : characters of the terminal.
+    """
+    rows = [row for row in parameter_rows(calibration) if row.group != TEMPERATURE]
+    tables = [thermal_changes(calibration, width=width), bias_table(calibration, width=width)]
+    missing = [f"Not determined: {sentence}" for sentence in calibration.not_determined]
+    return [
+        Sentences(_in_lines(rows, width), "paragraphs"),
+        *(table for table in tables if table is not None),
+        *([Sentences(missing)] if missing else []),
+    ]
+
+
+def _in_lines(rows: Sequence[ParameterRow], width: int) -> list[str]:
+    """Return three parameters of a family in a line, in the unit that data sheets have; one where it is narrow."""
+    cells: list[tuple[str, ...]] = [("value ± standard uncertainty",), ("", "x", "y", "z", "")]
+    for group in (group for group in GROUPS if any(row.group == group for row in rows)):
+        cells.append((group,))
+        own = [row for row in rows if row.group == group]
+        for family, members in groupby(own, key=lambda row: row.family):
+            together = list(members)
+            cells += [_line(family, together[first : first + 3]) for first in range(0, len(together), 3)]
+    widths = [max(len(row[place]) for row in cells if len(row) > 1) for place in range(5)]
+    gap = next((gap for gap in (2, 1) if sum(widths) + gap * (len(widths) - 1) <= width), 0)
+    if not gap:
+        return _one_each(rows)
+    return [(" " * gap).join(map(str.ljust, row, widths)).rstrip() for row in cells]
+
+
+def _one_each(rows: Sequence[ParameterRow]) -> list[str]:
+    lines: list[str] = []
+    for group, members in groupby(rows, key=lambda row: row.group):
+        lines += [group, *(f"{row.label}: {_data_sheet_measure(row).text}" for row in members)]
+    return lines
+
+
+_BRIEFLY = {"rotation between the triads": "rotation", "lag of the accelerometer behind the gyro": "time lag"}
+
+
+def _line(family: str, rows: Sequence[ParameterRow]) -> tuple[str, ...]:
+    measures = [_data_sheet_measure(row) for row in rows]
+    texts = [with_uncertainty(measure.value, measure.sigma) for measure in measures]
+    ends = [row.name.rpartition(" ")[2] for row in rows]
+    name = _BRIEFLY.get(family, family)
+    if family == "g-sensitivity":
+        name = f"g-sensitivity of {rows[0].label.split()[3]}"
+    # Heads name the axes x, y and z; pairs of axes, as of non-orthogonalities, name themselves.
+    if not set("".join(ends)) <= set("xyz"):
+        ends = ["" for _ in ends]
+    named = [
+        text if end in ("", "xyz"[place]) else f"{end} {text}"
+        for place, (end, text) in enumerate(zip(ends, texts, strict=True))
+    ]
+    return (f" {name}", *named, *("" for _ in range(3 - len(named))), measures[0].unit)
+
+
+def _data_sheet_measure(row: ParameterRow) -> Measure:
+    """Return a parameter in the unit of data sheets where it has one: a bias in mg or deg/s, not in counts."""
+    other = row.other
+    known = other is not None and other.value == other.value
+    return other if other is not None and known and row.family in ("bias", "g-sensitivity") else row.shown
+
+
+def print_calibration(calibration: Calibration, console: Console, *, verbose: bool = False) -> None:
+    """Print the verdict with its reasons, then each parameter with its standard uncertainty.
 
     Parameters
     ----------
     calibration : what to print.
     console : where to.
-    quiet : the verdict only.
-    files : where the results were written.
+    verbose : print intervals, how well the data fit, terms that were tried and what was left out, too.
     """
     fit = calibration.verdict.fit
-    reasons = () if quiet and fit else calibration.verdict.reasons
-    shown = [] if quiet else summary(calibration, width=console.width)
-    print_blocks([*shown, Verdict(fit, verdict_words(fit), reasons)], console)
-    for file in files:
-        console.print(f"written: {file.resolve()}", markup=False, soft_wrap=True)
+    shown = (summary if verbose else brief)(calibration, width=console.width)
+    print_blocks(
+        [Verdict(fit, verdict_words(fit), calibration.verdict.reasons), *limits_lines(calibration)], console
+    )
+    console.print()
+    print_blocks(shown, console)
+
+
+def verdict_line(calibration: Calibration, files: Sequence[Path]) -> str:
+    """Return the verdict and where the results are, in one line; against the use of one, the first reason, too.
+
+    Parameters
+    ----------
+    calibration : what was found.
+    files : where the results were written.
+    """
+    verdict = calibration.verdict
+    because = "" if verdict.fit or not verdict.reasons else f" {verdict.reasons[0]}"
+    more = len(verdict.reasons) - 1
+    because += f" ({more} more in the report.)" if because and more > 0 else ""
+    places = ", ".join(str(file.resolve()) for file in files)
+    where = f" Written: {places}" if places else ""
+    limits = "" if calibration.limits is None else f" {DECISIONS[calibration.limits.decision].upper()}."
+    return f"{verdict_words(verdict.fit).upper()}.{limits}{because}{where}"
 
 
 def parameter_text(calibration: Calibration) -> str:

@@ -7,7 +7,7 @@ tenth of the recording and from what the two triads tell of each other in motion
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -92,6 +92,25 @@ def find_activity(blocks: Blocks) -> Activity:
     return Activity(activity, threshold, rate_bias, scale, gravity, force_bias)
 
 
+def follow_activity(blocks: Blocks, known: Activity) -> Activity:
+    """Return how much the unit moves in further blocks of a recording whose scale is known.
+
+    Parameters
+    ----------
+    blocks : of the same unit.
+    known : what was found in other blocks of it; bias, scales and threshold are taken from there.
+    """
+    force, rate = blocks.specific_force, blocks.angular_rate
+    activity = np.zeros(len(blocks))
+    if force is not None and known.gravity is not None:
+        span = _lag(blocks) * 2 * blocks.seconds
+        activity = _change_sizes(force, _lag(blocks)) / (known.gravity * span)
+    if rate is not None and known.rate_bias is not None and known.rate_scale is not None:
+        size = known.rate_scale * _distances(rate, known.rate_bias)
+        activity = np.maximum(size, activity / 3.0)
+    return replace(known, rate=activity)
+
+
 def _lag(blocks: Blocks) -> int:
     return blocks.half_width
 
@@ -149,7 +168,10 @@ def _among_rests(blocks: Blocks, unrest: Series, quiet: np.ndarray) -> tuple[np.
         return quiet, None
     rate = blocks.angular_rate
     away = _distances(rate, np.median(rate.smooth[quiet], axis=0))
-    noise = float(np.linalg.norm(np.median(rate.roughness[quiet], axis=0)) ** 0.5) / blocks.size**0.5
+    rough = np.median(rate.roughness[quiet], axis=0).astype(
+        float
+    )  # kept in 32 bits, which have no such squares
+    noise = float(np.linalg.norm(rough) ** 0.5) / blocks.size**0.5
     apart = max(SAME_LEVEL * float(np.quantile(away, 0.99)), 10.0 * noise)
     limit = max(4.0 * float(np.median(unrest[quiet])), 1e-9 * float(unrest.max()))
     shortest = round(SHORTEST_VISIT_SECONDS / blocks.seconds)

@@ -44,6 +44,46 @@ class Blocks:
         return 0 if triad is None else int(triad.smooth.shape[0])
 
 
+@dataclass(frozen=True, slots=True)
+class BlockCut:
+    """How samples at a rate are cut into blocks and smoothed.
+
+    Attributes
+    ----------
+    size, seconds : samples and seconds of a block.
+    half_width : of the triangle that smooths, in blocks.
+    """
+
+    size: int
+    seconds: float
+    half_width: int
+
+    @staticmethod
+    def at_rate(rate: float) -> BlockCut:
+        """Return the cut into blocks of about 0.05 s, of one sample at least.
+
+        Parameters
+        ----------
+        rate : Hz.
+        """
+        size = max(1, round(BLOCK_SECONDS * rate))
+        seconds = size / rate
+        return BlockCut(size, seconds, max(2, round(SMOOTHING_SECONDS / seconds)))
+
+    def smoothed(self, mean: Vectors, roughness: np.ndarray) -> TriadBlocks:
+        """Return a triad's blocks with their means smoothed.
+
+        Parameters
+        ----------
+        mean, roughness : (blocks, 3).
+        """
+        from tumble.segmentation.kernels import triangle_smooth
+
+        smooth = np.empty_like(mean)
+        triangle_smooth(mean, self.half_width, smooth)
+        return TriadBlocks(smooth, roughness)
+
+
 def cut_blocks(recording: Recording) -> Blocks:
     """Cut a recording into blocks of about 0.05 s (at least one sample) and smooth their means.
 
@@ -53,26 +93,22 @@ def cut_blocks(recording: Recording) -> Blocks:
     ----------
     recording : any units; both triads, or one.
     """
-    from tumble.segmentation.kernels import block_moments, triangle_smooth
+    from tumble.segmentation.kernels import block_moments
 
-    size = max(1, round(BLOCK_SECONDS * recording.rate))
-    seconds = size / recording.rate
-    half_width = max(2, round(SMOOTHING_SECONDS / seconds))
-    count = len(recording) // size
+    how = BlockCut.at_rate(recording.rate)
+    count = len(recording) // how.size
 
     def cut(signal: Vectors | None) -> TriadBlocks | None:
         if signal is None:
             return None
         mean, roughness = np.empty((count, 3)), np.empty((count, 3), dtype=np.float32)
-        block_moments(np.asarray(signal, dtype=float), size, mean, roughness)
-        smooth = np.empty_like(mean)
-        triangle_smooth(mean, half_width, smooth)
-        return TriadBlocks(smooth, roughness)
+        block_moments(np.asarray(signal, dtype=float), how.size, mean, roughness)
+        return how.smoothed(mean, roughness)
 
     return Blocks(
-        size,
-        seconds,
-        half_width,
+        how.size,
+        how.seconds,
+        how.half_width,
         cut(recording.specific_force),
         cut(recording.angular_rate),
         specific_force_factor(recording.specific_force_unit),

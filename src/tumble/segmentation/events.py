@@ -215,7 +215,7 @@ def _spin_costs(
     lengths = np.maximum(np.linalg.norm(rates, axis=1), 1e-300)
     total = np.zeros(len(found))
     if reading.rate_scale is not None:
-        sigma = float(np.hypot(RATE_SIGMA, step.sigma))
+        sigma = float(np.hypot(RATE_SIGMA, step.rate_sigma))
         excess: Series = np.log(lengths / reading.rate_scale / abs(step.rate))
         # a saturated rate is at least what is seen
         whole = np.array([(spin := events[k].spin) is None or spin.usable for k in found])

@@ -10,6 +10,7 @@ from tumble.arrays import AnyArray, Matrices, Series, Vectors
 from tumble.errors import SegmentationError
 from tumble.recording.recording import Recording
 from tumble.segmentation.averages import MeanCovariance, mean_covariance
+from tumble.segmentation.rest_wander import RestParts, observe_parts
 from tumble.segmentation.timeline import Hold, Timeline
 
 
@@ -28,6 +29,7 @@ class HoldMeans:
     temperature : (holds,) degrees Celsius, or None.
     specific_force_between, angular_rate_between : (3, holds, holds) covariance of the means of different
         holds for each axis, where a noise model tells it (`tumble.segmentation.modelled_means`), or None.
+    parts : means of the parts of the holds, which show how biases wander; None where that is not asked for.
     """
 
     specific_force: Vectors | None
@@ -42,6 +44,7 @@ class HoldMeans:
     temperature: Series | None
     specific_force_between: AnyArray | None = None
     angular_rate_between: AnyArray | None = None
+    parts: RestParts | None = None
 
     def __len__(self) -> int:
         return int(self.duration.shape[0])
@@ -76,6 +79,7 @@ def observe_holds(recording: Recording, timeline: Timeline) -> HoldMeans:
         time=np.array([0.5 * (recording.time[h.start] + recording.time[h.stop - 1]) for h in holds]),
         count=counts,
         temperature=_temperatures(recording.temperature, holds),
+        parts=observe_parts(recording, timeline),
     )
 
 

@@ -38,6 +38,7 @@ class Rotation:
     integral : (3,) raw·s, of the angular rate; with the bias and the Earth rate in it.
     covariance : (3, 3) of it.
     seconds : s, how long it took.
+    middle : s, on the recording's clock.
     cosine, sine : s, the integrals of cos φ and sin φ over it, φ the angle turned since its beginning:
         what fixed directions across the axis add up to in b.
     angle : rad, the table's, with the sign of the protocol's rate about the protocol's axis.
@@ -52,6 +53,7 @@ class Rotation:
     integral: Vector
     covariance: Matrix
     seconds: float
+    middle: float
     cosine: float
     sine: float
     angle: float
@@ -144,6 +146,7 @@ class _Observer:
             integral=summed[-1].copy(),
             covariance=self._density(row, beside) * seconds,
             seconds=seconds,
+            middle=0.5 * float(time[0] + time[-1]),
             cosine=_integral(np.cos(phase), dt),
             sine=_integral(np.sin(phase), dt),
             angle=angle,
@@ -175,10 +178,11 @@ class _Observer:
             integral=np.asarray(self.spins.angular_rate[row] * seconds, dtype=np.float64),
             covariance=np.asarray(self.spins.angular_rate_covariance[row] * seconds**2, dtype=np.float64),
             seconds=seconds,
+            middle=float(self.spins.time[row]),
             cosine=0.0,
             sine=0.0,
             angle=step.rate * seconds,
-            angle_sigma=abs(step.rate) * seconds * step.sigma,
+            angle_sigma=abs(step.rate) * seconds * step.rate_sigma,
             before=None,
             after=None,
             start=spin.start,

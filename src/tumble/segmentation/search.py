@@ -72,7 +72,9 @@ def find_timeline(
         holds, rejections = holds_of_intervals(recording, intervals), []
     else:
         walls = _walls(recording, blocks)
-        holds, rejections = _search(recording, blocks, activity, walls, minimum_hold)
+        holds, rejections = search_blocks(
+            blocks, activity, walls, samples=len(recording), minimum_hold=minimum_hold
+        )
     if not holds:
         raise SegmentationError(_nothing_found(rejections, minimum_hold))
     turns = find_turns(recording, holds, activity)
@@ -106,9 +108,23 @@ def _walls(recording: Recording, blocks: Blocks) -> np.ndarray:
     return np.minimum(np.asarray(long, dtype=int) // blocks.size, len(blocks) - 1)
 
 
-def _search(
-    recording: Recording, blocks: Blocks, activity: Activity, walls: np.ndarray, minimum_hold: float
+def search_blocks(
+    blocks: Blocks,
+    activity: Activity,
+    walls: np.ndarray,
+    *,
+    samples: int,
+    minimum_hold: float = MINIMUM_HOLD,
 ) -> tuple[list[Hold], list[Rejection]]:
+    """Return the holds in blocks, and the rests that are none, each with its reason.
+
+    Parameters
+    ----------
+    blocks, activity : a whole recording, or as much of one as there is so far.
+    walls : blocks that no hold goes across.
+    samples : how many samples there are, those after the last whole block included.
+    minimum_hold : seconds at rest that make a hold.
+    """
     stretches = join_stretches(blocks, activity, _rests(blocks, activity, walls), walls)
     holds: list[Hold] = []
     rejections: list[Rejection] = []
@@ -124,13 +140,13 @@ def _search(
             long.append(stretch)
             continue
         if seconds >= SHORTEST_MENTIONED:
-            rejections.append(_rejection(recording, blocks, stretch, reason))
+            rejections.append(_rejection(blocks, stretch, samples, reason))
     for stretch, turned in zip(long, find_turning(blocks, activity, long), strict=True):
         if turned > LARGEST_CREEP:
             reason = f"turns by {np.degrees(turned):.1f}° in {stretch.length * blocks.seconds:.1f} s"
-            rejections.append(_rejection(recording, blocks, stretch, reason))
+            rejections.append(_rejection(blocks, stretch, samples, reason))
         else:
-            holds.append(_hold(recording, blocks, stretch))
+            holds.append(_hold(blocks, stretch, samples))
     return holds, rejections
 
 
@@ -178,18 +194,18 @@ def _farthest(activity: Activity) -> float:
     return FARTHEST_TILT * (activity.gravity or 1.0)
 
 
-def _rejection(recording: Recording, blocks: Blocks, stretch: Stretch, reason: str) -> Rejection:
-    hold = _hold(recording, blocks, stretch)
+def _rejection(blocks: Blocks, stretch: Stretch, samples: int, reason: str) -> Rejection:
+    hold = _hold(blocks, stretch, samples)
     return Rejection(hold.start, hold.stop, reason)
 
 
-def _hold(recording: Recording, blocks: Blocks, stretch: Stretch) -> Hold:
-    size, total = blocks.size, len(recording)
+def _hold(blocks: Blocks, stretch: Stretch, total: int) -> Hold:
+    size, rate = blocks.size, blocks.size / blocks.seconds
     start = int(np.ceil(stretch.start * size))
     stop = total if stretch.last == len(blocks) == stretch.stop else min(int(stretch.stop * size), total)
     holes = [(max(a * size, start), min(b * size, stop)) for a, b in stretch.excluded]
     holes = _united([(a, b) for a, b in holes if b > a])
-    shortest, most = SHORTEST_PIECE_SECONDS * recording.rate, LARGEST_LOSS_SECONDS * recording.rate
+    shortest, most = SHORTEST_PIECE_SECONDS * rate, LARGEST_LOSS_SECONDS * rate
     while holes and holes[0][0] - start < shortest and holes[0][1] - start < most:
         start = holes.pop(0)[1]
     while holes and stop - holes[-1][1] < shortest and stop - holes[-1][0] < most:

@@ -200,7 +200,7 @@ def find_knocks(blocks: Blocks, stretch: Stretch, activity: Activity) -> list[tu
     for triad, scale in zip((blocks.specific_force, blocks.angular_rate), scales, strict=True):
         if triad is None or rough.size == 0:
             continue
-        total = triad.roughness[first:last].sum(axis=1)
+        total = triad.roughness[first:last].sum(axis=1, dtype=float)
         rough |= total > KNOCK * max(float(np.sort(total)[total.size // 2]), (limit * scale) ** 2)
     spread = rough.copy()
     spread[1:] |= rough[:-1]

@@ -5,9 +5,9 @@
 in raw units. What is called scale, non-orthogonality and misalignment are ways to split `matrix`.
 """
 
-from tumble.sensor.gauge import FRAMES, change_frame, frame_rotation
+from tumble.sensor.gauge import FRAMES, change_frame, frame_rotation, polar_rotation
 from tumble.sensor.imu import ImuModel
 from tumble.sensor.propagation import propagate
 from tumble.sensor.triad import Triad
 
-__all__ = ["FRAMES", "ImuModel", "Triad", "change_frame", "frame_rotation", "propagate"]
+__all__ = ["FRAMES", "ImuModel", "Triad", "change_frame", "frame_rotation", "polar_rotation", "propagate"]

@@ -104,6 +104,23 @@ def mean_gyro_rotation(gyro_matrix: Matrix) -> Matrix:
     return np.asarray(left @ right, dtype=np.float64)
 
 
+def polar_rotation(matrix: Complex) -> Complex:
+    """Return U of ``matrix = P U``, P symmetric, by Newton's iteration: analytic, for complex steps.
+
+    Parameters
+    ----------
+    matrix : (3, 3), real or complex, of any raw unit.
+
+    Notes
+    -----
+    ``U ← (U + U^-T) / 2`` (Higham 1986), which doubles its digits each time.
+    """
+    turn = matrix / np.sqrt(np.sum(matrix * matrix) / 3.0)
+    for _ in range(12):
+        turn = 0.5 * (turn + inverse(turn).T)
+    return turn
+
+
 def change_frame(model: ImuModel, frame: str) -> ImuModel:
     """Return `model` described in the named frame; corrected vectors are turned, nothing is lost.
 

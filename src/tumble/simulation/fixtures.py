@@ -267,7 +267,8 @@ class _Fixture:
     def spin(self, number: int, step: SpinStep) -> None:
         # A table that nothing is said of stands level.
         self._settle(None if step.axis_b is None else Pose(_unit(step.axis_b)))
-        rate = step.rate * (1.0 + self._error(step.sigma))
+        # A simulated table of which nobody says how it turns is exact.
+        rate = step.rate * (1.0 + self._error(step.sigma or 0.0))
         axis, axis_b = self._spin_axes(step)
         drive = self.table.drive(step, rate, f"Step {number + 1}{_named(step)}")
         self.halted |= drive.halted

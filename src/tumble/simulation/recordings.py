@@ -12,6 +12,7 @@ from tumble.arrays import AnyArray, Series, Vectors
 from tumble.earth.site import Site
 from tumble.errors import UsageError
 from tumble.protocol.steps import Step
+from tumble.recording.clock import exact_clock
 from tumble.recording.recording import Recording
 from tumble.sensor.imu import ImuModel
 from tumble.simulation.fixtures import TrueRotation, TrueSpin
@@ -146,6 +147,7 @@ def simulate_recording(
         angular_rate_unit="rad/s",
         rate=rate,
         gaps=_gaps(keep),
+        said_clock=exact_clock(rate),
     )
     return recording, _truth(motion, start, edges, (force, angular_rate, *wander), model, site)
 

@@ -18,6 +18,7 @@ from tumble.errors import UsageError
 from tumble.recording import Recording, read_blocks
 from tumble.recording.corrections import PREFIX, corrections_of
 from tumble.recording.formats.output import write_blocks
+from tumble.recording.range_check import find_steps_of_two
 from tumble.recording.temperature import TemperatureColumn
 from tumble.units import angular_rate_factor, specific_force_factor
 from tumble.workflows.temperature import (
@@ -46,7 +47,7 @@ def apply(
     output: str | os.PathLike[str] | None = None,
     columns: str | None = None,
     units: str | None = None,
-    rate: float | None = None,
+    rate: float | str | None = None,
     topics: Sequence[str] | None = None,
     temperature: float | None = None,
     outside: str = "refuse",
@@ -87,13 +88,15 @@ def apply(
     if needs_temperature(document):
         check_temperature(document, first, files, temperature, beyond)
     factors = raw_factors(document, first)
-    remarks = [f"{r.kind}: {r.text}" for r in first.remarks if r.kind in ("assumed", "mended")]
+    remarks = [f"{r.kind}: {r.text}" for r in first.remarks if r.kind in ("assumed", "doubtful", "mended")]
     if not _knows(document.gyroscope):
         remarks.append("The calibration has no gyro matrix: the corrected file has no angular rate.")
     if not _knows(document.accelerometer):
         remarks.append(
             "The calibration has no accelerometer matrix: the corrected file has no specific force."
         )
+    celsius = first.temperature if temperature is None else temperature
+    remarks += find_steps_of_two(_corrected(Corrector(document, beyond), first, factors, celsius))
     target = _target(output, calibration, paths)
 
     done, column = 0, TemperatureColumn()

@@ -13,8 +13,10 @@ import numpy as np
 
 from tumble.calibration.procedures.joint import run_joint
 from tumble.calibration.session import Options, Session
+from tumble.calibration.unseen import state_unseen_clock
 from tumble.earth import Site
 from tumble.errors import TumbleError, UsageError
+from tumble.limits import read_limits, with_limits
 from tumble.recording import Recording
 from tumble.workflows.calibrate import (
     CalibrationRun,
@@ -62,11 +64,12 @@ def calibrate_array(
     site: Site | None = None,
     columns: str | None = None,
     units: str | None = None,
-    rate: float | None = None,
+    rate: float | str | None = None,
     topics: Sequence[str] | None = None,
     optional_terms: bool = True,
     confirm_scale: bool = False,
     prior: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
+    limits: str | os.PathLike[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> ArrayRun:
     """Calibrate units that were tumbled together, fixed to one another, by the joint estimator.
@@ -79,6 +82,7 @@ def calibrate_array(
         writes nothing.
     site, columns, units, rate, topics, optional_terms, confirm_scale, progress : as for `calibrate`, for all
         recordings.
+    limits : file of acceptance limits, which each calibration is held against.
     prior : earlier calibrations of the units in their order, whose non-orthogonalities are kept, or one for all.
 
     Raises
@@ -96,6 +100,7 @@ def calibrate_array(
         require_writable(folder)
     if len(recordings) < 2:
         raise UsageError("--array takes the recordings of two units or more that were tumbled together.")
+    acceptance = None if limits is None else read_limits(Path(limits))
     names = labels_of([str(r) for r in recordings])
     priors = _priors(prior, len(recordings))
     say("reading")
@@ -109,6 +114,8 @@ def calibrate_array(
     settled = [_settle(name, session, say) for name, session in zip(names, sessions, strict=True)]
     say("all units together")
     array = _together(names, settled, place)
+    for session, estimate in zip(sessions, array.estimates, strict=True):
+        state_unseen_clock(session.clock, estimate)
     if site is None:
         for estimate in array.estimates:
             estimate.say("remark", about_gravity(place))
@@ -116,6 +123,9 @@ def calibrate_array(
         _run(session, estimate, text, len(names))
         for session, estimate, text in zip(sessions, array.estimates, recordings, strict=True)
     ]
+    if acceptance is not None:
+        for run in runs:
+            run.calibration = with_limits(run.calibration, acceptance)
     done = ArrayRun(runs, array, _document(runs, array))
     if folder is not None:
         say("writing the reports")
@@ -220,7 +230,7 @@ def _settle(name: str, session: Session, say: Callable[[str], None]) -> tuple[Es
     session.say = lambda words: say(f"{name}: {words}")
     kept: list[JointOutcome] = []
     try:
-        estimate = run_joint(session, keep=kept.append)
+        estimate = run_joint(session, keep=kept.append, clocked=False)
     except TumbleError as error:
         raise type(error)(f"{name} cannot take part: {error}") from error
     if kept[0].untold is not None:
@@ -271,6 +281,7 @@ def _document(runs: Sequence[CalibrationRun], array: ArrayEstimate) -> dict[str,
                 "folder": folder,
                 "identity": run.calibration.identity,
                 "fit": run.calibration.verdict.fit,
+                **({} if run.calibration.limits is None else {"limits": run.calibration.limits.decision}),
                 "mounting": {
                     "matrix_to_first": unit.C_1b.tolist(),
                     "rotation_vector": unit.rotation.tolist(),

@@ -16,6 +16,7 @@ from tumble.calibration.session import Options, Session
 from tumble.document.display import calibration_html
 from tumble.earth import Site
 from tumble.errors import OutputError, UsageError
+from tumble.limits import read_limits, with_limits
 from tumble.recording import Recording, read_recordings
 from tumble.recording.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
@@ -63,6 +64,12 @@ class CalibrationRun:
     files: list[Path] = field(default_factory=list[Path])
     seconds: dict[str, float] = field(default_factory=dict[str, float])
 
+    @property
+    def accepted(self) -> bool:
+        """Whether the calibration is fit for use, and within its limits if it was held against any."""
+        limits = self.calibration.limits
+        return self.calibration.verdict.fit and (limits is None or limits.decision == "passed")
+
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the calibration, and where its files are."""
         from html import escape
@@ -81,7 +88,7 @@ def calibrate(
     site: Site | None = None,
     columns: str | None = None,
     units: str | None = None,
-    rate: float | None = None,
+    rate: float | str | None = None,
     topics: str | Sequence[str] | None = None,
     prior: str | os.PathLike[str] | None = None,
     data_sheet: str | None = None,
@@ -93,6 +100,7 @@ def calibrate(
     noise: str | os.PathLike[str] | None = None,
     monte_carlo: int | None = None,
     imu: tuple[str | None, str | None] = (None, None),
+    limits: str | os.PathLike[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> CalibrationRun:
     """Calibrate the IMU of one or several recordings.
@@ -119,6 +127,7 @@ def calibrate(
     noise : noise.json of the unit: its models instead of the holds' scatter say how well their means are known.
     monte_carlo : draws for the propagation of distributions (JCGM 101), for the joint estimator only.
     imu : (model, serial number) to note in the document.
+    limits : file of acceptance limits, which the calibration is held against.
     progress : is told in words what is being done.
 
     Raises
@@ -141,6 +150,7 @@ def calibrate(
     folder = None if output is None else Path(output)
     if folder is not None:
         require_writable(folder)
+    acceptance = None if limits is None else read_limits(Path(limits))
     clock = Clock()
     say("reading")
     given = None if protocol is None else read_given_protocol(protocol)
@@ -185,6 +195,8 @@ def calibrate(
     earlier = corrected_by_before(paths, given)
     if earlier:
         calibration = calibration.model_copy(update={"input_corrected_by": earlier})
+    if acceptance is not None:
+        calibration = with_limits(calibration, acceptance)
     run = CalibrationRun(
         calibration, estimate, recording, session.timeline, session.means, reason, told, session.matching
     )
@@ -208,7 +220,7 @@ def read_as_told(
     given: GivenProtocol | None,
     columns: str | None,
     units: str | None,
-    rate: float | None,
+    rate: float | str | None,
     topics: str | Sequence[str] | None,
 ) -> tuple[Recording, Protocol | None, list[NamedSpan]]:
     """Read the recordings named, or the protocol's own; options go before what the protocol says.
@@ -410,9 +422,24 @@ def write_run(run: CalibrationRun, folder: Path) -> None:
         If the folder cannot be made or written to.
     """
     from tumble.files import write_texts
+
+    run.files = write_texts(
+        {folder / "calibration.json": run.calibration.to_json(), folder / "report.html": report_of(run)}
+    )
+
+
+def report_of(run: CalibrationRun, library: str | None = None) -> str:
+    """Return the report of a run as HTML.
+
+    Parameters
+    ----------
+    run : what was made.
+    library : where the plotting library lies, seen from the page; None puts it into the page.
+    """
     from tumble.report.calibration import render_report
 
-    report = render_report(
+    return render_report(
+        library=library,
         calibration=run.calibration,
         estimate=run.estimate,
         recording=run.recording,
@@ -420,9 +447,6 @@ def write_run(run: CalibrationRun, folder: Path) -> None:
         means=run.means,
         protocol=run.protocol,
         matching=run.matching,
-    )
-    run.files = write_texts(
-        {folder / "calibration.json": run.calibration.to_json(), folder / "report.html": report}
     )
 
 

@@ -101,7 +101,7 @@ def denoise(
     filter_motion: bool = False,
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
-    rate: float | None = None,
+    rate: float | str | None = None,
     topics: Sequence[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Denoised:

@@ -75,7 +75,7 @@ def verify_drive(
     noise: str | os.PathLike[str] | None = None,
     columns: str | None = None,
     units: str | None = None,
-    rate: float | None = None,
+    rate: float | str | None = None,
     topics: Sequence[str] | None = None,
     temperature: float | None = None,
     outside: str = "refuse",

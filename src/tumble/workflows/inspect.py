@@ -53,7 +53,7 @@ def inspect(
     *,
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
-    rate: float | None = None,
+    rate: float | str | None = None,
     topics: Sequence[str] | None = None,
     save: str | os.PathLike[str] | None = None,
 ) -> Inspection:

@@ -189,9 +189,9 @@ def _means_of(means: HoldMeans, holds: np.ndarray) -> HoldMeans:
     own = {
         name: None if value is None else value[holds]
         for name, value in parts.items()
-        if "between" not in name
+        if "between" not in name and name != "parts"
     }
-    return replace(means, **own, specific_force_between=None, angular_rate_between=None)
+    return replace(means, **own, specific_force_between=None, angular_rate_between=None, parts=None)
 
 
 def join_timelines(
@@ -236,18 +236,22 @@ def join_timelines(
 
 
 def _joined_means(recording: Recording, timeline: Timeline, means: Sequence[HoldMeans]) -> HoldMeans:
+    from tumble.segmentation.rest_wander import observe_parts
+
     def every(name: str) -> Any:
         parts = [getattr(own, name) for own in means]
         return None if any(part is None for part in parts) else np.concatenate(parts)
 
     middle = [0.5 * (recording.time[h.start] + recording.time[h.stop - 1]) for h in timeline.holds]
-    names = [f.name for f in fields(means[0]) if not f.name.endswith("_between") and f.name != "time"]
+    single = ("time", "parts")
+    names = [f.name for f in fields(means[0]) if not f.name.endswith("_between") and f.name not in single]
     return replace(
         means[0],
         **{name: every(name) for name in names},
         time=np.array(middle),
         specific_force_between=None,
         angular_rate_between=None,
+        parts=observe_parts(recording, timeline),
     )
 
 
@@ -308,5 +312,6 @@ def _concatenated(recordings: list[Recording]) -> tuple[Recording, list[Span]]:
         remarks=tuple(dict.fromkeys(remarks)),
         gaps=tuple(sorted(gaps)),
         temperature_unit=first.temperature_unit,
+        said_clock=max((recording.clock for recording in recordings), key=lambda clock: clock.sigma),
     )
     return whole, spans

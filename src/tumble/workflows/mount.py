@@ -78,7 +78,7 @@ def mount(
     site: Site | None = None,
     columns: str | None = None,
     units: str | None = None,
-    rate: float | None = None,
+    rate: float | str | None = None,
     topics: Sequence[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Mounted:
@@ -165,7 +165,7 @@ def _rest(
     *,
     columns: str | None,
     units: str | None,
-    rate: float | None,
+    rate: float | str | None,
     topics: Sequence[str] | None,
 ) -> _Rest:
     """Read a recording and average its rest, in the calibration's raw units."""

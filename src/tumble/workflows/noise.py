@@ -47,7 +47,7 @@ def analyse_noise(
     output: str | os.PathLike[str] | None = None,
     columns: str | None = None,
     units: str | Sequence[str] | None = None,
-    rate: float | None = None,
+    rate: float | str | None = None,
     topics: str | Sequence[str] | None = None,
     skip: float = 0.0,
     remove_temperature: bool = False,

@@ -309,16 +309,10 @@ def _remarks(done: ProtocolPlanned, site: Site | None) -> list[str]:
             f"Of {unread} spins no angle is read off the table: counted is what the gyros carry across them, not the "
             "rate that the protocol states. Read the display at rest before and after each (angle_deg in the protocol)."
         )
-    procedure = find_procedure(task.protocol.procedure)
-    if procedure.believes:
+    if find_procedure(task.protocol.procedure).believes:
         words.append(
-            f"Foretold is what the joint estimator tells that believes no pose and no rate; the procedure "
-            f"{task.protocol.procedure} believes them, and tells more where they deserve it."
-        )
-    elif not (procedure.joint_is_better or procedure.name == "joint"):
-        words.append(
-            f"Foretold is what the joint estimator tells: calibrate with --procedure joint, for the protocol's own "
-            f"procedure is {task.protocol.procedure}."
+            f"Foretold is what the joint estimator tells that believes no pose and no rate; with the procedure "
+            f"{task.protocol.procedure} they are believed, which tells more where they deserve it."
         )
     if not task.g_sensitivity:
         g = 648000.0 / math.pi * 9.80665 * float(np.sqrt(np.mean(plan.g_sigmas**2)))

@@ -85,6 +85,7 @@ def predict_navigation(
     if not seconds or not all(0.1 <= t <= LONGEST for t in seconds):
         raise UsageError(f"--seconds along a trajectory are 0.1 to {LONGEST:g}.")
     model = in_b(document)
+    document.need_uncertainties("the errors of what it corrects cannot be predicted")
     names = tuple(document.covariance_parameters)
     covariance = with_turn_on(document, turn_on)
     path, remarks = _path(trajectory, max(seconds), document)
@@ -221,7 +222,7 @@ def _path(name: str, duration: float, document: Calibration) -> tuple[SplineTraj
     if name in STANDARD:
         origin = (latitude, 0.0, document.site.height_m or 0.0)
         return standard_trajectory(name, duration, origin=origin), [f"Trajectory: {STANDARD[name]}."]
-    if not Path(name).is_file():
+    if not Path(name).exists():
         raise UsageError(
             f"--trajectory {name} is neither {', '.join(STANDARD)} nor a file of satellite positions that is there."
         )

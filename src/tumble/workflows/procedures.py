@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from tumble.calibration.procedure import FIRST_TRIED, Procedure, all_procedures, find_procedure
 from tumble.calibration.session import Options, Session
+from tumble.calibration.unseen import state_unseen
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
 from tumble.recording import find_axis_contradiction, find_dead_channels, find_saturated_channels
 
@@ -60,12 +61,18 @@ def run_procedure(session: Session, procedure: str | None) -> tuple[Estimate, st
     ObservabilityError, ConvergenceError, SegmentationError
         If the recording cannot serve.
     """
+    estimate, reason = _evaluated(session, procedure)
+    state_unseen(session, estimate)
+    return estimate, reason
+
+
+def _evaluated(session: Session, procedure: str | None) -> tuple[Estimate, str]:
     if procedure is not None:
         return _run(session, find_procedure(procedure)), f"Procedure {procedure}, as asked for."
     if session.protocol is not None:
         own = find_procedure(session.protocol.procedure)
         said = f"Procedure {own.name}, as the protocol {session.protocol.name} says"
-        return _improved(session, own, _run(session, own), said)
+        return _jointly(session, own, lambda here: _run(here, own), said)
     return _most_telling(session)
 
 
@@ -83,20 +90,42 @@ def _run(session: Session, procedure: Procedure) -> Estimate:
     return estimate
 
 
-def _improved(
-    session: Session, procedure: Procedure, estimate: Estimate, reason: str
+def _jointly(
+    session: Session, procedure: Procedure, run: Callable[[Session], Estimate], reason: str
 ) -> tuple[Estimate, str]:
-    """Return the joint estimate where it is the better one, with the procedure's own beside it."""
-    if not procedure.joint_is_better:
-        return estimate, f"{reason}."
+    """Return the joint estimate with the procedure's own beside it; the own one where the joint one is refused."""
+    own: Estimate | None = None
+    failed: ConvergenceError | None = None
+    try:
+        own = run(session)
+    except ConvergenceError as error:
+        failed = error
+    # Of one triad there is nothing to join.
+    both = session.recording.specific_force is not None and session.recording.angular_rate is not None
+    if own is not None and not (procedure.starts_joint and both):
+        return own, f"{reason}."
     from tumble.calibration.procedures.joint import run_joint
 
     try:
-        joint = run_joint(session, estimate)
+        joint = run_joint(session, own, frame=procedure.frame, partly=False)
     except (ObservabilityError, ConvergenceError) as error:
-        estimate.say("remark", f"The joint estimator does not settle on this recording: {error}")
-        return estimate, f"{reason}."
-    return joint, f"{reason}; estimated jointly from everything that was recorded (procedure joint)."
+        if own is None:
+            assert failed is not None
+            raise failed from error
+        own.say(
+            "remark",
+            f"The joint estimator does not serve here, so that this is the estimate of the procedure {procedure.name} "
+            f"by itself: {error}",
+        )
+        return own, f"{reason}."
+    if failed is not None:
+        joint.say("remark", f"The procedure {procedure.name} by itself does not settle: {failed}")
+    if session.matching is not None:
+        joint.say("remark", *(r for r in session.matching.remarks if r not in joint.remarks))
+    return joint, (
+        f"{reason}; estimated jointly from everything that was recorded (procedure joint; --procedure "
+        f"{procedure.name} gives that one by itself)."
+    )
 
 
 def _how_it_matched(session: Session) -> str:
@@ -121,14 +150,11 @@ def _most_telling(session: Session) -> tuple[Estimate, str]:
         why = suits.why
         if suits.fits:
             try:
-                estimate = procedure.run(session)
+                return _jointly(session, procedure, procedure.run, f"Procedure {procedure.name}: {why}")
             except ObservabilityError as error:
                 why = f"{procedure.failed}. {error}"
-            else:
-                return _improved(session, procedure, estimate, f"Procedure {procedure.name}: {why}")
         procedure = find_procedure(procedure.otherwise)
-    reason = f"Procedure {procedure.name}: {why.rstrip('.')}"
-    return _improved(session, procedure, procedure.run(session), reason)
+    return _jointly(session, procedure, procedure.run, f"Procedure {procedure.name}: {why.rstrip('.')}")
 
 
 def add_objections(session: Session, estimate: Estimate, procedure: str | None, reason: str) -> None:
@@ -137,6 +163,8 @@ def add_objections(session: Session, estimate: Estimate, procedure: str | None, 
 
     recording, timeline = session.recording, session.timeline
     estimate.say("objection", *find_dead_channels(recording))
+    doubts = [remark.text for remark in recording.remarks if remark.kind == "doubtful"]
+    estimate.say("objection", *(f"{text} Say which it is, with --units and --rate." for text in doubts))
     estimate.say("remark", *find_saturated_channels(recording))
     if recording.specific_force is not None and recording.angular_rate is not None:
         # Holds do not tell which way the gyro counts; where there are turns between them, these do.
@@ -153,7 +181,8 @@ def add_objections(session: Session, estimate: Estimate, procedure: str | None, 
     if len(lost) > 5:
         estimate.say("remark", f"{len(lost) - 5} more turns were not used for such reasons.")
     meant_for_turns = procedure is None and recording.angular_rate is not None
-    if meant_for_turns and estimate.procedure == "multi-position" and len(timeline.turns) >= SMALLEST_TURNS:
+    told = any(name.startswith("gyroscope.matrix") for name in estimate.names)
+    if meant_for_turns and not told and len(timeline.turns) >= SMALLEST_TURNS:
         because = f" {len(lost)} of them cannot be used ({lost[0].reason})." if lost else ""
         estimate.say(
             "objection",

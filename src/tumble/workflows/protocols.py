@@ -102,7 +102,7 @@ def read_given_protocol(given: str | os.PathLike[str]) -> GivenProtocol:
     path = Path(given)
     if path.is_dir():
         path = path / "protocol.yaml"
-    if path.is_file():
+    if path.exists():
         return GivenProtocol(read_protocol(path), path.parent)
     if str(given) in PROTOCOLS:
         return GivenProtocol(named_protocol(str(given)), None)

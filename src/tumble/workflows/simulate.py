@@ -14,6 +14,8 @@ import numpy as np
 
 from tumble.earth import Site
 from tumble.errors import UsageError
+from tumble.protocol.steps import SpinStep
+from tumble.sample_rates import SampleRate
 from tumble.workflows.progress import silent
 from tumble.workflows.protocols import read_played
 from tumble.workflows.simulated_files import require_place, write_simulation
@@ -180,8 +182,6 @@ class _Played:
 
 def _place(given: Protocol, site: Site | None, table: TableErrors | None, remarks: list[str]) -> Site:
     """Where it is played; what is assumed, or changes nothing, is remarked on."""
-    from tumble.protocol import SpinStep
-
     place = given_site(site) or given.site
     if place is None:
         place = Site.from_latitude(DEFAULT_LATITUDE)
@@ -237,13 +237,19 @@ def _as_played(played: _Played, truth: Truth, drawn_from: Grade, axes: str) -> P
         columns = case_columns(drawn_from.C_instrument_case)
     return replace(
         played.protocol,
-        steps=truth.steps,
+        steps=tuple(_exact(step) for step in truth.steps),
         site=played.site,
         recordings=(),
-        rate=None,
+        # The stamps of a simulation are true.
+        rate=SampleRate(played.rate, 0.0),
         columns=columns,
         units="counts" if played.units == "counts" else "m/s^2,rad/s,s",
     )
+
+
+def _exact(step: Step) -> Step:
+    """A table of which nobody says how well it keeps its rate was simulated as an exact one."""
+    return replace(step, sigma=0.0) if isinstance(step, SpinStep) and step.sigma is None else step
 
 
 def _check_chamber(
@@ -353,7 +359,7 @@ def _check(units: str, seed: int, unit: int | None, rate: float, protocol: Proto
     samples = protocol.duration * rate
     if samples > LARGEST_SAMPLES:
         raise UsageError(
-            f"The protocol lasts {protocol.duration:.0f} s, which is {samples:.3g} samples at {rate:g} Hz: "
+            f"The protocol lasts {protocol.duration:.10g} s, which is {samples:.3g} samples at {rate:g} Hz: "
             f"at most {LARGEST_SAMPLES:,} are simulated; give a lower --sample-rate."
         )
     if per_step and protocol.procedure == "hand-held":

@@ -12,8 +12,10 @@ import numpy as np
 
 from tumble.calibration.procedures.joint import run_joint
 from tumble.calibration.session import Options, Session
+from tumble.calibration.unseen import state_unseen_clock
 from tumble.earth import Site
 from tumble.errors import TumbleError, UsageError
+from tumble.limits import read_limits, with_limits
 from tumble.recording import Recording
 from tumble.workflows.calibrate import (
     CalibrationRun,
@@ -61,12 +63,13 @@ def calibrate_turn_ons(
     site: Site | None = None,
     columns: str | None = None,
     units: str | None = None,
-    rate: float | None = None,
+    rate: float | str | None = None,
     topics: Sequence[str] | None = None,
     optional_terms: bool = True,
     confirm_scale: bool = False,
     prior: str | os.PathLike[str] | None = None,
     imu: tuple[str | None, str | None] = (None, None),
+    limits: str | os.PathLike[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> CalibrationRun:
     """Calibrate one unit from several recordings of it, by the joint estimator.
@@ -81,6 +84,7 @@ def calibrate_turn_ons(
     protocol : what was done in the recordings that are no protocol files themselves; None for tumbling by hand.
     site, columns, units, rate, topics, optional_terms, confirm_scale, imu, progress : as for `calibrate`, for
         all recordings.
+    limits : file of acceptance limits, which the calibration is held against.
     prior : an earlier calibration of the unit, whose non-orthogonalities count once, as if the first recording told
         them, too.
 
@@ -97,6 +101,7 @@ def calibrate_turn_ons(
     folder = None if output is None else Path(output)
     if folder is not None:
         require_writable(folder)
+    acceptance = None if limits is None else read_limits(Path(limits))
     named = _named(recordings, protocol)
     knowledge = None if prior is None else read_prior(prior, imu[1])
     clock = Clock()
@@ -127,6 +132,8 @@ def calibrate_turn_ons(
     several = _together(
         [one.name for one in named], settled, _one_site(sessions), optional_terms=optional_terms
     )
+    # One unit samples all its recordings.
+    state_unseen_clock(max((s.clock for s in sessions), key=lambda one: one.sigma), several.estimate)
     if knowledge is not None:
         check_prior(sessions, knowledge, several.estimate)
     if site is None and all(
@@ -138,6 +145,8 @@ def calibrate_turn_ons(
     before = corrected_by_before([file for one in named for file in one.files], None)
     if before:
         run.calibration = run.calibration.model_copy(update={"input_corrected_by": before})
+    if acceptance is not None:
+        run.calibration = with_limits(run.calibration, acceptance)
     run.seconds = clock.seconds
     if folder is not None:
         say("writing the report")
@@ -190,7 +199,11 @@ def labels_of(names: Sequence[str]) -> list[str]:
 
 
 def _read(
-    one: _Named, columns: str | None, units: str | None, rate: float | None, topics: Sequence[str] | None
+    one: _Named,
+    columns: str | None,
+    units: str | None,
+    rate: float | str | None,
+    topics: Sequence[str] | None,
 ) -> tuple[Recording, Protocol | None]:
     return read_as_told([str(file) for file in one.files], one.given, columns, units, rate, topics)[:2]
 
@@ -198,7 +211,7 @@ def _read(
 def _settle(session: Session) -> tuple[Estimate, JointOutcome]:
     """Adjust a recording by itself, as far as it goes."""
     kept: list[JointOutcome] = []
-    estimate = run_joint(session, keep=kept.append)
+    estimate = run_joint(session, keep=kept.append, clocked=False)
     add_objections(session, estimate, "joint", "")
     if session.matching is not None:
         estimate.say("remark", *(r for r in session.matching.remarks if r not in estimate.remarks))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +17,12 @@ from tumble.calibration.verdict import two_digits
 from tumble.document import Calibration, read_calibration
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError
-from tumble.recording import read_recordings
+from tumble.recording import Recording, read_recordings
 from tumble.recording.corrections import corrections_of
+from tumble.recording.range_check import find_steps_of_two
 from tumble.recording.reading import Paths, recording_inputs
 from tumble.segmentation import find_timeline, observe_holds, read_intervals
+from tumble.sensor import ImuModel
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.expected_norms import conditions, corrected_whole, hold_noise, norm_covariance
 from tumble.workflows.progress import silent
@@ -93,7 +95,7 @@ def verify(
     site: Site | None = None,
     columns: str | None = None,
     units: str | None = None,
-    rate: float | None = None,
+    rate: float | str | None = None,
     topics: str | Sequence[str] | None = None,
     intervals: str | os.PathLike[str] | None = None,
     temperature: float | None = None,
@@ -176,12 +178,27 @@ def verify(
             fit=True,
             remarks=[remark.text for remark in recording.remarks],
         )
+        steps = find_steps_of_two(_corrected(model, scaled))
         hashes = {name.sha256 for name in document.recordings}
         poses = len(distinct_poses(force))
         _judge(result, document, poses, any(source.sha256 in hashes for source in recording.sources))
-        result.reasons += words
+        result.fit = result.fit and not steps
+        result.reasons = [*steps, *result.reasons, *words]
         results.append(result)
     return results
+
+
+def _corrected(model: ImuModel, recording: Recording) -> Recording:
+    """The recording in m/s² and rad/s."""
+    assert recording.specific_force is not None
+    rate = None if model.gyroscope is None else recording.angular_rate
+    if rate is None:
+        assert model.accelerometer is not None
+        return replace(
+            recording, specific_force=model.accelerometer.correct(recording.specific_force), angular_rate=None
+        )
+    force, rate = model.correct(recording.specific_force, rate)
+    return replace(recording, specific_force=force, angular_rate=rate)
 
 
 def _site_of(document: Calibration) -> Site:
@@ -203,14 +220,14 @@ def _judge(result: Verification, document: Calibration, poses: int, own_recordin
             f"give a recording with at least {SMALLEST_POSES}, better nine."
         )
     own = ["This is the recording that the calibration was made from: it shows nothing new."]
-    against += _against_norms(result)
+    against += _against_norms(result, stated=bool(document.covariance_parameters))
     against += _against_turns(result, document)
     result.fit = not against
     words = [_words_on_norms(result), _words_on_turns(result, document)]
     result.reasons = [*against, *(own if own_recording else []), *words]
 
 
-def _against_norms(result: Verification) -> list[str]:
+def _against_norms(result: Verification, *, stated: bool) -> list[str]:
     from scipy.special import gammainccinv
 
     excess = float(np.sqrt(np.mean((result.norms / result.norm_sigmas) ** 2)))
@@ -222,6 +239,13 @@ def _against_norms(result: Verification) -> list[str]:
             (
                 f"The specific force at rest is off gravity by {two_digits(1e3 * result.rms_norm)} mm/s² rms: this is "
                 "another unit, another place (--gravity), or the unit has changed."
+            )
+        ]
+    if excess > max(largest, EXPANDED) and not stated:
+        return [
+            (
+                f"The residuals of the holds are {excess:.1f} times what the noise alone explains, and the calibration "
+                "states no uncertainties that could explain more: calibrate the unit with `tumble calibrate`."
             )
         ]
     if excess > max(largest, EXPANDED):

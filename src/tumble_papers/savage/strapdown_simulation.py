@@ -458,7 +458,8 @@ def _measure(recordings: Recordings, current: ImuModel, variant: Variant) -> tup
     ):
         assert triad is not None
         stacked = _stacked(triad)
-        compensate(raw, stacked[3], stacked[4], np.linalg.inv(stacked[:3]), true)
+        inverse = np.asarray(np.linalg.inv(stacked[:3]), dtype=np.float64)
+        compensate(raw, stacked[3], stacked[4], inverse, true)
     window, step = setting.window, 1.0 / setting.sampling
     starts = recordings.starts
     gyro_bias = np.zeros(3)

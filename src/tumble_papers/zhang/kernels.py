@@ -2,39 +2,55 @@
 
 from __future__ import annotations
 
+from tumble.errors import require_compiled
+
+require_compiled(__file__)
+
+import cython
 import numpy as np
-from numba import njit
+from cython.cimports.libc.math import cos, sin
+
+_DRAWN = cython.declare(cython.Py_ssize_t, 1024)
 
 
-@njit(cache=True, nogil=True)
 def play_dwells(
-    rng: np.random.Generator, true: np.ndarray, sigma: np.ndarray, samples: int, means: np.ndarray
+    rng: np.random.Generator,
+    true: cython.const[cython.double][:, ::1],
+    sigma: cython.const[cython.double][::1],
+    samples: cython.Py_ssize_t,
+    means: cython.double[:, ::1],
 ) -> None:
     """Draw every sample of every dwell and write the means.
 
     `true` and `means` (dwells, sensors), `sigma` (sensors,) of a sample.
     """
-    dwells, sensors = true.shape
-    total = np.empty(sensors)
-    for k in range(dwells):
-        total[:] = 0.0
-        for _ in range(samples):
-            for a in range(sensors):
-                total[a] += sigma[a] * rng.standard_normal()
+    sensors = true.shape[1]
+    total: cython.double[::1] = np.empty(sensors)
+    buffer = np.empty((_DRAWN, sensors))
+    drawn: cython.double[:, ::1] = buffer
+    for k in range(true.shape[0]):
+        for a in range(sensors):
+            total[a] = 0.0
+        for begin in range(0, samples, _DRAWN):
+            count = min(_DRAWN, samples - begin)
+            rng.standard_normal(out=buffer[:count])
+            with cython.nogil:
+                for i in range(count):
+                    for a in range(sensors):
+                        total[a] += sigma[a] * drawn[i, a]
         for a in range(sensors):
             means[k, a] = true[k, a] + total[a] / samples
 
 
-@njit(cache=True, nogil=True)
 def play_rotations(
     rng: np.random.Generator,
-    wave: np.ndarray,
-    step: np.ndarray,
-    sigma: np.ndarray,
-    samples: int,
-    interval: float,
-    integrals: np.ndarray,
-    scatter: np.ndarray,
+    wave: cython.const[cython.double][:, :, ::1],
+    step: cython.const[cython.double][::1],
+    sigma: cython.const[cython.double][::1],
+    samples: cython.Py_ssize_t,
+    interval: cython.double,
+    integrals: cython.double[:, ::1],
+    scatter: cython.double[:, :, ::1],
 ) -> None:
     """Draw every sample of every rotation; write the gyros' integrals and the accelerometers' scatter.
 
@@ -43,34 +59,37 @@ def play_rotations(
     `sigma` (6,) of a sample; `integrals` (rotations, 3); `scatter` (rotations, 3, 3) is the mean of products of
     the deviations from the mean.
     """
+    buffer = np.empty((_DRAWN, 6))
+    drawn: cython.double[:, ::1] = buffer
+    x = cython.declare(cython.double[6])
+    total = cython.declare(cython.double[6])
+    products = cython.declare(cython.double[9])
     for r in range(wave.shape[0]):
-        gx, gy, gz = 0.0, 0.0, 0.0
-        sx, sy, sz = 0.0, 0.0, 0.0
-        xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        cosine, sine = np.cos(0.5 * step[r]), np.sin(0.5 * step[r])
-        turn_cosine, turn_sine = np.cos(step[r]), np.sin(step[r])
-        for _ in range(samples):
-            # The constant is left out until the end: about nearly the mean the scatter keeps its digits.
-            x = wave[r, 1, 0] * cosine + wave[r, 2, 0] * sine + sigma[0] * rng.standard_normal()
-            y = wave[r, 1, 1] * cosine + wave[r, 2, 1] * sine + sigma[1] * rng.standard_normal()
-            z = wave[r, 1, 2] * cosine + wave[r, 2, 2] * sine + sigma[2] * rng.standard_normal()
-            sx, sy, sz = sx + x, sy + y, sz + z
-            xx, xy, xz = xx + x * x, xy + x * y, xz + x * z
-            yy, yz, zz = yy + y * y, yz + y * z, zz + z * z
-            gx += wave[r, 1, 3] * cosine + wave[r, 2, 3] * sine + sigma[3] * rng.standard_normal()
-            gy += wave[r, 1, 4] * cosine + wave[r, 2, 4] * sine + sigma[4] * rng.standard_normal()
-            gz += wave[r, 1, 5] * cosine + wave[r, 2, 5] * sine + sigma[5] * rng.standard_normal()
-            cosine, sine = cosine * turn_cosine - sine * turn_sine, sine * turn_cosine + cosine * turn_sine
-        integrals[r, 0] = interval * (samples * wave[r, 0, 3] + gx)
-        integrals[r, 1] = interval * (samples * wave[r, 0, 4] + gy)
-        integrals[r, 2] = interval * (samples * wave[r, 0, 5] + gz)
-        sx, sy, sz = sx / samples, sy / samples, sz / samples
-        scatter[r, 0, 0] = xx / samples - sx * sx
-        scatter[r, 1, 1] = yy / samples - sy * sy
-        scatter[r, 2, 2] = zz / samples - sz * sz
-        scatter[r, 0, 1] = scatter[r, 1, 0] = xy / samples - sx * sy
-        scatter[r, 0, 2] = scatter[r, 2, 0] = xz / samples - sx * sz
-        scatter[r, 1, 2] = scatter[r, 2, 1] = yz / samples - sy * sz
+        for a in range(6):
+            total[a] = 0.0
+        for a in range(9):
+            products[a] = 0.0
+        cosine, sine = cos(0.5 * step[r]), sin(0.5 * step[r])
+        turn_cosine, turn_sine = cos(step[r]), sin(step[r])
+        for begin in range(0, samples, _DRAWN):
+            count = min(_DRAWN, samples - begin)
+            rng.standard_normal(out=buffer[:count])
+            with cython.nogil:
+                for i in range(count):
+                    # The constant is left out until the end: about nearly the mean the scatter keeps its digits.
+                    for a in range(6):
+                        x[a] = wave[r, 1, a] * cosine + wave[r, 2, a] * sine + sigma[a] * drawn[i, a]
+                        total[a] += x[a]
+                    for a in range(3):
+                        for b in range(3):
+                            products[3 * a + b] += x[a] * x[b]
+                    before = cosine
+                    cosine = before * turn_cosine - sine * turn_sine
+                    sine = sine * turn_cosine + before * turn_sine
+        for a in range(3):
+            integrals[r, a] = interval * (samples * wave[r, 0, 3 + a] + total[3 + a])
+            for b in range(3):
+                scatter[r, a, b] = products[3 * a + b] / samples - total[a] / samples * (total[b] / samples)
 
 
 __all__ = ["play_dwells", "play_rotations"]

@@ -36,8 +36,9 @@ SCENES = {
     "rate": {"table rate"},
 }
 # Of the largest derivative by the same unknown, what may be neglected: the trapezoid's step in a turn's integrals; what
-# a gyro's unknowns do to a window's mean, half a radian squared over 24; what accelerometers do through g-sensitivity.
-NEGLECTED = {"gyro": 1e-2, "force": 2e-2}
+# a gyro's unknowns and the clock do to a window's mean, half a radian squared over 24; what accelerometers do through
+# g-sensitivity.
+NEGLECTED = {"gyro": 1e-2, "clock": 1e-2, "force": 2e-2}
 MODEL = change_frame(
     ImuModel(
         Triad(

@@ -155,8 +155,8 @@ def test_a_term_larger_than_any_unit_s_is_not_kept_and_said(
 def test_a_term_that_predicts_holds_worse_is_not_kept(settled: tuple[JointAdjustment, Balanced]) -> None:
     _, balanced = settled
     force = balanced.tests["force"]
-    for factor, worse in ((1.1, NAMES), (0.9, [])):
-        tests = {"force": replace(force, predicted=factor * force.predicted)}
+    for more, worse in ((0.1, NAMES), (-0.1, [])):
+        tests = {"force": replace(force, surprise=force.surprise + more)}
         assert worse_predicted(balanced, replace(balanced, tests=tests), list(NAMES)) == worse
 
 

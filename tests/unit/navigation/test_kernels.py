@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 
-from tumble.navigation.kernels import advance, integrate, sine_and_cosine
+from tumble.navigation.kernels import integrate
 from tumble.navigation.trajectory import NavigationState
 
 
-def test_sine_and_cosine_turned_from_nearby_stay_exact_over_a_day() -> None:
+def test_sine_and_cosine_turned_from_nearby_stay_exact_over_a_day(as_python: Callable[[str], Any]) -> None:
+    sine_and_cosine = as_python("tumble.navigation.kernels").sine_and_cosine
     rng = np.random.default_rng(1)
     # a day at 1 Hz, northward and back at up to 300 m/s, from 0.4 rad past the equator to the far north
     rate = 4.7e-5 * np.sin(2.0 * np.pi * np.arange(86_400) / 86_400.0) + 1e-6 * rng.standard_normal(86_400)
     latitudes = 0.1 + np.cumsum(rate)
-    place, found, moved = (1e9, 0.0, 0.0), np.empty((86_400, 2)), 0
+    place, found, moved = [1e9, 0.0, 0.0], np.empty((86_400, 2)), 0
     for i, latitude in enumerate(latitudes.tolist()):
         before = place[0]
-        found[i, 0], found[i, 1], place = sine_and_cosine(latitude, place)
+        sine_and_cosine(latitude, place, found[i])
         moved += place[0] != before
     # two roundings of numbers up to one, and the series' 7e-17
     assert found[:, 0] == pytest.approx(np.sin(latitudes), rel=0.0, abs=4e-16)
@@ -27,7 +31,8 @@ def test_sine_and_cosine_turned_from_nearby_stay_exact_over_a_day() -> None:
 
 
 @pytest.mark.parametrize("means", [False, True])
-def test_the_filter_s_step_is_the_mechanisation_s(means: bool) -> None:
+def test_the_filter_s_step_is_the_mechanisation_s(means: bool, as_python: Callable[[str], Any]) -> None:
+    advance = as_python("tumble.navigation.kernels").advance
     rng = np.random.default_rng(2)
     rate, force = 0.2 * rng.standard_normal((400, 3)), rng.normal([0.3, 1.0, -9.0], 1.0, (400, 3))
     time = np.cumsum(rng.uniform(0.005, 0.02, 400))

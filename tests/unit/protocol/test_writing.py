@@ -62,7 +62,6 @@ def test_a_file_reads_like_the_hand_of_a_person() -> None:
     rate_deg_per_s: 50
     revolutions: 2
     ramp_s: 2
-    uncertainty_ppm: 0
   - turn:
     axis: x
     revolutions: 2.5

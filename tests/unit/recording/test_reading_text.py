@@ -5,6 +5,7 @@ from __future__ import annotations
 import bz2
 import gzip
 import lzma
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -260,3 +261,55 @@ def test_options_that_are_wrong_are_usage_errors(tumbled, csv) -> None:
             read_recording(path, **options)
     with pytest.raises(UsageError, match="3 files"):
         read_recording([path, path, path])
+
+
+HALVED = [
+    [0.02 * k, 0.0312 * k - 0.5, 0.1, 9.8066, 0.0051 * k, -0.0202, 0.0303 - 0.001 * k] for k in range(60)
+]
+
+
+@pytest.mark.parametrize("header", ["t,ax,ay,az,gx,gy,gz\n", '"t","ax","ay","az","gx","gy","gz"\n', ""])
+@pytest.mark.parametrize("quote", ["", '"'])
+def test_decimal_commas_between_commas_are_asked_about(tmp_path: Path, header: str, quote: str) -> None:
+    file = tmp_path / "comma.csv"
+    cells = [[f"{quote}{v:.4f}{quote}".replace(".", ",") for v in row] for row in HALVED]
+    file.write_text(header + "".join(",".join(row) + "\n" for row in cells))
+    with pytest.raises(RecordingError, match="has decimal commas, and commas between its columns too"):
+        read_recording(file, rate=50.0)
+
+
+@pytest.mark.parametrize("between", [";", "\t", " "])
+def test_decimal_commas_between_other_signs_are_read(tmp_path: Path, between: str) -> None:
+    file = tmp_path / "comma.csv"
+    file.write_text("".join(between.join(f"{v:.4f}".replace(".", ",") for v in row) + "\n" for row in HALVED))
+    force = read_recording(file).specific_force
+    assert force is not None
+    np.testing.assert_allclose(force[:, 2], 9.8066)
+
+
+def test_whole_numbers_with_a_time_of_day_are_no_halves(tmp_path: Path) -> None:
+    file = tmp_path / "counts.csv"
+    rows = [[20240301, f"{90000 + k:06d}", 8192 - k, 40 + k, 12, 16384, 5, k % 7] for k in range(60)]
+    file.write_text("".join(",".join(map(str, row)) + "\n" for row in rows))
+    recording = read_recording(file, columns="-,-,ax,ay,az,gx,gy,gz", rate=50.0, units="counts")
+    assert recording.angular_rate is not None
+    assert recording.angular_rate[0].tolist() == [16384.0, 5.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("ending", "pack"), [(".gz", gzip.compress), (".bz2", bz2.compress), (".xz", lzma.compress)]
+)
+def test_a_large_packed_text_is_unpacked_to_the_disk_and_read_alike(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str, pack: Callable[[bytes], bytes]
+) -> None:
+    file = tmp_path / f"hand.csv{ending}"
+    file.write_bytes(
+        pack(("t,ax,ay,az,gx,gy,gz\n" + "".join(",".join(map(str, r)) + "\n" for r in HALVED)).encode())
+    )
+    in_memory = read_recording(file)
+    monkeypatch.setattr(text, "_PACKED_IN_MEMORY", 10)
+    on_disk = read_recording(file)
+    assert on_disk.specific_force is not None
+    assert in_memory.specific_force is not None
+    np.testing.assert_array_equal(on_disk.specific_force, in_memory.specific_force)
+    assert on_disk.sources == in_memory.sources

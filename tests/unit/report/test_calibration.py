@@ -239,3 +239,17 @@ def test_of_many_recordings_the_title_names_the_first_and_the_last(calibration: 
     assert title(many) == "Calibration of 104 files, step-001.csv … step-104.csv"
     few = one.model_copy(update={"recordings": many.recordings[:3]})
     assert title(few) == "Calibration of step-001.csv, step-002.csv, step-003.csv"
+
+
+def test_on_a_table_nobody_is_told_to_hold_the_unit_with_a_corner_up(run: dict[str, Any]) -> None:
+    from tumble.protocol import named_protocol
+    from tumble.report.advice import next_steps
+    from tumble.report.parameters import parameter_rows
+
+    calibration = run["calibration"].model_copy(update={"procedure": "joint"})
+    up_b = 9.81 * np.eye(3)[np.arange(len(run["means"])) % 3]
+    given = (calibration, parameter_rows(calibration), up_b, run["recording"], run["timeline"])
+    assert any("hold the unit with" in step for step in next_steps(*given))
+    steps = next_steps(*given, named_protocol("rate-table"))
+    assert not any("hold the unit with" in step for step in steps)
+    assert any("placement" in step for step in steps)

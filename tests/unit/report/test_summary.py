@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from rich.console import Console
 
 from tumble.document.result import Calibration
-from tumble.report.parameters import parameter_rows
-from tumble.report.summary import parameter_text, print_calibration
+from tumble.report.parameters import TEMPERATURE, parameter_rows
+from tumble.report.rounding import with_uncertainty
+from tumble.report.summary import parameter_text, print_calibration, verdict_line
 
 
-def printed(calibration: Calibration, *, width: int = 200, quiet: bool = False) -> str:
+def printed(calibration: Calibration, *, width: int = 200, verbose: bool = True) -> str:
     console = Console(file=io.StringIO(), width=width, highlight=False)
-    print_calibration(calibration, console, quiet=quiet)
+    print_calibration(calibration, console, verbose=verbose)
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 
@@ -63,12 +66,30 @@ def test_a_calibration_that_is_fit_says_so(write_calibration: Callable[..., Cali
     assert "NOT FIT" not in text
 
 
-def test_quiet_prints_the_verdict_and_why_it_is_against(calibration: Calibration) -> None:
-    assert printed(calibration, quiet=True) == "NOT FIT FOR USE\n- Too [red]few[/red] holds.\n"
+def test_one_line_says_the_verdict_why_it_is_against_and_where_the_files_are(
+    calibration: Calibration, tmp_path: Path
+) -> None:
+    line = verdict_line(calibration, [tmp_path / "calibration.json"])
+    assert line == f"NOT FIT FOR USE. Too [red]few[/red] holds. Written: {tmp_path / 'calibration.json'}"
 
 
+def test_unasked_the_verdict_comes_first_and_each_parameter_stands_once(calibration: Calibration) -> None:
+    text = printed(calibration, verbose=False, width=80)
+    assert text.startswith("NOT FIT FOR USE\n")
+    assert "Not determined: What [bold]this[/bold] cannot tell." in text
+    for row in parameter_rows(calibration):
+        practical = row.other if row.family in ("bias", "g-sensitivity") else None
+        measure = row.shown if practical is None or math.isnan(practical.value) else practical
+        said = text.count(with_uncertainty(measure.value, measure.sigma))
+        assert said >= 1 or row.group == TEMPERATURE, row.name
+    assert "interval" not in text
+
+
+@pytest.mark.parametrize("verbose", [True, False])
 @pytest.mark.parametrize("width", [40, 60, 80])
-def test_a_narrow_terminal_folds_and_cuts_nothing_off(calibration: Calibration, width: int) -> None:
-    text = printed(calibration, width=width)
+def test_a_narrow_terminal_folds_and_cuts_nothing_off(
+    calibration: Calibration, width: int, verbose: bool
+) -> None:
+    text = printed(calibration, width=width, verbose=verbose)
     assert "…" not in text
     assert all(len(line) <= width for line in text.splitlines())

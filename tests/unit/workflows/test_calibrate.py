@@ -47,8 +47,9 @@ def without_gyro(recording: Recording, path: Path) -> Path:
 
 def test_holds_and_turns_of_both_triads_are_calibrated_by_hand(whole: Path) -> None:
     run = calibrate(whole, site=SITE)
-    assert run.calibration.procedure == "hand-held"
-    assert "18 holds and 17 turns" in run.reason
+    assert run.calibration.procedure == "joint"
+    assert "Procedure hand-held: 18 holds and 17 turns" in run.reason
+    assert "estimated jointly" in run.reason
     assert run.reason in run.calibration.remarks
     assert run.files == []  # nothing is written without an output
     assert {"reading", "segmenting", "solving"} <= set(run.seconds)

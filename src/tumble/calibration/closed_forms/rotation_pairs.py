@@ -56,45 +56,47 @@ class RotationPair:
         return sorted([*self.forward, *self.backward], key=lambda rotation: rotation.start)
 
     @property
+    def balance(self) -> float:
+        """How many times as long forward took as backward: so many times backward leaves no bias in the difference."""
+        forward, backward = (
+            float(np.mean([r.seconds for r in side])) for side in (self.forward, self.backward)
+        )
+        return forward / backward
+
+    @property
+    def shares(self) -> list[tuple[float, Rotation]]:
+        """What each rotation's integral is multiplied with in the difference: forward less backward, balanced."""
+        return [
+            (sign / len(side), rotation)
+            for side, sign in ((self.forward, 1.0), (self.backward, -self.balance))
+            for rotation in side
+        ]
+
+    @property
     def angle(self) -> float:
         """Difference of the table's angles, rad, above zero."""
-        return _mean_angle(self.forward) + _mean_angle(self.backward)
+        return sum(abs(share) * abs(rotation.angle) for share, rotation in self.shares)
 
     @property
     def angle_sigma(self) -> float:
         """Its standard uncertainty, rad."""
-        parts = [
-            np.sqrt(sum(r.angle_sigma**2 for r in side)) / len(side) for side in (self.forward, self.backward)
-        ]
-        return float(np.hypot(*parts))
+        return float(np.sqrt(sum((share * rotation.angle_sigma) ** 2 for share, rotation in self.shares)))
 
     @property
     def covariance(self) -> Matrix:
         """(3, 3) of the difference of the integrals, raw²·s²."""
-        return np.asarray(
-            sum(
-                np.sum([r.covariance for r in side], axis=0) / len(side) ** 2
-                for side in (self.forward, self.backward)
-            ),
-            dtype=np.float64,
-        )
+        return np.asarray(sum(share**2 * rotation.covariance for share, rotation in self.shares))
 
     def difference(self, parts: dict[int, Vector]) -> Vector:
         """Return the mean integral forward minus that backward, less what `parts` says of each.
+
+        What a gyro shows all the time in this placement, such as a g-sensitivity, goes out of it.
 
         Parameters
         ----------
         parts : by `Rotation.row`, raw·s.
         """
-        forward, backward = (
-            np.mean([r.integral - parts[r.row] for r in side], axis=0)
-            for side in (self.forward, self.backward)
-        )
-        return np.asarray(forward - backward, dtype=np.float64)
-
-
-def _mean_angle(side: list[Rotation]) -> float:
-    return float(np.mean([abs(r.angle) for r in side]))
+        return np.asarray(sum(share * (r.integral - parts[r.row]) for share, r in self.shares))
 
 
 def pair_rotations(

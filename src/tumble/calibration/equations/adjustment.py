@@ -28,6 +28,8 @@ from tumble.estimation.balance import (
 )
 from tumble.estimation.chain import Eliminated, Spread
 from tumble.estimation.gauss_helmert import Prior
+from tumble.estimation.settled import Settled
+from tumble.estimation.solve import solve
 from tumble.estimation.unknowns import Unknowns
 
 if TYPE_CHECKING:
@@ -266,3 +268,19 @@ def balance_recording(task: JointAdjustment) -> Balanced:
     """
     task.noise.added["sway"] = max(task.noise["sway"], START_SWAY)
     return balance(task)
+
+
+def solve_recording(task: JointAdjustment) -> Settled:
+    """Adjust with the noise as it is and everything that takes part, to start from.
+
+    Parameters
+    ----------
+    task : moved.
+
+    Raises
+    ------
+    ConvergenceError, ObservabilityError
+        From the adjustment.
+    """
+    task.noise.added["sway"] = max(task.noise["sway"], START_SWAY)
+    return solve(task)

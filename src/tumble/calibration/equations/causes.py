@@ -16,9 +16,11 @@ PLACEMENT = "placement"
 LEVER = "lever arms of rotations"
 EARTH_RATE_KNOWN = "Earth rate and latitude"
 GRAVITY = "reference gravity"
+SAMPLE_RATE = "sample rate"
+TABLE_RATE = "rate of the table"
 OTHER = "everything else"
 SOURCES = (
     *(FORCE_REST, FORCE_TURNING, FORCE_WANDER, RATE_REST, RATE_TURNING, RATE_WANDER, SWAY, TURNS, ANGLES),
     *(AXIS, PLACEMENT),
-    *(LEVER, EARTH_RATE_KNOWN, PRIOR, OUTLYING, BENT, GRAVITY, OTHER),
+    *(LEVER, EARTH_RATE_KNOWN, PRIOR, OUTLYING, BENT, GRAVITY, SAMPLE_RATE, TABLE_RATE, OTHER),
 )

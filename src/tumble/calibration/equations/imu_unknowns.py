@@ -2,7 +2,8 @@
 
 The accelerometers' bias, scale and angles as Shin has them, the gyros' whole matrix and bias, and what may be besides:
 quadratic terms, asymmetries, g-sensitivity, the unit's rotation in its fixture, the accelerometers' places in the unit
-and a lag between the triads. The model runs forwards, from true to raw: noise is a sensor's own.
+and a lag between the triads; and what may be wrong alike with all that they are compared with: clock and table. The
+model runs forwards, from true to raw: noise is a sensor's own.
 """
 
 from __future__ import annotations
@@ -78,6 +79,10 @@ LAYOUT = Layout(
             ("a turn of the table about a level axis",),
         ),
         _axes("gyro.quadratic", "quadratic term of gyro {}", "turns about {} at several rates, both ways"),
+        Block(
+            "clock", ("clock of the recording",), ("the sample rate with its uncertainty (--rate 100±0.1)",)
+        ),
+        Block("table_rate", ("rate of the table",), ("its uncertainty in the protocol (uncertainty_ppm)",)),
     )
 )
 """All unknowns that there may be.
@@ -85,7 +90,9 @@ LAYOUT = Layout(
 ``fixture`` is the rotation vector (rad) of C_bf, from the fixture's axes to the sensors' frame b. ``lever_arms`` are of
 each accelerometer, m in b, sensor by sensor; the point that they count from has the x of accelerometer x, the y of
 accelerometer y and the z of accelerometer z, so that each one's place along its own axis stays zero. ``lag`` is by how
-much the accelerometers lag behind the gyros, s.
+much the accelerometers lag behind the gyros, s. ``clock`` is the share by which true time runs faster than the stamps,
+and ``table_rate`` that by which the table turns faster than the protocol says: nothing but what is believed of both
+keeps gyro scale factors from following them.
 """
 FORCE_ALONE = LAYOUT.indices("force.bias", "force.scale", "force.angle")
 """Accelerometers without a gyro."""
@@ -152,6 +159,8 @@ def name_plate(u: Unknowns) -> Series:
         ("lever_arms", LEVER_ARM),
         ("lag", LAG),
         ("gyro.quadratic", 1e-3 / np.maximum(rows, 1e-300)),
+        ("clock", NAME_PLATE_SHARE),
+        ("table_rate", NAME_PLATE_SHARE),
     ):
         made[name][:] = size
     return made.values

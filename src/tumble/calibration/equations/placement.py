@@ -17,18 +17,27 @@ sensor across gravity, whose reading a tilt moves to first order, weighs less th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Vector, Vectors
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Vector, Vectors, inverted
 from tumble.errors import ObservabilityError
-from tumble.estimation import Adjustment, Linearisation, adjust
+from tumble.estimation import Adjustment, Linearisation, adjust, critical_value, snoop_groups
 
 UNKNOWNS = 12
 # Chance of finding a placement worse than stated in poses that are as stated.
 EXCESS_FALSE_ALARM = 0.01
+# Chance that any right pose is said to contradict the others alone.
+APART_FALSE_ALARM = 0.01
+# Poses whose tests are as alike are checked by one another only.
+ALIKE = 0.9
+# At most this share of the poses is told apart from the others.
+LARGEST_SHARE_APART = 0.25
+# A placement beyond so many times the stated one was not what was stated; from so many checks on it is found well
+# enough to go by it all the same (its sigma is known to a fifth).
+WORST_STATEMENT, ENOUGH_CHECKS = 3.0, 12
 # Beyond 11 degrees a pose is another pose.
 LARGEST_PLACEMENT = 0.2
 
@@ -105,6 +114,8 @@ class PlacedFit:
     added : rad, placement found beyond what was stated, joined to it; zero unless significant.
     readings : with the placement that was used.
     adjustment : the last one.
+    apart : readings that alone contradict the others by more than was stated; their placement has what they show.
+    stated : (readings,) rad, the placement as stated.
     """
 
     matrix: Matrix
@@ -114,13 +125,27 @@ class PlacedFit:
     added: float
     readings: PlacedReadings
     adjustment: Adjustment
+    apart: tuple[int, ...]
+    stated: Series
+
+    @property
+    def is_beyond_statement(self) -> bool:
+        """Whether the placement is several times what was stated, by so few checks that it is itself hardly known."""
+        stated = float(np.sqrt(np.mean(self.stated**2)))
+        return self.has_few_checks and stated > 0.0 and self.added > WORST_STATEMENT * stated
+
+    @property
+    def has_few_checks(self) -> bool:
+        """Whether what the poses say of one another is not enough to go by."""
+        return self.adjustment.redundancy < ENOUGH_CHECKS
 
 
 def fit_placed(readings: PlacedReadings) -> PlacedFit:
     """Adjust matrix and bias to placed readings; find the placement where it is worse than stated.
 
-    Where the residuals with the placement as stated are larger than chance allows (1 %), a common
-    placement sigma is added in quadrature so that they are as large as they should be.
+    Where the residuals with the placement as stated are larger than chance allows (1 %), the poses that alone explain
+    it get the placement that they show. If none does, a common placement sigma is added in quadrature so that the
+    residuals are as large as they should be.
 
     Raises
     ------
@@ -139,14 +164,60 @@ def fit_placed(readings: PlacedReadings) -> PlacedFit:
         )
     start = plain_least_squares(readings.nominal, readings.observed)
     adjustment = _adjust(readings, start)
-    alone = adjustment.sigma0
+    alone, stated = adjustment.sigma0, readings.sigma
+    readings, adjustment, apart = _told_apart(readings, adjustment)
     added = _added_placement(readings, adjustment)
     if added > 0.0:
         readings = readings.with_placement(added)
         adjustment = _adjust(readings, adjustment.parameters)
     matrix = adjustment.parameters[:9].reshape(3, 3)
     covariance = adjustment.cofactor + _second_order_shift(readings, adjustment, matrix)
-    return PlacedFit(matrix, adjustment.parameters[9:].copy(), covariance, alone, added, readings, adjustment)
+    bias = adjustment.parameters[9:].copy()
+    return PlacedFit(matrix, bias, covariance, alone, added, readings, adjustment, apart, stated)
+
+
+def _told_apart(
+    readings: PlacedReadings, adjustment: Adjustment
+) -> tuple[PlacedReadings, Adjustment, tuple[int, ...]]:
+    """Give poses that contradict the others the placement that they show; none if that does not explain all."""
+    changed, trial = readings, adjustment
+    apart: list[int] = []
+    count = len(readings.sigma)
+    while is_excessive(trial.square_sum, trial.redundancy):
+        worst = _worst(trial, apart)
+        if not worst or len({*apart, *worst}) > max(LARGEST_SHARE_APART * count, 2):
+            return readings, adjustment, ()
+        apart += worst
+        loose = replace(
+            changed, sigma=np.where(np.isin(np.arange(count), apart), LARGEST_PLACEMENT, readings.sigma)
+        )
+        trial = _adjust(loose, trial.parameters)
+        tilt = _tilts(loose, trial)
+        # Two that are checked by one another only share what they differ by.
+        shown = np.where(np.isin(np.arange(count), worst), tilt * np.sqrt(len(worst)), 0.0)
+        changed = replace(changed, sigma=np.hypot(changed.sigma, shown))
+        trial = _adjust(changed, trial.parameters)
+    return changed, trial, tuple(sorted(apart))
+
+
+def _worst(adjustment: Adjustment, before: Sequence[int]) -> list[int]:
+    """Return the reading that contradicts the others most, with those that nothing tells from it."""
+    tests = [t for t in snoop_groups(adjustment, slice(0, 3)) if t.degrees and t.group not in before]
+    if not tests:
+        return []
+    worst = max(tests, key=lambda test: test.statistic)
+    if worst.statistic < critical_value(worst.degrees, len(tests), APART_FALSE_ALARM):
+        return []
+    return [test.group for test in tests if test.statistic >= ALIKE * worst.statistic]
+
+
+def _tilts(readings: PlacedReadings, adjustment: Adjustment) -> Series:
+    """Return (readings,) rad, by how much each reading lies across where the fit has it."""
+    inverse = inverted(adjustment.parameters[:9].reshape(3, 3))
+    off = adjustment.residual @ inverse.T
+    size = np.linalg.norm(readings.nominal, axis=1)
+    along = np.einsum("ki,ki->k", off, readings.nominal) / size
+    return np.asarray(np.sqrt(np.maximum(np.sum(off**2, axis=1) - along**2, 0.0)) / size, dtype=np.float64)
 
 
 def _adjust(readings: PlacedReadings, start: Series) -> Adjustment:

@@ -9,7 +9,7 @@ from tumble.calibration.equations.adjustment import NODE, JointAdjustment, Secti
 from tumble.calibration.equations.causes import EARTH_RATE_KNOWN
 from tumble.calibration.equations.hold_equations import EARTH
 from tumble.earth import EARTH_RATE, Site
-from tumble.estimation.equations import Equations, Linear
+from tumble.estimation.equations import Equations, Linear, View
 
 # The heading of a section is nobody's business; this fixes it.
 HEADING_SIGMA = 1e-4  # rad
@@ -17,6 +17,8 @@ HEADING_SIGMA = 1e-4  # rad
 # would be all but exact.
 LATITUDE_SIGMA = 1e-4  # rad
 LEAST_SHARE = 0.1
+# Share of what a latitude says that the gyros check; less is round-off.
+CHECKED_EARTH = 1e-7
 # What holds the attitudes of a hold whose force is left out, where nothing else does.
 LOOSE_SIGMA = 0.1  # rad
 
@@ -80,6 +82,14 @@ class EarthRate(Equations):
         by_border = np.zeros((1, residual.size, 3 + state.unknowns.free.size))
         by_border[0, :, EARTH] = by_earth
         return [Linear(residual[None], np.diag(sigma**2)[None], by_border, counted=3)]
+
+    def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
+        """Return the vertical part where a latitude tells it, however little the gyros check it."""
+        if state.site.latitude is None:
+            return []
+        vertical = np.zeros((1, linear.residual.shape[1]))
+        vertical[0, 2] = 1.0
+        return [View("earth", vertical, least=CHECKED_EARTH)]
 
 
 def earth_prior(site: Site) -> tuple[Series, Series]:

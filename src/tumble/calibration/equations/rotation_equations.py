@@ -158,6 +158,10 @@ class RotationEquations(Equations):
         """Return the attitudes at the tail of the hold before and at the head of the hold after."""
         return self.stretch.edges()
 
+    def rates(self, u: Unknowns) -> Table:
+        """Return (windows, 3) rad/s, what the gyros show in each window without bias and g-sensitivity."""
+        return _window_rates(self.spin, u)
+
 
 class Windows(RotationEquations):
     """The windows' specific force: ``a(mean rotation · C' (0, 0, -g) + centripetal) + wander`` less the mean."""
@@ -334,9 +338,15 @@ class TableRate(RotationEquations):
         same = SAME**2 * np.eye(3)[None]
         tied = Linear(tie[None], same, by_border, np.array([0]), np.eye(3)[None])
         axis, sigma = moving.axis_w, max(spin.rate_sigma * self.seconds, LEAST_RATE_ANGLE)
-        turned = matrix_from_rotation_vector(axis * abs(spin.turn_rate) * self.seconds) @ moving.anchor
+        # Both the stamps and the display may be wrong by a share that all rotations have in common.
+        faster, more = 1.0 + float(state.unknowns["clock"][0]), 1.0 + float(state.unknowns["table_rate"][0])
+        angle = abs(spin.turn_rate) * self.seconds * faster * more
+        turned = matrix_from_rotation_vector(axis * angle) @ moving.anchor
         missed = float(axis @ rotation_vector_from_matrix(moving.C_wb[-1] @ turned.T))
-        by_border = self.empty(state, 1, 1)
+        shared = {
+            name: np.full((1, 1, 1), -angle / by) for name, by in (("clock", faster), ("table_rate", more))
+        }
+        by_border = state.unknowns.columns(shared, layout.earth.stop)
         by_border[0, 0, layout.anchor] = -axis
         last = np.array([len(spin.windows) - 1])
         covariance = np.full((1, 1, 1), sigma**2)
@@ -472,7 +482,7 @@ def _window_rates(spin: TableRotation, u: Unknowns) -> Table:
     """(windows, 3) rad/s, without bias and g-sensitivity."""
     force = (spin.force - u["force.bias"]) @ inverted(force_matrix(u)).T
     seen = without_asymmetry(u, spin.rate) - u["gyro.bias"] - force @ g_sensitivity(u).T
-    return np.asarray(seen @ inverted(gyro_matrix(u)).T, dtype=np.float64)
+    return np.asarray((1.0 + u["clock"][0]) * (seen @ inverted(gyro_matrix(u)).T), dtype=np.float64)
 
 
 def _modes_of_links(spin: TableRotation) -> AnyArray:

@@ -139,7 +139,7 @@ def _rows(placement: SpunPlacement, means: HoldMeans, spins: SpinMeans, noise: M
             spins.angular_rate[at],
             noise[at],
             step.rate * placement.axis * _sense(placement, step.axis_b),
-            step.sigma,
+            step.rate_sigma,
             at,
         )
         for at, step in zip(group.rows, group.spins, strict=True)

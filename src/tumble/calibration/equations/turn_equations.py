@@ -58,7 +58,9 @@ def integrate_links(data: Observed, u: Unknowns, starts: np.ndarray, stops: np.n
     # From the first range to the last: one rotation of a table is a small part of its recording.
     span = slice(int(starts.min()), int(stops.max()))
     time, rate = base.time[span], without_asymmetry(u, base.raw_rate[span])
-    gyro = inverted(gyro_matrix(u))
+    # Over true time, which the clock's stamps are of up to its own rate.
+    faster = 1.0 + float(u["clock"][0])
+    gyro = faster * inverted(gyro_matrix(u))
     made = integrate_turns(
         time,
         rate,
@@ -91,7 +93,7 @@ def integrate_links(data: Observed, u: Unknowns, starts: np.ndarray, stops: np.n
         magnitudes["gyro.asymmetry"] = summed(np.abs(rate - u["gyro.bias"]))
     if u.is_free("gyro.quadratic"):
         magnitudes["gyro.quadratic"] = summed((rate - u["gyro.bias"]) ** 2)
-    return Link(made.C_start_end, made.sums, made.duration, magnitudes)
+    return Link(made.C_start_end, made.sums, faster * made.duration, magnitudes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,18 +131,21 @@ def link_residuals(
     -----
     A rate error ``E x(t)`` turns C_se by ``sums[..., j] E[:, j]`` in the start frame.
     """
-    count = len(C_start)
+    count, faster = len(C_start), 1.0 + float(u["clock"][0])
     earth = matrices_from_rotation_vectors(-link.duration[:, None] * earth_w)
     residual = rotation_vectors_from_matrices(earth @ C_start @ link.C_se @ np.swapaxes(C_end, 1, 2))
     inverse, outer = inverted(gyro_matrix(u)), earth @ C_start
     moves = np.einsum("tab,tbcj,ci->taij", outer, link.sums, inverse)
     blocks: dict[str, AnyArray] = {
         "gyro.matrix": -moves[..., 0:3].reshape(count, 3, 9),
-        "gyro.bias": -moves[..., 3],
-        "gyro.g_sensitivity": -moves[..., 4:7].reshape(count, 3, 9),
+        "gyro.bias": -faster * moves[..., 3],
+        "gyro.g_sensitivity": -faster * moves[..., 4:7].reshape(count, 3, 9),
     }
     for name, sums in link.magnitudes.items():
-        blocks[name] = -np.einsum("tab,tbcj,cj->taj", outer, sums, inverse)
+        blocks[name] = -faster * np.einsum("tab,tbcj,cj->taj", outer, sums, inverse)
+    if u.is_free("clock"):
+        turned = np.einsum("tab,tbcc->ta", outer, link.sums[..., :3]) - link.duration[:, None] * earth_w
+        blocks["clock"] = (turned / faster)[:, :, None]
     by_earth = -link.duration[:, None, None] * np.eye(3)
     by_end = np.broadcast_to(-np.eye(3), (count, 3, 3))
     return LinkResiduals(residual, earth, by_end, by_earth, blocks)

@@ -19,8 +19,10 @@ from tumble.calibration.equations.causes import (
     RATE_REST,
     RATE_TURNING,
     RATE_WANDER,
+    SAMPLE_RATE,
     SOURCES,
     SWAY,
+    TABLE_RATE,
     TURNS,
 )
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
@@ -37,7 +39,7 @@ from tumble.calibration.uncertainty_statement import (
     effective_degrees,
 )
 from tumble.estimation.equations import Tests
-from tumble.estimation.influence import Influences, influences_of
+from tumble.estimation.influence import PRIOR, Influences, influences_of
 from tumble.estimation.solve import settled_at, solve
 from tumble.estimation.undetected import ALPHA, POWER, undetected
 from tumble.recording.temperature import mean_celsius
@@ -180,6 +182,22 @@ def budget_of(
         for source, share in influences.shares(SOURCES).items()
     }
     made[GRAVITY] = np.abs(named.slope @ gravity_slope(outcome)) * outcome.site.gravity_sigma
+    for source, slope in _seen_by_nothing(outcome).items():
+        made[source] = scale * np.abs(named.slope @ slope)
+        made[PRIOR] = np.sqrt(np.maximum(made[PRIOR] ** 2 - made[source] ** 2, 0.0))
+    return made
+
+
+def _seen_by_nothing(outcome: JointOutcome) -> dict[str, Series]:
+    """Source -> (free,) by how much one sigma of what is believed of clock and table moves the unknowns."""
+    task = outcome.task
+    made: dict[str, Series] = {}
+    for source, name in ((SAMPLE_RATE, "clock"), (TABLE_RATE, "table_rate")):
+        if task.unknowns.is_free(name) and task.prior is not None:
+            (at,), (place,) = task.unknowns.places([name]), task.unknowns.layout.indices(name)
+            made[source] = outcome.balanced.solution.cofactor[:, at] * np.sqrt(
+                task.prior.precision[place, place]
+            )
     return made
 
 

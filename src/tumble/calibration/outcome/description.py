@@ -1,4 +1,4 @@
-"""The joint estimator's unknowns as parameters: any subset, in the sensors' own frame or in the fixture's."""
+"""The joint estimator's unknowns as parameters: any subset, in the frame that the procedure's result is in."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from tumble.calibration.estimate import Described, NamedValue, correlation_matri
 from tumble.calibration.outcome.table_parameters import WORTH_NAMING, table_parameters, told_table_parameters
 from tumble.earth import Site
 from tumble.recording.recording import Recording
-from tumble.sensor import ImuModel, Triad, propagate
+from tumble.sensor import ImuModel, Triad, polar_rotation, propagate
+from tumble.sensor.conventions.savage import OFF_DIAGONAL, PAIRS
 from tumble.sensor.conventions.shin import matrix_from_shin
 from tumble.units import angular_rate_factor, specific_force_factor
 
@@ -46,7 +47,7 @@ def describe(
     site, recording : how well gravity is known; units.
     terms : optional terms that were kept.
     gyro : "full" or "none".
-    frame : "accelerometer-x" or "fixture".
+    frame : "accelerometer-x", "fixture" or "mean-gyro".
     all_told : name every parameter, however uncertain.
     """
     values, spread = unknowns, covariance + gravity_covariance(unknowns, site)
@@ -75,12 +76,14 @@ def _pair(label: tuple[str, str], value: float, sigma: float) -> tuple[str, floa
 
 
 def rotation_of_frame(x: Complex, frame: str) -> Complex:
-    """Return C_bf, analytic in the rotation vector; the identity in the sensors' own frame.
+    """Return C_bf from the frame of the result to the sensors' own, analytic in the unknowns.
 
     Parameters
     ----------
-    x, frame : all unknowns, and "accelerometer-x" or "fixture".
+    x, frame : all unknowns, and "accelerometer-x" (the sensors' own), "fixture" or "mean-gyro".
     """
+    if frame == "mean-gyro":
+        return polar_rotation(x[LAYOUT["gyro.matrix"]].reshape(3, 3)).T
     if frame != "fixture":
         return np.eye(3)
     v = x[LAYOUT["fixture"]]
@@ -194,44 +197,70 @@ def named_function(
         for axis in "xyz"
     ]
     of_table, told = table_parameters(terms, lambda x: rotation_of_frame(x, frame), frame)
-    if frame != "fixture":
+    if frame == "accelerometer-x":
         labels, own = named_parameters(terms=terms, gyro=gyro, units=units, factors=factors)
         return [*labels, *extra, *of_table], lambda x: np.concatenate(
             [own(x[:36]), *(x[place] for _, place in more), *told(x)]
         )
-    labels = _fixture_labels("accelerometer", units[0], factors[0], "m/s²")
+    savage = frame == "mean-gyro"
+    labels = _labels("accelerometer", units[0], factors[0], "m/s²")
+    if "quadratic" in terms:
+        labels += [(f"accelerometer quadratic {axis}", f"1/({units[0]})") for axis in "xyz"]
     if gyro == "full":
-        labels += _fixture_labels("gyro", units[1], factors[1], "rad/s")
+        labels += _labels("gyro", units[1], factors[1], "rad/s", symmetric=savage)
+    if "g_sensitivity" in terms:
+        pairs = [(a, b) for a in "xyz" for b in "xyz"]
+        labels += [(f"g-sensitivity of gyro {a} to force {b}", f"{units[1]}/(m/s²)") for a, b in pairs]
+    values = _savage_values if savage else _fixture_values
 
     def evaluate(x: Complex) -> Complex:
         C_bf = rotation_of_frame(x, frame)
-        parts = _fixture_values(
-            _force_matrix(x) @ C_bf,
-            x[LAYOUT["force.bias"]],
-            factors[0],
-        )
+        parts = values(_force_matrix(x) @ C_bf, x[LAYOUT["force.bias"]], factors[0], symmetric=False)
+        parts += [x[LAYOUT["force.quadratic"]]] if "quadratic" in terms else []
         if gyro == "full":
-            parts += _fixture_values(
-                x[LAYOUT["gyro.matrix"]].reshape(3, 3) @ C_bf, x[LAYOUT["gyro.bias"]], factors[1]
-            )
+            matrix = x[LAYOUT["gyro.matrix"]].reshape(3, 3) @ C_bf
+            parts += values(matrix, x[LAYOUT["gyro.bias"]], factors[1], symmetric=savage)
+        if "g_sensitivity" in terms:
+            parts.append((x[LAYOUT["gyro.g_sensitivity"]].reshape(3, 3) @ C_bf).ravel())
         return np.concatenate([*parts, *(x[place] for _, place in more), *told(x)])
 
     return [*labels, *extra, *of_table], evaluate
 
 
-def _fixture_labels(short: str, unit: str, factor: float | None, si: str) -> list[tuple[str, str]]:
+def _labels(
+    short: str, unit: str, factor: float | None, si: str, *, symmetric: bool = False
+) -> list[tuple[str, str]]:
+    """Names and units of a triad; of a symmetric matrix by its pairs of axes, of any other by where each axis leans."""
+    if symmetric:
+        angles = [f"{short} non-orthogonality {'xyz'[i]}{'xyz'[j]}" for i, j in PAIRS]
+    else:
+        angles = [f"{short} misalignment {'xyz'[i]}{'xyz'[j]}" for i, j in OFF_DIAGONAL]
     kind = "scale factor error" if factor else "scale factor"
     return [
         *((f"{short} bias {axis}", unit) for axis in "xyz"),
         *((f"{short} {kind} {axis}", "1" if factor else f"{unit}/({si})") for axis in "xyz"),
-        *((f"{short} misalignment {a}{b}", "rad") for a in "xyz" for b in "xyz" if a != b),
+        *((angle, "rad") for angle in angles),
     ]
 
 
-def _fixture_values(matrix: Complex, bias: Complex, factor: float | None) -> list[Complex]:
+def _savage_values(matrix: Complex, bias: Complex, factor: float | None, *, symmetric: bool) -> list[Complex]:
+    """Of `_labels` as Savage (2018, (6) to (11)) has them, to first order of his small angles."""
+    scale = np.diag(matrix)
+    # Of counts each sensor's angle is against its own scale factor.
+    angle = matrix * factor if factor else (matrix.T / scale).T
+    told = (
+        [angle[i, j] + angle[j, i] for i, j in PAIRS] if symmetric else [angle[i, j] for i, j in OFF_DIAGONAL]
+    )
+    return [bias, scale * factor - 1.0 if factor else scale, np.array(told)]
+
+
+def _fixture_values(
+    matrix: Complex, bias: Complex, factor: float | None, *, symmetric: bool
+) -> list[Complex]:
+    """Of `_labels`, by each axis's length and where it leans."""
     length = np.sign(np.real(np.diag(matrix))) * np.sqrt(np.sum(matrix * matrix, axis=1))
     scale = length if factor is None else length * factor - 1.0
-    leans = [np.arcsin(matrix[i, j] / length[i]) for i in range(3) for j in range(3) if i != j]
+    leans = [np.arcsin(matrix[i, j] / length[i]) for i, j in OFF_DIAGONAL]
     return [bias, scale, np.array(leans)]
 
 

@@ -11,7 +11,7 @@ from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.equations.adjustment import JointAdjustment, rest_noise
 from tumble.calibration.equations.causes import FORCE_WANDER
 from tumble.calibration.equations.hold_equations import Rate
-from tumble.calibration.equations.imu_unknowns import gyro_matrix
+from tumble.calibration.equations.imu_unknowns import LAYOUT, gyro_matrix
 from tumble.calibration.equations.observed import Observed
 from tumble.calibration.equations.rotation_equations import (
     CHECKED_ANGLE,
@@ -36,16 +36,16 @@ from tumble.calibration.estimate import (
     estimate_of,
     said_of,
 )
-from tumble.calibration.evidence import Holds, Rotations, Spins, Turns
+from tumble.calibration.evidence import Holds, Rotations, Sequences, Spins, Turns
 from tumble.calibration.observability import Untold
 from tumble.calibration.optional_terms import OF_FORCE, implausible_words, untried_words
 from tumble.calibration.outcome.budget import recording_influences, state_uncertainty
+from tumble.calibration.outcome.contradictions import contradictions
 from tumble.calibration.outcome.description import describe, rotation_of_frame
 from tumble.calibration.outcome.restless import find_restless, restless_remarks
 from tumble.calibration.outcome.table_parameters import lever_arms_of, table_remarks
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.scores import hold_norm_errors, score_turns
-from tumble.calibration.turntable.words import NOT_ESTIMATED
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
 from tumble.estimation.balance import Balanced
@@ -58,10 +58,13 @@ from tumble.estimation.wander import wider
 from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel
 
+SITS = (
+    "How the unit sits in its fixture is not told apart from its misalignments, which are against its axes."
+)
 # Of a correlation matrix: below this, a combination is known exactly, or less than that.
 LEAST_EIGENVALUE = 1e-10
-# Poses that scatter by less beyond their sigma are nobody's fault.
-LEAST_OBJECTED = 1e-4  # rad
+# A clock is off if it is so by more than so many of its standard uncertainties.
+CLOCK_FALSE_ALARM = 4.0
 
 
 @dataclass(slots=True)
@@ -141,15 +144,15 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         figures,
         left_out=_left_out(outcome.balanced, norms, angles),
         terms=outcome.terms,
-        said=said_of(
-            remarks=_remarks(outcome, described.parameters),
-            cautions=start.cautions if start is not None and _tells_all(start) else (),
-            objections=[
-                *_objections(outcome),
-                *(start.objections if start is not None and _tells_all(start) else ()),
-            ],
-            not_determined=_not_determined(outcome),
-        ),
+        # What another procedure says of its own estimate need not hold for this one.
+        said=[
+            *([] if start is None else start.said_of_recording()),
+            *said_of(
+                remarks=_remarks(outcome, described.parameters),
+                objections=contradictions(outcome),
+                not_determined=_not_determined(outcome),
+            ),
+        ],
         evidence=[
             Holds(norms, sigmas, tuple(restless)),
             Turns(angles, np.where(np.isfinite(angles), _turn_sigmas(outcome), np.nan), sizes),
@@ -159,7 +162,9 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         lever_arms=_lever_arms(outcome),
     )
     if start is not None:
-        estimate.show(*(one for one in start.evidence if isinstance(one, Rotations)), Beside(start))
+        estimate.show(
+            *(one for one in start.evidence if isinstance(one, Rotations | Sequences)), Beside(start)
+        )
     if outcome.untold is None and outcome.has_gyro:
         state_uncertainty(estimate, outcome, influences)
     return estimate
@@ -180,8 +185,8 @@ def describe_joint(outcome: JointOutcome, influences: Influences) -> Described:
         own = wider(own, -influences.neighbours.get(FORCE_WANDER, np.zeros(own.shape)))
     require_positive(own, task.unknowns)
     covariance = solution.unit_weight * task.unknowns.expanded(own)
-    plain = outcome.untold is None and outcome.has_gyro and not np.any(task.unknowns.free >= TOTAL - 3)
-    if plain:
+    plain = outcome.untold is None and outcome.has_gyro and outcome.frame == "accelerometer-x"
+    if plain and not _has_further(task.unknowns.free):
         told = slice(0, TOTAL)
         return describe_unknowns(
             values[told], covariance[told, told], outcome.site, outcome.recording, terms=terms, gyro="full"
@@ -193,6 +198,11 @@ def describe_joint(outcome: JointOutcome, influences: Influences) -> Described:
         frame=outcome.frame,
         all_told=outcome.untold is None,
     )
+
+
+def _has_further(free: np.ndarray) -> bool:
+    """Whether unknowns of the sensors are adjusted that the plain model has not; clock and table are none of theirs."""
+    return bool(np.any((free >= TOTAL - 3) & (free < LAYOUT["clock"].start)))
 
 
 def require_positive(covariance: Square, u: Unknowns) -> None:
@@ -259,36 +269,14 @@ def _components(outcome: JointOutcome) -> dict[str, float]:
     return found
 
 
-def _tells_all(start: Estimate) -> bool:
-    """Whether another procedure meant both triads, so that what it says of them holds here too."""
-    return all(
-        any(name.startswith(f"{kind}.matrix") for name in start.names)
-        for kind in ("accelerometer", "gyroscope")
-    )
-
-
 def _not_determined(outcome: JointOutcome) -> list[str]:
-    start = outcome.start
-    said = list(start.not_determined) if start is not None and _tells_all(start) else []
-    said = [sentence for sentence in said if sentence != NOT_ESTIMATED]
+    said = [SITS] if outcome.frame == "fixture" else []
     if not outcome.has_gyro:
         said.append("The gyros: the recording has none.")
     if outcome.untold is not None:
         said += outcome.untold.sentences
     said += untried_words(outcome.untried)
     return list(dict.fromkeys(said))
-
-
-def _objections(outcome: JointOutcome) -> list[str]:
-    poses, added = outcome.data.poses, float(np.sqrt(outcome.task.noise["placement"]))
-    if poses is None or added <= max(float(np.median(poses.sigma)), LEAST_OBJECTED):
-        return []
-    stated = float(np.median(poses.sigma))
-    said = (
-        f"The poses scatter by {np.degrees(added):.2g}° beyond the {np.degrees(stated):.2g}° that the protocol "
-        "promises: give the sigma that the fixture keeps, or place the unit better."
-    )
-    return [said]
 
 
 def _turn_scores(outcome: JointOutcome, model: ImuModel) -> tuple[Series, Series]:
@@ -378,7 +366,7 @@ def _largest(balanced: Balanced) -> float:
     largest = 0.0
     for kind, tests in balanced.tests.items():
         checked = tests.degrees > 0
-        if kind not in ("rest", "swing", "parts", "angle") and np.any(checked):
+        if kind not in ("rest", "swing", "parts", "angle", "earth") and np.any(checked):
             ratio = np.sqrt(tests.statistic[checked] / tests.degrees[checked])
             largest = max(largest, float(ratio.max()))
     return largest
@@ -431,6 +419,7 @@ def _remarks(outcome: JointOutcome, parameters: list[NamedValue]) -> list[str]:
         )
     if data.poses is not None:
         told.append(_of_poses(outcome))
+    told += _of_clock(outcome)
     sway = float(np.sqrt(outcome.task.noise["sway"]))
     if sway > 1e-6:
         told.append(
@@ -443,6 +432,25 @@ def _remarks(outcome: JointOutcome, parameters: list[NamedValue]) -> list[str]:
             "each has a heading of its own."
         )
     return told
+
+
+def _of_clock(outcome: JointOutcome) -> list[str]:
+    """What a table or the Earth's rotation tell of the recording's clock, where they tell more than was believed."""
+    task, solution = outcome.task, outcome.balanced.solution
+    if not task.unknowns.is_free("clock") or task.prior is None:
+        return []
+    (at,), (place,) = task.unknowns.places(["clock"]), task.unknowns.layout.indices("clock")
+    believed, sigma = task.prior.precision[place, place] ** -0.5, float(np.sqrt(solution.cofactor[at, at]))
+    off = -float(task.unknowns["clock"][0])
+    if sigma > 0.3 * believed or abs(off) < CLOCK_FALSE_ALARM * sigma:
+        return []
+    way = "fast" if off > 0.0 else "slow"
+    said = (
+        f"The clock of the samples runs {100.0 * abs(off):.2g} % {way} (± {100.0 * sigma:.1g} %) against what the "
+        "table and the Earth turn by: the estimate takes it into account, and stamps stay as they are. What integrates "
+        "by them has that error."
+    )
+    return [said]
 
 
 def _of_poses(outcome: JointOutcome) -> str:

@@ -35,14 +35,14 @@ def table_parameters(
     ----------
     terms : that were kept, of whatever kind.
     rotation : C_bf by all unknowns.
-    frame : "accelerometer-x", or "fixture", whose axes the lever arms are then along.
+    frame : "accelerometer-x", or another one, whose axes the lever arms are then along.
     """
     labels: list[Label] = [(LAG_NAME, "s")] if "time_lag" in terms else []
-    in_fixture = frame == "fixture"
+    turned = frame != "accelerometer-x"
     if "lever_arms" in terms:
-        pairs = [(i, j) for i in range(3) for j in range(3)] if in_fixture else list(PAIRS)
+        pairs = [(i, j) for i in range(3) for j in range(3)] if turned else list(PAIRS)
         labels += [(f"{ARM} {'xyz'[i]}{'xyz'[j]}", "m") for i, j in pairs]
-        if not in_fixture:
+        if not turned:
             labels += [(f"{ARMS} {_both(i, j, sign)}", "m") for i, j in PAIRS if i < j for sign in "+-"]
 
     def evaluate(x: Complex) -> list[Complex]:
@@ -50,7 +50,7 @@ def table_parameters(
         if "lever_arms" not in terms:
             return made
         arms = x[LAYOUT["lever_arms"]].reshape(3, 3)
-        if in_fixture:
+        if turned:
             return [*made, (arms @ rotation(x)).ravel()]
         single = [arms[i, j] for i, j in PAIRS]
         both = [arms[i, j] + sign * arms[j, i] for i, j in PAIRS if i < j for sign in (1.0, -1.0)]

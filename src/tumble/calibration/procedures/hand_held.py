@@ -492,4 +492,5 @@ PROCEDURE = Procedure(
     # Too few poses are too few for others, too; only what the gyro lacks leaves another way open.
     failed="the turns do not tell the gyro",
     joint_believes=False,
+    gyros_from="turns",
 )

@@ -17,5 +17,6 @@ PROCEDURE = Procedure(
     norms_from="the noise found and the tilts of the placement",
     placement="The placement limits the misalignments one to one: repeat the six positions with the "
     "unit placed anew, or use the multi-position procedure, whose non-orthogonalities need no level.",
+    counts_between_holds=True,
     believes=True,
 )

@@ -15,7 +15,13 @@ if TYPE_CHECKING:
 
 
 def run_joint(
-    session: Session, start: Estimate | None = None, *, keep: Callable[[JointOutcome], None] | None = None
+    session: Session,
+    start: Estimate | None = None,
+    *,
+    frame: str = "accelerometer-x",
+    partly: bool = True,
+    keep: Callable[[JointOutcome], None] | None = None,
+    clocked: bool = True,
 ) -> Estimate:
     """Adjust everything at once, from the start that the recording's own procedure gives.
 
@@ -23,10 +29,15 @@ def run_joint(
     ----------
     session : what is known of the recording.
     start : another procedure's estimate; None runs the recording's own first.
+    frame, partly : see `calibrate_joint`.
     keep : is handed the settled solution, see `calibrate_joint`.
+    clocked : adjust what clock and table may be off by; else whoever goes on from the solution states it.
     """
     from tumble.calibration.joint import calibrate_joint
+    from tumble.calibration.unseen import unseen_table
 
+    table = None if session.protocol is None else unseen_table(session.protocol)
+    alike = {"clock": session.clock.sigma, "table_rate": 0.0 if table is None else table.sigma}
     first = _start(session) if start is None else start
     matching, has_gyro = session.matching, session.recording.angular_rate is not None
     return calibrate_joint(
@@ -37,7 +48,10 @@ def run_joint(
         first,
         rotations=session.rotations if matching is not None and matching.spins and has_gyro else [],
         poses=session.believed_poses,
+        frame=frame,
+        partly=partly,
         prior=session.prior,
+        alike=alike if clocked else None,
         optional_terms=session.options.optional_terms,
         progress=session.say,
         keep=keep,

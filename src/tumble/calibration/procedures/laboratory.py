@@ -11,7 +11,7 @@ Both triads come out in the axes of the fixture, and with them the rotation betw
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,13 +32,17 @@ from tumble.calibration.equations.placement import PlacedFit, PlacedReadings, fi
 from tumble.calibration.estimate import (
     Estimate,
     Figures,
+    Said,
     coverage_factor,
     estimate_of,
     said_of,
 )
 from tumble.calibration.evidence import Budget, RotationFit, Rotations
+from tumble.calibration.hold_wander import HoldWander, wander_of_force, wander_of_placed, wander_of_rate
+from tumble.calibration.placement_words import beyond_statement, moved_while_held, poses_apart
 from tumble.calibration.procedure import Procedure
 from tumble.calibration.procedures.six_position import KnownPoses, known_poses
+from tumble.calibration.rotation_checks import about_ways, compare_ways, slipped
 from tumble.calibration.scores import holds_evidence
 from tumble.calibration.session import Session
 from tumble.calibration.turntable.rotations import spins_evidence, turned_angles
@@ -82,6 +86,8 @@ class _Gyros:
     square_sum: float
     degrees: int
     factor: float
+    cautions: list[str] = field(default_factory=list[str])
+    objections: list[str] = field(default_factory=list[str])
 
     @property
     def covariance(self) -> Square:
@@ -127,10 +133,13 @@ def calibrate_laboratory(
         means.specific_force[poses.hold],
         means.specific_force_covariance[poses.hold],
     )
-    wander = find_wander(observed, covariance, poses.up_b)
+    wander = wander_of_force(means, poses.hold, poses.up_b, poses.sigma)
     force = fit_placed(
-        PlacedReadings(observed, covariance + np.diag(wander**2), site.gravity * poses.up_b, poses.sigma)
+        PlacedReadings(
+            observed, wander.of_each(covariance, poses.hold), site.gravity * poses.up_b, poses.sigma
+        )
     )
+    force = replace(force, covariance=wander_of_placed(wander, force, poses.hold, poses.rotations_bn))
     if np.linalg.det(force.matrix) <= 0:
         raise ObservabilityError(
             "In the poses that the protocol names the accelerometers read gravity with an odd number of axes "
@@ -140,37 +149,6 @@ def calibrate_laboratory(
     refuse_unlike_angles(recording, pairs, means)
     gyros = _fit_gyros(means, poses, pairs, site)
     return _estimate(recording, means, site, poses, force, gyros, lonely, wander)
-
-
-def find_wander(observed: Vectors, covariance: AnyArray, up_b: Vectors) -> Vector:
-    """Return how far each accelerometer's bias wanders from hold to hold, raw; zero where it is not seen.
-
-    A sensor along gravity does not feel a tilt: what its readings with the same face up differ by is wander.
-    Holds one after another share it, so that a hold's variance is raised as if each run of them were one.
-
-    Parameters
-    ----------
-    observed, covariance : (holds, 3), (holds, 3, 3) raw means in order of time.
-    up_b : (holds, 3) unit vectors up.
-    """
-    wander = np.zeros(3)
-    for axis in range(3):
-        total, expected, degrees, runs, held = 0.0, 0.0, 0, 0, 0
-        for sign in (1.0, -1.0):
-            at = np.flatnonzero(sign * up_b[:, axis] > _FACE_COSINE)
-            if at.size < 2:
-                continue
-            values, variance = observed[at, axis], covariance[at, axis, axis]
-            total += float(np.sum((values - values.mean()) ** 2 / variance.mean()))
-            expected += float(variance.mean()) * (at.size - 1)
-            degrees += at.size - 1
-            runs += 1 + int(np.count_nonzero(np.diff(at) > 1))
-            held += at.size
-        if degrees > 0:
-            # Without a test: few faces show it, and what they do not show would be missing in the biases.
-            added = max(expected / degrees * (total / degrees - 1.0), 0.0)
-            wander[axis] = np.sqrt(added * held / runs)
-    return wander
 
 
 def _fit_gyros(means: HoldMeans, poses: KnownPoses, pairs: list[RotationPair], site: Site) -> _Gyros:
@@ -205,7 +183,15 @@ def _fit_gyros(means: HoldMeans, poses: KnownPoses, pairs: list[RotationPair], s
         )
     shares = _shares(means, poses, pairs, matrix, np.asarray(solve, dtype=np.float64), weight, site)
     gyros = _Gyros(matrix, bias, shares, pairs, rotation, parts, 0.0, 0, 1.0)
-    _test_rests(gyros, observed - earth_b @ matrix.T - bias, means.angular_rate_covariance[poses.hold])
+    unseen = _unseen_earth(poses, site) * np.sum(matrix**2, axis=1)
+    wander = wander_of_rate(means, poses.hold, poses.up_b, unseen, earth_b @ matrix.T)
+    _with_wander(gyros, wander, means, poses, weight, np.asarray(solve, dtype=np.float64))
+    _compare_ways(gyros, wander, means, np.asarray(solve, dtype=np.float64))
+    _test_rests(
+        gyros,
+        observed - earth_b @ matrix.T - bias,
+        wander.of_each(means.angular_rate_covariance[poses.hold], poses.hold),
+    )
     return gyros
 
 
@@ -241,13 +227,54 @@ def _shares(
         along = matrix @ pair.axis_b
         angles[:9, :9] += spread @ (pair.angle_sigma**2 * np.outer(along, along)) @ spread.T
     noise[9:, 9:] = np.einsum("k,kij->ij", weight**2, means.angular_rate_covariance[poses.hold])
-    unseen = (EARTH_RATE * sigma) ** 2
-    if site.latitude is None:
-        unseen += EARTH_RATE**2 / 3.0
-    elif not np.isfinite(poses.rotations_bn).all():
-        unseen += (EARTH_RATE * float(np.cos(site.latitude))) ** 2 / 2.0
+    unseen = (EARTH_RATE * sigma) ** 2 + _unseen_earth(poses, site)
     axes[9:, 9:] = unseen * float(weight @ weight) * (matrix @ matrix.T)
     return [noise, axes, angles]
+
+
+def _unseen_earth(poses: KnownPoses, site: Site) -> float:
+    """Variance of the Earth rate along an axis that latitude and headings leave open, (rad/s)²."""
+    if site.latitude is None:
+        return EARTH_RATE**2 / 3.0
+    if not np.isfinite(poses.rotations_bn).all():
+        return (EARTH_RATE * float(np.cos(site.latitude))) ** 2 / 2.0
+    return 0.0
+
+
+def _with_wander(
+    gyros: _Gyros, wander: HoldWander, means: HoldMeans, poses: KnownPoses, weight: Series, solve: Table
+) -> None:
+    """Count in the noise's share what the biases of rests and rotations have in common."""
+    assert means.angular_rate_covariance is not None
+    rotations = [(k, share, r) for k, pair in enumerate(gyros.pairs) for share, r in pair.shares]
+    middle, seconds = np.array([(r.middle, r.seconds) for _, _, r in rotations]).T
+    response = np.zeros((len(rotations) + len(poses), 12, 3))
+    for at, (k, share, r) in enumerate(rotations):
+        response[at, :9] = share * r.seconds * np.kron(np.eye(3), solve[:, k : k + 1])
+    response[len(rotations) :, 9:] = weight[:, None, None] * np.eye(3)
+    spread = np.array([r.covariance / r.seconds**2 for _, _, r in rotations])
+    rests = means.angular_rate_covariance[poses.hold]
+    counted = np.concatenate(
+        [wander.counted(spread, seconds), wander.counted(rests, means.duration[poses.hold])]
+    )
+    gyros.shares[0] = wander.widened(
+        gyros.shares[0],
+        response,
+        counted,
+        np.concatenate([middle - 0.5 * seconds, wander.start[poses.hold]]),
+        np.concatenate([middle + 0.5 * seconds, wander.stop[poses.hold]]),
+    )
+
+
+def _compare_ways(gyros: _Gyros, wander: HoldWander, means: HoldMeans, solve: Table) -> None:
+    """Compare both ways about each axis; what they differ by may be in either angle."""
+    axes = [pair.axis_b for pair in gyros.pairs]
+    found = compare_ways(gyros.pairs, axes, inverted(gyros.matrix), gyros.parts, wander, means)
+    for one in found:
+        if one.is_certain:
+            moved = one.off * np.outer(gyros.matrix @ axes[one.pair], solve[:, one.pair]).ravel()
+            gyros.shares[2][:9, :9] += np.outer(moved, moved)
+    gyros.cautions, gyros.objections = about_ways(gyros.pairs, found)
 
 
 def _test_rests(gyros: _Gyros, residual: Vectors, covariance: AnyArray) -> None:
@@ -339,7 +366,7 @@ def _estimate(
     force: PlacedFit,
     gyros: _Gyros,
     lonely: list[str],
-    wander: Vector,
+    wander: HoldWander,
 ) -> Estimate:
     told, turned = _described(recording, site, force, gyros)
     adjustment = force.adjustment
@@ -350,7 +377,9 @@ def _estimate(
         adjustment,
         force.alone,
         {
-            "accelerometer bias from hold to hold, m/s²": _wander_si(force.matrix, wander),
+            "accelerometer bias from hold to hold, m/s²": _wander_si(
+                force.matrix, wander.typical(poses.hold)
+            ),
             "placement of the unit beyond what the protocol states, rad": force.added,
         },
         tested=[slice(0, 3)],
@@ -365,10 +394,22 @@ def _estimate(
             degrees_of_freedom=degrees,
             coverage_factor=coverage_factor(degrees),
         ),
-        said=said_of(
-            remarks=_remarks(poses, site, force, gyros, lonely),
-            not_determined=[_SITS, "Nonlinear terms and g-sensitivity of the gyros are not estimated."],
-        ),
+        said=[
+            *said_of(
+                remarks=_remarks(poses, site, force, gyros, lonely),
+                cautions=[*poses_apart(force, [f"hold {k + 1}" for k in poses.hold]), *gyros.cautions],
+                not_determined=[_SITS, "Nonlinear terms and g-sensitivity of the gyros are not estimated."],
+            ),
+            *(
+                Said("objection", text, of_recording=True)
+                for text in (
+                    *beyond_statement(force),
+                    *moved_while_held(means, poses.hold, ["its pose"] * len(poses)),
+                    *gyros.objections,
+                    *_slipped(means, poses, force, gyros, wander),
+                )
+            ),
+        ],
         evidence=[
             holds_evidence(told.triad, means.specific_force, means.specific_force_covariance, site.gravity),
             spins_evidence(gyros.pairs, axes, gyros.matrix, gyros.parts),
@@ -377,6 +418,16 @@ def _estimate(
         ],
         frame="fixture",
     )
+
+
+def _slipped(
+    means: HoldMeans, poses: KnownPoses, force: PlacedFit, gyros: _Gyros, wander: HoldWander
+) -> list[str]:
+    assert means.specific_force is not None
+    assert means.specific_force_covariance is not None
+    covariance = wander.of_each(means.specific_force_covariance, np.arange(len(means)))
+    sigma = float(np.sqrt(np.mean(poses.sigma**2)))
+    return slipped(gyros.pairs, means.specific_force, covariance, inverted(force.matrix), sigma)
 
 
 def _wander_si(matrix: Matrix, wander: Vector) -> float:
@@ -451,7 +502,9 @@ PROCEDURE = Procedure(
     "laboratory.md",
     example="laboratory",
     remedy="align the table better, or hold longer and turn further; the turntable procedure needs no alignment",
+    counts_between_holds=True,
     placement="The table's alignment limits the misalignments one to one, and nothing in the residuals shows it. "
     "The turntable procedure calibrates both triads on the same table without any alignment.",
     believes=True,
+    gyros_from="table",
 )

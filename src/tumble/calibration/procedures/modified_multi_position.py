@@ -372,7 +372,7 @@ def _table_rate(task: _Task, joint: _Joint) -> Square:
     """Return what the table's own uncertainty adds: one table, all gyro scale factors alike."""
     slope = np.zeros(TOTAL)
     slope[GYRO_MATRIX] = joint.values[GYRO_MATRIX]
-    share = max((step.sigma for group in task.groups for step in group.spins), default=0.0)
+    share = max((step.rate_sigma for group in task.groups for step in group.spins), default=0.0)
     return np.outer(slope, slope) * share**2
 
 
@@ -505,4 +505,5 @@ PROCEDURE = Procedure(
     remedy="spin faster or longer, both ways in more different poses",
     believes=True,
     free_turns=False,
+    gyros_from="rates",
 )

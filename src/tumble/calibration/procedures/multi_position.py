@@ -520,5 +520,6 @@ PROCEDURE = Procedure(
     "accelerometers in full; of the gyros what the Earth's rotation tells: for most units bias and g-sensitivity only",
     "multi-position.md",
     takes=frozenset({"prior", "data_sheet", "unknowns"}),
+    joint_believes=False,
     counts_between_holds=True,
 )

@@ -43,6 +43,7 @@ from tumble.calibration.estimate import (
     Estimate,
     Figures,
     NamedValue,
+    Said,
     TermTest,
     correlation_matrix,
     estimate_of,
@@ -426,7 +427,8 @@ def _tell(
     axes = np.zeros_like(estimate.spins.residuals)
     for c, placement in enumerate(placements):
         axes[readings.spin[c][readings.spin[c] >= 0]] = placement.axis
-    against += contradicting_rates(estimate.spins.rates, np.sum(estimate.spins.residuals * axes, axis=1))
+    of_recording = [Said("objection", text, of_recording=True) for text in against]
+    against = contradicting_rates(estimate.spins.rates, np.sum(estimate.spins.residuals * axes, axis=1))
     missing += biases.not_determined
     say += biases.remarks
     say.append(_linearity(readings, fit))
@@ -438,12 +440,7 @@ def _tell(
         )
     sigma = float(np.hypot(np.sqrt(np.mean(readings.sigma**2)), fit.placement))
     say.append(_about_tilt(sigma))
-    trusted = (
-        "The gyro scale factors stand or fall with the table's rates: a table whose rates are all wrong by 100 ppm "
-        "makes all scale factors wrong by 100 ppm; no residual shows it. "
-        f"The protocol states {two_digits(1e6 * float(np.max(readings.share)))} ppm, taken as common to all spins."
-    )
-    estimate.said = said_of(remarks=say, cautions=[trusted], objections=against, not_determined=missing)
+    estimate.said = of_recording + said_of(remarks=say, objections=against, not_determined=missing)
 
 
 def _one_way_axes(readings: SpinReadings, known: np.ndarray) -> list[str]:
@@ -510,4 +507,5 @@ PROCEDURE = Procedure(
     placement="The placement on the table limits the misalignments one to one. The modified multi-position "
     "procedure finds them from the same table without believing the placement, and calibrates the accelerometers too.",
     believes=True,
+    gyros_from="rates",
 )

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import Matrices, Series, Square, Vector, Vectors
+from tumble.arrays import AnyArray, Matrices, Series, Square, Vector, Vectors
 from tumble.calibration.canonical import (
     FIXTURE_UNKNOWNS,
     DescribedTriad,
@@ -34,10 +34,13 @@ from tumble.calibration.equations.placement import PlacedFit, PlacedReadings, fi
 from tumble.calibration.estimate import (
     Estimate,
     Figures,
+    Said,
     estimate_of,
     said_of,
 )
 from tumble.calibration.faces import match_faces
+from tumble.calibration.hold_wander import HoldWander, wander_of_force, wander_of_placed, wander_of_rate
+from tumble.calibration.placement_words import beyond_statement, moved_while_held, poses_apart
 from tumble.calibration.procedure import Procedure
 from tumble.calibration.scores import holds_evidence
 from tumble.calibration.session import Session
@@ -156,21 +159,23 @@ def calibrate_six_position(
         raise ObservabilityError("The recording has no accelerometer: the six-position test needs one.")
     poses = known_poses(matching, protocol)
     _require_faces(poses)
+    wander = wander_of_force(means, poses.hold, poses.up_b, poses.sigma)
     force = fit_placed(
         PlacedReadings(
             means.specific_force[poses.hold],
-            means.specific_force_covariance[poses.hold],
+            wander.of_each(means.specific_force_covariance[poses.hold], poses.hold),
             site.gravity * poses.up_b,
             poses.sigma,
         )
     )
+    force = replace(force, covariance=wander_of_placed(wander, force, poses.hold, poses.rotations_bn))
     if np.linalg.det(force.matrix) <= 0:
         raise ObservabilityError(
             "In the poses that the protocol names the accelerometers read gravity with an odd number of axes "
             "reversed, which no placement does: check the order and the signs of the columns (--columns)."
         )
     sigma = force.readings.sigma
-    told = _accelerometer(recording, means, poses, site, force, improved=improved)
+    told = _accelerometer(recording, means, poses, site, force, wander, improved=improved)
     gyro = _fit_gyro(recording, means, poses, sigma, site, improved=improved)
     return _estimate(recording, means, site, poses, force, told, gyro, improved=improved)
 
@@ -187,12 +192,14 @@ def _require_faces(poses: KnownPoses) -> None:
 class Pairs:
     """Bias and scale factor (raw per SI) of three sensors from their up and down readings.
 
-    `covariance` is (6, 6): biases, then scale factors; second moments, mean shifts included.
+    `covariance` is (6, 6): biases, then scale factors; second moments, mean shifts included. `response`
+    (poses, 6, 3): what an error of each reading moves them by.
     """
 
     bias: Vector
     scale: Vector
     covariance: Square
+    response: AnyArray
 
 
 def combine_pairs(
@@ -224,7 +231,7 @@ def combine_pairs(
     """
     lean = np.zeros(3) if lean is None else lean
     bias, scale, covariance = np.zeros(3), np.zeros(3), np.zeros((6, 6))
-    shift = np.zeros(6)
+    shift, response = np.zeros(6), np.zeros((len(poses), 6, 3))
     for axis in range(3):
         ways = [np.flatnonzero(poses.face == 2 * axis + down) for down in (0, 1)]
         high, low = (float(observed[at, axis].mean()) for at in ways)
@@ -238,6 +245,8 @@ def combine_pairs(
             mean[way] = np.average(observed[at, axis], weights=weight)
             spread[way] = 1.0 / np.sum(weight)
             below[way] = np.average(sigma[at] ** 2, weights=weight)
+            response[at, axis, axis] = 0.5 * weight * spread[way]
+            response[at, 3 + axis, axis] = (0.5, -0.5)[way] * weight * spread[way] / reference
         bias[axis], scale[axis] = up_down_pair(float(mean[0]), float(mean[1]), reference)
         covariance[axis, axis] = spread.sum() / 4.0
         covariance[3 + axis, 3 + axis] = spread.sum() / (4.0 * reference**2)
@@ -245,7 +254,7 @@ def combine_pairs(
         covariance[3 + axis, axis] = covariance[axis, 3 + axis]
         shift[axis] = -0.5 * scale[axis] * reference * (below[0] - below[1])
         shift[3 + axis] = -0.5 * scale[axis] * (below[0] + below[1])
-    return Pairs(bias, scale, covariance + np.outer(shift, shift))
+    return Pairs(bias, scale, covariance + np.outer(shift, shift), response)
 
 
 def _diagonal_unknowns(pairs: Pairs) -> tuple[Series, Square]:
@@ -265,14 +274,21 @@ def _full_unknowns(fit: PlacedFit) -> tuple[Series, Square]:
 
 
 def _accelerometer(
-    recording: Recording, means: HoldMeans, poses: KnownPoses, site: Site, force: PlacedFit, *, improved: bool
+    recording: Recording,
+    means: HoldMeans,
+    poses: KnownPoses,
+    site: Site,
+    force: PlacedFit,
+    wander: HoldWander,
+    *,
+    improved: bool,
 ) -> DescribedTriad:
     if improved:
         unknowns, covariance = _full_unknowns(force)
     else:
         assert means.specific_force is not None
-        assert means.specific_force_covariance is not None
-        variance = np.diagonal(means.specific_force_covariance, axis1=1, axis2=2)[poses.hold]
+        noise = force.readings.covariance
+        variance = np.diagonal(noise, axis1=1, axis2=2)
         pairs = combine_pairs(
             means.specific_force[poses.hold],
             variance,
@@ -281,6 +297,7 @@ def _accelerometer(
             site.gravity,
             lean=_lean(force),
         )
+        pairs = replace(pairs, covariance=wander.over(pairs.covariance, pairs.response, noise, poses.hold))
         unknowns, covariance = _diagonal_unknowns(pairs)
     # A gravity that is too large makes the whole matrix too small by the same share.
     slope = np.zeros(FIXTURE_UNKNOWNS)
@@ -323,12 +340,15 @@ def _fit_gyro(
     if means.angular_rate is None or means.angular_rate_covariance is None:
         return None
     observed, covariance = means.angular_rate[poses.hold], means.angular_rate_covariance[poses.hold]
+    wander = _rate_wander(recording, means, poses, site)
+    covariance = wander.of_each(covariance, poses.hold)
     unit, factor = recording.angular_rate_unit, angular_rate_factor(recording.angular_rate_unit)
     headings = bool(np.all(np.isfinite(poses.rotations_bn)))
     seen = ""
     if site.latitude is not None and improved and headings:
         earth_b = poses.rotations_bn @ site.earth_rate_n
         fit = fit_placed(PlacedReadings(observed, covariance, earth_b, sigma))
+        fit = replace(fit, covariance=wander_of_placed(wander, fit, poses.hold, poses.rotations_bn))
         length = np.linalg.norm(fit.matrix, axis=1)
         worst = float(np.max(np.sqrt(np.diag(fit.covariance)[:9]) / np.repeat(length, 3)))
         if worst < WORST_SCALE and _is_earth(length, factor):
@@ -344,6 +364,9 @@ def _fit_gyro(
         vertical, horizontal = EARTH_RATE * np.sin(site.latitude), EARTH_RATE * np.cos(site.latitude)
         noise = np.diagonal(covariance, axis1=1, axis2=2)
         pairs = combine_pairs(observed, noise, poses, sigma, float(vertical), float(horizontal))
+        pairs = replace(
+            pairs, covariance=wander.over(pairs.covariance, pairs.response, covariance, poses.hold)
+        )
         share = np.sqrt(np.diag(pairs.covariance)[3:]) / np.abs(pairs.scale)
         if float(np.max(share)) < WORST_SCALE and _is_earth(pairs.scale, factor):
             return _gyro_from_pairs(pairs, unit, factor, improved=improved)
@@ -361,7 +384,15 @@ def _fit_gyro(
                 f" From the Earth's rotation the gyros' scale factors would come out as {shown} (x, y, z): too "
                 "uncertain to be used."
             )
-    return _gyro_bias(recording, observed, covariance, poses, site, seen)
+    return _gyro_bias(recording, observed, covariance, poses, site, wander, seen)
+
+
+def _rate_wander(recording: Recording, means: HoldMeans, poses: KnownPoses, site: Site) -> HoldWander:
+    """How the gyros' biases wander; an Earth rate of unknown heading counts as noise of each hold."""
+    factor = angular_rate_factor(recording.angular_rate_unit)
+    level = np.cos(site.latitude) if site.latitude is not None else np.sqrt(2.0 / 3.0)
+    unseen = (EARTH_RATE * level / (factor or 1.0)) ** 2 / 2.0
+    return wander_of_rate(means, poses.hold, poses.up_b, np.full(3, unseen))
 
 
 def _is_earth(scale: Series, factor: float | None) -> bool:
@@ -392,6 +423,7 @@ def _gyro_bias(
     covariance: Matrices,
     poses: KnownPoses,
     site: Site,
+    wander: HoldWander,
     seen: str,
 ) -> _Gyro:
     """Return the bias: the mean of each axis' three pairs of opposite poses, by weight.
@@ -419,12 +451,15 @@ def _gyro_bias(
     bias = np.sum(weight * means, axis=0) / np.sum(weight, axis=0)
     variance = 1.0 / np.sum(weight, axis=0)
     variance *= _excess(float(np.sum(weight * (means - bias) ** 2)), 6)
+    response = np.zeros((len(poses), 3, 3))
+    for face in range(6):
+        at = np.flatnonzero(poses.face == face)
+        response[at] = np.diag(0.5 * weight[face // 2] / np.sum(weight, axis=0) / at.size)
+    spread = wander.over(np.diag(variance), response, covariance, poses.hold)
     why = "without a latitude the Earth's rotation is no reference"
     if site.latitude is not None:
         why = "the Earth's rotation is not seen well enough"
-    told = describe_bias(
-        "gyroscope", bias, np.diag(variance), unit=recording.angular_rate_unit, nominal=nominal
-    )
+    told = describe_bias("gyroscope", bias, spread, unit=recording.angular_rate_unit, nominal=nominal)
     return _Gyro(
         told,
         "Of the gyro the six poses tell the bias alone." + seen,
@@ -456,6 +491,9 @@ def _estimate(
     holds = holds_evidence(told.triad, means.specific_force, means.specific_force_covariance, site.gravity)
     sigmas = holds.sigmas.copy()
     sigmas[poses.hold] = _expected_norms(poses, force, sigmas[poses.hold], site, improved=improved)
+    # The improved test's misalignments are the placement's one to one: few checks do not say which pose is right.
+    apart = poses_apart(force, _pose_names(poses))
+    doubted = improved and force.has_few_checks
     placement = {"placement of the unit beyond what the protocol states, rad": force.added}
     return estimate_of(
         "improved-six-position" if improved else "six-position",
@@ -463,10 +501,21 @@ def _estimate(
         Figures.of(
             force.adjustment, force.alone, placement, tested=[slice(0, 3)], estimated=force.added > 0.0
         ),
-        said=said_of(
-            remarks=_remarks(poses, site, force, gyro, improved=improved),
-            not_determined=_not_determined(gyro, improved=improved),
-        ),
+        said=[
+            *said_of(
+                remarks=_remarks(poses, site, force, gyro, improved=improved),
+                cautions=[] if doubted else apart,
+                objections=apart if doubted else (),
+                not_determined=_not_determined(gyro, improved=improved),
+            ),
+            *(
+                Said("objection", text, of_recording=True)
+                for text in (
+                    *beyond_statement(force),
+                    *moved_while_held(means, poses.hold, _pose_names(poses)),
+                )
+            ),
+        ],
         evidence=[replace(holds, sigmas=sigmas)],
         frame="fixture",
     )
@@ -497,6 +546,14 @@ def _expected_norms(
         along = noise[k] * np.sqrt(1.0 - 1.0 / np.count_nonzero(poses.face == face))
         expected[k] = np.hypot(along, 0.5 * site.gravity * np.sqrt(mean**2 + variance_of))
     return expected
+
+
+def _pose_names(poses: KnownPoses) -> list[str]:
+    """Each pose as a user knows it."""
+    return [
+        FACES[face] if face >= 0 else f"hold {hold + 1}"
+        for face, hold in zip(poses.face.tolist(), poses.hold.tolist(), strict=True)
+    ]
 
 
 def _not_determined(gyro: _Gyro | None, *, improved: bool) -> list[str]:
@@ -593,6 +650,7 @@ PROCEDURE = Procedure(
     "accelerometer biases and scale factors",
     "six-position.md",
     remedy="place the unit more exactly, or record longer holds",
+    counts_between_holds=True,
     norms_from="the noise found, the tilts of the placement, and misalignments, which this test leaves in",
     placement="The placement limits the scale factors and biases: level the plate, use the unit's own flat "
     "faces, and say in the protocol how well (`uncertainty_deg`). The hand-held and multi-position procedures need "

@@ -350,4 +350,5 @@ PROCEDURE = Procedure(
     "strapdown-rotation.md",
     example="strapdown-rotation",
     remedy="repeat the sequences, and turn faster: gyros with less noise are what would help most",
+    gyros_from="turns",
 )

@@ -30,4 +30,5 @@ PROCEDURE = Procedure(
     remedy="hold nine poses or more at more temperatures",
     starts_joint=False,
     by_temperature=True,
+    gyros_from="turns",
 )

@@ -22,7 +22,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Vector, inverted
+from tumble.arrays import AnyArray, Matrix, Series, Square, Vector, inverted
 from tumble.calibration.closed_forms.accelerometers import fit_accelerometers
 from tumble.calibration.closed_forms.inter_triad import wahba_rotation
 from tumble.calibration.closed_forms.rest_rates import SENSITIVITY as REST_SENSITIVITY
@@ -36,8 +36,10 @@ from tumble.calibration.estimate import (
     TermTest,
 )
 from tumble.calibration.handedness import refuse_contradicting_axes
+from tumble.calibration.hold_wander import wander_of_rate
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.procedure import Procedure
+from tumble.calibration.procedures.multi_position import TriadFit
 from tumble.calibration.session import Session
 from tumble.calibration.term_tests import wald_test
 from tumble.calibration.turntable.estimate import turntable_estimate
@@ -62,6 +64,7 @@ from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline
 from tumble.segmentation.matching import Matching
 from tumble.segmentation.rotations import Rotation
+from tumble.units import angular_rate_factor
 
 # Axes of both triads that differ by more after the best rotation belong to no rotation.
 LARGEST_MISFIT = 0.2
@@ -112,6 +115,7 @@ def calibrate_turntable(
             "The recording has no gyro: a turntable's rotations have nothing to calibrate."
         )
     force = fit_accelerometers(recording, means, site, prior)
+    means, rotations = _with_wander(recording, means, rotations, force, site)
     pairs, lonely = pair_rotations(rotations, matching, protocol)
     refuse_unlike_angles(recording, pairs, means)
     triad = triad_from_unknowns(force.unknowns)
@@ -123,6 +127,25 @@ def calibrate_turntable(
     solution = _solve(task)
     refuse_contradicting_axes(recording, inverted(solution.unknowns[MATRIX].reshape(3, 3)))
     return turntable_estimate(task, solution)
+
+
+def _with_wander(
+    recording: Recording, means: HoldMeans, rotations: list[Rotation], force: TriadFit, site: Site
+) -> tuple[HoldMeans, list[Rotation]]:
+    """Count in rests and rotations how the gyros' biases wander; the horizontal Earth rate is not known."""
+    assert means.specific_force is not None
+    assert means.angular_rate_covariance is not None
+    up_b = triad_from_unknowns(force.unknowns).correct(means.specific_force)
+    up_b = up_b / np.linalg.norm(up_b, axis=1, keepdims=True)
+    every = np.arange(len(means))
+    unseen = 0.5 * (EARTH_RATE / (angular_rate_factor(recording.angular_rate_unit) or 1.0)) ** 2
+    if site.latitude is not None:
+        unseen *= float(np.cos(site.latitude)) ** 2
+    wander = wander_of_rate(means, every, up_b, np.full(3, unseen))
+    means = replace(means, angular_rate_covariance=wander.of_each(means.angular_rate_covariance, every))
+    return means, [
+        replace(r, covariance=r.covariance + wander.of_integral(r.middle, r.seconds)) for r in rotations
+    ]
 
 
 def _solve(task: TurntableTask) -> TurntableOutcome:
@@ -151,7 +174,25 @@ def _solve(task: TurntableTask) -> TurntableOutcome:
     if scaled:
         system = TurntableSystem.of(inputs, with_sensitivity=system.with_sensitivity)
         values = system.solve(inputs.unchanged)
-    return TurntableOutcome(system, values, _parts(task, values, parts), tests, scaled, term)
+    unseen = np.zeros((3, 3)) if kept else _unseen_sensitivity(task, system, values)
+    return TurntableOutcome(system, values, _parts(task, values, parts), tests, scaled, term, unseen)
+
+
+def _unseen_sensitivity(task: TurntableTask, system: TurntableSystem, values: Series) -> Square:
+    """Return (3, 3) raw²: what a g-sensitivity that the rests cannot exclude does to biases that are solved without it.
+
+    The rests' mean specific force is not zero, and the biases are off by so much times the g-sensitivity: by the one
+    that the rests show, proven or not, and by how uncertain it is.
+    """
+    if system.by_pairs or len(system.inputs.rest) < FEWEST_RESTS:
+        return np.zeros((3, 3))
+    inputs, matrix = system.inputs, values[MATRIX].reshape(3, 3)
+    told = system.rests(matrix, values[:9], inputs.rest, with_sensitivity=True)
+    plain = system.rests(matrix, values[:9], inputs.rest, with_sensitivity=False)
+    moved = plain.bias - told.bias
+    return np.outer(moved, moved) + np.maximum(
+        np.diag(np.diag(told.covariance[:3, :3] - plain.covariance[:3, :3])), 0.0
+    )
 
 
 def _parts(task: TurntableTask, values: Series, parts: dict[int, Vector]) -> dict[int, Vector]:
@@ -310,9 +351,10 @@ PROCEDURE = Procedure(
     "both triads in full, the rotation between them; gyros as exactly as the angles",
     "turntable.md",
     takes=frozenset({"prior"}),
+    gyros_from="table",
     example="turntable-9",
     remedy="hold longer and in more poses, above all edges; turn further, both ways about each axis",
-    joint_is_better=True,
+    counts_between_holds=True,
     joint_believes=False,
     free_turns=False,
 )

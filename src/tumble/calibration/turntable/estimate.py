@@ -17,6 +17,7 @@ from tumble.calibration.procedures.multi_position import ROTATION_SIGMA
 from tumble.calibration.scores import left_out_holds
 from tumble.calibration.turntable.rotations import spins_evidence, turned_angles
 from tumble.calibration.turntable.solution import (
+    BIAS,
     GROUPS,
     MATRIX,
 )
@@ -33,6 +34,9 @@ def turntable_estimate(task: TurntableTask, solution: TurntableOutcome) -> Estim
     """
     shares = solution.system.covariance()[1]
     unknown_rotation = _rotation_share(solution)
+    # GROUPS: the gyros at rest are the second.
+    shares[1] = shares[1].copy()
+    shares[1][BIAS, BIAS] += solution.unseen
     values, _ = _in_full(solution.unknowns, shares[0])
     everything = sum((_in_full(solution.unknowns, share)[1] for share in shares), unknown_rotation)
     described = describe_unknowns(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors, inverted
+from tumble.arrays import AnyArray, Matrix, Series, Square, Vector, Vectors, inverted
 from tumble.calibration.closed_forms.rotation_pairs import RotationPair
 from tumble.calibration.closed_forms.rotation_planes import SMALLEST_SINE, RotationPlane
 from tumble.calibration.estimate import (
@@ -68,6 +68,7 @@ class TurntableOutcome:
     tests : what the steps leave.
     scaled : factors on the noise of what contradicted itself, by name.
     term : the test of the g-sensitivity; None where rests cannot tell it.
+    unseen : (3, 3) raw², covariance of the biases by a g-sensitivity that was not kept and cannot be excluded.
     """
 
     system: TurntableSystem
@@ -76,6 +77,7 @@ class TurntableOutcome:
     tests: TurntableTests
     scaled: dict[str, float]
     term: TermTest | None
+    unseen: Square
 
     @property
     def terms(self) -> frozenset[str]:

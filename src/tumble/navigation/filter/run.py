@@ -11,7 +11,6 @@ from tumble.arrays import AnyArray, Series, Table, Vectors
 from tumble.errors import RecordingError, UsageError
 from tumble.navigation.filter.setup import FilterSetup
 from tumble.navigation.gnss.track import GnssTrack
-from tumble.navigation.loading import collector_paused
 from tumble.navigation.samples import InertialSamples
 from tumble.navigation.trajectory import HIGHEST_LATITUDE, NavigationState, Trajectory
 
@@ -112,8 +111,7 @@ def run_stretch(
     UsageError
         If the start is at a pole, where the local level has no north.
     """
-    with collector_paused():
-        from tumble.navigation.filter.kernels import run
+    from tumble.navigation.filter.kernels import run
 
     part = _from_start(samples, start)
     inside = np.flatnonzero((track.time > start.time) & (track.time <= part.time[-1]))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Table
-from tumble.navigation.loading import collector_paused
 from tumble.navigation.samples import InertialSamples
 
 
@@ -23,8 +22,7 @@ def navigate_from_each(
     corrections : (starts, 4, 3, 3) of the samples, as `tumble.navigation.filter.kernels.gather_sensors` fills them;
         None for none.
     """
-    with collector_paused():
-        from tumble.navigation.free_runs.kernels import run_from_each
+    from tumble.navigation.free_runs.kernels import run_from_each
 
     if corrections is None:
         corrections = np.zeros((len(starts), 4, 3, 3))

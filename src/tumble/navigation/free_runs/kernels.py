@@ -2,75 +2,114 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numba import njit, types
+from tumble.errors import require_compiled
 
-from tumble.navigation.filter.kernels import correct
-from tumble.navigation.kernels import NOWHERE, Floats, body_increments, step_in_local_level, unpacked
+require_compiled(__file__)
 
-_READ_ROW = types.Array(types.float64, 1, "C", readonly=True)
-_READ_ROWS = types.Array(types.float64, 2, "C", readonly=True)
-_READ_STACKS = types.Array(types.float64, 4, "C", readonly=True)
+import cython
+from cython.cimports.tumble.navigation.filter.kernels import correct
+from cython.cimports.tumble.navigation.kernels import step_between
+
+_NOWHERE = cython.declare(cython.double, 1e9)
+_ENDLESS = cython.declare(cython.double, float("inf"))
 
 
-@njit(cache=True, nogil=True, forceinline=True)
-def _at(time, rate, force, means, instant, row, correction, raw, true):
-    """The corrected sample at an instant before a row: straight between rows, or the mean that ends at the row."""
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+def _at(
+    time: cython.const[cython.double][::1],
+    rate: cython.const[cython.double][:, ::1],
+    force: cython.const[cython.double][:, ::1],
+    means: cython.bint,
+    instant: cython.double,
+    row: cython.Py_ssize_t,
+    correction: cython.pointer[cython.const[cython.double]],
+    true: cython.p_double,
+) -> cython.void:
+    """Fill the corrected sample at an instant before a row: straight between rows, or the mean that ends at the row."""
+    raw = cython.declare(cython.double[6])
     share = 1.0 if means else (instant - time[row - 1]) / (time[row] - time[row - 1])
     before = max(row - 1, 0)
     for j in range(3):
-        raw[j] = rate[row, j] if share == 1.0 else (1.0 - share) * rate[before, j] + share * rate[row, j]
-        raw[3 + j] = (
-            force[row, j] if share == 1.0 else (1.0 - share) * force[before, j] + share * force[row, j]
-        )
+        if share == 1.0:
+            raw[j], raw[3 + j] = rate[row, j], force[row, j]
+        else:
+            raw[j] = (1.0 - share) * rate[before, j] + share * rate[row, j]
+            raw[3 + j] = (1.0 - share) * force[before, j] + share * force[row, j]
     correct(raw, correction, true)
-    return true[0], true[1], true[2], true[3], true[4], true[5]
 
 
-@njit(
-    types.void(
-        *(_READ_ROW, _READ_ROWS, _READ_ROWS, types.boolean),
-        *(_READ_ROWS, _READ_ROW, _READ_ROWS, _READ_STACKS, types.float64[:, :, ::1]),
-    ),
-    cache=True,
-    nogil=True,
-)
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+def _row_after(time: cython.const[cython.double][::1], instant: cython.double) -> cython.Py_ssize_t:
+    """Return the first row later than an instant, at most the last."""
+    low, high = 0, time.shape[0] - 1
+    while low < high:
+        middle = (low + high) // 2
+        if time[middle] > instant:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
 def run_from_each(
-    time: Floats,
-    rate: Floats,
-    force: Floats,
-    means: bool,
-    starts: Floats,
-    begins: Floats,
-    goals: Floats,
-    corrections: Floats,
-    found: Floats,
+    time: cython.const[cython.double][::1],
+    rate: cython.const[cython.double][:, ::1],
+    force: cython.const[cython.double][:, ::1],
+    means: cython.bint,
+    starts: cython.const[cython.double][:, ::1],
+    begins: cython.const[cython.double][::1],
+    goals: cython.const[cython.double][:, ::1],
+    corrections: cython.const[cython.double][:, :, :, ::1],
+    found: cython.double[:, :, ::1],
 ) -> None:
     """Fill `found` (starts, goals, 10) with the states at goals, as for `tumble.navigation.free_runs`."""
-    raw, true = np.empty(6), np.empty(6)
-    weight = 0.0 if means else 0.5
-    for one in range(starts.shape[0]):
-        correction = corrections[one]
-        state, place, now, previous = unpacked(starts[one]), NOWHERE, begins[one], np.inf
-        row = min(np.searchsorted(time, now, side="right"), time.shape[0] - 1)
-        old = _at(time, rate, force, means, now, row, correction, raw, true)
-        for goal in range(goals.shape[1]):
-            until = goals[one, goal]
-            shown = state
-            while now < until:
-                # a goal between samples is looked at, and the run goes on from the sample before it
-                end = min(time[row], until)
-                interval = end - now
-                new = _at(time, rate, force, means, end, row, correction, raw, true)
-                share = interval / (interval + previous) if means else 0.5
-                increments = body_increments(old, new, weight, share, interval)
-                shown, moved = step_in_local_level(state, increments, place, interval)
-                if end < time[row]:
-                    break
-                state, place, old, now, previous, row = shown, moved, new, end, interval, row + 1
-            if until == until:
-                for j, value in enumerate(shown):
-                    found[one, goal, j] = value
+    state = cython.declare(cython.double[10])
+    shown = cython.declare(cython.double[10])
+    place = cython.declare(cython.double[3])
+    moved = cython.declare(cython.double[3])
+    old = cython.declare(cython.double[6])
+    new = cython.declare(cython.double[6])
+    with cython.nogil:
+        weight = 0.0 if means else 0.5
+        for one in range(starts.shape[0]):
+            correction = cython.address(corrections[one, 0, 0, 0])
+            for j in range(10):
+                state[j] = shown[j] = starts[one, j]
+            place[0], place[1], place[2] = _NOWHERE, 0.0, 0.0
+            now, previous = begins[one], _ENDLESS
+            row = _row_after(time, now)
+            _at(time, rate, force, means, now, row, correction, old)
+            for goal in range(goals.shape[1]):
+                until = goals[one, goal]
+                for j in range(10):
+                    shown[j] = state[j]
+                while now < until:
+                    # a goal between samples is looked at, and the run goes on from the sample before it
+                    end = min(time[row], until)
+                    interval = end - now
+                    _at(time, rate, force, means, end, row, correction, new)
+                    share = interval / (interval + previous) if means else 0.5
+                    for j in range(10):
+                        shown[j] = state[j]
+                    for j in range(3):
+                        moved[j] = place[j]
+                    step_between(shown, moved, old, new, weight, share, interval)
+                    if end < time[row]:
+                        break
+                    for j in range(10):
+                        state[j] = shown[j]
+                    for j in range(3):
+                        place[j] = moved[j]
+                    for j in range(6):
+                        old[j] = new[j]
+                    now, previous, row = end, interval, row + 1
+                if until == until:
+                    for j in range(10):
+                        found[one, goal, j] = shown[j]
 
 
 __all__ = ["run_from_each"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from tumble.arrays import Series, Vectors
 from tumble.navigation.gnss.track import GnssTrack
@@ -43,25 +44,42 @@ def fit_velocities(track: GnssTrack) -> np.ndarray:
 
 def _longest_chain(left: Vectors, track: GnssTrack, sigma: Series) -> list[int]:
     """Indices of the longest chain of which each fits the one before it."""
-    fixes, time, velocity = len(track), track.time, track.velocity_n
+    fixes = len(track)
     window = min(max(_FEWEST, round(_LONGEST / max(track.interval, 1e-3))), _MOST)
     length, previous = np.ones(fixes, dtype=np.int64), np.full(fixes, -1)
+    follows = _fit(left, track, sigma, slice(None, -1), slice(1, None))
+    longest = 1
     for j in range(1, fixes):
+        if follows[j - 1] and length[j - 1] == longest:
+            # no chain is longer, and none that is as long is nearer: what most fixes of a sound track are
+            longest = length[j] = longest + 1
+            previous[j] = j - 1
+            continue
         i = np.arange(max(0, j - window), j)
-        apart = np.sqrt(np.sum((left[i] - left[j]) ** 2, axis=1))
-        change = np.sqrt(np.sum((velocity[i] - velocity[j]) ** 2, axis=1))
-        allowed = _SLACK * (time[j] - time[i]) + _LATE * change + _SIGMAS * np.hypot(sigma[i], sigma[j])
-        ways = np.where(apart <= allowed, length[i], 0)
+        ways = np.where(_fit(left, track, sigma, i, j), length[i], 0)
         # of chains as long the nearest: the last of the greatest
         best = len(ways) - 1 - int(np.argmax(ways[::-1]))
         if ways[best] > 0:
             length[j], previous[j] = ways[best] + 1, i[best]
+            longest = max(longest, int(length[j]))
     at = int(np.argmax(length))
     chain = [at]
     while previous[at] >= 0:
         at = int(previous[at])
         chain.append(at)
     return chain
+
+
+def _fit(
+    left: Vectors, track: GnssTrack, sigma: Series, i: npt.NDArray[np.intp] | slice, j: int | slice
+) -> npt.NDArray[np.bool_]:
+    """Which fixes i fit the later fix j, or each its own."""
+    time, velocity = track.time, track.velocity_n
+    apart = np.sqrt(np.sum((left[i] - left[j]) ** 2, axis=1))
+    change = np.sqrt(np.sum((velocity[i] - velocity[j]) ** 2, axis=1))
+    return np.asarray(
+        apart <= _SLACK * (time[j] - time[i]) + _LATE * change + _SIGMAS * np.hypot(sigma[i], sigma[j])
+    )
 
 
 __all__ = ["fit_velocities"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -94,11 +93,11 @@ def _numbers(lines: Sequence[str], columns: int, name: str) -> tuple[np.ndarray,
             dropped += 1
             continue
         try:
-            if re.match(r"\d{4}/", words[0]):
+            if words[0][4:5] == "/":
                 times.append(seconds_of_date(f"{words[0]} {words[1]}"))
             else:
                 times.append(number_of(words[0]) * WEEK + number_of(words[1]))
-            rows.append([float(word) for word in words[2:]])
+            rows.append(list(map(float, words[2:])))
         except ValueError as error:
             raise RecordingError(
                 f"Line {number} of {name} has a value that is no number: {line.strip()[:60]!r}."

@@ -7,6 +7,7 @@ import math
 import re
 from bisect import bisect_right
 from datetime import UTC, datetime, timedelta
+from functools import lru_cache
 
 from tumble.errors import RecordingError
 
@@ -58,13 +59,18 @@ def seconds_of_date(text: str) -> float:
     found = _DATE.match(text)
     if not found:
         raise RecordingError(f"{text.strip()!r} is no date and time such as 2025/07/08 19:34:18.499.")
-    year, month, day, hour, minute = (int(found[i]) for i in range(1, 6))
-    second = float(found[6])
     try:
-        whole = datetime(year, month, day, hour, minute, tzinfo=UTC)
+        minute = _seconds_of_minute(*found.group(1, 2, 3, 4, 5))
     except ValueError as error:
         raise RecordingError(f"{text.strip()!r} is no date and time: {error}.") from error
-    return (whole - GPS_EPOCH).total_seconds() + second
+    return minute + float(found[6])
+
+
+@lru_cache(maxsize=16)
+def _seconds_of_minute(year: str, month: str, day: str, hour: str, minute: str) -> float:
+    """Seconds at the beginning of a minute; thousands of fixes have the same one after another."""
+    whole = datetime(int(year), int(month), int(day), int(hour), int(minute), tzinfo=UTC)
+    return (whole - GPS_EPOCH).total_seconds()
 
 
 def date_of_seconds(seconds: float) -> str:

@@ -4,6 +4,9 @@ Each module has `NAME`, `ENDINGS`, `SUMMARY`, ``recognises(head) -> bool`` on th
 file, ``read_table(path) -> RawTable`` and, where the format allows it in bounded memory,
 ``read_table_blocks(path) -> Iterator[RawTable]``. The content decides, never the ending alone.
 
+A module with `recognises` is a format: nothing else names it. Where its first bytes could be another format's too,
+`ASKED` says how late it is asked (0 without it): text recognises almost anything, bare numbers come after it.
+
 A format of several topics or streams says so by `HAS_TOPICS`; both functions then take their names as a
 second argument. One that reads folders has ``recognises_folder(path) -> bool`` and ``source(path)``,
 which says what of a folder is read.
@@ -11,54 +14,35 @@ which says what of a folder is read.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from types import ModuleType
 
 import numpy as np
 
 from tumble.errors import RecordingError, UsageError
 from tumble.files import opened
-from tumble.recording.formats import (
-    archive,
-    compressed,
-    folder,
-    hdf5,
-    increments,
-    matlab,
-    novatel,
-    npy,
-    npz,
-    parquet,
-    text,
-    xsens,
-)
-from tumble.recording.formats.bags import mcap, rosbag1, rosbag2
-from tumble.recording.formats.logs import dataflash, mavlink, ulog
 from tumble.recording.formats.table import RawTable, hash_file, measurable
 from tumble.recording.recording import Source
 
-FORMATS: tuple[ModuleType, ...] = (
-    parquet,
-    npy,
-    npz,
-    archive,
-    matlab,
-    hdf5,
-    rosbag1,
-    rosbag2,
-    mcap,
-    ulog,
-    dataflash,
-    mavlink,
-    xsens,
-    novatel,
-    compressed,
-    text,
-    increments,
-    folder,
+
+def _found(room: ModuleType) -> Iterator[ModuleType]:
+    """Yield the formats of a room and of the rooms in it."""
+    for entry in iter_modules(room.__path__, f"{room.__name__}."):
+        module = import_module(entry.name)
+        if entry.ispkg:
+            yield from _found(module)
+        elif hasattr(module, "recognises"):
+            yield module
+
+
+FORMATS: tuple[ModuleType, ...] = tuple(
+    sorted(_found(sys.modules[__name__]), key=lambda format_: getattr(format_, "ASKED", 0))
 )
-"""All formats, in the order in which they are asked: text recognises almost anything, bare numbers come last."""
+"""All formats, in the order in which they are asked."""
 
 HEAD = 4096
 """Bytes at the beginning of a file that tell its format."""

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import lzma
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
 from tumble.errors import RecordingError
-from tumble.files import opened
+from tumble.files import opened, temporary_folder
 from tumble.recording.formats import folder, npz
 from tumble.recording.formats.compression import refuse_members
 from tumble.recording.formats.table import RawTable, hash_file, row_words
@@ -43,8 +42,8 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     OSError
         If the file cannot be read.
     """
-    with tempfile.TemporaryDirectory(prefix="tumble-") as unpacked:
-        inside = Path(unpacked) / path.name
+    with temporary_folder() as unpacked:
+        inside = unpacked / path.name
         try:
             with opened(path) as file, zipfile.ZipFile(file) as archive:
                 refuse_members(archive, path)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from tumble.errors import OutputError, RecordingError
-from tumble.files import opened, size_of
+from tumble.files import opened, size_of, temporary_folder
 from tumble.recording.formats import text
 from tumble.recording.formats.compression import ZSTD_MAGIC, Measured, ZstdStream
 from tumble.recording.formats.table import RawTable, hash_file, row_words
@@ -133,8 +133,8 @@ def unpacked(path: Path) -> Generator[tuple[Path, list[Remark]]]:
         If the file cannot be read.
     """
     remarks: list[Remark] = []
-    with tempfile.TemporaryDirectory(prefix="tumble-") as folder:
-        inside = Path(folder) / (path.stem if path.suffix.lower() in ENDINGS else path.name)
+    with temporary_folder() as folder:
+        inside = folder / (path.stem if path.suffix.lower() in ENDINGS else path.name)
         with opened(path) as file, inside.open("wb") as target:
             start = file.read(6)
             file.seek(0)

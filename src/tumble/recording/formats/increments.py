@@ -19,6 +19,7 @@ from tumble.recording.recording import Remark, Source
 
 NAME = "binary float64"
 ENDINGS = (".bin", ".imu", ".dat")
+ASKED = 3  # bare numbers have no mark at all
 SUMMARY = (
     "binary rows of seven float64 (time and six numbers, or six and time), as KF-GINS and PSINS keep them"
 )

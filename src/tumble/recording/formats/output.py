@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -147,3 +147,29 @@ def _write_parquet(
             )
         except pl.exceptions.PolarsError as error:  # a full disk arrives as polars' own error
             raise OutputError(f"The Parquet file could not be written to {folder}: {error}.") from error
+
+
+def write_table(
+    path: Path, columns: Mapping[str, Sequence[str | float | None]], numbers: Collection[str]
+) -> None:
+    """Write columns of texts and numbers as one Parquet file.
+
+    Parameters
+    ----------
+    path : of the file.
+    columns : by name, equally long; None is a missing number.
+    numbers : names of the columns of numbers.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written; an earlier one is then intact.
+    """
+    import polars as pl
+
+    kinds = {name: pl.Float64 if name in numbers else pl.String for name in columns}
+    frame = pl.DataFrame(dict(columns), schema=kinds)
+    with written_beside(path) as beside, beside.open("wb") as file:
+        frame.write_parquet(file)
+        file.flush()
+        os.fsync(file.fileno())

@@ -15,7 +15,7 @@ from tumble.arrays import Series
 from tumble.files import opened, shown
 from tumble.recording.recording import Remark, Source
 
-_LARGEST, _SMALLEST = 1e30, 1e-30
+_LARGEST, _SMALLEST = 1e19, 1e-30
 
 
 def row_words(row: int) -> str:
@@ -71,9 +71,10 @@ class RawTable:
 
 
 def measurable(table: RawTable) -> RawTable:
-    """Return a table in which numbers that no sensor gives, beyond 1e30, are none, and columns below 1e-30 are zero.
+    """Return a table in which numbers that no sensor gives, beyond 1e19, are none, and columns below 1e-30 are zero.
 
-    Their squares are no 64-bit numbers, and whatever is computed of them would be none either.
+    A counter of 64 bits and nanoseconds since 1970 stay below; squares of what is beyond are no 32-bit floats, in which
+    the roughness of a recording is kept.
     """
     for number, column in enumerate(table.columns):
         if not column.size:

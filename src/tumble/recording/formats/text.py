@@ -36,10 +36,13 @@ if TYPE_CHECKING:
 
 NAME = "text"
 ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", ".mat", ".gz", ".bz2", ".xz")
+ASKED = 2  # almost anything is text
 SUMMARY = "text with any delimiter, with or without header, also compressed (.gz, .bz2, .xz)"
 
 _HEAD = 64 * 1024
 _NUMPY_LIMIT = 32 * 1024 * 1024
+_PACKED_IN_MEMORY = 1 << 20
+"""Bytes of a packed file that is unpacked in memory, to 300 MB at most; a larger one is unpacked to the disk."""
 _CHUNK = 16 * 1024 * 1024
 LONGEST_LINE = 1 << 20
 """Bytes of a line: a thousand columns of numbers with all digits have 25 kB."""
@@ -229,7 +232,12 @@ def read_table(path: Path) -> RawTable:
     OSError
         If the file cannot be read.
     """
-    if path.stat().st_size > _NUMPY_LIMIT and _opener(path) is None:
+    packed = _opener(path) is not None
+    if packed and size_of(path) > _PACKED_IN_MEMORY:
+        from tumble.recording.formats.compressed import read_table as read_unpacked
+
+        return read_unpacked(path)
+    if path.stat().st_size > _NUMPY_LIMIT and not packed:
         with opened(path) as file:
             head = file.read(_HEAD)
         if not head.startswith(_MARKS) and b"\n" in head:

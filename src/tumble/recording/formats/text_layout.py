@@ -18,6 +18,7 @@ _SPLIT_ANY = re.compile(r"[;,\t|\s]+")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 ISO_TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?Z?")
 _SAMPLE_LINES = 200
+_PADDED = 3  # columns of whole numbers that begin with a zero; one may be the time of day
 _NO_UNIT = ("", "-", "1", "na", "n/a")
 
 
@@ -191,6 +192,11 @@ def find_layout(head: str, name: str) -> TextLayout:
     partial = tuple(i + 1 for i in numbers if i < full[0])
     sample = [c for c in cells if len(c) == columns][:50]
     words, iso = _text_columns(sample, columns, decimal_comma)
+    if delimiter == "," and _are_halves(sample, lines[: full[0]]):
+        raise RecordingError(
+            f"{name} has decimal commas, and commas between its columns too ({rows[0].strip()[:30]}): nobody can tell "
+            "which is which. Save it with semicolons or tabs between the columns, or with decimal points."
+        )
     before = [line for line in lines[: full[0]] if line.strip() and not _is_row(line)]
     comments = [line.lstrip() for line in lines if is_comment(line)]
     return TextLayout(
@@ -205,6 +211,24 @@ def find_layout(head: str, name: str) -> TextLayout:
         quoted=any('"' in row for row in rows),
         partial_lines=partial,
     )
+
+
+def _are_halves(sample: list[list[str]], before: list[str]) -> bool:
+    """Whether cells between commas are halves of numbers with decimal commas: 9,81 as 9 and 81.
+
+    Every second one is then of digits alone, and some show that they are no whole numbers: -0 before the comma, 03
+    behind it in three columns, or half as many names above them.
+    """
+    whole = [cell for row in sample for cell in row[::2]]
+    parts = [[row[i] for row in sample] for i in range(1, len(sample[0]), 2)]
+    if len(sample[0]) % 2 or not all(re.fullmatch(r"[+-]?\d+", cell) for cell in whole):
+        return False
+    if not all(cell.isascii() and cell.isdigit() for part in parts for cell in part):
+        return False
+    padded = sum(any(len(cell) > 1 and cell[0] == "0" for cell in part) for part in parts)
+    names = [split_cells(line, ",") for line in before if not is_comment(line)]
+    halved = any(len(n) == len(parts) and not any(is_number(c) for c in n) for n in names)
+    return "-0" in whole or padded >= _PADDED or halved
 
 
 def _text_columns(

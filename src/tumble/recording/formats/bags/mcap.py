@@ -78,7 +78,7 @@ class McapFile:
         self._damage.name = self.path.name
         with opened(self.path) as file:
             try:
-                if not self._read_summary(file):
+                if not self._has_summary(file):
                     self._scan(file)
             except (struct.error, IndexError) as error:
                 raise RecordingError(f"{self.path.name} is a damaged MCAP file.") from error
@@ -90,6 +90,13 @@ class McapFile:
                 kind = f"{kind} as {encoding}"
             rate = (count - 1) / duration if duration > 0.0 and count > 1 else None
             self.topics.append(Topic(name, kind, count, cdr=encoding == "cdr", rate=rate))
+
+    def _has_summary(self, file: BinaryIO) -> bool:
+        try:
+            return self._read_summary(file)
+        except (struct.error, IndexError):
+            # It only repeats what stands before it.
+            return False
 
     def _read_summary(self, file: BinaryIO) -> bool:
         """Read channels and chunks from the summary; False if there is none that is whole."""
@@ -107,6 +114,9 @@ class McapFile:
             return False
         file.seek(start)
         summary = file.read(size - 37 - start)
+        (checksum,) = struct.unpack_from("<I", footer, 25)
+        if checksum and zlib.crc32(footer[:25], zlib.crc32(summary)) != checksum:
+            return False
         position, said = 0, False
         while position + 9 <= len(summary):
             code, length = _RECORD.unpack_from(summary, position)
@@ -247,11 +257,12 @@ class McapFile:
                     yield topics[channel], time, data
 
     def _chunk_at(self, file: BinaryIO, offset: int) -> bytes:
-        file.seek(offset)
         try:
-            code, length = _RECORD.unpack(exactly(file, 9))
-            if code == _CHUNK and offset + length <= self._end:
-                return exactly(file, length)
+            if offset < self._end:
+                file.seek(offset)
+                code, length = _RECORD.unpack(exactly(file, 9))
+                if code == _CHUNK and offset + length <= self._end:
+                    return exactly(file, length)
         except CutShort:
             pass
         raise RecordingError(f"{self.path.name} is a damaged MCAP file: its index leads nowhere.")

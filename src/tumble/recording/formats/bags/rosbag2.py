@@ -11,7 +11,6 @@ import re
 import shutil
 import sqlite3
 import struct
-import tempfile
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
@@ -19,7 +18,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from tumble.errors import RecordingError
-from tumble.files import opened
+from tumble.files import opened, temporary_folder
 from tumble.recording.formats.bags.bag import Bag, Topic, bag_readers
 from tumble.recording.formats.bags.mcap import McapFile
 from tumble.recording.formats.bags.ros_messages import plain_type
@@ -117,8 +116,7 @@ def _whole_pages(path: Path, stack: ExitStack, remarks: list[Remark]) -> Path:
         remarks.append(Remark("mended", f"{path.name} is cut short; what is there is read."))
         if size % page == 0:
             return path
-        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="tumble-"))
-        whole = Path(folder) / path.name
+        whole = stack.enter_context(temporary_folder()) / path.name
         file.seek(0)
         with whole.open("wb") as target:
             shutil.copyfileobj(file, target, 1 << 20)

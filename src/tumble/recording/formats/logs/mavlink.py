@@ -26,6 +26,7 @@ from tumble.recording.recording import Remark
 
 NAME = "MAVLink log"
 ENDINGS = (".tlog",)
+ASKED = 1  # a MATLAB file of version 4 may begin as a stamp does
 SUMMARY = "MAVLink .tlog: messages HIGHRES_IMU, RAW_IMU, SCALED_IMU, SCALED_IMU2, SCALED_IMU3"
 HAS_TOPICS = True
 

@@ -1,0 +1,245 @@
+"""What nothing in a recording can see, and all gyro scale factors follow: its clock, and the rate of a table.
+
+Gyros whose scale factors come from angles are as wrong as the clock that their rates were added up by; those that come
+from a table's rates are as wrong as the table. No residual shows either. The joint estimator has both among its
+unknowns, held by what is believed of them, for where both are in a recording the one checks the other. Every other
+estimate gets what it depends on afterwards, here: one error that all its gyros share.
+
+    raw rate = M rate + b:  times too long by a share e  =>  M (1 + e),  b - e M (Earth rate seen at rest)
+
+Accelerometers, non-orthogonalities and terms of raw numbers (asymmetry, g-sensitivity) stay as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.arrays import Series, Vector
+from tumble.calibration.equations.causes import SAMPLE_RATE, TABLE_RATE
+from tumble.calibration.estimate import Estimate, Unseen, correlation_matrix
+from tumble.calibration.evidence import Budget
+from tumble.calibration.procedure import find_procedure
+from tumble.calibration.uncertainty_statement import coverage_factors
+from tumble.protocol.steps import SpinStep
+
+if TYPE_CHECKING:
+    from tumble.calibration.session import Session
+    from tumble.protocol import Protocol
+    from tumble.recording.clock import Clock
+    from tumble.segmentation import HoldMeans
+
+# From this share of a gyro scale factor's standard uncertainty on its use depends on what cannot be seen; below the
+# second it does not count.
+DECIDES, COUNTS = 0.5, 0.05
+_SCALE = "gyro scale factor"
+
+
+def unseen_clock(clock: Clock) -> Unseen:
+    """Return what is not known of a recording's clock.
+
+    Parameters
+    ----------
+    clock : that the stamps are from.
+    """
+    return Unseen(
+        SAMPLE_RATE,
+        clock.sigma,
+        clock.words,
+        # The example is this recording's own rate, with a crystal's 100 ppm.
+        f"give the rate with its uncertainty, as --rate {clock.rate:.4g}±{clock.rate * 1e-4:.1g}"
+        + (", or record the stamps of a clock" if clock.kind == "nominal" else ""),
+    )
+
+
+def unseen_table(protocol: Protocol) -> Unseen | None:
+    """Return what is not known of a table's rates; None of a protocol without a table.
+
+    Parameters
+    ----------
+    protocol : what was to be done.
+    """
+    spins = [step for step in protocol.steps if isinstance(step, SpinStep)]
+    if not spins:
+        return None
+    assumed = any(step.sigma is None for step in spins)
+    because = (
+        "the protocol does not say how far the table is off, and this is assumed"
+        if assumed
+        else "as the protocol states"
+    )
+    return Unseen(
+        TABLE_RATE,
+        max(step.rate_sigma for step in spins),
+        because,
+        "say in the protocol what the table keeps (`uncertainty_ppm`)",
+    )
+
+
+def state_unseen(session: Session, estimate: Estimate) -> None:
+    """Put what nothing sees into an estimate: covariance, figures and words.
+
+    Parameters
+    ----------
+    session : what was recorded.
+    estimate : of it, and of no other clock.
+    """
+    if not any(name.startswith("gyroscope.matrix") for name in estimate.names):
+        return
+    clock = unseen_clock(session.clock)
+    table = None if session.protocol is None else unseen_table(session.protocol)
+    within = _within(estimate)
+    if within is not None:
+        # Where the recording itself tells the clock, or checks the table, little is left of what was believed.
+        found = [one for one in (clock, table) if one is not None and one.source in within]
+        shares = [within[one.source] for one in found]
+    else:
+        rated = _is_from_rates(session, estimate)
+        found = [] if rated is None else [table if rated and table is not None else clock]
+        shares = [_scale_slope(estimate) * one.sigma for one in found]
+        if rated is False:
+            add_common_scale(estimate, clock.sigma, rest_rate(estimate, session.means))
+    for one, share in zip(found, shares, strict=True):
+        if one.sigma > 0.0:
+            _say(estimate, one, share)
+
+
+def state_unseen_clock(clock: Clock, estimate: Estimate) -> None:
+    """Put the clock into an estimate whose gyro scale factors all come from turns.
+
+    Parameters
+    ----------
+    clock : of all its recordings.
+    estimate : of one or more recordings.
+    """
+    if not any(name.startswith("gyroscope.matrix") for name in estimate.names):
+        return
+    one = unseen_clock(clock)
+    add_common_scale(estimate, one.sigma)
+    if one.sigma > 0.0:
+        _say(estimate, one, _scale_slope(estimate) * one.sigma)
+
+
+def _within(estimate: Estimate) -> dict[str, Series] | None:
+    """Shares of what the joint estimator has among its unknowns; None of another estimate."""
+    if estimate.procedure != "joint":
+        return None
+    budget = estimate.shown(Budget)
+    return {SAMPLE_RATE: _scale_slope(estimate)} if budget is None else budget.shares
+
+
+def _is_from_rates(session: Session, estimate: Estimate) -> bool | None:
+    """Whether gyro scale factors are from a table's rates, and not from angles; None where they are from neither."""
+    told = find_procedure(estimate.procedure).gyros_from
+    if told == "table" and session.matching is not None:
+        return not any(rotation.is_from_rest for rotation in session.rotations)
+    return {"rates": True, "turns": False}.get(told)
+
+
+def rest_rate(estimate: Estimate, means: HoldMeans) -> Vector:
+    """Return (3,) raw, what the gyros show at rest beyond their bias on average: the Earth's rotation.
+
+    Parameters
+    ----------
+    estimate, means : of one recording.
+    """
+    rates, gyro = means.angular_rate, estimate.model.gyroscope
+    if rates is None or gyro is None or not len(rates):
+        return np.zeros(3)
+    seen = rates - gyro.bias
+    force, sensitivity = means.specific_force, estimate.model.g_sensitivity
+    if force is not None and sensitivity is not None and estimate.model.accelerometer is not None:
+        seen = seen - estimate.model.accelerometer.correct(force) @ sensitivity.T
+    return np.asarray(seen.mean(axis=0), dtype=np.float64)
+
+
+def add_common_scale(estimate: Estimate, sigma: float, at_rest: Vector | None = None) -> None:
+    """Let all gyro scale factors be wrong by one share besides: a rank of its own in both covariances.
+
+    Parameters
+    ----------
+    estimate : changed.
+    sigma : standard uncertainty of that share.
+    at_rest : (3,) raw, of the Earth's rotation in what gyros show at rest, on average; None for none of it.
+    """
+    gyro = estimate.model.gyroscope
+    if gyro is None or sigma <= 0.0:
+        return
+    slope = np.zeros(len(estimate.names))
+    off = np.zeros(3) if at_rest is None else at_rest
+    for at, name in enumerate(estimate.names):
+        term, _, index = name.partition("[")
+        places = tuple(int(k) for k in index.rstrip("]").split(",")) if index else ()
+        if term == "gyroscope.matrix":
+            slope[at] = gyro.matrix[places]
+        elif term == "gyroscope.bias" and len(places) == 1:
+            slope[at] = -off[places[0]]
+    estimate.covariance = estimate.covariance + sigma**2 * np.outer(slope, slope)
+    _add_to_parameters(estimate, sigma * _scale_slope(estimate, off))
+
+
+def _add_to_parameters(estimate: Estimate, added: Series) -> None:
+    before = np.array([p.standard_uncertainty for p in estimate.parameters])
+    spread = estimate.correlations * np.outer(before, before) + np.outer(added, added)
+    sigmas = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    estimate.parameters = [
+        replace(p, standard_uncertainty=float(sigma))
+        for p, sigma in zip(estimate.parameters, sigmas, strict=True)
+    ]
+    estimate.correlations = correlation_matrix(spread)
+    budget = estimate.shown(Budget)
+    if budget is not None and budget.shares:
+        grown = np.divide(sigmas, before, out=np.ones(sigmas.size), where=before > 0.0)
+        estimate.show(_with_source(budget, np.abs(added), grown))
+
+
+def _with_source(budget: Budget, share: Series, grown: Series) -> Budget:
+    """Return a budget with what the clock adds, which is known as well as it is stated (Welch and Satterthwaite)."""
+    shares, told = {**budget.shares, SAMPLE_RATE: share}, budget.statement
+    if told is None:
+        return replace(budget, shares=shares)
+    degrees = told.effective_degrees * grown**4
+    statement = replace(
+        told,
+        effective_degrees=degrees,
+        coverage_factors=coverage_factors(degrees),
+        source_degrees={**told.source_degrees, SAMPLE_RATE: float("inf")},
+    )
+    return replace(budget, shares=shares, statement=statement)
+
+
+def _scale_slope(estimate: Estimate, at_rest: Vector | None = None) -> Series:
+    """Return (parameters,) by how much each moves per share of all gyro scale factors, in its own unit."""
+    slope = np.zeros(len(estimate.parameters))
+    for at, parameter in enumerate(estimate.parameters):
+        if parameter.name.startswith(_SCALE):
+            slope[at] = parameter.value + (1.0 if parameter.name.startswith(f"{_SCALE} error") else 0.0)
+        elif at_rest is not None and parameter.name in _BIASES:
+            slope[at] = -at_rest[_BIASES.index(parameter.name)]
+    return slope
+
+
+_BIASES = [f"gyro bias {axis}" for axis in "xyz"]
+
+
+def _say(estimate: Estimate, one: Unseen, share: Series) -> None:
+    """Say what the gyro scale factors stand or fall with: first of all where it decides what they are worth."""
+    at = [k for k, p in enumerate(estimate.parameters) if p.name.startswith(_SCALE)]
+    sigmas = np.array([estimate.parameters[k].standard_uncertainty for k in at])
+    part = float(np.max(np.abs(share[at]) / np.maximum(sigmas, 1e-300), initial=0.0))
+    if part < COUNTS:
+        return
+    decides = part > DECIDES
+    size = f"{100.0 * one.sigma:.2g} %" if one.sigma >= 1e-3 else f"{1e6 * one.sigma:.2g} ppm"
+    what = "the clock of the samples" if one.source == SAMPLE_RATE else "the table's rates"
+    said = (
+        f"The gyro scale factors stand or fall with {what}: {one.because}. All of them are uncertain by {size} (one "
+        "sigma) together because of it, which no residual shows; it is in the stated uncertainties"
+    )
+    if decides:
+        estimate.say("caution", f"{said}. If you know it better, {one.mend}.")
+    else:
+        estimate.say("remark", f"{said}.")
+    estimate.unseen.append(one)

@@ -1,0 +1,5 @@
+"""Guided capture: samples come in while the unit is in the hand, and it is said what is good and what is next.
+
+`Capture` is the state machine, fed with blocks of samples; it knows no terminal and no page. `run_capture` joins a
+source, the files in a folder, and whoever listens.
+"""

@@ -1,0 +1,349 @@
+"""What the holds and turns so far are worth, what would tell most next, and when it is enough.
+
+The information is that of the joint estimator on the holds and turns that were recorded, with block means of 0.05 s
+in place of samples: a turn by hand does not need more. What a next hold or turn would add is played beforehand, as
+for `tumble plan --given`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.arrays import Series, Vector, Vectors
+from tumble.capture.live_blocks import LiveBlocks
+from tumble.capture.live_holds import LiveHold
+from tumble.capture.targets import limits_of
+from tumble.earth import Site
+from tumble.recording.clock import CRYSTAL, clock_of_stamps
+from tumble.recording.recording import Recording
+from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline, observe_holds
+from tumble.segmentation.activity import Activity, noise_per_sample
+from tumble.segmentation.turns import find_turns
+from tumble.units import COUNTS, angular_rate_factor, specific_force_factor
+
+if TYPE_CHECKING:
+    from tumble.design.joint_information import JointInformation
+    from tumble.design.joint_plan import PlanTask
+    from tumble.design.next_step import NextStep, StepCandidate
+    from tumble.simulation import Grade
+
+# s that a person needs to bring the unit from one pose to the next.
+TURN = 3.0
+# s over which biases wander while a unit is captured.
+SESSION = 300.0
+# Stamps that show what clock they are from.
+ENOUGH_STAMPS = 2000
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """What is known by now.
+
+    Attributes
+    ----------
+    sigmas : standard uncertainty by parameter, SI; None where nothing is told yet.
+    up_b : (holds, 3) unit vectors up of the holds, for those who draw.
+    following : what would tell most, the best first.
+    enough : whether to stop.
+    words : why, or why not yet.
+    """
+
+    sigmas: dict[str, float | None] = field(default_factory=dict[str, float | None])
+    up_b: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
+    following: tuple[NextStep, ...] = ()
+    enough: bool = False
+    words: tuple[str, ...] = ()
+
+
+class Guide:
+    """The information so far and the way on.
+
+    Parameters
+    ----------
+    grade : what kind of unit it is: by how much such units differ, and what their biases wander.
+    site : gravity, and the Earth rate if the latitude is known.
+    hold : s that a person is asked to hold each pose.
+    targets : wished-for standard uncertainties, SI, by group.
+    rate : Hz, as stated; it counts where its uncertainty is stated too.
+    patient : wait for what is reckoned beside; for recordings that are replayed.
+    """
+
+    def __init__(
+        self,
+        grade: Grade,
+        site: Site,
+        hold: float,
+        targets: dict[str, float],
+        *,
+        rate: float | None = None,
+        patient: bool = False,
+    ) -> None:
+        self.site, self.hold, self.targets = site, hold, targets
+        self._grade, self._patient = grade, patient
+        self._limits = limits_of(targets)
+        self._candidates: Future[list[StepCandidate]] | None = None
+        self._task: PlanTask | None = None
+        self._beyond: JointInformation | None = None
+        self._latest: tuple[int, JointInformation] | None = None
+        self._first = 0
+        self._rate, self._stamps = rate, np.zeros(0)
+        self.clock_sigma = 0.0
+        """Of the gyro scale factors, as a share: what no hold and no turn sees of the samples' clock."""
+
+    def look_at_clock(self, time: Series) -> None:
+        """Find out by the first stamps what clock they are from.
+
+        Parameters
+        ----------
+        time : (samples,) s, the next stamps as they came.
+        """
+        if len(self._stamps) >= ENOUGH_STAMPS:
+            return
+        self._stamps = np.concatenate([self._stamps, time[: ENOUGH_STAMPS - len(self._stamps)]])
+        clock = clock_of_stamps(self._stamps, self._rate)
+        # What few stamps jitter by is nothing over a session.
+        self.clock_sigma = clock.sigma if clock.kind in ("nominal", "stated") else CRYSTAL
+
+    def judge(self, live: LiveBlocks, holds: Sequence[LiveHold], activity: Activity) -> Progress:
+        """Return what is known from the holds so far.
+
+        Parameters
+        ----------
+        live : the blocks.
+        holds : in order.
+        activity : that tells bias and scale where the unit sends counts.
+        """
+        holds = [h for h in holds if h.hold.start >= live.first * live.cut.size]
+        if not holds or live.channels.specific_force_unit is None:
+            return Progress(
+                words=("No hold yet.",) if not holds else ("Without an accelerometer poses tell nothing.",)
+            )
+        recording = _in_si(live, activity)
+        timeline = _timeline(live, recording, holds, activity)
+        if timeline is None:
+            return Progress(words=("No hold yet.",))
+        means = observe_holds(recording, timeline)
+        assert means.specific_force is not None
+        up_b = means.specific_force / np.linalg.norm(means.specific_force, axis=1, keepdims=True)
+        if recording.angular_rate is None:
+            return self._poses_alone(means, up_b)
+        task = self._task_of(timeline, recording.rate)
+        known = self._information(live, recording, timeline, means, task)
+        progress = self._both(task, known, up_b)
+        missing = _missing_poses(means.specific_force) if progress.enough else ""
+        # A calibration asks for as many different poses as unknowns, however well turns tell them.
+        return replace(progress, enough=False, words=(missing,)) if missing else progress
+
+    def _task_of(self, timeline: Timeline, rate: float) -> PlanTask:
+        """The unit, with its own white noise as the first hold shows it."""
+        from tumble.design.joint_information import parameter_sizes
+        from tumble.design.joint_plan import PlanTask
+        from tumble.design.planned_motion import PlannedNoise
+        from tumble.protocol.steps import HoldStep, Protocol, TurnStep
+
+        if self._task is not None:
+            return self._task
+        floor, grade = timeline.noise_floor, self._grade
+        own = [_own_noise(sigma, rate) for sigma in (floor.specific_force, floor.angular_rate)]
+        noise = PlannedNoise(
+            replace(grade.accelerometer.noise, random_walk=own[0] or grade.accelerometer.noise.random_walk),
+            replace(grade.gyroscope.noise, random_walk=own[1] or grade.gyroscope.noise.random_walk),
+            grade.rate,
+        )
+        steps = (HoldStep(self.hold), TurnStep(TURN))
+        sizes = parameter_sizes(grade)
+        self._task = PlanTask(
+            Protocol("capture", "joint", steps), self.site, noise, sizes, grade.g_sensitivity > 0.0
+        )
+        return self._task
+
+    def _information(
+        self, live: LiveBlocks, recording: Recording, timeline: Timeline, means: HoldMeans, task: PlanTask
+    ) -> JointInformation:
+        from tumble.calibration.equations.gathering import gather
+        from tumble.calibration.equations.imu_unknowns import imu_unknowns, unknowns_of
+        from tumble.calibration.equations.observed import observe
+        from tumble.design.joint_information import planned_problem
+        from tumble.sensor import ImuModel
+
+        if live.first != self._first and self._latest is not None:
+            # The oldest blocks were let go: what was known from them stays known.
+            self._first, self._beyond = live.first, self._latest[1]
+        at = imu_unknowns(unknowns_of(ImuModel.ideal()))
+        data = observe(gather(recording, timeline, means), at, [])
+        information = planned_problem(data, self.site, task.sizes).information()
+        total = information if self._beyond is None else information.plus(self._beyond)
+        self._latest = (len(timeline.holds), total)
+        return total
+
+    def _both(self, task: PlanTask, known: JointInformation, up_b: Vectors) -> Progress:
+        from tumble.design.joint_information import GROUPS, NAMES, TOLD
+        from tumble.design.next_step import find_next_steps, judge_stop
+
+        sigmas = np.sqrt(np.diag(task.covariance(known)))
+        scale = GROUPS["accelerometer scale"]
+        sigmas[scale] = np.hypot(sigmas[scale], self.site.gravity_sigma / self.site.gravity)
+        sigmas[GROUPS["gyro scale"]] = np.hypot(sigmas[GROUPS["gyro scale"]], self.clock_sigma)
+        told = sigmas < TOLD * task.sizes
+        named: dict[str, float | None] = {
+            NAMES[i]: float(sigmas[i]) if told[i] else None for i in map(int, task.parameters())
+        }
+        candidates = self._of_candidates(task)
+        if candidates is None:
+            return Progress(named, up_b, words=("Reckoning what would tell most.",))
+        following = tuple(find_next_steps(task, known, candidates, 1))
+        enough, words = judge_stop(task, known, following, self._limits, sigmas)
+        if self._limits is not None and not enough and following and "hardly worth" in " ".join(words):
+            enough = True
+        if self._limits is not None and self.clock_sigma > np.min(self._limits[GROUPS["gyro scale"]]):
+            share = f"{100.0 * self.clock_sigma:.2g} %"
+            words = [
+                *words,
+                f"No pose tells the gyro scale factors below {share}: the sample rate is not known better.",
+            ]
+        if not told[task.parameters()].all():
+            words = [_untold_words([name for name, sigma in named.items() if sigma is None])]
+        return Progress(named, up_b, following, enough, tuple(words))
+
+    def _of_candidates(self, task: PlanTask) -> list[StepCandidate] | None:
+        """What may come next, reckoned once, beside the samples that come in; None while that goes on."""
+        from tumble.design.next_step import step_candidates
+
+        if self._candidates is None:
+            pool = ThreadPoolExecutor(1, thread_name_prefix="candidates")
+            self._candidates = pool.submit(step_candidates, task, table=False, span=SESSION)
+            pool.shutdown(wait=False)
+        if not self._patient and not self._candidates.done():
+            return None
+        return self._candidates.result()
+
+    def _poses_alone(self, means: HoldMeans, up_b: Vectors) -> Progress:
+        """What the norms of gravity tell of accelerometers that come without a gyro."""
+        from tumble.design.candidates import PARAMETERS
+        from tumble.design.next_pose import known_from_holds, sigmas_so_far
+
+        assert means.specific_force is not None
+        assert means.specific_force_covariance is not None
+        gravity = float(np.median(np.linalg.norm(means.specific_force, axis=1)))
+        sigmas = sigmas_so_far(known_from_holds(up_b, means.specific_force_covariance, gravity))
+        told = {
+            f"accelerometer {name}": float(sigma) if np.isfinite(sigma) else None
+            for name, sigma in zip(PARAMETERS, sigmas, strict=True)
+        }
+        return Progress(
+            told, up_b, words=("The unit sends no gyro: nine or more different poses are wanted.",)
+        )
+
+
+def _missing_poses(means: Vectors) -> str:
+    """What `tumble calibrate` will say against the poses so far; nothing if they suffice."""
+    from tumble.calibration.equations.triad_unknowns import SCALE
+    from tumble.calibration.requirements import require_poses
+    from tumble.errors import ObservabilityError
+
+    unknowns = np.zeros(12)
+    unknowns[SCALE] = 1.0
+    try:
+        require_poses(means, unknowns, has_prior=False, factor=1.0)
+    except ObservabilityError as missing:
+        return str(missing)
+    return ""
+
+
+def _untold_words(names: list[str]) -> str:
+    """Which parameters are not told yet: each if they are few, else their kinds."""
+    if len(names) <= 3:
+        return f"Not told yet: {', '.join(names)}."
+    from tumble.design.joint_information import GROUPS, NAMES
+
+    kinds = [group for group, part in GROUPS.items() if any(name in names for name in NAMES[part])]
+    return f"Not told yet: some of {', '.join(kinds)}."
+
+
+def _own_noise(sigma: Series, rate: float) -> float:
+    """N of white noise, u/√Hz, from the noise of one sample at a rate; zero where it is not known."""
+    usual = float(np.sqrt(np.mean(sigma**2))) / rate**0.5
+    return usual if np.isfinite(usual) else 0.0
+
+
+def _in_si(live: LiveBlocks, activity: Activity) -> Recording:
+    """The block means in SI; of counts by the scales and biases that the motion shows, roughly."""
+    raw = live.averaged()
+    force, rate = raw.specific_force, raw.angular_rate
+    factor = specific_force_factor(raw.specific_force_unit)
+    if (
+        force is not None
+        and factor is None
+        and activity.gravity is not None
+        and activity.force_bias is not None
+    ):
+        force, factor = force - activity.force_bias, 9.80665 / activity.gravity
+    rate_factor = angular_rate_factor(raw.angular_rate_unit)
+    if rate is not None and rate_factor is None and activity.rate_scale is not None:
+        rate, rate_factor = (
+            rate - (activity.rate_bias if activity.rate_bias is not None else 0.0),
+            activity.rate_scale,
+        )
+    return replace(
+        raw,
+        specific_force=None if force is None else force * (factor or 1.0),
+        angular_rate=None if rate is None else rate * (rate_factor or 1.0),
+        specific_force_unit="m/s^2" if force is not None else COUNTS,
+        angular_rate_unit="rad/s" if rate is not None else COUNTS,
+    )
+
+
+def _timeline(
+    live: LiveBlocks, recording: Recording, holds: Sequence[LiveHold], activity: Activity
+) -> Timeline | None:
+    """The holds on the clock of the block means."""
+    size, first, count = live.cut.size, live.first, len(recording)
+    found: list[Hold] = []
+    for one in holds:
+        start = -(-one.hold.start // size) - first
+        stop = min(one.hold.stop // size - first, count)
+        holes = tuple((a // size - first, -(-b // size) - first) for a, b in one.hold.excluded)
+        hold = Hold(start, stop, holes)
+        if sum(b - a for a, b in hold.stretches()) >= 4:
+            found.append(hold)
+    if not found:
+        return None
+    turns = find_turns(recording, found, activity)
+    unknown = np.full(3, np.nan)
+    noise = [
+        unknown if signal is None else noise_per_sample(signal, found)
+        for signal in (recording.specific_force, recording.angular_rate)
+    ]
+    floor = NoiseFloor(noise[0], noise[1], activity.threshold, "")
+    return Timeline(tuple(found), tuple(turns), (), floor)
+
+
+def nearest_hold(up_b: Vectors, number: int) -> tuple[int, float] | None:
+    """Return which earlier hold a hold is most like, and their angle, rad; None for the first.
+
+    Parameters
+    ----------
+    up_b : (holds, 3) unit vectors up.
+    number : index of the hold.
+    """
+    others = [k for k in range(len(up_b)) if k != number]
+    if not others:
+        return None
+    angles = [angle_between(up_b[number], up_b[k]) for k in others]
+    best = int(np.argmin(angles))
+    return others[best], angles[best]
+
+
+def angle_between(one: Vector, other: Vector) -> float:
+    """Return the angle between two unit vectors, rad.
+
+    Parameters
+    ----------
+    one, other : (3,).
+    """
+    return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))

@@ -1,0 +1,237 @@
+"""Holds found while the recording goes on, by the same search as in the file afterwards."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from tumble.capture.live_blocks import LiveBlocks
+from tumble.segmentation.activity import Activity, find_activity, follow_activity
+from tumble.segmentation.search import MINIMUM_HOLD, search_blocks
+from tumble.segmentation.timeline import Hold, Rejection
+
+# Fewer tell neither noise nor bias; `find_timeline` asks for as many.
+FEWEST_BLOCKS = 20
+# A rest that reaches the present has to be so much longer than the shortest hold: its beginning may yet move.
+SETTLING = 0.15
+# So long after its end a hold's end does not move any more: smoothing and the differences over it blur by 0.3 s.
+CLOSED = 0.9
+# While so little is there all of it is searched each time; later only what is new, and all where a hold ends.
+SEARCHED_WHOLE = 90.0
+# Noise, bias and scale are found anew when the recording has grown by this share.
+GROWTH = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class LiveHold:
+    """A hold of a recording that goes on.
+
+    Attributes
+    ----------
+    number : from 1, in the order in which they were accepted.
+    hold : its samples, counted from the first of the recording.
+    start, stop : s, by the stamps.
+    closed : whether it has ended.
+    """
+
+    number: int
+    hold: Hold
+    start: float
+    stop: float
+    closed: bool = False
+
+    @property
+    def duration(self) -> float:
+        """Seconds from start to stop."""
+        return self.stop - self.start
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """Something that the search sees now and did not see before.
+
+    Attributes
+    ----------
+    kind : "accepted", "closed", or "refused", which may also be a hold that was accepted before.
+    start, stop : s, by the stamps.
+    hold : of "accepted" and "closed", and of "refused" where it had a number.
+    reason : of "refused", as a phrase.
+    """
+
+    kind: Literal["accepted", "closed", "refused"]
+    start: float
+    stop: float
+    hold: LiveHold | None = None
+    reason: str = ""
+
+
+class LiveHolds:
+    """The holds so far, found anew as blocks come in.
+
+    Parameters
+    ----------
+    blocks : that grow.
+    """
+
+    def __init__(self, blocks: LiveBlocks) -> None:
+        self.holds: list[LiveHold] = []
+        self.activity: Activity | None = None
+        self.stillness = np.inf
+        self._blocks = blocks
+        self._numbers = 0
+        self._said: list[tuple[int, int]] = []
+        self._closed: set[int] = set()
+        self._next_activity = FEWEST_BLOCKS
+
+    @property
+    def resting(self) -> LiveHold | None:
+        """The hold that is still going on, if one is."""
+        return self.holds[-1] if self.holds and not self.holds[-1].closed else None
+
+    def look(self) -> list[Change]:
+        """Search what is there by now, and return what changed, in time order.
+
+        Call it after blocks were added.
+        """
+        blocks = self._blocks
+        if blocks.count - blocks.first < FEWEST_BLOCKS:
+            return []
+        self._measure()
+        changes = self._reconcile(self._start())
+        open_holds = [hold for hold in self.holds if not hold.closed]
+        ended = [h for h in open_holds if blocks.samples - h.hold.stop > CLOSED * blocks.channels.rate]
+        if ended:
+            # All rests together say which of them turn, and how quiet a rest is: as for the file.
+            changes += self._reconcile(blocks.first)
+        return changes + self._close(last=False)
+
+    def _close(self, *, last: bool) -> list[Change]:
+        """Close the holds that have ended; each is told once, even if a later look moves its end a little."""
+        changes: list[Change] = []
+        for place, hold in enumerate(self.holds):
+            over = self._blocks.samples - hold.hold.stop > CLOSED * self._blocks.channels.rate
+            if hold.closed or not (over or last):
+                continue
+            self.holds[place] = closed = replace(hold, closed=True)
+            if hold.number not in self._closed:
+                self._closed.add(hold.number)
+                changes.append(Change("closed", closed.start, closed.stop, closed))
+        return changes
+
+    def finish(self) -> list[Change]:
+        """Search all of it once more when nothing follows."""
+        if self._blocks.count - self._blocks.first < FEWEST_BLOCKS:
+            return []
+        self._next_activity = 0
+        self._measure()
+        return self._reconcile(self._blocks.first, last=True) + self._close(last=True)
+
+    def _measure(self) -> None:
+        """Find noise, bias and scale anew where the recording has grown enough."""
+        if self.activity is None or self._blocks.count >= self._next_activity:
+            self.activity = find_activity(self._blocks.blocks(self._blocks.first))
+            kept = self._blocks.count - self._blocks.first
+            self._next_activity = self._blocks.count + max(4, int(GROWTH * kept))
+
+    def _start(self) -> int:
+        """The block from which on the holds may still change."""
+        blocks = self._blocks
+        if (blocks.count - blocks.first) * blocks.cut.seconds <= SEARCHED_WHOLE:
+            return blocks.first
+        past = [hold for hold in self.holds if hold.closed][-2:]
+        first = past[0].hold.start // blocks.cut.size - 20 if past else blocks.first
+        return max(first, blocks.first, blocks.count - round(10 * SEARCHED_WHOLE / blocks.cut.seconds))
+
+    def _reconcile(self, start: int, *, last: bool = False) -> list[Change]:
+        """Search from block `start` on, and say how that differs from what was known."""
+        assert self.activity is not None
+        live = self._blocks
+        blocks = live.blocks(start)
+        activity = follow_activity(blocks, self.activity)
+        self.stillness = float(np.max(activity.rate[-4:])) / activity.threshold
+        offset = start * live.cut.size
+        found, rejections = search_blocks(
+            blocks, activity, live.walls(start), samples=len(blocks) * live.cut.size
+        )
+        holds = [_moved(hold, offset) for hold in found]
+        refused = [Rejection(r.start + offset, r.stop + offset, r.reason) for r in rejections]
+        # What begins where the search begins may have begun before.
+        lost = {h.number: h for h in self.holds if h.hold.start >= offset or start == live.first}
+        kept = [h for h in self.holds if h.number not in lost]
+        changes: list[Change] = []
+        known: list[LiveHold] = []
+        for hold in holds:
+            match = next((h for h in self.holds if _same(h.hold, hold)), None)
+            if match is not None:
+                if match.number in lost:
+                    del lost[match.number]
+                    known.append(self._timed(match, hold))
+            elif last or self._is_sure(hold):
+                self._numbers += 1
+                made = self._timed(LiveHold(self._numbers, hold, 0.0, 0.0), hold)
+                known.append(made)
+                changes.append(Change("accepted", made.start, made.stop, made))
+        undecided = [] if last else [h for h in lost.values() if self._goes_on(h, refused)]
+        self.holds = sorted([*kept, *known, *undecided], key=lambda h: h.hold.start)
+        changes += self._gone([h for h in lost.values() if h not in undecided], refused)
+        changes += self._refused(refused, last=last)
+        return sorted(changes, key=lambda change: change.stop)
+
+    def _goes_on(self, hold: LiveHold, refused: list[Rejection]) -> bool:
+        """Whether a rest that was a hold, and looks too short now, still goes on: then it may be one again."""
+        late = self._blocks.samples - CLOSED * self._blocks.channels.rate
+        return any(_overlap(r, hold.hold) > 0 and r.stop > late for r in refused)
+
+    def _is_sure(self, hold: Hold) -> bool:
+        """Whether a new rest is long enough to be told; one that has ended is, if the search says so."""
+        live = self._blocks
+        if live.count * live.cut.size - hold.stop > live.cut.size:
+            return True
+        return hold.stop - hold.start >= (MINIMUM_HOLD + SETTLING) * live.channels.rate
+
+    def _timed(self, known: LiveHold, hold: Hold) -> LiveHold:
+        start, stop = self._blocks.time_of(hold.start), self._blocks.time_of(hold.stop)
+        ended = known.closed and self._blocks.samples - hold.stop > CLOSED * self._blocks.channels.rate
+        return replace(known, hold=hold, start=start, stop=stop, closed=ended)
+
+    def _gone(self, lost: list[LiveHold], refused: list[Rejection]) -> list[Change]:
+        """Holds that were accepted and are none any more, each with what is said against it."""
+        changes: list[Change] = []
+        for hold in lost:
+            other = next((h for h in self.holds if _overlap(h.hold, hold.hold) > 0), None)
+            reason = next((r.reason for r in refused if _overlap(r, hold.hold) > 0), "it moved on")
+            if other is not None:
+                reason = f"it is one hold with hold {other.number}, with a knock between"
+            self._said.append((hold.hold.start, hold.hold.stop))
+            changes.append(Change("refused", hold.start, hold.stop, hold, reason))
+        return changes
+
+    def _refused(self, refused: list[Rejection], *, last: bool) -> list[Change]:
+        """Rests that are no holds and were not told yet."""
+        live = self._blocks
+        changes: list[Change] = []
+        for rest in refused:
+            over = last or live.samples - rest.stop > CLOSED * live.channels.rate
+            told = any(min(rest.stop, b) > max(rest.start, a) for a, b in self._said)
+            if over and not told:
+                self._said.append((rest.start, rest.stop))
+                start, stop = live.time_of(rest.start), live.time_of(rest.stop)
+                changes.append(Change("refused", start, stop, None, rest.reason))
+        del self._said[:-50]
+        return changes
+
+
+def _moved(hold: Hold, offset: int) -> Hold:
+    excluded = tuple((a + offset, b + offset) for a, b in hold.excluded)
+    return Hold(hold.start + offset, hold.stop + offset, excluded)
+
+
+def _overlap(one: Hold | Rejection, other: Hold | Rejection) -> int:
+    return min(one.stop, other.stop) - max(one.start, other.start)
+
+
+def _same(one: Hold, other: Hold) -> bool:
+    """Whether two findings are of one rest: they share more than half of the shorter."""
+    return 2 * _overlap(one, other) > min(one.stop - one.start, other.stop - other.start)

@@ -1,0 +1,267 @@
+"""The state machine of a capture: samples in, events out. It knows no file, no terminal and no page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.arrays import Vector
+from tumble.calibration.poses import SAME_POSE, describe_direction
+from tumble.capture.doubts import early_doubts
+from tumble.capture.events import Event
+from tumble.capture.guide import Guide, Progress, angle_between
+from tumble.capture.live_blocks import LiveBlocks
+from tumble.capture.live_holds import Change, LiveHold, LiveHolds
+from tumble.capture.samples import Channels, Samples
+from tumble.units import COUNTS, specific_force_factor
+
+if TYPE_CHECKING:
+    from tumble.protocol.steps import Step
+
+# s of data after which it is said what is wrong with the stream.
+EARLY = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class HoldTold:
+    """A hold as people are told of it.
+
+    Attributes
+    ----------
+    hold : number, samples, start and stop.
+    up_b : (3,) unit vector up, roughly; None without an accelerometer.
+    note : what there is to say of it, such as which earlier one it is like; empty for nothing.
+    """
+
+    hold: LiveHold
+    up_b: Vector | None
+    note: str = ""
+
+    @property
+    def pose(self) -> str:
+        """What points up, in words."""
+        return "" if self.up_b is None else describe_direction(self.up_b)
+
+
+class Capture:
+    """A capture that is going on.
+
+    Parameters
+    ----------
+    channels : what comes in.
+    guide : says what it is worth and what is next; None for holds alone.
+    hold : s that each pose is to be held.
+    """
+
+    def __init__(self, channels: Channels, guide: Guide | None, hold: float) -> None:
+        self.channels, self.hold_seconds = channels, hold
+        self.blocks = LiveBlocks(channels)
+        self.search = LiveHolds(self.blocks)
+        self.guide = guide
+        self.progress = Progress()
+        self.told: dict[int, HoldTold] = {}
+        self.dropped: set[int] = set()
+        self._drops: list[int] = []
+        self._complete: set[int] = set()
+        self._begin: float | None = None
+        self._early_said = self._enough_said = False
+        self._reckoned = 0
+        self._pending = False
+
+    @property
+    def time(self) -> float:
+        """Stamp of the newest sample, s; zero before the first."""
+        return self.blocks.last_time or 0.0
+
+    @property
+    def direction(self) -> Vector | None:
+        """(3,) unit vector up at present, roughly; None without an accelerometer or before the first block."""
+        newest = self.blocks.newest("force", 4)
+        if newest is None or not len(newest):
+            return None
+        return self._unit(newest.mean(axis=0))
+
+    def _unit(self, raw: Vector) -> Vector | None:
+        """A raw specific force as a direction; of counts without what they read at no force."""
+        activity = self.search.activity
+        if specific_force_factor(self.channels.specific_force_unit or COUNTS) is None:
+            if activity is None or activity.force_bias is None:
+                return None
+            raw = raw - activity.force_bias
+        size = float(np.linalg.norm(raw))
+        return raw / size if size > 0.0 else None
+
+    def feed(self, samples: Samples) -> list[Event]:
+        """Take samples in time order, and return what happened.
+
+        Parameters
+        ----------
+        samples : of the channels' triads, finite, with stamps that increase.
+        """
+        if not len(samples):
+            return []
+        if self._begin is None:
+            self._begin = float(samples.time[0])
+        if self.guide is not None:
+            self.guide.look_at_clock(samples.time)
+        if not self.blocks.add(samples):
+            return []
+        events = [event for change in self.search.look() for event in self._of_change(change)]
+        events += self._early() + self._completed() + self._dropped()
+        # The next pose is wanted when a hold is long enough; a shorter one counts when it has ended.
+        if self._pending or any(self._changes_what_is_known(event) for event in events):
+            events += self._reckon()
+        return events
+
+    def _changes_what_is_known(self, event: Event) -> bool:
+        hold = event.facts.get("hold")
+        if event.kind == "hold_closed":
+            return hold not in self._complete
+        return event.kind in ("hold_complete", "hold_dropped") or (
+            event.kind == "hold_refused" and hold is not None
+        )
+
+    @property
+    def holds(self) -> list[HoldTold]:
+        """The holds that count, in order, as they are told."""
+        holds = [h for h in self.search.holds if h.number in self.told and h.number not in self.dropped]
+        return [replace(self.told[hold.number], hold=hold) for hold in holds]
+
+    def drop(self, number: int) -> None:
+        """Let a hold not count, because a person says so; it is told with the next samples.
+
+        Parameters
+        ----------
+        number : of the hold; one that is none is passed over.
+        """
+        if number in self.told and number not in self.dropped:
+            self.dropped.add(number)
+            self._drops.append(number)
+
+    def finish(self) -> list[Event]:
+        """Return what is left to say when nothing follows."""
+        events = [event for change in self.search.finish() for event in self._of_change(change)]
+        return events + (self._reckon() if self.search.holds else [])
+
+    def _of_change(self, change: Change) -> list[Event]:
+        facts = {"start": change.start, "stop": change.stop}
+        if change.hold is not None:
+            facts["hold"] = change.hold.number
+        if change.kind == "refused":
+            name = f"Hold {change.hold.number}" if change.hold is not None else "A rest"
+            if change.hold is not None:
+                self.told.pop(change.hold.number, None)
+            words = f"{name} from {change.start:.1f} to {change.stop:.1f} s does not count: {change.reason}. "
+            return [
+                self._event("hold_refused", words + "Only this one is lost.", reason=change.reason, **facts)
+            ]
+        assert change.hold is not None
+        told = self._tell(change.hold)
+        if change.kind == "accepted":
+            words = f"Hold {change.hold.number} accepted{': ' + told.pose if told.pose else ''}."
+            words += f" {told.note}" if told.note else ""
+            delay = self.time - change.start
+            return [
+                self._event(
+                    "hold_accepted", words, pose=told.pose, up=told.up_b, note=told.note, delay=delay, **facts
+                )
+            ]
+        seconds = change.hold.duration
+        words = f"Hold {change.hold.number} lasted {seconds:.1f} s."
+        return [self._event("hold_closed", words, seconds=seconds, pose=told.pose, up=told.up_b, **facts)]
+
+    def _tell(self, hold: LiveHold) -> HoldTold:
+        """Find the pose of a hold, and which earlier one it is like."""
+        size, first = self.blocks.cut.size, self.blocks.first
+        force = self.blocks.newest("force", self.blocks.count - first)
+        up_b, note = None, ""
+        if force is not None:
+            start = -(-hold.hold.start // size) - first
+            part = force[start : max(hold.hold.stop // size - first, start + 1)]
+            up_b = self._unit(part.mean(axis=0)) if len(part) else None
+        if up_b is not None:
+            others = [t for t in self.told.values() if t.hold.number < hold.number and t.up_b is not None]
+            angles = [angle_between(up_b, t.up_b) for t in others if t.up_b is not None]
+            if angles and min(angles) < SAME_POSE:
+                like = others[int(np.argmin(angles))].hold.number
+                note = f"It is like hold {like} ({np.degrees(min(angles)):.0f}° from it): another pose tells more."
+        self.told[hold.number] = HoldTold(hold, up_b, note)
+        return self.told[hold.number]
+
+    def _completed(self) -> list[Event]:
+        """Say once that a pose was held as long as was asked."""
+        resting = self.search.resting
+        if resting is None or resting.number in self._complete or resting.duration < self.hold_seconds:
+            return []
+        self._complete.add(resting.number)
+        words = f"Hold {resting.number} is long enough: turn the unit to the next pose."
+        return [self._event("hold_complete", words, hold=resting.number, seconds=resting.duration)]
+
+    def _dropped(self) -> list[Event]:
+        """Say which holds a person has dropped."""
+        numbers, self._drops = self._drops, []
+        return [
+            self._event("hold_dropped", f"Hold {n} was dropped and does not count.", hold=n) for n in numbers
+        ]
+
+    def _early(self) -> list[Event]:
+        """Say after two seconds of data what is wrong with the stream."""
+        if self._early_said or self._begin is None or self.time - self._begin < 0.9 * EARLY:
+            return []
+        self._early_said = True
+        doubts = early_doubts(self.blocks, self.time - self._begin)
+        return [self._event("caution", words) for words in doubts]
+
+    def _reckon(self) -> list[Event]:
+        """Find what is known, what is next, and whether it is enough."""
+        activity = self.search.activity
+        if self.guide is None or activity is None:
+            return []
+        counted = [told.hold for told in self.holds]
+        self.progress = progress = self.guide.judge(self.blocks, counted, activity)
+        self._pending = not progress.following and bool(progress.sigmas) and not progress.enough
+        events = [self._event("sigma", _known_words(progress), sigma=progress.sigmas, holds=len(counted))]
+        for step in progress.following[:1]:
+            words = f"Next: {step.candidate.name}. It takes {100 * step.gain:.2g} % off the uncertainties."
+            facts = next_facts(step.candidate.steps)
+            events.append(
+                self._event(
+                    "next_pose", words, do=step.candidate.name, gain=step.gain, parameter=step.most,
+                    parameter_gain=step.most_gain, **facts,
+                )
+            )  # fmt: skip
+        if progress.enough and not self._enough_said:
+            self._enough_said = True
+            events.append(self._event("enough", " ".join(progress.words)))
+        return events
+
+    def _event(self, kind: str, words: str, /, **facts: object) -> Event:
+        return Event(kind, self.time, words, facts)
+
+
+def _known_words(progress: Progress) -> str:
+    told = sum(sigma is not None for sigma in progress.sigmas.values())
+    if not progress.sigmas:
+        return " ".join(progress.words)
+    return f"{told} of {len(progress.sigmas)} parameters are told. {' '.join(progress.words)}".strip()
+
+
+def next_facts(steps: tuple[Step, ...]) -> dict[str, object]:
+    """Return the pose and the turn of a step that is proposed, for programs that draw it.
+
+    Parameters
+    ----------
+    steps : of a `StepCandidate`.
+    """
+    from tumble.protocol.steps import HoldStep, TurnStep
+
+    facts: dict[str, object] = {}
+    for step in steps:
+        if isinstance(step, HoldStep) and step.pose is not None and "up" not in facts:
+            facts["up"] = step.pose.up_b
+            facts["pose"] = describe_direction(step.pose.up_b)
+        if isinstance(step, TurnStep) and step.axis_b is not None:
+            facts["turn_axis"], facts["turn_angle"] = step.axis_b, step.angle
+    return facts

@@ -1,0 +1,355 @@
+"""A capture from its source to its results: what comes in goes to the disk first, then to the state machine."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tumble.capture.events import Event
+from tumble.capture.folder import HOLDS, RECORDING, CaptureFolder, check_folder
+from tumble.capture.guide import Guide
+from tumble.capture.machine import Capture
+from tumble.capture.samples import Channels, Samples
+from tumble.capture.source import Notice, Piece, Source, SourceOptions
+from tumble.capture.sources.replay import replay
+from tumble.capture.stamps import ForwardClock
+from tumble.earth import Site
+from tumble.errors import ConvergenceError, ObservabilityError, RecordingError, SegmentationError, UsageError
+from tumble.sample_rates import SampleRate
+
+if TYPE_CHECKING:
+    from tumble.workflows.calibrate import CalibrationRun
+
+# s between flushes, and s without samples after which it is said.
+FLUSH, SILENT = 1.0, 1.5
+# s of samples that are looked at together, however many come at once.
+LOOK = 0.25
+
+Listener = Callable[[Sequence[Event], Capture], None]
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureOrder:
+    """What is to be captured.
+
+    Attributes
+    ----------
+    source, address, options : where samples come from.
+    folder : for the recording, the events and the results.
+    site : gravity and latitude; None if nobody said.
+    hold : s that each pose is to be held.
+    targets : wished-for standard uncertainties, SI, by group.
+    imu : grade of the unit; None for holds alone, without what they are worth.
+    resume : go on with what the folder holds.
+    go_on : do not end by itself when it is enough.
+    """
+
+    source: Source
+    address: str
+    options: SourceOptions
+    folder: Path
+    site: Site | None = None
+    hold: float = 3.0
+    targets: dict[str, float] = field(default_factory=dict[str, float])
+    imu: str | None = "consumer-mems"
+    resume: bool = False
+    go_on: bool = False
+
+
+@dataclass(slots=True)
+class CaptureRun:
+    """What came of a capture.
+
+    Attributes
+    ----------
+    folder : where everything is.
+    capture : the state machine as it ended; None if no sample came.
+    calibration : of the whole recording; None if it does not determine one.
+    refusal : why there is none, as a sentence.
+    """
+
+    folder: Path
+    capture: Capture | None
+    calibration: CalibrationRun | None = None
+    refusal: str = ""
+
+
+class _Stop(Exception):
+    """It is enough."""
+
+
+def run_capture(
+    order: CaptureOrder,
+    listeners: Sequence[Listener] = (),
+    stopped: Callable[[], bool] = lambda: False,
+    taps: Sequence[Callable[[Samples], None]] = (),
+) -> CaptureRun:
+    """Capture until the source ends, it is enough, or somebody stops it; then calibrate what was recorded.
+
+    Ctrl-C ends a capture as its own end does: the results are made of what is there.
+
+    Parameters
+    ----------
+    order : what, from where, to where.
+    listeners : are told of each batch of samples' events, which may be none.
+    stopped : asked often whether to end.
+    taps : are given the samples as they were recorded.
+
+    Raises
+    ------
+    UsageError
+        If the folder holds something already, or the source cannot be opened.
+    RecordingError
+        If no samples come that can be a recording.
+    OutputError
+        If the disk is full: what was written before is kept, and is no less a recording.
+    """
+    check_folder(order.folder, resume=order.resume)
+    if not order.source.live and Path(order.address).resolve() == (order.folder / RECORDING).resolve():
+        raise UsageError(f"{order.address} is what is written to: give another folder with -o.")
+    source = order.source.open(order.address, order.options)
+    if callable(source):
+        # A simulated person hears what is said.
+        listeners = [*listeners, source]
+    under_way = _UnderWay(order, listeners, taps)
+    with closing(piece for piece in source) as pieces:
+        try:
+            for piece in pieces:
+                under_way.take(piece)
+                if stopped():
+                    break
+        except (_Stop, KeyboardInterrupt):
+            pass
+        except BaseException:
+            under_way.let_go()
+            raise
+    return under_way.end()
+
+
+class _UnderWay:
+    """A capture between its first piece and its last."""
+
+    def __init__(
+        self, order: CaptureOrder, listeners: Sequence[Listener], taps: Sequence[Callable[[Samples], None]]
+    ) -> None:
+        self._order, self._listeners, self._taps = order, listeners, taps
+        self._files: CaptureFolder | None = None
+        self._capture: Capture | None = None
+        self._clock = ForwardClock(leaps=order.source.live)
+        self._from: float | None = None
+        self._flushed = self._heard = time.monotonic()
+        self._silent = False
+
+    def take(self, piece: Piece) -> None:
+        """Take what the source yields."""
+        now = time.monotonic()
+        if isinstance(piece, Channels):
+            self._begin(piece)
+        elif isinstance(piece, Notice):
+            self._say([self._event(piece.kind, piece.words)])
+        elif isinstance(piece, Samples) and len(piece):
+            self._samples(piece, now)
+        elif self._order.source.live and self._capture is not None:
+            self._quiet(now)
+        if self._files is not None and now - self._flushed > FLUSH:
+            self._flushed = now
+            self._files.flush()
+
+    def _begin(self, channels: Channels) -> None:
+        if self._files is not None:
+            return
+        order = self._order
+        self._files = CaptureFolder(order.folder, channels, resume=order.resume)
+        self._capture = Capture(channels, _guide_of(order), order.hold)
+        first = [Event("started", 0.0, _channel_words(channels), _channel_facts(channels, order))]
+        first += [Event("remark", 0.0, words) for words in channels.remarks]
+        if order.resume:
+            first += self._catch_up(channels)
+        self._say(first)
+
+    def _catch_up(self, channels: Channels) -> list[Event]:
+        """Feed what was recorded before to the state machine, and go on after it."""
+        assert self._capture is not None
+        path = self._order.folder / RECORDING
+        try:
+            for piece in replay(str(path), SourceOptions(speed=0.0)):
+                if isinstance(piece, Samples):
+                    self._capture.feed(piece.finite())
+        except RecordingError:
+            # Too little for a recording by itself: what comes goes behind it all the same.
+            return []
+        last = self._capture.time
+        if self._order.source.live:
+            self._clock = ForwardClock(last)
+        else:
+            self._from = last
+        holds = len(self._capture.search.holds)
+        words = f"Resumed after {last:.1f} s with {holds} holds."
+        return [Event("resumed", last, words, {"holds": holds})]
+
+    def _samples(self, samples: Samples, now: float) -> None:
+        if self._capture is None or self._files is None:
+            return
+        waited, self._heard = now - self._heard, now
+        events: list[Event] = []
+        if self._silent:
+            self._silent = False
+            events.append(self._event("back", f"Samples come again, after {waited:.1f} s."))
+        samples = samples.finite()
+        if self._from is not None:
+            samples = samples.rows(samples.time > self._from)
+        samples, jumps = self._clock.carry_on(samples, waited)
+        for before, after in jumps:
+            words = (
+                f"The unit's clock jumped from {before:.3f} to {after:.3f} s: a turn across that is not used."
+            )
+            events.append(self._event("clock_jumped", words, before=before, after=after))
+        if len(samples):
+            self._files.add(samples)
+            for tap in self._taps:
+                tap(samples)
+            for part in samples.parts(LOOK):
+                events += self._capture.feed(part)
+        self._say(events)
+        if any(e.kind == "enough" for e in events) and self._order.source.live and not self._order.go_on:
+            raise _Stop
+
+    def _quiet(self, now: float) -> None:
+        if now - self._heard > SILENT and not self._silent:
+            self._silent = True
+            words = (
+                "No samples come any more: see to the cable and the unit. It goes on when they come again."
+            )
+            self._say([self._event("silence", words)])
+        else:
+            self._tell([])
+
+    def _say(self, events: list[Event]) -> None:
+        if self._files is not None:
+            self._files.say(events)
+            if events:
+                self._files.flush()
+        self._tell(events)
+
+    def _tell(self, events: list[Event]) -> None:
+        if self._capture is not None:
+            for listener in self._listeners:
+                listener(events, self._capture)
+
+    def _event(self, kind: str, words: str, /, **facts: object) -> Event:
+        return Event(kind, 0.0 if self._capture is None else self._capture.time, words, facts)
+
+    def let_go(self) -> None:
+        """Close the files after a fault, with everything that can still be written."""
+        from contextlib import suppress
+
+        from tumble.errors import OutputError
+
+        if self._files is not None:
+            with suppress(OutputError):
+                self._files.close_recording()
+            with suppress(OutputError):
+                self._files.close()
+
+    def end(self) -> CaptureRun:
+        """Calibrate what was recorded, and say what came of it."""
+        if self._capture is None or self._files is None or self._capture.blocks.samples == 0:
+            self.let_go()
+            raise RecordingError(
+                "No samples came: see to the cable, the unit's output and its format (--format)."
+            )
+        capture, files = self._capture, self._files
+        self._say(capture.finish())
+        self._say([self._event("ended", f"{capture.blocks.samples} samples are in {files.recording}.")])
+        files.close_recording()
+        run = CaptureRun(self._order.folder, capture)
+        try:
+            run.calibration = _calibrate(self._order, files.recording, capture)
+            self._say([_outcome(run.calibration, capture)])
+        except (ObservabilityError, SegmentationError, ConvergenceError, RecordingError) as error:
+            run.refusal = str(error)
+            self._say([self._event("not_calibrated", run.refusal)])
+        finally:
+            files.close()
+        return run
+
+
+def _calibrate(order: CaptureOrder, recording: Path, capture: Capture) -> CalibrationRun:
+    """Calibrate the file; where a person dropped holds, with the list of those that count."""
+    from tumble.files import write_text
+    from tumble.workflows.calibrate import calibrate
+
+    intervals: Path | None = None
+    if capture.dropped:
+        intervals = order.folder / HOLDS
+        lines = [f"{told.hold.start!r},{told.hold.stop!r}\n" for told in capture.holds]
+        write_text(intervals, "".join(lines))
+    stated = order.options.rate
+    # How sure a stated rate is belongs to the calibration; the rate itself is in the stamps by now.
+    rate = stated if isinstance(stated, SampleRate) and stated.uncertainty is not None else None
+    return calibrate(recording, output=order.folder, site=order.site, intervals=intervals, rate=rate)
+
+
+def _guide_of(order: CaptureOrder) -> Guide | None:
+    if order.imu is None:
+        return None
+    from tumble.simulation.grades import find_grade
+
+    site = order.site or Site.unknown()
+    stated, patient = order.options.rate, not order.source.live
+    return Guide(find_grade(order.imu), site, order.hold, order.targets, rate=stated, patient=patient)
+
+
+def _channel_words(channels: Channels) -> str:
+    force = "no accelerometer" if channels.specific_force_unit is None else (
+        f"accelerometer in {channels.specific_force_unit}"
+    )  # fmt: skip
+    rate = "no gyro" if channels.angular_rate_unit is None else f"gyro in {channels.angular_rate_unit}"
+    return f"Samples come at {channels.rate:.4g} Hz: {force}, {rate}. Put the unit down for a moment."
+
+
+def _channel_facts(channels: Channels, order: CaptureOrder) -> dict[str, object]:
+    return {
+        "source": order.source.name,
+        "rate": channels.rate,
+        "specific_force_unit": channels.specific_force_unit,
+        "angular_rate_unit": channels.angular_rate_unit,
+        "hold_seconds": order.hold,
+        "targets": order.targets,
+    }
+
+
+def _outcome(run: CalibrationRun, capture: Capture) -> Event:
+    """What calibrate made of the file, beside what was said while it grew."""
+    verdict, quality = run.calibration.verdict, run.calibration.quality
+    stated = {p.name: p.standard_uncertainty for p in run.calibration.parameters}
+    words = f"{'Fit' if verdict.fit else 'Not fit'} for use: {quality.holds} holds."
+    facts = {
+        "fit": verdict.fit,
+        "procedure": run.calibration.procedure,
+        "holds": quality.holds,
+        "holds_live": len(capture.search.holds),
+        "predicted": capture.progress.sigmas,
+        "stated": stated,
+    }
+    return Event("calibrated", capture.time, words, facts)
+
+
+def require_hold(seconds: float) -> None:
+    """Refuse a time to hold a pose that is none.
+
+    Parameters
+    ----------
+    seconds : as the user wrote it.
+
+    Raises
+    ------
+    UsageError
+        If it is shorter than what is a hold at all, or longer than anybody holds.
+    """
+    if not 1.0 <= seconds <= 600.0:
+        raise UsageError(f"--hold {seconds:g}: give from 1 to 600 seconds.")

@@ -1,0 +1,81 @@
+"""A recording that is played again, at any speed: the test of everything else."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from tumble.capture.samples import Channels, Samples
+from tumble.capture.source import Piece, Source, SourceOptions
+from tumble.recording.reading import Paths, read_blocks, recording_inputs
+from tumble.recording.recording import Recording
+
+# s of samples that are handed over together, and how long is slept at most.
+CHUNK, NAP = 0.1, 0.2
+
+
+def replay(address: str, options: SourceOptions) -> Iterator[Piece]:
+    """Yield the samples of a recording as if they came now.
+
+    Parameters
+    ----------
+    address : of the file; two files of one triad each with ``+`` between.
+    options : what the file does not say itself, and the speed.
+
+    Raises
+    ------
+    RecordingError, UsageError
+        If it cannot be read as a recording.
+    """
+    paths: Paths = (
+        [Path(part) for part in address.split("+")] if not Path(address).exists() else Path(address)
+    )
+    channels: Channels | None = None
+    begun, first = time.monotonic(), 0.0
+    for block in read_blocks(
+        recording_inputs(paths),
+        columns=options.columns,
+        units=options.units,
+        rate=options.rate,
+        topics=options.topics,
+    ):
+        if channels is None:
+            channels, first = _channels_of(block), float(block.time[0])
+            yield channels
+        step = max(1, round(CHUNK * block.rate))
+        for start in range(0, len(block), step):
+            part = block.between(start, min(start + step, len(block)))
+            if options.speed > 0.0:
+                due = begun + (float(part.time[-1]) - first) / options.speed
+                while (late := due - time.monotonic()) > 0.0:
+                    if late > NAP:
+                        yield None
+                    time.sleep(min(late, NAP))
+            yield samples_of(part)
+
+
+def _channels_of(block: Recording) -> Channels:
+    has_temperature = block.temperature is not None and bool(np.isfinite(block.temperature).any())
+    return Channels(
+        None if block.specific_force is None else block.specific_force_unit,
+        None if block.angular_rate is None else block.angular_rate_unit,
+        block.rate,
+        has_temperature,
+        tuple(remark.text for remark in block.remarks),
+    )
+
+
+def samples_of(block: Recording) -> Samples:
+    """Return a piece of a recording as samples.
+
+    Parameters
+    ----------
+    block : of a recording.
+    """
+    return Samples(block.time, block.specific_force, block.angular_rate, block.temperature)
+
+
+SOURCE = Source("replay", "a recording that is played again", "replay:FILE", replay, live=False)

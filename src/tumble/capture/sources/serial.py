@@ -1,0 +1,114 @@
+"""A serial port: an Arduino, a Teensy, an ESP, or a unit of its own protocol."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from typing import Any
+
+from tumble.capture.link import Link, pieces_of_link
+from tumble.capture.source import Piece, Source, SourceOptions
+from tumble.errors import UsageError
+
+BAUD = 115_200
+
+
+class _Port:
+    """An open serial port; pyserial's errors are the system's."""
+
+    def __init__(self, device: str, baud: int) -> None:
+        serial = _library()
+        try:
+            self._port: Any = serial.Serial(device, baud, timeout=0.1, exclusive=True)
+        except (serial.SerialException, ValueError, OSError) as error:
+            words = _refusal(device, error)
+            raise UsageError(f"{device} cannot be opened: {words}") from error
+        self._lost: type[Exception] = serial.SerialException
+
+    def read(self, seconds: float) -> bytes:
+        """Return what came."""
+        try:
+            self._port.timeout = seconds
+            first = self._port.read(1)
+            return first + self._port.read(self._port.in_waiting or 0) if first else b""
+        except (self._lost, TypeError) as error:
+            raise OSError(str(error)) from error
+
+    def close(self) -> None:
+        """Let go of the port."""
+        self._port.close()
+
+
+def _library() -> Any:
+    try:
+        import serial
+    except ImportError:
+        raise UsageError(
+            "A serial port needs pyserial: pip install 'tumble[serial]', or pipe the port's lines into "
+            "`tumble capture -`."
+        ) from None
+    return serial
+
+
+def _refusal(device: str, error: Exception) -> str:
+    if "exclusive" in str(error).lower() or getattr(error, "errno", None) in (11, 16):
+        return "another program has it; end that one, such as a serial monitor."
+    if getattr(error, "errno", None) == 13:
+        return "you may not read it; on Linux join the group dialout (sudo usermod -aG dialout $USER) and log in again."
+    there = [name for name, _ in found_ports()]
+    listed = (
+        f"there is {', '.join(name.removeprefix('serial:') for name in there)}"
+        if there
+        else "no port is connected"
+    )
+    return f"{os.strerror(error.errno) if isinstance(error, OSError) and error.errno else error}; {listed}."
+
+
+def found_ports() -> list[tuple[str, str]]:
+    """Return the serial ports that are connected, each with what it calls itself; empty without pyserial."""
+    try:
+        from serial.tools import list_ports
+    except ImportError:
+        return []
+    return [
+        (f"serial:{port.device}", str(port.description))
+        for port in list_ports.comports()
+        if port.hwid != "n/a"
+    ]
+
+
+def read_serial(address: str, options: SourceOptions) -> Iterator[Piece]:
+    """Yield what a serial port sends.
+
+    Parameters
+    ----------
+    address : of the port, with ``@BAUD`` behind it where it is not 115200.
+    options : as given.
+
+    Raises
+    ------
+    UsageError
+        If it cannot be opened.
+    RecordingError
+        If what comes can be no recording.
+    """
+    device, _, baud = address.partition("@")
+    if not device:
+        there = ", ".join(name for name, _ in found_ports()) or "none is connected"
+        raise UsageError(f"Name the port, as serial:/dev/ttyACM0; {there}.")
+    if baud and not (baud.isdigit() and 0 < int(baud) <= 20_000_000):
+        raise UsageError(f"{baud} is no baud rate: give one as serial:{device}@921600.")
+
+    def connect() -> Link:
+        return _Port(device, int(baud or BAUD))
+
+    return pieces_of_link(connect, device, options)
+
+
+SOURCE = Source(
+    "serial",
+    "a serial port (USB), @BAUD behind it if not 115200",
+    "serial:/dev/ttyACM0",
+    read_serial,
+    found=found_ports,
+)

@@ -1,0 +1,18 @@
+"""Certificates of a calibration: a PDF for people, and PTB's digital calibration certificate for machines.
+
+Both carry the ``calibration.json`` that they are of, whole, so that every number in them can be checked against it.
+"""
+
+from tumble.certificate.check import check_certificate
+from tumble.certificate.content import CertificateContent, certificate_content
+from tumble.certificate.pdf import certificate_pdf
+from tumble.certificate.profile import Profile, read_profile
+
+__all__ = [
+    "CertificateContent",
+    "Profile",
+    "certificate_content",
+    "certificate_pdf",
+    "check_certificate",
+    "read_profile",
+]

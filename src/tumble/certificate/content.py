@@ -1,0 +1,217 @@
+"""What stands on a certificate (ISO/IEC 17025:2017, 7.8.2, 7.8.4 and 7.8.6), as texts in one language.
+
+There is no recall date: a certificate recommends none unless the customer agreed (7.8.4.3); `tumble registry due` says
+it. Nothing claims an accreditation: what a laboratory states stands as its own statement.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from tumble.certificate.languages import DECIMAL_COMMA, LANGUAGES, parameter_words, phrases
+from tumble.certificate.profile import Profile
+from tumble.document.result import Calibration, ParameterBlock
+from tumble.errors import UsageError
+from tumble.report.parameters import plain_unit
+from tumble.report.rounding import decimals_of, fixed
+
+PROBABILITY = 0.95
+# Of raw units and SI, what people compare data sheets in.
+_PRACTICAL = {"1": ("%", 100.0), "rad": ("mrad", 1e3), "s": ("ms", 1e3)}
+_GROUPS = ("accelerometer", "gyro", "other")
+
+
+@dataclass(frozen=True, slots=True)
+class CertificateContent:
+    """All texts of a certificate.
+
+    Attributes
+    ----------
+    number, date, language : of the certificate; the day as YYYY-MM-DD.
+    document : text of ``calibration.json``.
+    sha256 : of it.
+    phrases : fixed words.
+    facts : (what, said) above the results.
+    groups : (title, rows of quantity, value, expanded uncertainty, factor, unit).
+    conformity : (rows of quantity, limits, decision), the rule, and the whole decision; None without limits.
+    notes : sentences below the results.
+    laboratory : lines of name and address; `authorised` : who answers for it.
+    """
+
+    number: str
+    date: str
+    language: str
+    document: str
+    sha256: str
+    phrases: dict[str, str]
+    facts: list[tuple[str, str]]
+    groups: list[tuple[str, list[list[str]]]]
+    conformity: dict[str, Any] | None
+    notes: list[str]
+    laboratory: list[str]
+    statement: str = ""
+    authorised: str = ""
+    frame: str = ""
+    not_determined: list[str] = field(default_factory=list[str])
+
+
+def certificate_content(
+    calibration: Calibration, profile: Profile, number: str, date: str, language: str, text: str | None = None
+) -> CertificateContent:
+    """Return what a certificate says.
+
+    Parameters
+    ----------
+    calibration, profile : the document, and what the laboratory says.
+    number : unique to the certificate; it stands on each page.
+    date : of issue, YYYY-MM-DD.
+    language : of `LANGUAGES`.
+    text : of the document's file; None writes it anew.
+
+    Raises
+    ------
+    UsageError
+        If the language is none of these.
+    """
+    if language not in LANGUAGES:
+        raise UsageError(f"--language {language}: there are {', '.join(LANGUAGES)}.")
+    words = phrases(language)
+    text = calibration.to_json() if text is None else text
+    comma = language in DECIMAL_COMMA
+    return CertificateContent(
+        number=number,
+        date=date,
+        language=language,
+        document=text,
+        sha256=hashlib.sha256(text.encode()).hexdigest(),
+        phrases=words,
+        facts=_facts(calibration, profile, words, comma=comma),
+        groups=_results(calibration, language, comma=comma),
+        conformity=_conformity(calibration, words, language, comma=comma),
+        notes=_notes(calibration, words),
+        laboratory=[
+            profile.laboratory.name,
+            *filter(None, (profile.laboratory.address, profile.laboratory.contact)),
+        ],
+        statement=profile.statement,
+        authorised=profile.authorised_by,
+        frame=calibration.frame.description,
+        not_determined=list(calibration.not_determined),
+    )
+
+
+def _facts(
+    calibration: Calibration, profile: Profile, words: dict[str, str], *, comma: bool
+) -> list[tuple[str, str]]:
+    item, customer, site = profile.item, profile.customer, calibration.site
+    known = 2.0 * site.gravity_standard_uncertainty
+    digits = max(decimals_of(known), 5) if known > 0.0 else 5
+    gravity = _number(site.gravity, digits, comma=comma)
+    gravity = (
+        f"({gravity} ± {_number(known, digits, comma=comma)}) m/s² (k = 2)"
+        if known > 0.0
+        else f"{gravity} m/s²"
+    )
+    celsius = calibration.temperature_celsius
+    conditions = dict(profile.conditions)
+    temperature = "" if celsius is None else f"{_number(celsius, 1, comma=comma)} °C"
+    serial = item.serial_number or calibration.imu.serial_number or "–"
+    parts = [
+        (
+            words["customer"],
+            "" if customer is None else ", ".join(filter(None, (customer.name, customer.address))),
+        ),
+        (words["item"], words["item_kind"]),
+        (words["manufacturer"], item.manufacturer),
+        (words["model"], item.model or calibration.imu.model or "–"),
+        (words["serial"], serial),
+        (words["condition"], item.condition),
+        (words["received"], item.received),
+        (words["calibrated"], calibration.created[:10]),
+        (words["place"], profile.place or profile.laboratory.address or "–"),
+        (words["method"], ", ".join(filter(None, (profile.method, calibration.procedure)))),
+        (words["gravity"], gravity),
+        (words["temperature"], temperature),
+        *((name, value) for name, value in conditions.items()),
+        (words["adjustment"], profile.adjustment),
+        (words["traceability"], profile.traceability or "–"),
+        (
+            words["recordings"],
+            ", ".join(f"{one.name} ({one.sha256[:12]}…)" for one in calibration.recordings[:6]),
+        ),
+        (words["software"], calibration.software),
+    ]
+    return [(name, value) for name, value in parts if value]
+
+
+def shown_numbers(parameter: ParameterBlock, factor: float) -> tuple[float, float, float, str, int]:
+    """Return value, expanded uncertainty, factor, unit and decimals as a certificate shows a parameter.
+
+    Parameters
+    ----------
+    parameter, factor : of the document, and its coverage factor where the parameter has none.
+    """
+    k = parameter.coverage_factor or factor
+    unit, times = _PRACTICAL.get(parameter.unit, (plain_unit(parameter.unit), 1.0))
+    value, expanded = times * parameter.value, times * k * parameter.standard_uncertainty
+    decimals = decimals_of(expanded) if expanded > 0.0 and math.isfinite(expanded) else 6
+    return value, expanded, k, unit, max(decimals, 0)
+
+
+def _results(calibration: Calibration, language: str, *, comma: bool) -> list[tuple[str, list[list[str]]]]:
+    groups: dict[str, list[list[str]]] = {name: [] for name in _GROUPS}
+    for parameter in calibration.parameters:
+        group, _, rest = parameter.name.partition(" ")
+        if group not in groups:
+            group, rest = "other", parameter.name
+        value, expanded, k, unit, decimals = shown_numbers(parameter, calibration.quality.coverage_factor)
+        groups[group].append(
+            [
+                parameter_words(rest, language),
+                _number(value, decimals, comma=comma),
+                _number(expanded, decimals, comma=comma) if expanded > 0.0 else "–",
+                _number(k, 2, comma=comma),
+                unit,
+            ]
+        )
+    return [(phrases(language)[name], rows) for name, rows in groups.items() if rows]
+
+
+def _conformity(
+    calibration: Calibration, words: dict[str, str], language: str, *, comma: bool
+) -> dict[str, Any] | None:
+    block = calibration.limits
+    if block is None:
+        return None
+    rows: list[list[str]] = []
+    for one in block.parameters:
+        group, _, rest = one.name.partition(" ")
+        name = f"{words[group]}: {parameter_words(rest, language)}" if group in words else one.name
+        unit, times = _PRACTICAL.get(one.unit, (plain_unit(one.unit), 1.0))
+        ends = ["" if end is None else f"{times * end:.4g}" for end in (one.lower, one.upper)]
+        text = f"{ends[0]} … {ends[1]} {unit}".replace("-", "−")
+        rows.append([name, text.replace(".", ",") if comma else text, words[one.decision]])
+    rule = words[f"rule_{block.rule}"] + (
+        f": {100 * (block.risk or 0.0):.3g} %" if block.rule == "risk" else ""
+    )
+    return {
+        "rows": rows,
+        "rule": f"{words['rule']}: {rule}",
+        "decision": words[block.decision],
+        "name": block.name,
+    }
+
+
+def _notes(calibration: Calibration, words: dict[str, str]) -> list[str]:
+    fit = calibration.verdict.fit
+    # Reasons against the results are the evaluation's own words, in its language.
+    reasons = [] if fit else calibration.verdict.reasons
+    return [words["verdict_fit"] if fit else words["verdict_unfit"], *reasons, words["uncertainty_words"]]
+
+
+def _number(value: float, decimals: int, *, comma: bool) -> str:
+    text = fixed(value, decimals).replace("-", "−")
+    return text.replace(".", ",") if comma else text

@@ -1,0 +1,179 @@
+"""`tumble batch`: calibrate many units, and say which of them are not as the others."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tumble.cli.groups import ADVANCED, FIRST, option
+from tumble.cli.options import (
+    DataSheet,
+    FileOptions,
+    Limits,
+    NoiseFile,
+    PrintOptions,
+    Protocol,
+    RegistryName,
+    SiteOptions,
+    output_option,
+)
+from tumble.cli.terminal import console, progress, results_stand, say_json, state
+
+if TYPE_CHECKING:
+    from tumble.fleet.outcome import Batch
+
+_WORK = "Who does the work"
+_MOST_SAID = 20
+
+
+@dataclass(frozen=True)
+class WorkOptions:
+    """Who does the work."""
+
+    workers: Annotated[
+        int | None, option(_WORK, "N", "Processes that work at a time (default: one a processor).")
+    ] = None
+    scheduler: Annotated[
+        str | None,
+        option(_WORK, "tcp://HOST:PORT", "A Dask cluster that does the work instead (extra `fleet`)."),
+    ] = None
+
+
+@dataclass(frozen=True)
+class UnitsOptions:
+    """What holds for all units where the manifest says nothing else."""
+
+    protocol: Protocol = None
+    procedure: Annotated[
+        str | None, option(FIRST, "NAME", "As for `tumble calibrate`; without it each unit's own.")
+    ] = None
+    limits: Limits = None
+    reports: Annotated[
+        str,
+        option(
+            FIRST,
+            "WHICH",
+            "Of which units a report.html is written: none, failed (all that are not accepted; the default), all.",
+        ),
+    ] = "failed"
+    prior: Annotated[
+        Path | None,
+        option(ADVANCED, "CALIBRATION", "A calibration whose non-orthogonalities are believed beforehand."),
+    ] = None
+    data_sheet: DataSheet = None
+    noise: NoiseFile = None
+    imu_model: Annotated[str | None, option(ADVANCED, "MODEL", "Model of the units, noted in the files.")] = (
+        None
+    )
+    optional_terms: Annotated[
+        bool,
+        option(
+            ADVANCED,
+            "",
+            "Try g-sensitivity and quadratic terms (default).",
+            "--optional-terms/--no-optional-terms",
+        ),
+    ] = True
+    confirm_scale: Annotated[
+        bool,
+        option(
+            ADVANCED, "", "The units' scale factors are really beyond what units have.", "--confirm-scale"
+        ),
+    ] = False
+
+
+def batch_command(
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SOURCE...",
+            help="A folder with a recording or a folder for each unit, a pattern such as 'units/*.csv', or a manifest "
+            "(CSV with the columns unit and files); a URL of these.",
+        ),
+    ],
+    output: Annotated[Path, output_option("Folder for table.csv, table.html, table.parquet, units/NAME/.")],
+    which: UnitsOptions,
+    site: SiteOptions,
+    file: FileOptions,
+    work: WorkOptions,
+    printed: PrintOptions,
+    registry: RegistryName = None,
+) -> None:
+    """Calibrate many units, and say which of them are not fit, out of limits, or unlike the others.
+
+    tumble batch units/ --site 48.1,520 --limits limits.yaml -o lot-17
+
+    Each unit's calibration.json is written when it is there; run again, only what is new or changed is done, whatever
+    ended the last run. A unit that fails stops nothing. Exit status 0: every unit is accepted; 1: not.
+    """
+    from tumble.workflows.batch import run_batch
+    from tumble.workflows.batch_unit import BatchOptions
+
+    given = asdict(which) | asdict(site) | asdict(file)
+    given["topics"] = tuple(given["topics"] or ())
+    given["model"] = given.pop("imu_model")
+    for name in ("limits", "prior", "noise"):
+        given[name] = None if given[name] is None else str(given[name])
+    options = BatchOptions(**given)
+    state["stopped"] = "Stopped; the units that were done are kept, and the same call does the rest."
+    with progress(printed.silent) as tell:
+        batch = run_batch(sources, output, options, registry=registry, progress=tell, **asdict(work))
+    results_stand()
+    _print(batch, printed)
+    raise typer.Exit(0 if batch.accepted == len(batch.units) else 1)
+
+
+def _print(batch: Batch, printed: PrintOptions) -> None:
+    if printed.as_json:
+        say_json(_as_dict(batch), indent=1)
+        return
+    screen = console()
+    total = len(batch.units)
+    screen.print(
+        f"{batch.accepted} of {total} units are accepted ({100 * batch.accepted / total:.1f} %).",
+        style="bold green" if batch.accepted == total else "bold red",
+    )
+    if not printed.quiet:
+        named = [unit for unit in batch.units if not unit.accepted or unit.unit in batch.stand_out]
+        for unit in named[:_MOST_SAID]:
+            limits = f", limits {unit.limits}" if unit.limits else ""
+            screen.print(f"{unit.unit}: {unit.verdict}{limits}", style="bold")
+            for reason in batch.reasons(unit):
+                screen.print(f"- {reason}")
+        if len(named) > _MOST_SAID:
+            screen.print(f"{len(named) - _MOST_SAID} more units to look at stand in the table.")
+        for sentence in (*batch.shared, *batch.remarks):
+            screen.print(f"- {sentence}")
+        if batch.kept:
+            screen.print(
+                f"{batch.kept} units are as an earlier run left them, {batch.worked} were done now.",
+                style="dim",
+            )
+    for path in batch.files:
+        screen.print(f"written: {path.resolve()}", soft_wrap=True)
+
+
+def _as_dict(batch: Batch) -> dict[str, object]:
+    return {
+        "units": [
+            {
+                "unit": unit.unit,
+                "files": unit.files,
+                "verdict": unit.verdict,
+                "limits": unit.limits or None,
+                "accepted": unit.accepted,
+                "stands_out": unit.unit in batch.stand_out,
+                "reasons": batch.reasons(unit),
+            }
+            for unit in batch.units
+        ],
+        "accepted": batch.accepted,
+        "worked": batch.worked,
+        "kept": batch.kept,
+        "shared": batch.shared,
+        "remarks": batch.remarks,
+        "files": [str(path) for path in batch.files],
+    }

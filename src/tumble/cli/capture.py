@@ -1,0 +1,275 @@
+"""`tumble capture`: record a unit while it is in the hand, with a guide."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tumble.cli.groups import ADVANCED, FIRST, PRINTED, option
+from tumble.cli.options import FileOptions, Imu, SiteOptions, output_option
+from tumble.cli.terminal import results_stand, say, say_aside, say_json_text, say_written
+from tumble.errors import UsageError
+from tumble.sample_rates import sample_rate
+
+if TYPE_CHECKING:
+    from collections.abc import Generator, Sequence
+
+    from tumble.capture.events import Event
+    from tumble.capture.machine import Capture
+    from tumble.capture.run import CaptureOrder, CaptureRun, Listener
+    from tumble.web.hub import Hub
+
+
+@dataclass(frozen=True)
+class CaptureOptions:
+    """What is captured, and how well."""
+
+    replay: Annotated[
+        str | None,
+        option(
+            FIRST,
+            "FILE",
+            "Play a recording as if it came now; FILE+FILE for a pair of one triad each.",
+            "--replay",
+        ),
+    ] = None
+    speed: Annotated[
+        float,
+        option(
+            FIRST,
+            "N",
+            "How many times as fast a replay is; 0 as fast as it goes.",
+            "--speed",
+            show_default=True,
+        ),
+    ] = 1.0
+    hold: Annotated[
+        float, option(FIRST, "S", "How long each pose is to be held, seconds.", "--hold", show_default=True)
+    ] = 3.0
+    target: Annotated[
+        list[str] | None,
+        option(
+            FIRST,
+            "NAME=NUMBER",
+            "Standard uncertainty to reach, as accelerometer.bias=2mg or gyro.scale=500ppm; once for each.",
+            "--target",
+        ),
+    ] = None
+    imu: Imu = "consumer-mems"
+    resume: Annotated[bool, option(FIRST, "", "Go on with the capture that is in DIR.", "--resume")] = False
+    go_on: Annotated[
+        bool, option(ADVANCED, "", "Do not end by itself when it is enough: Ctrl-C ends it.", "--go-on")
+    ] = False
+    web: Annotated[bool, option(FIRST, "", "Show it in a browser on this machine.", "--web")] = False
+    web_at: Annotated[
+        str,
+        option(
+            ADVANCED,
+            "HOST:PORT",
+            "Where the page is served; beyond this machine (0.0.0.0:8080) with a token in its address.",
+            "--web-at",
+        ),
+    ] = ""
+    format: Annotated[
+        str | None,
+        option(ADVANCED, "NAME", "What a port sends, where it is not to be found out by itself.", "--format"),
+    ] = None
+
+
+@dataclass(frozen=True)
+class CapturePrintOptions:
+    """How it is said what happens."""
+
+    plain: Annotated[
+        bool, option(PRINTED, "", "Print a line for each event, for screen readers and logs.", "--plain")
+    ] = False
+    as_json: Annotated[bool, option(PRINTED, "", "Print each event as a line of JSON.", "--json")] = False
+    quiet: Annotated[bool, option(PRINTED, "", "Print the verdict only.", "--quiet", "-q")] = False
+    no_bell: Annotated[bool, option(PRINTED, "", "Ring no bell.", "--no-bell")] = False
+
+
+def capture_command(
+    what: CaptureOptions,
+    file: FileOptions,
+    place: SiteOptions,
+    printed: CapturePrintOptions,
+    source: Annotated[
+        str | None,
+        typer.Argument(
+            help="Where samples come from: serial:PORT, tcp:HOST:PORT, udp:PORT, follow:FILE, - for standard input, …; "
+            "none: say what is connected.",
+            metavar="[SOURCE]",
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path, output_option("Folder for the recording, the events, calibration.json and report.html.")
+    ] = Path("capture"),
+) -> None:
+    """Record a unit while it is in the hand: which poses count, which is next, how good it is, when to stop."""
+    if source is None and what.replay is None:
+        _list_sources()
+        return
+    order = _order(source, what, file, place, output)
+    # A request to end (SIGTERM) ends a capture as Ctrl-C does: with its results.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        status = _run(order, what, printed)
+    except KeyboardInterrupt:
+        say_aside(f"Stopped; what was recorded is kept in {order.folder}.")
+        raise typer.Exit(130) from None
+    results_stand()
+    raise typer.Exit(status)
+
+
+def _run(order: CaptureOrder, what: CaptureOptions, printed: CapturePrintOptions) -> int:
+    """Capture, print what came of it, and return the exit status."""
+    from tumble.capture.run import run_capture
+
+    with _page(order, what, quiet=printed.as_json) as hub, _terminal(order, printed) as listener:
+        if hub is None:
+            run = run_capture(order, [listener])
+        else:
+            run = run_capture(order, [listener, hub], lambda: hub.stop_wanted, [hub.tap])
+        status = _print_end(run, printed)
+        if hub is not None:
+            _wait_for_viewers(quiet=printed.as_json)
+    return status
+
+
+@contextmanager
+def _page(order: CaptureOrder, what: CaptureOptions, *, quiet: bool) -> Generator[Hub | None, None, None]:
+    """Serve the page while a capture goes on, if it was asked for."""
+    if not (what.web or what.web_at):
+        yield None
+        return
+    from tumble.web.hub import Hub
+    from tumble.web.server import PageServer, read_web_address
+
+    hub = Hub(order.targets)
+    server = PageServer(hub, order.folder, *read_web_address(what.web_at))
+    server.start()
+    if not quiet:
+        say(f"Open {server.address}")
+        sys.stdout.flush()
+    try:
+        yield hub
+    finally:
+        server.stop()
+
+
+def _wait_for_viewers(*, quiet: bool) -> None:
+    """Leave the page open, with its report, until Ctrl-C."""
+    if not quiet:
+        say("The page stays open: Ctrl-C ends it.")
+        sys.stdout.flush()
+    with suppress(KeyboardInterrupt):
+        while True:
+            time.sleep(0.5)
+
+
+@contextmanager
+def _terminal(order: CaptureOrder, printed: CapturePrintOptions) -> Generator[Listener, None, None]:
+    """Show what happens: as a live view where somebody looks at a terminal, else as lines."""
+    if sys.stdout.isatty() and not (printed.plain or printed.as_json or printed.quiet):
+        from tumble.cli.capture_view import LiveView
+
+        with LiveView(order.targets, bell=not printed.no_bell) as view:
+            yield view
+    else:
+        yield _Lines(as_json=printed.as_json, quiet=printed.quiet, bell=not printed.no_bell)
+
+
+def _order(
+    source: str | None, what: CaptureOptions, file: FileOptions, place: SiteOptions, output: Path
+) -> CaptureOrder:
+    from tumble.capture.run import CaptureOrder, require_hold
+    from tumble.capture.source import SourceOptions, find_source, sources
+    from tumble.capture.targets import read_targets
+    from tumble.simulation.grades import find_grade
+    from tumble.workflows.site import choose_site
+
+    if source is not None and what.replay is not None:
+        raise UsageError("Give a source or --replay FILE, not both.")
+    if not 0.0 <= what.speed <= 1e6:
+        raise UsageError(f"--speed {what.speed:g}: give how many times as fast, or 0 for as fast as it goes.")
+    require_hold(what.hold)
+    find_grade(what.imu)
+    kind, address = (sources()["replay"], what.replay or "") if source is None else find_source(source)
+    options = SourceOptions(
+        file.columns,
+        file.units,
+        None if file.rate is None else sample_rate(file.rate),
+        tuple(file.topics or ()),
+        what.speed,
+        what.format,
+    )
+    return CaptureOrder(
+        kind,
+        address,
+        options,
+        output,
+        site=choose_site(place.site, place.gravity),
+        hold=what.hold,
+        targets=read_targets(what.target or ()),
+        imu=what.imu,
+        resume=what.resume,
+        go_on=what.go_on,
+    )
+
+
+def _list_sources() -> None:
+    """Say what is connected, and what a source may be."""
+    from tumble.capture.source import found_addresses, sources
+
+    there = found_addresses()
+    say("Connected now:" if there else "No port is connected.")
+    say(*(f"  tumble capture {address}   {words}" for address, words in there))
+    say("", "Sources:")
+    say(*(f"  {one.example:<34} {one.title}" for one in sources().values()))
+
+
+class _Lines:
+    """Prints each event as a line, and rings."""
+
+    def __init__(self, *, as_json: bool, quiet: bool, bell: bool) -> None:
+        self._as_json, self._quiet = as_json, quiet
+        self._bell = bell and sys.stdout.isatty() and not as_json
+
+    def __call__(self, events: Sequence[Event], capture: Capture) -> None:
+        from tumble.capture.events import BELLS
+
+        for event in events:
+            if self._as_json:
+                say_json_text(event.to_json() + "\n")
+            elif not self._quiet:
+                say(f"{event.time:8.1f} s  {event.words}")
+            if self._bell and event.kind in BELLS:
+                sys.stdout.write("\a" * BELLS[event.kind])
+        if events:
+            sys.stdout.flush()
+
+
+def _print_end(run: CaptureRun, printed: CapturePrintOptions) -> int:
+    """Print what came of it, and return the exit status."""
+    done = run.calibration
+    if done is None:
+        if not printed.as_json:
+            say(
+                f"No calibration yet: {run.refusal}",
+                f"The recording is kept: go on with --resume -o {run.folder}.",
+            )
+        return 1
+    fit = done.calibration.verdict.fit
+    if not printed.as_json:
+        verdict = done.calibration.verdict
+        say("Fit for use." if fit else "Not fit for use.", *(f"- {words}" for words in verdict.reasons))
+        say_written([*done.files, run.folder / "recording.csv", run.folder / "session.jsonl"])
+    return 0 if fit else 1

@@ -1,0 +1,21 @@
+"""Statistics of many units: what is common to them, which of them stand out, and how one of them changes.
+
+It takes vectors of parameters with their covariances, as `unit_vector` makes them of calibrations, and knows no files.
+"""
+
+from tumble.fleet.outlying import Outlying, find_outlying
+from tumble.fleet.shared import find_shared
+from tumble.fleet.twins import Twins, find_twins
+from tumble.fleet.unit_vector import Units, UnitVector, stack, unit_vector
+
+__all__ = [
+    "Outlying",
+    "Twins",
+    "UnitVector",
+    "Units",
+    "find_outlying",
+    "find_shared",
+    "find_twins",
+    "stack",
+    "unit_vector",
+]

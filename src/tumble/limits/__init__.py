@@ -1,0 +1,10 @@
+"""Acceptance limits: what a unit may be off by, and whether a calibration shows that it is within.
+
+A calibration that can be trusted may be of a unit that nobody wants, and the other way round: the verdict says the
+one, limits the other. `read_limits` reads ``limits.yaml``, `decide` holds a calibration against it.
+"""
+
+from tumble.limits.conformity import decide, with_limits
+from tumble.limits.reading import Limit, Limits, read_limits
+
+__all__ = ["Limit", "Limits", "decide", "read_limits", "with_limits"]

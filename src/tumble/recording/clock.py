@@ -1,0 +1,158 @@
+"""The clock that a recording's time is from: what kind it is, and how far its rate may be off.
+
+Nothing in a recording shows a clock that runs fast: all angles that gyros add up over time, and with them all gyro
+scale factors, are wrong by as much. So what is known of the clock is stated, as a standard uncertainty of its rate:
+
+- *stated*: whoever recorded says the rate with its uncertainty (``--rate 100±0.1``).
+- *nominal*: no stamps, or stamps that are perfectly regular, which one clock wrote and counted alike. What the sensor
+  did is what its data sheet allows: usually 1 % to either side, and any value as likely as any other.
+- *device* and *host*: stamps that jitter were read from a clock other than the sensor's own. That is a crystal, of a
+  microcontroller or a computer, and known to some ten parts in a million; how unevenly the stamps lie adds what it may
+  do to the whole length of the recording.
+- *exact*: a simulation's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from tumble.arrays import Series
+from tumble.sample_rates import SampleRate
+
+Kind = Literal["exact", "stated", "nominal", "device", "host"]
+
+NOMINAL_TOLERANCE = 0.01
+"""Share by which data sheets of MEMS units let the output data rate be off: 1 % is the usual one."""
+NOMINAL = float(NOMINAL_TOLERANCE / np.sqrt(3.0))
+"""One sigma of what may be anywhere within it: a limit without a distribution is rectangular (GUM 4.3.7)."""
+CRYSTAL = 5e-5
+"""One sigma of a crystal's rate: ± 20 to 100 ppm of cut, temperature and age."""
+# Seconds since 1970 from 2001 to 2100: nothing but a computer counts so far.
+_UNIX = (1e9, 4.1e9)
+# Of a step: stamps that are regular to this are so beyond what any two clocks agree to.
+_REGULAR = 1e-6
+# Of a step: digits coarser than this hide the jitter of a clock; then only a round rate shows that none was read.
+_COARSE = 1e-3
+_ROUND = 3
+# So many steps' length has samples missing in it, whatever the stamps jitter by.
+_MISSING = 2.5
+# So many stamps show how they are written.
+_ENOUGH = 20_000
+# A stated rate is compared with what stamps say to so many of its sigmas, and to this share.
+AGREES, AGREES_AT_LEAST = 4.0, 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """What is known of the rate of a recording's clock.
+
+    Attributes
+    ----------
+    kind : what the stamps are.
+    rate : samples a second, Hz, by this clock.
+    sigma : standard uncertainty of the clock's rate, as a share.
+    """
+
+    kind: Kind
+    rate: float
+    sigma: float
+
+    @property
+    def words(self) -> str:
+        """Where the rate is from, as a clause."""
+        return {
+            "exact": "the samples' times are exact",
+            "stated": f"the sample rate is {self.rate:.6g} Hz as stated",
+            "nominal": f"the sample rate is a nominal one, {self.rate:.6g} Hz, which data sheets let be off by "
+            f"{100.0 * NOMINAL_TOLERANCE:g} %",
+            "device": f"the stamps are of a device's crystal ({self.rate:.6g} Hz by it)",
+            "host": f"the stamps are of a computer's clock ({self.rate:.6g} Hz by it)",
+        }[self.kind]
+
+
+def exact_clock(rate: float) -> Clock:
+    """Return the clock of samples whose times are true, as a simulation's are.
+
+    Parameters
+    ----------
+    rate : Hz.
+    """
+    return Clock("exact", rate, 0.0)
+
+
+def clock_without_stamps(rate: float) -> Clock:
+    """Return the clock of samples that only a rate tells the times of.
+
+    Parameters
+    ----------
+    rate : Hz, as it was stated.
+    """
+    stated = rate.relative if isinstance(rate, SampleRate) else None
+    return Clock("nominal", float(rate), NOMINAL) if stated is None else Clock("stated", float(rate), stated)
+
+
+def clock_of_stamps(time: Series, stated: float | None = None) -> Clock:
+    """Return the clock that stamps are from, by how they lie.
+
+    Parameters
+    ----------
+    time : (samples,) s, strictly increasing, as the file has it.
+    stated : Hz, as somebody says besides; it counts where its uncertainty is said too.
+    """
+    some = time[:_ENOUGH]
+    own = _by_itself(time, some)
+    if not isinstance(stated, SampleRate) or stated.relative is None:
+        return own
+    # What the stamps are off the stated rate is not taken out of them.
+    sigma = float(np.hypot(stated.relative, own.rate / float(stated) - 1.0))
+    return own if own.sigma < sigma else replace(own, kind="stated", sigma=sigma)
+
+
+def _by_itself(time: Series, some: Series) -> Clock:
+    steps = np.diff(some)
+    if steps.size < 2:
+        return Clock("nominal", 1.0 / float(steps[0]) if steps.size else 1.0, NOMINAL)
+    step, elapsed = float(np.median(steps)), some - some[0]
+    pitch, off = _line(_counted(np.maximum(np.round(steps / step), 1.0)), elapsed)
+    if _is_regular(some, pitch, float(np.max(np.abs(off)))):
+        return Clock("nominal", 1.0 / pitch, NOMINAL)
+    # Stamps that jitter by half a step count no samples; a longer step has some missing.
+    pitch, off = _line(_counted(np.where(steps > _MISSING * step, np.round(steps / step), 1.0)), elapsed)
+    sigma = float(np.hypot(CRYSTAL, np.sqrt(2.0 * np.mean(off**2)) / float(time[-1] - time[0])))
+    return Clock("host" if _UNIX[0] < some[0] < _UNIX[1] else "device", 1.0 / pitch, min(sigma, NOMINAL))
+
+
+def _counted(samples: Series) -> Series:
+    return np.concatenate([[0.0], np.cumsum(samples)])
+
+
+def _line(count: Series, elapsed: Series) -> tuple[float, Series]:
+    """Return the slope of the straight line through stamps, and what is left of them."""
+    centred = count - count.mean()
+    pitch = float(centred @ elapsed / (centred @ centred))
+    return pitch, elapsed - elapsed.mean() - pitch * centred
+
+
+def _is_regular(time: Series, pitch: float, off: float) -> bool:
+    """Whether stamps lie as one that counts would write them, as far as their digits tell."""
+    digit = _last_digit(time)
+    if off > max(0.75 * digit, _REGULAR * pitch, 4.0 * np.spacing(float(np.max(np.abs(time))))):
+        return False
+    if digit <= _COARSE * pitch:
+        return True
+    # To the digits' own exactness the rate, or the step, is a number of few digits.
+    exact = digit / float(time[-1] - time[0])
+    return any(abs(float(f"{value:.{_ROUND - 1}e}") / value - 1.0) < exact for value in (pitch, 1.0 / pitch))
+
+
+def _last_digit(time: Series) -> float:
+    """Return the unit of the last decimal place that stamps are written with, s; 0 where they have all digits."""
+    few = time[:200]
+    for places in range(10):
+        scaled = few * 10.0**places
+        if np.max(np.abs(scaled - np.round(scaled))) < 1e-5 * max(1.0, 10.0 ** (places - 6)):
+            return 10.0**-places
+    return 0.0

@@ -1,0 +1,9 @@
+"""A registry of units and their calibrations: one SQLite file, or a PostgreSQL database.
+
+Every calibration is kept whole, as the document that it came as, with columns beside it to find it by and its
+parameters as numbers, so that questions over all units need not read documents. Documents are added, never changed.
+"""
+
+from tumble.registry.opening import Registry, RegistryError, open_registry
+
+__all__ = ["Registry", "RegistryError", "open_registry"]

@@ -1,0 +1,401 @@
+"""What goes into a registry and comes out of it: calibrations with their units, and the columns they are found by."""
+
+from __future__ import annotations
+
+import getpass
+import hashlib
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from tumble.arrays import Series, Table
+from tumble.document.result import Calibration
+from tumble.errors import UsageError
+from tumble.registry import schema
+from tumble.registry.opening import Registry, RegistryError
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A calibration in a registry, without its document.
+
+    `created`, `added` : s since 1970, UTC. `limits` : decision, empty without limits.
+    """
+
+    unit: str
+    sha256: str
+    identity: str
+    created: float
+    added: float
+    added_by: str
+    operator: str
+    remark: str
+    procedure: str
+    fit: bool
+    limits: str
+    temperature: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterSeries:
+    """Calibrations with the same parameters, in the order of units and time.
+
+    Attributes
+    ----------
+    names, units : of the parameters, (p,).
+    unit : (n,) numbers of units in `unit_names`.
+    created : (n,) s since 1970.
+    values, sigmas : (n, p).
+    operators : (n,).
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    unit_names: tuple[str, ...]
+    unit: np.ndarray
+    created: Series
+    values: Table
+    sigmas: Table
+    operators: tuple[str, ...]
+
+
+def document_hash(text: str) -> str:
+    """Return the SHA-256 of a document as its file has it.
+
+    Parameters
+    ----------
+    text : of ``calibration.json``.
+    """
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def add(
+    registry: Registry,
+    calibration: Calibration,
+    *,
+    unit: str | None = None,
+    operator: str = "",
+    remark: str = "",
+    added: float | None = None,
+    added_by: str | None = None,
+) -> tuple[Entry, bool]:
+    """Add a calibration; return its entry, and whether it is new.
+
+    Parameters
+    ----------
+    registry, calibration : the one and the other.
+    unit : its name; by default the document's serial number.
+    operator, remark : who measured, and what else there is to say.
+    added, added_by : when and by whom it came in; now and this user by default.
+
+    Raises
+    ------
+    UsageError
+        If nobody says which unit it is of, or the document is already another unit's.
+    RegistryError
+        If the database fails; it is then as it was.
+    """
+    name = unit or calibration.imu.serial_number
+    if not name:
+        raise UsageError(
+            "The calibration does not say which unit it is of: give --unit NAME (or --imu-serial when calibrating)."
+        )
+    text = calibration.to_json()
+    entry = Entry(
+        name,
+        document_hash(text),
+        calibration.identity,
+        _seconds(calibration.created),
+        time.time() if added is None else added,
+        added_by if added_by is not None else _user(),
+        operator,
+        remark,
+        calibration.procedure,
+        calibration.verdict.fit,
+        "" if calibration.limits is None else calibration.limits.decision,
+        calibration.temperature_celsius,
+    )
+    with registry.writing() as connection:
+        return _insert(connection, entry, calibration, text)
+
+
+def _insert(connection: Connection, entry: Entry, calibration: Calibration, text: str) -> tuple[Entry, bool]:
+    from sqlalchemy import select
+
+    table = schema.calibrations
+    if connection.dialect.name == "postgresql":
+        # Two writers of one unit or document wait for one another; others do not.
+        for key in sorted({_lock(entry.sha256), _lock(entry.unit), _lock("layouts")}):
+            connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({key})")
+    known = connection.execute(
+        select(schema.units.c.name).join(table).where(table.c.sha256 == entry.sha256)
+    ).scalar()
+    if known is not None:
+        if known != entry.unit:
+            raise UsageError(f"This calibration is in the registry already, as one of unit {known}.")
+        return entry, False
+    unit_id = _row_of(connection, schema.units, "name", entry.unit, {"model": calibration.imu.model})
+    names = json.dumps([[p.name, p.unit] for p in calibration.parameters])
+    layout_id = _row_of(connection, schema.layouts, "sha256", document_hash(names), {"names": names})
+    numbers = np.array(
+        [[p.value for p in calibration.parameters], [p.standard_uncertainty for p in calibration.parameters]],
+        dtype="<f8",
+    )
+    told = {key: getattr(entry, key) for key in Entry.__slots__ if key != "unit"} | {
+        "unit_id": unit_id,
+        "layout_id": layout_id,
+        "numbers": numbers.tobytes(),
+        "document": text,
+    }
+    made = connection.execute(table.insert().values(**told)).inserted_primary_key
+    assert made is not None
+    rows = [{"calibration_id": made[0], "name": r.name, "sha256": r.sha256} for r in calibration.recordings]
+    if rows:
+        unique = {(row["name"], row["sha256"]): row for row in rows}
+        connection.execute(schema.recordings.insert(), list(unique.values()))
+    return entry, True
+
+
+def _lock(text: str) -> int:
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:7], "big")
+
+
+def _row_of(connection: Connection, table: Any, column: str, value: str, more: dict[str, Any]) -> int:
+    """The number of the row with a value, made where it is not there."""
+    from sqlalchemy import select
+
+    found = connection.execute(select(table.c.id).where(table.c[column] == value)).scalar()
+    if found is None:
+        made = connection.execute(table.insert().values({column: value, **more})).inserted_primary_key
+        assert made is not None
+        found = made[0]
+    return int(found)
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):
+        return ""
+
+
+def _seconds(created: str) -> float:
+    try:
+        moment = datetime.fromisoformat(created)
+    except ValueError:
+        raise UsageError(f"The calibration's date {created[:40]!r} is none.") from None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def entries(
+    registry: Registry, unit: str | None = None, *, sha256: str | None = None, most: int | None = None
+) -> list[Entry]:
+    """Return entries, the newest first.
+
+    Parameters
+    ----------
+    registry : to look in.
+    unit : only its own.
+    sha256 : only the one of this document.
+    most : as many at most.
+
+    Raises
+    ------
+    RegistryError
+        If the database fails.
+    """
+    from sqlalchemy import select
+
+    table = schema.calibrations
+    columns = [schema.units.c.name, *(table.c[key] for key in Entry.__slots__ if key != "unit")]
+    query = select(*columns).join(schema.units, table.c.unit_id == schema.units.c.id)
+    if unit is not None:
+        query = query.where(schema.units.c.name == unit)
+    if sha256 is not None:
+        query = query.where(table.c.sha256 == sha256)
+    order = (table.c.created.desc(), table.c.id.desc())
+    with registry.reading() as connection:
+        return [Entry(*row) for row in connection.execute(query.order_by(*order).limit(most))]
+
+
+def counted(registry: Registry) -> tuple[int, int]:
+    """Return how many units and calibrations there are.
+
+    Raises
+    ------
+    RegistryError
+        If the database fails.
+    """
+    from sqlalchemy import func, select
+
+    with registry.reading() as connection:
+        units = connection.execute(select(func.count()).select_from(schema.units)).scalar()
+        found = connection.execute(select(func.count()).select_from(schema.calibrations)).scalar()
+    return int(units or 0), int(found or 0)
+
+
+def find(registry: Registry, which: str) -> tuple[Entry, Calibration]:
+    """Return a calibration: the newest of a unit, or the one whose identity or hash begins so.
+
+    Parameters
+    ----------
+    registry : to look in.
+    which : a unit's name, or at least six digits of an identity or of a document's SHA-256.
+
+    Raises
+    ------
+    UsageError
+        If there is none, or several begin so.
+    RegistryError
+        If the database fails.
+    """
+    from sqlalchemy import select
+
+    found = entries(registry, which, most=1)
+    if not found and len(which) >= 6 and not set(which) - set("0123456789abcdef"):
+        table = schema.calibrations
+        query = select(table.c.sha256).where(
+            table.c.sha256.startswith(which) | table.c.identity.startswith(which)
+        )
+        with registry.reading() as connection:
+            hashes = list(connection.execute(query.limit(3)).scalars())
+        if len(hashes) > 1:
+            raise UsageError(f"Several calibrations begin with {which}: give more of its digits.")
+        found = [one for sha256 in hashes for one in entries(registry, sha256=str(sha256))]
+    if not found:
+        raise UsageError(f"The registry {registry.name} has no unit and no calibration {which}.")
+    table = schema.calibrations
+    with registry.reading() as connection:
+        text = connection.execute(select(table.c.document).where(table.c.sha256 == found[0].sha256)).scalar()
+    try:
+        return found[0], Calibration.model_validate_json(str(text))
+    except ValidationError:
+        raise RegistryError(f"The calibration of {found[0].unit} in {registry.name} is damaged.") from None
+
+
+def documents(
+    registry: Registry, *, newest_only: bool = True, fit_only: bool = True
+) -> list[tuple[str, Calibration]]:
+    """Return documents with their units' names, in the order of units and time.
+
+    Parameters
+    ----------
+    registry : to look in.
+    newest_only : of each unit the newest.
+    fit_only : those whose verdict is fit.
+
+    Raises
+    ------
+    RegistryError
+        If the database fails.
+    """
+    from sqlalchemy import select
+
+    table = schema.calibrations
+    query = select(schema.units.c.name, table.c.document).join(
+        schema.units, table.c.unit_id == schema.units.c.id
+    )
+    if fit_only:
+        query = query.where(table.c.fit)
+    with registry.reading() as connection:
+        rows = connection.execute(query.order_by(schema.units.c.name, table.c.created, table.c.id)).all()
+    pairs = [(str(name), str(text)) for name, text in rows]
+    chosen = dict(pairs).items() if newest_only else pairs
+    return [(name, Calibration.model_validate_json(text)) for name, text in chosen]
+
+
+def series(registry: Registry, unit: str | None = None, *, fit_only: bool = True) -> list[ParameterSeries]:
+    """Return parameters of all calibrations over time, those with the same parameters together, the most first.
+
+    Parameters
+    ----------
+    registry : to look in.
+    unit : only its own.
+    fit_only : those whose verdict is fit.
+
+    Raises
+    ------
+    RegistryError
+        If the database fails.
+    """
+    from sqlalchemy import select
+
+    table = schema.calibrations
+    query = select(
+        table.c.layout_id, schema.units.c.name, table.c.created, table.c.numbers, table.c.operator
+    ).join(schema.units, table.c.unit_id == schema.units.c.id)
+    if unit is not None:
+        query = query.where(schema.units.c.name == unit)
+    if fit_only:
+        query = query.where(table.c.fit)
+    with registry.reading() as connection:
+        rows = connection.execute(query.order_by(schema.units.c.name, table.c.created, table.c.id)).all()
+        named = connection.execute(select(schema.layouts.c.id, schema.layouts.c.names)).all()
+    layouts = {int(number): str(names) for number, names in named}
+    by_layout: dict[int, list[Any]] = {}
+    for row in rows:
+        by_layout.setdefault(row[0], []).append(row)
+    made = [_series(json.loads(layouts[number]), members) for number, members in by_layout.items()]
+    return sorted(made, key=lambda one: -len(one.created))
+
+
+def _series(layout: Sequence[Sequence[str]], rows: Sequence[Any]) -> ParameterSeries:
+    names = tuple(name for name, _ in layout)
+    numbers = np.frombuffer(b"".join(row[3] for row in rows), "<f8").reshape(len(rows), 2, len(names))
+    unit_names = list(dict.fromkeys(row[1] for row in rows))
+    number = {name: at for at, name in enumerate(unit_names)}
+    return ParameterSeries(
+        names,
+        tuple(unit for _, unit in layout),
+        tuple(unit_names),
+        np.array([number[row[1]] for row in rows]),
+        np.array([row[2] for row in rows], dtype=float),
+        numbers[:, 0].copy(),
+        numbers[:, 1].copy(),
+        tuple(row[4] for row in rows),
+    )
+
+
+def add_certificate(registry: Registry, sha256: str, number: str) -> None:
+    """Keep the number of a certificate.
+
+    Parameters
+    ----------
+    registry : that has the calibration.
+    sha256 : of the calibration's document.
+    number : of the certificate.
+
+    Raises
+    ------
+    UsageError
+        If the registry has no such calibration, or the number is another one's.
+    RegistryError
+        If the database fails.
+    """
+    from sqlalchemy import select
+
+    table, kept = schema.calibrations, schema.certificates
+    with registry.writing() as connection:
+        calibration = connection.execute(select(table.c.id).where(table.c.sha256 == sha256)).scalar()
+        if calibration is None:
+            raise UsageError(
+                f"The registry {registry.name} has no such calibration: add it first (`tumble registry add`)."
+            )
+        known = connection.execute(select(kept.c.calibration_id).where(kept.c.number == number)).scalar()
+        if known is not None and known != calibration:
+            raise UsageError(f"The certificate number {number} is in the registry, for another calibration.")
+        if known is None:
+            connection.execute(
+                kept.insert().values(
+                    calibration_id=calibration, number=number, sha256=sha256, issued=time.time()
+                )
+            )

@@ -1,0 +1,113 @@
+"""The page of a batch: how many units are accepted, which are not and why, and how the parameters spread."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from tumble.fleet.outcome import Batch, UnitOutcome
+from tumble.fleet.unit_vector import groups_of
+from tumble.report.figures.plot import AXIS_COLOURS, BLUE, base_layout, text_axis
+from tumble.report.page import Block, Facts, Figure, Figures, Page, Sentences, Table, section
+
+MOST_ROWS = 2000
+"""Units that the page lists; the table's other forms have them all."""
+_BINS = 30
+
+
+def batch_page(batch: Batch) -> Page:
+    """Return what the page of a batch says.
+
+    Parameters
+    ----------
+    batch : that is done.
+    """
+    total = len(batch.units)
+    verdicts = Counter(unit.verdict for unit in batch.units)
+    limits = Counter(unit.limits for unit in batch.units if unit.limits)
+    facts = [
+        ("Units", str(total)),
+        ("Accepted", f"{batch.accepted} ({100 * batch.accepted / total:.1f} %)"),
+        ("Verdicts", ", ".join(f"{count} {name}" for name, count in verdicts.most_common())),
+        *(
+            [("Limits", ", ".join(f"{count} {name}" for name, count in limits.most_common()))]
+            if limits
+            else []
+        ),
+    ]
+    blocks: list[Block] = [Facts(facts)]
+    if batch.shared or batch.remarks:
+        blocks.append(Sentences([*batch.shared, *batch.remarks]))
+    blocks += _not_as_the_others(batch)
+    blocks += _histograms(batch)
+    blocks += _all_units(batch)
+    return Page(f"{total} units", blocks, wide=True)
+
+
+def _not_as_the_others(batch: Batch) -> list[Block]:
+    named = [unit for unit in batch.units if not unit.accepted or unit.unit in batch.stand_out]
+    if not named:
+        words = "Every unit is accepted, and none stands out from the others."
+        return section("Units to look at", Sentences([words], "paragraphs"))
+    rows = [
+        [unit.unit, unit.verdict, unit.limits or "–", " ".join(batch.reasons(unit))]
+        for unit in named[:MOST_ROWS]
+    ]
+    return section("Units to look at", Table(("unit", "verdict", "limits", "why"), rows))
+
+
+def _histograms(batch: Batch) -> list[Block]:
+    columns: dict[str, list[float]] = {}
+    units: dict[str, str] = {}
+    for unit in batch.units:
+        for name, value, _, word in unit.parameters:
+            if units.setdefault(name, word) == word:
+                columns.setdefault(name, []).append(value)
+    figures = [
+        _histogram(f"group-{number}", group, [list(columns)[at] for at in places], columns, units)
+        for number, (group, places) in enumerate(groups_of(list(columns)).items())
+    ]
+    if not figures:
+        return []
+    words = "How each parameter spreads over the units; a unit outside shows as a bar of its own."
+    return section("How the units spread", Figures(figures, words))
+
+
+def _histogram(
+    name: str, group: str, members: list[str], columns: dict[str, list[float]], units: dict[str, str]
+) -> Figure:
+    every = np.concatenate([columns[member] for member in members])
+    low, high = float(np.min(every)), float(np.max(every))
+    edges = np.linspace(low, high if high > low else low + 1.0, _BINS + 1)
+    middles = [float(f"{x:.6g}") for x in 0.5 * (edges[1:] + edges[:-1])]
+    traces = [
+        {
+            "type": "bar",
+            "name": member.rpartition(" ")[2],
+            "x": middles,
+            "y": np.histogram(columns[member], edges)[0].tolist(),
+            "marker": {"color": AXIS_COLOURS.get(member.rpartition(" ")[2], BLUE)},
+            "opacity": 0.75,
+        }
+        for member in members
+    ]
+    unit = units[members[0]]
+    title = group if unit == "1" else f"{group}, {unit}"
+    layout = base_layout(220, barmode="stack", bargap=0.05, xaxis=text_axis(title), yaxis=text_axis("units"))
+    return Figure(name, f"Histogram of {group} over the units", traces, layout)
+
+
+def _all_units(batch: Batch) -> list[Block]:
+    rows = [_row(unit, batch) for unit in batch.units[:MOST_ROWS]]
+    rest = len(batch.units) - MOST_ROWS
+    words = f"{rest} further units stand in table.csv and table.parquet." if rest > 0 else ""
+    table = Table(("unit", "files", "verdict", "limits", "accepted"), rows, folded="Every unit")
+    return section("All units", table, Sentences([words] if words else [], "notes"))
+
+
+def _row(unit: UnitOutcome, batch: Batch) -> list[str]:
+    accepted = "yes" if unit.accepted else "no"
+    if unit.accepted and unit.unit in batch.stand_out:
+        accepted = "yes, but it stands out"
+    return [unit.unit, ", ".join(unit.files), unit.verdict, unit.limits or "–", accepted]

@@ -1,0 +1,65 @@
+"""How a calibration stands to acceptance limits, for the report and the terminal: beside the verdict, not in it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tumble.limits.conformity import rule_words
+from tumble.report.page import Block, Sentences, Table, Verdict, section
+
+if TYPE_CHECKING:
+    from tumble.document.limits_block import LimitBlock, LimitsBlock
+    from tumble.document.result import Calibration
+
+DECISIONS = {"passed": "Within limits", "failed": "Out of limits", "undecided": "Limits undecided"}
+HEADS = ("parameter", "value ± standard uncertainty", "from", "to", "probably within", "decision")
+
+
+def limits_verdict(block: LimitsBlock) -> Verdict:
+    """Return the decision in two words, with its reasons.
+
+    Parameters
+    ----------
+    block : of a document.
+    """
+    said = [f"{len(block.parameters)} parameters of {block.name!r}; {rule_words(block)}."]
+    return Verdict(block.decision == "passed", DECISIONS[block.decision], [*block.reasons, *said])
+
+
+def limits_lines(calibration: Calibration) -> list[Block]:
+    """Return what a terminal shows after the verdict.
+
+    Parameters
+    ----------
+    calibration : the document.
+    """
+    return [] if calibration.limits is None else [limits_verdict(calibration.limits)]
+
+
+def limits_section(calibration: Calibration) -> list[Block]:
+    """Return the report's section of limits, none where there are none.
+
+    Parameters
+    ----------
+    calibration : the document.
+    """
+    block = calibration.limits
+    if block is None:
+        return []
+    words = (
+        "Whether the unit is as it has to be; whether the calibration can be trusted, the verdict above says. "
+        f"Decision rule: {rule_words(block)} (JCGM 106)."
+    )
+    rows = [_row(one) for one in block.parameters]
+    return section(
+        "Limits", limits_verdict(block), Sentences([words], "notes"), Table(HEADS, rows, right=(2, 3, 4))
+    )
+
+
+def _row(one: LimitBlock) -> list[str]:
+    value = (
+        "–" if one.value is None else f"{one.value:.4g} ± {one.standard_uncertainty or 0.0:.2g} {one.unit}"
+    )
+    ends = ["–" if end is None else f"{end:.4g}" for end in (one.lower, one.upper)]
+    chance = "–" if one.probability is None else f"{100 * one.probability:.4g} %"
+    return [one.name, value, *ends, chance, one.decision]

@@ -1,0 +1,365 @@
+"""What a registry is asked: what is there, how a unit changes, when it is due, how units differ, who measures how."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tumble.arrays import Series
+from tumble.document.result import Calibration, read_calibration
+from tumble.errors import UsageError
+from tumble.limits import read_limits
+from tumble.registry.opening import Registry, open_registry, registry_name
+
+if TYPE_CHECKING:
+    from tumble.fleet.between import Between
+    from tumble.fleet.drift import Chart, Drift
+    from tumble.fleet.gauge import Gauge
+    from tumble.registry.store import Entry, ParameterSeries
+
+MONTHS = 12.0
+
+
+@contextmanager
+def registry_at(name: str | None, *, make: bool = False) -> Generator[Registry, None, None]:
+    """Give the registry that is meant, open.
+
+    Parameters
+    ----------
+    name : file or URL; None for that of the environment, or the one in this folder.
+    make : whether to make it.
+
+    Raises
+    ------
+    RegistryError, UsageError
+        If it cannot be opened.
+    """
+    registry = open_registry(registry_name(name), make=make)
+    try:
+        yield registry
+    finally:
+        registry.close()
+
+
+def add_files(
+    name: str | None,
+    paths: Sequence[Path],
+    *,
+    unit: str | None = None,
+    operator: str = "",
+    remark: str = "",
+) -> list[tuple[Entry, bool]]:
+    """Add calibrations; return their entries, and which are new.
+
+    Parameters
+    ----------
+    name : of the registry, which is made where it is not there.
+    paths : of the files or their folders.
+    unit, operator, remark : which unit, who measured, and what else there is to say.
+
+    Raises
+    ------
+    CalibrationFileError, UsageError, RegistryError
+        If one cannot be read or added; those before it are added.
+    """
+    from tumble.registry.store import add
+
+    documents = [read_calibration(path) for path in paths]
+    with registry_at(name, make=True) as registry:
+        return [add(registry, one, unit=unit, operator=operator, remark=remark) for one in documents]
+
+
+def add_calibration(name: str | None, calibration: Calibration, operator: str = "") -> Entry:
+    """Add a calibration that was just made.
+
+    Parameters
+    ----------
+    name, calibration, operator : of the registry, the document, and who measured.
+
+    Raises
+    ------
+    UsageError, RegistryError
+        If it cannot be added.
+    """
+    from tumble.registry.store import add
+
+    with registry_at(name, make=True) as registry:
+        return add(registry, calibration, operator=operator)[0]
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """A unit over time: its parameters at each calibration, and their drift."""
+
+    unit: str
+    parameters: ParameterSeries
+    drift: Drift
+
+
+def history(name: str | None, unit: str) -> History:
+    """Return how a unit changed.
+
+    Parameters
+    ----------
+    name, unit : of the registry and of the unit.
+
+    Raises
+    ------
+    UsageError
+        If it has no calibration that is fit.
+    RegistryError
+        If the registry cannot be read.
+    """
+    from tumble.fleet.drift import find_drift
+    from tumble.registry.store import series
+
+    with registry_at(name) as registry:
+        found = series(registry, unit)
+        if not found:
+            raise UsageError(
+                f"The registry {registry.name} has no calibration of unit {unit} that is fit for use."
+            )
+    one = found[0]
+    return History(unit, one, find_drift(one.unit, one.created, one.values, one.sigmas))
+
+
+@dataclass(frozen=True, slots=True)
+class Due:
+    """When a unit is due.
+
+    Attributes
+    ----------
+    parameter : that is due first.
+    last, due : s since 1970; NaN for `due` where nothing is known of the drift, infinite for never.
+    calibrations : of the unit.
+    """
+
+    unit: str
+    parameter: str
+    last: float
+    due: float
+    calibrations: int
+
+
+def due(name: str | None, tolerances: Path) -> list[Due]:
+    """Return when each unit is due, the first one first.
+
+    Parameters
+    ----------
+    name : of the registry.
+    tolerances : file as for limits, each with `within`: the largest change since the calibration that is allowed.
+
+    Raises
+    ------
+    UsageError
+        If the tolerances cannot be read, or none is of a parameter in the registry.
+    RegistryError
+        If the registry cannot be read.
+    """
+    from tumble.fleet.drift import YEAR, due_after, find_drift
+    from tumble.registry.store import series
+
+    limits = read_limits(tolerances)
+    with registry_at(name) as registry:
+        groups = series(registry)
+        where = registry.name
+    made: dict[str, Due] = {}
+    compared = False
+    for group in groups:
+        tolerance = np.full(len(group.names), np.inf)
+        for k, (parameter, unit) in enumerate(zip(group.names, group.units, strict=True)):
+            limit = limits.limit_of(parameter)
+            within = None if limit is None or limit.within is None else limit.within.in_unit(unit)
+            tolerance[k] = math.inf if within is None else within
+        if not np.any(np.isfinite(tolerance)):
+            continue
+        compared = True
+        asked = np.flatnonzero(np.isfinite(tolerance))
+        drift = find_drift(group.unit, group.created, group.values[:, asked], group.sigmas[:, asked])
+        after = due_after(drift, tolerance[asked])
+        # What nobody knows is not never: it stands before infinity, after all that is known.
+        order = np.where(np.isnan(after), 1e9, np.where(np.isinf(after), 2e9, after))
+        first = np.argmin(order, axis=1)
+        for number, unit in enumerate(group.unit_names):
+            k = int(first[number])
+            last = float(drift.last_time[number])
+            one = Due(
+                unit,
+                group.names[int(asked[k])],
+                last,
+                last + float(after[number, k]) * YEAR,
+                int(drift.count[number]),
+            )
+            if unit not in made or one.last > made[unit].last:
+                made[unit] = one
+    if not compared:
+        raise UsageError(
+            f"No tolerance of {tolerances} is of a parameter in the registry {where}, with `within`."
+        )
+    return sorted(made.values(), key=lambda one: (math.isnan(one.due), one.due, one.unit))
+
+
+def fleet(name: str | None, output: Path | None = None) -> tuple[Calibration, Between]:
+    """Return the mean unit as a document, and how units differ; write the document.
+
+    Parameters
+    ----------
+    name : of the registry.
+    output : file for the document; None writes none.
+
+    Raises
+    ------
+    UsageError
+        If there are too few units.
+    RegistryError, OutputError
+        If the registry cannot be read, or the file not be written.
+    """
+    from tumble.fleet.fleet_document import fleet_document
+    from tumble.registry.store import documents
+
+    with registry_at(name) as registry:
+        found = documents(registry)
+    document, between = fleet_document([calibration for _, calibration in found])
+    if output is not None:
+        document.write(output)
+    return document, between
+
+
+def chart(name: str | None, unit: str, baseline: int = 5) -> tuple[ParameterSeries, Chart]:
+    """Return the EWMA chart of a check unit.
+
+    Parameters
+    ----------
+    name, unit : of the registry and of the unit.
+    baseline : calibrations whose mean is the reference.
+
+    Raises
+    ------
+    UsageError
+        If it has too few calibrations.
+    RegistryError
+        If the registry cannot be read.
+    """
+    from tumble.fleet.drift import ewma_chart, find_drift
+    from tumble.registry.store import series
+
+    if baseline < 2:
+        raise UsageError(f"--baseline {baseline}: give two calibrations or more.")
+    with registry_at(name) as registry:
+        found = [one for one in series(registry) if unit in one.unit_names]
+    if not found:
+        raise UsageError(f"The registry has no calibration of unit {unit} that is fit for use.")
+    group = found[0]
+    own = group.unit == group.unit_names.index(unit)
+    if np.sum(own) <= baseline:
+        raise UsageError(
+            f"Unit {unit} has {int(np.sum(own))} calibrations: a chart takes more than the {baseline} of its reference "
+            "(--baseline)."
+        )
+    # What changes from one calibration to the next is known from the reference alone: a shift after it is to be seen.
+    first = np.flatnonzero(own)[:baseline]
+    others = ~own
+    keep = others | np.isin(np.arange(len(own)), first)
+    _, number = np.unique(group.unit[keep], return_inverse=True)
+    scatter = find_drift(number, group.created[keep], group.values[keep], group.sigmas[keep]).scatter
+    return group, ewma_chart(group.values[own], group.sigmas[own], scatter, baseline=baseline)
+
+
+def study(name: str | None) -> dict[str, Gauge]:
+    """Return what units, operators and repetitions contribute, by parameter.
+
+    Parameters
+    ----------
+    name : of the registry; all its calibrations are the study.
+
+    Raises
+    ------
+    UsageError
+        If nothing is repeated.
+    RegistryError
+        If the registry cannot be read.
+    """
+    from tumble.fleet.gauge import gauge_study
+    from tumble.registry.store import series
+
+    with registry_at(name) as registry:
+        groups = series(registry)
+    if not groups or len(groups[0].created) < len(groups[0].unit_names) + 2:
+        raise UsageError(
+            "Nothing is repeated: a study takes several calibrations of the same units (see --operator)."
+        )
+    group = groups[0]
+    if len(group.created) > 600:
+        raise UsageError(f"{len(group.created)} calibrations are no study: keep it in a registry of its own.")
+    _, operator = np.unique(group.operators, return_inverse=True)
+    return {
+        parameter: gauge_study(group.values[:, k], group.sigmas[:, k], group.unit, operator)
+        for k, parameter in enumerate(group.names)
+    }
+
+
+def date_words(seconds: float) -> str:
+    """Return a day as YYYY-MM-DD, UTC, or words where there is none.
+
+    Parameters
+    ----------
+    seconds : since 1970.
+
+    Examples
+    --------
+    >>> date_words(0.0), date_words(float("inf"))
+    ('1970-01-01', 'never')
+    """
+    if math.isnan(seconds):
+        return "unknown"
+    if seconds > 32_503_680_000.0:
+        return "never"
+    return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%d")
+
+
+def months_from_now(seconds: float) -> float:
+    """Return how many months a moment is ahead.
+
+    Parameters
+    ----------
+    seconds : since 1970.
+    """
+    return (seconds - time.time()) / (365.25 * 86400.0 / MONTHS)
+
+
+def history_rows(found: History) -> list[dict[str, Any]]:
+    """Return what is said of each parameter of a unit: newest value, change, rate, each with its uncertainty.
+
+    Parameters
+    ----------
+    found : of the unit.
+    """
+    one, drift = found.parameters, found.drift
+    rows: list[dict[str, Any]] = []
+    for k, (name, unit) in enumerate(zip(one.names, one.units, strict=True)):
+        values: Series = one.values[:, k]
+        sigmas: Series = one.sigmas[:, k]
+        rate_sigma = float(drift.rate_sigma[0, k])
+        rows.append(
+            {
+                "name": name,
+                "unit": unit,
+                "first": float(values[0]),
+                "last": float(values[-1]),
+                "standard_uncertainty": float(sigmas[-1]),
+                "change": float(values[-1] - values[0]),
+                "change_standard_uncertainty": float(np.hypot(sigmas[0], sigmas[-1])),
+                "rate_a_year": float(drift.rate[0, k]) if math.isfinite(rate_sigma) else None,
+                "rate_standard_uncertainty": rate_sigma if math.isfinite(rate_sigma) else None,
+                "scatter": float(drift.scatter[k]),
+            }
+        )
+    return rows

@@ -1,0 +1,153 @@
+"""`tumble batch` on the command line: folder, manifest, bad units, resuming, killed and run again."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+GRAVITY = 9.81
+RUN = "import sys; from tumble.cli.main import main; sys.argv[0] = 'tumble'; main()"
+
+
+@pytest.fixture(scope="module")
+def lot(tmp_path_factory: pytest.TempPathFactory, sessions: Any, written: Any) -> Path:
+    """Three good units, one with a dead gyro axis, one whose file is no recording."""
+    folder = tmp_path_factory.mktemp("lot") / "units"
+    folder.mkdir()
+    for unit in range(3):
+        written(folder / f"u{unit}.csv", sessions(40 + unit, unit_seed=unit, holds=18))
+    dead: np.ndarray = sessions(50, unit_seed=9, holds=18)
+    dead[:, 5] = 0.0
+    written(folder / "dead.csv", dead)
+    (folder / "rubbish.csv").write_text("this is\nno recording\n", encoding="utf-8")
+    return folder
+
+
+def table_of(folder: Path) -> dict[str, dict[str, str]]:
+    with (folder / "table.csv").open(encoding="utf-8", newline="") as file:
+        return {row["unit"]: row for row in csv.DictReader(file)}
+
+
+@pytest.fixture(scope="module")
+def done(tumble: Any, lot: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
+    out = tmp_path_factory.mktemp("done") / "out"
+    return out, tumble("batch", lot, "-o", out, "--gravity", GRAVITY, "--workers", 2)
+
+
+def test_every_unit_has_a_row_and_what_is_wrong_with_it(done: tuple[Path, Any]) -> None:
+    out, answer = done
+    assert answer.status == 1
+    assert answer.err == ""
+    rows = table_of(out)
+    assert list(next(iter(rows.values())))[:5] == ["unit", "files", "verdict", "limits", "reasons"]
+    assert {unit: row["verdict"] for unit, row in rows.items() if unit.startswith("u")} == dict.fromkeys(
+        ("u0", "u1", "u2"), "fit"
+    )
+    assert rows["rubbish"]["verdict"] == "error"
+    assert rows["dead"]["verdict"] != "fit"
+    assert rows["dead"]["reasons"]
+    assert "3 of 5 units are accepted" in answer.out
+
+
+def test_the_table_has_what_each_document_says(done: tuple[Path, Any]) -> None:
+    out, _ = done
+    document = json.loads((out / "units" / "u1" / "calibration.json").read_text(encoding="utf-8"))
+    assert document["imu"]["serial_number"] == "u1"
+    row = table_of(out)["u1"]
+    frame = pl.read_parquet(out / "table.parquet")
+    line = frame.filter(pl.col("unit") == "u1")
+    for parameter in document["parameters"]:
+        head = f"{parameter['name']} [{parameter['unit']}]"
+        assert float(row[head]) == parameter["value"] == line[head][0]
+        assert float(row[f"sigma of {head}"]) == parameter["standard_uncertainty"]
+
+
+def test_reports_of_those_that_are_not_accepted_share_the_plotting_library(done: tuple[Path, Any]) -> None:
+    out, _ = done
+    assert not (out / "units" / "u0" / "report.html").exists()
+    assert (out / "plotly.min.js").stat().st_size > 1_000_000
+    assert (out / "table.html").stat().st_size < 500_000
+    assert '<script src="plotly.min.js">' in (out / "table.html").read_text(encoding="utf-8")
+
+
+def test_a_second_run_does_nothing_anew_and_a_third_what_is_new(
+    tumble: Any, lot: Path, tmp_path: Path, written: Any, sessions: Any
+) -> None:
+    units = tmp_path / "units"
+    units.mkdir()
+    for name in ("u0.csv", "u1.csv"):
+        (units / name).write_bytes((lot / name).read_bytes())
+    call = ("batch", units, "-o", tmp_path / "out", "--gravity", GRAVITY, "--workers", 1, "--reports", "none")
+    first = tumble(*call, "--json")
+    assert json.loads(first.out)["worked"] == 2
+    stamps = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "units").rglob("*.json")}
+    table = (tmp_path / "out" / "table.csv").read_bytes()
+    again = json.loads(tumble(*call, "--json").out)
+    assert (again["worked"], again["kept"]) == (0, 2)
+    assert stamps == {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "units").rglob("*.json")}
+    assert (tmp_path / "out" / "table.csv").read_bytes() == table
+    (units / "u1.csv").write_bytes((lot / "u2.csv").read_bytes())
+    (tmp_path / "out" / "units" / "u0" / "calibration.json").write_text("{")
+    third = json.loads(tumble(*call, "--json").out)
+    assert (third["worked"], third["kept"]) == (2, 0)
+
+
+def test_a_manifest_with_a_missing_file_does_the_others(tumble: Any, lot: Path, tmp_path: Path) -> None:
+    manifest = tmp_path / "lot.csv"
+    lines = [f"A,{lot / 'u0.csv'},{GRAVITY},21.5,left", f"B,{tmp_path / 'gone.csv'},{GRAVITY},21.5,right"]
+    manifest.write_text("unit,files,gravity,temperature,table\n" + "\n".join(lines) + "\n", encoding="utf-8")
+    answer = tumble("batch", manifest, "-o", tmp_path / "out", "--workers", 1, "--reports", "all")
+    assert answer.status == 1
+    rows = table_of(tmp_path / "out")
+    assert rows["A"]["verdict"] == "fit"
+    assert (rows["A"]["temperature [degC]"], rows["A"]["table"]) == ("21.5", "left")
+    assert rows["B"]["verdict"] == "error"
+    assert "gone.csv" in rows["B"]["reasons"]
+    page = (tmp_path / "out" / "units" / "A" / "report.html").read_text(encoding="utf-8")
+    assert '<script src="../../plotly.min.js">' in page
+    assert len(page) < 1_000_000
+
+
+def test_unreadable_limits_and_a_wrong_source_are_one_sentence(
+    tumble: Any, lot: Path, tmp_path: Path
+) -> None:
+    for extra in (
+        ("--limits", tmp_path / "none.yaml"),
+        ("--reports", "some"),
+        ("--scheduler", "tcp://127.0.0.1:1"),
+    ):
+        if extra[0] == "--scheduler":
+            pytest.importorskip("distributed")
+            continue  # a cluster that does not answer takes its time: see the statistics
+        answer = tumble("batch", lot, "-o", tmp_path / "out", *extra)
+        assert answer.status == 2
+        assert answer.err.count("\n") == 1
+    assert tumble("batch", tmp_path / "nowhere", "-o", tmp_path / "out").status == 2
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_killed_and_run_again_it_is_as_if_nothing_had_happened(
+    tumble: Any, lot: Path, done: tuple[Path, Any], tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    call = ["batch", str(lot), "-o", str(out), "--gravity", str(GRAVITY), "--workers", "2"]
+    for seconds in (3.0, 5.0):
+        running = subprocess.Popen([sys.executable, "-c", RUN, *call], stdout=subprocess.DEVNULL)
+        time.sleep(seconds)
+        os.kill(running.pid, signal.SIGKILL)
+        running.wait()
+    assert tumble(*call).status == 1
+    assert table_of(out) == table_of(done[0])
+    assert not list(out.rglob("*.part"))

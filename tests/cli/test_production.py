@@ -1,0 +1,99 @@
+"""A unit's way through a laboratory on the command line: calibrated into a registry, certified, checked, due."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+GRAVITY = 9.81
+
+
+def test_a_unit_goes_into_the_registry_and_gets_a_certificate(
+    tumble: Any, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    registry, made = tmp_path / "units.sqlite", tmp_path / "made"
+    call = ("calibrate", recording, "--gravity", GRAVITY, "-o", made, "--registry", registry)
+    nameless = tumble(*call)
+    assert nameless.status == 2
+    assert "--imu-serial" in nameless.err
+    assert not made.exists()
+    assert tumble(*call, "--imu-serial", "A-1").status == 0
+    monkeypatch.setenv("TUMBLE_REGISTRY", str(registry))
+    (entry,) = json.loads(tumble("registry", "list", "--json").out)
+    assert (entry["unit"], entry["fit"]) == ("A-1", True)
+    again = tumble("registry", "add", made)
+    assert "was there" in again.out
+    assert "gyro bias z" in tumble("registry", "history", "A-1", "-o", tmp_path / "a.html").out
+    assert (tmp_path / "a.html").stat().st_size > 1_000_000
+    shown = json.loads(tumble("registry", "show", entry["identity"], "--json").out)
+    assert shown["document"] == json.loads((made / "calibration.json").read_text(encoding="utf-8"))
+
+    pdf, xml = tmp_path / "a.pdf", tmp_path / "a.xml"
+    certificate = ("certificate", made, "-o", pdf, "--dcc", xml, "--date", "2026-11-22")
+    answer = tumble(*certificate, "--registry", registry, "--number", "N-1")
+    assert answer.status == 0
+    assert "asks for more than the profile says" in answer.out
+    for file in (pdf, xml):
+        assert tumble("certificate", "--check", file, made).status == 0
+    (made / "calibration.json").write_text("{}", encoding="utf-8")
+    assert tumble("certificate", "--check", pdf, made).status == 1
+
+
+def test_wrong_calls_are_one_sentence(tumble: Any, calibrated: Path, tmp_path: Path) -> None:
+    registry = tmp_path / "units.sqlite"
+    for call in (
+        ("registry", "list", "--registry", registry),
+        ("registry", "add", calibrated, "--registry", registry),
+        ("registry", "list", "--registry", "postgresql://me:secret@127.0.0.1:1/none"),
+        ("registry", "list", "--registry", "mysql://me:secret@host/none"),
+        ("registry", "due", tmp_path / "none.yaml", "--registry", registry),
+        ("certificate",),
+        ("certificate", calibrated, "--language", "xx", "-o", tmp_path / "a.pdf"),
+        ("certificate", calibrated, "--date", "today", "-o", tmp_path / "a.pdf"),
+        ("certificate", calibrated, "--profile", tmp_path / "none.yaml", "-o", tmp_path / "a.pdf"),
+        ("certificate", "--check", tmp_path / "none.pdf"),
+    ):
+        answer = tumble(*call)
+        assert answer.status == 2, (call, answer)
+        assert answer.err.count("\n") == 1, answer.err
+        assert "secret" not in answer.err + answer.out
+    assert not (tmp_path / "a.pdf").exists()
+
+
+def test_units_over_years_are_due_differ_and_are_watched(
+    tumble: Any, calibrated: Path, tmp_path: Path
+) -> None:
+    registry, document = tmp_path / "units.sqlite", json.loads((calibrated / "calibration.json").read_text())
+    for unit in range(6):
+        for year in range(4):
+            made = json.loads(json.dumps(document))
+            made["imu"]["serial_number"] = f"U{unit}"
+            made["created"] = f"{2022 + year}-0{unit + 1}-01T00:00:00+00:00"
+            for parameter in made["parameters"]:
+                parameter["value"] += parameter["standard_uncertainty"] * (3 * unit + (1 + unit % 2) * year)
+            for row in range(3):
+                made["accelerometer"]["bias"][row] += 0.01 * unit * (row + 1)
+            made["test_vectors"] = []
+            (tmp_path / "one.json").write_text(json.dumps(made), encoding="utf-8")
+            answer = tumble(
+                "registry", "add", tmp_path / "one.json", "--registry", registry, "--operator", f"O{year % 2}"
+            )
+            assert answer.status == 0, answer
+    tolerances = tmp_path / "tolerances.yaml"
+    tolerances.write_text("limits: {gyro bias: 0.01 deg/s, accelerometer bias: 5 mg}\n", encoding="utf-8")
+    due = json.loads(tumble("registry", "due", tolerances, "--registry", registry, "--json").out)
+    assert {one["unit"] for one in due} == {f"U{k}" for k in range(6)}
+    assert all(one["calibrations"] == 4 for one in due)
+    assert tumble("registry", "due", tolerances, "--registry", registry, "--before", "2999-01-01").status == 1
+    fleet = tumble("registry", "fleet", "--registry", registry, "-o", tmp_path / "fleet.json")
+    assert fleet.status == 0, fleet
+    assert "6 units" in fleet.out
+    chart = tumble("registry", "chart", "U0", "--registry", registry, "--baseline", "2")
+    assert chart.status in (0, 1)
+    parts = json.loads(tumble("registry", "study", "--registry", registry, "--json").out)["gyro bias x"][
+        "parts"
+    ]
+    assert set(parts) == {"unit", "operator", "unit x operator", "repetition"}

@@ -1,0 +1,204 @@
+"""What no residual shows stands in covariance, figures and words: the clock, and the rate of a table."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from second_simulator import GRADES, PROCEDURES
+from tumble.calibration.estimate import Estimate
+from tumble.calibration.procedures.hand_held import calibrate_hand_held
+from tumble.calibration.session import Session
+from tumble.calibration.unseen import add_common_scale, rest_rate, state_unseen
+from tumble.earth import Site
+from tumble.protocol import read_protocol
+from tumble.protocol.steps import ASSUMED_RATE, SpinStep
+from tumble.recording.clock import Clock
+from tumble.recording.recording import Recording
+from tumble.workflows.procedures import run_procedure
+
+SIGMA = 0.004
+
+
+def _recorded(name: str, seed: int, *, faster: float = 0.0, **options: Any) -> tuple[Session, Any]:
+    """A recording of another hand's simulator, in SI, of which the clock runs fast by a share."""
+    made = PROCEDURES[name](GRADES["tactical"], np.random.default_rng(seed), None, **options)
+    recording = Recording(
+        made.time * (1.0 + faster), made.force, made.rate, "m/s^2", "rad/s", made.path.rate / (1.0 + faster)
+    )
+    site = Site(made.place.gravity, 2e-5, made.place.latitude, made.place.height, "survey")
+    return Session(recording, None, site), made
+
+
+def _hand_held(session: Session) -> Estimate:
+    return calibrate_hand_held(
+        session.recording, session.timeline, session.means, session.site, optional_terms=False
+    )
+
+
+def _canonical(estimate: Estimate) -> np.ndarray:
+    model = estimate.model
+    assert model.accelerometer is not None
+    assert model.gyroscope is not None
+    parts = {
+        "accelerometer.matrix": model.accelerometer.matrix,
+        "accelerometer.bias": model.accelerometer.bias,
+        "gyroscope.matrix": model.gyroscope.matrix,
+        "gyroscope.bias": model.gyroscope.bias,
+    }
+    made: list[float] = []
+    for name in estimate.names:
+        term, _, index = name.partition("[")
+        made.append(float(parts[term][tuple(int(k) for k in index[:-1].split(","))]))
+    return np.array(made)
+
+
+@pytest.fixture(scope="module")
+def by_hand() -> tuple[Session, Estimate]:
+    session, _ = _recorded("by-hand", 11, poses=14, rate=50.0)
+    return session, _hand_held(session)
+
+
+def test_the_covariance_grows_along_what_a_clock_that_runs_fast_does(
+    by_hand: tuple[Session, Estimate],
+) -> None:
+    """The same recording with stamps 0.3 % too long, calibrated anew: the change is the direction that is added."""
+    session, plain = by_hand
+    stretched, _ = _recorded("by-hand", 11, faster=0.003, poses=14, rate=50.0)
+    stretched.intervals = [
+        (float(session.recording.time[h.start]) * 1.003, float(session.recording.time[h.stop - 1]) * 1.003)
+        for h in session.timeline.holds
+    ]
+    change = (_canonical(_hand_held(stretched)) - _canonical(plain)) / 0.003
+    grown = replace(plain, covariance=plain.covariance.copy(), parameters=list(plain.parameters))
+    add_common_scale(grown, SIGMA, rest_rate(plain, session.means))
+    added = (grown.covariance - plain.covariance) / SIGMA**2
+    values, vectors = np.linalg.eigh(added)
+    np.testing.assert_allclose(values[:-1], 0.0, atol=1e-9 * values[-1])
+    direction = vectors[:, -1] * np.sqrt(values[-1])
+    direction *= np.sign(direction @ change)
+    # What moves besides is a hundredth of the statistical uncertainty: the noise's share of holds and turns.
+    sigma = np.sqrt(np.diag(plain.covariance))
+    assert np.all(np.abs(direction - change) * 0.003 <= 0.1 * sigma)
+    gyro = plain.model.gyroscope
+    assert gyro is not None
+    at = [k for k, name in enumerate(plain.names) if name.startswith("gyroscope.matrix")]
+    np.testing.assert_allclose(direction[at], gyro.matrix.ravel(), rtol=1e-9)
+    still = [k for k, name in enumerate(plain.names) if name.startswith("accelerometer")]
+    np.testing.assert_array_equal(added[still], 0.0)
+
+
+def test_named_parameters_and_their_correlations_grow_alike(by_hand: tuple[Session, Estimate]) -> None:
+    session, plain = by_hand
+    grown = replace(plain, covariance=plain.covariance.copy(), parameters=list(plain.parameters))
+    add_common_scale(grown, SIGMA, rest_rate(plain, session.means))
+    for before, after in zip(plain.parameters, grown.parameters, strict=True):
+        share = SIGMA * (1.0 + before.value) if before.name.startswith("gyro scale") else 0.0
+        if not before.name.startswith("gyro bias"):
+            expected = np.hypot(before.standard_uncertainty, share)
+            assert after.standard_uncertainty == pytest.approx(expected, rel=1e-9)
+    at = [k for k, p in enumerate(grown.parameters) if p.name.startswith("gyro scale")]
+    assert np.min(grown.correlations[np.ix_(at, at)]) > 0.99
+    assert np.linalg.eigvalsh(grown.correlations)[0] > -1e-12
+
+
+@pytest.mark.slow
+def test_a_drawn_clock_is_covered() -> None:
+    """Ten recordings of ten units, clocks anywhere within 1 %: the gyro scale factors are as far off as is stated."""
+    rng, z = np.random.default_rng(8), np.zeros((10, 3))
+    for run in range(10):
+        session, made = _recorded(
+            "by-hand", 100 + run, faster=float(rng.uniform(-0.01, 0.01)), poses=12, rate=50.0
+        )
+        estimate = _hand_held(session)
+        assert session.clock.kind == "nominal"
+        state_unseen(session, estimate)
+        scales = [p for p in estimate.parameters if p.name.startswith("gyro scale")]
+        truth = made.truth.terms("accelerometer-x")["gyroscope.matrix"]
+        true = np.linalg.norm(truth, axis=1) - 1.0
+        z[run] = [(p.value - t) / p.standard_uncertainty for p, t in zip(scales, true, strict=True)]
+    # One error a run, of a rectangular distribution whose ends are root three sigmas off.
+    assert np.max(np.abs(z)) < np.sqrt(3.0) + 0.2
+    assert 0.5 < np.sqrt(np.mean(z**2)) < 1.5
+
+
+def test_an_exact_clock_adds_nothing_and_a_crystal_a_remark(by_hand: tuple[Session, Estimate]) -> None:
+    session, plain = by_hand
+    for sigma, spoken in ((0.0, 0), (2e-5, 1)):
+        estimate = replace(
+            plain, covariance=plain.covariance.copy(), parameters=list(plain.parameters), said=[], unseen=[]
+        )
+        recording = replace(session.recording, said_clock=Clock("device", 50.0, sigma))
+        other = Session(recording, None, session.site)
+        other.means = session.means
+        state_unseen(other, estimate)
+        assert len(estimate.unseen) == len(estimate.remarks) == spoken
+        assert not estimate.cautions
+
+
+def test_a_nominal_rate_stands_first_in_the_verdict_with_what_to_do(
+    by_hand: tuple[Session, Estimate],
+) -> None:
+    session, _ = by_hand
+    estimate, _ = run_procedure(session, "hand-held")
+    (caution,) = [text for text in estimate.cautions if "stand or fall" in text]
+    assert "nominal one, 50 Hz" in caution
+    assert "0.58 %" in caution
+    assert "--rate 50±0.005" in caution
+    (unseen,) = estimate.unseen
+    assert (unseen.source, unseen.sigma) == ("sample rate", pytest.approx(0.01 / np.sqrt(3.0)))
+
+
+@pytest.fixture(scope="module")
+def on_table(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, Any]:
+    session, made = _recorded("rate-table", 5, faster=0.005, rates=(60.0, 20.0), rate=25.0)
+    file = tmp_path_factory.mktemp("table") / "protocol.yaml"
+    file.write_text(made.protocol, encoding="utf-8")
+    session.protocol = read_protocol(file)
+    return session, made
+
+
+def _errors(estimate: Estimate, made: Any) -> np.ndarray:
+    truth = made.truth.terms(estimate.frame)["gyroscope.matrix"]
+    gyro = estimate.model.gyroscope
+    assert gyro is not None
+    return np.linalg.norm(gyro.matrix, axis=1) - np.linalg.norm(truth, axis=1)
+
+
+@pytest.mark.slow
+def test_a_tables_rates_do_not_hang_on_the_clock_and_tell_it(on_table: tuple[Session, Any]) -> None:
+    """Stamps run 0.5 % fast; the table keeps 30 ppm: dedicated and joint find the gyros to that, not to 0.5 %."""
+    session, made = on_table
+    for procedure in ("rate-table", "joint"):
+        estimate, _ = run_procedure(session, procedure)
+        sigma = [p.standard_uncertainty for p in estimate.parameters if p.name.startswith("gyro scale")]
+        assert np.max(sigma) < 1e-4, procedure
+        assert np.max(np.abs(_errors(estimate, made)) / sigma) < 4.0, procedure
+        (caution,) = [text for text in estimate.cautions if "stand or fall" in text]
+        assert "the table's rates" in caution
+        assert "as the protocol states" in caution
+        assert "30 ppm" in caution
+        found = [text for text in estimate.remarks if "clock of the samples runs 0.5" in text]
+        assert len(found) == (procedure == "joint")
+        assert all("fast" in text for text in found)
+
+
+def test_a_table_of_which_nobody_says_how_it_turns_is_assumed_to_be_so_good_and_said(
+    on_table: tuple[Session, Any],
+) -> None:
+    session, _ = on_table
+    assert session.protocol is not None
+    silent = replace(
+        session.protocol,
+        steps=tuple(replace(s, sigma=None) if isinstance(s, SpinStep) else s for s in session.protocol.steps),
+    )
+    other = Session(session.recording, silent, session.site)
+    estimate, _ = run_procedure(other, "rate-table")
+    sigma = [p.standard_uncertainty for p in estimate.parameters if p.name.startswith("gyro scale")]
+    np.testing.assert_allclose(sigma, ASSUMED_RATE, rtol=0.1)
+    (caution,) = [text for text in estimate.cautions if "stand or fall" in text]
+    assert "uncertainty_ppm" in caution
+    assert "assumed" in caution

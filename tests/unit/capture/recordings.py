@@ -1,0 +1,68 @@
+"""Recordings by hand whose truth is known, made with numpy alone, and their pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from tumble.capture.samples import Channels, Samples
+from tumble.recording import Recording
+
+GRAVITY = 9.80665
+
+
+def rotation(vector: np.ndarray) -> np.ndarray:
+    """Rodrigues' formula."""
+    angle = float(np.linalg.norm(vector))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = vector / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+
+
+def by_hand(
+    holds: int, *, seed: int, rate: float = 100.0, rest: float = 3.0, creeping: int | None = None
+) -> Recording:
+    """Rest, turn, rest: a consumer unit with biases; hold number `creeping` turns at 1.5°/s all the while."""
+    rng = np.random.default_rng(seed)
+    rates: list[np.ndarray] = []
+    for number in range(holds):
+        count = round(rest * rate)
+        still = np.zeros((count, 3))
+        if number == creeping:
+            still += np.radians(1.5) * np.array([0.36, -0.48, 0.8])
+        rates.append(still)
+        if number < holds - 1:
+            count = round(1.5 * rate)
+            share = np.sin(np.pi * (np.arange(count) + 0.5) / count) ** 2
+            axis = rng.standard_normal(3)
+            axis /= np.linalg.norm(axis)
+            rates.append(np.outer(share, axis) * rng.uniform(1.4, 2.4) / (share.sum() / rate))
+    true_rate = np.concatenate(rates)
+    attitude = rotation(np.array([0.3, -0.4, 0.2]))
+    up = np.empty_like(true_rate)
+    for k, omega in enumerate(true_rate):
+        up[k] = attitude.T @ [0.0, 0.0, 1.0]
+        attitude = attitude @ rotation(omega / rate)
+    force = GRAVITY * up * [1.01, 0.99, 1.005] + [0.2, -0.1, 0.3] + 0.02 * rng.standard_normal(up.shape)
+    gyro = true_rate * [0.99, 1.02, 1.0] + [0.01, -0.02, 0.005] + 0.002 * rng.standard_normal(up.shape)
+    return Recording(np.arange(len(up)) / rate, force, gyro, "m/s^2", "rad/s", rate)
+
+
+def channels_of(recording: Recording) -> Channels:
+    """What a source says of it."""
+    return Channels(
+        None if recording.specific_force is None else recording.specific_force_unit,
+        None if recording.angular_rate is None else recording.angular_rate_unit,
+        recording.rate,
+    )
+
+
+def pieces_of(recording: Recording, seconds: float) -> Iterator[Samples]:
+    """The recording in pieces, as a source hands them over."""
+    step = max(1, round(seconds * recording.rate))
+    for start in range(0, len(recording), step):
+        part = recording.between(start, min(start + step, len(recording)))
+        yield Samples(part.time, part.specific_force, part.angular_rate)

@@ -1,0 +1,57 @@
+"""The guide with a simulated person: bad holds cost only themselves, and it ends when it is enough."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tumble.capture.run import CaptureOrder, run_capture
+from tumble.capture.samples import Samples
+from tumble.capture.simulated_person import Flaws, SimulatedPerson
+from tumble.capture.source import Source, SourceOptions, find_source
+from tumble.errors import UsageError
+from tumble.simulation.grades import find_grade
+
+
+def test_the_unit_at_rest_shows_gravity_and_in_a_turn_its_rate() -> None:
+    person = SimulatedPerson(find_grade("consumer-mems"), 3, poses=np.eye(3))
+    pieces = [piece for piece in person if isinstance(piece, Samples)]
+    force = np.concatenate([p.specific_force for p in pieces if p.specific_force is not None])
+    rate = np.concatenate([p.angular_rate for p in pieces if p.angular_rate is not None])
+    true_force, true_rate = person.model.correct(force, rate)
+    rest = np.linalg.norm(true_rate, axis=1) < 0.05
+    assert np.mean(np.linalg.norm(true_force[rest], axis=1)) == pytest.approx(9.80665, rel=2e-3)
+    assert np.max(np.linalg.norm(true_rate, axis=1)) > 0.5
+
+
+def test_a_person_with_flaws_reaches_a_target_by_the_guide(tmp_path: Path) -> None:
+    flaws = Flaws(too_short=0.1, creeping=0.1, unplugged=0.05)
+    grade = find_grade("consumer-mems")
+    source = Source("test", "", "", lambda address, options: SimulatedPerson(grade, 5, flaws=flaws))
+    # So fast that what would tell most is not reckoned in time: the person then turns as he likes. The targets are
+    # so coarse that too few poses reach them, and it must not be enough before a calibration can be made of them.
+    order = CaptureOrder(
+        source,
+        "",
+        SourceOptions(),
+        tmp_path / "out",
+        targets={"accelerometer bias": 0.05, "gyro scale": 8e-3},
+    )
+    run = run_capture(order)
+    assert run.calibration is not None
+    events = [json.loads(line) for line in (tmp_path / "out" / "session.jsonl").read_text().splitlines()]
+    kinds = [event["event"] for event in events]
+    assert "enough" in kinds
+    assert kinds[-1] == "calibrated"
+    end = next(event for event in events if event["event"] == "calibrated")
+    assert end["holds"] == end["holds_live"]
+
+
+def test_a_simulated_source_is_found_and_its_address_checked() -> None:
+    source, address = find_source("simulated:consumer-mems@4")
+    assert isinstance(next(iter(source.open(address, SourceOptions(speed=0.0)))), object)
+    with pytest.raises(UsageError):
+        source.open("consumer-mems@x", SourceOptions())

@@ -1,0 +1,301 @@
+"""A capture from its source to its files: what is written, what is kept, what is refused."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.unit.capture.recordings import by_hand, channels_of, pieces_of
+
+from tumble.capture.folder import CaptureFolder
+from tumble.capture.guide import Guide
+from tumble.capture.run import CaptureOrder, run_capture
+from tumble.capture.source import Piece, Source, SourceOptions
+from tumble.capture.source import sources as all_sources
+from tumble.capture.targets import read_targets
+from tumble.earth import Site
+from tumble.errors import OutputError, UsageError
+from tumble.files import GrowingFile
+from tumble.recording import read_recording
+from tumble.recording.formats.output import write_recording
+from tumble.sample_rates import sample_rate
+from tumble.simulation.grades import find_grade
+
+RUN = "import sys; from tumble.cli import program; program()"
+
+
+def events_of(folder: Path) -> list[dict[str, object]]:
+    return [json.loads(line) for line in (folder / "session.jsonl").read_text().splitlines()]
+
+
+def kinds(folder: Path) -> list[str]:
+    return [str(event["event"]) for event in events_of(folder)]
+
+
+def rows_in(folder: Path) -> int:
+    """Whole rows of samples that are on the disk."""
+    file = folder / "recording.csv"
+    return file.read_bytes().count(b"\n") - 1 if file.is_file() else 0
+
+
+def replayed(file: Path, folder: Path, **more: object) -> CaptureOrder:
+    options = SourceOptions(speed=0.0)
+    more = {"imu": None, **more}
+    return CaptureOrder(all_sources()["replay"], str(file), options, folder, **more)  # type: ignore[arg-type]  # named by the tests
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording by hand of 14 poses as a file."""
+    file = tmp_path_factory.mktemp("recorded") / "hand.csv"
+    write_recording(by_hand(14, seed=11), file)
+    return file
+
+
+def test_a_replay_leaves_all_four_files_and_the_same_samples(recorded: Path, tmp_path: Path) -> None:
+    run = run_capture(replayed(recorded, tmp_path / "out"))
+    folder = tmp_path / "out"
+    names = {"recording.csv", "session.jsonl", "calibration.json", "report.html"}
+    assert {file.name for file in folder.iterdir()} == names
+    before, after = read_recording(recorded), read_recording(folder / "recording.csv")
+    assert np.array_equal(before.time, after.time)
+    assert before.angular_rate is not None
+    assert after.angular_rate is not None
+    assert np.array_equal(before.angular_rate, after.angular_rate)
+    assert kinds(folder).count("hold_accepted") == 14
+    assert kinds(folder)[-1] == "calibrated"
+    assert run.calibration is not None
+    assert run.calibration.calibration.quality.holds == 14
+
+
+@pytest.mark.slow
+def test_sigma_falls_and_ends_near_what_calibrate_states(recorded: Path, tmp_path: Path) -> None:
+    run_capture(replayed(recorded, tmp_path / "out", imu="consumer-mems"))
+    events = events_of(tmp_path / "out")
+    told = [event["sigma"] for event in events if event["event"] == "sigma"]
+    biases = [one["accelerometer bias x"] for one in told if one["accelerometer bias x"] is not None]  # type: ignore[index]  # from JSON
+    assert len(biases) > 3
+    assert biases[-1] < biases[0]
+    assert all(step["do"] and step["gain"] > 0.0 for step in events if step["event"] == "next_pose")  # type: ignore[operator]  # from JSON
+    end: dict[str, Any] = dict(events[-1])
+    for axis in "xyz":
+        # Stamps that are regular are of a nominal rate, 1 % over the root of three: no pose mends it.
+        name = f"gyro scale factor error {axis}"
+        assert end["predicted"][name] > 0.0057
+        assert end["predicted"][name] == pytest.approx(end["stated"][name], rel=0.1)
+        name = f"accelerometer scale factor error {axis}"
+        assert 0.4 < end["predicted"][name] / end["stated"][name] < 2.5
+
+
+def test_a_rate_that_is_stated_with_its_uncertainty_is_believed() -> None:
+    time = np.arange(4000) / 100.0
+    for rate, sigma in ((None, 0.01 / np.sqrt(3.0)), (sample_rate("100±0.02"), 2e-4)):
+        guide = Guide(find_grade("tactical"), Site.unknown(), 3.0, {}, rate=rate)
+        guide.look_at_clock(time[:1000])
+        guide.look_at_clock(time[1000:])
+        assert guide.clock_sigma == pytest.approx(sigma, rel=1e-3)
+
+
+def test_a_folder_with_results_is_refused_and_untouched(recorded: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / "calibration.json").write_text("mine")
+    with pytest.raises(UsageError, match=r"--resume"):
+        run_capture(replayed(recorded, folder))
+    assert [file.name for file in folder.iterdir()] == ["calibration.json"]
+    assert (folder / "calibration.json").read_text() == "mine"
+
+
+def test_a_replay_of_what_it_writes_to_is_refused(recorded: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    run_capture(replayed(recorded, folder))
+    with pytest.raises(UsageError, match="written to"):
+        run_capture(replayed(folder / "recording.csv", folder, resume=True))
+
+
+def test_after_a_kill_only_the_last_second_is_lost_and_it_can_be_resumed(
+    recorded: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "out"
+    command = [
+        sys.executable,
+        "-c",
+        RUN,
+        "capture",
+        "--replay",
+        str(recorded),
+        "--speed",
+        "4",
+        "-o",
+        str(folder),
+        "-q",
+    ]
+    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        end = time.monotonic() + 120.0
+        while rows_in(folder) < 600 and time.monotonic() < end:
+            time.sleep(0.05)
+    finally:
+        os.kill(running.pid, signal.SIGKILL)
+        running.wait()
+    assert rows_in(folder) >= 600
+    with (folder / "recording.csv").open("ab") as file:
+        file.write(b"3.14,0.1,")  # as a kill in the middle of a line leaves it
+    run = run_capture(replayed(recorded, folder, resume=True))
+    assert "resumed" in kinds(folder)
+    before, after = read_recording(recorded), read_recording(folder / "recording.csv")
+    assert np.array_equal(before.time, after.time)
+    assert run.calibration is not None
+    assert run.calibration.calibration.quality.holds == 14
+
+
+def test_samples_are_handed_to_the_disk_each_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tumble.capture import run
+
+    now, recording, folder = [0.0], by_hand(3, seed=2), tmp_path / "out"
+    monkeypatch.setattr(run.time, "monotonic", lambda: now[0])
+
+    def pieces(address: str, options: SourceOptions) -> Iterator[Piece]:
+        yield channels_of(recording)
+        for piece in pieces_of(recording, 0.1):
+            now[0] += 0.1
+            yield piece
+            assert rows_in(folder) >= 100.0 * (float(piece.time[-1]) - 1.2)
+
+    run_capture(CaptureOrder(Source("test", "", "", pieces), "", SourceOptions(), folder, imu=None))
+    assert rows_in(folder) == len(recording)
+
+
+def test_two_captures_into_one_folder_are_refused(tmp_path: Path) -> None:
+    channels = channels_of(by_hand(2, seed=1))
+    first = CaptureFolder(tmp_path, channels)
+    with pytest.raises(UsageError, match="another tumble"):
+        CaptureFolder(tmp_path, channels, resume=True)
+    first.close_recording()
+    first.close()
+
+
+def test_other_columns_are_not_appended(tmp_path: Path) -> None:
+    recording = by_hand(2, seed=1)
+    first = CaptureFolder(tmp_path, channels_of(recording))
+    first.close_recording()
+    first.close()
+    from dataclasses import replace
+
+    with pytest.raises(UsageError, match="columns"):
+        CaptureFolder(tmp_path, replace(channels_of(recording), angular_rate_unit=None), resume=True)
+
+
+def test_a_full_disk_keeps_whole_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = GrowingFile(tmp_path / "lines.csv")
+    file.append(b"one,two\n")
+    file.flush()
+    real = os.write
+
+    def half(handle: int, content: bytes) -> int:
+        if len(content) > 4:
+            return real(handle, content[:4])
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "write", half)
+    file.append(b"three,four\n")
+    with pytest.raises(OutputError, match="No space"):
+        file.flush()
+    assert (tmp_path / "lines.csv").read_bytes() == b"one,two\n"
+    monkeypatch.undo()
+    file.close()
+
+
+def live_source(pieces: list[Piece]) -> Source:
+    return Source("test", "a test", "test:", lambda address, options: iter(pieces))
+
+
+def test_a_clock_that_begins_anew_is_told_and_carried_on(tmp_path: Path) -> None:
+    recording = by_hand(6, seed=12)
+    pieces: list[Piece] = [channels_of(recording)]
+    for number, piece in enumerate(pieces_of(recording, 0.1)):
+        pieces.append(piece.at(piece.time - 10.0) if number > 120 else piece)
+    run_capture(CaptureOrder(live_source(pieces), "", SourceOptions(), tmp_path / "out", imu=None))
+    assert kinds(tmp_path / "out").count("clock_jumped") == 1
+    time_read = read_recording(tmp_path / "out" / "recording.csv").time
+    assert np.all(np.diff(time_read) > 0.0)
+    assert time_read.shape[0] == len(recording)
+
+
+def test_numbers_that_are_none_are_left_out(tmp_path: Path) -> None:
+    recording = by_hand(6, seed=13)
+    assert recording.specific_force is not None
+    recording.specific_force[500:503, 1] = np.nan
+    recording.specific_force[700, 2] = np.inf
+    pieces: list[Piece] = [channels_of(recording), *pieces_of(recording, 0.1)]
+    run_capture(CaptureOrder(live_source(pieces), "", SourceOptions(), tmp_path / "out", imu=None))
+    assert len(read_recording(tmp_path / "out" / "recording.csv")) == len(recording) - 4
+
+
+def test_a_recording_that_tells_too_little_is_kept_and_says_so(tmp_path: Path) -> None:
+    recording = by_hand(2, seed=14)
+    pieces: list[Piece] = [channels_of(recording), *pieces_of(recording, 0.1)]
+    run = run_capture(CaptureOrder(live_source(pieces), "", SourceOptions(), tmp_path / "out", imu=None))
+    assert run.calibration is None
+    assert run.refusal
+    assert kinds(tmp_path / "out")[-1] == "not_calibrated"
+    assert len(read_recording(tmp_path / "out" / "recording.csv")) == len(recording)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ("no gyro", "No gyro"),
+        ("zero gyro", "exactly zero"),
+        ("no gravity", "takes gravity out"),
+        ("in g", "cannot be in"),
+        ("slow", "Hz"),
+    ],
+)
+def test_what_is_wrong_is_said_within_two_seconds(change: str, word: str, tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    recording = by_hand(2, seed=15)
+    assert recording.specific_force is not None
+    assert recording.angular_rate is not None
+    if change == "no gyro":
+        recording = replace(recording, angular_rate=None)
+    if change == "zero gyro":
+        recording = replace(recording, angular_rate=0.0 * recording.angular_rate)
+    if change == "no gravity":
+        force = recording.specific_force - recording.specific_force.mean(axis=0)
+        recording = replace(recording, specific_force=0.01 * force)
+    if change == "in g":
+        recording = replace(recording, specific_force=recording.specific_force * 10.0)
+    channels = channels_of(recording)
+    if change == "slow":
+        channels = replace(channels, rate=250.0)
+    pieces: list[Piece] = [channels, *pieces_of(recording, 0.1)]
+    run_capture(CaptureOrder(live_source(pieces), "", SourceOptions(), tmp_path / "out", imu=None))
+    said = [e for e in events_of(tmp_path / "out") if e["event"] == "caution"]
+    assert any(word in str(one["words"]) for one in said)
+    assert all(float(str(one["t"])) < 2.05 for one in said)
+
+
+def test_targets_are_read_in_their_units() -> None:
+    found = read_targets(["accelerometer.bias=2mg", "gyro.scale=500ppm,gyro.bias=3.6deg/h"])
+    assert found["accelerometer bias"] == pytest.approx(2e-3 * 9.80665)
+    assert found["gyro scale"] == pytest.approx(5e-4)
+    assert found["gyro bias"] == pytest.approx(np.radians(1e-3))
+
+
+@pytest.mark.parametrize(
+    "text", ["bias=2mg", "accelerometer.bias=2ppm", "accelerometer.bias=-2mg", "gyro.bias="]
+)
+def test_a_target_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(UsageError, match="--target"):
+        read_targets([text])

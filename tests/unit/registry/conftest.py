@@ -1,0 +1,110 @@
+"""Registries to try: a SQLite file, and a PostgreSQL server of its own."""
+
+from __future__ import annotations
+
+import os
+import pwd
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tumble.document.result import Calibration, ParameterBlock
+from tumble.registry import Registry, open_registry
+
+REQUIRED = "TUMBLE_REQUIRE_POSTGRESQL"
+DOCUMENT = """{"format": "tumble calibration", "version": 1, "created": "2026-01-01T00:00:00+00:00",
+"software": "tumble 0.1.0", "procedure": "hand-held", "recordings": [{"name": "a.csv", "sha256": "00ff"}],
+"site": {"gravity": 9.81, "gravity_standard_uncertainty": 0.0, "gravity_source": "given", "earth_rate": 7.3e-05},
+"frame": {"name": "accelerometer-x", "description": "x"}, "not_determined": [],
+"raw_units": {"specific_force": "m/s^2", "angular_rate": "rad/s"},
+"accelerometer": {"matrix": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "bias": [0, 0, 0]}, "parameters": [],
+"covariance_parameters": [], "covariance": [], "quality": {"sigma0": 1.0, "sigma0_with_variance_components": 1.0,
+"degrees_of_freedom": 20, "largest_normalised_residual": 2.0, "coverage_factor": 2.0, "rms_hold_norm": 0.001,
+"rms_turn_angle": null, "holds": 20, "turns": 0, "variance_components": {}, "left_out": [], "optional_terms": []},
+"verdict": {"fit": true, "reasons": []}, "test_vectors": []}"""
+NAMES = ("accelerometer bias x", "accelerometer scale factor error z", "gyro bias y")
+
+
+def calibration_of(unit: str, year: float, values: np.ndarray, sigmas: np.ndarray) -> Calibration:
+    """A document of a unit at a time, with three parameters."""
+    moment = np.datetime64("2020-01-01T00:00:00") + np.timedelta64(int(year * 365.25 * 86400), "s")
+    blocks = [
+        ParameterBlock(name=name, value=float(v), standard_uncertainty=float(s), unit=u)
+        for name, v, s, u in zip(NAMES, values, sigmas, ("m/s^2", "1", "rad/s"), strict=True)
+    ]
+    base = Calibration.model_validate_json(DOCUMENT)
+    return base.model_copy(
+        update={
+            "created": f"{moment}+00:00",
+            "parameters": blocks,
+            "imu": base.imu.model_copy(update={"serial_number": unit}),
+        }
+    )
+
+
+@pytest.fixture(scope="session")
+def document() -> Callable[..., Calibration]:
+    return calibration_of
+
+
+@pytest.fixture(scope="session")
+def postgresql() -> Iterator[str]:
+    """URL of a server that was started for the tests, with a password."""
+    programs = sorted(Path("/usr/lib/postgresql").glob("*/bin"))
+    found = shutil.which("initdb")
+    folder = Path(found).parent if found else programs[-1] if programs else None
+    if folder is None:
+        if os.environ.get(REQUIRED):
+            pytest.fail("No PostgreSQL server is installed (apt-get install postgresql).")
+        pytest.skip("No PostgreSQL server is installed (apt-get install postgresql).")
+    with tempfile.TemporaryDirectory(prefix="tumble-pg-") as place:
+        home, user = Path(place), []
+        (home / "password").write_text("gehe:im@\n", encoding="utf-8")
+        if os.getuid() == 0:
+            owner = pwd.getpwnam("postgres")
+            user = ["runuser", "-u", "postgres", "--"]
+            for path in (home, home / "password"):
+                os.chown(path, owner.pw_uid, owner.pw_gid)
+
+        def run(*call: str) -> None:
+            done = subprocess.run([*user, *call], cwd=place, capture_output=True, text=True, check=False)
+            assert done.returncode == 0, done.stdout + done.stderr
+
+        data = str(home / "data")
+        init = ("-A", "scram-sha-256", "-U", "keeper", f"--pwfile={home / 'password'}", "-N")
+        run(str(folder / "initdb"), "-D", data, *init)
+        options = f"-k {place} -c listen_addresses='' -F"
+        run(str(folder / "pg_ctl"), "-D", data, "-l", str(home / "log"), "-o", options, "-w", "start")
+        try:
+            yield f"postgresql://keeper:gehe%3Aim%40@/postgres?host={place}"
+        finally:
+            run(str(folder / "pg_ctl"), "-D", data, "-m", "immediate", "-w", "stop")
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def address(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    """File or URL of an empty registry."""
+    if request.param == "sqlite":
+        yield str(tmp_path / "units.sqlite")
+        return
+    from sqlalchemy import create_engine
+
+    url = request.getfixturevalue("postgresql")
+    yield url
+    engine = create_engine(url.replace("postgresql://", "postgresql+psycopg://"))
+    with engine.begin() as connection:
+        connection.exec_driver_sql("DROP SCHEMA public CASCADE")
+        connection.exec_driver_sql("CREATE SCHEMA public")
+    engine.dispose()
+
+
+@pytest.fixture
+def registry(address: str) -> Iterator[Registry]:
+    opened = open_registry(address, make=True)
+    yield opened
+    opened.close()

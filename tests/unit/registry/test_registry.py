@@ -1,0 +1,221 @@
+"""A registry keeps what it was given, through two writers, a kill, damage and a newer version, in both databases."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tumble.document.result import Calibration
+from tumble.errors import UsageError
+from tumble.registry import Registry, RegistryError, open_registry
+from tumble.registry.exchange import export, import_lines
+from tumble.registry.store import add, counted, documents, entries, find, series
+
+SIGMAS = np.array([1e-3, 2e-4, 3e-5])
+VALUES = np.array([0.1, -0.02, 0.003])
+WRITER = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from conftest import calibration_of
+import numpy as np
+from tumble.registry import open_registry
+from tumble.registry.store import add
+for k in range(int(sys.argv[4])):
+    registry = open_registry(sys.argv[2], make=True)
+    add(registry, calibration_of(f"{sys.argv[3]}-{k % 5}", k, np.arange(3.0) + k, np.ones(3)))
+    registry.close()
+"""
+
+Document = Callable[..., Calibration]
+
+
+def test_what_is_added_comes_out_whole(registry: Registry, document: Document) -> None:
+    made = document("A", 1.0, VALUES, SIGMAS)
+    entry, new = add(registry, made, operator="Ida", remark="after repair")
+    assert new
+    assert add(registry, made)[1] is False
+    found, back = find(registry, "A")
+    assert back == made
+    assert (found.operator, found.remark, found.unit) == ("Ida", "after repair", "A")
+    assert find(registry, entry.sha256[:10])[1] == made
+    assert counted(registry) == (1, 1)
+
+
+def test_numbers_come_out_to_the_last_digit_in_the_order_of_time(
+    registry: Registry, document: Document
+) -> None:
+    rng = np.random.default_rng(1)
+    values = rng.normal(size=(4, 3))
+    for k in (2, 0, 3, 1):
+        add(registry, document("B" if k % 2 else "A", k, values[k], SIGMAS * (k + 1)))
+    (found,) = series(registry)
+    assert found.unit_names == ("A", "B")
+    assert np.array_equal(found.values, values[[0, 2, 1, 3]])
+    assert np.array_equal(found.sigmas, SIGMAS * np.array([1, 3, 2, 4])[:, None])
+    assert [name for name, _ in documents(registry)] == ["A", "B"]
+    assert [entry.unit for entry in entries(registry)] == ["B", "A", "B", "A"]
+
+
+def test_a_unit_without_a_name_and_a_document_of_another_unit_are_refused(
+    registry: Registry, document: Document
+) -> None:
+    made = document("A", 1.0, VALUES, SIGMAS)
+    nameless = made.model_copy(update={"imu": made.imu.model_copy(update={"serial_number": None})})
+    with pytest.raises(UsageError, match="--unit"):
+        add(registry, nameless)
+    add(registry, made)
+    with pytest.raises(UsageError, match="as one of unit A"):
+        add(registry, made, unit="B")
+    with pytest.raises(UsageError, match="no unit and no calibration"):
+        find(registry, "C")
+
+
+def test_it_goes_through_a_file_into_another_one(
+    registry: Registry, document: Document, tmp_path: Path
+) -> None:
+    for k in range(3):
+        add(registry, document("A", k, VALUES * k, SIGMAS), operator=f"op {k}")
+    assert export(registry, tmp_path / "all.jsonl") == 3
+    other = open_registry(str(tmp_path / "other.sqlite"), make=True)
+    assert import_lines(other, tmp_path / "all.jsonl") == (3, 0)
+    assert import_lines(other, tmp_path / "all.jsonl") == (0, 3)
+    assert entries(other) == entries(registry)
+    other.close()
+
+
+def test_a_cut_export_says_where(registry: Registry, document: Document, tmp_path: Path) -> None:
+    add(registry, document("A", 1, VALUES, SIGMAS))
+    add(registry, document("A", 2, VALUES, SIGMAS))
+    export(registry, tmp_path / "all.jsonl")
+    text = (tmp_path / "all.jsonl").read_text()
+    (tmp_path / "cut.jsonl").write_text(text[:-100])
+    other = open_registry(str(tmp_path / "other.sqlite"), make=True)
+    with pytest.raises(UsageError, match="line 3"):
+        import_lines(other, tmp_path / "cut.jsonl")
+    assert counted(other) == (1, 1)
+    other.close()
+
+
+def test_two_writers_at_once_lose_nothing(address: str) -> None:
+    """Both begin with nothing there, and so make the tables at the same time, too."""
+    here = str(Path(__file__).parent)
+    writers = [
+        subprocess.Popen([sys.executable, "-c", WRITER, here, address, name, "8"], stderr=subprocess.PIPE)
+        for name in ("one", "two")
+    ]
+    for writer in writers:
+        _, error = writer.communicate(timeout=300)
+        assert writer.returncode == 0, error.decode()
+    registry = open_registry(address)
+    assert counted(registry) == (10, 16)
+    registry.close()
+
+
+def test_a_writer_that_is_killed_leaves_whole_calibrations(address: str) -> None:
+    here = str(Path(__file__).parent)
+    writer = subprocess.Popen([sys.executable, "-c", WRITER, here, address, "one", "100000"])
+    for _ in range(600):
+        time.sleep(0.1)
+        if Path(address).exists() or "://" in address:
+            try:
+                registry = open_registry(address)
+            except (RegistryError, UsageError):
+                continue
+            _, count = counted(registry)
+            registry.close()
+            if count > 5:
+                break
+    os.kill(writer.pid, signal.SIGKILL)
+    writer.wait()
+    registry = open_registry(address)
+    units, count = counted(registry)
+    assert units == 5
+    assert count > 5
+    assert (
+        len(documents(registry, newest_only=False))
+        == count
+        == sum(len(one.created) for one in series(registry))
+    )
+    registry.close()
+
+
+def test_a_newer_version_is_left_alone(registry: Registry, address: str, document: Document) -> None:
+    add(registry, document("A", 1, VALUES, SIGMAS))
+    with registry.writing() as connection:
+        connection.exec_driver_sql("UPDATE alembic_version SET version_num = '9999'")
+    with pytest.raises(RegistryError, match="newer tumble") as caught:
+        open_registry(address)
+    assert "gehe" not in str(caught.value)
+    assert str(caught.value).count("\n") == 0
+    assert counted(registry) == (1, 1)
+
+
+# --- files
+
+
+def test_damage_is_one_sentence(tmp_path: Path, document: Document) -> None:
+    path = tmp_path / "units.sqlite"
+    registry = open_registry(str(path), make=True)
+    for k in range(30):
+        add(registry, document(f"U{k}", k, VALUES, SIGMAS))
+    registry.close()
+    whole = path.read_bytes()
+    path.write_bytes(b"rubbish" * 1000)
+    with pytest.raises(RegistryError, match="damaged"):
+        open_registry(str(path))
+    path.write_bytes(whole[: len(whole) // 2])
+
+    def read() -> None:
+        documents(open_registry(str(path)))
+
+    with pytest.raises(RegistryError, match="damaged") as caught:
+        read()
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_made_by_add_alone(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="There is no registry"):
+        open_registry(str(tmp_path / "none.sqlite"))
+    assert not (tmp_path / "none.sqlite").exists()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "mysql://me:secret@host/x",
+        "postgresql://me:secret@127.0.0.1:1/x",
+        "nonsense://a:secret@b",
+        "://secret@x",
+    ],
+)
+def test_a_wrong_address_is_one_sentence_without_the_password(name: str) -> None:
+    with pytest.raises((RegistryError, UsageError)) as caught:
+        open_registry(name)
+    assert "secret" not in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_wrong_password_is_not_repeated(postgresql: str) -> None:
+    with pytest.raises(RegistryError) as caught:
+        open_registry(postgresql.replace("gehe%3Aim%40", "falsch%21"))
+    assert "falsch" not in str(caught.value)
+    assert "password" in str(caught.value)
+
+
+def test_the_tables_are_those_that_the_migrations_make(registry: Registry) -> None:
+    from alembic.autogenerate import compare_metadata
+    from alembic.runtime.migration import MigrationContext
+
+    from tumble.registry.schema import metadata
+
+    with registry.reading() as connection:
+        differences = compare_metadata(MigrationContext.configure(connection), metadata)
+    assert differences == []

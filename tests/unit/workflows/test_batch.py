@@ -1,0 +1,133 @@
+"""A batch: what its source says, who does the work, and that nothing that is done gets lost."""
+
+from __future__ import annotations
+
+import os
+import signal
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from tumble.errors import UsageError
+from tumble.workflows.batch_source import read_source, unit_name
+from tumble.workflows.executors import hands
+
+
+def manifest(folder: Path, text: str) -> str:
+    path = folder / "lot.csv"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+# --- the source
+
+
+def test_a_folder_has_a_unit_for_each_recording_and_each_folder(tmp_path: Path) -> None:
+    (tmp_path / "u1.csv").write_text("t,ax\n")
+    (tmp_path / "u2.csv.gz").write_bytes(b"")
+    (tmp_path / "notes.md").write_text("")
+    (tmp_path / ".hidden.csv").write_text("")
+    (tmp_path / "u3").mkdir()
+    (tmp_path / "u3" / "protocol.yaml").write_text("")
+    (tmp_path / "u4").mkdir()
+    (tmp_path / "u4" / "acc.csv").write_text("")
+    (tmp_path / "u4" / "gyro.csv").write_text("")
+    tasks = {task.unit: task for task in read_source([str(tmp_path)])}
+    assert list(tasks) == ["u1", "u2", "u3", "u4"]
+    assert tasks["u3"].told == {"protocol": str(tmp_path / "u3" / "protocol.yaml")}
+    assert [Path(one).name for one in tasks["u4"].files] == ["acc.csv", "gyro.csv"]
+
+
+def test_a_pattern_and_what_a_shell_makes_of_it_are_the_same(tmp_path: Path) -> None:
+    for name in ("a1.csv", "a2.csv", "b.csv"):
+        (tmp_path / name).write_text("")
+    typed = read_source([str(tmp_path / "a*.csv")])
+    assert typed == read_source([str(tmp_path / "a1.csv"), str(tmp_path / "a2.csv")])
+    assert [task.unit for task in typed] == ["a1", "a2"]
+
+
+def test_a_manifest_says_what_holds_for_each_unit(tmp_path: Path) -> None:
+    (tmp_path / "one.csv").write_text("")
+    (tmp_path / "two.csv").write_text("")
+    text = "Unit,Files,Gravity,Temperature,Lot\nU-1,one.csv;two.csv,9.81,25,A\nU-2,gone.csv,,,B\n"
+    first, second = read_source([manifest(tmp_path, text)])
+    assert first.files == (str(tmp_path / "one.csv"), str(tmp_path / "two.csv"))
+    assert first.told == {"gravity": "9.81", "temperature": "25"}
+    assert first.more == {"lot": "A"}
+    assert first.missing == ()
+    assert second.missing == (str(tmp_path / "gone.csv"),)
+
+
+def test_a_folder_with_a_manifest_is_the_manifest(tmp_path: Path) -> None:
+    (tmp_path / "x.csv").write_text("")
+    (tmp_path / "manifest.csv").write_text("unit,files\nonly,x.csv\n")
+    assert [task.unit for task in read_source([str(tmp_path)])] == ["only"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("unit,files\na,x.csv\na,y.csv\n", "a name that another has: a"),
+        ("unit,files\na,x.csv\nA,y.csv\n", "a name that another has"),
+        ("unit,files\n,x.csv\n", "line 2: the unit has no name"),
+        ("unit,files\na,\n", "unit a has no files"),
+        ("unit,files\na,x.csv,y.csv\n", "3 cells and the first line 2"),
+        ("unit,files,gravity\na,x.csv,9.81 m/s²\n", "gravity: "),
+        ("unit,files\n../a,x.csv\n", "no name for a folder"),
+        ("unit,files,lot,lot\na,x.csv,1,2\n", "the column 'lot' twice"),
+        ("unit,files\n", "names no units"),
+        ("t,ax,ay\n1,2,3\n", "is no manifest"),
+    ],
+)
+def test_what_is_wrong_with_a_manifest_is_one_sentence(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(UsageError, match=r"^[^\n]+\.$") as caught:
+        read_source([manifest(tmp_path, text)])
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("source", ["nowhere", "nothing-*.csv"])
+def test_a_source_that_is_not_there_is_said(source: str) -> None:
+    with pytest.raises(UsageError, match=source.replace("*", r"\*")):
+        read_source([source])
+
+
+@pytest.mark.parametrize(
+    ("file", "name"), [("a/unit.17.csv.gz", "unit.17"), ("s3://b/c/u1.parquet", "u1"), ("u.zip", "u")]
+)
+def test_a_unit_is_called_as_its_file(file: str, name: str) -> None:
+    assert unit_name(file) == name
+
+
+# --- who does the work
+
+
+def work(task: int) -> int:
+    """Square; 13 kills its process, 7 does so once in four."""
+    if task == 13:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return task * task
+
+
+def lost(task: int, why: str) -> int:
+    assert "ended" in why
+    return -task
+
+
+def test_a_task_that_kills_its_process_is_lost_alone() -> None:
+    tasks = [*range(8), 13, *range(20, 26)]
+    with hands(workers=2) as crew:
+        found = sorted(crew.run(work, tasks, lost))
+    assert found == sorted([-13, *(k * k for k in tasks if k != 13)])
+
+
+def test_any_executor_does_the_work_and_is_left_open() -> None:
+    with ThreadPoolExecutor(2) as executor:
+        with hands(executor=executor) as crew:
+            assert sorted(crew.run(work, range(5), lost)) == [0, 1, 4, 9, 16]
+        assert executor.submit(work, 3).result() == 9
+
+
+def test_no_workers_are_refused() -> None:
+    with pytest.raises(UsageError, match="--workers 0"), hands(workers=0):
+        pass
