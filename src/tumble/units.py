@@ -86,6 +86,19 @@ _ANGULAR_RATE: _Table = {
     COUNTS: _COUNTS,
 }
 
+# Gauss is no unit of the SI: 1 G = 1e-4 T (SI Brochure, 8th edition, table 9). "g" and "mg" are read so only where
+# it is known that the number is a magnetic field: capitals are not told from small letters here.
+_MAGNETIC_FIELD: _Table = {
+    "T": (1.0, ("tesla", "teslas")),
+    "mT": (1e-3, ("millitesla",)),
+    "uT": (1e-6, ("microtesla", "microteslas")),
+    "nT": (1e-9, ("nanotesla", "nanoteslas", "gamma")),
+    "gauss": (1e-4, ("g", "gs", "ga")),
+    "mgauss": (1e-7, ("mg", "milligauss", "mgs", "mga")),
+    "ugauss": (1e-10, ("ug", "microgauss")),
+    COUNTS: _COUNTS,
+}
+
 _TIME: _Table = {
     "s": (1.0, ("sec", "secs", "second", "seconds")),
     "ms": (1e-3, ("msec", "msecs", "millis", "millisecond", "milliseconds")),
@@ -121,6 +134,7 @@ _ZERO_CELSIUS = {"degC": 0.0, "K": -273.15, "degF": -160.0 / 9.0}  # °C; SI Bro
 _KINDS: dict[str, _Table] = {
     "specific force": _SPECIFIC_FORCE,
     "angular rate": _ANGULAR_RATE,
+    "magnetic field": _MAGNETIC_FIELD,
     "time": _TIME,
     "velocity increment": _VELOCITY,
     "angle increment": _ANGLE,
@@ -157,7 +171,8 @@ def find_unit(kind: str, name: str) -> str | None:
 
     Parameters
     ----------
-    kind : "specific force", "angular rate", "time", "velocity increment", "angle increment" or "temperature".
+    kind : "specific force", "angular rate", "magnetic field", "time", "velocity increment", "angle increment" or
+        "temperature".
     name : the unit as the user or a file's header spells it.
     """
     return _INDEX[kind].get(_plain(name))
@@ -201,6 +216,22 @@ def angular_rate_factor(unit: str) -> float | None:
         If the unit is not known; the message lists those that are.
     """
     return _factor("angular rate", unit)
+
+
+def magnetic_field_factor(unit: str) -> float | None:
+    """Return the factor from a unit of magnetic field (flux density) to tesla, or None for counts.
+
+    Raises
+    ------
+    UsageError
+        If the unit is not known; the message lists those that are.
+
+    Examples
+    --------
+    >>> magnetic_field_factor("µT"), magnetic_field_factor("Gauss")
+    (1e-06, 0.0001)
+    """
+    return _factor("magnetic field", unit)
 
 
 def time_factor(unit: str) -> float:

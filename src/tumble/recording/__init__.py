@@ -20,6 +20,7 @@ from tumble.recording.gravity_check import (
     gyro_scale_from_gravity,
     unit_of_scale,
 )
+from tumble.recording.magnetic_field import MagneticField
 from tumble.recording.reading import read_blocks, read_recording, read_recordings
 from tumble.recording.recording import Recording, Remark, Source
 
@@ -27,6 +28,7 @@ __all__ = [
     "AxisAgreement",
     "Findings",
     "GyroScale",
+    "MagneticField",
     "Recording",
     "Remark",
     "Source",

@@ -8,7 +8,15 @@ from dataclasses import dataclass, replace
 from tumble.errors import UsageError
 from tumble.units import find_unit, known_units
 
-_KINDS = ("specific force", "angular rate", "time", "velocity increment", "angle increment", "temperature")
+_KINDS = (
+    "specific force",
+    "angular rate",
+    "magnetic field",
+    "time",
+    "velocity increment",
+    "angle increment",
+    "temperature",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,6 +25,7 @@ class DeclaredUnits:
 
     specific_force: str | None = None
     angular_rate: str | None = None
+    magnetic_field: str | None = None
     time: str | None = None
     velocity_increment: str | None = None
     angle_increment: str | None = None
@@ -26,8 +35,9 @@ class DeclaredUnits:
 def read_units_option(option: str | Sequence[str] | None) -> DeclaredUnits:
     """Return the units that an option such as ``g,deg/s,ms``, ``counts``, ``m/s,rad`` or ``degF`` declares.
 
-    The words may stand in any order, for each says what it is a unit of; ``counts`` (or ``si``) alone
-    stands for both triads, as the first word for the accelerometer and as the second for the gyro.
+    The words may stand in any order, for each says what it is a unit of; ``counts`` (or ``si``) alone stands for every
+    triad, as the first word for the accelerometer, as the second for the gyro and as the third for the magnetometer.
+    ``g`` and ``mg`` are the accelerometer's, and only after a unit of the accelerometer the magnetometer's gauss.
 
     Raises
     ------
@@ -45,8 +55,8 @@ def read_units_option(option: str | Sequence[str] | None) -> DeclaredUnits:
         if not kinds:
             known = "; ".join(f"{k}: {', '.join(known_units(k))}" for k in _KINDS)
             raise UsageError(f"--units: {word!r} is not a known unit. Known are {known}.")
-        if len(kinds) > 1:  # counts and si are units of both triads
-            kinds = kinds if len([w for w in words if w]) == 1 else [kinds[min(position, 1)]]
+        if len(kinds) > 1:
+            kinds = _meant(word, kinds, position, declared, alone=len([w for w in words if w]) == 1)
         for kind in kinds:
             field = kind.replace(" ", "_")
             if getattr(declared, field) is not None:
@@ -59,3 +69,11 @@ def read_units_option(option: str | Sequence[str] | None) -> DeclaredUnits:
     if declared.angular_rate and declared.angle_increment:
         raise UsageError("--units declares the gyro both as angular rate and as angle increments.")
     return declared
+
+
+def _meant(word: str, kinds: list[str], position: int, declared: DeclaredUnits, *, alone: bool) -> list[str]:
+    """Return which of several quantities a word is the unit of: counts and si are of every triad, G is gauss too."""
+    if find_unit("angular rate", word):
+        return kinds if alone else [kinds[min(position, len(kinds) - 1)]]
+    has_force = declared.specific_force is not None or declared.velocity_increment is not None
+    return [kinds[-1] if has_force else kinds[0]]

@@ -14,6 +14,7 @@ import numpy as np
 
 from tumble.arrays import Series, Vectors
 from tumble.recording.clock import Clock, clock_of_stamps
+from tumble.recording.magnetic_field import MagneticField
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +55,7 @@ class Recording:
     gaps : indices i where samples are missing between i - 1 and i.
     temperature_unit : what the file or the user says that the temperature was in, None if nobody does.
     said_clock : the clock that the stamps are from, as far as who made the recording knows it; else None.
+    magnetic_field : the magnetometer's samples at their own stamps, raw, or None without a magnetometer.
     """
 
     time: Series
@@ -68,6 +70,7 @@ class Recording:
     gaps: tuple[int, ...] = ()
     temperature_unit: str | None = None
     said_clock: Clock | None = None
+    magnetic_field: MagneticField | None = None
 
     def __len__(self) -> int:
         return int(self.time.shape[0])
@@ -112,12 +115,21 @@ class Recording:
             gaps=tuple(i - start for i in self.gaps if start < i < stop),
             temperature_unit=self.temperature_unit,
             said_clock=self.said_clock,
+            magnetic_field=self._field_between(start, stop),
         )
+
+    def _field_between(self, start: int, stop: int) -> MagneticField | None:
+        """Return the field from the first sample's time up to that of the first sample that is left out."""
+        if self.magnetic_field is None:
+            return None
+        begin = -np.inf if start == 0 else float(self.time[start])
+        return self.magnetic_field.within(begin, np.inf if stop == len(self) else float(self.time[stop]))
 
     def without_rows(self, keep: np.ndarray) -> Recording:
         """Return the recording with only the rows where the boolean array `keep` is true."""
         index = np.flatnonzero(keep)
         moved = np.searchsorted(index, np.asarray(self.gaps, dtype=int))
+        magnetic = self.magnetic_field
         return Recording(
             time=self.time[index],
             specific_force=None if self.specific_force is None else self.specific_force[index],
@@ -131,4 +143,5 @@ class Recording:
             gaps=tuple(int(i) for i in np.unique(moved) if 0 < i < index.size),
             temperature_unit=self.temperature_unit,
             said_clock=self.said_clock,
+            magnetic_field=None if magnetic is None else magnetic.beside(self.time, keep),
         )

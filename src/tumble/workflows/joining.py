@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
-from tumble.recording import Recording, Remark
+from tumble.recording import MagneticField, Recording, Remark
+from tumble.recording.magnetic_field import joined_fields
 
 if TYPE_CHECKING:
     from tumble.calibration.session import Session
@@ -283,6 +284,7 @@ def _require_same_columns(recordings: list[Recording]) -> None:
 
 def _concatenated(recordings: list[Recording]) -> tuple[Recording, list[Span]]:
     times: list[np.ndarray] = []
+    magnetic: list[MagneticField | None] = []
     gaps: list[int] = []
     spans: list[Span] = []
     end, samples = 0.0, 0
@@ -290,6 +292,8 @@ def _concatenated(recordings: list[Recording]) -> tuple[Recording, list[Span]]:
         moved = recording.time - recording.time[0] + (end + PAUSE if number else 0.0)
         gaps += [samples + gap for gap in recording.gaps] + ([samples] if number else [])
         times.append(moved)
+        field = recording.magnetic_field
+        magnetic.append(None if field is None else field.moved(float(moved[0] - recording.time[0])))
         end, samples = float(moved[-1]), samples + len(recording)
         spans.append((float(moved[0]), end))
 
@@ -313,5 +317,6 @@ def _concatenated(recordings: list[Recording]) -> tuple[Recording, list[Span]]:
         gaps=tuple(sorted(gaps)),
         temperature_unit=first.temperature_unit,
         said_clock=max((recording.clock for recording in recordings), key=lambda clock: clock.sigma),
+        magnetic_field=joined_fields(magnetic),
     )
     return whole, spans

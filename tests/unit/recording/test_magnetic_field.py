@@ -1,0 +1,107 @@
+"""The magnetometer's samples of a recording: cut, moved and joined with it."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tumble.errors import UsageError
+from tumble.recording import MagneticField, Recording
+from tumble.recording.declared import read_units_option
+from tumble.recording.magnetic_field import joined_fields
+from tumble.units import find_unit, magnetic_field_factor
+from tumble.workflows.joining import join_recordings
+
+
+def slow_field(seconds: float = 10.0, rate: float = 20.0, begin: float = 0.013) -> MagneticField:
+    time = begin + np.arange(int(seconds * rate)) / rate
+    return MagneticField(time, np.column_stack([time, 2.0 * time, -3.0 * time]), "uT")
+
+
+def recording(seconds: float = 10.0, rate: float = 100.0) -> Recording:
+    time = np.arange(int(seconds * rate)) / rate
+    rows = np.column_stack([time, time + 1.0, time + 2.0])
+    return Recording(time, rows, 0.1 * rows, "m/s^2", "rad/s", rate, magnetic_field=slow_field(seconds))
+
+
+def test_pieces_of_a_recording_share_out_the_samples_of_the_field() -> None:
+    whole = recording()
+    cuts = [0, 137, 500, 501, 1000]
+    pieces = [whole.between(a, b) for a, b in itertools.pairwise(cuts)]
+    fields = [piece.magnetic_field for piece in pieces if piece.magnetic_field is not None]
+    together = joined_fields(list(fields))
+    assert whole.magnetic_field is not None
+    assert together is not None
+    assert np.array_equal(together.time, whole.magnetic_field.time)
+    assert np.array_equal(together.values, whole.magnetic_field.values)
+    for piece in pieces:
+        if piece.magnetic_field is not None:
+            assert piece.time[0] <= piece.magnetic_field.time[0]
+    assert pieces[2].magnetic_field is None  # one row of 10 ms lies between two samples of the field
+
+
+def test_rows_left_out_leave_out_the_samples_of_the_field_beside_them() -> None:
+    whole = recording()
+    keep = (whole.time < 3.0) | (whole.time > 6.0)
+    field = whole.without_rows(keep).magnetic_field
+    assert field is not None
+    assert not np.any((field.time > 3.01) & (field.time < 5.99))
+    assert np.count_nonzero(field.time < 3.0) == np.count_nonzero(slow_field().time < 3.0)
+    assert np.count_nonzero(field.time > 6.01) == np.count_nonzero(slow_field().time > 6.01)
+    assert whole.without_rows(np.zeros(len(whole), bool)).magnetic_field is None
+
+
+def test_joined_recordings_move_the_stamps_of_the_field_with_their_own() -> None:
+    first, second = recording(), recording(4.0)
+    whole, spans = join_recordings(
+        [first, replace(second, time=second.time + 50.0, magnetic_field=slow_field(4.0, begin=50.02))]
+    )
+    assert whole.magnetic_field is not None
+    assert len(whole.magnetic_field) == 200 + 80
+    assert whole.magnetic_field.time[200] == pytest.approx(spans[1][0] + 0.02)
+    assert join_recordings([first, replace(second, magnetic_field=None)])[0].magnetic_field is None
+
+
+def test_rate_of_the_field_is_its_own() -> None:
+    field = recording().magnetic_field
+    assert field is not None
+    assert field.rate == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize(
+    ("spelling", "unit", "factor"),
+    [
+        ("T", "T", 1.0),
+        ("mT", "mT", 1e-3),
+        ("µT", "uT", 1e-6),
+        ("μT", "uT", 1e-6),
+        ("uT", "uT", 1e-6),
+        ("nT", "nT", 1e-9),
+        ("Gauss", "gauss", 1e-4),
+        ("G", "gauss", 1e-4),
+        ("mG", "mgauss", 1e-7),
+        ("mGauss", "mgauss", 1e-7),
+        ("LSB", "counts", None),
+    ],
+)
+def test_units_of_magnetic_field(spelling: str, unit: str, factor: float | None) -> None:
+    assert find_unit("magnetic field", spelling) == unit
+    assert magnetic_field_factor(spelling) == factor
+
+
+def test_units_option_declares_the_magnetometer_too() -> None:
+    assert read_units_option("g,deg/s,uT").magnetic_field == "uT"
+    assert read_units_option("uT,deg/s,g").specific_force == "g"
+    assert read_units_option("m/s^2,mG").magnetic_field == "mgauss"
+    assert read_units_option("g,dps,G").magnetic_field == "gauss"
+    assert read_units_option("mg").specific_force == "mg"
+    assert read_units_option("mg").magnetic_field is None
+    raw = read_units_option("counts")
+    assert (raw.specific_force, raw.angular_rate, raw.magnetic_field) == ("counts",) * 3
+    third = read_units_option("g,deg/s,counts")
+    assert (third.specific_force, third.angular_rate, third.magnetic_field) == ("g", "deg/s", "counts")
+    with pytest.raises(UsageError, match="two units of magnetic field"):
+        read_units_option("uT,gauss")
