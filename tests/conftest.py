@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
+import inspect
 import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 # Before tumble.arrays is first imported. The slow tests set it empty: they run the same code at length, unchecked.
 os.environ.setdefault("TUMBLE_CHECK_SHAPES", "1")
@@ -16,6 +19,7 @@ os.environ.setdefault("PYTHONWARNINGS", "error::RuntimeWarning")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line sets it; before numpy is imported
 
 import hypothesis
+import jaxtyping
 import pytest
 from jaxtyping import install_import_hook
 
@@ -39,6 +43,46 @@ CHECKED_ROOMS = (
 
 # An int is a float, as type checkers have it (PEP 484).
 CHECKER = "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))"
+# Of each function, in each test. A solver makes thousands of calls: to check them all doubled the time of the suite.
+CHECKED_CALLS = 20
+
+
+class _CheckedFirst:
+    """Checks the first calls of every function in each test."""
+
+    test = 0
+    checking = staticmethod(jaxtyping.jaxtyped)
+
+    @classmethod
+    def jaxtyped(cls, *, typechecker: Any) -> Callable[[Any], Any]:
+        """Return what decorates a function or a class so that its first calls in a test are checked."""
+
+        def decorate(made: Any) -> Any:
+            if not inspect.isclass(made):
+                return cls._first(made, cls.checking(made, typechecker=typechecker))
+            plain: Any = made.__init__
+            checked = cls.checking(made, typechecker=typechecker)
+            if checked.__init__ is not plain:
+                checked.__init__ = cls._first(plain, checked.__init__)
+            return checked
+
+        return decorate
+
+    @classmethod
+    def _first(cls, plain: Callable[..., Any], checked: Callable[..., Any]) -> Callable[..., Any]:
+        test, calls = -1, 0
+
+        @functools.wraps(plain)
+        def call(*arguments: Any, **named: Any) -> Any:
+            nonlocal test, calls
+            if test != cls.test:
+                test, calls = cls.test, 0
+            if calls >= CHECKED_CALLS:
+                return plain(*arguments, **named)
+            calls += 1
+            return checked(*arguments, **named)
+
+        return call
 
 
 def check_shapes() -> None:
@@ -46,6 +90,7 @@ def check_shapes() -> None:
     already = [name for name in sys.modules if name.startswith("tumble.")]
     if already:
         raise RuntimeError(f"{already[0]} was imported before its shapes could be checked.")
+    jaxtyping.jaxtyped = _CheckedFirst.jaxtyped
     hook = install_import_hook([f"tumble.{room}" for room in CHECKED_ROOMS], CHECKER).hook
     instruments = hook.should_instrument
     # Run as Python they hold sources of Cython, whose annotations are C types.
@@ -54,6 +99,12 @@ def check_shapes() -> None:
 
 if os.environ["TUMBLE_CHECK_SHAPES"]:
     check_shapes()
+
+
+def pytest_runtest_setup() -> None:
+    """Check the first calls anew."""
+    _CheckedFirst.test += 1
+
 
 hypothesis.settings.register_profile(
     "tumble",

@@ -56,7 +56,14 @@ def session_by_hand(folder: Path) -> np.ndarray:
     return np.loadtxt(folder / "recording.csv", delimiter=",", skiprows=1)
 
 
-@pytest.mark.parametrize("page", PAGES)
+# An hour of a turntable is simulated and calibrated twice.
+LONG = ("tutorials/turntable.md",)
+
+
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, marks=[pytest.mark.slow] if page in LONG else []) for page in PAGES],
+)
 def test_a_tutorial_s_commands_run_and_print_what_it_shows(page: str, tmp_path: Path) -> None:
     # Programs of their own, where shapes are not checked: what a user waits for.
     plain = {"COLUMNS": "160", "NO_COLOR": "1", "TUMBLE_CHECK_SHAPES": ""}

@@ -22,6 +22,7 @@ def test_the_page_has_every_item() -> None:
     assert list(SAID) == [name for name in ITEMS if name.startswith("zhang")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(set(SAID) - ELSEWHERE))
 def test_as_many_rows_are_inside_as_the_page_says(name: str) -> None:
     inside, judged = run_item(ITEMS[name], 500, 0).counts

@@ -20,6 +20,8 @@ from tumble_papers.savage.strapdown_simulation import (
     run_study,
 )
 
+pytestmark = pytest.mark.slow
+
 RUNS = 80
 ORDER = ("kappa_lin", "kappa_asym", "upsilon", "lambda_bias", "mu", "lambda_lin", "lambda_asym")
 FIGURES = [

@@ -30,6 +30,8 @@ RANGES = [
 ]
 CHOSEN = {"3": (9.0, 17.0), "4": (1.8, 3.4)}
 
+pytestmark = pytest.mark.slow
+
 
 def generator(*seed: int) -> np.random.Generator:
     return np.random.Generator(np.random.SFC64(seed))

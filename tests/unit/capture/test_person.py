@@ -27,6 +27,7 @@ def test_the_unit_at_rest_shows_gravity_and_in_a_turn_its_rate() -> None:
     assert np.max(np.linalg.norm(true_rate, axis=1)) > 0.5
 
 
+@pytest.mark.slow
 def test_a_person_with_flaws_reaches_a_target_by_the_guide(tmp_path: Path) -> None:
     flaws = Flaws(too_short=0.1, creeping=0.1, unplugged=0.05)
     grade = find_grade("consumer-mems")
