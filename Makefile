@@ -61,9 +61,10 @@ fuzz: $(DEV) bytecode  ## Try 20,000 changed files and calls, 200 kills, failing
 	$(BIN)/python -m tests.faults --hostile '*'
 
 .PHONY: lint
-lint: $(DEV)  ## Check style and layout of the code (ruff)
+lint: $(DEV)  ## Check style and layout of the code (ruff), and the words of messages and pages
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
+	$(BIN)/python docs/site/words.py
 
 .PHONY: format
 format: $(DEV)  ## Bring the code into layout, mending what can be mended

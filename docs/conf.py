@@ -95,6 +95,7 @@ CONTENTS = {
     "Reference": ["python", "conventions", "glossary", "contract", "reference/rooms/index"],
     "For those who work on it": [
         "architecture",
+        "style",
         "decisions/index",
         "decisions/*",
         "reference/contributing",

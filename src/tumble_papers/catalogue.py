@@ -152,10 +152,10 @@ def _zhang_items() -> list[Item]:
     ]
     items += _zhang_navigation_items()
     items += [
-        Item("zhang-sensitivity", "where a norm tells most of each parameter", reproduce_sensitivity, None),
+        Item("zhang-sensitivity", "where a norm shows most of each parameter", reproduce_sensitivity, None),
         Item(
             "zhang-designs",
-            "what sets of poses tell, the paper's and better ones",
+            "what sets of poses determine, the paper's and better ones",
             reproduce_designs,
             500,
             2.0,

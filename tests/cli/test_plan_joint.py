@@ -53,7 +53,14 @@ def test_a_protocol_file_is_judged_as_it_is(tumble: Any, short: Path, tmp_path: 
     answer = tumble("plan", short, "--imu", "tactical", "-o", tmp_path / "plan")
     assert answer.status == 0, answer
     said = " ".join(answer.out.split())
-    for words in ("3 holds, 1 rotations", "accelerometer bias", "not told", "Not told better", "Next:", "µg"):
+    for words in (
+        "3 holds, 1 rotations",
+        "accelerometer bias",
+        "not determined",
+        "Not determined better",
+        "Next:",
+        "µg",
+    ):
         assert words in said, words
     assert {one.name for one in (tmp_path / "plan").iterdir()} == {"protocol.yaml", "plan.json", "sheet.html"}
     document = json.loads((tmp_path / "plan" / "plan.json").read_text(encoding="utf-8"))
@@ -92,7 +99,7 @@ def test_the_next_step_after_a_recording_is_said(tumble: Any, tmp_path: Path) ->
     assert answer.status == 0, answer
     said = " ".join(answer.out.split())
     assert "4 holds" in said
-    assert "Not told yet" in said
+    assert "Not determined yet" in said
     assert "Next: " in said
 
 

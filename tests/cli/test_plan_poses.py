@@ -78,7 +78,7 @@ def test_the_schemes_of_the_papers_stand_beside_the_plan(tumble: Any) -> None:
         "µg",
     ):
         assert words in said
-    assert "six faces: does not tell" in said
+    assert "six faces: does not determine" in said
 
 
 def test_a_recording_of_five_faces_wants_the_sixth(tumble: Any, tmp_path: Path) -> None:
@@ -89,10 +89,10 @@ def test_a_recording_of_five_faces_wants_the_sixth(tumble: Any, tmp_path: Path) 
     assert answer.status == 0, answer
     said = " ".join(answer.out.split())
     assert "5 different poses" in said
-    assert "Not told yet" in said
+    assert "Not determined yet" in said
     assert "Next: -x up" in said
     aimed = tumble(*COMMAND, "--given", tmp_path / "five" / "recording.csv", "-q", "--for", "bias y")
-    assert "Not told yet" not in aimed.out
+    assert "Not determined yet" not in aimed.out
 
 
 def test_what_a_jig_does_not_reach_is_said_in_words(tumble: Any, tmp_path: Path) -> None:
@@ -109,12 +109,12 @@ def test_what_a_jig_does_not_reach_is_said_in_words(tumble: Any, tmp_path: Path)
     answer = tumble(*COMMAND, "--reach", enough, "-v")
     assert "stop 9" in answer.out
     level = tumble(*COMMAND, "--reach", "two-axis", "--outer", "0,0,45")
-    is_told(level, 2, "two-axis fixture", "does not tell")
+    is_told(level, 2, "two-axis fixture", "does not determine")
 
 
 def test_wrong_input_is_refused_in_one_sentence(tumble: Any, tmp_path: Path) -> None:
     for options, words in (
-        (("--poses", 8), ("8 poses tell 8 numbers", "9 poses or more")),
+        (("--poses", 8), ("8 poses determine 8 numbers", "9 poses or more")),
         (("--poses", 0), ("--poses 0",)),
         (("--poses", 9, "--time", 5), ("not both",)),
         (("--time", 0.5), ("too short for the 9 poses",)),

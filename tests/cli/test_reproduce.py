@@ -66,7 +66,7 @@ def test_an_item_of_the_other_paper_is_printed_beside_it(tumble: Any) -> None:
     assert "Zhang et al. 2010" in answer.out
     (row,) = re.findall(r"^all nine parameters +8, 10, 12-18 .*$", answer.out, re.M)
     assert "refused" in row
-    assert "do not tell all 9 unknowns apart" in row
+    assert "do not determine all 9 unknowns" in row
     assert re.search(r"^\d+ of 19 rows inside\.", answer.out, re.M)
 
 

@@ -64,7 +64,7 @@ def key_table(keys: dict[str, Key]) -> str:
 
 
 def mistakes() -> str:
-    rows = ["| instead of | somebody wrote | and is told |", "|---|---|---|"]
+    rows = ["| instead of | somebody wrote | and reads |", "|---|---|---|"]
     with tempfile.TemporaryDirectory() as folder:
         path = examples(Path(folder))[0]
         good = path.read_text(encoding="utf-8")

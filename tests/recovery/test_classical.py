@@ -170,7 +170,7 @@ def test_a_gyro_that_does_not_see_the_earth_gets_its_bias_alone() -> None:
     ]
     sigma = next(p.standard_uncertainty for p in estimate.parameters if p.name == "gyro bias y")
     assert sigma == pytest.approx(1e-3 / math.sqrt(6.0), rel=0.02)  # the Earth rate adds a little
-    assert any("Of the gyro the six poses tell the bias alone" in s for s in estimate.remarks)
+    assert any("The six poses determine only the bias of the gyro" in s for s in estimate.remarks)
 
 
 def test_without_headings_the_improved_test_takes_of_the_gyro_what_the_vertical_tells() -> None:
@@ -420,7 +420,7 @@ def test_one_way_only_is_objected_to_and_one_rate_without_rest_is_refused() -> N
     assert sum("one way only" in s for s in one_way.objections) == 3
     table = Table(FACES, (1.0,))
     table.matching = Matching((), table.matching.spins, (), ())
-    with pytest.raises(ObservabilityError, match="bias and scale factor cannot be told apart"):
+    with pytest.raises(ObservabilityError, match="bias and scale factor cannot be separated"):
         table.rate_table()
 
 

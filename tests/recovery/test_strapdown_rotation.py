@@ -272,7 +272,7 @@ def test_a_heading_off_by_a_quarter_turn_is_told_where_the_gyros_see_the_earth(
     wrong = calibrated(recording, replace(PROTOCOL, steps=strapdown_rotation_steps(0.0)))
     assert not right.objections
     (sentence,) = wrong.objections
-    assert "from where the protocol has it: put right the heading of the fixture" in sentence
+    assert "from where the protocol has it. Put right the heading of the fixture" in sentence
     off = float(sentence.split("puts north ")[1].split("°")[0])
     assert abs(off + 90.0) < bound
 
@@ -290,7 +290,7 @@ def test_a_latitude_that_the_gyros_contradict_is_told(latitude: float) -> None:
     recording, _, _ = noisy("ring-laser")
     site = replace(SITE, latitude=np.radians(latitude))
     assert any(
-        "rad/s more of the Earth rate upwards than the latitude gives: the site is another one (--site)"
+        "rad/s more of the Earth rate upwards than the latitude gives. Either the site is another one (--site)"
         in text
         for text in calibrated(recording, site=site).objections
     )
@@ -381,7 +381,7 @@ def test_missing_sequences_are_named_with_the_errors_that_no_other_tells() -> No
     for name, steps in (("3a", "steps 21 to 23"), ("9", "steps 58 to 60")):
         assert f"Sequence {name} was not found: its start and its end ({steps}) are missing." in said
     words = " ".join(estimate.not_determined)
-    assert "do not tell mu zx (Savage's names)" in words
+    assert "do not determine mu zx (Savage's names)" in words
     assert "asymmetry of gyro z was not measured (it needs the sequences 3 and 3a)" in words
     sigma = dict(zip(estimate.names, np.sqrt(np.diag(estimate.covariance)), strict=True))
     # 1000 ppm are believed; those of x and y are told by 1 to 2a as ever
@@ -430,7 +430,9 @@ def test_six_sequences_alone_give_what_they_tell_and_name_the_rest() -> None:
     recording, truth = recorded(protocol=protocol, grade=find_grade("ring-laser"))
     estimate = calibrated(recording, protocol)
     assert len(estimate.shown(Sequences).fits) == 6
-    assert any("do not tell upsilon yz, upsilon zx, upsilon xy" in text for text in estimate.not_determined)
+    assert any(
+        "do not determine upsilon yz, upsilon zx, upsilon xy" in text for text in estimate.not_determined
+    )
     assert max(map(abs, normalised(estimate, truth).values())) < 4.5
 
 

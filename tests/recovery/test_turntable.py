@@ -369,7 +369,7 @@ def test_an_axis_that_stays_vertical_is_objected_to_with_the_way_out() -> None:
     )
     estimate = calibrated(recording, upright)
     objection = " ".join(estimate.objections)
-    assert "do not tell how the gyros stand against the accelerometers" in objection
+    assert "do not determine how the gyros stand against the accelerometers" in objection
     assert "stood within 0.0° of the vertical" in objection
     assert "Tilt the table's axis by 30° or more" in objection
     assert any("rotation between the triads is not determined" in words for words in estimate.not_determined)

@@ -121,10 +121,10 @@ def add_bias_drift(
         estimate.said[:] = [one for one in estimate.said if not one.text.startswith(words)]
         estimate.say(
             "caution",
-            f"{words} {np.degrees(drift.change):+.2g} °/s from the first hold to the last "
-            f"(time constant about {drift.constant:.2g} s), as of a unit that warms up: the stated bias is a mean, "
-            f"and its uncertainty counts the {np.degrees(abs(drift.left)):.2g} °/s that the last hold is off it. Let "
-            "the unit warm up before recording.",
+            f"{words} {np.degrees(drift.change):+.2g} °/s from the first hold to the last (time "
+            f"constant about {drift.constant:.2g} s), as of a unit that warms up. The stated bias is "
+            f"a mean. Its uncertainty counts the {np.degrees(abs(drift.left)):.2g} °/s that the last "
+            "hold is off it. Let the unit warm up before recording.",
         )
     return {drift.axis for drift in drifts}
 

@@ -66,8 +66,8 @@ def about_sheet(name: str, values: Series, sigmas: Series, prior: Prior) -> tupl
     remarks: list[str] = []
     if untold:
         remarks.append(
-            f"Of the {name}s the recording tells next to nothing of {', '.join(untold)}: the values and their "
-            "uncertainties are the data sheet's."
+            f"Of the {name}s the recording determines next to nothing of {', '.join(untold)}: the "
+            "values and their uncertainties are the data sheet's."
         )
     # What the data add makes the estimate differ from the prior with the variance that they took away.
     spread = np.sqrt(np.maximum(before**2 - sigmas**2, (1e-6 * before) ** 2))

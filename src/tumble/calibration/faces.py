@@ -37,7 +37,7 @@ def match_faces(means: HoldMeans, site: Site) -> tuple[Protocol, Matching]:
     from tumble.segmentation.matching import MatchedHold, Matching
 
     if means.specific_force is None:
-        raise ObservabilityError("The recording has no accelerometer: nothing tells which face is up.")
+        raise ObservabilityError("The recording has no accelerometer: nothing shows which face is up.")
     named = named_protocol("six-position")
     sigma = next(step.pose.sigma for step in named.steps if isinstance(step, HoldStep) and step.pose)
     rough = triad_from_unknowns(rough_triad(means.specific_force, site.gravity))
@@ -54,8 +54,9 @@ def match_faces(means: HoldMeans, site: Site) -> tuple[Protocol, Matching]:
     holds = tuple(MatchedHold(step, int(hold)) for step, hold in enumerate(np.flatnonzero(is_face)))
     extra = tuple(int(hold) for hold in np.flatnonzero(~is_face))
     assumed = (
-        f"No protocol was given: {len(steps)} holds were taken for the face that is nearest to up, and to be level "
-        f"within {np.degrees(sigma):.2g}° (one standard deviation); a protocol file can say how well they were."
+        f"No protocol was given: {len(steps)} holds were taken for the face that is nearest to up. "
+        f"They are believed level within {np.degrees(sigma):.2g}° (one standard deviation). A "
+        "protocol file can state how level they were."
     )
     remarks = [assumed]
     if extra:

@@ -126,8 +126,8 @@ def calibrate_joint(
     base, has_gyro = gather_what_there_is(recording, timeline, means)
     if poses is None and frame == "fixture":
         raise ObservabilityError(
-            f"No pose is believed, so that nothing tells the frame {frame!r}: give a protocol whose holds have poses "
-            "with a small sigma, or leave the frame as it is."
+            f"No pose is believed, so that nothing determines the frame {frame!r}: give a protocol "
+            "whose holds have poses with a small sigma, or leave the frame as it is."
         )
     broken: list[str] = []
     data = observe(base, u, _rotations(base, u, rotations, broken))
@@ -292,10 +292,10 @@ def _refuse_nothing_told(untold: Untold, *, partly: bool) -> None:
     """Refuse a recording that does not even tell biases and scale factors of the accelerometers, or not everything."""
     if not partly:
         raise ObservabilityError(
-            f"it needs a motion that tells all of both triads. {' '.join(untold.sentences[:1])}"
+            f"it needs a motion that determines all of both triads. {' '.join(untold.sentences[:1])}"
         )
     if np.all(np.isin(LAYOUT.indices("force.bias", "force.scale"), untold.unknowns)):
-        raise ObservabilityError(f"The holds tell nothing of the accelerometers. {untold.sentences[0]}")
+        raise ObservabilityError(f"The holds determine nothing of the accelerometers. {untold.sentences[0]}")
 
 
 def _seen_on_table(task: JointAdjustment) -> list[str]:

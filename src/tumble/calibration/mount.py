@@ -142,9 +142,9 @@ def check_poses(level: Vector, pitched: Vector, names: tuple[str, str] = (LEVEL,
         )
     if axis != 2:
         raise ObservabilityError(
-            "With the mount level the unit's z axis has to be down (or up), but "
-            f"{names[0]} has {AXES[axis]} {_up(sign)}: the unit "
-            "is mounted another way, or the columns are in another order (--columns)."
+            f"With the mount level the unit's z axis has to be down (or up), but {names[0]} has "
+            f"{AXES[axis]} {_up(sign)}. The unit is mounted another way, or the columns are in "
+            "another order (--columns)."
         )
     if other_axis == 0 and other_sign < 0:
         raise ObservabilityError(
@@ -152,16 +152,16 @@ def check_poses(level: Vector, pitched: Vector, names: tuple[str, str] = (LEVEL,
         )
     if other_axis != 0:
         raise ObservabilityError(
-            "With the mount pitched by 90° about y the unit's x axis has to be up, but "
-            f"{names[1]} has {AXES[other_axis]} {_up(other_sign)}: the mount was turned "
-            "about another axis, or the unit is mounted another way."
+            f"With the mount pitched by 90° about y the unit's x axis has to be up, but {names[1]} "
+            f"has {AXES[other_axis]} {_up(other_sign)}. The mount was turned about another axis, or "
+            "the unit is mounted another way."
         )
     for name, farthest in ((names[0], off), (names[1], other_off)):
         if farthest > LARGEST_MISALIGNMENT:
             raise ObservabilityError(
-                f"In {name} the unit's axis is {np.degrees(farthest):.0f}° from the vertical: the unit is mounted "
-                "at an angle, or the mount was not level; up to "
-                f"{np.degrees(LARGEST_MISALIGNMENT):.0f}° are taken for a misalignment."
+                f"In {name} the unit's axis is {np.degrees(farthest):.0f}° from the vertical. Up to "
+                f"{np.degrees(LARGEST_MISALIGNMENT):.0f}° are taken for a misalignment. Either the "
+                "unit is mounted at an angle, or the mount was not level."
             )
 
 

@@ -61,7 +61,9 @@ def find_untold(normal: Square, u: Unknowns) -> Untold | None:
         return None
     sentences = [_in_words(direction, free) for direction in directions[:MOST_COMBINATIONS]]
     if len(directions) > MOST_COMBINATIONS:
-        sentences.append(f"Not told: {len(directions) - MOST_COMBINATIONS} more combinations like these.")
+        sentences.append(
+            f"Not determined: {len(directions) - MOST_COMBINATIONS} more combinations like these."
+        )
     return Untold(free[without], directions, list(dict.fromkeys(sentences)))
 
 
@@ -128,4 +130,4 @@ def _in_words(direction: WeakDirection, free: np.ndarray) -> str:
     if len(indices) > 4:
         what += f" with {len(indices) - 4} more"
     mended = list(dict.fromkeys(LAYOUT.remedy(i) for i in indices))[:2]
-    return f"Not told by the motion: {what}. What would tell it: {'; or '.join(mended)}."
+    return f"Not determined by the motion: {what}. What would determine it: {'; or '.join(mended)}."

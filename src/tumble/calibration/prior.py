@@ -74,7 +74,8 @@ def find_contradiction(prior: StableKnowledge, own: StableKnowledge) -> str | No
         return None
     worst = float(np.max(np.abs(difference) / np.sqrt(np.diag(spread))))
     return (
-        f"The prior contradicts the recording: its non-orthogonalities differ from what these poses tell by up to "
-        f"{1e3 * np.max(np.abs(difference)):.2g} mrad, {worst:.0f} standard uncertainties. It is another unit's, or "
-        "this unit has been dropped: calibrate without --prior."
+        "The prior contradicts the recording: its non-orthogonalities differ from those of these "
+        f"poses by up to {1e3 * np.max(np.abs(difference)):.2g} mrad, {worst:.0f} standard "
+        "uncertainties. It is another unit's, or this unit has been dropped: calibrate without "
+        "--prior."
     )

@@ -126,16 +126,15 @@ def describe_untold(directions: Vectors, unknowns: int = 9) -> str:
     >>> import numpy as np
     >>> faces = np.vstack([np.eye(3), -np.eye(3)])
     >>> describe_untold(np.vstack([faces, [[0.6, 0.8, 0.0], [0.0, 0.6, 0.8], [0.0, 0.6, -0.8]]]))
-    'do not tell the non-orthogonality of x to z'
+    'do not determine the non-orthogonality of x to z'
     """
     untold = find_untold(directions, unknowns)
     if not untold:
         return ""
     alone = [one.weights for one in untold if one.is_one]
-    together = [f"{one.words} apart" for one in untold if not one.is_one]
-    said = "do not tell " + "; nor ".join(
-        [*([_words(np.sum(np.abs(alone), axis=0))] if alone else []), *together]
-    )
+    together = [f"separate {one.words}" for one in untold if not one.is_one]
+    lone = [f"determine {_words(np.sum(np.abs(alone), axis=0))}"] if alone else []
+    said = "do not " + "; nor ".join([*lone, *together])
     # Of a single unknown, or of a single plane, the names of the unknowns say enough.
     different = directions[distinct_poses(directions, ALIKE)]
     planes = find_two_planes(different) if unknowns == 9 and len(untold) == 1 and not alone else None
@@ -143,7 +142,7 @@ def describe_untold(directions: Vectors, unknowns: int = 9) -> str:
         return said
     first, second = (len(plane) for plane in planes)
     reason = f"in {first} of them up lies in one plane, in the other {second} in another"
-    return f"{said} ({reason}, and two planes never tell all)"
+    return f"{said} ({reason}, and two planes never determine all)"
 
 
 def mending_poses(directions: Vectors, unknowns: int = 9) -> list[Vector]:

@@ -169,8 +169,9 @@ def _gyro_matrix(recording: Recording, timeline: Timeline, u: Unknowns) -> Matri
     except ValueError as error:
         if factor is None:
             raise ObservabilityError(
-                f"The gyros count in unknown units, and the turns do not tell their scale: {error}. Turn the unit "
-                "about each of its axes while that axis lies level, or say the unit with --units."
+                "The gyros count in unknown units, and the turns do not determine their scale: "
+                f"{error}. Turn the unit about each of its axes while that axis lies level, or say "
+                "the unit with --units."
             ) from error
         return np.eye(3) / factor
     size = float(np.linalg.norm(forward)) / np.sqrt(3.0)
@@ -197,7 +198,7 @@ def gather_what_there_is(
     if recording.angular_rate is not None and means.angular_rate is not None:
         return gather(recording, timeline, means), True
     if recording.specific_force is None:
-        raise ObservabilityError("The recording has no accelerometer: nothing tells its poses.")
+        raise ObservabilityError("The recording has no accelerometer: nothing shows its poses.")
     still = np.zeros_like(recording.specific_force)
     holds = means.count.size
     floor = replace(timeline.noise_floor, angular_rate=np.full(3, 1e-9))

@@ -83,7 +83,7 @@ def rough_gyro_matrix(
             designs.append(cross.reshape(3, 9))
             changes.append(specific_force_b[last] - specific_force_b[first])
     if len(designs) < 9:
-        raise ValueError("too little motion to tell the gyro's axes")
+        raise ValueError("too little motion to determine the gyro's axes")
     design, change = np.concatenate(designs), np.concatenate(changes)
     weight = _huber_weights(design, change)
     normal = design.T @ (design * weight[:, None])

@@ -118,7 +118,7 @@ class DrawnDistributions:
         if against:
             said += f", and contradicted for {against}: of those take the drawn intervals"
         if valid + against < count:
-            said += f", and open for {count - valid - against}, which more draws would tell"
+            said += f", and open for {count - valid - against}, which more draws would decide"
         said += "."
         if self.readjusted:
             spread = 1.0 / np.sqrt(2.0 * self.readjusted)

@@ -80,8 +80,9 @@ def _misfit(estimate: Estimate) -> list[str]:
     norm = root_mean_square(estimate.holds.norms)
     if norm > LARGEST_RMS_NORM:
         against.append(
-            f"The corrected specific force misses gravity by {two_digits(1e3 * norm)} mm/s² rms: the model that was "
-            "fitted does not describe these holds (too few unknowns, an alien prior, or a unit that moved)."
+            f"The corrected specific force misses gravity by {two_digits(1e3 * norm)} mm/s² rms. The "
+            "fitted model does not describe these holds (too few unknowns, an alien prior, or a unit "
+            "that moved)."
         )
     turns = estimate.turns.found
     if turns.size and np.sqrt(np.mean(turns**2)) > LARGEST_RMS_TURN:
@@ -245,8 +246,9 @@ def _without_gyro_matrix(estimate: Estimate) -> str:
             "temperature, and not their scale factors."
         )
     return (
-        "This is a calibration of how the biases of both triads change with temperature, and of no scale factors: a "
-        "calibration at one temperature, of recordings that this one has corrected (tumble apply), completes it."
+        "This is a calibration of how the biases of both triads change with temperature, and of no "
+        "scale factors. A calibration at one temperature completes it, of recordings that this one "
+        "has corrected (tumble apply)."
     )
 
 

@@ -121,7 +121,9 @@ class Guide:
         holds = [h for h in holds if h.hold.start >= live.first * live.cut.size]
         if not holds or live.channels.specific_force_unit is None:
             return Progress(
-                words=("No hold yet.",) if not holds else ("Without an accelerometer poses tell nothing.",)
+                words=("No hold yet.",)
+                if not holds
+                else ("Without an accelerometer poses determine nothing.",)
             )
         recording = _in_si(live, activity)
         timeline = _timeline(live, recording, holds, activity)
@@ -195,7 +197,7 @@ class Guide:
         }
         candidates = self._of_candidates(task)
         if candidates is None:
-            return Progress(named, up_b, words=("Reckoning what would tell most.",))
+            return Progress(named, up_b, words=("Computing which step would determine most.",))
         following = tuple(find_next_steps(task, known, candidates, 1))
         enough, words = judge_stop(task, known, following, self._limits, sigmas)
         if self._limits is not None and not enough and following and "hardly worth" in " ".join(words):
@@ -204,7 +206,10 @@ class Guide:
             share = f"{100.0 * self.clock_sigma:.2g} %"
             words = [
                 *words,
-                f"No pose tells the gyro scale factors below {share}: the sample rate is not known better.",
+                (
+                    f"No pose determines the gyro scale factors better than {share}: the sample rate is "
+                    "not known better."
+                ),
             ]
         if not told[task.parameters()].all():
             words = [_untold_words([name for name, sigma in named.items() if sigma is None])]
@@ -258,11 +263,11 @@ def _missing_poses(means: Vectors) -> str:
 def _untold_words(names: list[str]) -> str:
     """Which parameters are not told yet: each if they are few, else their kinds."""
     if len(names) <= 3:
-        return f"Not told yet: {', '.join(names)}."
+        return f"Not determined yet: {', '.join(names)}."
     from tumble.design.joint_information import GROUPS, NAMES
 
     kinds = [group for group, part in GROUPS.items() if any(name in names for name in NAMES[part])]
-    return f"Not told yet: some of {', '.join(kinds)}."
+    return f"Not determined yet: some of {', '.join(kinds)}."
 
 
 def _own_noise(sigma: Series, rate: float) -> float:

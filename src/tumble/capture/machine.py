@@ -186,7 +186,10 @@ class Capture:
             angles = [angle_between(up_b, t.up_b) for t in others if t.up_b is not None]
             if angles and min(angles) < SAME_POSE:
                 like = others[int(np.argmin(angles))].hold.number
-                note = f"It is like hold {like} ({np.degrees(min(angles)):.0f}° from it): another pose tells more."
+                note = (
+                    f"It is like hold {like} ({np.degrees(min(angles)):.0f}° from it): another pose "
+                    "determines more."
+                )
         self.told[hold.number] = HoldTold(hold, up_b, note)
         return self.told[hold.number]
 
@@ -245,7 +248,7 @@ def _known_words(progress: Progress) -> str:
     told = sum(sigma is not None for sigma in progress.sigmas.values())
     if not progress.sigmas:
         return " ".join(progress.words)
-    return f"{told} of {len(progress.sigmas)} parameters are told. {' '.join(progress.words)}".strip()
+    return f"{told} of {len(progress.sigmas)} parameters are determined. {' '.join(progress.words)}".strip()
 
 
 def next_facts(steps: tuple[Step, ...]) -> dict[str, object]:

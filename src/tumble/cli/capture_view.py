@@ -111,7 +111,7 @@ class LiveView:
             worst = (
                 f"{max(told) / size:.3g} {unit}"
                 if len(told) == len(names)
-                else f"{len(told)} of {len(names)} told"
+                else f"{len(told)} of {len(names)} determined"
             )
             target = self._targets.get(group)
             reached = target is not None and len(told) == len(names) and max(told) <= target

@@ -252,8 +252,8 @@ def _usage_or_internal(error: Exception) -> None:
     if os.environ.get("TUMBLE_DEBUG"):
         raise error
     _end(
-        f"This is a fault of tumble, not of your input: {type(error).__name__}: {error}. "
-        "Please report it; TUMBLE_DEBUG=1 shows where it happened.",
+        f"This is a fault of tumble, not of your input: {type(error).__name__}: {error}. Report it to "
+        "the maintainers: TUMBLE_DEBUG=1 shows where it happened.",
         INTERNAL,
     )
 

@@ -182,7 +182,7 @@ class BudgetOptions:
         option(
             BUDGET,
             "N",
-            "How often the recording is played back with what it told (calibrate: until it settles).",
+            "How often the recording is played back with what it gave (calibrate: until it settles).",
             show_default=True,
         ),
     ] = 2

@@ -49,7 +49,7 @@ def print_protocol(done: ProtocolPlanned, printed: LongPrintOptions) -> None:
     for sentence in done.given:
         screen.print(sentence, style="bold green" if done.stop else "bold yellow")
     for sentence in done.words:
-        style = "bold yellow" if sentence.startswith("Not told") else ""
+        style = "bold yellow" if sentence.startswith("Not determined") else ""
         if style or not quiet:
             screen.print(f"{'' if style else '• '}{sentence}", style=style)
     if not done.stop and (done.given or not quiet):

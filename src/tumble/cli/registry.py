@@ -14,9 +14,10 @@ from tumble.cli.terminal import console, results_stand, say, say_json, say_writt
 
 app = typer.Typer(
     name="registry",
-    help="Keep calibrations of many units over years, and ask how they change, when they are due, how they differ.\n\n"
-    "A registry is a SQLite file or a PostgreSQL database: [bold]--registry[/] FILE or URL, else the environment "
-    "variable TUMBLE_REGISTRY, else tumble-registry.sqlite in this folder.",
+    help="Keep calibrations of many units over years, and ask how they change, when they are due, how "
+    "they differ.\n\nA registry is a SQLite file or a PostgreSQL database: [bold]--registry[/] FILE "
+    "or URL. Without it the environment variable TUMBLE_REGISTRY counts, and then "
+    "tumble-registry.sqlite in this folder.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode="rich",

@@ -75,9 +75,10 @@ def simulate_command(
         str,
         typer.Argument(
             metavar="PROTOCOL",
-            help="A protocol file, or the name of a protocol: six-position, multi-position-26 (18, 10, 9), rate-table, "
-            "modified-multi-position, turntable-9 (18), laboratory, strapdown-rotation, thermal-soak, "
-            "thermal-ramp (-tumbled), thermal-fridge, hand-held; or rest, a unit that lies still, for `tumble noise`.",
+            help="A protocol file, or the name of a protocol: six-position, multi-position-26 (18, 10, "
+            "9), rate-table, modified-multi-position, turntable-9 (18), laboratory, "
+            "strapdown-rotation, thermal-soak, thermal-ramp (-tumbled), thermal-fridge, hand-held. "
+            "`rest` is a unit that lies still, for `tumble noise`.",
         ),
     ],
     session: SessionOptions,

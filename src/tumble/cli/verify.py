@@ -101,7 +101,7 @@ def verify_command(
     """
     read = {**asdict(file), **asdict(temperature)}
     if gnss is not None:
-        sentence = "{} says nothing to a drive, whose place the positions tell: leave it out."
+        sentence = "{} says nothing to a drive, whose place the positions give: leave it out."
         refuse_given(context, [SiteOptions, HoldOptions], sentence)
         _verify_drive(calibration, recordings, gnss, drive, read, printed)
     refuse_given(context, [DriveOptions], "{} is for a drive: give its satellite positions with --gnss.")

@@ -64,7 +64,7 @@ def known_from_calibration(calibration: Calibration) -> Square:
     triad = calibration.accelerometer
     if triad is None or triad.matrix is None:
         raise UsageError(
-            "The calibration states no accelerometer matrix, and poses tell nothing of gyros alone."
+            "The calibration states no accelerometer matrix, and poses determine nothing of gyros alone."
         )
     matrix = np.array(triad.matrix, dtype=float)
     names = {name: index for index, name in enumerate(calibration.covariance_parameters)}
@@ -170,7 +170,7 @@ def judge_stop(
     """
     untold = [PARAMETERS[index] for index in map(int, wanted) if not np.isfinite(sigmas[index])]
     if untold:
-        return False, [f"Not told yet: {', '.join(untold)}."]
+        return False, [f"Not determined yet: {', '.join(untold)}."]
     words: list[str] = []
     reached = True
     for group, target in targets.items():

@@ -233,7 +233,7 @@ def judge_stop(
     sigmas = np.sqrt(np.diag(task.covariance(known))) if sigmas is None else sigmas
     untold = [NAMES[i] for i in at if sigmas[i] >= TOLD * task.sizes[i]]
     if untold:
-        return False, [f"Not told yet: {', '.join(untold)}."]
+        return False, [f"Not determined yet: {', '.join(untold)}."]
     words: list[str] = []
     if limits is not None:
         off = [NAMES[i] for i in at if sigmas[i] > limits[i]]

@@ -118,7 +118,7 @@ def _check(count: int, criterion: str) -> None:
     if criterion not in CRITERIA:
         raise ValueError(f"{criterion!r} is none of {', '.join(CRITERIA)}")
     if count < 9:
-        raise ValueError(f"{count} poses do not tell nine unknowns: ask for 9 at least")
+        raise ValueError(f"{count} poses do not determine nine unknowns: ask for 9 at least")
 
 
 def _exchanged(order: Any, count: int, directions: Vectors, criterion: str) -> tuple[float, Any]:

@@ -86,15 +86,16 @@ def require_plannable(protocol: Protocol) -> None:
     """
     if any(isinstance(step, SoakStep | RampStep) for step in protocol.steps):
         raise UsageError(
-            f"{protocol.name} changes the temperature, and what a thermal test will be worth cannot be foretold yet: "
-            "plan its poses at one temperature, for example tumble plan multi-position-9."
+            f"{protocol.name} changes the temperature, and what a thermal test will be worth cannot "
+            "be predicted yet: plan its poses at one temperature, for example tumble plan "
+            "multi-position-9."
         )
     if sum(isinstance(step, HoldStep) for step in protocol.steps) < 2:
         raise UsageError(f"{protocol.name} has fewer than two holds: there is nothing to calibrate from.")
     if protocol.duration > LONGEST:
         raise UsageError(
-            f"{protocol.name} lasts {protocol.duration / 3600.0:.1f} h; a plan reckons with {LONGEST / 3600.0:g} h at "
-            "most: give a shorter one."
+            f"{protocol.name} lasts {protocol.duration / 3600.0:.1f} h; a plan takes "
+            f"{LONGEST / 3600.0:g} h at most: give a shorter one."
         )
 
 

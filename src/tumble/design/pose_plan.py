@@ -208,7 +208,7 @@ def require_seen(
     if open_ones.size == 0 or not np.any(np.abs(open_ones[wanted]) > 0.02):
         return
     head = what or f"The {len(directions)} poses"
-    said = describe_untold(directions) or "do not tell what is asked for"
+    said = describe_untold(directions) or "do not determine what is asked for"
     if len(directions) == 1:
         head, said = head.replace("poses", "pose"), said.replace("do not", "does not", 1)
     add = describe_mending(directions)
@@ -252,8 +252,9 @@ def plan_poses(task: PoseTask, reach: Reach, count: int, dwell: float, rng: np.r
     )
     if task.known is None and count < task.criterion.wanted.size:
         raise ObservabilityError(
-            f"{count} poses tell {count} numbers, and {task.criterion.wanted.size} parameters are asked for: allow "
-            f"{_least(task)} poses or more, or ask for fewer parameters with --for."
+            f"{count} poses determine {count} numbers, and {task.criterion.wanted.size} parameters "
+            f"are asked for: allow {_least(task)} poses or more, or ask for fewer parameters with "
+            "--for."
         )
     sigma = task.dwell_sigma(dwell, task.span(np.full(count, dwell)))
     candidates = pose_candidates(reach.directions, sigma, task.turn, reach.names)
@@ -367,8 +368,8 @@ def plan_schemes(task: PoseTask, seconds: float) -> dict[str, PosePlan | str]:
         try:
             plans[name] = plan_of(name, task, ordered, np.full(len(ordered), dwell))
         except ObservabilityError:
-            said = describe_untold(directions) or "do not tell what is asked for"
-            plans[name] = said.partition(" (")[0].replace("do not tell", "does not tell", 1)
+            said = describe_untold(directions) or "do not determine what is asked for"
+            plans[name] = said.partition(" (")[0].replace("do not", "does not", 1)
     return plans
 
 

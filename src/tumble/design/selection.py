@@ -231,7 +231,7 @@ def find_exact(
     total = _information(rows, np.bincount(chosen, minlength=len(candidates)).astype(float), base)
     if _untold(total, criterion):
         raise ObservabilityError(
-            f"{count} visits of these candidates do not tell what is asked for: allow more of them."
+            f"{count} visits of these candidates do not determine what is asked for: allow more of them."
         )
     covariance = inverted(total)
     return ExactDesign(sorted(chosen.tolist()), covariance, float(criterion.value(covariance)), bound)
@@ -313,7 +313,7 @@ def find_on_sphere(
         if best is None or value < best[0]:
             best = value, found
     if best is None:
-        raise ObservabilityError(f"{count} poses do not tell what is asked for: allow more.")
+        raise ObservabilityError(f"{count} poses do not determine what is asked for: allow more.")
     return best[1]
 
 
@@ -334,7 +334,8 @@ def require_told(rows: AnyArray, criterion: Criterion, known: Square | None = No
     total = np.einsum("nki,nkj->ij", rows, rows) + (0.0 if known is None else known)
     if _untold(total, criterion):
         raise ObservabilityError(
-            f"The {rows.shape[0]} candidates all together do not tell what is asked for: they are too alike."
+            f"The {rows.shape[0]} candidates all together do not determine what is asked for: they "
+            "are too alike."
         )
 
 

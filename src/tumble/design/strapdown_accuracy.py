@@ -170,8 +170,8 @@ def _remarks(setup: StrapdownSetup) -> Iterator[str]:
         yield "Pulses count in full at the ends of each average; averaging over many of them makes them smaller."
     if max(setup.sensors.gyro_instability, setup.sensors.force_instability) > 0.0:
         yield (
-            "A wandering bias is taken as another value in each average, with the floor of the Allan deviation as its "
-            "spread: over a test that takes hours it may be twice that."
+            "A wandering bias is taken as another value in each average, with the floor of the Allan "
+            "deviation as its spread. Over a test that takes hours it may be twice that."
         )
     if setup.start_bias:
         yield "The gyros' bias is taken from the rest before each sequence; how large it is does not count."

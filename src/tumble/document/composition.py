@@ -42,8 +42,8 @@ _KINDS: dict[str, Literal["hold", "turn", "spin"]] = {"hold": "hold", "turn": "t
 FRAME_WORDS = {
     **FRAMES,
     "fixture": (
-        "the axes of the fixture (or table) that the unit was placed with: the nominal poses of the protocol "
-        "are exact in it on average; each sensor's misalignment is against these axes"
+        "the axes of the fixture (or table) that the unit was placed with. The nominal poses of the "
+        "protocol are exact in it on average. Each sensor's misalignment is against these axes"
     ),
 }
 
@@ -124,8 +124,8 @@ def _refuse_unsound(estimate: Estimate) -> None:
         fault = fault or covariance_fault(estimate.thermal.covariance, estimate.thermal.names)
     if fault:
         raise ConvergenceError(
-            f"The adjustment came to no usable numbers: {fault}. What was recorded tells too little of some "
-            "parameters, or contradicts itself: record more poses and longer holds."
+            f"The adjustment came to no usable numbers: {fault}. What was recorded determines too "
+            "little of some parameters, or contradicts itself: record more poses and longer holds."
         )
 
 

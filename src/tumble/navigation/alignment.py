@@ -106,9 +106,10 @@ def align_coarse(
     sigma = np.hypot(gyroscope_sigma / level_rate, np.tan(latitude) * accelerometer_sigma / gravity)
     if sigma > WORST_HEADING:
         raise ObservabilityError(
-            f"The gyros cannot tell the heading: a standard uncertainty of {gyroscope_sigma:.2g} rad/s is "
-            f"{min(np.degrees(sigma), 180.0):.0f} degrees of heading at a latitude of {np.degrees(latitude):.1f} "
-            "degrees. Give the heading, or align in motion with satellite positions."
+            f"The gyros cannot determine the heading: a standard uncertainty of {gyroscope_sigma:.2g} "
+            f"rad/s is {min(np.degrees(sigma), 180.0):.0f} degrees of heading at a latitude of "
+            f"{np.degrees(latitude):.1f} degrees. Give the heading, or align in motion with satellite "
+            "positions."
         )
     east = np.cross(down, rate)
     east /= np.sqrt(east @ east)
@@ -290,8 +291,9 @@ def _refuse_no_rest(force: Vector, gravity: float, at: float) -> None:
     norm = float(np.sqrt(force @ force))
     if abs(norm - gravity) > 0.05 * gravity:
         raise RecordingError(
-            f"At {at:.1f} s the mean specific force is {norm:.3f} m/s², and gravity there is {gravity:.3f}: the body "
-            "does not rest, the unit of the accelerometers is another, or they are far from calibrated."
+            f"At {at:.1f} s the mean specific force is {norm:.3f} m/s², and gravity there is "
+            f"{gravity:.3f}. The body does not rest, the unit of the accelerometers is another, or "
+            "they are far from calibrated."
         )
 
 
@@ -328,7 +330,8 @@ def _turn_between(free: np.ndarray, seen: np.ndarray) -> tuple[float, float]:
     strength = float(np.sum(np.abs(free) ** 2))
     if strength < 1.0 or float(np.sum(np.abs(seen) ** 2)) < 1.0:
         raise RecordingError(
-            "The velocity changes by less than a metre a second after the rest: that tells no heading. Give it."
+            "The velocity changes by less than a metre a second after the rest: that gives no "
+            "heading. State it."
         )
     # an error of the level is a constant acceleration in n: both are compared about their means
     free, seen = free - free.mean(), seen - seen.mean()

@@ -107,8 +107,8 @@ def _too_little(course_rate: Series, interval: float) -> str:
     if seconds >= _SHORT and turns >= _FEW_TURNS:
         return ""
     return (
-        f"{seconds:.0f} s of motion with {np.degrees(turns):.0f} degrees of turns are too little to tell whether gyros "
-        "and course go together: take a longer part of the drive, with turns."
+        f"{seconds:.0f} s of motion with {np.degrees(turns):.0f} degrees of turns are too little to "
+        "see whether gyros and course go together: take a longer part of the drive, with turns."
     )
 
 
@@ -127,8 +127,9 @@ def _axis_problem(correlations: Vector, about: float, down: Vector) -> str:
             "accelerometers, are reversed. Check the body axes; they must be right-handed for both triads."
         )
     return (
-        f"No gyro axis goes with the course (best is {best} with a correlation of {seen:.2f}): the clocks are apart, "
-        "the positions scatter too much to have a course, or the files do not belong together."
+        f"No gyro axis goes with the course (best is {best} with a correlation of {seen:.2f}). The "
+        "clocks are apart, the positions scatter too much for a course, or the files do not belong "
+        "together."
     )
 
 

@@ -181,7 +181,7 @@ def prepare_drive(
     known = bool(own.lever_arm_b.any())
     moved = sharpen_clock(drive, own, arm_known=known, reaches=_REACHES, rest=rest)
     if moved is drive:
-        return replace(drive, clock=replace(clock, note="; the filter's innovations tell it no better"))
+        return replace(drive, clock=replace(clock, note="; the filter's innovations determine it no better"))
     return moved
 
 

@@ -68,9 +68,10 @@ def refuse_wrong_scale(samples: InertialSamples, track: GnssTrack) -> None:
             )
     if not guess:
         raise RecordingError(
-            f"The course turns {slope:.3g} times as fast as the gyros say, and rad/s taken for deg/s do not explain "
-            "it: signs or axes of the gyros are wrong, their unit is another, the clocks are apart, or the files do "
-            "not belong together. Check the columns with `tumble inspect`."
+            f"The course turns {slope:.3g} times as fast as the gyros say, and rad/s taken for deg/s "
+            "do not explain it. Signs or axes of the gyros are wrong, their unit is another, the "
+            "clocks are apart, or the files do not belong together. Check the columns with `tumble "
+            "inspect`."
         )
     raise RecordingError(
         f"The course turns {slope:.3g} times as fast as the gyros say{guess}: the unit of the angular rates is "

@@ -140,14 +140,16 @@ def _no_match(
     spans = spans_in_words(samples, track)
     if moved < _SHORT:
         return RecordingError(
-            f"{moved:.0f} s of motion are too little to find the offset between the clocks: course and gyros correlate "
-            f"at {best:.2f} at best and at {second:.2f} at other offsets, as they may by chance. {spans}: take a "
-            "longer part of the drive, with turns, or give the offset; and check that the files belong together."
+            f"{moved:.0f} s of motion are too little to find the offset between the clocks. Course "
+            f"and gyros correlate at {best:.2f} at best and at {second:.2f} at other offsets, as they "
+            f"may by chance. {spans}: take a longer part of the drive, with turns, or give the "
+            "offset. Check that the files belong together."
         )
     return RecordingError(
-        "IMU and GNSS do not seem to have seen the same motion: at no offset between their clocks does the course's "
-        f"rate fit the gyros alone (correlation {best:.2f} at best, {second:.2f} at others). {spans}: check that the "
-        "files belong together, the units of the gyros, and that the vehicle turned; or give the offset."
+        "IMU and GNSS do not seem to have seen the same motion. At no offset between their clocks "
+        f"does the course's rate fit the gyros alone (correlation {best:.2f} at best, {second:.2f} at "
+        f"others). {spans}: check that the files belong together, the units of the gyros, and that "
+        "the vehicle turned. Or give the offset."
     )
 
 

@@ -93,9 +93,10 @@ def _on_processes(channels: tuple[Channel, ...]) -> list[str]:
             unit = practical_noise_unit(GYRO if channel.is_gyro else ACCELEROMETER, "N")
             factor, sign = (1.0, "counts/√Hz") if channel.unit == "counts" else (1.0 / unit.factor, unit.sign)
             said.append(
-                f"{channel.name}: over times longer than {max(slower.times):.2g} s, the correlation time of its "
-                f"Gauss-Markov process, it is as noisy as white noise of N = {factor * slower.value:.3g} {sign}: what "
-                "a filter takes that has no state for the process."
+                f"{channel.name}: over times longer than {max(slower.times):.2g} s, the correlation "
+                "time of its Gauss-Markov process, it is as noisy as white noise of N = "
+                f"{factor * slower.value:.3g} {sign}. Give this N to a filter that has no state for "
+                "the process."
             )
     return said
 

@@ -162,8 +162,8 @@ def _fit(octaves: Deviation, lines: tuple[FoundLine, ...], method: Method) -> tu
 
 
 _NO_WEIGHTS = (
-    "There are averaging times enough, but the curve could not be weighed: the covariance between them, of a model "
-    "as near to this curve as any, has no inverse in double precision"
+    "There are averaging times enough, but the curve could not be weighed. The covariance between "
+    "them has no inverse in double precision, although no other model is nearer to this curve"
 )
 
 

@@ -113,9 +113,10 @@ def say_held(held: Held) -> str:
     """Return the sentence about values that were written several times."""
     usual = f"{held.fewest} to {held.most}" if held.most > held.fewest else f"{held.fewest}"
     return (
-        f"Rows are repeated: each value stands {usual} times ({100.0 * held.share:.0f} % of the rows repeat the row "
-        f"before in every channel), as where a logger writes faster than the sensor gives new values. Each value is "
-        f"taken once, at {held.rate:.4g} Hz instead of {held.recorded:.4g} Hz."
+        f"Rows are repeated: each value stands {usual} times ({100.0 * held.share:.0f} % of the rows "
+        "repeat the row before in every channel). A logger that writes faster than the sensor gives "
+        f"new values does that. Each value is taken once, at {held.rate:.4g} Hz instead of "
+        f"{held.recorded:.4g} Hz."
     )
 
 

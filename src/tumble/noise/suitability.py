@@ -138,8 +138,9 @@ def _repeated_rows(task: _Judgement) -> float:
     update = task.rate * (1.0 - share)
     shortest = 5.0 / update
     task.remarks.append(
-        f"{100.0 * share:.0f} % of the rows repeat the row before in every channel, in no order, as where lost rows "
-        f"were replaced by the row before: averaging times below {shortest:.2g} s are not fitted."
+        f"{100.0 * share:.0f} % of the rows repeat the row before in every channel, in no order. Lost "
+        "rows that were replaced by the row before look like that. Averaging times below "
+        f"{shortest:.2g} s are not fitted."
     )
     return shortest
 
@@ -173,9 +174,9 @@ def _without_motion(task: _Judgement, pieces: list[Piece]) -> list[Piece]:
         if np.any(moving)
     )
     task.remarks.append(
-        f"The unit is not at rest all the time (first at t = {where:.4g} s): {(before - after) / rate:.4g} s of "
-        f"{before / rate:.4g} s are left out; the rests between, {len(kept)} of at least "
-        f"{least / rate:.2g} s, are taken apart and pooled."
+        f"The unit is not at rest all the time (first at t = {where:.4g} s): "
+        f"{(before - after) / rate:.4g} s of {before / rate:.4g} s are left out. The rests between, "
+        f"{len(kept)} of at least {least / rate:.2g} s, are taken apart and pooled."
         if kept
         else f"The unit never rests for {least / rate:.2g} s or more: what it shows is motion, not noise."
     )
@@ -342,8 +343,8 @@ def _say_resolution(task: _Judgement) -> None:
     ]
     if coarse:
         task.remarks.append(
-            f"{', '.join(coarse)} scatter over less than one step of the converter: rounding is then no white noise, "
-            "and short averaging times tell of the step, not of the sensor."
+            f"{', '.join(coarse)} scatter over less than one step of the converter: rounding is then "
+            "no white noise, and short averaging times show the step, not the sensor."
         )
 
 

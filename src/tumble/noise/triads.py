@@ -12,9 +12,10 @@ if TYPE_CHECKING:
     from tumble.noise.channel import Channel, Term
 
 COLLAPSE = (
-    "mean of variances: the root of the mean of the axes' squared coefficients, an axis that does not show the term "
-    "counted as zero, known to half its upper limit squared; worst axis: the largest coefficient, and whose it is. N "
-    "is that of `random_walk`, with the white part of short Gauss-Markov processes"
+    "mean of variances: the root of the mean of the axes' squared coefficients. An axis that does "
+    "not show the term counts as zero, known to half its upper limit squared. Worst axis: the "
+    "largest coefficient, and whose it is. N is that of `random_walk`, with the white part of short "
+    "Gauss-Markov processes"
 )
 """How three axes become one, in words."""
 

@@ -258,8 +258,9 @@ _NAMED = {
     "turntable-9": _Named(
         "turntable",
         lambda: _turntable(NINE),
-        "Faces and three edges at rest, then five turns of a table both ways about six axes that lie level, "
-        "the unit mounted anyhow: both triads, and the rotation between them (Zhang et al. 2010).",
+        "Faces and three edges at rest, then five turns of a table both ways about six axes that lie "
+        "level. Gives both triads and the rotation between them, however the unit is mounted (Zhang "
+        "et al. 2010).",
     ),
     "turntable-18": _Named(
         "turntable",
@@ -269,14 +270,16 @@ _NAMED = {
     "laboratory": _Named(
         "laboratory",
         _laboratory,
-        "Each axis up and down with the next one north, west, south and east on an aligned table, then five "
-        "turns both ways about each axis: both triads against the table's axes, as good as the table.",
+        "Each axis up and down with the next one north, west, south and east on an aligned table, "
+        "then five turns both ways about each axis. Gives both triads against the table's axes, as "
+        "good as the table.",
     ),
     "strapdown-rotation": _Named(
         "strapdown-rotation",
         strapdown_rotation_steps,
-        "Seventeen sequences of rotations on a two-axis fixture, at rest before and after each: both triads "
-        "with asymmetry, hardly touched by how well the fixture is made or set up (Savage 2018).",
+        "Seventeen sequences of rotations on a two-axis fixture, at rest before and after each. "
+        "Gives both triads with asymmetry, hardly touched by how well the fixture is made or set up "
+        "(Savage 2018).",
     ),
     "thermal-soak": _Named(
         "thermal",

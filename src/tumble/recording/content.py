@@ -83,7 +83,7 @@ def find_accelerometer(first: Vectors, second: Vectors, rate: float = _GUESS_RAT
         # On a turning table both are steady and far from zero: then it is a guess, and no proof.
         sure = small < 3.0
         return TriadOrder(ratio[1] > ratio[0], sure, "its norm at rest is steady and far from zero")
-    return TriadOrder(False, False, "nothing in the numbers tells the triads apart, so the first is taken")
+    return TriadOrder(False, False, "nothing in the numbers distinguishes the triads, so the first is taken")
 
 
 def _is_on_a_table(means: list[Vectors], ranges: list[float], spread: int) -> bool:
@@ -382,10 +382,10 @@ def check_angular_rate_unit(recording: Recording, unit: str, name: str) -> list[
         ]
     other = unit_of_scale(scale.scale)
     doubled = gyro_step_words(ratio, recording.rate)
-    advice = f"{doubled}. Else it" if doubled is not None else "it"
+    advice = f"{doubled}. Else it" if doubled is not None else "It"
     raise RecordingError(
         f"{name}: the gyro is declared to be in {unit}, but gravity turning in body axes shows "
-        f"{scale.scale:.3g} rad/s per unit ({ratio:.3g} times the declared); {advice} looks like "
+        f"{scale.scale:.3g} rad/s per unit ({ratio:.3g} times the declared). {advice} looks like "
         f"{other or 'counts'}: say so with --units."
     )
 

@@ -54,7 +54,7 @@ def read_units_option(option: str | Sequence[str] | None) -> DeclaredUnits:
         kinds = [k for k in _KINDS if find_unit(k, word)]
         if not kinds:
             known = "; ".join(f"{k}: {', '.join(known_units(k))}" for k in _KINDS)
-            raise UsageError(f"--units: {word!r} is not a known unit. Known are {known}.")
+            raise UsageError(f"--units: {word!r} is not a known unit. The known ones are {known}.")
         if len(kinds) > 1:
             kinds = _meant(word, kinds, position, declared, alone=len([w for w in words if w]) == 1)
         for kind in kinds:

@@ -160,7 +160,7 @@ def _solve_robustly(design: AnyArray, values: AnyArray) -> tuple[AnyArray, AnyAr
 def _pieces(recording: Recording) -> tuple[Vectors, Vectors, Series]:
     """Return the signals, of a long recording a dozen pieces one after the other."""
     if recording.specific_force is None or recording.angular_rate is None:
-        raise RecordingError("Gravity tells of the gyro only if the recording has both triads.")
+        raise RecordingError("Gravity checks the gyro only if the recording has both triads.")
     cuts = sample_pieces(len(recording))
     force = np.concatenate([recording.specific_force[c] for c in cuts])
     rate = np.concatenate([recording.angular_rate[c] for c in cuts])
@@ -304,8 +304,9 @@ def _axis_sentence(permutation: Matrix) -> str:
         parts = ["the gyro turns the other way round, all its signs seem to be reversed"]
     return (
         f"The gyro's axes contradict the way gravity turns in the accelerometers: {'; '.join(parts)}. "
-        f"Name the gyro's columns {listed} with --columns, if the accelerometer's are right: a reversed accelerometer "
-        "axis, or two swapped ones, looks the same, so compare both triads with the data sheet."
+        f"Name the gyro's columns {listed} with --columns, if the accelerometer's are right. A "
+        "reversed accelerometer axis, or two swapped ones, looks the same: compare both triads with "
+        "the data sheet."
     )
 
 

@@ -149,9 +149,10 @@ def _check_stamps(first: RawTable, time: int, second: RawTable, other_time: int)
     if apart.size:
         row = int(apart[0])
         raise RecordingError(
-            f"{first.path.name} and {second.path.name} have different stamps from {first.place(row)} on "
-            f"({a[row]:.9g} and {b[row]:.9g}); interpolate one onto the stamps of the other, give one "
-            "file with both, or of a phone's log the folder, whose sensors are put on one clock."
+            f"{first.path.name} and {second.path.name} have different stamps from {first.place(row)} "
+            f"on ({a[row]:.9g} and {b[row]:.9g}). Interpolate one onto the stamps of the other, or "
+            "give one file with both. Of a phone's log give the folder, whose sensors are put on one "
+            "clock."
         )
 
 

@@ -317,8 +317,9 @@ def say_resets(rows: list[int], name: str, place: Callable[[int], str]) -> Remar
     several = f" and in {len(rows) - 1} more place(s)" if len(rows) > 1 else ""
     return Remark(
         "mended",
-        f"{name}: the clock steps back at {place(rows[0])}{several}, with the same steps before and after: it is "
-        f"taken as begun anew after a break of {_BREAK:g} s, and the recording as parted there.",
+        f"{name}: the clock steps back at {place(rows[0])}{several}, with the same steps before and "
+        f"after. It is taken as begun anew after a break of {_BREAK:g} s, and the recording as parted "
+        "there.",
     )
 
 

@@ -105,9 +105,9 @@ def refuse_changed_rate_unit(recording: Recording, name: str) -> None:
     after = float(time[min(window * size, time.size - 1)] - time[0])
     ratio, how = float(np.exp(abs(apart))), "larger" if apart > 0.0 else "smaller"
     raise RecordingError(
-        f"{name}: from about {after:.4g} s after the beginning on the gyro's numbers are some {ratio:.3g} times {how} "
-        "than before, as far apart as two units are, while the accelerometer's are not: the unit changes within the "
-        "file. Convert one part, or give the parts one by one."
+        f"{name}: from about {after:.4g} s after the beginning on the gyro's numbers are some "
+        f"{ratio:.3g} times {how} than before, as far apart as two units are. The accelerometer's are "
+        "not: the unit changes within the file. Convert one part, or give the parts one by one."
     )
 
 

@@ -61,9 +61,9 @@ def next_steps(
     temperature = calibration.temperature_celsius
     at = "at one temperature" if temperature is None else f"at {temperature:.0f} °C"
     steps.append(
-        f"The values hold {at}. Calibrate again after a shock, after the unit was mounted anew, when it works more "
-        "than about 10 °C from where it was calibrated, and when a verification fails; biases change with every "
-        "power cycle and deserve a few seconds at rest before each use."
+        f"The values hold {at}. Calibrate again after a shock or a new mounting, when it works more "
+        "than about 10 °C from where it was calibrated, and when a verification fails. Biases change "
+        "with every power cycle: keep the unit at rest for a few seconds before each use."
     )
     return steps
 
@@ -127,8 +127,9 @@ def _poses(rows: list[ParameterRow], up_b: Vectors) -> list[str]:
         words += f", then with {_placed(second)}"
     return [
         (
-            f"The least known accelerometer parameter is the {row.label} ({_uncertainty(row)}). Of the 26 standard "
-            f"attitudes, these would tell most beside the poses at hand: hold the unit with {words}."
+            f"The least known accelerometer parameter is the {row.label} ({_uncertainty(row)}). Of "
+            "the 26 standard attitudes these would add most to the recorded poses: hold the unit "
+            f"with {words}."
         )
     ]
 

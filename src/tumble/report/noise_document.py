@@ -67,8 +67,8 @@ class TermBlock(_Strict):
     practical: Practical
     curve_missed_by: float | None = Field(
         default=None,
-        description="factor by which the fitted curve misses the measured one over a decade of averaging times, as far "
-        "as it is this term's, counted in the uncertainty; null where the model fits",
+        description="factor by which the fitted curve misses the measured one over a decade of averaging times. "
+        "The part that is this term's is counted in the uncertainty. null where the model fits",
     )
 
 

@@ -39,8 +39,9 @@ DEFINITIONS = {
     "K": "rate random walk: Allan variance K² τ/3; the bias is the integral of white noise of two-sided density K².",
     "R": "ramp: Allan variance R² τ²/2; a steady drift of the bias.",
     "random walk": (
-        "N as a filter takes it: √(N² + Σ 2 σ² T) over the Gauss-Markov processes of up to 0.1 s (or four samples), "
-        "which over longer times are white noise; where they do not make the curve's shape, N of the curve beyond them."
+        "N as a filter takes it: √(N² + Σ 2 σ² T) over the Gauss-Markov processes of up to 0.1 s (or "
+        "four samples). Over longer times they are white noise. Where they do not make the curve's "
+        "shape, it is N of the curve beyond them."
     ),
     "line": "sine in the signal, a vibration or the mains: its peak amplitude and its frequency.",
     "sigma": "first-order Gauss-Markov process: autocovariance σ² exp(-|t|/T); tried where the letters do not fit.",

@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 
 _FORM = (("Unit", "Date", "Operator"), ("File", "Temperature", "Place"))
 _READ_ANGLES = (
-    "Before and after each rotation, with the table at rest, read its display and write down every digit: the "
-    "difference, with the sign of the way it turned and whole turns counted, goes into the protocol as angle_deg. "
-    "If the table does not stop where it should, write down where it did; nothing is lost."
+    "Before and after each rotation, with the table at rest, read its display and write down every "
+    "digit. The difference goes into the protocol as angle_deg, with the sign of the way it turned "
+    "and with whole turns counted. If the table does not stop where it should, write down where it "
+    "did: nothing is lost."
 )
 _BELIEVE_RATES = "The rates count as the protocol has them: write down any other."
 
@@ -61,9 +62,9 @@ def _table_words(protocol: Protocol, title: str, spins: list[SpinStep]) -> str:
     rests = sum(isinstance(step, HoldStep) for step in protocol.steps)
     return (
         f"{title} {rests} rests and {len(spins)} rotations of the table; "
-        f"{protocol.duration / 60.0:.0f} min in all. Keep the order. At rest nobody touches unit or table. "
-        "`Counter-clockwise` is as seen by someone whom the named axis of the unit points at; the unit stays "
-        "as it is mounted from the rest before a rotation to the rest after it. "
+        f"{protocol.duration / 60.0:.0f} min in all. Keep the order. At rest nobody touches unit or "
+        "table. `Counter-clockwise` is as seen by someone whom the named axis of the unit points at. "
+        "The unit stays as it is mounted from the rest before a rotation to the rest after it. "
         + (_READ_ANGLES if any(step.angle is not None for step in spins) else _BELIEVE_RATES)
     )
 

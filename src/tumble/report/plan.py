@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 # A scheme that is worse than this many times the plan is drawn as dark as can be.
 _DARKEST = 2.5
 _SPHERE = (
-    "Every direction that can point up, on two half spheres (equal areas). Points are the poses, numbered in their "
-    "order; the shade is the standard uncertainty of the corrected specific force in that direction, from the noise of "
-    "the test alone: the lighter the better."
+    "Every direction that can point up, on two half spheres (equal areas). Points are the poses, "
+    "numbered in their order. The shade is the standard uncertainty of the corrected specific force "
+    "in that direction, from the noise of the test alone. The lighter the better."
 )
 _FILES = (
     "protocol.yaml beside this page is the test for tumble simulate and tumble calibrate, sheet.html the operator's "
@@ -75,7 +75,7 @@ def _maps(plan: PosePlan, others: Sequence[PosePlan]) -> Block:
     grid = sphere_grid(600)[26:]
     known = [one for one in (plan, *others) if float(np.max(np.diag(one.covariance))) < 0.1]
     if not known:
-        return Sentences(["Not every parameter is told, so that no direction is."], "notes")
+        return Sentences(["Not every parameter is determined, so that no direction is."], "notes")
     top = _rounded(_DARKEST * float(np.max(force_sigmas(known[0].covariance, grid))))
     drawn: list[Drawing] = []
     for one in known:

@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
 HEADS = ("after", "uncalibrated", "calibrated, one sigma", "most of it from")
 _WORTH = (
-    "The error that this calibration leaves, in position after some time without satellites or other aiding, and in "
-    "attitude after a turn, beside that of the same unit with nominal scale factors and no bias."
+    "The error that this calibration leaves, in position after some time without satellites or other "
+    "aiding, and in attitude after a turn. Beside it is the error of the same unit with nominal "
+    "scale factors and no bias."
 )
 FOOTNOTE = (
     "Horizontal position from a known start; attitude in all three components. From the calibration's covariance "
@@ -24,9 +25,9 @@ FOOTNOTE = (
     "come on top."
 )
 OF_SEVERAL = (
-    "Horizontal position from a known start; attitude in all three components. From the calibration's covariance "
-    "alone, with biases as uncertain as they are when the unit is next switched on: the sensors' noise and the wander "
-    "of their biases come on top."
+    "Horizontal position from a known start; attitude in all three components. From the "
+    "calibration's covariance alone, with biases as uncertain as they are when the unit is next "
+    "switched on. The sensors' noise and the wander of their biases come on top."
 )
 _GROUPS = {
     "accelerometer.bias": "accelerometer bias",

@@ -49,8 +49,8 @@ def _about_triads(case: Case) -> list[str]:
     remarks: list[str] = []
     if case.recording.angular_rate is None and spins:
         remarks.append(
-            f"The recording has no gyro: the protocol's {spins} spins cannot be seen in it, nor the holds before and "
-            "after a spin be told apart."
+            f"The recording has no gyro: the protocol's {spins} spins cannot be seen in it, nor the "
+            "holds before and after a spin be separated."
         )
     if case.means.specific_force is None:
         remarks.append(

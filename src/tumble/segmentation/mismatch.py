@@ -166,9 +166,10 @@ def _refuse_swapped_accelerometer(case: Case, fit: Fit) -> None:
     both = np.linalg.det(axes) > 0.0 and case.recording.angular_rate is not None
     gyro = axes if both else np.eye(3)
     raise SegmentationError(
-        f"{fitting} of the {posed} poses fit once {_changed_axes('the', axes)}: {_in_words(axes)}. If the columns are "
-        f"mistaken or the unit is mounted otherwise, give --columns {_columns(axes, gyro)} (the file's columns in "
-        "their order); if the steps were done in another order, put the protocol's steps into that order."
+        f"{fitting} of the {posed} poses fit once {_changed_axes('the', axes)}: {_in_words(axes)}. If "
+        "the columns are mistaken or the unit is mounted otherwise, give --columns "
+        f"{_columns(axes, gyro)} (the file's columns in their order). If the steps were done in "
+        "another order, put the protocol's steps into that order."
     )
 
 

@@ -126,9 +126,10 @@ def _placed(protocol: Protocol, number: int, step: HoldStep, azimuth: float | No
         inner, off = float(np.arctan2(C_tb[1, 0], C_tb[1, 1])), abs(float(C_tb[1, 2]))
     if off > SAME_POSE:
         raise UsageError(
-            f"{_where(number, step)}: a fixture with a level outer axis and the unit's z along its inner axis cannot "
-            f"bring the unit there; z would have to lie {np.degrees(np.arcsin(min(off, 1.0))):.1f} degrees off the "
-            "plane that the inner axis sweeps."
+            f"{_where(number, step)}: a fixture with a level outer axis and the unit's z along its "
+            "inner axis cannot bring the unit there. z would have to lie "
+            f"{np.degrees(np.arcsin(min(off, 1.0))):.1f} degrees off the plane that the inner axis "
+            "sweeps."
         )
     return inner, outer
 

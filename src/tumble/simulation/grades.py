@@ -329,9 +329,9 @@ _HG_AXES = (
 # With the connector taken as the case's front (assumed): x is up, y forward, z left.
 _HG_C_INSTRUMENT_CASE = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 _HG_SOURCE = (
-    "Honeywell Tactical Inertial Measurement Units (2007), as tabulated in Hayal, Static Calibration of the "
-    "Tactical Grade Inertial Measurement Units, Ohio State University (2010), table 2.1; counts: NovAtel OEM7 "
-    "manual, log RAWIMUSX (HG1700-AG58, HG1900)"
+    "Honeywell Tactical Inertial Measurement Units (2007), as tabulated in Hayal, Static Calibration "
+    "of the Tactical Grade Inertial Measurement Units, Ohio State University (2010), table 2.1. "
+    "Counts: NovAtel OEM7 manual, log RAWIMUSX (HG1700-AG58, HG1900)"
 )
 _HG_ASSUMED = (
     "no flicker (the sheet states in-run stability instead)",

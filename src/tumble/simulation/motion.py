@@ -300,7 +300,7 @@ def _refuse_half_turns(path: _Steps, edges: Series, step: np.ndarray, share: Ser
     if turned[worst] >= np.pi:
         raise UsageError(
             f"Between {edges[worst]:.6g} s and {edges[worst + 1]:.6g} s the unit turns by "
-            f"{np.degrees(turned[worst]):.0f} degrees, and a gyro sample of half a turn or more tells "
+            f"{np.degrees(turned[worst]):.0f} degrees. A gyro sample of half a turn or more shows "
             "nothing: give a higher sampling rate, or slower turns."
         )
 

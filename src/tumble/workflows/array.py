@@ -235,7 +235,8 @@ def _settle(name: str, session: Session, say: Callable[[str], None]) -> tuple[Es
         raise type(error)(f"{name} cannot take part: {error}") from error
     if kept[0].untold is not None:
         raise UsageError(
-            f"{name} cannot take part: its holds and turns do not tell the unit. {kept[0].untold.sentences[0]}"
+            f"{name} cannot take part: its holds and turns do not determine the unit. "
+            f"{kept[0].untold.sentences[0]}"
         )
     add_objections(session, estimate, "joint", "")
     if session.prior is not None:

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 FORMAT, VERSION = "tumble denoise", 1
 WARNING = (
-    "A filter does not know motion from noise: motion smaller than the noise of its band is lost with it, and what "
-    "is slower than the filter, bias instability and random walks of angle and bias, is not made less. Do not "
-    "calibrate with this file: means of holds stay as they were, and their scatter no longer tells how well they "
-    "are known."
+    "A filter does not know motion from noise: motion smaller than the noise of its band is lost "
+    "with it. What is slower than the filter stays: bias instability, random walks of angle and "
+    "bias. Do not calibrate with this file: means of holds stay as they were, and their scatter no "
+    "longer shows how well they are known."
 )
 
 Method: TypeAlias = Literal["wavelet", "ar"]
@@ -242,8 +242,8 @@ def _stretches(recording: Recording) -> _Stretches:
         timeline = find_timeline(recording)
     except SegmentationError as error:
         raise RecordingError(
-            f"No rest was found that would tell the noise ({str(error).rstrip('.')}): record some ten seconds "
-            "without touching the unit, and de-noise these together with the motion."
+            f"No rest was found that would show the noise ({str(error).rstrip('.')}): record some ten "
+            "seconds without touching the unit, and de-noise these together with the motion."
         ) from error
     held = [piece for hold in timeline.holds for piece in hold.stretches()]
     rest = [(max(a, c), min(b, d)) for a, b in held for c, d in whole if min(b, d) > max(a, c)]

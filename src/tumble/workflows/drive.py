@@ -395,9 +395,10 @@ def _gap_words(gaps: Sequence[tuple[float, float]]) -> str:
         which = "it" if len(gaps) == 1 else f"{anew} of them"
         how = f"the filter starts anew after {which}, keeping what it knows of the sensors"
     return (
-        f"IMU samples are missing in {len(gaps)} stretch{'es' if len(gaps) > 1 else ''} of {missing:.2f} s in all "
-        f"(longest {longest[1] - longest[0]:.2f} s at {longest[0]:.1f} s): {how}, and no free drift or outage that "
-        "touches one is counted, so that they do not change what is said of the calibration."
+        f"IMU samples are missing in {len(gaps)} stretch{'es' if len(gaps) > 1 else ''} of "
+        f"{missing:.2f} s in all (longest {longest[1] - longest[0]:.2f} s at {longest[0]:.1f} s): "
+        f"{how}. No free drift or outage that touches one is counted, so that they do not change what "
+        "is said of the calibration."
     )
 
 

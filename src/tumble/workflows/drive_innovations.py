@@ -45,7 +45,7 @@ def about_innovations(drive: Drive, run: FilterRun) -> str:
     if float(np.mean(distances[taken])) > 1.0:
         ends = "errors of the sensors, or of the positions, are larger than was said"
     else:
-        ends = "what the filter was told is too large, and its stated uncertainties are"
+        ends = "what the filter was given is too large, and its stated uncertainties are"
     return "; ".join([part for part in (told, *evidence) if part] + [ends]) + "."
 
 
@@ -106,8 +106,9 @@ def _vibration(drive: Drive) -> str:
     if max(ratios) < 2.0:
         return ""
     return (
-        f"samples at rest scatter up to {ratios[0]:.1f} (specific force) and {ratios[1]:.1f} times (angular rate) "
-        "as much as their half-second means tell, so that vibration counts as white noise"
+        f"samples at rest scatter up to {ratios[0]:.1f} (specific force) and {ratios[1]:.1f} times "
+        "(angular rate) as much as their half-second means suggest, so that vibration counts as "
+        "white noise"
     )
 
 

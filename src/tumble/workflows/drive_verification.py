@@ -294,9 +294,10 @@ def _on_turn_on(found: DriveVerification) -> list[str]:
     name, (estimate, times) = worst
     return [
         (
-            f"It serves if this unit's biases may move by {_allowed(found)} from one turn-on to the next "
-            f"(--turn-on-bias): the drive finds the {_plain(name)} moved by {_practical(name, estimate)}, "
-            f"{abs(times):.1f} times what the calibration's own uncertainty allows."
+            f"It serves if this unit's biases may move by {_allowed(found)} from one turn-on to the "
+            f"next (--turn-on-bias). The drive finds the {_plain(name)} moved by "
+            f"{_practical(name, estimate)}, {abs(times):.1f} times what the calibration's own "
+            "uncertainty allows."
         )
     ]
 

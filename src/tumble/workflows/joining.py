@@ -83,8 +83,8 @@ def require_different_samples(recordings: list[Recording]) -> None:
         for earlier in recordings[:number]:
             if _same_samples(recording, earlier):
                 raise UsageError(
-                    f"{recording.sources[0].name} and {earlier.sources[0].name} hold the same samples: the same "
-                    "recording tells nothing more a second time."
+                    f"{recording.sources[0].name} and {earlier.sources[0].name} hold the same "
+                    "samples: the same recording adds nothing a second time."
                 )
 
 
@@ -261,7 +261,8 @@ def _require_different(recordings: list[Recording]) -> None:
     for source in (source for recording in recordings for source in recording.sources):
         if source.sha256 in seen:
             raise UsageError(
-                f"{source.name} and {seen[source.sha256]} are the same recording: it tells nothing more a second time."
+                f"{source.name} and {seen[source.sha256]} are the same recording: it adds nothing a "
+                "second time."
             )
         seen[source.sha256] = source.name
 

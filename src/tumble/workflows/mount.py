@@ -114,8 +114,8 @@ def mount(
     document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
     if document.accelerometer is None or document.accelerometer.matrix is None:
         raise CalibrationFileError(
-            "The calibration is of the gyro alone: how a unit lies on its mount is told by gravity, which takes the "
-            "accelerometers' calibration."
+            "The calibration is of the gyro alone: gravity shows how a unit lies on its mount, and "
+            "that takes the accelerometers' calibration."
         )
     target = Path("mount.json") if output is None else Path(output)
     if target.is_dir():
@@ -171,7 +171,10 @@ def _rest(
     """Read a recording and average its rest, in the calibration's raw units."""
     recording = read_recordings(path, columns=columns, units=units, rate=rate, topics=topics)[0]
     if recording.specific_force is None:
-        raise RecordingError(f"{Path(path).name} has no accelerometer columns: gravity is what tells.")
+        raise RecordingError(
+            f"{Path(path).name} has no accelerometer columns: only gravity shows how a unit lies on its "
+            "mount."
+        )
     refuse_twice(document, corrections_of([Path(path)]))
     low, high = recorded_span(recording, None)
     made_at = document.temperature_celsius
@@ -225,8 +228,8 @@ def _remarks(found: MountAlignment, mount_sigma: float) -> list[str]:
     ]
     if mount_sigma == 0.0:
         remarks.append(
-            "The mount is taken as level, and as turned about its own y axis, without error: what it was off by is "
-            "wrong in the angles, and --mount-mrad counts it in."
+            "The mount is taken as level, and as turned about its own y axis, without error. What it "
+            "was off by is wrong in the angles, and --mount-mrad counts it in."
         )
     return remarks
 
@@ -249,9 +252,9 @@ def _document(
         "software": f"tumble {tumble.__version__}",
         "formula": _FORMULA,
         "convention": (
-            "C_MB = exp(gamma x): gamma is the rotation vector, right-handed, in rad; "
-            f"z of both is {'down' if found.z_down else 'up'} with the mount level, x is up with it pitched; "
-            "an attitude C_nB of the unit is C_nM = C_nB * transpose(C_MB) of the mount"
+            "C_MB = exp(gamma x): gamma is the rotation vector, right-handed, in rad. z of both is "
+            f"{'down' if found.z_down else 'up'} with the mount level, x is up with it pitched. An "
+            "attitude C_nB of the unit is C_nM = C_nB * transpose(C_MB) of the mount"
         ),
         "C_MB": found.C_MB.tolist(),
         "gamma": found.angles.tolist(),

@@ -101,15 +101,15 @@ def _known_from_recording(path: Path) -> tuple[Square, list[str]]:
     recording = read_recording(path)
     means = observe_holds(recording, find_timeline(recording))
     if means.specific_force is None or means.specific_force_covariance is None:
-        raise ObservabilityError(f"{path} has no accelerometer: poses tell nothing of gyros alone.")
+        raise ObservabilityError(f"{path} has no accelerometer: poses determine nothing of gyros alone.")
     raw = means.specific_force
     scale = scale_of_units(raw)
     if specific_force_factor(recording.specific_force_unit) is None:
         found = scale_of_sphere(raw)
         if found is None:
             raise ObservabilityError(
-                f"{path} is in counts, and its {len(raw)} holds do not tell where zero is: declare its units, or hold "
-                "the unit in more poses."
+                f"{path} is in counts, and its {len(raw)} holds do not determine where zero is: "
+                "declare its units, or hold the unit in more poses."
             )
         scale = found
     directions = scale.directions(raw)
@@ -225,8 +225,8 @@ def _of_few_holds(path: Path, task: PlanTask) -> tuple[JointInformation, list[st
     )
     if factors != (1.0, 1.0) or recording.specific_force is None or recording.angular_rate is None:
         raise UsageError(
-            f"--given {path} does not tell enough for a calibration, and so early it has to have both triads in m/s² "
-            "and rad/s for the next step to be found: record more poses and turns first."
+            f"--given {path} does not determine enough for a calibration. So early the next step is "
+            "found only for both triads in m/s² and rad/s: record more poses and turns first."
         )
     timeline = find_timeline(recording)
     means = observe_holds(recording, timeline)

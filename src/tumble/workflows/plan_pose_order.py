@@ -161,7 +161,9 @@ def _criterion(procedure: str, name: str, wanted: str | None) -> Any:
     if procedure == "six-position":
         levelled = [*GROUPS["scale"], *GROUPS["bias"]]
         if set(chosen) - set(levelled):
-            raise UsageError("--for misalignment: a six-position test tells scale factors and biases alone.")
+            raise UsageError(
+                "--for misalignment: a six-position test determines scale factors and biases alone."
+            )
         chosen = chosen or levelled
     return criterion_of(known[name.lower()], np.array(sorted(set(chosen))) if chosen else None)
 

@@ -208,8 +208,9 @@ def _task(
         sheet = find_grade(data_sheet)
         task = replace(task, sizes=parameter_sizes(sheet), sheet=True)
         remarks.append(
-            f"The spreads of {sheet.name} are believed beforehand, for every parameter that the test tells worse; "
-            "tumble calibrate believes them for accelerometers alone (--procedure multi-position)."
+            f"The spreads of {sheet.name} are believed beforehand, for every parameter that the test "
+            "determines worse. `tumble calibrate` believes them for accelerometers alone "
+            "(--procedure multi-position)."
         )
     if noise is not None:
         planned, words = _noise_of(noise)
@@ -311,14 +312,14 @@ def _remarks(done: ProtocolPlanned, site: Site | None) -> list[str]:
         )
     if find_procedure(task.protocol.procedure).believes:
         words.append(
-            f"Foretold is what the joint estimator tells that believes no pose and no rate; with the procedure "
-            f"{task.protocol.procedure} they are believed, which tells more where they deserve it."
+            "This predicts the joint estimator, which believes no pose and no rate. The procedure "
+            f"{task.protocol.procedure} believes them, which determines more where they deserve it."
         )
     if not task.g_sensitivity:
         g = 648000.0 / math.pi * 9.80665 * float(np.sqrt(np.mean(plan.g_sigmas**2)))
         words.append(
-            f"Units of {done.imu} are taken to have no g-sensitivity; were it estimated, it would be told to {g:.2g} "
-            "(°/h)/g."
+            f"Units of {done.imu} are taken to have no g-sensitivity; were it estimated, it would be "
+            f"known to {g:.2g} (°/h)/g."
         )
     if task.site.gravity_sigma > 0.0:
         ppm = 1e6 * task.site.gravity_sigma / task.site.gravity

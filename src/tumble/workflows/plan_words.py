@@ -62,7 +62,7 @@ def prediction_rows(done: ProtocolPlanned) -> list[list[str]]:
         known = [bool(one) for one in np.asarray(told, dtype=np.float64).tolist()]
         axes = "  (yz, zx, zy)" if group.endswith("misalignment") else ""
         shown = [
-            f"{sigma / size:.3g}" if is_told else "not told"
+            f"{sigma / size:.3g}" if is_told else "not determined"
             for sigma, is_told in zip(values, known, strict=True)
         ]
         rows.append([group + axes, *shown, unit])
@@ -92,7 +92,13 @@ def step_rows(done: ProtocolPlanned, *, each: bool = False) -> list[list[str]]:
     return rows
 
 
-STEP_HEADS = ("step", "of the time", "of what is told", "without it, at worst", "a minute more: all fall by")
+STEP_HEADS = (
+    "step",
+    "of the time",
+    "of what is determined",
+    "without it, at worst",
+    "a minute more: all fall by",
+)
 
 
 def _kinds(done: ProtocolPlanned, *, each: bool) -> list[tuple[str, list[StepWorth]]]:
@@ -136,12 +142,12 @@ def _about_weak(done: ProtocolPlanned) -> list[str]:
             what += " and others"
         if helping is None:
             words.append(
-                f"Not told better than the data sheet does: {what}. No single hold, turn by hand or rotation of a "
-                "table would tell it."
+                f"Not determined better than by the data sheet: {what}. No single hold, turn by hand "
+                "or rotation of a table would determine it."
             )
         else:
             words.append(
-                f"Not told better than the data sheet does: {what}. Add this: {helping[0].name} "
+                f"Not determined better than by the data sheet: {what}. Add this: {helping[0].name} "
                 f"({helping[0].seconds:.0f} s)."
             )
     return words
@@ -183,7 +189,7 @@ def _about_hands(done: ProtocolPlanned) -> list[str]:
         return []
     words = (
         "Hands do it differently each time: of several performances the best and the worst differ by "
-        f"{spread[worst]:.2g} times in {NAMES[worst]}. Predicted is their root mean square."
+        f"{spread[worst]:.2g} times in {NAMES[worst]}. The prediction is their root mean square."
     )
     return [words]
 
@@ -249,9 +255,9 @@ def _about_wander(task: PoseTask, plan: PosePlan) -> list[str]:
     more = " Longer holds would not help: more poses do." if share > 50.0 else ""
     return [
         (
-            f"The biases wander by {wander / MICRO_G:.2g} µg from hold to hold, the white noise of a hold is "
-            f"{white / MICRO_G:.2g} µg: {share:.0f} % of the variance are wander, which the order of the poses "
-            f"lessens: keep it.{more}"
+            f"The biases wander by {wander / MICRO_G:.2g} µg from hold to hold, the white noise of a "
+            f"hold is {white / MICRO_G:.2g} µg. Wander is {share:.0f} % of the variance. The order of "
+            f"the poses lessens it: keep it.{more}"
         )
     ]
 
@@ -261,8 +267,9 @@ def _about_turns(procedure: str) -> list[str]:
         return []
     return [
         (
-            "The first table is what the holds tell of the accelerometers, the last one what holds and turns tell of "
-            "both triads. Turn about all axes of the unit, and about no two the same way one after the other."
+            "The first table is what the holds determine of the accelerometers, the last one what "
+            "holds and turns determine of both triads. Turn about all axes of the unit, and about no "
+            "two the same way one after the other."
         )
     ]
 

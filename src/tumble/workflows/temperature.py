@@ -165,9 +165,10 @@ def check_column(column: TemperatureColumn) -> list[str]:
         words.append(f"{missing}; there it is taken along a straight line between its neighbours{doubt}.")
     if column.is_constant:
         words.append(
-            f"The temperature is {column.lowest:g} °C in all {column.samples - column.missing} samples "
-            f"({column.duration / 60:.3g} min), as if the thermometer had been read once: everything was corrected at "
-            "that temperature, and nothing of warming or cooling. If it is not so, give the column that was read."
+            f"The temperature is {column.lowest:g} °C in all {column.samples - column.missing} "
+            f"samples ({column.duration / 60:.3g} min), as if the thermometer had been read once. "
+            "Everything was corrected at that temperature, and nothing of warming or cooling. If it "
+            "is not so, give the column that was read."
         )
     return words
 
@@ -191,9 +192,10 @@ def about_temperature(
         away = max(high - made_at, made_at - low)
         if away > FAR_FROM_CALIBRATION:
             words.append(
-                f"The calibration was made at {made_at:.1f} °C and has no thermal model; the recording is at "
-                f"{low:.1f} to {high:.1f} °C, up to {away:.1f} K away: its biases and scale factors will have moved. "
-                "Calibrate at that temperature, or with `tumble calibrate --procedure thermal`."
+                f"The calibration was made at {made_at:.1f} °C and has no thermal model. The "
+                f"recording is at {low:.1f} to {high:.1f} °C, up to {away:.1f} K away: its biases and "
+                "scale factors will have moved. Calibrate at that temperature, or with `tumble "
+                "calibrate --procedure thermal`."
             )
         return words
     if corrector is None:
@@ -216,8 +218,8 @@ def about_temperature(
             told = (
                 "what depends on the rate is extrapolated there."
                 if knows
-                else "it knows neither a lag of the sensor nor what a rate does to the biases, and corrects as if "
-                "settled, off by an amount that it cannot tell."
+                else "it knows neither a lag of the sensor nor what a rate does to the biases, and "
+                "corrects as if settled, off by an unknown amount."
             )
             words.append(
                 f"The temperature changed by up to {60 * corrector.fastest:.2g} K/min, in the calibration by at most "

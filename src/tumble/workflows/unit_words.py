@@ -24,8 +24,8 @@ _USUAL: dict[tuple[str, str], tuple[str, ...]] = {
     (ACCELEROMETER, "R"): ("m/s^2/s", "mg/h", "ug/h"),
 }
 _NO_WALK = (
-    "No K, and nothing else, follows from it: run `tumble noise` on the recording that it was found from, which gives "
-    "K with its interval, or the limit below which it lies."
+    "Neither K nor anything else follows from it. Run `tumble noise` on the recording that it was "
+    "found from. That gives K with its interval, or the limit below which it lies."
 )
 _SENSOR = {GYRO: "gyro", ACCELEROMETER: "accelerometer"}
 _NAMES = {
@@ -164,8 +164,9 @@ def _of_key(value: float, key: str, rate: float | None) -> UnitExplanation:
     if how == "sample":
         if rate is None:
             raise UsageError(
-                f"{key} is √rate times the Allan deviation at 1 s, the standard deviation of a sample: "
-                "N follows with --sample-rate HZ, the rate of the recording that it was found from."
+                f"{key} is √rate times the Allan deviation at 1 s, the standard deviation of a "
+                "sample. N follows with --sample-rate HZ, the rate of the recording that it was "
+                "found from."
             )
         si = random_walk_of(value, rate)
         meaning = (
@@ -175,8 +176,9 @@ def _of_key(value: float, key: str, rate: float | None) -> UnitExplanation:
     elif how == "floor":
         si = value / _FLOOR
         meaning = (
-            f"{said} is the lowest point of the Allan curve, {_article(sensor)} {sensor}'s bias instability, and no "
-            f"random walk although it is called one: B is {si:.6g} {unit} if the curve is flat there."
+            f"{said} is the lowest point of the Allan curve, {_article(sensor)} {sensor}'s bias "
+            f"instability, and no random walk although it is called one. B is {si:.6g} {unit} if the "
+            "curve is flat there."
         )
     else:
         si = value
@@ -199,9 +201,10 @@ def _of_whole_curve(said: str, quantity: str) -> UnitExplanation:
     sensor, unit = _SENSOR[quantity], _USUAL[quantity, "K"][0]
     return UnitExplanation(
         said,
-        f"{said} is called {_article(sensor)} {sensor}'s rate random walk, and is none: it is the height at 3 s of a "
-        f"line of slope +1/2 through the whole Allan curve, in {unit}, of the worst axis. Where the curve falls over "
-        "most of its length, white noise lifts the line: even a unit without a random walk has such a number.",
+        f"{said} is called {_article(sensor)} {sensor}'s rate random walk, and is none. It is the "
+        f"height at 3 s of a line of slope +1/2 through the whole Allan curve, in {unit}, of the "
+        "worst axis. Where the curve falls over most of its length, white noise lifts the line: even "
+        "a unit without a random walk has such a number.",
         "",
         sensor,
         float("nan"),
@@ -288,8 +291,9 @@ def _refusals(letter: str, rate: float | None) -> list[str]:
     refused: list[str] = []
     if letter == "B":
         refused.append(
-            "A rate random walk K (Kalibr's random_walk) does not follow from a bias instability: flicker is no random "
-            "walk, and what stands for it in a filter depends on the time over which it is to be right."
+            "A rate random walk K (Kalibr's random_walk) does not follow from a bias instability, "
+            "because flicker is no random walk. What stands for it in a filter depends on the time "
+            "over which it is to be right."
         )
     if letter == "N" and rate is None:
         refused.append(

@@ -251,9 +251,9 @@ def _against_norms(result: Verification, *, stated: bool) -> list[str]:
     if excess > max(largest, EXPANDED):
         return [
             (
-                f"The residuals of the holds are {excess:.1f} times what the calibration's own uncertainty and the "
-                "noise explain: the biases have moved (new power cycle, other temperature), or this is another unit; "
-                "calibrate again."
+                f"The residuals of the holds are {excess:.1f} times what the calibration's own "
+                "uncertainty and the noise explain. The biases have moved (new power cycle, other "
+                "temperature), or this is another unit. Calibrate again."
             )
         ]
     return []

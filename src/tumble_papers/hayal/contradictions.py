@@ -170,8 +170,9 @@ def _larger_by(document: dict[str, Any]) -> list[Row]:
             "as large",
             f"{five['sigma']:.2f}",
             five["sigma"] > 0.1 * one["sigma"],
-            f"at 5 min a scale factor error of {scale[1]:.3g} ppm, against {scale[0]:.3g}, did no harm: that alone is "
-            f"not the cause; the largest stated sigma is {stated[0] / stated[1]:.0f} times larger at 1 min",
+            f"at 5 min a scale factor error of {scale[1]:.3g} ppm, against {scale[0]:.3g}, did no "
+            "harm. That alone is not the cause. The largest stated sigma is "
+            f"{stated[0] / stated[1]:.0f} times larger at 1 min",
         ),
     ]
 

@@ -189,9 +189,10 @@ def reproduce_outage_figure(figure: str, repetitions: int, seed: int) -> Outcome
 
 
 _EXPONENTS = (
-    "The exponent p of σ ~ tᵖ between two lengths: 1 of an error of velocity, 2 of a constant error of the "
-    "accelerometers or of the tilt, 3 of a constant error of the gyros from a start that is known, 1.5 and 2.5 of "
-    "their white noise. More is a filter that is worse after every longer gap."
+    "The exponent p of σ ~ tᵖ between two lengths. It is 1 of an error of velocity, 2 of a constant "
+    "error of the accelerometers or of the tilt. It is 3 of a constant error of the gyros from a "
+    "start that is known, 1.5 and 2.5 of their white noise. More is a filter that is worse after "
+    "every longer gap."
 )
 
 

@@ -111,8 +111,9 @@ def reproduce_sub_scenarios(repetitions: int, seed: int, *, wandering: bool = Fa
     notes = [*_assumed(), f"{NOT_IN_THESIS}: not in the thesis; as the noise has them, not scaled by sigma0."]
     if wandering:
         notes.append(
-            "Biases walk from the first pose on, by the sheet's in-run stability in an hour (its time is assumed), and "
-            "the filter is told so. What the poses say of a bias is then old on the cart, and its sigma too small."
+            "Biases walk from the first pose on, by the sheet's in-run stability in an hour (its "
+            "time is assumed), and the filter knows it. What the poses say of a bias is then old on "
+            "the cart, and its sigma too small."
         )
     for imu in IMUS:
         found = sub_scenario_positions(imu, repetitions, seed, wandering=wandering)
@@ -145,8 +146,8 @@ def _criterion(campaigns: int) -> str:
     if campaigns < RANGE:
         return f"judged from {RANGE} campaigns on"
     return (
-        f"inside: the original's σ lies between the lowest and the highest of {campaigns} simulated campaigns, and "
-        "what a calibration makes better or worse of it between the least and the most that it does in ours"
+        f"inside: the original's σ lies between the lowest and the highest of {campaigns} simulated "
+        "campaigns. So does what a calibration makes better or worse of it"
     )
 
 

@@ -250,14 +250,12 @@ def _against_sheet(imu: str, means: Means, scenario: int, unknowns: int) -> str:
     sizes = means.sheet[:unknowns] / np.repeat([means.reference, 1.0, 1.0], 3)[:unknowns]
     weak = find_weak_directions(design.T @ design / sigma**2, sizes, 1.0)
     if not weak:
-        return (
-            f"{imu}: every combination of the parameters is told better than the data sheet says it already."
-        )
+        return f"{imu}: every combination of the parameters is determined better than by the data sheet."
     involved = " and ".join(NAMES[i] for i in weak[0].leading(0.5))
     return (
-        f"{imu}: {len(weak)} of {unknowns} combinations of the parameters are told worse than the data sheet says them "
-        f"already, by white noise alone; the worst, of {involved}, with {float(f'{weak[0].sigma:.2g}'):g} times the "
-        "sheet's sigma."
+        f"{imu}: {len(weak)} of {unknowns} combinations of the parameters are determined worse than "
+        f"by the data sheet, by white noise alone. The worst, of {involved}, with "
+        f"{float(f'{weak[0].sigma:.2g}'):g} times the sheet's sigma."
     )
 
 
@@ -279,6 +277,7 @@ def _unseen(scenario: int, unknowns: int) -> str:
         return ""
     involved = " and ".join(NAMES[i] for i in weak[0].leading())
     return (
-        f"Geometry: the {len(up)} attitudes of scenario {scenario} do not tell {involved} at all in their nominal "
-        "poses; what the solutions say of it comes from poses that were off by a few degrees."
+        f"Geometry: the {len(up)} attitudes of scenario {scenario} do not determine {involved} at all "
+        "in their nominal poses. What the solutions say of it comes from poses that were off by a "
+        "few degrees."
     )

@@ -59,11 +59,12 @@ def reproduce_table(table: str, repetitions: int, seed: int) -> Outcome:
         rows += [_row(number, entry, case, runs) for number, entry in enumerate(printed["rows"])]
         notes += _notes(case, runs)
     criterion = (
-        f"inside: the thesis' sigma lies in the range of our {repetitions} runs' sigmas of that kind (all three axes), "
-        "and its difference from the truth is no larger than the largest of ours"
+        f"inside: the thesis' sigma lies in the range of our {repetitions} runs' sigmas of that kind "
+        "(all three axes). Its difference from the truth is no larger than the largest of ours"
         if repetitions > 1
-        else f"inside: the thesis' sigma is within a factor of {ONE_RUN:g} of our one run's mean, and its difference "
-        f"from the truth within {FALSE_ALARM:g} of its own sigmas (--repetitions 500 gives the range itself)"
+        else f"inside: the thesis' sigma is within a factor of {ONE_RUN:g} of our one run's mean. Its "
+        f"difference from the truth is within {FALSE_ALARM:g} of its own sigmas (--repetitions 500 "
+        "gives the range itself)"
     )
     return Outcome(
         f"hayal-{table}",

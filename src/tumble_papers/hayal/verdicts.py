@@ -37,16 +37,16 @@ def criterion(units: int, freedom: int) -> str:
     """
     if units > 1:
         return (
-            f"inside: the thesis' sigma lies between the lowest and the highest that {units} simulated units state, "
-            f"and its estimate is either within {FAR:g} times sheet and sigma together of zero, or at least "
-            f"{100 * RARE:g} % of ours are as far off"
+            f"inside: the thesis' sigma lies between the lowest and the highest that {units} "
+            f"simulated units state. Its estimate is within {FAR:g} times sheet and sigma together of "
+            f"zero, or at least {100 * RARE:g} % of ours are as far off"
         )
     degrees = "degree" if freedom == 1 else "degrees"
     factor = float(f"{one_run_factor(freedom):.2g}")
     return (
         f"inside: the thesis' sigma is within a factor of {factor:g} of what one simulated unit "
-        f"states; two runs with {freedom} {degrees} of freedom may differ as much (--repetitions 500 gives the range "
-        "itself)"
+        f"states. Two runs with {freedom} {degrees} of freedom may differ as much (--repetitions 500 "
+        "gives the range itself)"
     )
 
 

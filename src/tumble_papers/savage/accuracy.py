@@ -187,8 +187,9 @@ def _notes(
         wrong, right = (float(rms["lambda_asym"][k, 0]) for k in (at, names.index(LESS_WAYS[0])))
         later = float(rms["lambda_asym"][at, 2])
         notes.append(
-            f"{grade}: with the printed sign of (13) λ asym is wrong by {wrong:.0f} ppm (rms) in the first pass, "
-            f"{right:.0f} with the right one; iterating hides it: {later:.2g} ppm after the third pass."
+            f"{grade}: with the printed sign of (13) λ asym is wrong by {wrong:.0f} ppm (rms) in the "
+            f"first pass, {right:.0f} with the right one. Iterating hides it: {later:.2g} ppm after "
+            "the third pass."
         )
     bias = np.mean(errors[plain, :, 1] / UNITS_SI, axis=0)
     sigma = np.std(errors[plain, :, 1] / UNITS_SI, axis=0) / np.sqrt(errors.shape[1])

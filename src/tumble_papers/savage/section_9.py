@@ -264,9 +264,9 @@ def reproduce_random_noise(repetitions: int, seed: int) -> Outcome:
 def _no_forty_seconds(density: float) -> str:
     seconds = 10.0 + 17.0
     return (
-        "The tilt at the end of a sequence of 27 s is "
-        f"{1e6 * density * np.sqrt(seconds):.1f} µrad; the paper takes 40 s, 20 of them at rest and 20 in rotation, "
-        "which no sequence has. Simulated are the sequences of table 1 at 1 rad/s with averages of 10 s."
+        f"The tilt at the end of a sequence of 27 s is {1e6 * density * np.sqrt(seconds):.1f} µrad. "
+        "The paper takes 40 s, 20 of them at rest and 20 in rotation, which no sequence has. The "
+        "simulation takes the sequences of table 1 at 1 rad/s with averages of 10 s."
     )
 
 

@@ -143,9 +143,10 @@ def _one_gyro_note(sigma: Series) -> str:
     x, y, z = gyros_apart()
     other = gyros_apart(-1.0)[2]
     return (
-        f"By table 6 the x gyro points {x:.1f}″ elsewhere by one method than by the other, the y gyro {y:.1f}″, the z "
-        f"gyro {z:.1f}″; with the opposite sign of γ zy the z gyro {other:.1f}″: then nearly all discrepancies of γ "
-        f"and θ would be one, of the x gyro. Axes that are off by {AXIS_ERROR / ARCSECOND:g}″ scatter γ by "
+        f"By table 6 the x gyro points {x:.1f}″ elsewhere by one method than by the other, the y gyro "
+        f"{y:.1f}″, the z gyro {z:.1f}″. With the opposite sign of γ zy the z gyro points "
+        f"{other:.1f}″ elsewhere: then nearly all discrepancies of γ and θ would be one, of the x "
+        f"gyro. Axes that are off by {AXIS_ERROR / ARCSECOND:g}″ scatter γ by "
         f"{np.mean(sigma[12:15]):.1f}″."
     )
 
@@ -196,8 +197,9 @@ def reproduce_figure(figure: str, repetitions: int, seed: int) -> Outcome:
         SOURCE,
         ("paper", "ours: one run", "mean", "lowest", "highest"),
         rows,
-        f"inside: the paper's standard deviation lies between the lowest and the highest of {repetitions} units, where "
-        "the noise alone puts 99.9 % of all, or within a tenth of what table 6 makes of it",
+        "inside: the paper's standard deviation lies between the lowest and the highest of "
+        f"{repetitions} units, where the noise alone puts 99.9 % of all. Or it is within a tenth of "
+        "what table 6 makes of it",
         [_plot(figure, printed["unit"], picture)],
         [_NOT_PRINTED],
         repetitions,

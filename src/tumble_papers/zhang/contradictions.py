@@ -67,8 +67,9 @@ def reproduce_contradictions(repetitions: int, seed: int) -> Outcome:
 
 
 _UNCHECKED = (
-    "Without a check: in (10) the gyros' sum runs to J_r; in (11) the gyros' vector lacks γ zy; the second line of "
-    "(23) has ω_io for ω_ig; before (39) the axes are known in p and in p, and (39) has R_n^o for R_p^o."
+    "Without a check: in (10) the gyros' sum runs to J_r; in (11) the gyros' vector lacks γ zy. The "
+    "second line of (23) has ω_io for ω_ig. Before (39) the axes are known in p and in p, and (39) "
+    "has R_n^o for R_p^o."
 )
 _NOTES = (
     "Table 1, the nine attitudes, is missing from the text at hand: section 3.2 describes them.",

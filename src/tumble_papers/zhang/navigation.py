@@ -158,9 +158,9 @@ def _criterion(units: int) -> str:
 
 
 _ASSUMED = (
-    "Assumed: ten minutes of rest in which each method aligns itself; quarter turns of 12 s, in test I every 100 s "
-    "twice about x, y and z in turn, in test II every 35 minutes about the vertical; the height is known. The paper "
-    "prints pictures without numbers."
+    "Assumed: ten minutes of rest in which each method aligns itself, and a known height. Quarter "
+    "turns take 12 s, in test I every 100 s twice about x, y and z in turn, in test II every 35 "
+    "minutes about the vertical. The paper prints pictures without numbers."
 )
 _JOINT = (
     "The joint estimator has the paper's data: nine attitudes and six axes. The traditional method has 24 attitudes "

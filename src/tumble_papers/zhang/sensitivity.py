@@ -43,9 +43,10 @@ STARTS = 12
 
 _SENSITIVITY_NOTES = (
     (
-        "Misalignments and scale factors as the paper's table 2 sets them. 'off by': how far the farthest greatest "
-        "sensitivity is from the face or edge; 'neglected': the largest difference of (33) to (35), (37) and (38) from "
-        "the exact derivatives over the sphere, in percent of the greatest sensitivity."
+        "Misalignments and scale factors as the paper's table 2 sets them. 'off by': how far the "
+        "farthest greatest sensitivity is from the face or edge. 'Neglected': the largest difference "
+        "of (33) to (35), (37) and (38) from the exact derivatives over the sphere, in percent of "
+        "the greatest sensitivity."
     ),
     "A set of poses is worth more or less than the sum of its sensitivities: see zhang-designs.",
 )
@@ -109,13 +110,14 @@ def reproduce_designs(repetitions: int, seed: int) -> Outcome:
     low, high = _range()
     return Outcome(
         "zhang-designs",
-        "What sets of poses tell of the accelerometers, at table 5's noise",
+        "What sets of poses determine of the accelerometers, at table 5's noise",
         "Zhang et al. 2010, table 5 and section 3.2",
         ("paper", "predicted", "simulated"),
         rows,
-        f"inside: the paper's three standard deviations are within {low:.2f} to {high:.2f} of the predicted ones, as "
-        f"{100 * (1 - CHANCE):g} % of those from {PRINTED_RUNS} runs are; of the singular set, that it is refused and "
-        "the paper's errors are far beyond any set's. Sets that the paper does not have are not judged",
+        f"inside: the paper's three standard deviations are within {low:.2f} to {high:.2f} of the "
+        f"predicted ones, as {100 * (1 - CHANCE):g} % of those from {PRINTED_RUNS} runs are. Of the "
+        "singular set: it is refused, and the paper's errors are far beyond any set's. Sets that the "
+        "paper does not have are not judged",
         notes=list(_DESIGN_NOTES),
         repetitions=repetitions,
         seed=seed,

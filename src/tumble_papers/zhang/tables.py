@@ -203,9 +203,10 @@ def reproduce_scatter_table(table: str, repetitions: int, seed: int) -> Outcome:
         SOURCE,
         ("paper", "ours, from samples", "ours, by statistics", "lowest", "highest"),
         rows,
-        f"inside: the printed standard deviation of {PRINTED_RUNS} runs, whose last digit is rounded, lies where "
-        f"{100 * (1 - CHANCE):g} % of all such do if ours of {repetitions} is of the same scatter (F-distribution); of "
-        "the gyro biases, whose headings are not printed, with 99 % of choices of them",
+        f"inside: the printed standard deviation of {PRINTED_RUNS} runs, whose last digit is rounded, "
+        f"lies where {100 * (1 - CHANCE):g} % of all such do if ours of {repetitions} is of the same "
+        "scatter (F-distribution). Of the gyro biases, whose headings are not printed: with 99 % of "
+        "choices of them",
         notes=[
             _theory_note(setting, sigma) if repetitions >= ENOUGH else TOO_FEW,
             *_angle_error_note(printed, setting, truth, repetitions, _generator(seed, table, 3)),
@@ -322,9 +323,10 @@ def reproduce_table_5(repetitions: int, seed: int) -> Outcome:
         SOURCE,
         ("orientations", "paper", "ours, from samples", "lowest", "highest"),
         rows,
-        f"inside: the printed standard deviation of {PRINTED_RUNS} runs lies where {100 * (1 - CHANCE):g} % of all "
-        f"such do if ours of {repetitions} is of the same scatter (F-distribution); of the singular set, the closed "
-        "form refuses it, and the paper's numbers are no scatter of a unit's parameters",
+        f"inside: the printed standard deviation of {PRINTED_RUNS} runs lies where "
+        f"{100 * (1 - CHANCE):g} % of all such do if ours of {repetitions} is of the same scatter "
+        "(F-distribution). Of the singular set: the closed form refuses it, and the paper's numbers "
+        "are no scatter of a unit's parameters",
         notes=[_GAINS.format(*gains) if repetitions >= ENOUGH else TOO_FEW],
         repetitions=repetitions,
         seed=seed,

@@ -214,5 +214,5 @@ def test_a_wrong_argument_is_named(options: dict[str, Any], words: str) -> None:
 
 
 def test_fewer_holds_than_unknowns_are_refused() -> None:
-    with pytest.raises(UsageError, match="8 holds cannot tell 9 unknowns"):
+    with pytest.raises(UsageError, match="8 holds cannot determine 9 unknowns"):
         adjust_norms(simulated(1, holds=8), 1e-3, K)

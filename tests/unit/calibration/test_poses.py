@@ -129,9 +129,9 @@ def test_five_faces_do_not_suffice_with_a_prior_and_the_sixth_is_asked_for() -> 
 @pytest.mark.parametrize(("axis", "name"), [(0, "x"), (1, "y"), (2, "z")])
 def test_poses_all_in_one_plane_are_told_which_axis_is_missing(axis: int, name: str) -> None:
     message = refusal(plane(axis))
-    assert "do not tell" in message
-    # Each of the four is untold by itself: nothing is to be told apart from another.
-    assert "apart" not in message
+    assert "do not determine" in message
+    # Each of the four is open by itself: nothing is to be separated from another.
+    assert "separate" not in message
     assert all(f"{what} of {name}" in message for what in ("the scale factor", "the bias")), message
     others = [other for other in "xyz" if other != name]
     for other in others:
@@ -148,7 +148,7 @@ def test_faces_and_edges_of_two_planes_are_told_which_edge_is_missing(
 ) -> None:
     edges = twenty_six_directions()[6:18]
     message = refusal(np.vstack([FACES, edges[np.abs(edges[:, axis]) > 0.5][:count]]))
-    assert f"do not tell the non-orthogonality of {pair}. " in message
+    assert f"do not determine the non-orthogonality of {pair}. " in message
     asked = named_in(message)
     assert len(asked) == 1
     assert asked[0, axis] == 0.0
@@ -167,7 +167,7 @@ def test_nine_edges_of_which_six_lie_in_one_plane_are_refused_with_the_reason() 
     edges = twenty_six_directions()[6:18]
     left_out = np.array([[1, 1, 0], [1, 0, 1], [0, 1, 1]]) / np.sqrt(2.0)
     message = refusal(edges[np.max(edges @ left_out.T, axis=1) < 0.9])
-    assert "do not tell the scale factors, the biases and the non-orthogonalities apart" in message
+    assert "do not separate the scale factors, the biases and the non-orthogonalities" in message
     assert "in 6 of them up lies in one plane, in the other 3 in another" in message
     assert len(named_in(message)) == 1
 
@@ -175,7 +175,7 @@ def test_nine_edges_of_which_six_lie_in_one_plane_are_refused_with_the_reason() 
 def test_a_bias_that_cannot_be_told_from_a_scale_factor_is_named_with_it() -> None:
     up = twenty_six_directions()
     message = refusal(up[up[:, 2] > 0.1])
-    assert "the scale factors and the bias of z apart" in message
+    assert "separate the scale factors and the bias of z" in message
 
 
 def test_poses_placed_by_hand_are_refused_for_the_same_reason() -> None:
@@ -188,7 +188,7 @@ def test_poses_placed_by_hand_are_refused_for_the_same_reason() -> None:
     for _ in range(50):
         placed = nine + np.radians(1.5) * rng.standard_normal(nine.shape)
         said = describe_untold(placed / np.linalg.norm(placed, axis=1)[:, None])
-        assert said == "" or "the scale factors, the biases and the non-orthogonalities apart" in said
+        assert said == "" or "separate the scale factors, the biases and the non-orthogonalities" in said
         with_reason += "in 6 of them up lies in one plane, in the other 3 in another" in said
     # A few tell all, just so, or lie no longer in planes.
     assert with_reason > 40

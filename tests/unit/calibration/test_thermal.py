@@ -165,7 +165,7 @@ def test_one_pose_leaves_scale_factors_untold_and_says_so(swept: Estimate) -> No
     estimate = swept
     assert not any(name.startswith("accelerometer") for name in estimate.names)
     assert "scale factors and non-orthogonalities" in estimate.not_determined[0]
-    assert "cannot be told from a bias" in estimate.not_determined[0]
+    assert "cannot be separated from a bias" in estimate.not_determined[0]
 
 
 def test_a_soak_that_has_not_settled_is_left_out_with_its_rate() -> None:

@@ -183,7 +183,7 @@ def test_turns_about_the_vertical_tell_no_gyro_and_a_level_turn_does() -> None:
     assert left[-1] < 21 - int(plan.told[:21].sum())
     stop, words = judge_stop(task, plan.information, following, None)
     assert not stop
-    assert "Not told yet" in words[0]
+    assert "Not determined yet" in words[0]
 
 
 def test_what_would_tell_a_weak_direction_makes_it_told(hand_held: JointPlan) -> None:

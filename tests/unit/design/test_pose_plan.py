@@ -109,14 +109,14 @@ def test_for_the_biases_alone_the_plan_is_no_worse_in_them() -> None:
 
 def test_poses_that_do_not_tell_are_refused_in_words() -> None:
     with pytest.raises(
-        ObservabilityError, match=r"jig do not tell the non-orthogonality of y to z\. Add edge"
+        ObservabilityError, match=r"jig do not determine the non-orthogonality of y to z\. Add edge"
     ):
         require_seen(
             CUBE.directions[[0, 1, 2, 3, 4, 5, 6, 8]], criterion_of("A"), what="The 8 poses of a jig"
         )
     # The same poses do tell the biases and scale factors.
     require_seen(CUBE.directions[:6], criterion_of("A", np.array([0, 1, 2, 6, 7, 8])))
-    with pytest.raises(ObservabilityError, match="8 poses tell 8 numbers"):
+    with pytest.raises(ObservabilityError, match="8 poses determine 8 numbers"):
         plan_poses(task(), CUBE, 8, 30.0, np.random.default_rng(0))
     with pytest.raises(UsageError, match="too short for the 9 poses"):
         plan_time(task(), CUBE, 30.0, np.random.default_rng(0))
@@ -158,4 +158,6 @@ def test_when_to_stop_is_said() -> None:
     assert stop
     assert "hardly worth" in words[-1]
     untold = sigmas_so_far(np.zeros((9, 9)))
-    assert judge_stop(untold, [], {}, noise, 9.8, wanted)[1][0].startswith("Not told yet: scale factor x")
+    assert judge_stop(untold, [], {}, noise, 9.8, wanted)[1][0].startswith(
+        "Not determined yet: scale factor x"
+    )

@@ -147,9 +147,7 @@ def test_what_is_left_of_the_eighteen_is_refused_or_not_by_the_signs_of_the_thre
     others = chatfield_orientations(signs)[[n - 1 for n in OTHER_EDGE_NUMBERS]]
     said = explain_pose_set(others)
     if np.prod(signs) == 1:
-        assert (
-            "The 9 poses do not tell the scale factors, the biases and the non-orthogonalities apart" in said
-        )
+        assert "The 9 poses do not separate the scale factors, the biases and the non-orthogonalities" in said
         assert "in 6 of them up lies in one plane, in the other 3 in another" in said
         with pytest.raises(ObservabilityError, match=r"Add (corner of|[+-])"):
             predict_sigma(others, DWELL)
@@ -188,4 +186,4 @@ def test_dwells_repeated_in_their_poses_tell_the_same_and_more_surely() -> None:
 
 
 def test_one_pose_is_spoken_of_as_one() -> None:
-    assert explain_pose_set(np.array([[0.0, 0.0, 1.0]])).startswith("The 1 pose does not tell ")
+    assert explain_pose_set(np.array([[0.0, 0.0, 1.0]])).startswith("The 1 pose does not determine ")

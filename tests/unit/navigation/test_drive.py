@@ -208,7 +208,7 @@ def test_a_good_unit_at_rest_finds_north_and_a_poor_one_says_that_it_cannot() ->
     assert np.abs((covariance - found.covariance) / scale).max() < 0.45
     assert "gyrocompassing" in str(found)
     samples = InertialSamples(time, states.specific_force_b, states.angular_rate_ib_b)
-    with pytest.raises(ObservabilityError, match="cannot tell the heading"):
+    with pytest.raises(ObservabilityError, match="cannot determine the heading"):
         align_coarse(samples, HERE[0], accelerometer_sigma=0.01, gyroscope_sigma=1e-4)
     given = align_coarse(
         samples, HERE[0], accelerometer_sigma=0.01, gyroscope_sigma=1e-4, heading=2.1, heading_sigma=0.01

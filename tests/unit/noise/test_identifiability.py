@@ -20,7 +20,7 @@ def fit(model: NoiseModel, minutes: float, rate: float, seed: int) -> NoiseFit:
 def test_ten_minutes_that_read_a_walk_as_flicker_say_that_it_may_be_a_walk() -> None:
     found = fit(WALKS, 10.0, 100.0, 0)
     assert found.chosen == ("N", "B")  # wrong, and not known better
-    assert any(text.startswith("B may be K instead") for text in found.remarks)
+    assert any(text.startswith("B may really be K") for text in found.remarks)
 
 
 def test_four_hours_tell_the_same_walk_from_flicker() -> None:

@@ -137,7 +137,7 @@ def test_table_5_refuses_the_singular_set_in_words() -> None:
     (row,) = [row for row in outcome.rows if row.cells[0] == "8, 10, 12-18"]
     assert row.verdict == INSIDE
     assert row.cells[2:] == ("refused", None, None)
-    assert "do not tell all 9 unknowns apart" in row.reason
+    assert "do not determine all 9 unknowns" in row.reason
     assert "+1" in row.reason
     assert len(outcome.rows) == 19
     assert refusal(table_setting("5")) == ""

@@ -87,7 +87,7 @@ def adjust_norms(
         )
     sets, holds = observed.shape[:2]
     if holds < unknowns:
-        raise UsageError(f"{holds} holds cannot tell {unknowns} unknowns.")
+        raise UsageError(f"{holds} holds cannot determine {unknowns} unknowns.")
     spread = np.asarray(sigma, dtype=float)
     spread = np.broadcast_to(spread[:, None] if spread.ndim == 1 else spread, (holds, 3))
     norm = np.broadcast_to(np.asarray(reference, dtype=float), (holds,))

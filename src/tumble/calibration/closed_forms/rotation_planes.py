@@ -111,14 +111,15 @@ def _covariance(
 def _useless(pair: RotationPair, sine: float, covariance: Square) -> str:
     if sine < SMALLEST_SINE:
         return (
-            f"The axis {pair.name} stood within {np.degrees(np.arcsin(min(sine, 1.0))):.1f}° of the vertical while the "
-            "unit was turned about it: the accelerometers see gravity along it all the time and cannot tell the axis."
+            f"The axis {pair.name} stood within {np.degrees(np.arcsin(min(sine, 1.0))):.1f}° of the "
+            "vertical while the unit was turned about it: the accelerometers see gravity along it "
+            "all the time and cannot determine the axis."
         )
     sigma = float(np.sqrt(np.max(np.linalg.eigvalsh(covariance))))
     if sigma > WORST_SIGMA:
         return (
-            f"The accelerometers tell the axis {pair.name} to {1e3 * sigma:.2g} mrad only: too noisy, too short, or "
-            "too small a part of a revolution."
+            f"The accelerometers determine the axis {pair.name} to {1e3 * sigma:.2g} mrad only: too "
+            "noisy, too short, or too small a part of a revolution."
         )
     return ""
 

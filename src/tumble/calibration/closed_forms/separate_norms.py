@@ -160,7 +160,8 @@ def _least_squares(design: AnyArray, told: AnyArray, weights: AnyArray | None, w
     unknowns = design.shape[-1]
     if design.shape[-2] < unknowns:
         raise ObservabilityError(
-            f"{design.shape[-2]} {what} do not tell {unknowns} unknowns: {unknowns} different ones are needed at least."
+            f"{design.shape[-2]} {what} do not determine {unknowns} unknowns: {unknowns} different "
+            "ones are needed at least."
         )
     if weights is not None:
         root = np.sqrt(np.asarray(weights, dtype=float))
@@ -169,8 +170,9 @@ def _least_squares(design: AnyArray, told: AnyArray, weights: AnyArray | None, w
     values = np.linalg.svd(r, compute_uv=False)
     if bool(np.any(values[..., -1] < SINGULAR * values[..., 0])):
         raise ObservabilityError(
-            f"The {what} do not tell all {unknowns} unknowns apart: some combination of scale factors, misalignments "
-            f"and biases fits them all. Add {what} between the axes, with two sensors seeing the same share."
+            f"The {what} do not determine all {unknowns} unknowns: some combination of scale factors, "
+            f"misalignments and biases fits them all. Add {what} between the axes, with two sensors "
+            "seeing the same share."
         )
     right = np.einsum("...ij,...i->...j", q, told)
     return np.asarray(np.linalg.solve(r, right[..., None])[..., 0], dtype=np.float64)

@@ -159,8 +159,8 @@ def fit_placed(readings: PlacedReadings) -> PlacedFit:
     scaled = design / np.array([size, size, size, 1.0])
     if np.linalg.matrix_rank(scaled, tol=1e-3) < 4:
         raise ObservabilityError(
-            "The poses do not tell all of the matrix and the bias: at least four are needed, up along three "
-            "different axes, and one of them the other way up too."
+            "The poses do not determine all of the matrix and the bias. At least four are needed: up "
+            "along three different axes, and one of them the other way up too."
         )
     start = plain_least_squares(readings.nominal, readings.observed)
     adjustment = _adjust(readings, start)

@@ -119,9 +119,9 @@ def fit_placement_biases(
         float(np.degrees(np.max(np.abs(inverted(matrix) @ fit.parameters[3:].reshape(3, 3)))) * 9.80665)
     )
     remark = (
-        f"The gyros have a g-sensitivity of up to {largest}°/s per g, told by placements up and down; the bias is "
-        "that without gravity. The correction of rates alone cannot take it out: that needs the accelerometers' "
-        "calibration too (hand-held, modified-multi-position)."
+        f"The gyros have a g-sensitivity of up to {largest}°/s per g, determined by placements up and "
+        "down. The bias is that without gravity. The correction of rates alone cannot take it out: "
+        "that needs the accelerometers' calibration too (hand-held, modified-multi-position)."
     )
     return PlacementBiases(
         bias=fit.parameters[:3],
@@ -182,8 +182,8 @@ def _without_sensitivity(
         )
         plain = solve(scatter)
     missing = (
-        "The gyros' g-sensitivity is in the bias: gravity lay along the table's axis in all spins, and the "
-        "placements do not tell the two apart. Place each axis up and down."
+        "The gyros' g-sensitivity is in the bias: gravity lay along the table's axis in all spins, "
+        "and the placements do not separate the two. Place each axis up and down."
     )
     remark = (
         f"From placement to placement the bias scatters by {scatter:.2g} (raw units) beyond the noise "

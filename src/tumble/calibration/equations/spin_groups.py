@@ -16,9 +16,9 @@ from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, TurnStep
 from tumble.segmentation.matching import Matching
 
 REVERSED = (
-    "The gyros turn the other way than the protocol says: there a positive rate is counter-clockwise seen from where "
-    "the axis points to, for an axis that points up: seen from above. Put the signs of the rates right in the "
-    "protocol, or those of the columns (--columns)."
+    "The gyros turn the other way than the protocol says. A positive rate is counter-clockwise, seen "
+    "from where the axis points to. For an axis that points up that is from above. Put the signs of "
+    "the rates right in the protocol, or those of the columns (--columns)."
 )
 
 

@@ -176,9 +176,9 @@ def require_rates(readings: SpinReadings, placements: list[SpunPlacement]) -> No
         along = readings.rate[c][readings.active[c]] @ placement.axis
         if np.ptp(along) <= 1e-6 * np.max(np.abs(along)):
             raise ObservabilityError(
-                f"{placement.group.name or axis_words(placement.axis)}: spun at one rate and in one direction only, "
-                "and nowhere at rest: bias and scale factor cannot be told apart. Spin both ways, at several rates, "
-                "and record the table at rest in between."
+                f"{placement.group.name or axis_words(placement.axis)}: spun at one rate and in one "
+                "direction only, and nowhere at rest: bias and scale factor cannot be separated. "
+                "Spin both ways, at several rates, and record the table at rest in between."
             )
 
 

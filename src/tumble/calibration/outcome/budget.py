@@ -367,9 +367,9 @@ def _not_included(outcome: JointOutcome) -> list[str]:
     else:
         low, high = float(np.nanmin(celsius)), float(np.nanmax(celsius))
         said.append(
-            f"Temperature: it went from {low:.1f} to {high:.1f} °C while recording. What that did to the biases is in "
-            "their wander; what it did to scale factors and angles is not in the uncertainties, and at another "
-            "temperature they do not hold."
+            f"Temperature: it went from {low:.1f} to {high:.1f} °C while recording. What that did to "
+            "the biases is in their wander. What it did to scale factors and angles is not in the "
+            "uncertainties: at another temperature they do not hold."
         )
     if outcome.data.poses is None:
         said.append("Placement: no pose was believed, so that none can be wrong.")
@@ -378,7 +378,7 @@ def _not_included(outcome: JointOutcome) -> list[str]:
             "Reference gravity was given as exact: a wrong one would make all accelerometer scale factors wrong alike."
         )
     said.append(
-        "Turn-on to turn-on: biases hold for this recording; how far they move until the unit is switched on again, "
-        "only several recordings tell."
+        "Turn-on to turn-on: biases hold for this recording. Only several recordings show how far "
+        "they move when the unit is switched on again."
     )
     return said

@@ -52,8 +52,9 @@ def _of_earth(outcome: JointOutcome) -> list[str]:
     if certain < CONTRADICTION or abs(upward) < SMALLEST_VERTICAL:
         return []
     said = (
-        f"The gyros show at rest {upward:+.2g} ± {abs(upward) / certain:.1g} rad/s more of the Earth rate upwards than "
-        "the latitude gives: the site is another one (--site), and with it gravity, or biases follow the poses."
+        f"The gyros show at rest {upward:+.2g} ± {abs(upward) / certain:.1g} rad/s more of the Earth "
+        "rate upwards than the latitude gives. Either the site is another one (--site), and with it "
+        "gravity, or biases follow the poses."
     )
     return [said]
 

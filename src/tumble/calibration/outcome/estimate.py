@@ -59,7 +59,8 @@ from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel
 
 SITS = (
-    "How the unit sits in its fixture is not told apart from its misalignments, which are against its axes."
+    "How the unit sits in its fixture is not separated from its misalignments, which are against the "
+    "fixture's axes."
 )
 # Of a correlation matrix: below this, a combination is known exactly, or less than that.
 LEAST_EIGENVALUE = 1e-10

@@ -110,17 +110,18 @@ def table_remarks(terms: frozenset[str], named: dict[str, tuple[float, float]]) 
         lag, sigma = named[LAG_NAME]
         earlier = "earlier" if lag > 0 else "later"
         told.append(
-            f"A sample of the accelerometer is of an instant {abs(1e3 * lag):.2g} ms (± {1e3 * sigma:.1g} ms) "
-            f"{earlier} than the gyro's with the same stamp. The estimate takes it into account, and `tumble apply` "
-            "does not shift samples: tell your filter."
+            f"A sample of the accelerometer is of an instant {abs(1e3 * lag):.2g} ms (± "
+            f"{1e3 * sigma:.1g} ms) {earlier} than the gyro's with the same stamp. The estimate takes "
+            "it into account, and `tumble apply` does not shift samples: give it to your filter."
         )
     if "lever_arms" in terms:
         arms = [value for name, value in named.items() if name.startswith(ARM)]
         largest = max((abs(value) for value, _ in arms), default=0.0)
         told.append(
-            f"The accelerometers sit at different places of the unit, up to {1e3 * largest:.2g} mm apart in what the "
-            "rotations tell. Lever arm ij is the place of accelerometer i along j, counted from accelerometer j. The "
-            "estimate takes them into account, and `tumble apply` takes out what they feel while the unit turns."
+            f"The accelerometers sit at different places of the unit, up to {1e3 * largest:.2g} mm "
+            "apart by the rotations. Lever arm ij is the place of accelerometer i along j, counted "
+            "from accelerometer j. The estimate takes them into account, and `tumble apply` takes "
+            "out what they feel while the unit turns."
         )
     return told
 

@@ -190,9 +190,9 @@ def add_time_lag(estimate: Estimate, data: HoldsAndTurns) -> None:
     earlier = "earlier" if found.lag > 0 else "later"
     estimate.say(
         "remark",
-        f"The accelerometer's samples belong to instants {abs(1e3 * found.lag):.1f} ms "
-        f"(± {1e3 * found.sigma:.1f} ms) {earlier} than the gyro's. The estimate does not depend on it, and "
-        "`tumble apply` does not shift samples: tell your filter.",
+        f"The accelerometer's samples belong to instants {abs(1e3 * found.lag):.1f} ms (± "
+        f"{1e3 * found.sigma:.1f} ms) {earlier} than the gyro's. The estimate does not depend on it, "
+        "and `tumble apply` does not shift samples: give it to your filter.",
     )
 
 
@@ -234,10 +234,10 @@ def add_bias_step(
     )
     estimate.say(
         "remark",
-        f"The bias of gyro {'xyz'[step.axis]} jumps by {np.degrees(step.size):+.3f} °/s "
-        f"(± {np.degrees(step.sigma):.3f}) between hold {step.before + 1} and hold {step.before + 2}, at about "
-        f"{when:.0f} s: the stated bias is a mean of both, and its uncertainty counts how far the last one is off it. "
-        "A knock or the supply can do it; record again.",
+        f"The bias of gyro {'xyz'[step.axis]} jumps by {np.degrees(step.size):+.3f} °/s (± "
+        f"{np.degrees(step.sigma):.3f}) between hold {step.before + 1} and hold {step.before + 2}, at "
+        f"about {when:.0f} s. The stated bias is a mean of both. Its uncertainty counts how far the "
+        "last one is off it. A knock or the supply can do it; record again.",
     )
 
 
@@ -267,7 +267,8 @@ def _start(
         values[GYRO_MATRIX] = inverted(inverse).ravel()
     except (ValueError, np.linalg.LinAlgError) as error:
         raise ObservabilityError(
-            f"The turns do not tell the gyro's axes ({error}): turn the unit about all three axes between holds."
+            f"The turns do not determine the gyro's axes ({error}): turn the unit about all three "
+            "axes between holds."
         ) from error
     values[GYRO_BIAS] = bias
     return values
@@ -474,7 +475,9 @@ def _suits(session: Session) -> Suits:
             False,
             f"{turns} turns between holds can be used, and the hand-held procedure needs {SMALLEST_TURNS}",
         )
-    found = f"{len(timeline.holds)} holds and {turns} turns between them were found, which tell both triads"
+    found = (
+        f"{len(timeline.holds)} holds and {turns} turns between them were found, which determine both triads"
+    )
     return Suits(True, found)
 
 
@@ -490,7 +493,7 @@ PROCEDURE = Procedure(
     suits=_suits,
     otherwise="multi-position",
     # Too few poses are too few for others, too; only what the gyro lacks leaves another way open.
-    failed="the turns do not tell the gyro",
+    failed="the turns do not determine the gyro",
     joint_believes=False,
     gyros_from="turns",
 )

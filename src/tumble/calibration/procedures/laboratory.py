@@ -63,8 +63,9 @@ PASSES = 3
 _ALL = np.ones((3, 3), dtype=bool)
 _ARCSEC = np.pi / 648000.0
 _SITS = (
-    "How the unit sits on the table is not told apart from its misalignments, which are against the table's axes: an "
-    "error of the table that is the same in all poses stands in the result, and no residual shows it."
+    "How the unit sits on the table is not separated from its misalignments, which are against the "
+    "table's axes. An error of the table that is the same in all poses is in the result, and no "
+    "residual shows it."
 )
 SOURCES = ("noise", "the table's attitudes and axes", "the table's angles")
 """What the uncertainties are made of."""
@@ -142,8 +143,9 @@ def calibrate_laboratory(
     force = replace(force, covariance=wander_of_placed(wander, force, poses.hold, poses.rotations_bn))
     if np.linalg.det(force.matrix) <= 0:
         raise ObservabilityError(
-            "In the poses that the protocol names the accelerometers read gravity with an odd number of axes "
-            "reversed, which no placement does: check the order and the signs of the columns (--columns)."
+            "In the poses that the protocol names the accelerometers read gravity with an odd number "
+            "of axes reversed. No placement does that: check the order and the signs of the columns "
+            "(--columns)."
         )
     pairs, lonely = pair_rotations(rotations, matching, protocol, needed=AXES_NEEDED)
     refuse_unlike_angles(recording, pairs, means)
@@ -456,16 +458,17 @@ def _remarks(poses: KnownPoses, site: Site, force: PlacedFit, gyros: _Gyros, lon
     used = float(np.sqrt(np.mean(force.readings.sigma**2)))
     if force.added > 0.0:
         remarks.append(
-            f"The poses contradict one another by more than the {two_digits(stated / _ARCSEC)}″ that the protocol "
-            f"states: the unit was in them to about {two_digits(used / _ARCSEC)}″ about each axis, and the "
-            "accelerometers' uncertainties are made with that."
+            f"The poses contradict one another by more than the {two_digits(stated / _ARCSEC)}″ that "
+            f"the protocol states. The unit was in them to about {two_digits(used / _ARCSEC)}″ about "
+            "each axis, and the accelerometers' uncertainties are made with that."
         )
     tilt = used if used > 0.0 else _ARCSEC
     remarks.append(
-        f"What the table does: an attitude that is off by {two_digits(tilt / _ARCSEC)}″ in one pose moves an "
-        f"accelerometer misalignment by up to {two_digits(0.25 * tilt / _ARCSEC)}″ and a bias by up to "
-        f"{two_digits(1e6 * tilt * site.gravity / 24.0)} µm/s²; a table whose axes are not square by that angle "
-        "moves the gyros' misalignments by all of it, and nothing shows it. The turntable procedure needs no attitudes."
+        f"An attitude that is off by {two_digits(tilt / _ARCSEC)}″ in one pose moves an accelerometer "
+        f"misalignment by up to {two_digits(0.25 * tilt / _ARCSEC)}″ and a bias by up to "
+        f"{two_digits(1e6 * tilt * site.gravity / 24.0)} µm/s². A table whose axes are not square by "
+        "that angle moves the gyros' misalignments by all of it, and nothing shows it. The turntable "
+        "procedure needs no attitudes."
     )
     if site.latitude is None:
         remarks.append(

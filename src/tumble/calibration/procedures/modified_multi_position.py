@@ -180,10 +180,10 @@ def _require_both_ways(readings: TableReadings) -> None:
     slowest = float(np.min(np.abs(rates))) if rates.size else 1.0
     earth = two_digits(1e6 * EARTH_RATE * np.sin(np.radians(40.0)) / slowest)
     raise ObservabilityError(
-        f"{ways[0]} spins counter-clockwise and {ways[1]} clockwise were found, and {FEWEST_EACH_WAY} or more of "
-        "each are needed. With one direction the gyros' g-sensitivity, the Earth rate and a wrong zero of the table "
-        f"look like scale factor errors, and no residual shows it (the Earth rate alone, at 40°: {earth} ppm). "
-        "Spin both ways in every pose."
+        f"{ways[0]} spins counter-clockwise and {ways[1]} clockwise were found, and {FEWEST_EACH_WAY} "
+        "or more of each are needed. With one direction the gyros' g-sensitivity, the Earth rate and "
+        "a wrong zero of the table look like scale factor errors. No residual shows it. The Earth "
+        f"rate alone, at 40°, makes {earth} ppm. Spin both ways in every pose."
     )
 
 
@@ -229,7 +229,8 @@ def _start(task: _Task) -> Series:
     solution, _, rank, _ = np.linalg.lstsq(design, readings.shown[used], rcond=1e-3)
     if rank < 4:
         raise ObservabilityError(
-            "The spins do not tell the gyros' axes apart: spin the unit with each of its axes upright, and both ways."
+            "The spins do not separate the gyros' axes: spin the unit with each of its axes upright, "
+            "and both ways."
         )
     matrix = solution[:3].T / size
     if np.linalg.det(matrix) <= 0:
@@ -436,9 +437,9 @@ def _not_determined(task: _Task) -> list[str]:
     sentences = [plumb]
     if task.site.latitude is None:
         sentences.append(
-            "No latitude was given: the Earth's rotation about the table's axis was an unknown with a prior standard "
-            "uncertainty of 4.2e-5 rad/s; it looks like a g-sensitivity that is equal on all axes. Give --site "
-            "LATITUDE."
+            "No latitude was given: the Earth's rotation about the table's axis was an unknown with "
+            "a prior standard uncertainty of 4.2e-5 rad/s. It looks like a g-sensitivity that is "
+            "equal on all axes. Give --site LATITUDE."
         )
     return sentences
 
@@ -462,9 +463,10 @@ def _remarks(task: _Task, joint: _Joint, norms: TriadFit) -> list[str]:
         )
     if joint.tilt > 0.0:
         remarks.append(
-            f"The table's axis and the vertical that the accelerometers show at rest differ by about "
-            f"{two_digits(1e3 * joint.tilt)} mrad from pose to pose: a table that leans, or a pose that creeps. Each "
-            "misalignment between the triads is told so much worse, and the stated uncertainties include it."
+            "The table's axis and the vertical that the accelerometers show at rest differ by about "
+            f"{two_digits(1e3 * joint.tilt)} mrad from pose to pose: a table that leans, or a pose "
+            "that creeps. Each misalignment between the triads is known that much worse, and the "
+            "stated uncertainties include it."
         )
     return remarks
 
@@ -480,8 +482,9 @@ def _against_syed(task: _Task, joint: _Joint, norms: TriadFit) -> str:
     relative = two_digits(1e6 * float(np.max(np.abs(norms.unknowns[SCALE] / np.real(scale) - 1.0))))
     return (
         "By norms alone (Syed et al. 2007) the gyros' nine parameters differ from these by at most "
-        f"{abs(difference[worst]):.1f} of their standard uncertainties ({names[worst]}), the scale factors by at most "
-        f"{relative} ppm; the whole vectors tell the rotation between the triads besides."
+        f"{abs(difference[worst]):.1f} of their standard uncertainties ({names[worst]}), the scale "
+        f"factors by at most {relative} ppm. The whole vectors also determine the rotation between "
+        "the triads."
     )
 
 

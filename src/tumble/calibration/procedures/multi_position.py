@@ -108,7 +108,8 @@ def fit_norms(
     known = 0 if prior is None else prior.rank
     if observed.shape[0] + known < free.size:
         raise ObservabilityError(
-            f"{observed.shape[0]} holds cannot tell {free.size} unknowns: record at least {free.size + 1}."
+            f"{observed.shape[0]} holds cannot determine {free.size} unknowns: record at least "
+            f"{free.size + 1}."
         )
     values = [start]
 
@@ -121,8 +122,9 @@ def fit_norms(
         full[free] = adjustment.parameters
         if np.any(full[SCALE] <= 0):
             raise ConvergenceError(
-                "The adjustment ended in a mirror root with a negative scale factor: the holds are too "
-                "noisy for this many unknowns, or the columns are not what they are said to be."
+                "The adjustment ended in a mirror root with a negative scale factor. Either the "
+                "holds are too noisy for this many unknowns, or the columns are not what they are "
+                "said to be."
             )
         values.append(full)
         return adjustment
@@ -517,7 +519,8 @@ PROCEDURE = Procedure(
     "accelerometer-x",
     "nothing, and a gyro without turns",
     "nine or more poses (six with an earlier calibration); turns do not matter",
-    "accelerometers in full; of the gyros what the Earth's rotation tells: for most units bias and g-sensitivity only",
+    "accelerometers in full; of the gyros what the Earth's rotation determines: for most units bias "
+    "and g-sensitivity only",
     "multi-position.md",
     takes=frozenset({"prior", "data_sheet", "unknowns"}),
     joint_believes=False,

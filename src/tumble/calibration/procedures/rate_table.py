@@ -403,8 +403,8 @@ def _tell(
             )
     for axis in _one_way_axes(readings, known):
         against.append(
-            f"About {axis} the unit was spun one way only: a scale factor that differs between the ways (asymmetry) "
-            "cannot be told from the bias. Spin it the other way too."
+            f"About {axis} the unit was spun one way only: a scale factor that differs between the "
+            "ways (asymmetry) cannot be separated from the bias. Spin it the other way too."
         )
     guessed = [p.group.name or axis_words(p.axis) for p in placements if p.guessed]
     if guessed:

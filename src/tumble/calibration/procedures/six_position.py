@@ -171,8 +171,9 @@ def calibrate_six_position(
     force = replace(force, covariance=wander_of_placed(wander, force, poses.hold, poses.rotations_bn))
     if np.linalg.det(force.matrix) <= 0:
         raise ObservabilityError(
-            "In the poses that the protocol names the accelerometers read gravity with an odd number of axes "
-            "reversed, which no placement does: check the order and the signs of the columns (--columns)."
+            "In the poses that the protocol names the accelerometers read gravity with an odd number "
+            "of axes reversed. No placement does that: check the order and the signs of the columns "
+            "(--columns)."
         )
     sigma = force.readings.sigma
     told = _accelerometer(recording, means, poses, site, force, wander, improved=improved)
@@ -462,7 +463,7 @@ def _gyro_bias(
     told = describe_bias("gyroscope", bias, spread, unit=recording.angular_rate_unit, nominal=nominal)
     return _Gyro(
         told,
-        "Of the gyro the six poses tell the bias alone." + seen,
+        "The six poses determine only the bias of the gyro." + seen,
         f"The gyro's scale factors and misalignments are not determined by these poses: {why}. Where its unit is known "
         "its matrix is the nominal one (identity), without a stated uncertainty. Spin the unit on a rate table.",
     )
@@ -558,8 +559,8 @@ def _pose_names(poses: KnownPoses) -> list[str]:
 
 def _not_determined(gyro: _Gyro | None, *, improved: bool) -> list[str]:
     sentences = [
-        "How the unit sits in its fixture is not told apart from its misalignments, which are against the fixture's "
-        "axes; a pose that is off in the same way each time goes into them."
+        "How the unit sits in its fixture is not separated from its misalignments, which are against "
+        "the fixture's axes. A pose that is off in the same way each time goes into them."
         if improved
         else "The accelerometers' misalignments are not determined by the standard test: the sensing axes are taken "
         "as the fixture's, without a stated uncertainty. The improved six-position procedure estimates them.",
@@ -616,10 +617,11 @@ def _standard_tilt(sigma: float, gravity: float) -> str:
 
 def _improved_tilt(sigma: float, gravity: float) -> str:
     return (
-        f"a misalignment is off by {two_digits(1e3 * sigma / np.sqrt(2.0))} mrad (one sigma), a sum of two by "
-        f"{two_digits(1e3 * sigma)} mrad, a scale factor by -{two_digits(1e6 * sigma**2)} ppm; a bias by "
-        f"{two_digits(1e3 * gravity * sigma / 3.0)} mm/s² in least squares without weights, and by about "
-        f"{two_digits(1e3 * gravity * sigma**2)} mm/s² with the weights used here"
+        f"a misalignment is off by {two_digits(1e3 * sigma / np.sqrt(2.0))} mrad (one sigma), a sum "
+        f"of two by {two_digits(1e3 * sigma)} mrad, a scale factor by -{two_digits(1e6 * sigma**2)} "
+        f"ppm. A bias is off by {two_digits(1e3 * gravity * sigma / 3.0)} mm/s² in least squares "
+        f"without weights, and by about {two_digits(1e3 * gravity * sigma**2)} mm/s² with the weights "
+        "used here"
     )
 
 

@@ -270,9 +270,9 @@ def _refuse_reversed(task: TurntableTask, system: TurntableSystem) -> None:
     if _misfit(-axes_o, axes_p) < LARGEST_MISFIT:
         raise ObservabilityError(REVERSED)
     raise ObservabilityError(
-        "The axes that the gyros and the accelerometers saw in the table's rotations belong to no rotation between "
-        "them: a gyro axis is reversed or two are swapped (--columns), or the protocol has the axis or the way round "
-        "of a turn wrong. " + _worst_axis(task, axes_o, axes_p)
+        "The axes that the gyros and the accelerometers saw in the table's rotations belong to no "
+        "rotation between them. Either a gyro axis is reversed or two are swapped (--columns), or "
+        "the protocol has the axis or the way round of a turn wrong. " + _worst_axis(task, axes_o, axes_p)
     )
 
 

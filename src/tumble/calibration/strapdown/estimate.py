@@ -297,20 +297,22 @@ def _not_determined(outcome: StrapdownOutcome) -> list[str]:
     untold = [name for k, name in enumerate(NAMES) if not outcome.solution.determined[k]]
     if untold:
         sentences.append(
-            f"The sequences that were found do not tell {', '.join(untold)} (Savage's names): rough values from the "
-            "nominal attitudes stand for them, believed to 10 mrad, 1 % or 0.1 m/s²."
+            f"The sequences that were found do not determine {', '.join(untold)} (Savage's names): "
+            "rough values from the nominal attitudes stand for them, believed to 10 mrad, 1 % or 0.1 "
+            "m/s²."
         )
     sigma = np.sqrt(np.diag(outcome.solution.covariance)[GROUPS["kappa_asym"]])
     believed = [axis for axis, spread in zip("xyz", sigma, strict=True) if spread > 0.5 * BELIEVED_ASYMMETRY]
     if believed:
         rows = {"x": "2 and 2a", "y": "1 and 1a", "z": "3 and 3a"}
         sentences.append(
-            f"The scale factor asymmetry of gyro {', '.join(believed)} was not measured (it needs the sequences "
-            f"{', '.join(rows[axis] for axis in believed)}): it is believed to be none to "
-            f"{1e6 * BELIEVED_ASYMMETRY:.0f} ppm, and the scale factor is as uncertain."
+            f"The scale factor asymmetry of gyro {', '.join(believed)} was not measured (it needs the "
+            f"sequences {', '.join(rows[axis] for axis in believed)}): it is believed to be none to "
+            f"{1e6 * BELIEVED_ASYMMETRY:.0f} ppm. The scale factor is as uncertain."
         )
     sentences.append(
-        "Gravity of another site shows as equal scale factor errors of all accelerometers: nothing tells the two apart."
+        "Gravity of another site shows as equal scale factor errors of all accelerometers: nothing "
+        "separates the two."
     )
     return sentences
 
@@ -322,16 +324,16 @@ def _objections(outcome: StrapdownOutcome) -> list[str]:
     against: list[str] = []
     if abs(earth.heading) > max(CONTRADICTION * earth.heading_sigma, SMALLEST_HEADING):
         against.append(
-            f"The Earth rate that the gyros show at rest puts north {np.degrees(earth.heading):+.2f}° ± "
-            f"{np.degrees(earth.heading_sigma):.2g}° (clockwise) from where the protocol has it: put right the heading "
-            "of the fixture (`heading_deg` of the starts). Until then the Earth rate is taken out in the wrong "
-            "direction."
+            f"The Earth rate that the gyros show at rest puts north {np.degrees(earth.heading):+.2f}° "
+            f"± {np.degrees(earth.heading_sigma):.2g}° (clockwise) from where the protocol has it. "
+            "Put right the heading of the fixture (`heading_deg` of the starts). Until then the "
+            "Earth rate is taken out in the wrong direction."
         )
     if abs(earth.vertical) > max(CONTRADICTION * earth.vertical_sigma, SMALLEST_VERTICAL):
         against.append(
-            f"The gyros show at rest {earth.vertical:+.2g} ± {earth.vertical_sigma:.1g} rad/s more of the Earth rate "
-            "upwards than the latitude gives: the site is another one (--site), and with it gravity, or the starts' "
-            "poses are not what the protocol says."
+            f"The gyros show at rest {earth.vertical:+.2g} ± {earth.vertical_sigma:.1g} rad/s more of "
+            "the Earth rate upwards than the latitude gives. Either the site is another one "
+            "(--site), and with it gravity, or the starts' poses are not what the protocol says."
         )
     return against
 
@@ -362,8 +364,9 @@ def _remarks(outcome: StrapdownOutcome, site: Site) -> list[str]:
     walk = float(np.sqrt(outcome.noise_angle * seconds))
     remarks.append(
         f"What limits: the gyros' walk of angle over a sequence of {two_digits(seconds)} s is "
-        f"{two_digits(1e6 * walk)} µrad, which is {two_digits(1e6 * walk / (2.0 * np.pi))} ppm of a scale factor and "
-        f"{two_digits(1e6 * walk / 2.0)} µrad of an accelerometer's misalignment from one sequence alone. What the "
-        "fixture is off by does not enter to first order."
+        f"{two_digits(1e6 * walk)} µrad. From one sequence alone that is "
+        f"{two_digits(1e6 * walk / (2.0 * np.pi))} ppm of a scale factor and "
+        f"{two_digits(1e6 * walk / 2.0)} µrad of an accelerometer's misalignment. What the fixture is "
+        "off by does not enter to first order."
     )
     return remarks

@@ -99,8 +99,8 @@ def require_time_base(recording: Recording, protocol: Protocol | None = None) ->
     span = float(np.ptp(_smoothed(time, values)))
     if span < LEAST_SPAN:
         raise ObservabilityError(
-            f"The temperature changes by {span:.1f} K only: at least {LEAST_SPAN:g} K are needed to tell what it does "
-            "(from the fridge to the room are 15 to 20)."
+            f"The temperature changes by {span:.1f} K only: at least {LEAST_SPAN:g} K are needed to "
+            "determine what it does (from the fridge to the room are 15 to 20)."
         )
     return cautions
 
@@ -133,17 +133,18 @@ def _refuse_clock(recording: Recording, time: Series, values: Series) -> None:
             and any(w in word for w in ("anew", "steps back"))
         ):
             raise ObservabilityError(
-                "The stamps cannot be the time base of a temperature sweep, in which lag and rate are told by time: "
-                f"{remark.text} Give the parts before and after alone, or record again with one clock."
+                "The stamps cannot be the time base of a temperature sweep, in which time determines "
+                f"lag and rate. {remark.text} Give the parts before and after alone, or record again "
+                "with one clock."
             )
     smooth = _smoothed(time, values)
     time = time[: smooth.size]
     span, took = float(np.ptp(smooth)), float(time[-1] - time[0])
     if span > 3.0 and span * LEAST_SECONDS_PER_KELVIN > took:
         raise ObservabilityError(
-            f"The temperature changes by {span:.1f} K in a recording of {took:.3g} s, faster than any unit can: the "
-            "stamps are too short for it (wrong unit or rate of the clock?). Say the unit of time (--units s), or "
-            "the rate with --rate."
+            f"The temperature changes by {span:.1f} K in a recording of {took:.3g} s, faster than any "
+            "unit can. The stamps are too short for it (wrong unit or rate of the clock?). Say the "
+            "unit of time (--units s), or the rate with --rate."
         )
     step = max(1, int(10.0 * recording.rate))
     if smooth.size > 2 * step:
@@ -154,9 +155,10 @@ def _refuse_clock(recording: Recording, time: Series, values: Series) -> None:
         if np.any(fast & (moved > 3.0)):
             k = int(np.argmax(np.where(fast, moved, 0.0)))
             raise ObservabilityError(
-                f"From {time[k]:.1f} to {time[k + step]:.1f} s the temperature changes by {moved[k]:.1f} K, faster "
-                "than any unit can: the stamps are too short for it (wrong unit or rate of the clock, or samples "
-                "missing). Put the stamps right (--units, --rate), or record again."
+                f"From {time[k]:.1f} to {time[k + step]:.1f} s the temperature changes by "
+                f"{moved[k]:.1f} K, faster than any unit can. The stamps are too short for it (wrong "
+                "unit or rate of the clock, or samples missing). Put the stamps right (--units, "
+                "--rate), or record again."
             )
 
 
@@ -187,9 +189,10 @@ def _refuse_jumps(recording: Recording, time: Series, values: Series) -> None:
     if jumped.size:
         k = int(jumped[0])
         raise ObservabilityError(
-            f"The temperature jumps from {level[k]:.1f} to {level[k + 1]:.1f} °C at {time[(k + 1) * window]:.1f} s, "
-            "which no unit does: two recordings one after the other, a clock that began anew, or a thermometer that "
-            "failed. Give the parts one by one, each with its own stamps."
+            f"The temperature jumps from {level[k]:.1f} to {level[k + 1]:.1f} °C at "
+            f"{time[(k + 1) * window]:.1f} s, which no unit does. Either two recordings stand one "
+            "after the other, or a clock began anew, or a thermometer failed. Give the parts one by "
+            "one, each with its own stamps."
         )
 
 

@@ -103,7 +103,8 @@ def fit_thermal(
     rows = int(np.count_nonzero(conditions.active)) + prior.rank
     if rows < conditions.layout.size:
         raise ObservabilityError(
-            f"{len(points)} rests cannot tell {conditions.layout.size} unknowns: record more poses or temperatures."
+            f"{len(points)} rests cannot determine {conditions.layout.size} unknowns: record more "
+            "poses or temperatures."
         )
 
     def solve(extra: dict[str, float], active: np.ndarray, *, once: bool) -> Adjustment:
@@ -271,7 +272,8 @@ def _least_levels(
                 continue
             return rich.levels
     raise ObservabilityError(
-        "The rests do not tell even a straight line in temperature: record more temperatures, or more poses at each."
+        "The rests do not determine even a straight line in temperature: record more temperatures, "
+        "or more poses at each."
     )
 
 

@@ -202,13 +202,14 @@ def _require_changes(points: ThermalPoints, recording: Recording) -> None:
         return
     if specific_force_factor(recording.specific_force_unit) is None:
         raise ObservabilityError(
-            "The recording is in counts, and too few poses tell what a count is: declare its units with --units, or "
-            "tumble the unit through nine poses or more."
+            "The recording is in counts, and there are too few poses to determine what a count is. "
+            "Declare its units with --units, or tumble the unit through nine poses or more."
         )
     if np.unique(points.placement, return_counts=True)[1].max() < 2 and points.rate is None:
         raise ObservabilityError(
-            "No pose was kept while the temperature changed, and there are too few poses for the norm of gravity: "
-            "leave the unit at rest during the sweep, or hold nine poses at each temperature."
+            "No pose was kept while the temperature changed, and there are too few poses for the "
+            "norm of gravity. Leave the unit at rest during the sweep, or hold nine poses at each "
+            "temperature."
         )
 
 

@@ -82,17 +82,18 @@ def not_determined_words(
     words: list[str] = []
     if layout.has_force and terms.poses == 0:
         words.append(
-            "The accelerometers' biases, scale factors and non-orthogonalities at the reference temperature, and how "
-            "scale factors and non-orthogonalities change with temperature: from so few poses they cannot be told from "
-            "a bias, because gravity on an axis that does not move is a constant. What is given as the change of a "
-            "bias with temperature is what that axis shows in the pose of the test, with the change of its scale "
-            "factor times its share of gravity in it. Hold nine poses or more at several temperatures (thermal-soak), "
+            "The accelerometers' biases, scale factors and non-orthogonalities at the reference "
+            "temperature, and how scale factors and non-orthogonalities change with temperature. "
+            "From so few poses they cannot be separated from a bias, because gravity on an axis that "
+            "does not move is a constant. The stated change of a bias with temperature is what that "
+            "axis shows in the pose of the test. It includes the change of its scale factor times "
+            "its share of gravity. Hold nine poses or more at several temperatures (thermal-soak), "
             "or tumble the unit during the sweep."
         )
     elif layout.has_force and terms.poses == 6:
         words.append(
-            "The accelerometers' non-orthogonalities: faces alone do not tell them; they have their nominal values. "
-            "Hold edges, too."
+            "The accelerometers' non-orthogonalities: faces alone do not determine them, and they "
+            "have their nominal values. Hold edges, too."
         )
     elif layout.has_force and not terms.matrix_functions:
         words.append(
@@ -108,33 +109,35 @@ def not_determined_words(
         )
     elif recording.angular_rate is not None and turned is None:
         words.append(
-            "The gyros' scale factors, misalignments and their change with temperature: rests show the Earth's "
-            "rotation only. Nine turns by hand or more between poses at each of several temperatures, recorded with 20 "
-            "samples a turn or more, tell them; the matrix is the nominal one, without a stated uncertainty."
+            "The gyros' scale factors, misalignments and their change with temperature: rests show "
+            "the Earth's rotation only. Nine turns by hand or more between poses at each of several "
+            "temperatures determine them, recorded with 20 samples a turn or more. The matrix is the "
+            "nominal one, without a stated uncertainty."
         )
     if not coverage.both_branches:
         words.append(_about_loop(doubts, recording))
     if doubts.rate:
         words.append(
-            "Lag between the sensors and the thermometer, and the biases' dependence on the rate of temperature: while "
-            "the temperature goes one way they look like a dependence on it. A lag of 30 s is taken, and what "
-            f"{RATE_SECONDS:.0f} s of lag or the like would do is in the standard uncertainties. Sweep there and back "
-            "(thermal-ramp) to tell them."
+            "Lag between the sensors and the thermometer, and the biases' dependence on the rate of "
+            "temperature: while the temperature goes one way they look like a dependence on it. A "
+            f"lag of 30 s is taken, and what {RATE_SECONDS:.0f} s of lag or the like would do is in "
+            "the standard uncertainties. Sweep there and back (thermal-ramp) to determine them."
         )
     elif coverage.kind == "soak":
         words.append(
-            "Lag between the sensors and the thermometer, and the biases' dependence on the rate of temperature: they "
-            "show where the temperature moves, and rests at settled temperatures were used alone. A sweep "
-            "(thermal-ramp) tells them."
+            "Lag between the sensors and the thermometer, and the biases' dependence on the rate of "
+            "temperature: they show where the temperature moves, and rests at settled temperatures "
+            "were used alone. A sweep (thermal-ramp) determines them."
         )
     elif not terms.rate:
         words.append(
-            "A dependence of the biases on the rate of temperature beside the lag: the recording does not tell it."
+            "A dependence of the biases on the rate of temperature beside the lag: the recording "
+            "does not determine it."
         )
     if coverage.kind == "ramp" and not doubts.rate and not terms.lag:
         words.append(
-            "Lag between the sensors and the thermometer: the sweep does not tell it apart from what else it does; "
-            "none is in the model."
+            "Lag between the sensors and the thermometer: the sweep does not separate it from what "
+            "else it does, and none is in the model."
         )
     return words
 
@@ -238,8 +241,8 @@ def thermal_remarks(
     for name, kind, unit in (("accelerometers", "force", "m/s²"), ("gyros", "rate", "rad/s")):
         if (flicker := fit.levels.flicker[kind]) > 0.0:
             remarks.append(
-                f"The biases of the {name} wander beside what temperature does: a flicker floor of the Allan deviation "
-                f"of {np.sqrt(flicker):.2g} {unit} was found from the rests, and neighbours were taken to have it in "
-                "common."
+                f"The biases of the {name} wander beside what temperature does. A flicker floor of "
+                f"the Allan deviation of {np.sqrt(flicker):.2g} {unit} was found from the rests. "
+                "Neighbours were taken to have it in common."
             )
     return remarks

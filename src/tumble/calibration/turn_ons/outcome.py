@@ -251,7 +251,7 @@ def _refuse_untold(parts: Sequence[TurnOn]) -> None:
         untold = find_untold(normal + prior.precision[free], part.task.unknowns)
         if untold is not None:
             raise ObservabilityError(
-                f"{part.name}, with all that the other recordings tell: {untold.sentences[0]}"
+                f"{part.name}, with all that the other recordings determine: {untold.sentences[0]}"
             )
 
 

@@ -33,8 +33,9 @@ def turn_on_sentences(told: TurnOns) -> list[str]:
             said.append(_of_biases(kind, biases))
     if told.biases:
         said.append(
-            "The bias in the file is the mean of the recordings, and its standard uncertainty that of the next "
-            f"turn-on: as {count} recordings tell it, with a factor of {told.biases[0].coverage_factor:.2f} for 95 %."
+            "The bias in the file is the mean of the recordings, and its standard uncertainty that "
+            f"of the next turn-on. It follows from {count} recordings, with a factor of "
+            f"{told.biases[0].coverage_factor:.2f} for 95 %."
         )
     said.append(_of_stable(told))
     optional = [agreement.parameter for agreement in told.changing if agreement.is_optional]

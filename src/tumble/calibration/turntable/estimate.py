@@ -139,7 +139,7 @@ def _rotation_fits(task: TurntableTask, solution: TurntableOutcome) -> list[Rota
                 off_sigma,
                 plane.residual,
                 turned_angles(pair, axis, matrix, solution.parts),
-                plane.why or ("" if k in missed else "too few other axes tell the inter-triad angles"),
+                plane.why or ("" if k in missed else "too few other axes determine the inter-triad angles"),
             )
         )
     return fits

@@ -24,9 +24,9 @@ LARGEST_FACTOR = 20.0
 MISREAD = 5.5
 _ARCSEC = np.pi / 648000.0
 NOT_ESTIMATED = (
-    "Nonlinear terms of the sensors are not estimated. A g-sensitivity does not reach the gyros' matrix: its "
-    "constant part goes out of the difference of the two ways round, and what goes round with the unit averages "
-    "out over whole revolutions."
+    "Nonlinear terms of the sensors are not estimated. A g-sensitivity does not reach the gyros' "
+    "matrix. Its constant part goes out of the difference of the two ways round. What goes round "
+    "with the unit averages out over whole revolutions."
 )
 """What the turntable procedure by itself leaves out; the joint estimator tries it."""
 
@@ -54,9 +54,10 @@ def objections(task: TurntableTask, solution: TurntableOutcome) -> list[str]:
     if solution.system.gain is None:
         reasons = " ".join(plane.why for plane in task.planes if plane.why)
         against.append(
-            "The rotations do not tell how the gyros stand against the accelerometers: two axes across one another "
-            f"that are not vertical are needed. {reasons} Tilt the table's axis by 30° or more, best to the "
-            "horizontal; on a table whose axis has to stay vertical use the modified-multi-position procedure."
+            "The rotations do not determine how the gyros stand against the accelerometers: two axes "
+            f"across one another that are not vertical are needed. {reasons} Tilt the table's axis by "
+            "30° or more, best to the horizontal. On a table whose axis has to stay vertical, use "
+            "the modified-multi-position procedure."
         )
     return against
 
@@ -76,9 +77,10 @@ def misread_words(fits: list[RotationFit]) -> list[str]:
     ]
     usual = max(float(np.median(odd)), 1.0) if odd else 1.0
     return [
-        f"About {fit.name} the gyros turned {max(abs(t.residual) for t in fit.angles) / _ARCSEC:.0f}″ more one way and "
-        f"less the other than the table's display says, {value:.1f} times their noise, and no other axis shows the "
-        "like: an angle was misread or mistyped (`angle_deg`), or the unit slipped on the table."
+        f"About {fit.name} the gyros turned {max(abs(t.residual) for t in fit.angles) / _ARCSEC:.0f}″ "
+        f"more one way and less the other than the table's display says, {value:.1f} times their "
+        "noise. No other axis shows the like. Either an angle was misread or mistyped (`angle_deg`), "
+        "or the unit slipped on the table."
         for fit, value in zip(fits, odd, strict=True)
         if value > MISREAD * usual
     ]
@@ -166,8 +168,9 @@ def _about_table(task: TurntableTask) -> str:
     share = 1e6 * _ARCSEC / angle
     said = f"{stated / _ARCSEC:.2g}″ of the difference of two rotations" if stated > 0.0 else "exact angles"
     return (
-        f"What the table does (the protocol states {said}): 1″ more in that difference is {share:.2g} ppm less gyro "
-        "scale factor and as many µrad of a misalignment; a wrong angle that both ways share goes out only if it has "
-        "the same sign in both. An axis that leans moves nothing, because both triads see it; one that "
-        "wobbles moves the rotation between the triads by up to as much. Attitudes of holds need not be known at all."
+        f"What errors of the table do (the protocol states {said}): 1″ more in that difference is "
+        f"{share:.2g} ppm less gyro scale factor and as many µrad of a misalignment. A wrong angle "
+        "that both ways share goes out only if it has the same sign in both. An axis that leans "
+        "moves nothing, because both triads see it. One that wobbles moves the rotation between the "
+        "triads by up to as much. Attitudes of holds need not be known at all."
     )

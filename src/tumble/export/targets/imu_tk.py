@@ -75,7 +75,7 @@ def _kind(file: Path) -> str:
     kinds = [kind for kind, mark in (("accelerometer", "acc"), ("gyroscope", "gyr")) if mark in name]
     if len(kinds) != 1:
         raise CalibrationFileError(
-            f"Which triad {file} is of cannot be told: its name must hold acc or gyr, as accelerometer.calib."
+            f"Which triad {file} is of cannot be seen: its name must hold acc or gyr, as accelerometer.calib."
         )
     return kinds[0]
 

@@ -61,12 +61,12 @@ def read_nmea(path: Path) -> GnssTrack:
     ]
     if latest is None:
         raise RecordingError(
-            f"{path.name} has no date: its sentences are {_kinds(text)}, and RMC or ZDA tells the date. Log one of "
-            "them too."
+            f"{path.name} has no date: its sentences are {_kinds(text)}, and RMC or ZDA gives the "
+            "date. Log one of them too."
         )
     if not rows:
         raise RecordingError(
-            f"{path.name} has no fix: its sentences are {_kinds(text)}, and GGA tells positions."
+            f"{path.name} has no fix: its sentences are {_kinds(text)}, and GGA gives positions."
         )
     remarks = [
         Remark("found", f"{path.name} is NMEA in UTC, brought to GPS time by the leap seconds of its date.")

@@ -149,9 +149,7 @@ def choose_level(signal: Series, rate: float, rest: Ranges, *, wavelet: str = US
     if first > deepest:
         return ChosenLevel(deepest, tau, f"the longest rest bears no more levels of {wavelet}")
     end = first == len(deviation) - 1
-    why = (
-        "the longest averaging time that the rest tells of" if end else "the Allan deviation is lowest there"
-    )
+    why = "the longest averaging time that the rest shows" if end else "the Allan deviation is lowest there"
     return ChosenLevel(first, tau, f"{tau:.3g} s: {why}")
 
 

@@ -36,8 +36,9 @@ def remarks_on(solution: Solution, covariance: Square, names: tuple[str, ...]) -
         for j in range(i + 1, count):
             if abs(correlation[i, j]) > _ALIKE:
                 said.append(
-                    f"{words[i]} and {words[j]} are hardly told apart: their estimates are correlated by "
-                    f"{correlation[i, j]:.2f}. Only both together are known; a longer recording may part them."
+                    f"{words[i]} and {words[j]} are hardly separated: their estimates are correlated "
+                    f"by {correlation[i, j]:.2f}. Only both together are known; a longer recording "
+                    "may part them."
                 )
     for k, time in enumerate(solution.times):
         relative = float(sigma[count + k]) / time
@@ -80,8 +81,8 @@ def stand_ins(
 def _as_well(word: str, other: str, factor: float) -> str:
     how = f"{factor:.2g} times less probable, too little to exclude it" if factor > 1.1 else "as probable"
     return (
-        f"{word[0].upper() + word[1:]} may be {other} instead: with {other} in its place the curve is {how}. A longer "
-        "recording tells them apart."
+        f"{word[0].upper() + word[1:]} may really be {other}: a model with {other} instead makes the "
+        f"curve {how}. A longer recording separates them."
     )
 
 

@@ -62,8 +62,9 @@ def beside(told: Beside, subject: Subject) -> list[Block]:
         for one in found
     ]
     caption = (
-        f"Bars that end left of the dashed line are parameters that the joint estimate knows better than {name}; one "
-        "that ends right of it (grey) has an uncertainty of which that procedure does not know."
+        "Bars that end left of the dashed line are parameters that the joint estimate knows better "
+        f"than {name}. One that ends right of it (grey) has an uncertainty of which that procedure "
+        "does not know."
     )
     return [
         *section("What the joint estimate gains", Figures([_drawn(found, name)], caption)),

@@ -35,9 +35,9 @@ _KINDS = {
     "angle": ("table's angle after hold", 180.0 / math.pi, "°"),
 }
 _SHARES = (
-    "Each bar is one parameter's variance, split by what causes it. What fills a bar is what to improve: noise at "
-    "rest asks for longer holds, noise while turning for slower or fewer turns, wander for more holds in less "
-    "time, reference gravity for a better value."
+    "Each bar is one parameter's variance, split by what causes it. What fills a bar is what to "
+    "improve. Noise at rest asks for longer holds, noise while turning for slower or fewer turns. "
+    "Wander asks for more holds in less time, reference gravity for a better value."
 )
 
 
@@ -122,8 +122,9 @@ def _about_expanded(told: UncertaintyStatement | None) -> str:
     known = {name: nu for name, nu in told.source_degrees.items() if math.isfinite(nu)}
     each = ", ".join(f"{name} {nu:.0f}" for name, nu in known.items())
     return (
-        " The expanded uncertainty is k times the standard uncertainty, k Student's factor for the effective degrees "
-        f"of freedom after Welch and Satterthwaite; the sources' own are: {each}, and of the others infinitely many."
+        " The expanded uncertainty is k times the standard uncertainty. k is Student's factor for "
+        "the effective degrees of freedom after Welch and Satterthwaite. The sources' own are: "
+        f"{each}, and of the others infinitely many."
     )
 
 
@@ -161,10 +162,11 @@ def _reliability(told: UncertaintyStatement, rows: list[ParameterRow]) -> list[B
         "by, in its standard uncertainty",
     )
     words = (
-        "For each observation the largest error that its test would still "
-        f"miss (false alarm {told.alpha:g}, found with {100.0 * told.power:.0f} %), in the direction that does most "
-        f"harm, and what it would do. Of each kind the {SHOWN} most harmful are shown. An observation that is checked "
-        "by 0 of its numbers stands alone: nothing would tell a blunder in it."
+        "For each observation the largest error that its test would still miss (false alarm "
+        f"{told.alpha:g}, found with {100.0 * told.power:.0f} %), and what it would do. It is in the "
+        f"direction that does most harm. Of each kind the {SHOWN} most harmful are shown. An "
+        "observation that is checked by 0 of its numbers stands alone: nothing would show a blunder "
+        "in it."
     )
     return section(
         "Errors that would go unnoticed",

@@ -32,10 +32,10 @@ _TABLE = (
     "see gravity go round in a plane whose normal is the same axis. ± is one standard deviation of a residual."
 )
 _FIGURE = (
-    "What the calibrated gyros turned through, minus what the table's display said. Points of the two ways on "
-    "either side of zero alike show a bias of that hour if all axes do it, and a misread angle if one does; "
-    "both above or both below, an angle that does not fit the others. Six axes and no more are fitted exactly "
-    "in their sum. Bars are one standard deviation."
+    "What the calibrated gyros turned through, minus what the table's display said. Points of the "
+    "two ways that lie equally far above and below zero show a misread angle, or a bias of that hour "
+    "if all axes do it. Both above or both below show an angle that does not fit the others. Six "
+    "axes and no more are fitted exactly in their sum. Bars are one standard deviation."
 )
 
 

@@ -58,10 +58,10 @@ def spins(told: Spins, subject: Subject) -> list[Block]:
         yaxis=text_axis("residual / (m°/s)", zeroline=True),
     )
     caption = (
-        f"After calibration the spins leave {two_digits(1e3 * np.degrees(rms))} m°/s rms over all three gyros, "
-        f"{two_digits(1e6 * rms / largest)} ppm of the fastest spin; on the gyros that are not spun, a placement "
-        "that is off shows. Points that follow a curve would be a nonlinear scale factor, a kink at zero an asymmetry; "
-        "bars are one standard deviation."
+        f"After calibration the spins leave {two_digits(1e3 * np.degrees(rms))} m°/s rms over all "
+        f"three gyros, {two_digits(1e6 * rms / largest)} ppm of the fastest spin. The gyros that are "
+        "not spun show a placement that is off. Points that follow a curve would be a nonlinear "
+        "scale factor, a kink at zero an asymmetry. Bars are one standard deviation."
     )
     figure = Figure("spins", "Residual of each gyro in each spin against the reference rate", data, layout)
     return section("Spins: residual against the rate", Figures([figure], caption))

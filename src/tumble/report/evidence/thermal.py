@@ -34,16 +34,17 @@ _DOMAINS = ([0.70, 1.0], [0.35, 0.65], [0.0, 0.30])
 _TITLES = {"accelerometer": "Accelerometers", "gyroscope": "Gyros"}
 _CELSIUS = "temperature of the sensors / °C"
 _BIASES = (
-    "{title}' biases against the sensors' temperature. Above or left, the whole of them; the other figure has the "
-    "settled curve taken off, so that heating (red) and cooling (blue) stand apart by the hysteresis, which is the "
-    "lines of their colours, and by what the rate of temperature does: in a sweep of one speed that is a constant "
-    "distance from them. A trend that both branches share is a curve that bends more than the model. The grey band "
-    "is twice the standard uncertainty."
+    "{title}' biases against the sensors' temperature. The upper or left figure shows the whole of "
+    "them. The other figure has the settled curve taken off. Heating (red) and cooling (blue) are "
+    "then apart by the hysteresis, which is the lines of their colours. The rate of temperature adds "
+    "to that: in a sweep of one speed, a constant distance from the lines. A trend that both "
+    "branches share is a curve that bends more than the model. The grey band is twice the standard "
+    "uncertainty."
 )
 _SOAKS_ALONE = (
-    "Accelerometer biases against the sensors' temperature. A rest alone does not show a bias: the crosses are "
-    "multi-position tests of each soak alone, with one standard uncertainty; the line is the one adjustment of "
-    "all, and the grey band twice its standard uncertainty."
+    "Accelerometer biases against the sensors' temperature. A rest alone does not show a bias. The "
+    "crosses are multi-position tests of each soak alone, with one standard uncertainty. The line is "
+    "the one adjustment of all, and the grey band twice its standard uncertainty."
 )
 _RESIDUALS = (
     "What each rest shows beyond the model, in standard deviations of its own noise and of the wander of biases "

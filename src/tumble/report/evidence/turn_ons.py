@@ -32,12 +32,12 @@ _SCATTER = (
     "the scatter makes it."
 )
 _STABLE = (
-    "What should be stable, as each recording tells it by itself. Chance makes differences as large with the "
-    "probability given."
+    "What should be stable, as each recording gives it by itself. Chance makes differences as large "
+    "with the probability given."
 )
 _FIGURE = (
-    "Each recording's bias less the mean of all, with its 95 % interval; the band is where the bias of the next "
-    "turn-on is expected (95 %) of the axis that scatters most."
+    "Each recording's bias less the mean of all, with its 95 % interval. The band is where the bias "
+    "of the next turn-on is expected (95 %), for the axis that scatters most."
 )
 
 
@@ -137,7 +137,7 @@ def _stable_cells(one: StableBlock, row: ParameterRow) -> list[str]:
     ]
     words = "" if one.agrees else f": not stable, uncertainty × {fixed(one.enlarged_by, 1)}"
     if one.degrees_of_freedom < 1:
-        words = ": told by one recording only"
+        words = ": determined by one recording only"
     unit = f" / {row.shown.unit}" if row.shown.unit else ""
     return [
         f"{row.label if row.group == OPTIONAL else f'{row.group.lower()} {row.label}'}{unit}",

@@ -38,8 +38,9 @@ def turns(told: Turns, subject: Subject) -> list[Block]:
     x = (at + 1).tolist()
     data: list[Plot] = []
     caption = (
-        f"Gravity carried over a turn by the corrected gyro ends {rms(after):.2g}° rms from where it is seen "
-        "afterwards: the blue points should lie around the grey line of expected standard deviations, not above"
+        f"Gravity carried over a turn by the corrected gyro ends {rms(after):.2g}° rms from where it "
+        "is seen afterwards. The blue points should lie around the grey line of expected standard "
+        "deviations, not above"
     )
     if before is not None:
         earlier = np.degrees(before.residuals[at])

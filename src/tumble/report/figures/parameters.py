@@ -24,12 +24,12 @@ from tumble.report.rounding import fixed
 # Parameters that move together by more than this are worth a sentence.
 _STRONG = 0.8
 _INTERVALS = (
-    "An interval that spans zero (dashed) is a value that the recording cannot tell from none; wide ones need more or "
-    "other poses and turns."
+    "An interval that spans zero (dashed) is a value that the recording cannot distinguish from "
+    "zero. Wide ones need more or other poses and turns."
 )
 _PALE = (
-    "Off the diagonal the map should be pale: a deep blue or red cell is a pair that these poses and turns cannot tell "
-    "apart well."
+    "Off the diagonal the map should be pale: a deep blue or red cell is a pair that these poses and "
+    "turns do not separate well."
 )
 
 

@@ -124,8 +124,8 @@ def _decode_rows(
 
 def _too_short(topic: str, kind: str, length: int) -> RecordingError:
     return RecordingError(
-        f"A message of {topic} has {length} bytes, too few for {kind}, which the file says that it is: "
-        "the file is damaged, or the topic was recorded with another definition of the type."
+        f"A message of {topic} has {length} bytes, too few for {kind}, which the file says that it "
+        "is. The file is damaged, or the topic was recorded with another definition of the type."
     )
 
 
