@@ -73,6 +73,7 @@ CONTENTS = {
         "registry",
         "certificate",
         "formats",
+        "corrected",
         "inspect",
         "file-format",
         "protocols",

@@ -6,9 +6,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
+from tumble.cli.groups import ADVANCED, option
 from tumble.cli.options import (
     CalibrationArgument,
     FileOptions,
+    NoiseFile,
     PrintOptions,
     Recordings,
     TemperatureOptions,
@@ -25,16 +27,30 @@ def apply_command(
     printed: PrintOptions,
     output: Annotated[
         Path | None,
-        output_option("The corrected file, .csv or .parquet (default: NAME-corrected.csv).", "FILE"),
+        output_option(
+            "The corrected file: .csv, .parquet, .h5; of a bag a bag of its kind; a name without an ending: a folder "
+            "like EuRoC's (default: NAME-corrected, as the recording is, else .csv).",
+            "FILE",
+        ),
     ] = None,
+    shift_lag: Annotated[
+        bool,
+        option(
+            ADVANCED, "", "Take out the lag between the triads that the calibration states.", "--shift-lag"
+        ),
+    ] = False,
+    noise: NoiseFile = None,
 ) -> None:
     """Correct a recording: specific force in m/s², angular rate in rad/s, in the calibration's frame b.
 
     tumble apply calibrated imu.csv -o corrected.csv
 
-    Recordings longer than memory are corrected block by block. A calibration with a thermal model follows the
-    recording's temperature; beyond the temperatures that were calibrated it refuses (see --outside). The file says
-    which calibrations it went through: none is applied twice.
+    tumble apply calibrated drive.bag -o drive-corrected.bag
+
+    Of a bag everything but the IMU's messages stays as it is, byte for byte. Recordings longer than memory are
+    corrected block by block. A calibration with a thermal model follows the recording's temperature; beyond the
+    temperatures that were calibrated it refuses (see --outside). The file says which calibrations it went through:
+    none is applied twice.
     """
     from tumble.workflows.apply import apply
 
@@ -43,6 +59,8 @@ def apply_command(
             calibration,
             recordings,
             output=output,
+            shift_lag=shift_lag,
+            noise=noise,
             progress=lambda samples: tell(f"{samples:,} samples corrected"),
             **asdict(file),
             **asdict(temperature),

@@ -2,18 +2,21 @@
 
 A corrected file has one more column for each calibration that it went through, named
 ``corrected_by_`` and the twelve digits of the calibration's identity, with the number 1 in every row.
-A name in the header outlives copying, cutting, and being read and written by other programs.
+A name in the header outlives copying, cutting, and being read and written by other programs. Bags say it topic by
+topic, HDF5 by an attribute, EuRoC's folders in `sensor.yaml`: columns of their own are not theirs to have.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from tumble.recording.columns import role_of
+from tumble.recording.formats import euroc_writing, hdf5_writing
 from tumble.recording.formats.header import header_names
 from tumble.recording.frames import Frame, frame_names
+from tumble.recording.rewriting import rewritable
 
 PREFIX = "corrected_by_"
 _MARK = re.compile(PREFIX + r"([0-9a-f]{12})$")
@@ -21,10 +24,40 @@ _MARK = re.compile(PREFIX + r"([0-9a-f]{12})$")
 _COUNTS = ("counts", "raw", "lsb")
 
 
-def corrections_of(inputs: Iterable[Path | Frame]) -> tuple[str, ...]:
-    """Return the identities of the calibrations that files or data frames were corrected by, first one first."""
-    marks = [_MARK.match(name) for one in inputs for name in _names(one)]
-    return tuple(dict.fromkeys(mark.group(1) for mark in marks if mark is not None))
+def corrections_of(
+    inputs: Iterable[Path | Frame], topics: str | Sequence[str] | None = None
+) -> tuple[str, ...]:
+    """Return the identities of the calibrations that files or data frames were corrected by, first one first.
+
+    Parameters
+    ----------
+    inputs : files, folders or data frames.
+    topics : of bags, those that are read; None for whichever were corrected.
+    """
+    found: list[str] = []
+    topics = (topics,) if isinstance(topics, str) else topics
+    for one in inputs:
+        marks = [_MARK.match(name) for name in _names(one)]
+        found += [mark.group(1) for mark in marks if mark is not None]
+        if isinstance(one, Path):
+            found += _marks_beside(one, topics)
+    return tuple(dict.fromkeys(found))
+
+
+def _marks_beside(path: Path, topics: Sequence[str] | None) -> list[str]:
+    """Return what formats without columns of their own say."""
+    ending = path.suffix.lower()
+    if ending in hdf5_writing.ENDINGS:
+        return list(hdf5_writing.corrections(path))
+    if path.is_dir() or path.name == "data.csv":
+        found = euroc_writing.corrections(path)
+        if found or not path.is_dir():
+            return list(found)
+    if not path.is_dir() and ending not in rewritable.ENDINGS:
+        return []
+    wanted = None if not topics else {t.strip("/") for t in topics}
+    said = rewritable.corrections(path).items()
+    return [m for topic, marks in said if wanted is None or topic.strip("/") in wanted for m in marks]
 
 
 def _names(one: Path | Frame) -> list[str]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,10 +18,17 @@ from tumble.document.result import TriadBlock
 from tumble.errors import UsageError
 from tumble.recording import Recording, read_blocks
 from tumble.recording.corrections import PREFIX, corrections_of
+from tumble.recording.formats.euroc_writing import PLACE, write_euroc
+from tumble.recording.formats.folder import euroc_file
+from tumble.recording.formats.hdf5_writing import write_hdf5
 from tumble.recording.formats.output import write_blocks
 from tumble.recording.range_check import find_steps_of_two
 from tumble.recording.temperature import TemperatureColumn
+from tumble.sensor.thermal import Outside
 from tumble.units import angular_rate_factor, specific_force_factor
+from tumble.workflows.corrected_bag import BagCorrection
+from tumble.workflows.corrected_form import Destination, destination
+from tumble.workflows.lag_shift import ForceShift, lag_of, shifted
 from tumble.workflows.temperature import (
     about_temperature,
     check_column,
@@ -29,6 +37,9 @@ from tumble.workflows.temperature import (
     needs_temperature,
     refuse_twice,
 )
+
+if TYPE_CHECKING:
+    from tumble.export.noise import SensorNoise
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,22 +62,28 @@ def apply(
     topics: Sequence[str] | None = None,
     temperature: float | None = None,
     outside: str = "refuse",
+    shift_lag: bool = False,
+    noise: str | os.PathLike[str] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Applied:
-    """Correct a recording and write it as CSV or Parquet in m/s² and rad/s, frame b.
+    """Correct a recording and write it in m/s² and rad/s, frame b.
 
-    Memory does not grow with the recording for text, Parquet and NPY. The file gets a column for each
-    calibration that it went through, so that none is applied twice.
+    Memory does not grow with the recording for bags, text, Parquet and NPY. The file says which calibrations it went
+    through, so that none is applied twice.
 
     Parameters
     ----------
     calibration : a ``calibration.json``, its folder, or a `Calibration`.
     paths, columns, units, rate, topics : the recording, as for `tumble.read_recording`.
-    output : ``.csv`` or ``.parquet``; by default the recording's name with ``-corrected.csv``.
+    output : ``.csv``, ``.parquet`` or ``.h5``; of a bag ``.bag``, ``.mcap``, ``.db3`` or a folder, as the bag is, with
+        everything but the IMU's messages as it was; a name without an ending is a folder as EuRoC's. By
+        default the recording's name with ``-corrected``, in the recording's form where that can be written, else CSV.
     temperature : °C of the whole recording, for a calibration with a thermal model and a recording without a
         column of temperature.
     outside : where the sensor's temperature leaves the span that was calibrated: ``refuse``, ``hold`` the
         parameters of the span's end, or ``extrapolate``.
+    shift_lag : whether the lag between the triads that the calibration states is taken out.
+    noise : ``noise.json`` of the unit: of bags the covariances, of EuRoC's form the densities.
     progress : is told the number of samples done.
 
     Raises
@@ -81,7 +98,12 @@ def apply(
     document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
     beyond = check_outside(outside)
     files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
-    done_before = corrections_of(files)
+    topics = [topics] if isinstance(topics, str) else topics
+    goal = destination(output, files)
+    _refuse_inputs(goal.path, files, calibration)
+    lag = lag_of(document) if shift_lag else None
+    spread = _noise_for(goal, noise)
+    done_before = corrections_of(files, topics)
     refuse_twice(document, done_before)
     blocks = iter(read_blocks(paths, columns=columns, units=units, rate=rate, topics=topics))
     first = next(blocks)
@@ -89,39 +111,125 @@ def apply(
         check_temperature(document, first, files, temperature, beyond)
     factors = raw_factors(document, first)
     remarks = [f"{r.kind}: {r.text}" for r in first.remarks if r.kind in ("assumed", "doubtful", "mended")]
-    if not _knows(document.gyroscope):
-        remarks.append("The calibration has no gyro matrix: the corrected file has no angular rate.")
-    if not _knows(document.accelerometer):
-        remarks.append(
-            "The calibration has no accelerometer matrix: the corrected file has no specific force."
-        )
+    remarks += _about_missing_triads(document, goal)
     celsius = first.temperature if temperature is None else temperature
     remarks += find_steps_of_two(_corrected(Corrector(document, beyond), first, factors, celsius))
-    target = _target(output, calibration, paths)
+    marks = [*done_before, *(s.identity for s in document.stages)]
+    if goal.form == "bag":
+        if columns is not None:
+            raise UsageError("--columns is for columns, and a bag has messages: leave it out, or write .csv.")
+        task = BagCorrection(
+            document, beyond, temperature, factors, lag, _densities(spread), first.rate, marks, progress
+        )
+        first, blocks = None, None
+        done = task.write(files[0], goal.path, topics or ())
+        return Applied(goal.path, done, list(dict.fromkeys([*remarks, *task.told])))
+    work = _Blocks(document, beyond, factors, temperature, progress)
+    shift = None if lag is None else ForceShift(lag)
+    corrected = work.corrected(chain([first], blocks))
+    _write(goal, corrected if shift is None else shifted(corrected, shift), marks, files, spread)
+    remarks += [] if shift is None else shift.remarks()
+    return Applied(goal.path, work.done, [*remarks, *work.remarks()])
 
-    done, column = 0, TemperatureColumn()
+
+@dataclass(slots=True)
+class _Blocks:
+    """The blocks of a recording on their way, and what is learnt of them meanwhile."""
+
+    document: Calibration
+    outside: Outside
+    factors: tuple[float, float]
+    temperature: float | None
+    progress: Callable[[int], None] | None
+    done: int = 0
+    _column: TemperatureColumn = field(default_factory=TemperatureColumn)
+    _told: list[str] = field(default_factory=list[str])
+    _corrector: Corrector | None = None
+
+    def corrected(self, blocks: Iterable[Recording]) -> Iterator[Recording]:
+        """Yield them corrected; what cannot be is refused before the file takes its place."""
+        self._corrector = Corrector(self.document, self.outside)
+        for block in blocks:
+            celsius = block.temperature if self.temperature is None else self.temperature
+            yield _corrected(self._corrector, block, self.factors, celsius)
+            self.done += len(block)
+            if block.temperature is not None and self.temperature is None:
+                self._column.add(block.time, block.temperature)
+            if self.progress is not None:
+                self.progress(self.done)
+        if needs_temperature(self.document):
+            self._told.extend(check_column(self._column))
+
+    def remarks(self) -> list[str]:
+        """Say what of the temperature is to be known."""
+        assert self._corrector is not None
+        celsius, column = self.temperature, self._column
+        span = (column.lowest, column.highest) if celsius is None else (celsius, celsius)
+        return [*self._told, *about_temperature(self.document, self._corrector, span)]
+
+
+def _write(
+    goal: Destination,
+    blocks: Iterable[Recording],
+    marks: Sequence[str],
+    files: Sequence[Path],
+    noise: SensorNoise | None,
+) -> None:
+    """Write corrected blocks in the form that is wanted."""
+    if goal.form == "table":
+        write_blocks(blocks, goal.path, [PREFIX + mark for mark in marks])
+    elif goal.form == "hdf5":
+        write_hdf5(blocks, goal.path, marks)
+    else:
+        like = files[0] if len(files) == 1 and files[0].is_dir() else None
+        write_euroc(blocks, goal.path, marks, like=like, noise=None if noise is None else _euroc_keys(noise))
+
+
+def _euroc_keys(noise: SensorNoise) -> dict[str, float]:
+    return {
+        "gyroscope_noise_density": noise.gyroscope.density,
+        "gyroscope_random_walk": noise.gyroscope.walk,
+        "accelerometer_noise_density": noise.accelerometer.density,
+        "accelerometer_random_walk": noise.accelerometer.walk,
+    }
+
+
+def _densities(noise: SensorNoise | None) -> dict[str, Series] | None:
+    """Return white noise axis by axis, by triad."""
+    if noise is None:
+        return None
+    return {"accelerometer": noise.accelerometer.densities, "gyroscope": noise.gyroscope.densities}
+
+
+def _noise_for(goal: Destination, noise: str | os.PathLike[str] | None) -> SensorNoise | None:
+    """Return the unit's noise, where the form that is written has a place for it."""
+    if noise is None:
+        return None
+    if goal.form not in ("bag", "euroc"):
+        raise UsageError(
+            f"--noise gives a bag its covariances and EuRoC's folder its densities; {goal.path.name} has no place for "
+            "them: leave it out."
+        )
+    from tumble.export.noise import read_noise
+
+    return read_noise(Path(noise))
+
+
+def _about_missing_triads(document: Calibration, goal: Destination) -> list[str]:
+    """Say what is not corrected because the calibration does not know it."""
     told: list[str] = []
-    corrector = Corrector(document, beyond)
-
-    def corrected():
-        nonlocal done
-        for block in chain([first], blocks):
-            celsius = block.temperature if temperature is None else temperature
-            yield _corrected(corrector, block, factors, celsius)
-            done += len(block)
-            if block.temperature is not None and temperature is None:
-                column.add(block.time, block.temperature)
-            if progress is not None:
-                progress(done)
-        # Before the file takes its place: what cannot be is refused.
-        if needs_temperature(document):
-            told.extend(check_column(column))
-
-    marks = [PREFIX + identity for identity in (*done_before, *(s.identity for s in document.stages))]
-    write_blocks(corrected(), target, marks)
-    span = (column.lowest, column.highest) if temperature is None else (temperature, temperature)
-    remarks += [*told, *about_temperature(document, corrector, span)]
-    return Applied(target, done, remarks)
+    for block, matrix, quantity, message in (
+        (document.gyroscope, "gyro", "angular rate", "angular_velocity"),
+        (document.accelerometer, "accelerometer", "specific force", "linear_acceleration"),
+    ):
+        if not _knows(block):
+            lost = (
+                f"{message} stays as it was"
+                if goal.form == "bag"
+                else f"the corrected file has no {quantity}"
+            )
+            told.append(f"The calibration has no {matrix} matrix: {lost}.")
+    return told
 
 
 def raw_factors(document: Calibration, recording: Recording) -> tuple[float, float]:
@@ -199,18 +307,24 @@ def _corrected(
     )
 
 
-def _target(
-    output: str | os.PathLike[str] | None,
-    calibration: str | os.PathLike[str] | Calibration,
-    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
-) -> Path:
-    named = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
-    target = Path(output) if output is not None else Path(f"{Path(named[0]).stem}-corrected.csv")
-    if any(_same_file(target, Path(path)) for path in named):
-        raise UsageError(f"{target} is the recording itself: give another file with -o.")
+def _refuse_inputs(
+    target: Path, files: Sequence[Path], calibration: str | os.PathLike[str] | Calibration
+) -> None:
+    """Refuse a place that is, or is inside of, what is read."""
+    for path in files:
+        within = (target, *target.parents) if path.is_dir() else (target,)
+        if any(_same_file(place, path) for place in within):
+            raise UsageError(f"{target} is the recording itself: give another file with -o.")
+        if target.is_dir() and any(_same_file(target / PLACE / "data.csv", file) for file in _inside(path)):
+            raise UsageError(f"{target} holds the recording itself: give another folder with -o.")
     if not isinstance(calibration, Calibration) and _same_file(target, Path(calibration)):
         raise UsageError(f"{target} is the calibration itself: give another file with -o.")
-    return target
+
+
+def _inside(path: Path) -> list[Path]:
+    """Return the file that is read of a recording."""
+    data = euroc_file(path) if path.is_dir() else path
+    return [] if data is None else [data]
 
 
 def _same_file(one: Path, other: Path) -> bool:

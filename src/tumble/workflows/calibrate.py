@@ -192,7 +192,7 @@ def calibrate(
     calibration = calibration_from_estimate(
         estimate, recording, session.site, remarks=remarks, imu=imu, confirm_scale=confirm_scale
     )
-    earlier = corrected_by_before(paths, given)
+    earlier = corrected_by_before(paths, given, topics)
     if earlier:
         calibration = calibration.model_copy(update={"input_corrected_by": earlier})
     if acceptance is not None:
@@ -283,12 +283,15 @@ def _already_read(
     return joined, None if given is None else given.on_clock_of([recording], spans)
 
 
-def corrected_by_before(paths: Given, given: GivenProtocol | None) -> list[str]:
+def corrected_by_before(
+    paths: Given, given: GivenProtocol | None, topics: str | Sequence[str] | None = None
+) -> list[str]:
     """Return the identities of the calibrations that all recordings were corrected by before.
 
     Parameters
     ----------
     paths, given : as named, and the protocol that was given, if one was.
+    topics : of bags, those that are read.
 
     Raises
     ------
@@ -300,7 +303,7 @@ def corrected_by_before(paths: Given, given: GivenProtocol | None) -> list[str]:
     named = [] if isinstance(paths, Recording) else _listed(paths)
     if not named and given is not None:
         named = [Path(path) for path in given.files()]
-    marks = {corrections_of([one]) for one in named}
+    marks = {corrections_of([one], topics) for one in named}
     if len(marks) > 1:
         words = "; ".join(", ".join(mark) or "none" for mark in sorted(marks))
         raise UsageError(

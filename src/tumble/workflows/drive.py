@@ -118,7 +118,7 @@ def verify_drive(
     arm = np.array(lever_arm_b if known else (0.0, 0.0, 0.0), dtype=float)
     _refuse_bad_numbers(arm.tolist(), durations, turn_on)
     for file in files:
-        refuse_twice(document, corrections_of([file]))
+        refuse_twice(document, corrections_of([file], topics))
     say("reading")
     recordings = read_recordings(paths, columns=columns, units=units, rate=rate, topics=topics)
     if len(recordings) != 1:

@@ -175,7 +175,7 @@ def _rest(
             f"{Path(path).name} has no accelerometer columns: only gravity shows how a unit lies on its "
             "mount."
         )
-    refuse_twice(document, corrections_of([Path(path)]))
+    refuse_twice(document, corrections_of([Path(path)], topics))
     low, high = recorded_span(recording, None)
     made_at = document.temperature_celsius
     if made_at is not None and max(high - made_at, made_at - low) > FAR_FROM_CALIBRATION:

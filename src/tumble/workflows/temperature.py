@@ -58,7 +58,7 @@ def refuse_twice(calibration: Calibration, corrected_by: Sequence[str]) -> None:
     again = [stage.identity for stage in calibration.stages if stage.identity in corrected_by]
     if again:
         raise UsageError(
-            f"The recording is corrected by this calibration already (its column corrected_by_{again[0]} says so): "
+            f"The recording is corrected by this calibration already (its mark corrected_by_{again[0]} says so): "
             "correcting it again would add the same errors with the other sign. Give the raw recording."
         )
     wanted = list(calibration.stages[0].input_corrected_by)

@@ -130,7 +130,7 @@ def verify(
     beyond = check_outside(outside)
     files = recording_inputs(paths)
     for file in files:
-        refuse_twice(document, corrections_of([file]))
+        refuse_twice(document, corrections_of([file], topics))
     say("reading")
     results: list[Verification] = []
     recordings = read_recordings(paths, columns=columns, units=units, rate=rate, topics=topics)

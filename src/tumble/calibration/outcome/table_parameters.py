@@ -112,7 +112,7 @@ def table_remarks(terms: frozenset[str], named: dict[str, tuple[float, float]]) 
         told.append(
             f"A sample of the accelerometer is of an instant {abs(1e3 * lag):.2g} ms (± "
             f"{1e3 * sigma:.1g} ms) {earlier} than the gyro's with the same stamp. The estimate takes "
-            "it into account, and `tumble apply` does not shift samples: give it to your filter."
+            "it into account. `tumble apply --shift-lag` takes it out, or give it to your filter."
         )
     if "lever_arms" in terms:
         arms = [value for name, value in named.items() if name.startswith(ARM)]

@@ -191,8 +191,8 @@ def add_time_lag(estimate: Estimate, data: HoldsAndTurns) -> None:
     estimate.say(
         "remark",
         f"The accelerometer's samples belong to instants {abs(1e3 * found.lag):.1f} ms (± "
-        f"{1e3 * found.sigma:.1f} ms) {earlier} than the gyro's. The estimate does not depend on it, "
-        "and `tumble apply` does not shift samples: give it to your filter.",
+        f"{1e3 * found.sigma:.1f} ms) {earlier} than the gyro's. The estimate does not depend on it. "
+        "`tumble apply --shift-lag` takes it out, or give it to your filter.",
     )
 
 

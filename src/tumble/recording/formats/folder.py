@@ -109,6 +109,18 @@ def _files(path: Path) -> list[Path]:
     return sorted(p for p in path.iterdir() if p.is_file() and not p.name.startswith("."))
 
 
+def euroc_file(folder: Path) -> Path | None:
+    """Return the file with an IMU's samples in an EuRoC folder, None in any other.
+
+    Parameters
+    ----------
+    folder : of the data set, of `mav0`, or of the sensor.
+    """
+    path = _descended(folder)
+    inside = Path(*path.parts[:-2]) if path.parts[-2:] == ("mav0", "imu0") else path
+    return _euroc(path) or _euroc(inside)
+
+
 def _euroc(path: Path) -> Path | None:
     for name in _EUROC:
         file = path / name

@@ -29,19 +29,26 @@ ENDINGS = (".mcap",)
 SUMMARY = "MCAP with topics of sensor_msgs/Imu, also split ones (lz4 and zstd with the extra `ros`)"
 HAS_TOPICS = True
 
-_MAGIC = b"\x89MCAP0\r\n"
-_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 0x02, 0x03, 0x04, 0x05, 0x06
-_CHUNK_INDEX, _STATISTICS, _DATA_END = 0x08, 0x0B, 0x0F
-_RECORD = struct.Struct("<BQ")
-_MESSAGE_HEAD = struct.Struct("<HIQQ")
+MAGIC = b"\x89MCAP0\r\n"
+FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x02, 0x03, 0x04, 0x05, 0x06
+CHUNK_INDEX, STATISTICS, DATA_END = 0x08, 0x0B, 0x0F
+RECORD = struct.Struct("<BQ")
+MESSAGE_HEAD = struct.Struct("<HIQQ")
 
 
 def recognises(head: bytes) -> bool:
     """Say whether a file that begins so is MCAP."""
-    return head.startswith(_MAGIC)
+    return head.startswith(MAGIC)
 
 
-def _string(data: bytes, position: int) -> tuple[str, int]:
+def string_at(data: bytes, position: int) -> tuple[str, int]:
+    """Return the text that begins at a place, and where it ends.
+
+    Raises
+    ------
+    struct.error
+        If there is none.
+    """
     (size,) = struct.unpack_from("<I", data, position)
     end = position + 4 + size
     return data[position + 4 : end].decode("utf-8", "replace"), end
@@ -107,7 +114,7 @@ class McapFile:
             return False
         file.seek(size - 37)
         footer = file.read(37)
-        if footer[-8:] != _MAGIC or footer[0] != _FOOTER:
+        if footer[-8:] != MAGIC or footer[0] != FOOTER:
             return False
         (start,) = struct.unpack_from("<Q", footer, 9)
         if not 0 < start < size:
@@ -119,20 +126,20 @@ class McapFile:
             return False
         position, said = 0, False
         while position + 9 <= len(summary):
-            code, length = _RECORD.unpack_from(summary, position)
+            code, length = RECORD.unpack_from(summary, position)
             record = summary[position + 9 : position + 9 + length]
             position += 9 + length
             self._take_summary(code, record)
-            said = said or code == _STATISTICS
+            said = said or code == STATISTICS
         return bool(said and self._channels and self._chunks)
 
     def _take_summary(self, code: int, record: bytes) -> None:
-        if code in (_SCHEMA, _CHANNEL):
+        if code in (SCHEMA, CHANNEL):
             self._describe(code, record)
-        elif code == _STATISTICS:
+        elif code == STATISTICS:
             self._span = struct.unpack_from("<QQ", record, 26)
             self._counts = Counter(dict(struct.iter_unpack("<HQ", record[46:])))
-        elif code == _CHUNK_INDEX:
+        elif code == CHUNK_INDEX:
             (offset,) = struct.unpack_from("<Q", record, 16)
             (size,) = struct.unpack_from("<I", record, 32)
             channels = frozenset(c for c, _ in struct.iter_unpack("<HQ", record[36 : 36 + size]))
@@ -140,13 +147,13 @@ class McapFile:
 
     def _describe(self, code: int, record: bytes) -> None:
         """Take in a schema or a channel."""
-        if code == _SCHEMA:
+        if code == SCHEMA:
             (number,) = struct.unpack_from("<H", record)
-            self._schemas[number] = _string(record, 2)[0]
+            self._schemas[number] = string_at(record, 2)[0]
             return
         number, schema = struct.unpack_from("<HH", record)
-        topic, end = _string(record, 4)
-        self._channels[number] = (topic, schema, _string(record, end)[0])
+        topic, end = string_at(record, 4)
+        self._channels[number] = (topic, schema, string_at(record, end)[0])
 
     def _scan(self, file: BinaryIO) -> None:
         """Find channels and count messages where there is no summary."""
@@ -162,20 +169,20 @@ class McapFile:
 
     def _every_message(self, file: BinaryIO, wanted: set[int] | None) -> Iterator[tuple[int, int, bytes]]:
         """Yield the messages of the whole file from its beginning; a file that is cut short ends early."""
-        file.seek(len(_MAGIC))
+        file.seek(len(MAGIC))
         try:
             while True:
                 place = file.tell()
-                code, length = _RECORD.unpack(exactly(file, 9))
-                if code in (_FOOTER, _DATA_END):
+                code, length = RECORD.unpack(exactly(file, 9))
+                if code in (FOOTER, DATA_END):
                     return
-                if code == _CHUNK:
+                if code == CHUNK:
                     yield from self._sound_messages(place, exactly(file, length), wanted)
-                elif code in (_SCHEMA, _CHANNEL):
+                elif code in (SCHEMA, CHANNEL):
                     self._describe(code, exactly(file, length))
-                elif code == _MESSAGE:
+                elif code == MESSAGE:
                     record = exactly(file, length)
-                    channel, _, time, _ = _MESSAGE_HEAD.unpack_from(record)
+                    channel, _, time, _ = MESSAGE_HEAD.unpack_from(record)
                     if wanted is None or channel in wanted:
                         yield channel, time, record[22:]
                 elif code == 0 or file.tell() + length > self._end:
@@ -196,26 +203,34 @@ class McapFile:
 
     def _chunk_messages(self, chunk: bytes, wanted: set[int] | None) -> Iterator[tuple[int, int, bytes]]:
         """Yield channel, time and bytes of a chunk's messages."""
-        body = self._body(chunk)
+        body = self.body(chunk)
         position, stop = 0, len(body)
-        unpack, head = _RECORD.unpack_from, _MESSAGE_HEAD.unpack_from
+        unpack, head = RECORD.unpack_from, MESSAGE_HEAD.unpack_from
         while position + 9 <= stop:
             code, length = unpack(body, position)
             start = position + 9
             position = start + length
             if position > stop:
                 raise RecordingError(f"{self.path.name}: a chunk is damaged.")
-            if code == _MESSAGE:
+            if code == MESSAGE:
                 channel, _, time, _ = head(body, start)
                 if wanted is None or channel in wanted:
                     yield channel, time, body[start + 22 : position]
-            elif code in (_SCHEMA, _CHANNEL):
+            elif code in (SCHEMA, CHANNEL):
                 self._describe(code, body[start:position])
 
-    def _body(self, chunk: bytes) -> bytes:
-        """Return the records of a chunk, decompressed and checked."""
+    def body(self, chunk: bytes) -> bytes:
+        """Return the records of a chunk, decompressed and checked.
+
+        Raises
+        ------
+        RecordingError
+            If they are damaged, or compressed in an unknown way.
+        UsageError
+            If a library is missing.
+        """
         size, checksum = struct.unpack_from("<QI", chunk, 16)
-        compression, position = _string(chunk, 28)
+        compression, position = string_at(chunk, 28)
         data = chunk[position + 8 :]
         name = self.path.name
         if compression and size > largest_chunk(data):
@@ -235,10 +250,21 @@ class McapFile:
             raise RecordingError(f"{name}: a chunk is damaged: its content does not agree with its checksum.")
         return data
 
+    def numbers_of(self, names: Iterable[str]) -> dict[int, str]:
+        """Return the channels of some topics, by number."""
+        wanted = set(names)
+        return {n: topic for n, (topic, _, _) in self._channels.items() if topic in wanted}
+
+    def messages_in_order(self, names: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
+        """Yield what `messages` does, as it stands in the file, whatever the index says."""
+        topics = self.numbers_of(names)
+        with opened(self.path) as file:
+            for channel, time, data in self._every_message(file, set(topics)):
+                yield topics[channel], time, data
+
     def messages(self, names: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, time of recording in ns, and bytes of the messages of some topics."""
-        chosen = set(names)
-        topics = {n: topic for n, (topic, _, _) in self._channels.items() if topic in chosen}
+        topics = self.numbers_of(names)
         wanted = set(topics)
         self._damage.total = len(self._chunks) or None
         with opened(self.path) as file:
@@ -260,8 +286,8 @@ class McapFile:
         try:
             if offset < self._end:
                 file.seek(offset)
-                code, length = _RECORD.unpack(exactly(file, 9))
-                if code == _CHUNK and offset + length <= self._end:
+                code, length = RECORD.unpack(exactly(file, 9))
+                if code == CHUNK and offset + length <= self._end:
                     return exactly(file, length)
         except CutShort:
             pass

@@ -112,9 +112,7 @@ def _decode_rows(
     head = rows[:, start : start + 12].copy().view(order + "u4")
     for name_length in np.unique(head[:, 2]):
         same = head[:, 2] == name_length
-        begin = start + 12 + int(name_length)
-        if cdr:
-            begin = 4 + (begin - 4 + 7) // 8 * 8
+        begin = _numbers_begin(int(name_length), cdr=cdr)
         size = 8 * numbers.shape[1]
         if begin + size > length:
             raise _too_short(topic, kind, length)
@@ -141,6 +139,79 @@ def holds(decoded: Decoded, kind: str, topic: str) -> tuple[bool, bool]:
         said = kind_of_file(topic.replace("_", " ").replace("/", " "))
         return said == "a", said == "g"
     return bool(decoded.force.any()), bool(decoded.rate.any())
+
+
+@dataclass(frozen=True, slots=True)
+class Substitute:
+    """What takes the place of numbers in messages of one topic.
+
+    Attributes
+    ----------
+    force, rate : (n, 3) m/s² and rad/s; None leaves what is there.
+    force_covariance, rate_covariance : (9,) by rows, of one sample; None leaves what is there.
+    shift : ns that stamps of headers are moved by; those of zero, which are none, stay.
+    """
+
+    force: npt.NDArray[np.float64] | None = None
+    rate: npt.NDArray[np.float64] | None = None
+    force_covariance: npt.NDArray[np.float64] | None = None
+    rate_covariance: npt.NDArray[np.float64] | None = None
+    shift: int = 0
+
+    def fields(self, kind: str) -> list[tuple[int, npt.NDArray[np.float64]]]:
+        """Return where among the numbers of a message of this type which others go."""
+        _, force, rate = _LAYOUTS[kind]
+        placed = [(force, self.force), (rate, self.rate)]
+        if kind == _IMU:
+            placed += [(_FORCE_COVARIANCE, self.force_covariance), (_RATE_COVARIANCE, self.rate_covariance)]
+        return [(place, values) for place, values in placed if values is not None]
+
+
+def substituted(kind: str, messages: list[bytes], put: Substitute, *, cdr: bool) -> list[bytes]:
+    """Return messages with other numbers in them; every other byte stays.
+
+    Parameters
+    ----------
+    kind, messages, cdr : as for `decode`, which has read them.
+    put : one row a message.
+    """
+    made: list[bytes] = [b""] * len(messages)
+    # Messages of one length with a frame's name of one length have their numbers at the same places.
+    alike: dict[tuple[int, bytes, bytes], list[int]] = {}
+    for number, message in enumerate(messages):
+        alike.setdefault((len(message), message[:2], message[12:16]), []).append(number)
+    for (length, head, _), numbers in alike.items():
+        order = ">" if cdr and head[1] % 2 == 0 else "<"
+        rows = np.frombuffer(b"".join(messages[i] for i in numbers), np.uint8)
+        rows = rows.reshape(len(numbers), length).copy()
+        begin = _numbers_begin(int(rows[0, 12:16].copy().view(order + "u4")[0]), cdr=cdr)
+        for place, values in put.fields(kind):
+            some = (
+                values[numbers] if values.ndim == 2 else np.broadcast_to(values, (len(numbers), values.size))
+            )
+            size = 8 * some.shape[1]
+            packed = np.ascontiguousarray(some, dtype=order + "f8").view(np.uint8)
+            rows[:, begin + 8 * place : begin + 8 * place + size] = packed
+        if put.shift:
+            rows[:, 4:12] = _moved(rows[:, 4:12], put.shift, order)
+        for row, number in enumerate(numbers):
+            made[number] = rows[row].tobytes()
+    return made
+
+
+def _numbers_begin(name_length: int, *, cdr: bool) -> int:
+    """Return where the numbers of a message begin: after the frame's name, with CDR at a multiple of eight."""
+    begin = 16 + name_length
+    return 4 + (begin - 4 + 7) // 8 * 8 if cdr else begin
+
+
+def _moved(stamps: npt.NDArray[np.uint8], shift: int, order: str) -> npt.NDArray[np.uint8]:
+    """Return stamps of seconds and nanoseconds (n, 8 bytes), moved; none before 1970."""
+    parts = stamps.copy().view(order + "u4").astype(np.int64)
+    total = parts[:, 0] * 1_000_000_000 + parts[:, 1]
+    moved = np.where(total > 0, np.maximum(total + shift, 0), 0)
+    both = np.column_stack(np.divmod(moved, 1_000_000_000))
+    return np.ascontiguousarray(both, dtype=order + "u4").view(np.uint8)
 
 
 def samples_of(decoded: Decoded, force: bool, rate: bool) -> Samples:

@@ -19,7 +19,7 @@ from urllib.parse import quote
 
 from tumble.errors import RecordingError
 from tumble.files import opened, temporary_folder
-from tumble.recording.formats.bags.bag import Bag, Topic, bag_readers
+from tumble.recording.formats.bags.bag import Topic, bag_readers
 from tumble.recording.formats.bags.mcap import McapFile
 from tumble.recording.formats.bags.ros_messages import plain_type
 from tumble.recording.formats.compressed import unpacked
@@ -44,7 +44,7 @@ def recognises(head: bytes) -> bool:
 
 def recognises_folder(folder: Path) -> bool:
     """Say whether a folder is a ROS 2 bag."""
-    return bool(_parts(folder))
+    return bool(parts_of(folder))
 
 
 def source(path: Path) -> Source:
@@ -55,7 +55,7 @@ def source(path: Path) -> Source:
     OSError
         If a file cannot be read.
     """
-    return hash_files(path, _parts(path)) if path.is_dir() else hash_file(path)
+    return hash_files(path, parts_of(path)) if path.is_dir() else hash_file(path)
 
 
 def _text(octets: bytes) -> str:
@@ -68,7 +68,7 @@ def _damaged(path: Path, error: Exception) -> RecordingError:
     )
 
 
-def _parts(folder: Path) -> list[Path]:
+def parts_of(folder: Path) -> list[Path]:
     """Return the files of a folder that hold messages, in the order of their numbers."""
     found = [p for p in folder.iterdir() if p.name.endswith((".db3", ".mcap", ".db3.zstd", ".mcap.zstd"))]
     names = {p.name for p in found}
@@ -77,16 +77,26 @@ def _parts(folder: Path) -> list[Path]:
 
 
 @contextmanager
-def _opened(path: Path) -> Generator[Bag]:
-    """Open a database or a folder; files that are compressed as a whole are unpacked for the while."""
+def opened_bag(path: Path) -> Generator[Database | Chain]:
+    """Open a database or a folder; files that are compressed as a whole are unpacked for the while.
+
+    Raises
+    ------
+    RecordingError
+        If a file is damaged or foreign.
+    UsageError
+        If a library is missing.
+    OSError
+        If a file cannot be read.
+    """
     try:
         with ExitStack() as stack:
             remarks: list[Remark] = []
             if not path.is_dir():
-                yield _Database(path, _whole_pages(path, stack, remarks), said=remarks)
+                yield Database(path, _whole_pages(path, stack, remarks), said=remarks)
                 return
-            parts: list[Bag] = []
-            for part in _parts(path):
+            parts: list[Database | McapFile] = []
+            for part in parts_of(path):
                 file = part
                 if part.suffix == ".zstd":
                     file, said = stack.enter_context(unpacked(part))
@@ -94,8 +104,8 @@ def _opened(path: Path) -> Generator[Bag]:
                 if file.suffix == ".mcap":
                     parts.append(McapFile(file))
                 else:
-                    parts.append(_Database(file, _whole_pages(file, stack, remarks)))
-            yield _Chain(path, parts, remarks)
+                    parts.append(Database(file, _whole_pages(file, stack, remarks)))
+            yield Chain(path, parts, remarks)
     except (sqlite3.Error, UnicodeDecodeError) as error:  # messages of sqlite3 may hold damaged names
         raise _damaged(path, error) from error
 
@@ -131,7 +141,7 @@ def _journal(path: Path) -> bool:
 
 
 @dataclass(slots=True)
-class _Database:
+class Database:
     """One database with its topics; `file` is what is read of it."""
 
     path: Path
@@ -147,7 +157,7 @@ class _Database:
 
     def __post_init__(self) -> None:
         self._damage.name = self.path.name
-        connection = self._connect()
+        connection = self.connect()
         try:
             rows = connection.execute("SELECT id, name, type, serialization_format FROM topics").fetchall()
             counts = _counted(connection)
@@ -164,7 +174,8 @@ class _Database:
             kind = plain_type(kind) if form == "cdr" else f"{plain_type(kind)} as {form}"
             self.topics.append(Topic(name, kind, count, cdr=True, rate=rate))
 
-    def _connect(self) -> sqlite3.Connection:
+    def connect(self) -> sqlite3.Connection:
+        """Return a connection that reads, and changes nothing."""
         unchanged = not _journal(self.file)  # else the file may change
         uri = f"file:{quote(str(self.file.absolute()))}?mode=ro" + ("&immutable=1" if unchanged else "")
         connection = sqlite3.connect(uri, uri=True)
@@ -173,8 +184,14 @@ class _Database:
         return connection
 
     def messages(self, names: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, time of recording in ns, and bytes of the messages of some topics."""
-        connection = self._connect()
+        """Yield topic, time of recording in ns, and bytes of the messages of some topics.
+
+        Raises
+        ------
+        RecordingError
+            If a message is no bytes.
+        """
+        connection = self.connect()
         try:
             wanted = set(names)
             topics = {n: t for n, t in connection.execute("SELECT id, name FROM topics") if t in wanted}
@@ -229,11 +246,11 @@ def _counted(connection: sqlite3.Connection) -> dict[int, tuple[int, int, int]] 
 
 
 @dataclass(slots=True)
-class _Chain:
+class Chain:
     """The files of a bag that was recorded in parts, one after another."""
 
     path: Path
-    parts: list[Bag]
+    parts: list[Database | McapFile]
     said: list[Remark] = field(default_factory=list[Remark])
     topics: list[Topic] = field(default_factory=list[Topic])
 
@@ -259,4 +276,4 @@ class _Chain:
             yield from part.messages(chosen)
 
 
-read_table, read_table_blocks = bag_readers(_opened, source)
+read_table, read_table_blocks = bag_readers(opened_bag, source)

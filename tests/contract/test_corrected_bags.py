@@ -1,0 +1,570 @@
+"""Corrected bags: read by others' libraries, every other topic as it was, the IMU as `apply` gives it as CSV."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import sqlite3
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from tumble.document.imported import calibration_from_model
+from tumble.document.result import Calibration, ParameterBlock
+from tumble.errors import RecordingError, TumbleError, UsageError
+from tumble.sensor import ImuModel, Triad
+from tumble.workflows import corrected_bag
+from tumble.workflows.apply import apply
+
+rosbag1 = pytest.importorskip("rosbags.rosbag1", reason="rosbags writes and reads the samples")
+rosbag2 = pytest.importorskip("rosbags.rosbag2")
+typesys = pytest.importorskip("rosbags.typesys")
+
+STORE = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+STORE1 = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
+IMU, TEXT = "sensor_msgs/msg/Imu", "std_msgs/msg/String"
+M_A = np.array([[1.012, 0.004, -0.007], [-0.009, 0.991, 0.006], [0.003, -0.012, 1.021]])
+M_G = np.array([[0.985, -0.011, 0.008], [0.006, 1.017, -0.004], [-0.013, 0.005, 1.008]])
+B_A, B_G = np.array([0.11, -0.23, 0.34]), np.array([0.012, -0.034, 0.021])
+G = np.array([[1.1e-3, -4e-4, 2e-4], [3e-4, -9e-4, 6e-4], [-7e-4, 5e-4, 8e-4]])
+STEP = 1 / 128
+
+
+def document(model: ImuModel | None = None, units: tuple[str, str] = ("m/s^2", "rad/s")) -> Calibration:
+    model = model or ImuModel(Triad(M_A, B_A), Triad(M_G, B_G), G)
+    return calibration_from_model(model, units, ("fixture", "its axes"), [], procedure="by hand", remarks=[])
+
+
+UNIT = document()
+PLAIN = document(ImuModel(Triad(M_A, B_A), Triad(M_G, B_G)))
+
+
+def samples(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(8)
+    time = 1000.0 + STEP * np.arange(count)
+    swing = np.column_stack([np.sin(time), np.cos(0.7 * time), np.sin(1.3 * time)])
+    force = np.array([0.5, -1.0, 9.7]) + 0.3 * swing + 0.01 * rng.normal(size=(count, 3))
+    return time, force, 0.2 * swing + 0.001 * rng.normal(size=(count, 3))
+
+
+def message(store: Any, stamp: float, force: np.ndarray, rate: np.ndarray, frame: str) -> Any:
+    kinds = store.types
+    more = {"seq": 7} if store is STORE1 else {}
+    header = kinds["std_msgs/msg/Header"](
+        stamp=kinds["builtin_interfaces/msg/Time"](*divmod(round(stamp * 1e9), 10**9)), frame_id=frame, **more
+    )
+    vector = kinds["geometry_msgs/msg/Vector3"]
+    quaternion = kinds["geometry_msgs/msg/Quaternion"](0.5, -0.5, 0.5, 0.5)
+    cov = [np.arange(9.0) + k for k in range(3)]
+    return kinds[IMU](header, quaternion, cov[0], vector(*rate), cov[1], vector(*force), cov[2])
+
+
+Stream = Iterator[tuple[str, int, Any, str]]
+
+
+def stream(store: Any, topics: dict[str, str], count: int) -> Stream:
+    """IMU messages of some topics and, in between, texts of another topic."""
+    time, force, rate = samples(count)
+    text = store.types[TEXT]
+    for k in range(count):
+        at = round(time[k] * 1e9) + 12345
+        for topic, what in topics.items():
+            parts = force[k] * (what in ("both", "force")), rate[k] * (what in ("both", "rate"))
+            # Frames' names of several lengths: the numbers stand at other places then.
+            yield topic, at, message(store, time[k], *parts, "imu" if k % 3 else "imu_link"), IMU
+        if k % 5 == 0:
+            yield "/words", at + 7, text(f"word {k} " + "x" * (k % 40)), TEXT
+
+
+def ros1(
+    path: Path, topics: dict[str, str], count: int = 600, compression: str | None = None, chunk: int = 30_000
+) -> Path:
+    writer = rosbag1.Writer(path)
+    writer.chunk_threshold = chunk
+    if compression:
+        writer.set_compression(getattr(writer.CompressionFormat, compression))
+    with writer:
+        made = {t: writer.add_connection(t, IMU, typestore=STORE1) for t in topics}
+        made["/words"] = writer.add_connection("/words", TEXT, typestore=STORE1, latching=1)
+        for topic, at, each, kind in stream(STORE1, topics, count):
+            writer.write(made[topic], at, STORE1.serialize_ros1(each, kind))
+    return path
+
+
+def ros2(
+    path: Path, topics: dict[str, str], count: int = 600, storage: str = "SQLITE3", mode: str | None = None
+) -> Path:
+    writer = rosbag2.Writer(path, version=8, storage_plugin=getattr(rosbag2.StoragePlugin, storage))
+    if mode:
+        writer.set_compression(getattr(rosbag2.CompressionMode, mode), rosbag2.CompressionFormat.ZSTD)
+    with writer:
+        made = {t: writer.add_connection(t, IMU, typestore=STORE) for t in topics}
+        made["/words"] = writer.add_connection("/words", TEXT, typestore=STORE)
+        for topic, at, each, kind in stream(STORE, topics, count):
+            writer.write(made[topic], at, STORE.serialize_cdr(each, kind))
+    return path
+
+
+def read_back(path: Path) -> tuple[dict[str, list[tuple[int, bytes]]], dict[str, Any]]:
+    """Messages by topic, and what the bag says of each topic, by rosbags."""
+    reader = rosbag2.Reader(path) if path.is_dir() else rosbag1.Reader(path)
+    found: dict[str, list[tuple[int, bytes]]] = {}
+    with reader:
+        for connection, at, data in reader.messages():
+            found.setdefault(connection.topic, []).append((at, bytes(data)))
+        described = {
+            c.topic: (c.msgtype, c.msgdef, c.digest, repr(c.ext), c.msgcount) for c in reader.connections
+        }
+    return found, described
+
+
+def numbers(found: list[tuple[int, bytes]], ros: int) -> tuple[np.ndarray, np.ndarray, list[Any]]:
+    read = STORE1.deserialize_ros1 if ros == 1 else STORE.deserialize_cdr
+    made = [read(data, IMU) for _, data in found]
+    force = [[m.linear_acceleration.x, m.linear_acceleration.y, m.linear_acceleration.z] for m in made]
+    rate = [[m.angular_velocity.x, m.angular_velocity.y, m.angular_velocity.z] for m in made]
+    return np.array(force), np.array(rate), made
+
+
+def as_csv(unit: Calibration, path: Path, folder: Path, **options: Any) -> tuple[np.ndarray, np.ndarray]:
+    apply(unit, path, output=folder / "beside.csv", **options)
+    frame = pl.read_csv(folder / "beside.csv")
+    return frame.select("ax", "ay", "az").to_numpy(), frame.select("gx", "gy", "gz").to_numpy()
+
+
+def by_hand(force: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    true = np.linalg.solve(M_A, (force - B_A).T).T
+    return true, np.linalg.solve(M_G, (rate - B_G - true @ G.T).T).T
+
+
+def check_copy(path: Path, copy: Path, folder: Path, ros: int, topic: str = "/imu") -> None:
+    """The copy is the bag, but for the numbers of the IMU."""
+    before, said_before = read_back(path)
+    after, said_after = read_back(copy)
+    assert said_after == said_before
+    assert [at for at, _ in after[topic]] == [at for at, _ in before[topic]]
+    for other in set(before) - {topic}:
+        assert after[other] == before[other]
+    force, rate, messages = numbers(after[topic], ros)
+    old_force, old_rate, old = numbers(before[topic], ros)
+    expected = by_hand(old_force, old_rate)
+    np.testing.assert_allclose(force, expected[0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(rate, expected[1], rtol=0, atol=1e-12)
+    csv_force, csv_rate = as_csv(UNIT, path, folder, topics=[topic])
+    assert np.array_equal(force, csv_force)
+    assert np.array_equal(rate, csv_rate)
+    for new, former in zip(messages, old, strict=True):
+        assert new.header == former.header
+        assert new.orientation == former.orientation
+        assert np.array_equal(new.linear_acceleration_covariance, former.linear_acceleration_covariance)
+
+
+@pytest.mark.parametrize("compression", [None, "BZ2", "LZ4"])
+def test_a_ros_1_bag_keeps_everything_but_the_imu(tmp_path: Path, compression: str | None) -> None:
+    path = ros1(tmp_path / "a.bag", {"/imu": "both"}, compression=compression)
+    before = hashlib.sha256(path.read_bytes()).hexdigest()
+    done = apply(UNIT, path, output=tmp_path / "b.bag")
+    assert (done.samples, done.file) == (600, tmp_path / "b.bag")
+    assert hashlib.sha256(path.read_bytes()).hexdigest() == before
+    check_copy(path, tmp_path / "b.bag", tmp_path, ros=1)
+
+
+@pytest.mark.parametrize(
+    ("storage", "mode"),
+    [("SQLITE3", None), ("SQLITE3", "MESSAGE"), ("SQLITE3", "FILE"), ("MCAP", None), ("MCAP", "STORAGE")],
+)
+def test_a_folder_of_a_ros_2_bag_keeps_everything_but_the_imu(
+    tmp_path: Path, storage: str, mode: str | None
+) -> None:
+    path = ros2(tmp_path / "a", {"/imu": "both"}, storage=storage, mode=mode)
+    apply(UNIT, path, output=tmp_path / "b")
+    assert sorted(p.name for p in (tmp_path / "b").iterdir()) == sorted(p.name for p in path.iterdir())
+    assert (tmp_path / "b" / "metadata.yaml").read_bytes() == (path / "metadata.yaml").read_bytes()
+    check_copy(path, tmp_path / "b", tmp_path, ros=2)
+
+
+def test_a_database_keeps_its_tables(tmp_path: Path) -> None:
+    (path,) = ros2(tmp_path / "a", {"/imu": "both"}).glob("*.db3")
+    apply(UNIT, path, output=tmp_path / "b.db3")
+
+    def tables(file: Path) -> dict[str, list[Any]]:
+        connection = sqlite3.connect(file)
+        names = [n for (n,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+        rows = {n: connection.execute(f"SELECT * FROM {n}").fetchall() for n in names}
+        connection.close()
+        return rows
+
+    before, after = tables(path), tables(tmp_path / "b.db3")
+    assert after.pop("tumble_corrections") == [("/imu", UNIT.identity)]
+    messages = before.pop("messages"), after.pop("messages")
+    assert after == before
+    assert [r[:3] for r in messages[0]] == [r[:3] for r in messages[1]]
+
+
+def mcap_file(path: Path, compression: str, chunk: int = 20_000) -> Path:
+    """By the mcap library, with an attachment, metadata and two schemas."""
+    writing = pytest.importorskip("mcap.writer")
+    kind = getattr(writing.CompressionType, compression)
+    with path.open("wb") as file:
+        writer = writing.Writer(file, chunk_size=chunk, compression=kind, use_chunking=compression != "NONE")
+        writer.start(profile="ros2", library="test")
+        schemas = {k: writer.register_schema(k, "ros2msg", b"float64 x") for k in (IMU, TEXT)}
+        made = {
+            t: writer.register_channel(t, "cdr", schemas[k], {"offered_qos_profiles": "- depth: 5"})
+            for t, k in (("/imu", IMU), ("/words", TEXT))
+        }
+        writer.add_metadata("rosbag2", {"serialized_metadata": "version: 5"})
+        for number, (topic, at, each, kind_) in enumerate(stream(STORE, {"/imu": "both"}, 600)):
+            data = bytes(STORE.serialize_cdr(each, kind_))
+            writer.add_message(made[topic], at, data, at - 5, number)
+        writer.add_attachment(5, 6, "notes.txt", "text/plain", b"as it was")
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize("compression", ["NONE", "LZ4", "ZSTD"])
+def test_an_mcap_file_keeps_everything_but_the_imu(tmp_path: Path, compression: str) -> None:
+    reading = pytest.importorskip("mcap.reader")
+    path = mcap_file(tmp_path / "a.mcap", compression)
+    apply(UNIT, path, output=tmp_path / "b.mcap")
+
+    def everything(file: Path) -> tuple[list[Any], Any, list[Any], list[Any]]:
+        with file.open("rb") as opened:
+            for make in (reading.NonSeekingReader, reading.SeekingReader):
+                opened.seek(0)
+                reader = make(opened, validate_crcs=True)
+                rows = [
+                    (s.name, s.data, c.topic, c.metadata, m.sequence, m.log_time, m.publish_time, m.data)
+                    for s, c, m in reader.iter_messages()
+                ]
+            summary = reader.get_summary()
+            extra = list(reader.iter_attachments()), list(reader.iter_metadata())
+        return rows, summary, *extra
+
+    (before, told, notes, metadata), (after, told_after, *extra) = (
+        everything(f) for f in (path, tmp_path / "b.mcap")
+    )
+    assert [r[:7] for r in after] == [r[:7] for r in before]
+    assert [r for r in after if r[2] != "/imu"] == [r for r in before if r[2] != "/imu"]
+    assert extra[0] == notes
+    assert [m.name for m in extra[1]] == ["tumble", "rosbag2"]
+    assert extra[1][1] == metadata[0]
+    statistics = replace(told_after.statistics, metadata_count=1)
+    # An empty chunk at the end is nobody's loss.
+    assert replace(statistics, chunk_count=0) == replace(told.statistics, chunk_count=0)
+    assert told_after.channels == told.channels
+    assert told_after.schemas == told.schemas
+    force, rate, _ = numbers([(0, r[7]) for r in after if r[2] == "/imu"], 2)
+    csv = as_csv(UNIT, path, tmp_path)
+    assert np.array_equal(force, csv[0])
+    assert np.array_equal(rate, csv[1])
+
+
+def test_blocks_of_any_size_give_the_same_bag(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = ros1(tmp_path / "a.bag", {"/imu": "both"})
+    apply(UNIT, path, output=tmp_path / "b.bag")
+    whole, _ = read_back(tmp_path / "b.bag")
+    for size in (1, 7, 599):
+        monkeypatch.setattr(corrected_bag, "_BATCH", size)
+        apply(UNIT, path, output=tmp_path / "c.bag")
+        found, _ = read_back(tmp_path / "c.bag")
+        assert found["/words"] == whole["/words"]
+        for made, expected in zip(numbers(found["/imu"], 1)[:2], numbers(whole["/imu"], 1)[:2], strict=True):
+            # A product of one row is summed in another order than one of many.
+            np.testing.assert_allclose(made, expected, rtol=0, atol=4e-15)
+
+
+def test_the_corrected_bag_is_not_corrected_again(tmp_path: Path) -> None:
+    for path, copy in (
+        (ros1(tmp_path / "a.bag", {"/imu": "both"}), tmp_path / "b.bag"),
+        (ros2(tmp_path / "two", {"/imu": "both"}), tmp_path / "two-corrected"),
+        (ros2(tmp_path / "three", {"/imu": "both"}, storage="MCAP"), tmp_path / "three-corrected"),
+    ):
+        apply(UNIT, path, output=copy)
+        with pytest.raises(UsageError, match="corrected by this calibration already"):
+            apply(UNIT, copy, output=tmp_path / "again.csv")
+
+
+def test_of_two_imus_the_named_one_is_corrected_and_the_other_stays(tmp_path: Path) -> None:
+    path = ros1(tmp_path / "a.bag", {"/left": "both", "/right": "both"})
+    with pytest.raises(RecordingError, match=r"several sensors: .*name one of them with --topic"):
+        apply(UNIT, path, output=tmp_path / "b.bag")
+    assert not (tmp_path / "b.bag").exists()
+    apply(UNIT, path, output=tmp_path / "b.bag", topics=["/right"])
+    check_copy(path, tmp_path / "b.bag", tmp_path, ros=1, topic="/right")
+    # The other one can be corrected after it, and this one cannot.
+    apply(UNIT, tmp_path / "b.bag", output=tmp_path / "c.bag", topics=["left"])
+    with pytest.raises(UsageError, match="corrected by this calibration already"):
+        apply(UNIT, tmp_path / "c.bag", output=tmp_path / "d.bag", topics=["right"])
+    force, _, _ = numbers(read_back(tmp_path / "c.bag")[0]["/left"], 1)
+    np.testing.assert_allclose(force, by_hand(samples(600)[1], samples(600)[2])[0], atol=1e-12)
+
+
+def test_triads_with_a_topic_each_are_corrected_each(tmp_path: Path) -> None:
+    path = ros1(tmp_path / "a.bag", {"/accel": "force", "/gyro": "rate"})
+    apply(PLAIN, path, output=tmp_path / "b.bag")
+    found, _ = read_back(tmp_path / "b.bag")
+    force, none, _ = numbers(found["/accel"], 1)
+    zero, rate, _ = numbers(found["/gyro"], 1)
+    np.testing.assert_allclose(force, np.linalg.solve(M_A, (samples(600)[1] - B_A).T).T, atol=1e-12)
+    np.testing.assert_allclose(rate, np.linalg.solve(M_G, (samples(600)[2] - B_G).T).T, atol=1e-12)
+    assert not none.any()
+    assert not zero.any()
+    with pytest.raises(UsageError, match=r"g-sensitivity of the gyro.*a topic for each triad"):
+        apply(UNIT, path, output=tmp_path / "c.bag")
+
+
+def noise_file(folder: Path) -> Path:
+    channels = {
+        name: {"unit": unit, "terms": {"N": {"value": n}, "K": {"value": 1e-5}}, "upper_limits_of_unseen": {}}
+        for name, unit, n in (
+            ("ax", "m/s^2", 1e-3),
+            ("ay", "m/s^2", 2e-3),
+            ("az", "m/s^2", 3e-3),
+            ("gx", "rad/s", 1e-4),
+            ("gy", "rad/s", 2e-4),
+            ("gz", "rad/s", 4e-4),
+        )
+    }
+    text = json.dumps({"format": "tumble noise", "version": 1, "rate_hz": 50.0, "channels": channels})
+    (folder / "noise.json").write_text(text)
+    return folder / "noise.json"
+
+
+def test_covariances_are_those_of_the_noise_at_the_bag_s_rate(tmp_path: Path) -> None:
+    path = ros2(tmp_path / "a", {"/imu": "both"})
+    apply(UNIT, path, output=tmp_path / "b", noise=noise_file(tmp_path))
+    (made, *_) = numbers(read_back(tmp_path / "b")[0]["/imu"], 2)[2]
+    assert made.linear_acceleration_covariance == pytest.approx(np.diag([1e-6, 4e-6, 9e-6]).ravel() * 128)
+    assert made.angular_velocity_covariance == pytest.approx(np.diag([1e-8, 4e-8, 16e-8]).ravel() * 128)
+    assert np.array_equal(made.orientation_covariance, np.arange(9.0))
+    with pytest.raises(UsageError, match="has no place for them"):
+        apply(UNIT, path, output=tmp_path / "b.csv", noise=tmp_path / "noise.json")
+
+
+def lagging(seconds: float) -> Calibration:
+    said = ParameterBlock(
+        name="lag of the accelerometer behind the gyro", value=seconds, standard_uncertainty=1e-4, unit="s"
+    )
+    return PLAIN.model_copy(update={"parameters": [said]})
+
+
+@pytest.mark.parametrize("lag", [0.0113, -0.0051])
+def test_a_lag_is_taken_out_of_the_specific_force(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lag: float
+) -> None:
+    """Sample by sample against numpy's interpolation; the CSV has the same numbers."""
+    path = ros1(tmp_path / "a.bag", {"/imu": "both"})
+    time, force, rate = samples(600)
+    true = np.linalg.solve(M_A, (force - B_A).T).T
+    expected = np.column_stack([np.interp(time + lag, time, true[:, i]) for i in range(3)])
+    for size in (4096, 13):
+        monkeypatch.setattr(corrected_bag, "_BATCH", size)
+        done = apply(lagging(lag), path, output=tmp_path / "b.bag", shift_lag=True)
+        found = read_back(tmp_path / "b.bag")[0]["/imu"]
+        made, kept, messages = numbers(found, 1)
+        np.testing.assert_allclose(made, expected, atol=2e-6)
+        np.testing.assert_allclose(kept, np.linalg.solve(M_G, (rate - B_G).T).T, atol=1e-12)
+        assert messages[3].header.stamp.nanosec == round(time[3] % 1 * 1e9)
+    assert any("11.3 ms later" in t or "5.1 ms earlier" in t for t in done.remarks)
+    csv = as_csv(lagging(lag), path, tmp_path, shift_lag=True)
+    np.testing.assert_allclose(csv[0], made, atol=1e-12)
+
+
+def test_a_lag_moves_the_stamps_of_an_accelerometer_s_own_topic(tmp_path: Path) -> None:
+    path = ros1(tmp_path / "a.bag", {"/accel": "force", "/gyro": "rate"})
+    apply(lagging(0.0113), path, output=tmp_path / "b.bag", shift_lag=True)
+    before, after = (read_back(p)[0] for p in (path, tmp_path / "b.bag"))
+
+    def stamps(found: dict[str, Any], topic: str) -> np.ndarray:
+        made = numbers(found[topic], 1)[2]
+        return np.array([m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in made])
+
+    assert set(stamps(after, "/accel") - stamps(before, "/accel")) == {-11_300_000}
+    assert np.array_equal(stamps(after, "/gyro"), stamps(before, "/gyro"))
+    assert [at for at, _ in after["/accel"]] == [at for at, _ in before["/accel"]]
+
+
+def test_without_a_lag_none_is_taken_out(tmp_path: Path) -> None:
+    path = ros1(tmp_path / "a.bag", {"/imu": "both"}, count=50)
+    with pytest.raises(UsageError, match="states no lag"):
+        apply(UNIT, path, output=tmp_path / "b.bag", shift_lag=True)
+
+
+def test_a_bag_that_is_cut_short_is_copied_as_far_as_it_goes(tmp_path: Path) -> None:
+    for path in (
+        ros1(tmp_path / "a.bag", {"/imu": "both"}, compression="LZ4"),
+        mcap_file(tmp_path / "a.mcap", "ZSTD"),
+        mcap_file(tmp_path / "plain.mcap", "NONE"),
+    ):
+        cut = path.with_stem("cut")
+        cut.write_bytes(path.read_bytes()[: int(0.6 * path.stat().st_size)])
+        copy = path.with_stem("copy")
+        done = apply(UNIT, cut, output=copy)
+        assert 200 < done.samples < 500
+        assert any("cut short" in remark for remark in done.remarks)
+        force, rate = as_csv(UNIT, cut, tmp_path)
+        assert np.array_equal(as_csv_again(copy, tmp_path)[0], force)
+        assert len(rate) == done.samples
+
+
+def as_csv_again(path: Path, folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    """What the reader gets of a whole bag, without any remark of damage."""
+    from tumble.recording import read_recording
+
+    recording = read_recording(path)
+    assert not [r for r in recording.remarks if r.kind == "mended"]
+    assert recording.specific_force is not None
+    assert recording.angular_rate is not None
+    return recording.specific_force, recording.angular_rate
+
+
+def test_a_damaged_chunk_is_left_out_and_said(tmp_path: Path) -> None:
+    for path in (
+        ros1(tmp_path / "a.bag", {"/imu": "both"}, compression="BZ2"),
+        mcap_file(tmp_path / "a.mcap", "LZ4"),
+    ):
+        data = bytearray(path.read_bytes())
+        at = len(data) // 2
+        data[at : at + 40] = bytes(b ^ 0x5A for b in data[at : at + 40])
+        path.write_bytes(data)
+        done = apply(UNIT, path, output=path.with_stem("b"))
+        assert 300 < done.samples < 600
+        assert any("damaged" in remark for remark in done.remarks)
+        assert len(as_csv_again(path.with_stem("b"), tmp_path)[0]) == done.samples
+
+
+def test_a_damaged_database_is_refused(tmp_path: Path) -> None:
+    (path,) = ros2(tmp_path / "a", {"/imu": "both"}).glob("*.db3")
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2 // 4096 * 4096])
+    with pytest.raises(RecordingError, match=r"cut short or damaged.*\.recover"):
+        apply(UNIT, path, output=tmp_path / "b.db3")
+    assert not (tmp_path / "b.db3").exists()
+
+
+def test_a_bag_without_an_imu_is_refused(tmp_path: Path) -> None:
+    path = ros1(tmp_path / "a.bag", {})
+    with pytest.raises(RecordingError, match=r"holds no topic of sensor_msgs/Imu; it holds /words"):
+        apply(UNIT, path, output=tmp_path / "b.bag")
+    assert not (tmp_path / "b.bag").exists()
+
+
+def test_units_that_are_not_the_calibration_s_are_refused(tmp_path: Path) -> None:
+    path = ros1(tmp_path / "a.bag", {"/imu": "both"})
+    counts = document(ImuModel(Triad(2048 * M_A, B_A), Triad(939 * M_G, B_G)), ("counts", "counts"))
+    with pytest.raises(UsageError, match=r"in m/s\^2, but the calibration was made for counts"):
+        apply(counts, path, output=tmp_path / "b.bag")
+    with pytest.raises(UsageError, match="--columns is for columns"):
+        apply(UNIT, path, output=tmp_path / "b.bag", columns="t,ax,ay,az,gx,gy,gz")
+
+
+def test_the_copy_is_never_the_bag_itself(tmp_path: Path) -> None:
+    path = ros1(tmp_path / "a.bag", {"/imu": "both"}, count=50)
+    folder = ros2(tmp_path / "two", {"/imu": "both"}, count=50)
+    (part,) = folder.glob("*.db3")
+    for source, place in (
+        (path, path),
+        (folder, folder),
+        (folder, part),
+        (part, part),
+        (folder, folder / "b"),
+    ):
+        with pytest.raises(UsageError):
+            apply(UNIT, source, output=place)
+    (tmp_path / "link.bag").symlink_to(path)
+    with pytest.raises(UsageError, match="the recording itself"):
+        apply(UNIT, path, output=tmp_path / "link.bag")
+
+
+def test_a_folder_with_other_things_in_it_is_left_alone(tmp_path: Path) -> None:
+    path = ros2(tmp_path / "a", {"/imu": "both"}, count=50)
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "thesis.tex").write_text("mine")
+    with pytest.raises(UsageError, match=r"holds thesis\.tex"):
+        apply(UNIT, path, output=tmp_path / "b")
+    assert [p.name for p in (tmp_path / "b").iterdir()] == ["thesis.tex"]
+
+
+def test_an_existing_copy_stays_whole_where_the_new_one_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tumble.recording.rewriting.exchange import Exchange
+
+    path, folder = ros1(tmp_path / "a.bag", {"/imu": "both"}), ros2(tmp_path / "two", {"/imu": "both"})
+    apply(UNIT, path, output=tmp_path / "b.bag")
+    apply(UNIT, folder, output=tmp_path / "copy")
+    kept = {p: p.read_bytes() for p in (tmp_path / "b.bag", *(tmp_path / "copy").iterdir())}
+    true = Exchange.of
+
+    def fails(self: Exchange, topic: str, data: bytes) -> bytes:
+        if self.count > 300:
+            raise OSError(28, "No space left on device")
+        return true(self, topic, data)
+
+    monkeypatch.setattr(Exchange, "of", fails)
+    for source, place in ((path, tmp_path / "b.bag"), (folder, tmp_path / "copy")):
+        with pytest.raises(TumbleError, match="could not be written: No space left"):
+            apply(PLAIN, source, output=place)
+    assert {p: p.read_bytes() for p in kept} == kept
+    assert not list(tmp_path.glob(".*")) + list((tmp_path / "copy").glob(".*"))
+
+
+def test_forms_that_are_not_written_say_why(tmp_path: Path) -> None:
+    path = ros1(tmp_path / "a.bag", {"/imu": "both"}, count=50)
+    (tmp_path / "a.csv").write_text("t,ax,ay,az\n0,0,0,9.8\n0.01,0,0,9.8\n")
+    for source, name, words in (
+        (path, "b.ulg", "CAL_ACC.*convert CALIBRATION --to px4|--to px4"),
+        (path, "b.bin", "--to ardupilot"),
+        (path, "b.mcap", "here of a .bag"),
+        (tmp_path / "a.csv", "b.bag", "a.csv is none"),
+        (path, "b.xlsx", "is written as"),
+    ):
+        with pytest.raises(UsageError, match=words):
+            apply(UNIT, source, output=tmp_path / name)
+
+
+def test_the_form_follows_the_input_where_no_name_says_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert apply(UNIT, ros1(tmp_path / "a.bag", {"/imu": "both"}, count=50)).file == Path("a-corrected.bag")
+    folder = ros2(tmp_path / "two", {"/imu": "both"}, count=50)
+    assert apply(UNIT, folder).file == Path("two-corrected")
+    assert (tmp_path / "two-corrected" / "metadata.yaml").is_file()
+    shutil.rmtree(tmp_path / "two-corrected")
+
+
+def test_the_commands_of_the_page_are_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import re
+    import sys
+
+    from tumble.cli.main import main
+
+    page = (Path(__file__).parents[2] / "docs" / "corrected.md").read_text(encoding="utf-8")
+    commands = re.findall(r"^    tumble (apply .*)$", page, re.M)
+    assert len(commands) == 6
+    monkeypatch.chdir(tmp_path)
+    UNIT.write(tmp_path / "calibrated" / "calibration.json")
+    noise_file(tmp_path)
+    ros1(tmp_path / "drive.bag", {"/imu": "both"}, count=60)
+    mcap_file(tmp_path / "drive.mcap", "ZSTD")
+    ros2(tmp_path / "drive", {"/imu": "both"}, count=60)
+    time, force, rate = samples(60)
+    columns = {"t": time} | {
+        f"{k}{a}": v[:, i] for k, v in (("a", force), ("g", rate)) for i, a in enumerate("xyz")
+    }
+    pl.DataFrame(columns).write_csv(tmp_path / "imu.csv")
+    apply(UNIT, tmp_path / "imu.csv", output=tmp_path / "MH_01")
+    (tmp_path / "MH_01" / "mav0" / "imu0" / "sensor.yaml").write_text("sensor_type: imu\n")
+    for command in commands:
+        monkeypatch.setattr(sys, "argv", ["tumble", *command.split()])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert not ended.value.code, command
+        assert (tmp_path / command.split()[-1]).exists()
