@@ -15,6 +15,7 @@ from tumble.arrays import Series, Vectors
 from tumble.document import Calibration
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import Recording
+from tumble.recording.magnetic_field import joined_fields
 
 LAG = "lag of the accelerometer behind the gyro"
 """The name of the parameter in a calibration."""
@@ -161,4 +162,5 @@ def _joined(first: Recording, second: Recording) -> Recording:
         for f in fields(Recording)
         if isinstance(getattr(first, f.name), np.ndarray)
     }
-    return replace(first, gaps=(), **joined)
+    magnetic = [m for m in (first.magnetic_field, second.magnetic_field) if m is not None]
+    return replace(first, gaps=(), magnetic_field=joined_fields(magnetic), **joined)
