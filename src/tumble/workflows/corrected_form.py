@@ -64,8 +64,8 @@ def destination(output: str | os.PathLike[str] | None, files: Sequence[Path]) ->
     if not ending or target.is_dir():
         return Destination("euroc", target)
     raise UsageError(
-        f"{target.name}: a corrected recording is written as .csv or .parquet, or as .h5. A bag is written as a bag of its "
-        "kind (.bag, .mcap, .db3, a folder). A name without an ending gets a folder like EuRoC's."
+        f"{target.name}: a corrected recording is written as .csv or .parquet, or as .h5. A bag is written as a bag of "
+        "its kind (.bag, .mcap, .db3, a folder). A name without an ending gets a folder like EuRoC's."
     )
 
 
@@ -110,6 +110,6 @@ def _checked_bag(target: Path, files: Sequence[Path]) -> Path:
             "that (rosbags-convert, mcap convert)."
         )
     raise UsageError(
-        f"{target.name}: a corrected bag is a copy of a bag, and {files[0].name} is none. Write .csv, .parquet or .h5, or "
-        "a folder like EuRoC's (a name without an ending), which kalibr_bagcreater takes."
+        f"{target.name}: a corrected bag is a copy of a bag, and {files[0].name} is none. Write .csv, .parquet or .h5, "
+        "or a folder like EuRoC's (a name without an ending), which kalibr_bagcreater takes."
     )

@@ -15,7 +15,7 @@ from tumble.arrays import Series, Vectors
 from tumble.document import Calibration
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import Recording
-from tumble.recording.magnetic_field import joined_fields
+from tumble.recording.magnetic_field import MagneticField, joined_fields
 
 LAG = "lag of the accelerometer behind the gyro"
 """The name of the parameter in a calibration."""
@@ -162,5 +162,7 @@ def _joined(first: Recording, second: Recording) -> Recording:
         for f in fields(Recording)
         if isinstance(getattr(first, f.name), np.ndarray)
     }
-    magnetic = [m for m in (first.magnetic_field, second.magnetic_field) if m is not None]
+    magnetic: list[MagneticField | None] = [
+        m for m in (first.magnetic_field, second.magnetic_field) if m is not None
+    ]
     return replace(first, gaps=(), magnetic_field=joined_fields(magnetic), **joined)
