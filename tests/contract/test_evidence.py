@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from tumble.calibration.estimate import Beside
+from tumble.calibration.estimate import Beside, LeftOut
 from tumble.calibration.evidence import (
     Budget,
     Evidence,
@@ -29,11 +29,20 @@ from tumble.calibration.evidence import (
     TurnedAngle,
     Turns,
 )
+from tumble.calibration.magnetometer.estimate import (
+    FieldHold,
+    GivenField,
+    Magnetometer,
+    magnetometer_alone,
+)
+from tumble.calibration.magnetometer.verdict import judge_magnetometer
 from tumble.calibration.thermal.evidence import BiasCurve, Candidate, SeparateBias, ThermalCurves
 from tumble.calibration.turn_ons.biases import Agreement, BiasScatter, RecordingOfUnit, TurnOns
 from tumble.calibration.uncertainty_statement import Detectable, GlobalTest, ModelChoice, UncertaintyStatement
+from tumble.document.magnetometer_block import magnetometer_block
 from tumble.document.turn_ons_block import turn_ons_block
 from tumble.earth import Site
+from tumble.recording.magnetic_field import MagneticField
 from tumble.report.evidence import RENDERERS, render_evidence
 from tumble.report.html import render_page
 from tumble.report.page import Figures, Page, Sentences, Table, as_data
@@ -159,6 +168,22 @@ def budget(demo: Subject) -> Evidence:
     return Budget({HOSTILE: 0.8 * sigmas, "wander": 0.6 * sigmas}, statement)
 
 
+def magnetometer(demo: Subject) -> Evidence:
+    rng = np.random.default_rng(5)
+    directions = rng.standard_normal((600, 3))
+    field = 49e-6 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    values = field @ (1e6 * np.array([[1.1, 0.02, 0.03], [-0.04, 0.9, 0.05], [0.01, -0.06, 1.2]])).T + [
+        3,
+        -8,
+        20,
+    ]
+    noisy = MagneticField(np.arange(600.0), values + 0.3 * rng.standard_normal((600, 3)), "uT")
+    made = magnetometer_alone(noisy, GivenField(49e-6, 2e-7, 1.1, f"from {HOSTILE}"))
+    holds = tuple(FieldHold(k, 10.0 * k, 49e-6 + 1e-8 * k, 1.1 + 1e-3 * k, k == 2) for k in range(4))
+    out = LeftOut("hold", 2, f"its field {HOSTILE}")
+    return replace(made, holds=holds, left_out=(out,), dip=1.1, dip_sigma=2e-3, not_determined=(HOSTILE,))
+
+
 EXAMPLES: dict[type[Evidence], Callable[[Subject], Evidence]] = {
     Holds: holds,
     Turns: turns,
@@ -169,6 +194,7 @@ EXAMPLES: dict[type[Evidence], Callable[[Subject], Evidence]] = {
     TurnOns: turn_ons,
     Beside: beside,
     Budget: budget,
+    Magnetometer: magnetometer,
 }
 
 
@@ -209,7 +235,12 @@ class TestEvidence:
         """The evidence alone, in a report whose unit has a hostile name."""
         record = EXAMPLES[kind](demo)
         block = turn_ons_block(record) if isinstance(record, TurnOns) else None
-        calibration = demo.calibration.model_copy(update={"turn_ons": block})
+        field = (
+            magnetometer_block(record, judge_magnetometer(record))
+            if isinstance(record, Magnetometer)
+            else None
+        )
+        calibration = demo.calibration.model_copy(update={"turn_ons": block, "magnetometer": field})
         estimate = replace(demo.estimate, evidence=[record])
         subject = replace(demo, calibration=calibration, estimate=estimate)
         return Page(f"Of {HOSTILE}", render_evidence(subject, kind))

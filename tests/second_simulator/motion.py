@@ -267,6 +267,11 @@ class Path:
 
         self.add(kind, seconds, attitude, None, name)
 
+    def track(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return s and quaternions (body to room) of the whole path, as finely as it is evaluated."""
+        attitude = np.concatenate([*self._quaternions, self.attitude[None]])
+        return np.arange(len(attitude)) / (self.rate * self.fineness), attitude
+
     def sampled(self, earth_rate: np.ndarray, gravity: float, lever: np.ndarray) -> Sampled:
         """Return what ideal sensors at one place see, each sample the mean over its interval.
 

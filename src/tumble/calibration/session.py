@@ -13,6 +13,7 @@ from tumble.recording.recording import Recording
 
 if TYPE_CHECKING:
     from tumble.calibration.equations.believed_poses import BelievedPoses
+    from tumble.calibration.outcome.estimate import JointOutcome
     from tumble.calibration.prior import StableKnowledge
     from tumble.protocol import Protocol
     from tumble.recording.clock import Clock
@@ -61,6 +62,7 @@ class Session:
     prior : what an earlier calibration knows.
     options : of the estimate.
     say : is told in words what is being done.
+    joint : the settled joint estimate with everything behind it, from where a magnetometer goes on; None before.
     """
 
     recording: Recording
@@ -71,6 +73,7 @@ class Session:
     prior: StableKnowledge | None = None
     options: Options = field(default_factory=Options)
     say: Callable[[str], None] = field(default=_silent)
+    joint: JointOutcome | None = None
 
     @cached_property
     def site(self) -> Site:

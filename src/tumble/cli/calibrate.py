@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from tumble.cli.array import default_folder, print_array
-from tumble.cli.groups import ADVANCED, FIRST, option, refuse_given
+from tumble.cli.groups import ADVANCED, FIRST, PLACE, option, refuse_given
 from tumble.cli.options import (
     DataSheet,
     FileOptions,
@@ -46,6 +46,15 @@ class OneOptions:
         option(ADVANCED, "N", "For multi-position: 9 a triad, 6 (no non-orthogonality) or 3 (bias alone)."),
     ] = None
     noise: NoiseFile = None
+    field: Annotated[
+        str | None,
+        option(
+            PLACE,
+            "NORM[,DIP]",
+            "Magnetic field there with its unit, and its dip in degrees, as 49.2uT,66: makes the scale factors of a "
+            "magnetometer absolute.",
+        ),
+    ] = None
     monte_carlo: Annotated[
         int | None,
         option(

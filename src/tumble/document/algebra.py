@@ -24,6 +24,7 @@ from tumble.document.entries import (
     stacked,
 )
 from tumble.document.imported import test_vectors, triad_blocks
+from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.merging import merge_models
 from tumble.document.result import Calibration, FrameBlock, RawUnits
 from tumble.document.thermal_block import thermal_block
@@ -44,7 +45,7 @@ def turned_to(calibration: Calibration, frame: str) -> Calibration:
 
     Corrected vectors are turned; the turn depends on the matrix that fixes the frame, which the covariance
     counts. Of a thermal block the coefficients are turned with it (the turn's own uncertainty is not counted
-    there).
+    there). A magnetometer is turned, too; of its covariance the turn's own uncertainty is not counted.
 
     Parameters
     ----------
@@ -97,6 +98,9 @@ def turned_to(calibration: Calibration, frame: str) -> Calibration:
         ),
         remark=f"turned from the frame {calibration.frame.name} to {frame}, covariance carried",
         lever_arms=_turned_arms(calibration, np.real(rotation(values.astype(complex)))),
+        magnetometer=None
+        if calibration.magnetometer is None
+        else calibration.magnetometer.turned(np.real(rotation(values.astype(complex)))),
     )
 
 
@@ -260,6 +264,7 @@ def _document(
     thermal: Any = None,
     units: RawUnits | None = None,
     lever_arms: Any = None,
+    magnetometer: MagnetometerBlock | None = None,
 ) -> Calibration:
     """The document with another model and covariance; what is told of a triad that was told before."""
     units = units or calibration.raw_units
@@ -274,6 +279,8 @@ def _document(
     accelerometer, gyroscope = triad_blocks(model)
     if lever_arms is None and any(stage.lever_arms is not None for stage in calibration.stages):
         remark += "; the accelerometers' lever arms are not in it"
+    if magnetometer is None and any(stage.magnetometer is not None for stage in calibration.stages):
+        remark += "; the magnetometer is not in it"
     return calibration.model_copy(
         update={
             "frame": frame,
@@ -288,6 +295,7 @@ def _document(
             "remarks": [*calibration.remarks, remark[0].upper() + remark[1:] + "."],
             "thermal": thermal,
             "lever_arms": lever_arms,
+            "magnetometer": magnetometer,
             "turn_ons": None,
         }
     )

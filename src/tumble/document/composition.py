@@ -11,7 +11,10 @@ import tumble
 from tumble.arrays import Vectors
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.evidence import Budget
+from tumble.calibration.magnetometer.estimate import Magnetometer
+from tumble.calibration.magnetometer.verdict import judge_magnetometer
 from tumble.calibration.verdict import judge
+from tumble.document.magnetometer_block import MagnetometerBlock, magnetometer_block
 from tumble.document.result import (
     Calibration,
     FrameBlock,
@@ -112,7 +115,14 @@ def calibration_from_estimate(
         test_vectors=_test_vectors(model, recording, gyroscope),
         thermal=thermal,
         lever_arms=None if estimate.lever_arms is None else _rows(estimate.lever_arms),
+        magnetometer=_magnetometer(estimate, site),
     )
+
+
+def _magnetometer(estimate: Estimate, site: Site) -> MagnetometerBlock | None:
+    """The block of a magnetometer, judged by itself; None without one."""
+    found = estimate.shown(Magnetometer)
+    return None if found is None else magnetometer_block(found, judge_magnetometer(found, site.latitude))
 
 
 def _refuse_unsound(estimate: Estimate) -> None:

@@ -45,6 +45,10 @@ def contradiction_in(calibration: Calibration) -> str | None:
         angular_rate_factor(calibration.raw_units.angular_rate)
     except TumbleError as error:
         return f"raw_units: {str(error).rstrip('.')}"
+    if calibration.magnetometer is not None:
+        found = calibration.magnetometer.contradiction()
+        if found is not None:
+            return found
     if calibration.thermal is not None:
         found = thermal_contradiction(calibration.thermal, calibration.own_model)
         if found is not None:

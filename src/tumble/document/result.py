@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from tumble.arrays import Series, Square, Vectors
 from tumble.document.contradictions import contradiction_in
 from tumble.document.limits_block import LimitsBlock
+from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.thermal_block import ThermalBlock
 from tumble.document.turn_ons_block import TurnOnsBlock
 from tumble.errors import CalibrationFileError
@@ -183,6 +184,7 @@ class Calibration(_Strict):
     thermal : how the triads change with temperature, or None.
     lever_arms : m, where each accelerometer sits in frame b, a row each, from one point of the unit; None where they
         are taken to be at one place. `correct` takes out what they feel while the unit turns.
+    magnetometer : the magnetometer with its own verdict, or None; `correct_field` corrects with it.
     turn_ons : what several recordings of the unit tell, if it was made from several turn-ons, or None.
     input_corrected_by : identities of the calibrations that its raw numbers were corrected by already, first
         one first: it is right for such recordings only.
@@ -215,6 +217,7 @@ class Calibration(_Strict):
     test_vectors: list[TestVector]
     thermal: ThermalBlock | None = None
     lever_arms: tuple[Row, Row, Row] | None = None
+    magnetometer: MagnetometerBlock | None = None
     turn_ons: TurnOnsBlock | None = None
     input_corrected_by: list[str] = Field(default_factory=list)
     composed_with: Calibration | None = None
@@ -233,6 +236,10 @@ class Calibration(_Strict):
         told["frame"] = self.frame.name
         if self.lever_arms is not None:
             told["lever_arms"] = self.lever_arms
+        if self.magnetometer is not None:
+            told["magnetometer"] = self.magnetometer.model_dump(
+                mode="json", include={"matrix", "bias", "raw_unit", "unit", "frame"}
+            )
         if told["thermal"] is not None:
             told["thermal"] = {key: told["thermal"][key] for key in _THERMAL_NUMBERS}
             told["thermal"]["basis"].pop("formula")
@@ -283,10 +290,16 @@ class Calibration(_Strict):
         """
         accelerometer = None if self.accelerometer is None else _triad(self.accelerometer)
         gyroscope = None if self.gyroscope is None else _triad(self.gyroscope)
-        if accelerometer is None and gyroscope is None:
-            raise CalibrationFileError("The calibration has no matrix of either triad: it cannot be applied.")
+        magnetometer = None if self.magnetometer is None else self.magnetometer.triad
+        if accelerometer is None and gyroscope is None and magnetometer is None:
+            raise CalibrationFileError("The calibration has no matrix of any triad: it cannot be applied.")
         sensitivity = None if self.gyroscope is None else self.gyroscope.g_sensitivity
-        return ImuModel(accelerometer, gyroscope, None if sensitivity is None else np.array(sensitivity))
+        return ImuModel(
+            accelerometer,
+            gyroscope,
+            None if sensitivity is None else np.array(sensitivity),
+            magnetometer,
+        )
 
     @property
     def covariance_matrix(self) -> Square:
@@ -351,6 +364,35 @@ class Calibration(_Strict):
         return Corrector(self, outside).correct(
             raw_specific_force, raw_angular_rate, time, temperature_celsius
         )
+
+    def correct_field(self, raw_magnetic_field: Vectors) -> Vectors | None:
+        """Return the corrected magnetic field (samples, 3) in the magnetometer's `unit`; None without a magnetometer.
+
+        Parameters
+        ----------
+        raw_magnetic_field : (samples, 3) in the magnetometer's raw unit; of a composed calibration in that of the
+            first one.
+
+        Raises
+        ------
+        CalibrationFileError
+            If it is composed of calibrations of which some have a magnetometer and others none.
+        """
+        stages = [stage.magnetometer for stage in self.stages]
+        known = [block is not None and block.triad is not None for block in stages]
+        if not any(known):
+            return None
+        if not all(known):
+            raise CalibrationFileError(
+                "The calibration is composed of some with a magnetometer and some without: correct the magnetic field "
+                "with one of them."
+            )
+        field = np.asarray(raw_magnetic_field, dtype=float)
+        for block in stages:
+            assert block is not None
+            assert block.triad is not None
+            field = block.triad.correct(field)
+        return field
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""

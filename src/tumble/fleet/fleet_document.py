@@ -94,6 +94,7 @@ def fleet_document(calibrations: Sequence[Calibration]) -> tuple[Calibration, Be
             "test_vectors": [],
             "thermal": None,
             "lever_arms": None,
+            "magnetometer": None,
             "turn_ons": None,
         }
     )

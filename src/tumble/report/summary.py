@@ -11,6 +11,7 @@ from tumble.report.calibration import parameter_table
 from tumble.report.evidence.thermal_changes import thermal_changes, thermal_lines
 from tumble.report.evidence.turn_ons import bias_table
 from tumble.report.limits import DECISIONS, limits_lines
+from tumble.report.magnetometer import magnetometer_sentences, magnetometer_table
 from tumble.report.page import Block, Sentences, Verdict
 from tumble.report.parameters import GROUPS, TEMPERATURE, Measure, ParameterRow, parameter_rows
 from tumble.report.rounding import with_uncertainty
@@ -42,6 +43,7 @@ def summary(calibration: Calibration, *, width: int) -> list[Block]:
         parameter_table(rows, calibration.quality.coverage_factor),
         thermal_changes(calibration, width=width),
         bias_table(calibration, width=width),
+        magnetometer_table(calibration.magnetometer),
     ]
     sentences = [
         *quality_sentences(calibration),
@@ -49,6 +51,7 @@ def summary(calibration: Calibration, *, width: int) -> list[Block]:
         *left_out_sentences(calibration),
         *thermal_lines(calibration),
         *(f"Not determined: {sentence}" for sentence in calibration.not_determined),
+        *magnetometer_sentences(calibration.magnetometer, every=True),
     ]
     return [*(table for table in tables if table is not None), Sentences(sentences)]
 
@@ -62,8 +65,14 @@ def brief(calibration: Calibration, *, width: int) -> list[Block]:
     width : characters of the terminal.
     """
     rows = [row for row in parameter_rows(calibration) if row.group != TEMPERATURE]
-    tables = [thermal_changes(calibration, width=width), bias_table(calibration, width=width)]
+    magnetometer = calibration.magnetometer
+    tables = [
+        thermal_changes(calibration, width=width),
+        bias_table(calibration, width=width),
+        magnetometer_table(magnetometer),
+    ]
     missing = [f"Not determined: {sentence}" for sentence in calibration.not_determined]
+    missing += magnetometer_sentences(magnetometer)
     return [
         Sentences(_in_lines(rows, width), "paragraphs"),
         *(table for table in tables if table is not None),

@@ -1,4 +1,4 @@
-"""The error model of a whole IMU: both triads and what couples them."""
+"""The error model of a whole IMU: its triads and what couples them."""
 
 from __future__ import annotations
 
@@ -12,18 +12,21 @@ from tumble.sensor.triad import Triad
 
 @dataclass(frozen=True, slots=True)
 class ImuModel:
-    """Accelerometer and gyro triads in one body frame b.
+    """Accelerometer, gyro and magnetometer triads in one body frame b.
 
     Attributes
     ----------
     accelerometer, gyroscope : the triads; either may be None if the unit has none or the data did
         not tell it.
     g_sensitivity : (3, 3) raw gyro units per m/s², acting on the true specific force in b, or None.
+    magnetometer : raw units per tesla (or per local field): its bias is the hard iron, its matrix holds soft iron,
+        scale factors, non-orthogonality and the rotation to b; None without one.
     """
 
     accelerometer: Triad | None
     gyroscope: Triad | None
     g_sensitivity: Matrix | None = None
+    magnetometer: Triad | None = None
 
     @staticmethod
     def ideal() -> ImuModel:
@@ -64,6 +67,7 @@ class ImuModel:
             accelerometer=_turned(self.accelerometer, C_new_b),
             gyroscope=_turned(self.gyroscope, C_new_b),
             g_sensitivity=None if self.g_sensitivity is None else self.g_sensitivity @ C_new_b.T,
+            magnetometer=_turned(self.magnetometer, C_new_b),
         )
 
     def _both(self) -> tuple[Triad, Triad]:

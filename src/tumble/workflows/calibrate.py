@@ -21,6 +21,7 @@ from tumble.recording import Recording, read_recordings
 from tumble.recording.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
 from tumble.workflows.joining import NamedSpan, check_files, join_recordings, named_spans
+from tumble.workflows.magnetometer import add_magnetometer, given_field
 from tumble.workflows.noise_models import NoiseOfHolds
 from tumble.workflows.procedures import (
     add_objections,
@@ -101,6 +102,7 @@ def calibrate(
     monte_carlo: int | None = None,
     imu: tuple[str | None, str | None] = (None, None),
     limits: str | os.PathLike[str] | None = None,
+    field: str | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> CalibrationRun:
     """Calibrate the IMU of one or several recordings.
@@ -128,6 +130,7 @@ def calibrate(
     monte_carlo : draws for the propagation of distributions (JCGM 101), for the joint estimator only.
     imu : (model, serial number) to note in the document.
     limits : file of acceptance limits, which the calibration is held against.
+    field : the magnetic field at the site, see `given_field`; None where it is not known.
     progress : is told in words what is being done.
 
     Raises
@@ -140,7 +143,7 @@ def calibrate(
         If the results cannot be written; earlier ones are intact.
     """
     say = progress or _silent
-    site = given_site(site)
+    site, magnetic = given_site(site), given_field(field)
     options = Options(optional_terms, noise_correction, data_sheet, unknowns, confirm_scale)
     check_procedure(procedure, options, has_protocol=protocol is not None)
     if monte_carlo is not None and not FEWEST_DRAWS <= monte_carlo <= MOST_DRAWS:
@@ -182,6 +185,7 @@ def calibrate(
         check_prior([session], knowledge, estimate)
     if site is None and (told is None or told.site is None):
         estimate.say("remark", about_gravity(session.site))
+    add_magnetometer(session, estimate, magnetic)
     if monte_carlo is not None:
         _draw(estimate, monte_carlo, say)
     clock.lap("solving")

@@ -39,6 +39,12 @@ def run_joint(
     table = None if session.protocol is None else unseen_table(session.protocol)
     alike = {"clock": session.clock.sigma, "table_rate": 0.0 if table is None else table.sigma}
     first = _start(session) if start is None else start
+
+    def kept(outcome: JointOutcome) -> None:
+        session.joint = outcome
+        if keep is not None:
+            keep(outcome)
+
     matching, has_gyro = session.matching, session.recording.angular_rate is not None
     return calibrate_joint(
         session.recording,
@@ -54,7 +60,7 @@ def run_joint(
         alike=alike if clocked else None,
         optional_terms=session.options.optional_terms,
         progress=session.say,
-        keep=keep,
+        keep=kept,
     )
 
 

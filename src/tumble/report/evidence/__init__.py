@@ -7,11 +7,13 @@ from typing import Any
 
 from tumble.calibration.estimate import Beside
 from tumble.calibration.evidence import Budget, Evidence, Holds, Rotations, Sequences, Spins, Turns
+from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.calibration.thermal.evidence import ThermalCurves
 from tumble.calibration.turn_ons.biases import TurnOns
 from tumble.report.evidence.beside import beside
 from tumble.report.evidence.budget import budget
 from tumble.report.evidence.holds import holds
+from tumble.report.evidence.magnetometer import magnetometer
 from tumble.report.evidence.rotations import rotations
 from tumble.report.evidence.sequences import sequences
 from tumble.report.evidence.spins import spins
@@ -29,6 +31,7 @@ RENDERERS: dict[type[Evidence], Callable[[Any, Subject], list[Block]]] = {
     Rotations: rotations,
     Sequences: sequences,
     Turns: turns,
+    Magnetometer: magnetometer,
     TurnOns: turn_ons,
     Beside: beside,
     Budget: budget,

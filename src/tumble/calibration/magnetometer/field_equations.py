@@ -1,0 +1,303 @@
+"""The magnetometer in the joint adjustment: its twelve unknowns, the local field, and what each hold shows of it.
+
+The field is one vector of the place, in the level frame w of each section: norm, dip below the level, and an azimuth
+that belongs to the section as its heading does. What a hold shows is ``M C_wb' f + h`` (Kok and Schön 2016, (12)):
+with C_wb from gravity that is norm and dip alone; with headings that the gyros carry, the whole vector.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Matrix, Series, Table, inverted
+from tumble.calibration.equations.adjustment import HEAD, MIDDLE, NODE, TAIL, JointAdjustment, Section
+from tumble.calibration.equations.hold_equations import HoldEquations, cross_matrix
+from tumble.calibration.equations.imu_unknowns import LAYOUT
+from tumble.calibration.equations.stretches import RecordingStretch, SectionStretch
+from tumble.calibration.magnetometer.field_means import FieldMeans
+from tumble.estimation.balance import ChainFactor, Component, Outlier, Screen
+from tumble.estimation.chain import Place
+from tumble.estimation.equations import Linear, View
+from tumble.estimation.gauss_helmert import Prior
+from tumble.estimation.unknowns import Block, Layout, Unknowns
+
+MATRIX, BIAS, DIP, AZIMUTH, IN_ROOM, ON_UNIT = (
+    "magnetometer.matrix",
+    "magnetometer.bias",
+    "field.dip",
+    "field.azimuth",
+    "field.change",
+    "magnetometer.bias_change",
+)
+FIELD_NOISE, FIELD = "field", "field"
+
+
+def field_layout(sections: int) -> Layout:
+    """Return the unknowns of both triads, and after them those of the magnetometer and of the field.
+
+    Parameters
+    ----------
+    sections : how many headings of their own there are.
+    """
+    pairs = [(a, b) for a in "xyz" for b in "xyz"]
+    return Layout(
+        (
+            *LAYOUT.blocks,
+            Block(
+                MATRIX,
+                tuple(
+                    f"scale factor of magnetometer {a}"
+                    if a == b
+                    else f"what magnetometer {a} shows of a field along {b}"
+                    for a, b in pairs
+                ),
+                tuple(f"holds with {b} along the field, against it and across it" for _, b in pairs),
+            ),
+            Block(
+                BIAS,
+                tuple(f"bias of magnetometer {a}" for a in "xyz"),
+                tuple(f"a hold with {a} along the field and one against it" for a in "xyz"),
+            ),
+            Block(DIP, ("dip of the field",), ("holds with different faces up",)),
+            Block(
+                AZIMUTH,
+                tuple(f"azimuth of the field in part {s + 1}" for s in range(sections)),
+                ("more holds",) * sections,
+            ),
+            Block(
+                IN_ROOM,
+                ("change of the level field", "change of the field's azimuth", "change of the upright field"),
+                ("a recording in a field that stays",) * 3,
+            ),
+            Block(
+                ON_UNIT,
+                tuple(f"change of the bias of magnetometer {a}" for a in "xyz"),
+                ("a recording with the same currents from start to end",) * 3,
+            ),
+        )
+    )
+
+
+@dataclass(slots=True)
+class FieldAdjustment(JointAdjustment):
+    """One recording with its magnetometer: everything of the joint adjustment, and the field in each hold.
+
+    Attributes
+    ----------
+    seen : what the holds show of the field.
+    norm : of the field, in the unit of the result.
+    course : (holds,) how far a change of the field, or of the bias, has come in each hold, 0 to 1.
+    """
+
+    seen: FieldMeans = field(default_factory=lambda: FieldMeans(*(np.zeros(0),) * 4))
+    norm: float = 1.0
+    course: Series = field(default_factory=lambda: np.zeros(0))
+
+    @staticmethod
+    def of(task: JointAdjustment, seen: FieldMeans, norm: float) -> FieldAdjustment:
+        """Return a settled adjustment of both triads with the magnetometer, whose unknowns are zero as yet.
+
+        Parameters
+        ----------
+        task : settled; it is copied.
+        seen : the magnetometer's means.
+        norm : of the field.
+        """
+        made = task.copy()
+        layout = field_layout(len(made.sections))
+        values = np.zeros(layout.size)
+        values[: LAYOUT.size] = made.unknowns.values
+        free = np.union1d(made.unknowns.free, layout.indices(MATRIX, BIAS, DIP, AZIMUTH))
+        prior = made.prior
+        if prior is not None:
+            precision = np.zeros((layout.size, layout.size))
+            precision[: LAYOUT.size, : LAYOUT.size] = prior.precision
+            mean = np.zeros(layout.size)
+            mean[: LAYOUT.size] = prior.mean
+            prior = Prior(mean, precision)
+        taking_part = {**made.taking_part, FIELD: seen.seen & made.taking_part["force"]}
+        return FieldAdjustment(
+            made.data,
+            made.site,
+            Unknowns(layout, values, free),
+            made.sections,
+            made.rotations,
+            made.noise,
+            taking_part,
+            prior,
+            seen,
+            norm,
+            np.zeros(made.data.holds),
+        )
+
+    def stretch(self) -> FieldStretch:
+        """Return everything that was observed, the field too."""
+        return FieldStretch(self)
+
+    @property
+    def components(self) -> list[Component]:
+        """By which the field differs from hold to hold; what the triads' own noise is has been settled before."""
+        return [Component(FIELD_NOISE, FIELD)]
+
+    @property
+    def chain_factors(self) -> list[ChainFactor]:
+        """None: tables were judged before."""
+        return []
+
+    @property
+    def screens(self) -> list[Screen]:
+        """Holds in which the field is another."""
+        return [Screen(FIELD)]
+
+    def leave_out(self, outlier: Outlier) -> None:
+        """Let the field of a hold take no part."""
+        self.taking_part[FIELD][outlier.group] = False
+
+    def field_w(self, section: int, course: Series) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
+        """Return the field in w at each hold of a section, and its derivatives.
+
+        Parameters
+        ----------
+        section : its index.
+        course : (holds,) of its holds.
+
+        Returns
+        -------
+        (holds, 3) the field, (holds, 3, 1) by dip, (holds, 3, 1) by azimuth, (holds, 3, 3) by its change.
+        """
+        u = self.unknowns
+        dip, azimuth, change = float(u[DIP][0]), float(u[AZIMUTH][section]), u[IN_ROOM]
+        along = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        across, down = np.array([-along[1], along[0], 0.0]), np.array([0.0, 0.0, 1.0])
+        axes = np.column_stack([along, across, down])
+        moved = (axes @ change)[None] * course[:, None]
+        value = self.norm * (np.cos(dip) * along + np.sin(dip) * down) + moved
+        by_dip = self.norm * (np.cos(dip) * down - np.sin(dip) * along)
+        by_azimuth = np.column_stack([-value[:, 1], value[:, 0], np.zeros(len(value))])
+        count = len(course)
+        return (
+            value,
+            np.broadcast_to(by_dip, (count, 3))[:, :, None],
+            by_azimuth[:, :, None],
+            course[:, None, None] * axes,
+        )
+
+
+def magnetometer_matrix(u: Unknowns) -> Matrix:
+    """Return (3, 3) raw units per unit of the field."""
+    return u[MATRIX].reshape(3, 3)
+
+
+class FieldStretch(RecordingStretch):
+    """All sections of a recording, with what its magnetometer shows."""
+
+    def __init__(self, task: FieldAdjustment) -> None:
+        super().__init__(task)
+        self.within = []
+        for index, section in enumerate(task.sections):
+            made = SectionStretch(task, section)
+            made.equations.append(FieldSeen(section, index))
+            self.within.append((Place(), made))
+
+
+class FieldSeen(HoldEquations):
+    """The field in each hold: ``M C' f + h`` less the magnetometer's mean, C' the mean over the hold.
+
+    Parameters
+    ----------
+    section, index : the run of holds, and which it is.
+    """
+
+    kind, cause = FIELD, "field that differs from hold to hold"
+
+    def __init__(self, section: Section, index: int) -> None:
+        super().__init__(section)
+        self.index = index
+
+    def linearise(self, state: JointAdjustment) -> list[Linear]:
+        """Return three residuals a hold, raw."""
+        assert isinstance(state, FieldAdjustment)
+        u, k = state.unknowns, self.place
+        value, by_dip, by_azimuth, by_change = state.field_w(self.index, state.course[k])
+        shares = hold_shares(state, k)
+        backward = np.swapaxes(self.section.C_wb, 2, 3)
+        mean = np.einsum("kp,kpij->kij", shares, backward)
+        matrix = magnetometer_matrix(u)
+        true = np.einsum("kij,kj->ki", mean, value)
+        came = state.course[k, None]
+        residual = true @ matrix.T + u[BIAS] + came * u[ON_UNIT] - state.seen.mean[k]
+        by_node = np.zeros((k.size, 3, NODE))
+        crossed = np.stack([cross_matrix(f) for f in value])
+        for part, at in enumerate((HEAD, MIDDLE, TAIL)):
+            by_node[:, :, at] = shares[:, part, None, None] * (matrix @ backward[:, part] @ crossed)
+        shown = matrix @ mean
+        azimuths = np.zeros((k.size, 3, len(state.sections)))
+        azimuths[:, :, self.index] = (shown @ by_azimuth)[:, :, 0]
+        blocks: dict[str, AnyArray] = {
+            MATRIX: _rows(true),
+            BIAS: np.broadcast_to(np.eye(3), (k.size, 3, 3)),
+            DIP: shown @ by_dip,
+            AZIMUTH: azimuths,
+            IN_ROOM: shown @ by_change,
+            ON_UNIT: came[:, :, None] * np.eye(3),
+        }
+        covariance = state.seen.covariance[k] + state.noise[FIELD_NOISE] * (matrix @ matrix.T)
+        active = state.taking_part[FIELD][k]
+        return [Linear(residual, covariance, u.columns(blocks, 3), self.node, by_node, None, active)]
+
+    def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
+        """Return all three."""
+        return [View(FIELD, None, np.sum(magnetometer_matrix(state.unknowns) ** 2, axis=1))]
+
+    def directions(self, state: JointAdjustment) -> Table:
+        """Return an error along each axis."""
+        return magnetometer_matrix(state.unknowns)
+
+    @staticmethod
+    def say(index: int, times: str) -> tuple[str, str]:
+        """Return that the field is another in a hold."""
+        return (
+            "hold",
+            f"the magnetic field is another there than in the others, {times}: is iron or a current near?",
+        )
+
+
+def hold_shares(state: JointAdjustment, k: np.ndarray) -> Table:
+    """Return (holds, 3), which shares of each hold are its head, its middle and its tail.
+
+    Parameters
+    ----------
+    state, k : holds and which.
+    """
+    base = state.data.base
+    head = (base.head[k, 1] - base.head[k, 0]).astype(float)
+    tail = (base.tail[k, 1] - base.tail[k, 0]).astype(float)
+    whole = np.maximum((base.tail[k, 1] - base.head[k, 0]).astype(float), head + tail)
+    return np.column_stack([head, whole - head - tail, tail]) / whole[:, None]
+
+
+def _rows(true: AnyArray) -> AnyArray:
+    """(holds, 3, 9) of each sensor by its own row of the matrix."""
+    made = np.zeros((len(true), 3, 3, 3))
+    made[:, range(3), range(3)] = true[:, None, :]
+    return made.reshape(-1, 3, 9)
+
+
+def field_of_holds(state: FieldAdjustment) -> tuple[Series, Series]:
+    """Return the norm of the corrected field in each hold (holds,), and its dip (holds,) rad.
+
+    Parameters
+    ----------
+    state : settled.
+    """
+    u = state.unknowns
+    field_b = (state.seen.mean - u[BIAS]) @ inverted(magnetometer_matrix(u)).T
+    made = np.zeros_like(field_b)
+    for section in state.sections:
+        k = section.holds
+        C = np.einsum("kp,kpij->kij", hold_shares(state, k), section.C_wb)
+        made[k] = np.einsum("kij,kj->ki", C, field_b[k])
+    norm = np.linalg.norm(field_b, axis=1)
+    return norm, np.arctan2(made[:, 2], np.hypot(made[:, 0], made[:, 1]))

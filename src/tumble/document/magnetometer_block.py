@@ -1,0 +1,296 @@
+"""The magnetometer of a calibration file: its triad with covariance, the field it was found in, and its own verdict."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from tumble.arrays import Matrix, Vectors
+from tumble.sensor import Triad
+from tumble.units import magnetic_field_factor
+
+if TYPE_CHECKING:
+    from tumble.calibration.magnetometer.estimate import Magnetometer
+    from tumble.calibration.magnetometer.verdict import FieldVerdict
+
+Row = tuple[float, float, float]
+FORMULA = (
+    "raw = matrix * true + bias; true = inverse(matrix) * (raw - bias), in `unit` and along the axes of `frame`; the "
+    "bias is the hard iron, the matrix holds soft iron, scale factors, non-orthogonality and the rotation to frame b"
+)
+OWN_FRAME = "magnetometer"
+"""Frame of a magnetometer of which nothing tells how it lies against the other triads."""
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+
+class FieldParameter(_Strict):
+    """One parameter with its standard uncertainty."""
+
+    name: str
+    value: float
+    standard_uncertainty: float
+    unit: str
+
+
+class FieldBlock(_Strict):
+    """The magnetic field of the place: norm in the block's unit, dip in degrees, down positive."""
+
+    norm: float
+    norm_standard_uncertainty: float
+    norm_given: bool
+    source: str
+    dip_deg: float | None = None
+    dip_standard_uncertainty_deg: float | None = None
+
+
+class FieldHoldBlock(_Strict):
+    """The corrected field of a hold (numbered from 1)."""
+
+    number: int
+    norm: float
+    dip_deg: float
+    left_out: bool = False
+
+
+class FieldQuality(_Strict):
+    """How well the field fits; shares of its norm, one sigma.
+
+    `scatter` is by what it differs from hold to hold beyond noise, `uncertainty` what a corrected field is off by for
+    the calibration's sake, `norm_scatter_before` and `norm_scatter_after` are of all samples.
+    """
+
+    scatter: float
+    uncertainty: float
+    norm_scatter_before: float | None = None
+    norm_scatter_after: float | None = None
+    degrees_of_freedom: int
+    coverage_factor: float
+    holds: list[FieldHoldBlock] = Field(default_factory=list[FieldHoldBlock])
+    left_out: list[str] = Field(default_factory=list[str])
+
+
+class FieldVerdictBlock(_Strict):
+    """How the magnetometer may be used, and why, in sentences."""
+
+    use: Literal["fit", "fit with reservations", "not fit"]
+    reasons: list[str]
+
+
+class FieldVector(_Strict):
+    """Raw in, corrected out."""
+
+    raw_magnetic_field: Row
+    magnetic_field: Row
+
+
+class MagnetometerBlock(_Strict):
+    """The magnetometer: `matrix` raw units per `unit` (rows), `bias` raw units; None where it is not determined.
+
+    Attributes
+    ----------
+    unit : of the corrected field: "T", or "local field" where nobody knows the norm: then the norm is one.
+    frame : "b" for the frame of the calibration, or "magnetometer" where nothing tells how the axes lie against it.
+    method : "holds and turns", "holds", "ellipsoid" (the magnetometer alone), or "imported".
+    """
+
+    raw_unit: str
+    unit: Literal["T", "local field"]
+    frame: Literal["b", "magnetometer"]
+    method: str
+    formula: str = FORMULA
+    matrix: tuple[Row, Row, Row] | None
+    bias: Row | None
+    parameters: list[FieldParameter] = Field(default_factory=list[FieldParameter])
+    covariance_parameters: list[str] = Field(default_factory=list[str])
+    covariance: list[list[float]] = Field(default_factory=list[list[float]])
+    field: FieldBlock | None = None
+    quality: FieldQuality | None = None
+    verdict: FieldVerdictBlock | None = None
+    not_determined: list[str] = Field(default_factory=list[str])
+    remarks: list[str] = Field(default_factory=list[str])
+    test_vectors: list[FieldVector] = Field(default_factory=list[FieldVector])
+
+    @property
+    def triad(self) -> Triad | None:
+        """What corrects; None where it is not determined."""
+        if self.matrix is None or self.bias is None:
+            return None
+        return Triad(np.array(self.matrix, dtype=float), np.array(self.bias, dtype=float))
+
+    def turned(self, C_new_b: Matrix) -> MagnetometerBlock:
+        """Return the same magnetometer along the axes of another frame: ``true_new = C_new_b @ true_b``.
+
+        Parameters
+        ----------
+        C_new_b : (3, 3) rotation.
+        """
+        if self.matrix is None or self.frame == OWN_FRAME:
+            return self
+        matrix = np.array(self.matrix) @ C_new_b.T
+        covariance = self.covariance
+        if covariance:
+            by = np.zeros((12, 12))
+            by[:9, :9] = np.kron(np.eye(3), C_new_b)
+            by[9:, 9:] = np.eye(3)
+            covariance = (by @ np.array(covariance) @ by.T).tolist()
+        triad = Triad(matrix, np.array(self.bias, dtype=float))
+        vectors = [
+            FieldVector(
+                raw_magnetic_field=one.raw_magnetic_field,
+                magnetic_field=_row(triad.correct(np.array([one.raw_magnetic_field]))[0]),
+            )
+            for one in self.test_vectors
+        ]
+        # The rotation against b is another one; bias and soft iron are the sensor's own.
+        own = [p for p in self.parameters if not p.name.startswith("rotation of the magnetometer")]
+        return self.model_copy(
+            update={
+                "matrix": _rows(matrix),
+                "covariance": covariance,
+                "parameters": own,
+                "test_vectors": vectors,
+            }
+        )
+
+    def contradiction(self) -> str | None:
+        """Return what in the block contradicts itself, in words that begin with the key, or None."""
+        from tumble.document.soundness import covariance_fault
+        from tumble.errors import TumbleError
+
+        try:
+            magnetic_field_factor(self.raw_unit)
+        except TumbleError as error:
+            return f"magnetometer.raw_unit: {str(error).rstrip('.')}"
+        size = len(self.covariance_parameters)
+        if len(self.covariance) != size or any(len(row) != size for row in self.covariance):
+            return f"magnetometer.covariance: it is not {size} by {size}, as covariance_parameters has it"
+        if fault := covariance_fault(
+            np.array(self.covariance).reshape(size, size), self.covariance_parameters
+        ):
+            return f"magnetometer.covariance: {fault}"
+        triad = self.triad
+        if triad is None:
+            return None
+        if not abs(np.linalg.det(triad.matrix / np.linalg.norm(triad.matrix, axis=1, keepdims=True))) > 1e-6:
+            return "magnetometer.matrix: it cannot be inverted"
+        for number, one in enumerate(self.test_vectors, 1):
+            found = triad.correct(np.array([one.raw_magnetic_field]))[0]
+            told = np.array(one.magnetic_field)
+            if not np.all(np.abs(found - told) <= 1e-6 * float(np.linalg.norm(told)) + 1e-300):
+                return f"magnetometer.test_vectors: number {number} contradicts its matrix and bias"
+        return None
+
+
+def magnetometer_block(made: Magnetometer, verdict: FieldVerdict) -> MagnetometerBlock:
+    """Return the block of a magnetometer's calibration.
+
+    Parameters
+    ----------
+    made, verdict : what was found, and how it is judged.
+    """
+    triad = made.triad
+    told = triad is not None
+    given = made.given
+    source = (
+        given.source
+        if given is not None
+        else "the magnetometer's own mean scale"
+        if made.field_unit == "T"
+        else "none"
+    )
+    return MagnetometerBlock(
+        raw_unit=made.raw_unit,
+        unit="T" if made.field_unit == "T" else "local field",
+        frame=OWN_FRAME if made.frame == OWN_FRAME else "b",
+        method=made.method,
+        matrix=None if triad is None else _rows(triad.matrix),
+        bias=None if triad is None else _row(triad.bias),
+        parameters=[
+            FieldParameter(
+                name=p.name, value=p.value, standard_uncertainty=p.standard_uncertainty, unit=p.unit
+            )
+            for p in (made.parameters if told else ())
+        ],
+        covariance_parameters=list(made.names) if told else [],
+        covariance=(0.5 * (made.covariance + made.covariance.T)).tolist() if told else [],
+        field=FieldBlock(
+            norm=made.norm,
+            norm_standard_uncertainty=made.norm_sigma,
+            norm_given=made.norm_known,
+            source=source,
+            dip_deg=_degrees(made.dip),
+            dip_standard_uncertainty_deg=_degrees(made.dip_sigma),
+        )
+        if told
+        else None,
+        quality=_quality(made),
+        verdict=FieldVerdictBlock(use=verdict.use, reasons=list(verdict.reasons)),
+        not_determined=list(made.not_determined),
+        remarks=list(verdict.remarks),
+        test_vectors=[] if triad is None else _vectors(triad, made.norm),
+    )
+
+
+def _quality(made: Magnetometer) -> FieldQuality:
+    return FieldQuality(
+        scatter=made.scatter,
+        uncertainty=made.uncertainty,
+        norm_scatter_before=_finite(made.before),
+        norm_scatter_after=_finite(made.after),
+        degrees_of_freedom=made.degrees_of_freedom,
+        coverage_factor=made.coverage_factor,
+        holds=[
+            FieldHoldBlock(
+                number=h.hold + 1, norm=h.norm, dip_deg=float(np.degrees(h.dip)), left_out=h.left_out
+            )
+            for h in made.holds
+        ],
+        left_out=[f"Hold {o.index + 1}: {o.reason}." for o in made.left_out],
+    )
+
+
+def _vectors(triad: Triad, norm: float) -> list[FieldVector]:
+    """Round raw numbers and what they become."""
+    directions = np.array([[1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [-0.36, 0.48, 0.8]])
+    raw = triad.distort(norm * directions)
+    raw = np.round(raw, 3 - int(np.floor(np.log10(np.max(np.abs(raw))))))
+    return [
+        FieldVector(raw_magnetic_field=_row(one), magnetic_field=_row(true))
+        for one, true in zip(raw, triad.correct(raw), strict=True)
+    ]
+
+
+def corrected_field(block: MagnetometerBlock, values: Vectors, factor: float = 1.0) -> Vectors | None:
+    """Return the corrected field in the block's unit; None where it is not determined.
+
+    Parameters
+    ----------
+    block : of the magnetometer.
+    values : (samples, 3) raw.
+    factor : to the block's raw unit.
+    """
+    triad = block.triad
+    return None if triad is None else triad.correct(factor * values)
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _degrees(angle: float) -> float | None:
+    return float(np.degrees(angle)) if np.isfinite(angle) else None
+
+
+def _row(vector: object) -> Row:
+    x, y, z = (float(v) for v in np.asarray(vector, dtype=float))
+    return x, y, z
+
+
+def _rows(matrix: object) -> tuple[Row, Row, Row]:
+    a, b, c = (_row(row) for row in np.asarray(matrix, dtype=float))
+    return a, b, c

@@ -1,0 +1,293 @@
+"""A magnetometer beside the other triads: recovered from a simulator that shares no code, and wrong fields told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from second_simulator import GRADES, Simulation
+from second_simulator.magnetometer import Disturbance, Seen, draw_magnetometer, see
+from second_simulator.procedures import by_hand
+from tumble.attitude.rotations import matrices_from_rotation_vectors
+from tumble.calibration.equations.adjustment import NODE
+from tumble.calibration.magnetometer.estimate import (
+    LOCAL,
+    GivenField,
+    Magnetometer,
+    magnetometer_from_holds,
+    magnetometer_of,
+)
+from tumble.calibration.magnetometer.field_equations import (
+    FIELD,
+    IN_ROOM,
+    ON_UNIT,
+    FieldAdjustment,
+    FieldSeen,
+)
+from tumble.calibration.magnetometer.field_means import field_means, resolution
+from tumble.calibration.magnetometer.field_start import start_field
+from tumble.calibration.magnetometer.parameters import nearest_axes
+from tumble.calibration.magnetometer.verdict import judge_magnetometer
+from tumble.calibration.outcome.estimate import JointOutcome
+from tumble.calibration.procedures.joint import run_joint
+from tumble.calibration.session import Options, Session
+from tumble.errors import ObservabilityError
+from tumble.recording import Recording
+from tumble.recording.magnetic_field import MagneticField
+
+GIVEN = GivenField(49.2e-6, 0.2e-6, np.radians(66.0))
+
+
+@cache
+def simulated(seed: int = 5) -> tuple[Simulation, JointOutcome]:
+    """Return a recording by hand and its joint estimate without the magnetometer."""
+    made = by_hand(GRADES["consumer"], np.random.default_rng(seed))
+    return made, settled(made)
+
+
+def settled(made: Simulation, *, gyro: bool = True, holds: float = np.inf) -> JointOutcome:
+    keep = made.time <= made.time[0] + holds
+    force_unit, rate_unit = made.units.split(",")
+    recording = Recording(
+        time=made.time[keep],
+        specific_force=made.force[keep],
+        angular_rate=made.rate[keep] if gyro else None,
+        specific_force_unit=force_unit,
+        angular_rate_unit=rate_unit,
+        rate=100.0,
+    )
+    session = Session(recording, options=Options(optional_terms=gyro))
+    run_joint(session)
+    assert session.joint is not None
+    return session.joint
+
+
+def seen(seed: int = 7, wrong: Disturbance | None = None, **sensor: float) -> Seen:
+    rng = np.random.default_rng(seed)
+    return see(simulated()[0], draw_magnetometer(rng, **sensor), rng, disturbance=wrong)
+
+
+def magnetic(one: Seen, unit: str = "counts") -> MagneticField:
+    return MagneticField(one.time, one.values, unit)
+
+
+def estimated(one: Seen, given: GivenField | None = None, unit: str = "counts") -> Magnetometer:
+    return magnetometer_from_holds(simulated()[1], magnetic(one, unit), given)
+
+
+def adjusted(one: Seen) -> FieldAdjustment:
+    outcome = simulated()[1]
+    task = FieldAdjustment.of(outcome.task, field_means(one.time, one.values, outcome.data.base), 1.0)
+    start_field(task)
+    return task
+
+
+def off(made: Magnetometer, one: Seen) -> np.ndarray:
+    assert made.triad is not None
+    true = one.matrix("accelerometer-x") * (one.norm if made.field_unit == LOCAL else 1e6)
+    return np.concatenate([(made.triad.matrix - true).ravel(), made.triad.bias - one.magnetometer.hard_iron])
+
+
+@pytest.mark.parametrize("given", [None, GIVEN])
+def test_matrix_bias_and_dip_are_the_simulators(given: GivenField | None) -> None:
+    one = seen()
+    made = estimated(one, given)
+    error = off(made, one)
+    # A scale that was given is exact in the simulation: what is left is the recording's own part.
+    chi_square = float(error @ np.linalg.solve(made.covariance, error))
+    assert chi_square < 32.9  # 0.1 % of chi-square with 12 degrees
+    assert abs(made.dip - one.dip) < 3.3 * made.dip_sigma
+    assert np.linalg.eigvalsh(made.covariance / np.outer(*2 * [np.sqrt(np.diag(made.covariance))]))[0] > 1e-4
+    assert judge_magnetometer(made, 0.8).use == "fit"
+    assert made.moving is None
+    assert made.after < 0.02 < made.before
+
+
+def test_derivatives_are_those_of_differences() -> None:
+    task = adjusted(seen())
+    layout = task.unknowns.layout
+    chosen = layout.indices(IN_ROOM, ON_UNIT)
+    task.unknowns = task.unknowns.with_free(np.union1d(task.unknowns.free, chosen))
+    task.unknowns.values[chosen] = [0.02, -0.03, 0.01, 1.0, -2.0, 3.0]
+    task.course = np.linspace(0.0, 1.0, task.data.holds)
+    equations = FieldSeen(task.sections[0], 0)
+    (linear,) = equations.linearise(task)
+    own = layout.indices("magnetometer.matrix", "magnetometer.bias", "field.dip", "field.azimuth")
+    for index in [*own.tolist(), *chosen.tolist()]:
+        step = 1e-5 * max(abs(task.unknowns.values[index]), 1.0)
+        apart: list[np.ndarray] = []
+        for sign in (1.0, -1.0):
+            moved = task.copy()
+            moved.unknowns.values[index] += sign * step
+            apart.append(FieldSeen(moved.sections[0], 0).linearise(moved)[0].residual)
+        place = 3 + int(np.searchsorted(task.unknowns.free, index))
+        expected: np.ndarray = (apart[0] - apart[1]) / (2.0 * step)
+        np.testing.assert_allclose(linear.by_border[:, :, place], expected, rtol=1e-6, atol=1e-6)
+    assert linear.by_node is not None
+    for part in range(NODE):
+        apart: list[np.ndarray] = []
+        for sign in (1.0, -1.0):
+            moved = task.copy()
+            vector = np.zeros(3)
+            vector[part % 3] = sign * 1e-5
+            C = moved.sections[0].C_wb
+            C[:, part // 3] = matrices_from_rotation_vectors(vector[None]) @ C[:, part // 3]
+            apart.append(FieldSeen(moved.sections[0], 0).linearise(moved)[0].residual)
+        np.testing.assert_allclose(
+            linear.by_node[:, :, part], (apart[0] - apart[1]) / 2e-5, rtol=1e-4, atol=1e-3
+        )
+
+
+def test_a_hold_beside_iron_is_named() -> None:
+    made = estimated(seen(wrong=Disturbance(iron={11: np.array([4.0, -2.0, 1.0])})))
+    assert [left.index for left in made.left_out] == [11]
+    assert "iron" in made.left_out[0].reason
+    assert judge_magnetometer(made).use == "fit"
+
+
+def test_a_current_that_is_switched_on_is_told_with_its_time_and_size() -> None:
+    made = simulated()[0]
+    holds = [step for step in made.path.steps if step.kind == "hold"]
+    current = np.array([1.0, 0.6, -0.8])
+    told = estimated(seen(wrong=Disturbance(current=current, since=holds[12].stop + 0.1)))
+    assert told.moving is not None
+    assert told.moving.where == "room"
+    assert told.moving.before == 12
+    assert told.moving.share == pytest.approx(np.linalg.norm(current) / 49.2, rel=0.1)
+    verdict = judge_magnetometer(told)
+    assert verdict.use == "fit with reservations"
+    assert any("after hold 13" in reason for reason in verdict.reasons)
+
+
+def test_a_current_on_the_unit_is_told_from_one_in_the_room() -> None:
+    one = seen()
+    values = one.values.copy()
+    values[one.time > one.time[len(values) // 2]] += [6.0, -9.0, 12.0]
+    told = estimated(replace(one, values=values))
+    assert told.moving is not None
+    assert told.moving.where == "unit"
+    assert "hard iron" in judge_magnetometer(told).reasons[0]
+
+
+def test_a_field_that_differs_from_place_to_place_is_in_the_uncertainty() -> None:
+    plain = estimated(seen())
+    wrong = Disturbance(
+        gradient=np.array([[30.0, 8.0, 0.0], [8.0, -10.0, 5.0], [0.0, 5.0, -20.0]]), reach=0.1
+    )
+    one = seen(wrong=wrong)
+    made = estimated(one)
+    # Of a gradient G and places of 0.1 m, the field scatters by 0.1 |G| / sqrt(3) each way.
+    expected = 0.1 * np.linalg.norm(wrong.gradient) / np.sqrt(3.0) / 49.2
+    assert made.scatter == pytest.approx(expected, rel=0.3)
+    assert made.uncertainty > 3.0 * plain.uncertainty
+    error = off(made, one)
+    assert float(error @ np.linalg.solve(made.covariance, error)) < 32.9
+    assert judge_magnetometer(made).use != "fit"
+    assert "not uniform" in judge_magnetometer(made).reasons[0]
+
+
+def test_accelerometers_alone_tell_norm_and_dip_and_with_them_the_rotation() -> None:
+    made, one = simulated()[0], seen()
+    told = magnetometer_from_holds(settled(made, gyro=False), magnetic(one))
+    assert told.method == "holds"
+    error = off(told, one)
+    assert float(error @ np.linalg.solve(told.covariance, error)) < 32.9
+    # What the gyros add is not little.
+    assert np.all(np.diag(told.covariance) > np.diag(estimated(one).covariance))
+
+
+def test_few_attitudes_do_not_determine_it() -> None:
+    made, one = simulated()[0], seen()
+    outcome = settled(made, holds=60.0)
+    try:
+        told = magnetometer_from_holds(outcome, magnetic(one))
+    except ObservabilityError:
+        return
+    if told.triad is None:
+        assert judge_magnetometer(told).use == "not fit"
+        assert told.not_determined
+    else:
+        error = off(told, one)
+        assert float(error @ np.linalg.solve(told.covariance, error)) < 32.9
+
+
+def test_axes_that_are_swapped_are_said_and_mirrored_ones_are_not_fit() -> None:
+    one = seen()
+    swapped = replace(one, values=one.values[:, [2, 0, 1]])
+    made = estimated(swapped)
+    assert made.triad is not None
+    np.testing.assert_array_equal(nearest_axes(made.triad.matrix), np.eye(3)[[2, 0, 1]])
+    assert any("x along z" in remark for remark in judge_magnetometer(made).remarks)
+    mirrored = estimated(replace(one, values=one.values * [1.0, -1.0, 1.0]))
+    assert judge_magnetometer(mirrored, 0.8).use == "not fit"
+    assert "mirrored" in judge_magnetometer(mirrored, 0.8).reasons[0]
+    assert judge_magnetometer(estimated(replace(one, values=one.values * [1, -1, 1]), GIVEN)).use == "not fit"
+
+
+def test_a_norm_that_is_no_fields_of_the_earth_is_not_fit() -> None:
+    made = estimated(seen(counts=1.0, step=0.1), unit="gauss")
+    verdict = judge_magnetometer(made)
+    assert verdict.use == "not fit"
+    assert "µT in the recording" in verdict.reasons[0]
+    assert "--units" in verdict.reasons[0]
+
+
+def test_the_norm_is_given_or_the_units_own() -> None:
+    one = seen(counts=1.0, step=0.1)
+    free, given = estimated(one, unit="uT"), estimated(one, GIVEN, "uT")
+    assert given.norm == 49.2e-6
+    assert given.norm_sigma == 0.2e-6
+    assert free.norm_sigma == pytest.approx(0.05 * free.norm)
+    assert free.triad is not None
+    assert np.cbrt(np.linalg.det(free.triad.matrix)) == pytest.approx(1e6)
+    assert any("5 %" in remark for remark in judge_magnetometer(free).remarks)
+    local = estimated(one)
+    assert (local.field_unit, local.norm) == (LOCAL, 1.0)
+
+
+def test_without_holds_the_magnetometer_is_calibrated_by_itself() -> None:
+    one = seen()
+    made = magnetometer_of(None, magnetic(one), GIVEN)
+    assert made.method == "ellipsoid"
+    assert made.frame == "magnetometer"
+    assert len(made.names) == len(made.covariance) == 9
+    assert made.triad is not None
+    np.testing.assert_allclose(made.triad.matrix, made.triad.matrix.T)
+    # Any rotation of the field is the same ellipsoid: M M' is what it tells.
+    true = 1e6 * one.magnetometer.matrix
+    np.testing.assert_allclose(
+        made.triad.matrix @ made.triad.matrix.T, true @ true.T, rtol=5e-3, atol=5e-3 * 36e12
+    )
+    assert judge_magnetometer(made).use == "fit with reservations"
+    assert "not determined" in judge_magnetometer(made).reasons[0]
+
+
+def test_a_resolution_is_found_and_numbers_without_one_have_none() -> None:
+    rng = np.random.default_rng(3)
+    fine = rng.standard_normal((500, 3))
+    np.testing.assert_array_equal(resolution(fine), np.zeros(3))
+    np.testing.assert_allclose(resolution(np.round(10.0 * fine / 0.3) * 0.3)[0], 0.3)
+
+
+def test_a_hold_without_samples_takes_no_part() -> None:
+    one = seen()
+    outcome = simulated()[1]
+    base = outcome.data.base
+    first, last = base.time[base.head[4, 0]], base.time[base.tail[4, 1] - 1]
+    keep = (one.time < first) | (one.time > last)
+    means = field_means(one.time[keep], one.values[keep], base)
+    assert not means.seen[4]
+    made = magnetometer_from_holds(outcome, MagneticField(one.time[keep], one.values[keep], "counts"))
+    assert 4 not in [hold.hold for hold in made.holds]
+    assert not FieldAdjustment.of(outcome.task, means, 1.0).taking_part[FIELD][4]
+
+
+def test_a_constant_magnetometer_is_refused() -> None:
+    one = seen()
+    with pytest.raises(ObservabilityError, match="constant"):
+        magnetometer_of(None, MagneticField(one.time, np.ones_like(one.values), "counts"))
+    with pytest.raises(ObservabilityError, match="constant"):
+        estimated(replace(one, values=np.ones_like(one.values)))
