@@ -83,6 +83,7 @@ CONTENTS = {
         "procedures/index",
         "procedures/*",
         "joint",
+        "magnetometer",
         "segmentation",
         "uncertainty",
         "reliability",

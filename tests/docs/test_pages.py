@@ -23,6 +23,7 @@ EXECUTED = {
     "docs/denoising.md": 7,
     "docs/file-format.md": 10,
     "docs/joint.md": 4,
+    "docs/magnetometer.md": 1,
     "docs/navigation.md": 5,
     "docs/plan.md": 2,
     "docs/noise.md": 3,
