@@ -334,7 +334,11 @@ def with_samples(made: Magnetometer, magnetic: MagneticField) -> Magnetometer:
 def _scatter(norms: Series) -> float:
     """Standard deviation of norms as a share of their mean."""
     mean = float(np.mean(norms))
-    return float(np.linalg.norm(norms - mean)) / (mean * float(np.sqrt(norms.size))) if mean > 0.0 else float("nan")
+    return (
+        float(np.linalg.norm(norms - mean)) / (mean * float(np.sqrt(norms.size)))
+        if mean > 0.0
+        else float("nan")
+    )
 
 
 def magnetometer_alone(magnetic: MagneticField, given: GivenField | None = None) -> Magnetometer:
@@ -399,8 +403,8 @@ def magnetometer_alone(magnetic: MagneticField, given: GivenField | None = None)
 
 
 TURNED = (
-    "How the magnetometer's axes lie against the accelerometers' and gyros' is not determined by its norm alone: hold "
-    "the unit still in twelve or more attitudes, so that gravity and the turns between them show it."
+    "How the magnetometer's axes lie against the accelerometers' and gyros' is not determined by its norm alone. Hold "
+    "the unit still in twelve or more attitudes: gravity and the turns between them show it."
 )
 LARGEST_GAP = np.radians(75.0)
 """Half-angle of a cap of directions without a sample beyond which an ellipsoid is not determined, however small its

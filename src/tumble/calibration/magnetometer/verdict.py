@@ -98,7 +98,7 @@ def _impossible(made: Magnetometer, latitude: float | None) -> list[str]:
     if made.field_unit != LOCAL and not made.norm_known and not WEAKEST < made.norm < STRONGEST:
         said.append(
             f"The norm of the field is {1e6 * made.norm:.0f} µT in the recording's unit, and the Earth's is 22 to 67 "
-            "µT: the unit is another one (--units), or a magnet is near."
+            "µT. The unit is another one (--units), or a magnet is near."
         )
     given = made.given
     if given is not None and given.dip is not None and np.isfinite(made.dip):

@@ -86,9 +86,9 @@ def _sphere(told: Magnetometer, samples: Vectors) -> tuple[list[Figure], str] | 
         layout[f"xaxis{end}"] = text_axis("xyz"[i], domain=[low, (at + 1) / 3.0 - 0.02], zeroline=True)
         layout[f"yaxis{end}"] = text_axis("xyz"[j], anchor=f"x{end}", scaleanchor=f"x{end}", zeroline=True)
     caption = (
-        "All samples before (grey, divided by the mean scale factor) and after correction (blue), in units of the "
-        "field's norm, seen along z, y and x: after correction they lie on or within the circle of radius one, the "
-        f"outline of the sphere. The norm of all samples scatters by {100 * told.before:.2g} % before and "
+        "All samples before correction (grey, divided by the mean scale factor) and after it (blue), in units of the "
+        "field's norm, seen along z, y and x. After correction they lie within the circle of radius one, the outline "
+        f"of the sphere. The norm of all samples scatters by {100 * told.before:.2g} % before and "
         f"{100 * told.after:.2g} % after."
     )
     label = "Samples of the magnetometer before and after correction"
