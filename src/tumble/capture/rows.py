@@ -12,6 +12,7 @@ from tumble.arrays import Series, Vectors
 from tumble.capture.samples import Channels, Samples
 from tumble.capture.source import Piece, SourceOptions
 from tumble.capture.stamps import ArrivalClock
+from tumble.errors import RecordingError
 from tumble.recording.columns import ColumnPlan
 from tumble.recording.declared import DeclaredUnits, read_units_option
 from tumble.recording.formats.table import RawTable
@@ -103,15 +104,19 @@ class Rows:
         """Find out what the columns are, as for a file."""
         self._shape = Counter(shape for shape, _ in self._waiting).most_common(1)[0][0]
         table = self._table()
-        plan, remarks = choose_columns(table, self._options.columns)
-        rate = self._options.rate
+        units, rate = read_units_option(self._options.units), self._options.rate
+        plan, remarks = choose_columns(table, self._options.columns, units, rate)
+        if plan.specific_force is None and plan.angular_rate is None:
+            raise RecordingError(
+                f"{table.path.name} has a magnetometer alone, and neither accelerometer nor gyro: there is nothing to "
+                "guide. If its columns are the accelerometer's, say so with --columns."
+            )
         if plan.time is None:
             table.columns.append(self._arrival_stamps())
             table.names = None if table.names is None else (*table.names, "t [s]")
             plan = replace(plan, time=len(table.columns) - 1, time_unit="s")
             # Stamps of arrival are as late as the line is: the rate is checked later, over two seconds.
             rate = None
-        units = read_units_option(self._options.units)
         decided, _ = interpret(table, plan, units, rate, (table.source,), remarks)
         self._plan = plan
         decided = _without_guesses(decided, units)

@@ -83,6 +83,10 @@ def _print_facts(screen: Console, inspection: Inspection, verbose: bool) -> None
         f"{found.quiet_stretches} rests of a second or more in {found.poses} distinct poses, the longest "
         f"{found.longest_rest:.1f} s"
     )
+    if found.magnetic_field is not None:
+        from tumble.recording.field_findings import say_field
+
+        screen.print(say_field(found.magnetic_field))
     if found.temperature_range is not None:
         low, high = found.temperature_range
         screen.print(f"Temperature {low:.1f} to {high:.1f} °C")
@@ -115,5 +119,26 @@ def _channel_table(recording: Recording, inspection: Inspection, verbose: bool) 
                 f"{min(found.quantisation[names[i]] for i in axes):.3g}",
             )
             rows.append([label, unit, *values])
+    rows += _field_rows(recording, inspection, verbose)
     heads = ("channel", "unit", "lowest", "highest", "noise at rest", "smallest step")
     return table(heads, rows, right=range(2, 6), box="SIMPLE_HEAD")
+
+
+def _field_rows(recording: Recording, inspection: Inspection, verbose: bool) -> list[list[str]]:
+    """The rows of the magnetometer, none without one."""
+    field, found = recording.magnetic_field, inspection.findings.magnetic_field
+    if field is None or found is None:
+        return []
+    names = list(found.noise_floor)
+    groups = [(n, [i]) for i, n in enumerate(names)] if verbose else [("magnetic field", [0, 1, 2])]
+    return [
+        [
+            label,
+            field.unit,
+            f"{field.values[:, axes].min():.5g}",
+            f"{field.values[:, axes].max():.5g}",
+            f"{max(found.noise_floor[names[i]] for i in axes):.2g}",
+            f"{min(found.quantisation[names[i]] for i in axes):.3g}",
+        ]
+        for label, axes in groups
+    ]

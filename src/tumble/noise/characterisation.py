@@ -102,10 +102,14 @@ def characterise(
     Raises
     ------
     RecordingError
-        If nothing of it is at rest, or it is too short.
+        If nothing of it is at rest, it is too short, or it has neither triad.
     UsageError
         If no averaging time fits, or the kind is not known.
     """
+    if recording.specific_force is None and recording.angular_rate is None:
+        raise RecordingError(
+            "The recording has neither accelerometer nor gyro: there is no noise to characterise."
+        )
     said = told(recording)
     recording = _after(recording, skip)
     held = find_held(recording)

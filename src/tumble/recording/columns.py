@@ -9,7 +9,7 @@ from tumble.errors import RecordingError, UsageError
 from tumble.units import find_unit
 
 AXES = "xyz"
-_SLOTS = ("t", "ax", "ay", "az", "gx", "gy", "gz", "temperature")
+_SLOTS = ("t", "ax", "ay", "az", "gx", "gy", "gz", "mx", "my", "mz", "temperature")
 
 # Spellings without axis, separators and capitals, one kind a text.
 _SPELLINGS = {
@@ -19,6 +19,9 @@ _SPELLINGS = {
     "gyro": """
         g gy gyr gyro gyros gyroscope gyroscopes w om omega omg angularvelocity angularrate angvel angrate
         rotationrate rotrate rate wib wb avel angular omegaib""",
+    "magnetometer": """
+        m mf mag magn magnet magneto magnetometer magnetometers magnetic magnetics magneticfield magfield magnetfield
+        magneticfluxdensity magneticinduction bfield compass imumag magdata""",
     "time": """
         t time times timestamp timestamps stamp stamps tick ticks sec secs seconds timesec timestampsec
         timesample headerstamp tow gpstime elapsed elapsedtime systemtime timestampsample secondselapsed
@@ -28,14 +31,20 @@ _SPELLINGS = {
         imu sensor data raw value values cal uncal uncalibrated calibrated b body rs s meas msg axis lin 0 ib
         m rad deg""",
 }
-_ACCELEROMETER, _GYRO, _TIME, _TEMPERATURE, _FILLERS = (frozenset(t.split()) for t in _SPELLINGS.values())
+_ACCELEROMETER, _GYRO, _MAGNETOMETER, _TIME, _TEMPERATURE, _FILLERS = (
+    frozenset(t.split()) for t in _SPELLINGS.values()
+)
+_KNOWN = (("a", _ACCELEROMETER), ("g", _GYRO), ("m", _MAGNETOMETER))
 _UNIT_SUFFIX = re.compile(
-    r"[_ ](m[_/]?s\^?2|mps2|mg|g|rads|rad_s|radps|mdps|dps|deg_s|degps|s|sec|ms|us|ns|usec|nsec|msec)$",
+    r"[_ ](m[_/]?s\^?2|mps2|mg|g|rads|rad_s|radps|mdps|dps|deg_s|degps|s|sec|ms|us|ns|usec|nsec|msec"
+    r"|[uµμnm]t|tesla|m?gauss)$",
     re.IGNORECASE,
 )
 _ACCELEROMETER_FILE = re.compile(r"(?<![a-z])(acc|accel|acce|accelerometer|acceleration|force|acel)(?![a-z])")
+_MAGNETOMETER_FILE = re.compile(r"(?<![a-z])(mag|magn|magneto|magnetometer|magnetic|compass)(?![a-z])")
 _GYRO_FILE = re.compile(r"(?<![a-z])(gyr|gyro|gyros|gyroscope|omega|angular|angrate|rate|ars)(?![a-z])")
 _FREE = frozenset(("user", "linear", "lin", "free", "dynamic", "linearacc", "linacc", "freeacc"))
+_FIELD_STAMPS = "mag_time [s]"  # as tumble writes it; see `tumble.recording.formats.output`
 _BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]")
 
 
@@ -46,8 +55,10 @@ class ColumnPlan:
     Attributes
     ----------
     time, temperature : indices of the columns, or None.
-    specific_force, angular_rate : three (index, sign) each, or None.
-    time_unit, specific_force_unit, angular_rate_unit, temperature_unit : as declared in the names, or None.
+    specific_force, angular_rate, magnetic_field : three (index, sign) each, or None.
+    time_unit, specific_force_unit, angular_rate_unit, magnetic_field_unit, temperature_unit : as declared in the
+        names, or None.
+    magnetic_field_time : index of the column of the magnetometer's own stamps, s, or None.
     said_by : "option", "header" or "content": who says so.
     unknown_units : quantity, name of a column, and the unit in it that nobody knows.
     """
@@ -62,6 +73,9 @@ class ColumnPlan:
     temperature_unit: str | None = None
     said_by: str = "header"
     unknown_units: tuple[tuple[str, str, str], ...] = ()
+    magnetic_field: tuple[tuple[int, float], ...] | None = None
+    magnetic_field_unit: str | None = None
+    magnetic_field_time: int | None = None
 
     def swapped(self) -> ColumnPlan:
         """Return the plan with the two triads exchanged."""
@@ -73,7 +87,7 @@ def plan_from_option(option: str, count: int, name: str) -> ColumnPlan:
 
     Parameters
     ----------
-    option : names from ``t, ax, ay, az, gx, gy, gz, temperature`` in the order of the file's columns,
+    option : names from ``t, ax, ay, az, gx, gy, gz, mx, my, mz, temperature`` in the order of the file's columns,
         separated by commas; ``-`` or ``_`` skips a column, ``-ay`` takes it with the sign reversed.
     count : number of columns of the file.
     name : the file's name, for messages.
@@ -99,12 +113,12 @@ def plan_from_option(option: str, count: int, name: str) -> ColumnPlan:
         slots[slot] = (i, sign)
     if len(words) > count:
         raise UsageError(f"--columns names {len(words)} columns, but {name} has {count}.")
-    triads = {kind: [slots.get(kind + axis) for axis in AXES] for kind in "ag"}
+    triads = {kind: [slots.get(kind + axis) for axis in AXES] for kind in "agm"}
     for kind, found in triads.items():
         if any(found) and not all(found):
             lacking = [kind + axis for axis, f in zip(AXES, found, strict=True) if f is None]
             raise UsageError(f"--columns: {', '.join(lacking)} missing; a triad needs all three axes.")
-    if not any(triads["a"]) and not any(triads["g"]):
+    if not any(any(found) for found in triads.values()):
         raise UsageError("--columns names no triad; give at least ax,ay,az or gx,gy,gz.")
     return ColumnPlan(
         time=slots["t"][0] if "t" in slots else None,
@@ -112,6 +126,7 @@ def plan_from_option(option: str, count: int, name: str) -> ColumnPlan:
         angular_rate=_complete(triads["g"]),
         temperature=slots["temperature"][0] if "temperature" in slots else None,
         said_by="option",
+        magnetic_field=_complete(triads["m"]),
     )
 
 
@@ -149,7 +164,7 @@ def _is_time(words: list[str]) -> bool:
 
 
 def role_of(name: str) -> tuple[str, str | None] | None:
-    """Return what a column of that name is: ("t" | "ax" … "gz" | "temperature", unit) or None.
+    """Return what a column of that name is: ("t" | "ax" … "gz" | "mx" … "mz" | "temperature", unit) or None.
 
     Examples
     --------
@@ -157,6 +172,8 @@ def role_of(name: str) -> tuple[str, str | None] | None:
     ('ax', None)
     >>> role_of("w_RS_S_z [rad s^-1]")
     ('gz', 'rad s^-1')
+    >>> role_of("magX (µT)"), role_of("x_m")
+    (('mx', 'µT'), None)
     """
     bare, unit = _unit_in(name)
     words = _words(re.sub(r"[\[(](\d)[\])]", r"_\1", bare))
@@ -170,7 +187,8 @@ def role_of(name: str) -> tuple[str, str | None] | None:
     for axis, letters in zip(AXES, ("x0", "y1", "z2"), strict=True):
         for letter in letters:
             if len(joined) > 1 and words[-1].endswith(letter):
-                kind = _kind([*words[:-1], words[-1][:-1]])
+                before = [*words[:-1], words[-1][:-1]]
+                kind = "m" if "".join(before) == "m" else _kind(before)  # x_m is a length in metres
             elif len(joined) > 1 and words[0].startswith(letter) and not letter.isdigit():
                 kind = _kind([words[0][1:], *words[1:]])
             else:
@@ -194,31 +212,32 @@ def temperature_unit_in(name: str) -> str | None:
 
 
 def _kind(words: list[str]) -> str | None:
-    """Return "a", "g" or None for the words of a name without its axis."""
+    """Return "a", "g", "m" or None for the words of a name without its axis."""
     kept = [w for w in words if w and w not in _FILLERS]
     joined = "".join(kept)
-    for kind, known in (("a", _ACCELEROMETER), ("g", _GYRO)):
+    for kind, known in _KNOWN:
         if joined in known:
             return kind
     # "imu_data.angular_velocity" and the like: the last known word or pair of words decides.
     for i in range(len(kept) - 1, -1, -1):
         for text in ("".join(kept[i : i + 2]), kept[i]):
-            for kind, known in (("a", _ACCELEROMETER), ("g", _GYRO)):
+            for kind, known in _KNOWN:
                 if len(text) > 2 and text in known:
                     return kind
     return None
 
 
 def kind_of_file(name: str) -> str | None:
-    """Return "a" or "g" if a file's name says that it holds the accelerometer or the gyro.
+    """Return "a", "g" or "m" if a file's name says that it holds the accelerometer, the gyro or the magnetometer.
 
     Examples
     --------
-    >>> kind_of_file("xsens_gyro.mat")
-    'g'
+    >>> kind_of_file("xsens_gyro.mat"), kind_of_file("mag.csv")
+    ('g', 'm')
     """
-    is_a, is_g = bool(_ACCELEROMETER_FILE.search(name.lower())), bool(_GYRO_FILE.search(name.lower()))
-    return None if is_a == is_g else "a" if is_a else "g"
+    named = (("a", _ACCELEROMETER_FILE), ("g", _GYRO_FILE), ("m", _MAGNETOMETER_FILE))
+    found = [kind for kind, pattern in named if pattern.search(name.lower())]
+    return found[0] if len(found) == 1 else None
 
 
 def plan_from_names(names: tuple[str, ...]) -> ColumnPlan | None:
@@ -233,8 +252,8 @@ def plan_from_names(names: tuple[str, ...]) -> ColumnPlan | None:
         If the names declare different units for the axes of one triad.
     """
     slots = _slots(names)
-    force, rate = (_triad(slots, kind) for kind in "ag")
-    if force is None and rate is None:
+    force, rate, field = (_triad(slots, kind) for kind in "agm")
+    if force is None and rate is None and field is None:
         return None
     time = slots.get("t")
     unit = None if time is None or time[1] is None else find_unit("time", time[1])
@@ -252,7 +271,25 @@ def plan_from_names(names: tuple[str, ...]) -> ColumnPlan | None:
         angular_rate_unit=_declared_unit(slots, "g", "angular rate"),
         temperature_unit=None if temperature is None else temperature_unit_in(names[temperature[0]]),
         unknown_units=_unknown_units(slots, names),
+        magnetic_field=field,
+        magnetic_field_unit=_declared_unit(slots, "m", "magnetic field"),
+        magnetic_field_time=next((i for i, name in enumerate(names) if name == _FIELD_STAMPS), None),
     )
+
+
+def parts_of_triads(names: tuple[str, ...]) -> dict[str, dict[str, str]]:
+    """Return the axes that names have of a triad and the names, where one or two of its three are missing.
+
+    Examples
+    --------
+    >>> parts_of_triads(("t", "ax", "ay", "gx", "gy", "gz"))
+    {'a': {'x': 'ax', 'y': 'ay'}}
+    """
+    slots = _slots(names)
+    found = {
+        kind: {axis: names[slots[kind + axis][0]] for axis in AXES if kind + axis in slots} for kind in "agm"
+    }
+    return {kind: axes for kind, axes in found.items() if 0 < len(axes) < len(AXES)}
 
 
 def says_free_of_gravity(name: str) -> bool:
@@ -304,7 +341,9 @@ def _triad(slots: dict[str, tuple[int, str | None]], kind: str) -> tuple[tuple[i
 
 def _declared_unit(slots: dict[str, tuple[int, str | None]], kind: str, quantity: str) -> str | None:
     units = {slots[kind + axis][1] for axis in AXES if kind + axis in slots} - {None}
-    known = {find_unit(quantity, u) or find_unit(_INCREMENT[quantity], u) for u in units if u} - {None}
+    known = {
+        find_unit(quantity, u) or find_unit(_INCREMENT.get(quantity, quantity), u) for u in units if u
+    } - {None}
     if len(known) > 1:
         raise RecordingError(
             f"The header gives different units of {quantity} to one triad "
@@ -314,5 +353,11 @@ def _declared_unit(slots: dict[str, tuple[int, str | None]], kind: str, quantity
     return known.pop() if known else None
 
 
-_QUANTITY = {"a": "specific force", "g": "angular rate", "t": "time", "temperature": "temperature"}
+_QUANTITY = {
+    "a": "specific force",
+    "g": "angular rate",
+    "m": "magnetic field",
+    "t": "time",
+    "temperature": "temperature",
+}
 _INCREMENT = {"specific force": "velocity increment", "angular rate": "angle increment"}

@@ -1,4 +1,4 @@
-"""What the numbers themselves tell: which column is time, which triad is which, in which units.
+"""What the numbers themselves tell of units: of the accelerometer by gravity, of the gyro by how gravity turns.
 
 Every guess comes with a sentence; a declaration that the numbers contradict is refused.
 """
@@ -9,14 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Series, Table, Vectors
+from tumble.arrays import Table, Vectors
 from tumble.errors import RecordingError
-from tumble.recording.columns import ColumnPlan, kind_of_file
 from tumble.recording.gravity_check import gyro_scale_from_gravity, unit_of_scale
 from tumble.recording.range_check import gyro_step_words
 from tumble.recording.recording import Recording, Remark
 from tumble.recording.rest import QuietStretches, find_quiet_stretches, sample_pieces, smallest_step
 from tumble.recording.unit_change import two_force_levels
+from tumble.recording.unnamed_columns import find_accelerometer
 from tumble.units import COUNTS, STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
 
 _GUESS_TOLERANCE = 0.15  # of the norm at rest when guessing; an uncalibrated MEMS is off by a few per cent
@@ -25,150 +25,6 @@ _RESTLESS = 0.05  # scatter within a quarter second over the norm: half a m/s² 
 _MOST_MOTION = 4.0  # times gravity that shaking makes of the norm; beyond it is the unit
 _MOST_SHAKEN = 10.0  # times gravity that the norm of an accelerometer is in any motion
 _DROWNED = 3.0  # times the noise: gravity is some hundred times it
-_STEADY = 0.99  # share of steps that go up in a column of time
-_GUESS_RATE = 100.0  # Hz, only to choose the length of blocks when the rate is not known yet
-
-
-# -- columns ---------------------------------------------------------------------------------------
-
-
-def is_time_like(column: Series) -> bool:
-    """Say whether a column goes up steadily, as stamps do."""
-    if column.size < 3 or not np.all(np.isfinite(column[[0, -1]])):
-        return False
-    steps: Series = np.diff(column[:200_000])
-    up = np.count_nonzero(steps > 0.0)
-    if up < _STEADY * np.count_nonzero(steps) or 2 * up <= steps.size:
-        return False
-    middle = float(np.median(steps))
-    return middle > 0.0 and bool(np.mean(steps < 10.0 * middle) > 0.9)
-
-
-@dataclass(frozen=True, slots=True)
-class TriadOrder:
-    """Which of two triads is the accelerometer: `swapped` if the second; `sure` if the content shows it."""
-
-    swapped: bool
-    sure: bool
-    reason: str
-
-
-def find_accelerometer(first: Vectors, second: Vectors, rate: float = _GUESS_RATE) -> TriadOrder:
-    """Find out which of two triads is the accelerometer, whatever units and offsets they have.
-
-    Over several poses the rest levels of an accelerometer spread over much of its range, those of a gyro
-    are all its bias. With one pose only, the level at rest of an accelerometer is large against its
-    scatter, that of a gyro small; offset counts then leave it undecided and the first is taken.
-    """
-    cuts = sample_pieces(first.shape[0])
-    signals = np.concatenate([np.hstack([first[c], second[c]]) for c in cuts])
-    quiet = find_quiet_stretches(signals, rate)
-    low, high = np.quantile(signals[:: max(1, len(signals) // 20_000)], [0.005, 0.995], axis=0)
-    ranges = [float(np.linalg.norm(half)) / 2.0 + 1e-300 for half in np.split(high - low, 2)]
-    if len(quiet) >= 3:
-        spread = [float(np.linalg.norm(np.ptp(m, axis=0))) / 2.0 for m in np.split(quiet.means, 2, axis=1)]
-        share = [s / r for s, r in zip(spread, ranges, strict=True)]
-        big, small = max(share), min(share)
-        if big > 0.2 and big > 4.0 * small:
-            if _is_on_a_table(np.split(quiet.means, 2, axis=1), ranges, int(np.argmax(share))):
-                return TriadOrder(share[1] < share[0], False, "the other triad's levels differ in their norm")
-            return TriadOrder(
-                share[1] > share[0], True, "its levels at rest differ, those of the other triad do not"
-            )
-    level = quiet.means.mean(axis=0) if len(quiet) else signals.mean(axis=0)
-    sizes = [float(np.linalg.norm(v)) for v in np.split(level, 2)]
-    ratio = [s / r for s, r in zip(sizes, ranges, strict=True)]
-    big, small = max(ratio), min(ratio)
-    if big > 0.7 and big > 4.0 * small:
-        # On a turning table both are steady and far from zero: then it is a guess, and no proof.
-        sure = small < 3.0
-        return TriadOrder(ratio[1] > ratio[0], sure, "its norm at rest is steady and far from zero")
-    return TriadOrder(False, False, "nothing in the numbers distinguishes the triads, so the first is taken")
-
-
-def _is_on_a_table(means: list[Vectors], ranges: list[float], spread: int) -> bool:
-    """Whether the triad whose levels differ is a gyro's: now at rest, now turning, while the other stays.
-
-    An accelerometer's levels have one norm; a gyro's on a table that turns about the vertical have not, and
-    the accelerometer beside it is steady and far from zero.
-    """
-    norms = np.linalg.norm(means[spread], axis=1)
-    other = float(np.linalg.norm(means[1 - spread].mean(axis=0))) / ranges[1 - spread]
-    return bool(norms.min() < 0.5 * norms.max()) and other > 3.0
-
-
-def plan_from_content(columns: list[Series], name: str) -> tuple[ColumnPlan, list[Remark]]:
-    """Find the columns of a table without names: time by its steady growth, the triads by gravity.
-
-    The triads are taken as three columns side by side, the first two such groups after time is set
-    aside; a single column that follows them is temperature if it could be.
-
-    Raises
-    ------
-    RecordingError
-        If there are not three or at least six columns of values.
-    """
-    times = [i for i, c in enumerate(columns) if is_time_like(c)]
-    outer = [i for i in times if i in (0, len(columns) - 1)]
-    time = outer[0] if outer else (times[0] if times else None)
-    if time is None and len(columns) == 7 and float(np.ptp(columns[0])) == 0.0:
-        time = 0  # a clock that stands still: said so when the stamps are put in order
-    values = [
-        i
-        for i in range(len(columns))
-        if i != time and not (i in times and len(columns) - len(times) in (3, 6))
-    ]
-    if len(values) < 3 or 3 < len(values) < 6:
-        raise RecordingError(
-            f"{name} has {len(columns)} column(s), "
-            f"{'one of them time' if time is not None else 'none of them time'}; "
-            "a recording needs three (one triad) or six (both) beside the time. Say which is which with "
-            "--columns."
-        )
-    remarks: list[Remark] = []
-    groups = [tuple((i, 1.0) for i in values[s : s + 3]) for s in (0, 3) if len(values) >= s + 3]
-    plan = ColumnPlan(time=time, said_by="content")
-    cuts = sample_pieces(columns[0].size)
-    triads = [np.column_stack([np.concatenate([columns[i][c] for c in cuts]) for i, _ in g]) for g in groups]
-    if len(groups) == 1:
-        plan = ColumnPlan(time=time, specific_force=groups[0], said_by="content")
-        if kind_of_file(name) == "g":
-            return plan.swapped(), [Remark("found", f"{name}: its one triad is the gyro, its name says.")]
-        return plan, [Remark("assumed", f"{name}: its one triad is taken as the accelerometer.")]
-    finite = np.all(np.isfinite(np.hstack(triads)), axis=1)
-    order = find_accelerometer(triads[0][finite], triads[1][finite])
-    temperature = values[6] if len(values) == 7 and _could_be_temperature(columns[values[6]]) else None
-    plan = ColumnPlan(time, groups[0], groups[1], temperature, said_by="content")
-    plan = plan.swapped() if order.swapped else plan
-    remarks.append(Remark("assumed", _column_words(plan, order, name, len(columns))))
-    if len(values) > 7 or (len(values) == 7 and temperature is None):
-        remarks.append(Remark("found", f"{name}: the columns after the two triads are not used."))
-    return plan, remarks
-
-
-def _column_words(plan: ColumnPlan, order: TriadOrder, name: str, count: int) -> str:
-    def numbers(triad: tuple[tuple[int, float], ...] | None) -> str:
-        assert triad is not None
-        return f"{triad[0][0] + 1}-{triad[-1][0] + 1}"
-
-    time = (
-        "no column is time"
-        if plan.time is None
-        else f"column {plan.time + 1} of {count} is time (it grows steadily)"
-    )
-    return (
-        f"{name} names no columns: {time}, columns {numbers(plan.specific_force)} are taken as the "
-        "accelerometer "
-        f"({order.reason}), columns {numbers(plan.angular_rate)} as the gyro."
-    )
-
-
-def _could_be_temperature(column: Series) -> bool:
-    low, high = float(np.nanmin(column)), float(np.nanmax(column))
-    return low > -60.0 and high < 130.0 and high - low < 80.0 and high != 0.0
-
-
-# -- units -----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -315,7 +171,8 @@ def guess_angular_rate_unit(recording: Recording, header_is_plain: bool) -> tupl
             return unit, [Remark("assumed", f"Angular rate is taken as {unit}: {said}.")]
         doubt = _rate_doubt(recording, scale.scale)
         kind = "doubtful" if doubt else "assumed"
-        return COUNTS, [Remark(kind, f"Angular rate is taken as counts: {said}{doubt}.")]
+        advice = " Say which it is, with --units and --rate." if doubt else ""
+        return COUNTS, [Remark(kind, f"Angular rate is taken as counts: {said}{doubt}.{advice}")]
     unit, reason = _unit_by_size(recording.angular_rate, recording.rate, header_is_plain)
     return unit, [
         Remark("assumed", f"Angular rate is taken as {unit}: {reason}."),

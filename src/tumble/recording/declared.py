@@ -37,7 +37,7 @@ def read_units_option(option: str | Sequence[str] | None) -> DeclaredUnits:
 
     The words may stand in any order, for each says what it is a unit of; ``counts`` (or ``si``) alone stands for every
     triad, as the first word for the accelerometer, as the second for the gyro and as the third for the magnetometer.
-    ``g`` and ``mg`` are the accelerometer's, and only after a unit of the accelerometer the magnetometer's gauss.
+    ``G`` and ``mG`` are the accelerometer's g too, and the magnetometer's gauss only after a unit of the accelerometer.
 
     Raises
     ------
@@ -76,4 +76,4 @@ def _meant(word: str, kinds: list[str], position: int, declared: DeclaredUnits, 
     if find_unit("angular rate", word):
         return kinds if alone else [kinds[min(position, len(kinds) - 1)]]
     has_force = declared.specific_force is not None or declared.velocity_increment is not None
-    return [kinds[-1] if has_force else kinds[0]]
+    return [kinds[-1] if has_force and word.endswith("G") else kinds[0]]

@@ -17,6 +17,7 @@ def recording_html(recording: Recording) -> str:
         ("samples", f"{len(recording):,} in {recording.duration:,.1f} s, {recording.rate:g} Hz"),
         ("specific force", _signal(recording.specific_force is not None, recording.specific_force_unit)),
         ("angular rate", _signal(recording.angular_rate is not None, recording.angular_rate_unit)),
+        ("magnetic field", _field(recording)),
         ("temperature", "°C" if recording.temperature is not None else "none"),
         ("gaps", str(len(recording.gaps))),
     ]
@@ -29,6 +30,11 @@ def recording_html(recording: Recording) -> str:
 
 def _signal(there: bool, unit: str) -> str:
     return f"three axes, {unit}" if there else "none"
+
+
+def _field(recording: Recording) -> str:
+    field = recording.magnetic_field
+    return "none" if field is None else f"three axes, {field.unit}, {len(field):,} at {field.rate:.4g} Hz"
 
 
 __all__ = ["recording_html"]

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import Series, Table, Vectors
+from tumble.recording.field_findings import FieldFindings, inspect_field
 from tumble.recording.gravity_check import axis_agreement, find_axis_contradiction
 from tumble.recording.recording import Recording
 from tumble.recording.rest import (
@@ -21,12 +22,12 @@ from tumble.recording.rest import (
     fit_sphere,
     smallest_step,
 )
+from tumble.recording.saturation import Saturation, find_saturation
 from tumble.units import COUNTS, STANDARD_GRAVITY, specific_force_factor
 
 _POSES_FOR_NINE = 9  # unknowns: three biases, three scales, three non-orthogonalities
 _POSES_FOR_SIX = 6
 _NOISE_SECONDS = 600.0  # a rest that shows bias instability of common gyros, some 10 minutes
-_LEAST_RUN = 3
 _DISTANT = 1e6  # s: stamps beyond count from a day of the calendar
 _TEMPERATURE_SPAN = 10.0  # degrees Celsius that make a temperature dependence visible
 
@@ -39,17 +40,6 @@ class Gap:
     time: float
     duration: float
     samples: int
-
-
-@dataclass(frozen=True, slots=True)
-class Saturation:
-    """A channel that sticks at its extreme: `samples` at `value`, the longest run and where it begins."""
-
-    channel: str
-    value: float
-    samples: int
-    longest_run: int
-    index: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +61,7 @@ class Findings:
     temperature_range : lowest and highest, degrees Celsius, or None.
     axis_contradiction : the sentence on swapped or reversed gyro axes, or None.
     gyro_scale : what gravity shows, rad/s per raw unit, or None if it does not.
+    magnetic_field : what was found of the magnetometer, or None without one.
     warnings, good_for, missing : sentences.
     """
 
@@ -96,6 +87,7 @@ class Findings:
     warnings: tuple[str, ...]
     good_for: tuple[str, ...]
     missing: tuple[str, ...]
+    magnetic_field: FieldFindings | None = None
 
 
 def moment(recording: Recording, time: float) -> str:
@@ -141,36 +133,10 @@ def _jitter(recording: Recording) -> tuple[float, float]:
     return (float(whole.std() / whole.mean()), longest) if whole.size else (0.0, longest)
 
 
-def find_saturation(channel: Series, name: str, floor: float) -> list[Saturation]:
-    """Return where a channel sticks at its largest or smallest value.
-
-    A sensor at its limit repeats one value, run after run, and has more samples there than in the
-    whole twentieth of its range next to it; noise around a level does not.
-    """
-    found: list[Saturation] = []
-    middle = float(np.median(channel))
-    for value in (float(channel.max()), float(channel.min())):
-        reach = abs(value - middle)
-        if reach <= 20.0 * floor or reach == 0.0:
-            continue
-        at = channel == value
-        near = (np.abs(channel - value) < 0.05 * reach) & ~at
-        count = int(at.sum())
-        if count < _LEAST_RUN + 1 or count <= int(near.sum()):
-            continue
-        edges = np.diff(np.concatenate([[0], at.astype(np.int8), [0]]))
-        starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-        longest = int(np.argmax(stops - starts))
-        run = int(stops[longest] - starts[longest])
-        if run >= _LEAST_RUN:
-            found.append(Saturation(name, value, count, run, int(starts[longest])))
-    return found
-
-
 def _moving_share(signals: Table, quiet: QuietStretches, rate: float) -> float:
     """Share of blocks that scatter well above the noise or whose level changes."""
     size = max(10, round(0.25 * rate))
-    if signals.shape[0] < 2 * size:
+    if signals.shape[0] < 2 * size or not signals.shape[1]:
         return 0.0
     means, scatter = block_statistics(signals, size)
     steps = np.abs(np.diff(means, axis=0, prepend=means[:1]))
@@ -186,8 +152,8 @@ def inspect_recording(recording: Recording) -> Findings:
     recording : as read; nothing of it is changed.
     """
     channels = channels_of(recording)
-    signals = np.column_stack(list(channels.values()))
-    quiet = find_quiet_stretches(signals, recording.rate)
+    signals = np.column_stack(list(channels.values())) if channels else np.zeros((len(recording), 0))
+    quiet = find_quiet_stretches(signals, recording.rate) if channels else _no_stretches()
     long = quiet.at_least(1.0 * recording.rate)
     poses, norms = _poses(recording, long.means[:, :3])
     resting = int((quiet.stops - quiet.starts).sum())
@@ -209,7 +175,9 @@ def inspect_recording(recording: Recording) -> Findings:
         turning=agreement is not None and agreement.determined,
         temperature_range=None if known is None else (float(np.nanmin(known)), float(np.nanmax(known))),
     )
+    field = inspect_field(recording, long)
     warnings = _warnings(recording, stuck, saturations, jitter, contradiction, norms)
+    warnings += [] if field is None else field.warnings
     good, missing = _usefulness(recording, facts, contradiction)
     return Findings(
         samples=len(recording),
@@ -234,7 +202,13 @@ def inspect_recording(recording: Recording) -> Findings:
         warnings=tuple(warnings),
         good_for=tuple(good),
         missing=tuple(missing),
+        magnetic_field=field,
     )
+
+
+def _no_stretches() -> QuietStretches:
+    none = np.zeros(0, np.intp)
+    return QuietStretches(none, none, np.zeros((0, 3)), np.zeros(0))
 
 
 def _poses(recording: Recording, means: Vectors) -> tuple[int, Series]:
@@ -314,7 +288,11 @@ def _usefulness(
     else:
         _judge_poses(facts, good, missing)
     if recording.angular_rate is None:
-        missing.append("No gyro: only the accelerometers can be calibrated.")
+        missing.append(
+            "No gyro: only the accelerometers can be calibrated."
+            if recording.specific_force is not None
+            else "No gyro."
+        )
     elif contradiction is None and facts.turning and facts.stretches >= 4:
         good.append("Gyro scale, misalignment and bias from the turns between rests (hand-held procedure).")
     elif not facts.turning:

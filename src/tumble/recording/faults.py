@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.recording.doctor import channels_of, find_saturation
+from tumble.recording.doctor import channels_of
 from tumble.recording.recording import Recording
+from tumble.recording.saturation import find_saturation
 
 
 def find_dead_channels(recording: Recording) -> list[str]:

@@ -15,28 +15,45 @@ from tumble.arrays import AnyArray, Series
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import content, stamps
 from tumble.recording.clock import clock_without_stamps
-from tumble.recording.columns import ColumnPlan, plan_from_names, plan_from_option, temperature_unit_in
+from tumble.recording.columns import (
+    AXES,
+    ColumnPlan,
+    parts_of_triads,
+    plan_from_names,
+    plan_from_option,
+    temperature_unit_in,
+)
 from tumble.recording.declared import DeclaredUnits
+from tumble.recording.field_reading import decide_field_unit, field_beside, field_of_rows, hold_length
 from tumble.recording.formats.table import RawTable
+from tumble.recording.magnetic_field import MagneticField
 from tumble.recording.recording import Recording, Remark, Source
 from tumble.recording.signals import Signals, pick_signals
 from tumble.recording.temperature import COLDEST, HOTTEST, without_slips
 from tumble.recording.unit_choice import Interpretation, about_units, decide_force, decide_rate
+from tumble.recording.unnamed_columns import Said, plan_from_content
 from tumble.sample_rates import sample_rate
 from tumble.units import COUNTS, celsius_from, find_unit, time_factor
 
 __all__ = ["BlockState", "Interpretation", "choose_columns", "interpret", "interpret_block"]
 
 
-def choose_columns(table: RawTable, option: str | None) -> tuple[ColumnPlan, list[Remark]]:
+def choose_columns(
+    table: RawTable, option: str | None, units: DeclaredUnits | None = None, rate: float | str | None = None
+) -> tuple[ColumnPlan, list[Remark]]:
     """Return which column is what: by the option, else the header, else the content.
+
+    Parameters
+    ----------
+    table, option : as read; ``--columns``, or None.
+    units, rate : as declared, which content alone needs.
 
     Raises
     ------
     UsageError
         If the option does not fit the table.
     RecordingError
-        If neither header nor content tells the columns.
+        If neither header nor content tells the columns, or the header names a part of a triad.
     """
     name = table.path.name
     if option is not None:
@@ -44,14 +61,51 @@ def choose_columns(table: RawTable, option: str | None) -> tuple[ColumnPlan, lis
         if plan.temperature is not None and table.names is not None:
             plan = replace(plan, temperature_unit=temperature_unit_in(table.names[plan.temperature]))
         return plan, []
+    said = _said(units or DeclaredUnits(), rate, table)
     if table.names is not None:
         plan = plan_from_names(table.names)
+        parts = _refuse_parts(table)
         if plan is not None:
-            return plan, [Remark("found", _header_words(table, plan)), *_left_over(table, plan)]
-        found, remarks = content.plan_from_content(table.columns, name)
+            return plan, [Remark("found", _header_words(table, plan)), *parts, *_left_over(table, plan)]
+        found, remarks = plan_from_content(table.columns, name, said)
         listed = ", ".join(table.names[:8])
         return found, [Remark("found", f"{name}: the header ({listed}) names no triad."), *remarks]
-    return content.plan_from_content(table.columns, name)
+    return plan_from_content(table.columns, name, said)
+
+
+def _said(units: DeclaredUnits, rate: float | str | None, table: RawTable) -> Said:
+    """Return what the user, or the table, declares that matters where no column has a name."""
+    hertz = table.rate if rate is None else sample_rate(rate)
+    increments = units.velocity_increment is not None
+    return Said(hertz, units.specific_force, increments, units.magnetic_field)
+
+
+def _refuse_parts(table: RawTable) -> list[Remark]:
+    """Refuse a header that names one or two axes of the accelerometer or the gyro; of a magnetometer, say so.
+
+    Raises
+    ------
+    RecordingError
+        If an axis of the accelerometer or the gyro is missing.
+    """
+    parts = parts_of_triads(table.names or ())
+    said: list[Remark] = []
+    for kind, what in (("a", "accelerometer"), ("g", "gyro"), ("m", "magnetometer")):
+        axes = parts.get(kind)
+        if axes is None:
+            continue
+        named = ", ".join(repr(name) for name in axes.values())
+        lacking = " and ".join(kind + axis for axis in AXES if axis not in axes)
+        text = f"{table.path.name}: the header names {named} of the {what} and no {lacking}; a triad needs all three"
+        if kind == "m":
+            said.append(Remark("found", f"{text}, so nothing is made of it."))
+            continue
+        others = {"a": "t,-,-,gx,gy,gz", "g": "t,ax,ay,az,-,-"}[kind]
+        raise RecordingError(
+            f"{text} axes. If the missing one has another name, say what every column is with --columns "
+            f"(t,ax,ay,az,gx,gy,gz); to go without the {what}, skip its columns with - (as in {others})."
+        )
+    return said
 
 
 def _left_over(table: RawTable, plan: ColumnPlan) -> list[Remark]:
@@ -61,7 +115,8 @@ def _left_over(table: RawTable, plan: ColumnPlan) -> list[Remark]:
         for triad, what in ((plan.specific_force, "accelerometer"), (plan.angular_rate, "gyro"))
         if triad is None
     ]
-    used = {i for triad in (plan.specific_force, plan.angular_rate) for i, _ in triad or ()}
+    triads = (plan.specific_force, plan.angular_rate, plan.magnetic_field)
+    used = {i for triad in triads for i, _ in triad or ()}
     used |= {i for i in (plan.time, plan.temperature) if i is not None}
     unused = [name for i, name in enumerate(table.names or ()) if i not in used]
     if not missing or not unused:
@@ -81,7 +136,11 @@ def _header_words(table: RawTable, plan: ColumnPlan) -> str:
     assert table.names is not None
     names = table.names
     parts = ["no time column" if plan.time is None else f"time {names[plan.time]!r}"]
-    for triad, what in ((plan.specific_force, "specific force"), (plan.angular_rate, "angular rate")):
+    for triad, what in (
+        (plan.specific_force, "specific force"),
+        (plan.angular_rate, "angular rate"),
+        (plan.magnetic_field, "magnetic field"),
+    ):
         if triad is not None:
             parts.append(f"{what} " + ", ".join(repr(names[i]) for i, _ in triad))
     if plan.temperature is not None:
@@ -93,7 +152,8 @@ def _ordered(
     table: RawTable, signals: Signals, unit: str | None, rate: float | None, parted: bool
 ) -> tuple[Signals, stamps.Stamps]:
     """Put the rows in time: by their stamps, or by the declared rate where there are none."""
-    count = next(len(p) for p in (signals.stamps, signals.force, signals.rates) if p is not None)
+    parts = (signals.stamps, signals.force, signals.rates, signals.magnetic)
+    count = next(len(p) for p in parts if p is not None)
     if count < 2:
         raise RecordingError(f"{table.path.name} has {count} usable row(s); a recording needs at least two.")
     if signals.stamps is None:
@@ -126,6 +186,9 @@ def _ordered(
         signals.force = None if signals.force is None else signals.force[keep]
         signals.rates = None if signals.rates is None else signals.rates[keep]
         signals.temperature = None if signals.temperature is None else signals.temperature[keep]
+        signals.magnetic = None if signals.magnetic is None else signals.magnetic[keep]
+        own = signals.magnetic_stamps
+        signals.magnetic_stamps = None if own is None else own[keep]
     return signals, ordered
 
 
@@ -187,14 +250,17 @@ def interpret(
         said_clock=ordered.clock,
     )
     remarks += _about_temperature(recording)
+    recording, hold, about_field = _with_field(recording, table, signals, ordered, plan, units)
+    remarks += about_field
     if table.judged and units == DeclaredUnits() and plan.said_by == "header":
-        return _as_judged(recording, plan, ordered.unit, [*remarks, *_unchecked(recording)])
+        return _as_judged(recording, plan, ordered.unit, [*remarks, *_unchecked(recording)], hold)
     declared_force = units.specific_force or plan.specific_force_unit
     increments = units.velocity_increment or (
         declared_force and find_unit("velocity increment", declared_force)
     )
     content.check_triads(recording, table.path.name, None if increments else declared_force)
     decided = Interpretation(plan, None if plan.time is None else ordered.unit, COUNTS, COUNTS, ordered.rate)
+    decided = _deciding_field(decided, recording, hold)
     decided, more = decide_force(recording, decided, units, table)
     recording = _rescaled(recording, decided)
     decided, rate_remarks = decide_rate(recording, decided, units, table)
@@ -209,13 +275,52 @@ def interpret(
     )
 
 
+def _with_field(
+    recording: Recording,
+    table: RawTable,
+    signals: Signals,
+    ordered: stamps.Stamps,
+    plan: ColumnPlan,
+    units: DeclaredUnits,
+) -> tuple[Recording, int, list[Remark]]:
+    """Add the magnetometer's samples, from the rows or from beside them; over how many rows each is held; remarks."""
+    header, said, hold = plan.magnetic_field_unit, list[Remark](), 1
+    if signals.magnetic is not None:
+        hold = hold_length(signals.magnetic)
+        own = recording.time if signals.magnetic_stamps is None else signals.magnetic_stamps
+        field = field_of_rows(own, signals.magnetic, hold, COUNTS)
+    else:
+        kept = None if signals.stamps is None else signals.stamps[ordered.keep]
+        field = field_beside(table, kept, recording.time, COUNTS)
+        header = None if table.field is None else table.field.unit
+        if table.field is not None and table.field.note:
+            said.append(Remark("found", f"{table.path.name}: {table.field.name} {table.field.note}."))
+    if field is None:
+        if signals.magnetic is not None or table.field is not None:
+            said.append(
+                Remark("found", f"{table.path.name}: the magnetometer's columns hold no number but zero.")
+            )
+        return recording, hold, said
+    if hold > 1:
+        text = f"The magnetometer has a new sample in every {hold} rows ({field.rate:.4g} Hz); repeated ones are none."
+        said.append(Remark("found", text))
+    unit, more = decide_field_unit(field, units, header, table.path.name)
+    return replace(recording, magnetic_field=replace(field, unit=unit)), hold, [*said, *more]
+
+
+def _deciding_field(decided: Interpretation, recording: Recording, hold: int) -> Interpretation:
+    field = recording.magnetic_field
+    return replace(decided, field_hold=hold, magnetic_field_unit=COUNTS if field is None else field.unit)
+
+
 def _as_judged(
-    recording: Recording, plan: ColumnPlan, time_unit: str, remarks: list[Remark]
+    recording: Recording, plan: ColumnPlan, time_unit: str, remarks: list[Remark], hold: int
 ) -> tuple[Interpretation, Recording]:
     """Take the units that a file of tumble's own has noted: they were judged when it was written."""
     force_unit, rate_unit = plan.specific_force_unit or COUNTS, plan.angular_rate_unit or COUNTS
     clock = None if plan.time is None else time_unit
     decided = Interpretation(plan, clock, force_unit, rate_unit, recording.rate, remarks=tuple(remarks))
+    decided = _deciding_field(decided, recording, hold)
     return decided, replace(
         recording,
         specific_force_unit=force_unit,
@@ -246,6 +351,8 @@ def _about_temperature(recording: Recording) -> list[Remark]:
 
 
 def _unchecked(recording: Recording) -> list[Remark]:
+    if recording.specific_force is None and recording.angular_rate is None:
+        return []
     if recording.specific_force is None:
         return [
             Remark(
@@ -344,8 +451,23 @@ def interpret_block(
         remarks=tuple(remarks),
         gaps=stamps.find_gaps(time, decided.rate),
         temperature_unit=decided.plan.temperature_unit,
+        magnetic_field=_block_field(table, signals, keep, time, decided),
     )
     return _rescaled_rate(_rescaled(block, decided), decided)
+
+
+def _block_field(
+    table: RawTable,
+    signals: Signals,
+    keep: npt.NDArray[np.bool_],
+    time: AnyArray,
+    decided: Interpretation,
+) -> MagneticField | None:
+    unit = decided.magnetic_field_unit
+    if signals.magnetic is not None:
+        own = time if signals.magnetic_stamps is None else signals.magnetic_stamps[keep]
+        return field_of_rows(own, signals.magnetic[keep], decided.field_hold, unit)
+    return field_beside(table, None if signals.stamps is None else signals.stamps[keep], time, unit)
 
 
 def _continued(

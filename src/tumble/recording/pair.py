@@ -8,9 +8,9 @@ import numpy as np
 
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.columns import ColumnPlan, kind_of_file, plan_from_names, plan_from_option
-from tumble.recording.content import find_accelerometer, is_time_like
 from tumble.recording.formats.table import RawTable
 from tumble.recording.recording import Remark
+from tumble.recording.unnamed_columns import find_accelerometer, is_time_like
 
 _STAMP_TOLERANCE = 0.02  # of a step: stamps written with different rounding still agree
 

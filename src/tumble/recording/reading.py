@@ -150,7 +150,7 @@ def _recording_of(
         if not len(table):
             raise RecordingError(f"{table.path.name} has no rows.")
     if len(tables) == 1:
-        plan, remarks = choose_columns(tables[0], columns)
+        plan, remarks = choose_columns(tables[0], columns, declared, rate)
         return interpret(tables[0], plan, declared, rate, sources, remarks, parted=parted)[1]
     _refuse_no_pair(tables, columns)
     pairing = find_pairing(tables[0], tables[1], columns)
@@ -214,7 +214,7 @@ def read_blocks(
     decided: Interpretation | None = None
     state = BlockState()
     sources = tuple[Source, ...]()
-    for table, plan, remarks in _planned_blocks(listed, columns, _names(topics)):
+    for table, plan, remarks in _planned_blocks(listed, columns, _names(topics), declared, rate):
         if decided is None:
             sources = tuple(source_of(p) if isinstance(p, Path) else frame_table(p).source for p in listed)
             decided, _ = interpret(table, plan, declared, rate, sources, remarks, parted=parted)
@@ -229,7 +229,11 @@ def read_blocks(
 
 
 def _planned_blocks(
-    paths: list[Path | Frame], columns: str | None, topics: Sequence[str]
+    paths: list[Path | Frame],
+    columns: str | None,
+    topics: Sequence[str],
+    units: DeclaredUnits,
+    rate: float | str | None,
 ) -> Iterator[tuple[RawTable, ColumnPlan, list[Remark]]]:
     """Yield tables with their columns chosen; the choice of the first one holds for all."""
     plan: ColumnPlan | None = None
@@ -237,7 +241,7 @@ def _planned_blocks(
         for table in _tables(paths[0], topics):
             remarks = list[Remark]()
             if plan is None:
-                plan, remarks = choose_columns(table, columns)
+                plan, remarks = choose_columns(table, columns, units, rate)
             yield table, plan, remarks
         return
     pairing: Pairing | None = None

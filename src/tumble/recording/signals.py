@@ -50,7 +50,9 @@ def _triad(table: RawTable, triad: tuple[tuple[int, float], ...] | None) -> Vect
 class Signals:
     """The columns of one table in their roles, after rows without finite numbers were left out.
 
-    `rows` are the row numbers in the table of what is left, None for all.
+    `rows` are the row numbers in the table of what is left, None for all. `magnetic` may hold rows without a number:
+    a magnetometer often has fewer samples than the table has rows. `magnetic_stamps` are its own, s, where the table
+    has them.
     """
 
     stamps: Series | None
@@ -59,6 +61,8 @@ class Signals:
     temperature: Series | None
     rows: npt.NDArray[np.intp] | None
     remarks: list[Remark] = field(default_factory=list[Remark])
+    magnetic: Vectors | None = None
+    magnetic_stamps: Series | None = None
 
 
 def pick_signals(table: RawTable, plan: ColumnPlan, *, parted: bool = False) -> Signals:
@@ -77,17 +81,20 @@ def pick_signals(table: RawTable, plan: ColumnPlan, *, parted: bool = False) -> 
     time = None if plan.time is None else table.columns[plan.time]
     force, rates = _triad(table, plan.specific_force), _triad(table, plan.angular_rate)
     temperature = None if plan.temperature is None else table.columns[plan.temperature]
-    parts = [p for p in (time, force, rates) if p is not None]
+    magnetic = _triad(table, plan.magnetic_field)
+    own = None if plan.magnetic_field_time is None else table.columns[plan.magnetic_field_time]
+    alone = magnetic if force is None and rates is None else None
+    parts = [p for p in (time, force, rates, alone) if p is not None]
     with np.errstate(invalid="ignore", over="ignore"):
         finite = all(np.isfinite(p.sum()) for p in parts)  # a sum is finite if every term is
     if finite:
-        return Signals(time, force, rates, temperature, None)
+        return Signals(time, force, rates, temperature, None, magnetic=magnetic, magnetic_stamps=own)
     good = np.ones(len(table), bool)
     for part in parts:
         good &= np.isfinite(part) if part.ndim == 1 else np.isfinite(part).all(axis=1)
     bad = int(good.size - good.sum())
     if not bad:
-        return Signals(time, force, rates, temperature, None)
+        return Signals(time, force, rates, temperature, None, magnetic=magnetic, magnetic_stamps=own)
     row = int(np.argmin(good))
     where = _bad_column(table, plan, row)
     if bad > max(1.0, (_MOST_PARTED_ROWS if parted else _MOST_BAD_ROWS) * good.size):
@@ -102,11 +109,17 @@ def pick_signals(table: RawTable, plan: ColumnPlan, *, parted: bool = False) -> 
     def kept(part: AnyArray | None) -> AnyArray | None:
         return None if part is None else part[rows]
 
-    return Signals(kept(time), kept(force), kept(rates), kept(temperature), rows, [Remark("mended", text)])
+    said = [Remark("mended", text)]
+    return Signals(
+        kept(time), kept(force), kept(rates), kept(temperature), rows, said, kept(magnetic), kept(own)
+    )
 
 
 def _bad_column(table: RawTable, plan: ColumnPlan, row: int) -> str:
     used = [plan.time] if plan.time is not None else []
-    used += [i for t in (plan.specific_force, plan.angular_rate) if t is not None for i, _ in t]
+    triads = [t for t in (plan.specific_force, plan.angular_rate) if t is not None] or [
+        plan.magnetic_field or ()
+    ]
+    used += [i for t in triads for i, _ in t]
     index = next(i for i in used if not np.isfinite(table.columns[i][row]))
     return table.column_name(index)

@@ -35,6 +35,8 @@ class Interpretation:
     force_factor, rate_factor : what the columns are multiplied with: 1, or for increments the factor
         that turns them into SI rates.
     remarks : how all this was found.
+    magnetic_field_unit : unit of the magnetometer.
+    field_hold : over how many rows the logger repeats each of its samples.
     """
 
     plan: ColumnPlan
@@ -45,6 +47,8 @@ class Interpretation:
     force_factor: float = 1.0
     rate_factor: float = 1.0
     remarks: tuple[Remark, ...] = ()
+    magnetic_field_unit: str = COUNTS
+    field_hold: int = 1
 
 
 def about_units(table: RawTable, plan: ColumnPlan, units: DeclaredUnits) -> list[Remark]:

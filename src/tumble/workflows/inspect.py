@@ -36,6 +36,9 @@ class Inspection:
                     recording.specific_force is not None, recording.specific_force_unit
                 ),
                 "angular_rate": _stream(recording.angular_rate is not None, recording.angular_rate_unit),
+                "magnetic_field": None
+                if recording.magnetic_field is None
+                else {"unit": recording.magnetic_field.unit},
                 "temperature": None if recording.temperature is None else {"unit": "degC"},
             },
             "remarks": [{"kind": r.kind, "text": r.text} for r in recording.remarks],

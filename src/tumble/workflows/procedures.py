@@ -164,7 +164,7 @@ def add_objections(session: Session, estimate: Estimate, procedure: str | None, 
     recording, timeline = session.recording, session.timeline
     estimate.say("objection", *find_dead_channels(recording))
     doubts = [remark.text for remark in recording.remarks if remark.kind == "doubtful"]
-    estimate.say("objection", *(f"{text} Say which it is, with --units and --rate." for text in doubts))
+    estimate.say("objection", *doubts)
     estimate.say("remark", *find_saturated_channels(recording))
     if recording.specific_force is not None and recording.angular_rate is not None:
         # Holds do not tell which way the gyro counts; where there are turns between them, these do.

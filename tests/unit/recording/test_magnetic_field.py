@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tumble.errors import UsageError
-from tumble.recording import MagneticField, Recording
+from tumble.recording import MagneticField, Recording, read_recording, write_recording
 from tumble.recording.declared import read_units_option
 from tumble.recording.magnetic_field import joined_fields
 from tumble.units import find_unit, magnetic_field_factor
@@ -105,3 +106,29 @@ def test_units_option_declares_the_magnetometer_too() -> None:
     assert (third.specific_force, third.angular_rate, third.magnetic_field) == ("g", "deg/s", "counts")
     with pytest.raises(UsageError, match="two units of magnetic field"):
         read_units_option("uT,gauss")
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+@pytest.mark.parametrize("begin", [0.0, 0.013])
+def test_a_saved_recording_has_the_field_at_its_own_stamps(tmp_path: Path, ending: str, begin: float) -> None:
+    rng = np.random.default_rng(4)
+    time = np.arange(1000) / 100.0
+    force = np.array([0.1, -0.2, 9.8]) + 0.02 * rng.normal(size=(1000, 3))
+    field = slow_field(begin=begin)
+    field = replace(field, values=np.array([15.0, -3.0, -45.0]) + rng.normal(size=field.values.shape))
+    whole = Recording(time, force, 0.01 * force, "m/s^2", "rad/s", 100.0, magnetic_field=field)
+    again = read_recording(write_recording(whole, tmp_path / f"saved{ending}", all_units=True)).magnetic_field
+    assert again is not None
+    assert again.unit == "uT"
+    assert np.array_equal(again.values, field.values)
+    assert np.array_equal(again.time, field.time)
+
+
+def test_a_magnetometer_alone_is_saved_and_read_again(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    field = replace(slow_field(), values=np.array([15.0, -3.0, -45.0]) + rng.normal(size=(200, 3)))
+    alone = Recording(field.time, None, None, "counts", "counts", 20.0, magnetic_field=field)
+    again = read_recording(write_recording(alone, tmp_path / "saved.csv", all_units=True))
+    assert again.specific_force is None
+    assert again.magnetic_field is not None
+    assert np.array_equal(again.magnetic_field.values, field.values)

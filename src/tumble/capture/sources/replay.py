@@ -10,6 +10,7 @@ import numpy as np
 
 from tumble.capture.samples import Channels, Samples
 from tumble.capture.source import Piece, Source, SourceOptions
+from tumble.errors import RecordingError
 from tumble.recording.reading import Paths, read_blocks, recording_inputs
 from tumble.recording.recording import Recording
 
@@ -42,6 +43,10 @@ def replay(address: str, options: SourceOptions) -> Iterator[Piece]:
         rate=options.rate,
         topics=options.topics,
     ):
+        if block.specific_force is None and block.angular_rate is None:
+            raise RecordingError(
+                "The recording has neither accelerometer nor gyro: there is nothing to guide."
+            )
         if channels is None:
             channels, first = _channels_of(block), float(block.time[0])
             yield channels

@@ -9,6 +9,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
+import numpy as np
+
+from tumble.arrays import Series
 from tumble.errors import OutputError, UsageError
 from tumble.files import written_beside
 from tumble.recording.formats.parquet_plain import UNITS_KEY
@@ -20,6 +23,10 @@ if TYPE_CHECKING:
 
 
 ENDINGS = (".csv", ".parquet", ".pq")
+
+
+FIELD_STAMPS = "mag_time"
+"""Name of the column of the magnetometer's own stamps."""
 
 
 def column_names(recording: Recording, *, all_units: bool = False) -> list[str]:
@@ -44,6 +51,32 @@ def column_names(recording: Recording, *, all_units: bool = False) -> list[str]:
     if recording.temperature is not None:
         names.append("temperature [degC]" if all_units else "temperature")
     return names
+
+
+def field_columns(recording: Recording) -> dict[str, Series]:
+    """Return the magnetometer's samples as columns beside a recording's rows, none without a magnetometer.
+
+    Each sample stands in the row whose stamp is nearest, and its own stamp beside it where the two differ; the other
+    rows are not a number. Of several samples nearest to one row the nearest one is written.
+
+    Parameters
+    ----------
+    recording : to be written.
+    """
+    field = recording.magnetic_field
+    if field is None:
+        return {}
+    time, count = recording.time, len(recording)
+    after = np.clip(np.searchsorted(time, field.time), 1, max(count - 1, 1))
+    before_is_near = field.time - time[after - 1] <= time[min(1, count - 1) :][after - 1] - field.time
+    rows = np.where(before_is_near, after - 1, np.minimum(after, count - 1))
+    # The nearest of a row's samples comes last, and stays.
+    order = np.argsort(-np.abs(field.time - time[rows]), kind="stable")
+    values, stamps = np.full((count, 3), np.nan), np.full(count, np.nan)
+    values[rows[order]], stamps[rows[order]] = field.values[order], field.time[order]
+    columns = {f"m{axis} [{field.unit}]": values[:, i] for i, axis in enumerate("xyz")}
+    own = np.isfinite(stamps) & (stamps != time)
+    return columns | ({f"{FIELD_STAMPS} [s]": stamps} if own.any() else {})
 
 
 def judged_units(recording: Recording) -> dict[str, str]:
@@ -72,12 +105,17 @@ def write_recording(recording: Recording, path: str | os.PathLike[str], *, all_u
         If the file cannot be written; an earlier one is then intact.
     """
     target = Path(path)
-    write_blocks([recording], target, all_units=all_units)
+    write_blocks([recording], target, all_units=all_units, magnetometer=True)
     return target
 
 
 def write_blocks(
-    blocks: Iterable[Recording], target: Path, marks: Sequence[str] = (), *, all_units: bool = False
+    blocks: Iterable[Recording],
+    target: Path,
+    marks: Sequence[str] = (),
+    *,
+    all_units: bool = False,
+    magnetometer: bool = False,
 ) -> None:
     """Write consecutive blocks as one CSV or Parquet file, by the ending of `target`.
 
@@ -86,6 +124,7 @@ def write_blocks(
     blocks, target : pieces of one recording in time order, and the file.
     marks : names of columns that hold the number 1 in every row: what was done to the recording.
     all_units : whether the header of a CSV names the plain units too.
+    magnetometer : whether the magnetometer's samples are written beside (of a recording in one block).
 
     Raises
     ------
@@ -101,21 +140,24 @@ def write_blocks(
     with written_beside(target) as beside, beside.open("wb") as file:
         if target.suffix.lower() == ".csv":
             for number, block in enumerate(blocks):
-                frame = frame_of(block, marks, all_units=all_units)
+                frame = frame_of(block, marks, all_units=all_units, magnetometer=magnetometer)
                 frame.write_csv(file, include_header=number == 0)
         else:
-            _write_parquet(blocks, file, target.parent, marks)
+            _write_parquet(blocks, file, target.parent, marks, magnetometer=magnetometer)
         file.flush()
         os.fsync(file.fileno())
 
 
-def frame_of(recording: Recording, marks: Sequence[str] = (), *, all_units: bool = False) -> pl.DataFrame:
+def frame_of(
+    recording: Recording, marks: Sequence[str] = (), *, all_units: bool = False, magnetometer: bool = False
+) -> pl.DataFrame:
     """Return the recording's columns as a data frame, with a column of ones for each mark.
 
     Parameters
     ----------
     recording, marks : what is written, and the names of the columns of ones.
     all_units : whether the names tell the plain units too.
+    magnetometer : whether the magnetometer's samples stand beside, see `field_columns`.
     """
     import polars as pl
 
@@ -125,12 +167,18 @@ def frame_of(recording: Recording, marks: Sequence[str] = (), *, all_units: bool
             columns += [triad[:, axis] for axis in range(3)]
     if recording.temperature is not None:
         columns.append(recording.temperature)
-    frame = pl.DataFrame(dict(zip(column_names(recording, all_units=all_units), columns, strict=True)))
+    named = dict(zip(column_names(recording, all_units=all_units), columns, strict=True))
+    frame = pl.DataFrame(named | (field_columns(recording) if magnetometer else {}))
     return frame.with_columns([pl.lit(1, dtype=pl.Int8).alias(mark) for mark in marks])
 
 
 def _write_parquet(
-    blocks: Iterable[Recording], file: BinaryIO, folder: Path, marks: Sequence[str] = ()
+    blocks: Iterable[Recording],
+    file: BinaryIO,
+    folder: Path,
+    marks: Sequence[str] = (),
+    *,
+    magnetometer: bool = False,
 ) -> None:
     """Write parts to a folder beside the target, then join them as a stream."""
     import polars as pl
@@ -140,7 +188,8 @@ def _write_parquet(
             units: dict[str, str] = {}
             for number, block in enumerate(blocks):
                 units = judged_units(block)
-                frame_of(block, marks).write_parquet(Path(parts) / f"{number:08d}.parquet", compression="lz4")
+                part = Path(parts) / f"{number:08d}.parquet"
+                frame_of(block, marks, magnetometer=magnetometer).write_parquet(part, compression="lz4")
             # Not compressed, for samples hardly do, and so that numpy alone can read it again.
             pl.scan_parquet(str(Path(parts) / "*.parquet")).sink_parquet(
                 file, compression="uncompressed", metadata={UNITS_KEY: json.dumps(units)}

@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import mmap
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
+from dataclasses import field as made
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import Series
+from tumble.arrays import Series, Vectors
 from tumble.files import opened, shown
 from tumble.recording.recording import Remark, Source
 
@@ -21,6 +22,31 @@ _LARGEST, _SMALLEST = 1e19, 1e-30
 def row_words(row: int) -> str:
     """Return a row's number, from 1, in words."""
     return f"row {row + 1}"
+
+
+@dataclass(frozen=True, slots=True)
+class FieldStream:
+    """A magnetometer's samples beside a table, with stamps of their own.
+
+    Attributes
+    ----------
+    name : of the stream, as messages call it.
+    time : (samples,) seconds on the clock of the table's stamps, which are in seconds then.
+    values : (samples, 3) raw, finite.
+    unit : as the file says, or None.
+    note : a sentence's end about the numbers, as what the device has already taken out; or nothing.
+    """
+
+    name: str
+    time: Series
+    values: Vectors
+    unit: str | None = None
+    note: str = ""
+
+    def within(self, start: float, stop: float) -> FieldStream:
+        """Return the samples from time `start` up to, without, time `stop`."""
+        first, last = (int(i) for i in np.searchsorted(self.time, (start, stop)))
+        return replace(self, time=self.time[first:last], values=self.values[first:last])
 
 
 @dataclass(slots=True)
@@ -37,16 +63,18 @@ class RawTable:
     place : turns a row number (from 0) into words, "line 17" for text, "row 15" otherwise.
     rate : sampling rate in Hz if the file states one.
     judged : whether the units in the names were judged when tumble wrote the file.
+    field : the magnetometer's samples where they have stamps of their own; the first column is time then.
     """
 
     path: Path
     names: tuple[str, ...] | None
     columns: list[Series]
     source: Source
-    remarks: list[Remark] = field(default_factory=list[Remark])
+    remarks: list[Remark] = made(default_factory=list[Remark])
     place: Callable[[int], str] = row_words
     rate: float | None = None
     judged: bool = False
+    field: FieldStream | None = None
 
     def __len__(self) -> int:
         return int(self.columns[0].shape[0]) if self.columns else 0
@@ -58,6 +86,8 @@ class RawTable:
     def cut(self, start: int, stop: int) -> RawTable:
         """Return rows `start` up to `stop` as a table (views, no copies)."""
         place = self.place
+        begin = -np.inf if start == 0 else float(self.columns[0][start])
+        end = np.inf if stop >= len(self) else float(self.columns[0][stop])
         return RawTable(
             path=self.path,
             names=self.names,
@@ -67,6 +97,7 @@ class RawTable:
             place=lambda row: place(row + start),
             rate=self.rate,
             judged=self.judged,
+            field=None if self.field is None else self.field.within(begin, end),
         )
 
 

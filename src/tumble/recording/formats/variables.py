@@ -13,7 +13,7 @@ from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
 from tumble.files import shown
 from tumble.recording.formats.streams import Samples, merge_streams
-from tumble.recording.formats.table import RawTable, as_columns, hash_file
+from tumble.recording.formats.table import FieldStream, RawTable, as_columns, hash_file
 from tumble.recording.recording import Remark
 
 _LISTED = 12
@@ -98,7 +98,7 @@ def table_from_variables(
 def _stamped_pair(path: Path, arrays: Mapping[str, npt.NDArray[np.float64]]) -> RawTable | None:
     """Two arrays of four columns, stamps first or last, as one table on the gyro's stamps; None if there are none."""
     from tumble.recording.columns import kind_of_file
-    from tumble.recording.content import is_time_like
+    from tumble.recording.unnamed_columns import is_time_like
 
     found: dict[str, tuple[str, Series, Vectors]] = {}
     for name, array in arrays.items():
@@ -110,7 +110,7 @@ def _stamped_pair(path: Path, arrays: Mapping[str, npt.NDArray[np.float64]]) -> 
         if not stamps or kind is None or kind in found:
             continue
         found[kind] = name, columns[:, stamps[0]], np.delete(columns, stamps[0], axis=1)
-    if len(found) < 2:
+    if not {"a", "g"} <= set(found):
         return None
     (force_name, force_time, force), (rate_name, rate_time, rates) = found["a"], found["g"]
     samples, remarks = merge_streams(
@@ -120,7 +120,8 @@ def _stamped_pair(path: Path, arrays: Mapping[str, npt.NDArray[np.float64]]) -> 
     assert samples.specific_force is not None
     assert samples.angular_rate is not None
     columns = [samples.time, *as_columns(samples.specific_force), *as_columns(samples.angular_rate)]
-    return RawTable(path, names, columns, hash_file(path), remarks)
+    field = FieldStream(*found["m"]) if "m" in found else None
+    return RawTable(path, names, columns, hash_file(path), remarks, field=field)
 
 
 def _listed(names: Mapping[str, object]) -> str:

@@ -393,7 +393,7 @@ def _misnamed(bag: Bag, choice: Choice) -> list[Remark]:
         (choice.rates, "g", "an angular rate", "an accelerometer"),
     ):
         named = None if name is None else kind_of_file(name.replace("_", " ").replace("/", " "))
-        if named not in (None, kind):
+        if named in ("a", "g") and named != kind:
             text = f"{bag.path.name}: {name} is named after {other}, but its messages hold {what}: it is read as that."
             said.append(Remark("unchecked", text))
     return said

@@ -1,0 +1,48 @@
+"""Channels that stick at their extreme, as a sensor at its limit does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tumble.arrays import Series
+
+_LEAST_RUN = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Saturation:
+    """A channel that sticks at its extreme: `samples` at `value`, the longest run and where it begins."""
+
+    channel: str
+    value: float
+    samples: int
+    longest_run: int
+    index: int
+
+
+def find_saturation(channel: Series, name: str, floor: float) -> list[Saturation]:
+    """Return where a channel sticks at its largest or smallest value.
+
+    A sensor at its limit repeats one value, run after run, and has more samples there than in the
+    whole twentieth of its range next to it; noise around a level does not.
+    """
+    found: list[Saturation] = []
+    middle = float(np.median(channel))
+    for value in (float(channel.max()), float(channel.min())):
+        reach = abs(value - middle)
+        if reach <= 20.0 * floor or reach == 0.0:
+            continue
+        at = channel == value
+        near = (np.abs(channel - value) < 0.05 * reach) & ~at
+        count = int(at.sum())
+        if count < _LEAST_RUN + 1 or count <= int(near.sum()):
+            continue
+        edges = np.diff(np.concatenate([[0], at.astype(np.int8), [0]]))
+        starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+        longest = int(np.argmax(stops - starts))
+        run = int(stops[longest] - starts[longest])
+        if run >= _LEAST_RUN:
+            found.append(Saturation(name, value, count, run, int(starts[longest])))
+    return found
