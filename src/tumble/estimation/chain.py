@@ -101,17 +101,30 @@ class Whitened:
     by_border: AnyArray
 
     @staticmethod
-    def of(equations: Equations, linear: Linear) -> Whitened:
-        """Whiten a linearisation."""
-        root = np.asarray(np.linalg.cholesky(linear.weighed), dtype=np.float64)
-        given = [linear.residual[..., None], linear.by_border]
-        given += [by for by in (linear.by_node, linear.by_next) if by is not None]
-        solved = np.asarray(np.linalg.solve(root, np.concatenate(given, axis=2)), dtype=np.float64)
-        first = 1 + linear.by_border.shape[2]
-        second = first if linear.by_node is None else first + linear.by_node.shape[2]
-        by_node = None if linear.by_node is None else solved[..., first:second]
-        by_next = None if linear.by_next is None else solved[..., second:]
-        return Whitened(equations, linear, root, solved[..., 0], by_node, by_next, solved[..., 1:first])
+    def of_all(made: Sequence[tuple[Equations, Linear]]) -> list[Whitened]:
+        """Whiten linearisations, those of one shape at once."""
+        alike: dict[tuple[int, ...], list[int]] = {}
+        for at, (_, linear) in enumerate(made):
+            others = [-1 if by is None else by.shape[2] for by in (linear.by_node, linear.by_next)]
+            alike.setdefault((*linear.by_border.shape[1:], *others), []).append(at)
+        whitened: dict[int, Whitened] = {}
+        for (_, border, size, _), members in alike.items():
+            linears = [made[at][1] for at in members]
+            weighed = np.concatenate([linear.weighed for linear in linears])
+            roots = np.asarray(np.linalg.cholesky(weighed), dtype=np.float64)
+            given = np.concatenate([_side_by_side(linear) for linear in linears])
+            solved = np.asarray(np.linalg.solve(roots, given), dtype=np.float64)
+            first, stop = 1 + border, 0
+            second = first + max(size, 0)
+            for at, linear in zip(members, linears, strict=True):
+                start, stop = stop, stop + len(linear.residual)
+                own = solved[start:stop]
+                by_node = None if linear.by_node is None else own[..., first:second]
+                by_next = None if linear.by_next is None else own[..., second:]
+                whitened[at] = Whitened(
+                    made[at][0], linear, roots[start:stop], own[..., 0], by_node, by_next, own[..., 1:first]
+                )
+        return [whitened[at] for at in range(len(made))]
 
     @property
     def square_sum(self) -> float:
@@ -130,6 +143,33 @@ class Whitened:
     def raw(self) -> AnyArray:
         """(terms, m) residuals in their own units."""
         return np.einsum("tij,tj->ti", self.root, self.residual)
+
+
+def _side_by_side(linear: Linear) -> AnyArray:
+    """(terms, m, 1 + border + nodes) residuals and all derivatives."""
+    given = [linear.residual[..., None], linear.by_border]
+    given += [by for by in (linear.by_node, linear.by_next) if by is not None]
+    return np.concatenate(given, axis=2)
+
+
+def _terms_of(stretches: Sequence[Stretch], state: Any) -> list[list[Whitened]]:
+    """Whitened residuals of stretches, all equations of one kind at once."""
+    of_kind: dict[type[Equations], list[tuple[int, int]]] = {}
+    for number, stretch in enumerate(stretches):
+        for slot, equations in enumerate(stretch.equations):
+            of_kind.setdefault(type(equations), []).append((number, slot))
+    found: dict[tuple[int, int], Sequence[Linear]] = {}
+    for kind, places in of_kind.items():
+        members = [stretches[number].equations[slot] for number, slot in places]
+        found.update(zip(places, kind.linearise_all(members, state), strict=True))
+    pairs: list[tuple[Equations, Linear]] = []
+    ends: list[int] = []
+    for number, stretch in enumerate(stretches):
+        for slot, equations in enumerate(stretch.equations):
+            pairs += [(equations, linear) for linear in found[number, slot]]
+        ends.append(len(pairs))
+    whitened = Whitened.of_all(pairs)
+    return [whitened[start:stop] for start, stop in zip([0, *ends], ends, strict=False)]
 
 
 def _add_at(made: AnyArray, at: np.ndarray, values: AnyArray) -> None:
@@ -192,16 +232,28 @@ class Chain:
         state : where everything is; handed to the equations.
         outside : how many unknowns lie outside.
         """
-        chain = Chain.zero(stretch.nodes, stretch.size, stretch.own, outside)
-        chain.stretch = stretch
-        for equations in stretch.equations:
-            for linear in equations.linearise(state):
-                chain.add(Whitened.of(equations, linear))
-        for place, inner in stretch.within:
-            if not isinstance(inner, Eliminated):
-                inner = Chain.of(inner, state, place.width + stretch.own + outside).eliminated()
-            chain.join(place, inner)
-        return chain
+        return Chain._of_all([(stretch, outside)], state)[0]
+
+    @staticmethod
+    def _of_all(given: Sequence[tuple[Stretch, int]], state: Any) -> list[Chain]:
+        """The equations of stretches side by side, each with how many unknowns lie outside of it."""
+        made: list[Chain] = []
+        terms = _terms_of([stretch for stretch, _ in given], state)
+        for (stretch, outside), whitened in zip(given, terms, strict=True):
+            chain = Chain.zero(stretch.nodes, stretch.size, stretch.own, outside)
+            chain.stretch = stretch
+            for term in whitened:
+                chain.add(term)
+            fresh = [
+                (inner, place.width + stretch.own + outside)
+                for place, inner in stretch.within
+                if not isinstance(inner, Eliminated)
+            ]
+            inners = iter(Chain._of_all(fresh, state) if fresh else [])
+            for place, inner in stretch.within:
+                chain.join(place, inner if isinstance(inner, Eliminated) else next(inners).eliminated())
+            made.append(chain)
+        return made
 
     def add(self, term: Whitened) -> None:
         """Add whitened residuals that depend on a node and the next one at most, and on the border."""

@@ -121,6 +121,17 @@ class Equations:
     cause: str = ""
     place: np.ndarray
 
+    @classmethod
+    def linearise_all(cls, group: Sequence[Any], state: Any) -> list[Sequence[Linear]]:
+        """Return what `linearise` returns, of each; a kind with much in common between them does it at once.
+
+        Parameters
+        ----------
+        group : of this kind, of chains that lie in the same one.
+        state : where everything is.
+        """
+        return [one.linearise(state) for one in group]
+
     def linearise(self, state: Any) -> Sequence[Linear]:
         """Return residuals with derivatives at a state; several where not all depend on the same nodes.
 

@@ -9,8 +9,9 @@ both biases wander: a constant and cosines over the rotation, each with the vari
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -160,28 +161,64 @@ class RotationEquations(Equations):
 
     def rates(self, u: Unknowns) -> Table:
         """Return (windows, 3) rad/s, what the gyros show in each window without bias and g-sensitivity."""
-        return _window_rates(self.spin, u)
+        return _window_rates(u, self.spin.force, self.spin.rate)
 
 
-class Windows(RotationEquations):
+class AlikeEquations(RotationEquations):
+    """Of one rotation, with the work done for all rotations of one layout at once."""
+
+    @classmethod
+    def linearise_all(cls, group: Sequence[Any], state: JointAdjustment) -> list[Sequence[Linear]]:
+        """Return residuals of each rotation; all are of one section."""
+        made: dict[int, Sequence[Linear]] = {}
+        by_layout: dict[Layout, list[int]] = {}
+        for at, one in enumerate(group):
+            by_layout.setdefault(one.layout, []).append(at)
+        for members in by_layout.values():
+            made.update(zip(members, cls.alike([group[at] for at in members], state), strict=True))
+        return [made[at] for at in range(len(group))]
+
+    def linearise(self, state: JointAdjustment) -> Sequence[Linear]:
+        """Return residuals of this rotation."""
+        return type(self).alike([self], state)[0]
+
+    @classmethod
+    def alike(cls, group: Sequence[Any], state: JointAdjustment) -> list[list[Linear]]:
+        """Return residuals of each rotation; all have one layout, and are of one section."""
+        raise NotImplementedError
+
+
+class Windows(AlikeEquations):
     """The windows' specific force: ``a(mean rotation · C' (0, 0, -g) + centripetal) + wander`` less the mean."""
 
     kind, cause = "windows", FORCE_TURNING
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
+    @classmethod
+    def alike(cls, group: Sequence[Windows], state: JointAdjustment) -> list[list[Linear]]:
         """Return three residuals a window, raw."""
-        u, spin, layout, moving = state.unknowns, self.spin, self.layout, self.moving
-        rates = _window_rates(spin, u)
-        lag = float(u["lag"][0])
-        backward = mean_backward_rotation(spin, rates, lag) @ np.swapaxes(moving.C_wb, 1, 2)
+        u, layout, spins = state.unknowns, group[0].layout, [one.spin for one in group]
+        counts = [len(spin.windows) for spin in spins]
+        stops = np.cumsum(counts).tolist()
+        pieces = [slice(stop - count, stop) for stop, count in zip(stops, counts, strict=True)]
+        force, rate, modes = (
+            np.concatenate([getattr(s, name) for s in spins]) for name in ("force", "rate", "modes")
+        )
+        rates, lag = _window_rates(u, force, rate), float(u["lag"][0])
+        mean = [mean_backward_rotation(s, rates[at], lag) for s, at in zip(spins, pieces, strict=True)]
+        C_wb, own = (
+            np.concatenate([one.moving.C_wb for one in group]),
+            np.repeat([one.moving.own for one in group], counts, axis=0),
+        )
+        backward = np.concatenate(mean) @ np.swapaxes(C_wb, 1, 2)
         up = np.array([0.0, 0.0, -state.site.gravity])
-        centripetal, bases = skews(rates) @ skews(rates), layout.bases(spin.modes)
+        cross, bases = skews(rates), layout.bases(modes)
+        centripetal = cross @ cross
         shown = raw_force(
             u,
-            backward @ up + centripetal @ moving.own[layout.lever],
+            backward @ up + np.einsum("nij,nj->ni", centripetal, own[:, layout.lever]),
             size_effect.apart(u, centripetal),
         )
-        residual = shown.value + bases @ moving.own[layout.force] - spin.force
+        residual = shown.value + np.einsum("nij,nj->ni", bases, own[:, layout.force]) - force
         blocks = dict(shown.by_blocks)
         if u.is_free("lever_arms"):
             blocks["lever_arms"] = size_effect.by_lever_arms(shown.by_true, centripetal)
@@ -191,10 +228,29 @@ class Windows(RotationEquations):
         by_border[:, :, layout.lever] = shown.by_true @ centripetal
         by_border[:, :, layout.force] = bases
         by_node = shown.by_true @ backward @ skew(up)
+        return [
+            [
+                Linear(
+                    residual[at],
+                    one.covariance(state),
+                    by_border[at],
+                    np.arange(count),
+                    by_node[at],
+                    by_bias=np.broadcast_to(np.eye(3), (count, 3, 3)),
+                )
+            ]
+            for one, at, count in zip(group, pieces, counts, strict=True)
+        ]
+
+    def covariance(self, state: JointAdjustment) -> Matrices:
+        """Return (windows, 3, 3) raw², of the means, the table's shaking, and what wanders faster than the modes.
+
+        Parameters
+        ----------
+        state : the noise.
+        """
         shaking = state.noise.factor("windows", self.stretch.k)
-        covariance = shaking * spin.force_covariance + _faster(spin, state.data.force_density)
-        node, by_bias = np.arange(len(residual)), np.broadcast_to(np.eye(3), (len(residual), 3, 3))
-        return [Linear(residual, covariance, by_border, node, by_node, by_bias=by_bias)]
+        return shaking * self.spin.force_covariance + _faster(self.spin, state.data.force_density)
 
     def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
         """Return what wanders faster than the modes."""
@@ -202,7 +258,7 @@ class Windows(RotationEquations):
         return {FORCE_WANDER: _fast_drift(state.data, self.spin, linear, windows, state.data.force_density)}
 
 
-class Links(RotationEquations):
+class Links(AlikeEquations):
     """The gyros from the hold before through all windows to the hold after; the first and the last stand apart."""
 
     kind, cause = "links", RATE_TURNING
@@ -211,40 +267,56 @@ class Links(RotationEquations):
         super().__init__(stretch)
         self.duration = 0.0
 
-    def linearise(self, state: JointAdjustment) -> list[Linear]:
+    @classmethod
+    def alike(cls, group: Sequence[Links], state: JointAdjustment) -> list[list[Linear]]:
         """Return three residuals a link, rad in w."""
-        u, data, layout, spin = state.unknowns, state.data, self.layout, self.spin
-        ranges, (start, end) = link_ranges(data, spin), self.edges()
+        u, data, layout = state.unknowns, state.data, group[0].layout
+        counts = [len(one.spin.windows) + 1 for one in group]
+        lasts = np.cumsum(counts) - 1
+        firsts = lasts - np.array(counts) + 1
+        ranges = np.concatenate([link_ranges(data, one.spin) for one in group])
         link = integrate_links(data, u, ranges[:, 0], ranges[:, 1])
-        self.duration = float(np.sum(link.duration))
-        C = np.concatenate([start[None], self.moving.C_wb, end[None]])
-        shown = link_residuals(C[:-1], C[1:], self.stretch.section.earth_w, link, u)
+        C_start, C_end = (np.concatenate(ends) for ends in zip(*(one.ends() for one in group), strict=True))
+        shown = link_residuals(C_start, C_end, group[0].stretch.section.earth_w, link, u)
         # A gyro whose bias has wandered turns on by it: as the bias itself would.
         wander = shown.by_blocks["gyro.bias"]
-        bases = wander @ layout.bases(_modes_of_links(spin))
-        residual = shown.value + bases @ self.moving.own[layout.rate]
+        bases = wander @ layout.bases(np.concatenate([_modes_of_links(one.spin) for one in group]))
+        own = np.repeat([one.moving.own[layout.rate] for one in group], counts, axis=0)
+        residual = shown.value + np.einsum("nij,nj->ni", bases, own)
         by_border = u.columns(shown.by_blocks, layout.earth.stop)
         by_border[:, :, layout.rate] = bases
         by_border[:, :, layout.earth] = shown.by_earth
-        by_border[0, :, layout.start] = shown.by_start[0]
-        by_border[-1, :, layout.end] = shown.by_end[-1]
-        nothing = np.zeros(len(residual))
-        nothing[[0, -1]] = [float(t[0]) for t in edge_seconds(data, np.array([self.stretch.k]))]
-        covariance = link_covariance(data, C[:-1], link, u, nothing, own_bias=False)
-        covariance = covariance + wander @ _faster(spin, data.rate_density) @ np.swapaxes(wander, 1, 2)
-        windows = len(spin.windows)
+        by_border[firsts, :, layout.start] = shown.by_start[firsts]
+        by_border[lasts, :, layout.end] = shown.by_end[lasts]
+        edges = np.zeros(len(residual))
+        edges[firsts], edges[lasts] = edge_seconds(data, np.array([one.stretch.k for one in group]))
+        covariance = link_covariance(data, C_start, link, u, edges, own_bias=False)
+        faster = np.repeat([_faster(one.spin, data.rate_density) for one in group], counts, axis=0)
+        covariance = covariance + wander @ faster @ np.swapaxes(wander, 1, 2)
 
         def some(at: slice, node: np.ndarray, by_node: AnyArray, by_next: AnyArray | None) -> Linear:
             return Linear(
-                residual[at], covariance[at], by_border[at], node, by_node, by_next, by_bias=wander[at]
+                residual[at], covariance[at], by_border[at], node, by_node[at], by_next, by_bias=wander[at]
             )
 
-        first, middle, last = slice(0, 1), slice(1, windows), slice(windows, windows + 1)
-        return [
-            some(first, np.array([0]), shown.by_end[first], None),
-            some(middle, np.arange(windows - 1), shown.by_start[middle], shown.by_end[middle]),
-            some(last, np.array([windows - 1]), shown.by_start[last], None),
-        ]
+        made: list[list[Linear]] = []
+        for one, first, last, links in zip(group, firsts.tolist(), lasts.tolist(), counts, strict=True):
+            one.duration = float(np.sum(link.duration[first : last + 1]))
+            middle, windows = slice(first + 1, last), links - 1
+            made.append(
+                [
+                    some(slice(first, first + 1), np.array([0]), shown.by_end, None),
+                    some(middle, np.arange(windows - 1), shown.by_start, shown.by_end[middle]),
+                    some(slice(last, last + 1), np.array([windows - 1]), shown.by_start, None),
+                ]
+            )
+        return made
+
+    def ends(self) -> tuple[Matrices, Matrices]:
+        """Return (links, 3, 3) attitudes where each link begins, and where it ends."""
+        start, end = self.edges()
+        C = np.concatenate([start[None], self.moving.C_wb, end[None]])
+        return C[:-1], C[1:]
 
     def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
         """Return what wanders faster than the modes."""
@@ -478,10 +550,10 @@ def _fast_drift(
     return Drift(time[ranges[:, 0]], time[ranges[:, 1] - 1], linear.by_bias, independent)
 
 
-def _window_rates(spin: TableRotation, u: Unknowns) -> Table:
+def _window_rates(u: Unknowns, raw_force: Table, raw_rate: Table) -> Table:
     """(windows, 3) rad/s, without bias and g-sensitivity."""
-    force = (spin.force - u["force.bias"]) @ inverted(force_matrix(u)).T
-    seen = without_asymmetry(u, spin.rate) - u["gyro.bias"] - force @ g_sensitivity(u).T
+    force = (raw_force - u["force.bias"]) @ inverted(force_matrix(u)).T
+    seen = without_asymmetry(u, raw_rate) - u["gyro.bias"] - force @ g_sensitivity(u).T
     return np.asarray((1.0 + u["clock"][0]) * (seen @ inverted(gyro_matrix(u)).T), dtype=np.float64)
 
 
