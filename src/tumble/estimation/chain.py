@@ -113,7 +113,7 @@ class Whitened:
             weighed = np.concatenate([linear.weighed for linear in linears])
             roots = np.asarray(np.linalg.cholesky(weighed), dtype=np.float64)
             given = np.concatenate([_side_by_side(linear) for linear in linears])
-            solved = np.asarray(np.linalg.solve(roots, given), dtype=np.float64)
+            solved = np.asarray(np.linalg.inv(roots) @ given, dtype=np.float64)
             first, stop = 1 + border, 0
             second = first + max(size, 0)
             for at, linear in zip(members, linears, strict=True):
@@ -257,19 +257,22 @@ class Chain:
 
     def add(self, term: Whitened) -> None:
         """Add whitened residuals that depend on a node and the next one at most, and on the border."""
-        node, by_node, by_next, by_border = term.linear.node, term.by_node, term.by_next, term.by_border
-        if by_next is not None and by_node is not None:
-            turned = np.swapaxes(by_next, 1, 2)
-            _add_at(self.lower, node, turned @ by_node)
-            _add_at(self.diagonal, node + 1, turned @ by_next)
-            _add_at(self.border, node + 1, turned @ by_border)
-            _add_at(self.gradient, node + 1, (turned @ term.residual[..., None])[..., 0])
-        if by_node is not None:
-            turned = np.swapaxes(by_node, 1, 2)
-            _add_at(self.diagonal, node, turned @ by_node)
-            _add_at(self.border, node, turned @ by_border)
-            _add_at(self.gradient, node, (turned @ term.residual[..., None])[..., 0])
-        flat = by_border.reshape(-1, by_border.shape[2])
+        node, by_border, border = term.linear.node, term.by_border, term.by_border.shape[2]
+        for by, at in ((term.by_node, node), (term.by_next, node + 1)):
+            if by is None:
+                continue
+            # All products with what depends on the node at once: residual, border, and nodes.
+            others = [term.residual[..., None], by_border, by]
+            if by is term.by_next and term.by_node is not None:
+                others.append(term.by_node)
+            made = np.swapaxes(by, 1, 2) @ np.concatenate(others, axis=2)
+            first, second = 1 + border, 1 + border + by.shape[2]
+            _add_at(self.gradient, at, made[..., 0])
+            _add_at(self.border, at, made[..., 1:first])
+            _add_at(self.diagonal, at, made[..., first:second])
+            if len(others) > 3:
+                _add_at(self.lower, node, made[..., second:])
+        flat = by_border.reshape(-1, border)
         self.corner += flat.T @ flat
         self.corner_gradient += flat.T @ term.residual.ravel()
         self.terms.append(term)

@@ -97,9 +97,12 @@ def _eliminate(
             for j in range(b):
                 factor = border[k, i, j]
                 if factor != 0.0:
-                    for m in range(b):
+                    for m in range(j, b):
                         corner[j, m] -= factor * border[k, i, m]
                     corner_gradient[j] -= factor * gradient[k, i]
+    for j in range(b):
+        for m in range(j):
+            corner[j, m] = corner[m, j]
     return -1
 
 

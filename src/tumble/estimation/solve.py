@@ -77,13 +77,14 @@ def linearise(task: Adjustable) -> tuple[Eliminated, Square, Series]:
     return chain, normal, gradient
 
 
-def solve(task: Adjustable, *, once: bool = False) -> Settled:
+def solve(task: Adjustable, *, once: bool = False, tolerance: float = TOLERANCE) -> Settled:
     """Adjust everything from where it is until nothing moves.
 
     Parameters
     ----------
     task : moved to the solution.
     once : take one step and no more.
+    tolerance : sigmas; after a step that is no longer, everything is where it belongs.
 
     Raises
     ------
@@ -116,7 +117,7 @@ def solve(task: Adjustable, *, once: bool = False) -> Settled:
         changed = task.stepped(made.chain, made.cofactor)
         here = np.abs(task.unknowns.values[task.unknowns.free])
         settled = bool(np.all(np.abs(step) <= 1e-13 * np.maximum(here, 1.0)))
-        if once or size <= TOLERANCE or settled or (size < ROUND_OFF and size >= before):
+        if once or size <= tolerance or settled or (size < ROUND_OFF and size >= before):
             return _settled(task, made.chain, made.cofactor, iteration)
         # What is believed may have changed with the step: then the square sum says nothing of it.
         last = _Step(np.inf if changed else made.cost, back)

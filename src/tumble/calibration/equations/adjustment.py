@@ -47,6 +47,9 @@ LEAST_SWAY = 1e-16  # rad²: 10 nrad, far below what any unit sees
 SWAY_SHARE = 1e-4
 # Where the search for the sway begins, and down to where round-off lets it go; below, the holds' parts decide.
 START_SWAY, SMALLEST_SWAY = 1e-8, 1e-12  # rad²
+# Sigmas from which everything else begins. With variances that are yet to be balanced, the last thousandth of a sigma
+# took three steps of four.
+START_TOLERANCE = 0.5
 # A table that shakes: its windows' noise is raised where chance does so more rarely than this.
 SHAKING_FALSE_ALARM = 1e-3
 # Mean square of an axis's residuals beyond which it wobbles more than was believed; it takes four of them.
@@ -271,7 +274,7 @@ def balance_recording(task: JointAdjustment) -> Balanced:
 
 
 def solve_recording(task: JointAdjustment) -> Settled:
-    """Adjust with the noise as it is and everything that takes part, to start from.
+    """Adjust with the noise as it is and everything that takes part, as near as it takes to start from.
 
     Parameters
     ----------
@@ -283,4 +286,4 @@ def solve_recording(task: JointAdjustment) -> Settled:
         From the adjustment.
     """
     task.noise.added["sway"] = max(task.noise["sway"], START_SWAY)
-    return solve(task)
+    return solve(task, tolerance=START_TOLERANCE)
