@@ -105,13 +105,23 @@ def test_a_second_run_does_nothing_anew_and_a_third_what_is_new(
 
 def test_a_manifest_with_a_missing_file_does_the_others(tumble: Any, lot: Path, tmp_path: Path) -> None:
     manifest = tmp_path / "lot.csv"
-    lines = [f"A,{lot / 'u0.csv'},{GRAVITY},21.5,left", f"B,{tmp_path / 'gone.csv'},{GRAVITY},21.5,right"]
-    manifest.write_text("unit,files,gravity,temperature,table\n" + "\n".join(lines) + "\n", encoding="utf-8")
-    answer = tumble("batch", manifest, "-o", tmp_path / "out", "--workers", 1, "--reports", "all")
+    lines = [
+        f"A,{lot / 'u0.csv'},{GRAVITY},21.5,left,Eve",
+        f"B,{tmp_path / 'gone.csv'},{GRAVITY},21.5,right,",
+    ]
+    manifest.write_text(
+        "unit,files,gravity,temperature,table,operator\n" + "\n".join(lines) + "\n", encoding="utf-8"
+    )
+    answer = tumble(
+        "batch", manifest, "-o", tmp_path / "out", "--workers", 1, "--reports", "all", "--note", "Place=hall"
+    )
     assert answer.status == 1
     rows = table_of(tmp_path / "out")
     assert rows["A"]["verdict"] == "fit"
     assert (rows["A"]["temperature [degC]"], rows["A"]["table"]) == ("21.5", "left")
+    assert (rows["A"]["operator"], rows["A"]["place"]) == ("Eve", "hall")
+    made = (tmp_path / "out" / "units" / "A" / "calibration.json").read_text(encoding="utf-8")
+    assert json.loads(made)["notes"] == {"place": "hall", "operator": "Eve"}
     assert rows["B"]["verdict"] == "error"
     assert "gone.csv" in rows["B"]["reasons"]
     page = (tmp_path / "out" / "units" / "A" / "report.html").read_text(encoding="utf-8")

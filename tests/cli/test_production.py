@@ -20,10 +20,15 @@ def test_a_unit_goes_into_the_registry_and_gets_a_certificate(
     assert nameless.status == 2
     assert "--imu-serial" in nameless.err
     assert not made.exists()
-    assert tumble(*call, "--imu-serial", "A-1").status == 0
+    notes = ("--note", "operator=A. Smith", "--note", "Instrument=table <7>", "--note", "remarks=window open")
+    assert tumble(*call, "--imu-serial", "A-1", *notes).status == 0
+    noted = json.loads((made / "calibration.json").read_text(encoding="utf-8"))["notes"]
+    assert noted == {"operator": "A. Smith", "instrument": "table <7>", "remarks": "window open"}
+    assert "table &lt;7&gt;" in (made / "report.html").read_text(encoding="utf-8")
     monkeypatch.setenv("TUMBLE_REGISTRY", str(registry))
     (entry,) = json.loads(tumble("registry", "list", "--json").out)
     assert (entry["unit"], entry["fit"]) == ("A-1", True)
+    assert (entry["operator"], entry["remark"]) == ("A. Smith", "window open")
     again = tumble("registry", "add", made)
     assert "was there" in again.out
     assert "gyro bias z" in tumble("registry", "history", "A-1", "-o", tmp_path / "a.html").out

@@ -21,6 +21,8 @@ from tumble.report.rounding import decimals_of, fixed
 PROBABILITY = 0.95
 # Of raw units and SI, what people compare data sheets in.
 _PRACTICAL = {"1": ("%", 100.0), "rad": ("mrad", 1e3), "s": ("ms", 1e3)}
+# Notes of the calibration whose names the certificate has in its languages.
+_NOTED = ("operator", "instrument", "remarks")
 _GROUPS = ("accelerometer", "gyro", "other")
 
 
@@ -116,7 +118,8 @@ def _facts(
         else f"{gravity} m/s²"
     )
     celsius = calibration.temperature_celsius
-    conditions = dict(profile.conditions)
+    conditions, noted = dict(profile.conditions), dict(calibration.notes)
+    where = noted.pop("place", "")
     temperature = "" if celsius is None else f"{_number(celsius, 1, comma=comma)} °C"
     serial = item.serial_number or calibration.imu.serial_number or "–"
     parts = [
@@ -131,11 +134,12 @@ def _facts(
         (words["condition"], item.condition),
         (words["received"], item.received),
         (words["calibrated"], calibration.created[:10]),
-        (words["place"], profile.place or profile.laboratory.address or "–"),
+        (words["place"], profile.place or where or profile.laboratory.address or "–"),
         (words["method"], ", ".join(filter(None, (profile.method, calibration.procedure)))),
         (words["gravity"], gravity),
         (words["temperature"], temperature),
         *((name, value) for name, value in conditions.items()),
+        *((words[name] if name in _NOTED else name.capitalize(), value) for name, value in noted.items()),
         (words["adjustment"], profile.adjustment),
         (words["traceability"], profile.traceability or "–"),
         (

@@ -14,6 +14,7 @@ from tumble.cli.options import (
     FileOptions,
     Limits,
     NoiseFile,
+    NoteOption,
     PrintOptions,
     Protocol,
     RegistryName,
@@ -101,6 +102,7 @@ def batch_command(
     work: WorkOptions,
     printed: PrintOptions,
     registry: RegistryName = None,
+    notes: NoteOption = None,
 ) -> None:
     """Calibrate many units, and say which of them are not fit, out of limits, or unlike the others.
 
@@ -111,13 +113,16 @@ def batch_command(
     """
     from tumble.workflows.batch import run_batch
     from tumble.workflows.batch_unit import BatchOptions
+    from tumble.workflows.notes import notes_of
+
+    notes_of(notes)  # a wrong one is refused before minutes of work
 
     given = asdict(which) | asdict(site) | asdict(file)
     given["topics"] = tuple(given["topics"] or ())
     given["model"] = given.pop("imu_model")
     for name in ("limits", "prior", "noise"):
         given[name] = None if given[name] is None else str(given[name])
-    options = BatchOptions(**given)
+    options = BatchOptions(**given, notes=tuple(notes or ()))
     state["stopped"] = "Stopped; the units that were done are kept, and the same call does the rest."
     with progress(printed.silent) as tell:
         batch = run_batch(sources, output, options, registry=registry, progress=tell, **asdict(work))

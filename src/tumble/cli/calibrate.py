@@ -19,6 +19,7 @@ from tumble.cli.options import (
     Limits,
     LongPrintOptions,
     NoiseFile,
+    NoteOption,
     OptionalRecordings,
     Protocol,
     RegistryName,
@@ -171,6 +172,7 @@ def calibrate_command(
     recordings: OptionalRecordings = None,
     limits: Limits = None,
     registry: RegistryName = None,
+    notes: NoteOption = None,
     output: Annotated[
         Path | None, output_option("Folder for calibration.json and report.html (default: NAME-calibration).")
     ] = None,
@@ -194,6 +196,7 @@ def calibrate_command(
     report.html, prints the parameters with their standard uncertainties, and says whether the result
     is fit for use (exit status 0) or not (1). With --limits the unit has to be within them, too.
     """
+    from tumble.workflows.notes import notes_of
     from tumble.workflows.site import choose_site
 
     given = recordings or []
@@ -202,6 +205,7 @@ def calibrate_command(
     shared: dict[str, Any] = {**asdict(file), "site": choose_site(**asdict(site))}
     shared |= {
         "limits": limits,
+        "notes": notes_of(notes),
         "optional_terms": estimate.optional_terms,
         "confirm_scale": estimate.confirm_scale,
     }

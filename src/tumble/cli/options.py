@@ -81,6 +81,15 @@ RegistryName: TypeAlias = Annotated[
         "--registry",
     ),
 ]
+NoteOption: TypeAlias = Annotated[
+    list[str] | None,
+    option(
+        FIRST,
+        "KEY=VALUE",
+        "Note it in the results: operator, place, instrument, remarks, or any other name. Repeat for several.",
+        "--note",
+    ),
+]
 DataSheet: TypeAlias = Annotated[
     str | None,
     option(
@@ -242,6 +251,7 @@ __all__ = [
     "Limits",
     "LongPrintOptions",
     "NoiseFile",
+    "NoteOption",
     "OptionalRecordings",
     "PrintOptions",
     "Protocol",

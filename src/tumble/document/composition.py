@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any, Literal
 
@@ -59,6 +60,7 @@ def calibration_from_estimate(
     created: datetime | None = None,
     remarks: tuple[str, ...] = (),
     imu: tuple[str | None, str | None] = (None, None),
+    notes: Mapping[str, str] | None = None,
     confirm_scale: bool = False,
 ) -> Calibration:
     """Return the document of an estimate, judged and with test vectors.
@@ -84,6 +86,7 @@ def calibration_from_estimate(
         created=(created or datetime.now(UTC)).isoformat(timespec="seconds"),
         software=f"tumble {tumble.__version__}",
         imu=Imu(model=_name(imu[0]), serial_number=_name(imu[1])),
+        notes=dict(notes or {}),
         procedure=estimate.procedure,
         recordings=[RecordingName(name=s.name, sha256=s.sha256) for s in recording.sources],
         site=_site_block(site),

@@ -33,6 +33,9 @@ def contradiction_in(calibration: Calibration) -> str | None:
     for key in ("model", "serial_number"):
         if HIDDEN.search(getattr(calibration.imu, key) or ""):
             return f"imu.{key}: it holds a line break or another control character, which no name has"
+    for key, value in calibration.notes.items():
+        if HIDDEN.search(key) or HIDDEN.search(value):
+            return f"notes.{key!r}: it holds a line break or another control character"
     for name, block in (("accelerometer", calibration.accelerometer), ("gyroscope", calibration.gyroscope)):
         if (
             block is not None

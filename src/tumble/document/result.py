@@ -181,6 +181,7 @@ class Calibration(_Strict):
     covariance, covariance_parameters : over the entries of matrices and biases, in their units.
     limits : how it stands to acceptance limits, if it was held against any; the verdict says whether to trust it.
     temperature_celsius : that the triads hold at; with a `thermal` block its reference temperature.
+    notes : what people noted by name: operator, place, instrument, remarks, and whatever else.
     thermal : how the triads change with temperature, or None.
     lever_arms : m, where each accelerometer sits in frame b, a row each, from one point of the unit; None where they
         are taken to be at one place. `correct` takes out what they feel while the unit turns.
@@ -196,6 +197,7 @@ class Calibration(_Strict):
     created: str
     software: str
     imu: Imu = Field(default_factory=Imu)
+    notes: dict[str, str] = Field(default_factory=dict[str, str])
     procedure: str
     recordings: list[RecordingName]
     site: SiteBlock

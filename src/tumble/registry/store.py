@@ -94,7 +94,7 @@ def add(
     ----------
     registry, calibration : the one and the other.
     unit : its name; by default the document's serial number.
-    operator, remark : who measured, and what else there is to say.
+    operator, remark : who measured, and what else there is to say; by default what the document notes.
     added, added_by : when and by whom it came in; now and this user by default.
 
     Raises
@@ -117,8 +117,8 @@ def add(
         _seconds(calibration.created),
         time.time() if added is None else added,
         added_by if added_by is not None else _user(),
-        operator,
-        remark,
+        operator or calibration.notes.get("operator", "")[:200],
+        remark or calibration.notes.get("remarks", "")[:200],
         calibration.procedure,
         calibration.verdict.fit,
         "" if calibration.limits is None else calibration.limits.decision,

@@ -138,6 +138,7 @@ def _facts(subject: Subject) -> list[tuple[str, str]]:
         *([] if celsius is None else [("Temperature", f"{celsius:.1f} °C")]),
         ("Procedure", calibration.procedure),
         ("Site", where),
+        *((key.capitalize(), value) for key, value in calibration.notes.items()),
         ("Frame", calibration.frame.description),
         ("Made", f"{calibration.created} by {calibration.software}"),
     ]

@@ -28,6 +28,7 @@ from tumble.workflows.calibrate import (
     write_run,
 )
 from tumble.workflows.joining import require_different_samples
+from tumble.workflows.notes import Notes, notes_of
 from tumble.workflows.procedures import add_objections, check_prior
 from tumble.workflows.progress import silent
 from tumble.workflows.site import given_site
@@ -69,6 +70,7 @@ def calibrate_array(
     optional_terms: bool = True,
     confirm_scale: bool = False,
     prior: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
+    notes: Notes = None,
     limits: str | os.PathLike[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> ArrayRun:
@@ -80,7 +82,7 @@ def calibrate_array(
         ``acc.csv,gyro.csv``.
     output : folder for ``array.json`` and a folder with ``calibration.json`` and ``report.html`` of each unit; None
         writes nothing.
-    site, columns, units, rate, topics, optional_terms, confirm_scale, progress : as for `calibrate`, for all
+    site, columns, units, rate, topics, optional_terms, confirm_scale, notes, progress : as for `calibrate`, for all
         recordings.
     limits : file of acceptance limits, which each calibration is held against.
     prior : earlier calibrations of the units in their order, whose non-orthogonalities are kept, or one for all.
@@ -94,7 +96,7 @@ def calibrate_array(
     OutputError
         If the results cannot be written.
     """
-    say = progress or silent
+    say, noted = progress or silent, notes_of(notes)
     folder = None if output is None else Path(output)
     if folder is not None:
         require_writable(folder)
@@ -123,6 +125,8 @@ def calibrate_array(
         _run(session, estimate, text, len(names))
         for session, estimate, text in zip(sessions, array.estimates, recordings, strict=True)
     ]
+    for run in runs:
+        run.calibration = run.calibration.model_copy(update={"notes": noted})
     if acceptance is not None:
         for run in runs:
             run.calibration = with_limits(run.calibration, acceptance)

@@ -19,6 +19,7 @@ from tumble.errors import TumbleError
 from tumble.files import shown
 from tumble.fleet.outcome import ACCELEROMETER, GYRO, UnitOutcome
 from tumble.workflows.batch_source import UnitTask, imported_fsspec, is_url
+from tumble.workflows.notes import USUAL, notes_of
 
 if TYPE_CHECKING:
     from tumble.workflows.calibrate import CalibrationRun
@@ -49,6 +50,7 @@ class BatchOptions:
     noise: str | None = None
     limits: str | None = None
     model: str | None = None
+    notes: tuple[str, ...] = ()
     optional_terms: bool = True
     confirm_scale: bool = False
     reports: str = "failed"
@@ -198,7 +200,7 @@ def _outcome(task: UnitTask, options: BatchOptions, key: str, asked: UnitTask) -
             *([] if document.verdict.fit else document.verdict.reasons),
             *([] if document.limits is None else document.limits.reasons),
         ],
-        more=dict(task.more),
+        more=notes_of(options.notes) | task.more,
         temperature=document.temperature_celsius,
         parameters=[(p.name, p.value, p.standard_uncertainty, p.unit) for p in document.parameters],
         vector=None
@@ -224,6 +226,12 @@ def _noise(run: CalibrationRun) -> dict[str, list[float]]:
     if run.recording.angular_rate is not None:
         found[GYRO] = floor.angular_rate.tolist()
     return found
+
+
+def _notes(task: UnitTask, options: BatchOptions) -> dict[str, str]:
+    """What is noted of all units, and what the manifest says of this one."""
+    own = {name: task.more[name] for name in USUAL if task.more.get(name, "").strip()}
+    return notes_of(options.notes) | own
 
 
 def _calibrated(task: UnitTask, options: BatchOptions) -> CalibrationRun:
@@ -253,5 +261,6 @@ def _calibrated(task: UnitTask, options: BatchOptions) -> CalibrationRun:
         optional_terms=options.optional_terms,
         confirm_scale=options.confirm_scale,
         imu=(told.get("model", options.model), task.unit),
+        notes=_notes(task, options),
         limits=options.limits,
     )

@@ -23,6 +23,7 @@ from tumble.recording.reading import Paths, recording_inputs
 from tumble.workflows.joining import NamedSpan, check_files, join_recordings, named_spans
 from tumble.workflows.magnetometer import add_magnetometer, given_field
 from tumble.workflows.noise_models import NoiseOfHolds
+from tumble.workflows.notes import Notes, notes_of
 from tumble.workflows.procedures import (
     add_objections,
     check_prior,
@@ -101,6 +102,7 @@ def calibrate(
     noise: str | os.PathLike[str] | None = None,
     monte_carlo: int | None = None,
     imu: tuple[str | None, str | None] = (None, None),
+    notes: Notes = None,
     limits: str | os.PathLike[str] | None = None,
     field: str | None = None,
     progress: Callable[[str], None] | None = None,
@@ -129,6 +131,7 @@ def calibrate(
     noise : noise.json of the unit: its models instead of the holds' scatter say how well their means are known.
     monte_carlo : draws for the propagation of distributions (JCGM 101), for the joint estimator only.
     imu : (model, serial number) to note in the document.
+    notes : what else to note by name: operator, place, instrument, remarks.
     limits : file of acceptance limits, which the calibration is held against.
     field : the magnetic field at the site, see `given_field`; None where it is not known.
     progress : is told in words what is being done.
@@ -143,7 +146,7 @@ def calibrate(
         If the results cannot be written; earlier ones are intact.
     """
     say = progress or _silent
-    site, magnetic = given_site(site), given_field(field)
+    site, magnetic, noted = given_site(site), given_field(field), notes_of(notes)
     options = Options(optional_terms, noise_correction, data_sheet, unknowns, confirm_scale)
     check_procedure(procedure, options, has_protocol=protocol is not None)
     if monte_carlo is not None and not FEWEST_DRAWS <= monte_carlo <= MOST_DRAWS:
@@ -194,7 +197,7 @@ def calibrate(
 
     remarks = (reason, *(r.text for r in recording.remarks))
     calibration = calibration_from_estimate(
-        estimate, recording, session.site, remarks=remarks, imu=imu, confirm_scale=confirm_scale
+        estimate, recording, session.site, remarks=remarks, imu=imu, notes=noted, confirm_scale=confirm_scale
     )
     earlier = corrected_by_before(paths, given, topics)
     if earlier:

@@ -29,6 +29,7 @@ from tumble.workflows.calibrate import (
     write_run,
 )
 from tumble.workflows.joining import join_recordings, join_timelines, require_one_unit
+from tumble.workflows.notes import Notes, notes_of
 from tumble.workflows.procedures import add_objections, check_prior
 from tumble.workflows.progress import silent
 from tumble.workflows.protocols import GivenProtocol, read_given_protocol
@@ -69,6 +70,7 @@ def calibrate_turn_ons(
     confirm_scale: bool = False,
     prior: str | os.PathLike[str] | None = None,
     imu: tuple[str | None, str | None] = (None, None),
+    notes: Notes = None,
     limits: str | os.PathLike[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> CalibrationRun:
@@ -82,7 +84,7 @@ def calibrate_turn_ons(
         that names its recording.
     output : folder for ``calibration.json`` and ``report.html``; None writes nothing.
     protocol : what was done in the recordings that are no protocol files themselves; None for tumbling by hand.
-    site, columns, units, rate, topics, optional_terms, confirm_scale, imu, progress : as for `calibrate`, for
+    site, columns, units, rate, topics, optional_terms, confirm_scale, imu, notes, progress : as for `calibrate`, for
         all recordings.
     limits : file of acceptance limits, which the calibration is held against.
     prior : an earlier calibration of the unit, whose non-orthogonalities count once, as if the first recording told
@@ -97,7 +99,7 @@ def calibrate_turn_ons(
     OutputError
         If the results cannot be written; earlier ones are intact.
     """
-    say = progress or silent
+    say, noted = progress or silent, notes_of(notes)
     folder = None if output is None else Path(output)
     if folder is not None:
         require_writable(folder)
@@ -142,6 +144,7 @@ def calibrate_turn_ons(
         several.estimate.say("remark", about_gravity(sessions[0].site))
     clock.lap("solving")
     run = _run(sessions, several, imu)
+    run.calibration = run.calibration.model_copy(update={"notes": noted})
     before = corrected_by_before([file for one in named for file in one.files], None)
     if before:
         run.calibration = run.calibration.model_copy(update={"input_corrected_by": before})

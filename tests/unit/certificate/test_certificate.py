@@ -290,3 +290,17 @@ def test_a_schema_error_is_found_by_the_schema() -> None:
     schema = etree.XMLSchema(etree.parse(str(SCHEMA)))
     text = dcc_text(document(), PROFILE, NUMBER, DATE, "en").replace("uniqueIdentifier", "identifier")
     assert not schema.validate(etree.fromstring(text.encode()))
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_what_was_noted_with_the_calibration_stands_in_the_certificate(language: str) -> None:
+    notes = {"operator": "A. Smith", "place": "hall 2", "end": "early", "instrument": "table 7"}
+    noted = document().model_copy(update={"notes": notes})
+    facts = dict(certificate_content(noted, PROFILE, NUMBER, DATE, language).facts)
+    assert facts[PHRASES["operator"][language]] == "A. Smith"
+    assert facts[PHRASES["instrument"][language]] == "table 7"
+    assert facts[PHRASES["place"][language]] == "hall 2"
+    assert facts["End"] == "early"  # a name of somebody's own is no phrase of the certificate
+    elsewhere = PROFILE.model_copy(update={"place": "at the customer's"})
+    facts = dict(certificate_content(noted, elsewhere, NUMBER, DATE, language).facts)
+    assert facts[PHRASES["place"][language]] == "at the customer's"
