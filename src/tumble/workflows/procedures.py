@@ -13,6 +13,7 @@ from tumble.recording import find_axis_contradiction, find_dead_channels, find_s
 
 if TYPE_CHECKING:
     from tumble.calibration import Estimate
+    from tumble.calibration.estimate import Kind
     from tumble.calibration.prior import StableKnowledge
 
 
@@ -112,11 +113,7 @@ def _jointly(
         if own is None:
             assert failed is not None
             raise failed from error
-        own.say(
-            "remark",
-            f"The joint estimator does not serve here, so that this is the estimate of the procedure {procedure.name} "
-            f"by itself: {error}",
-        )
+        own.say(*_alone_because(session, procedure, error))
         return own, f"{reason}."
     if failed is not None:
         joint.say("remark", f"The procedure {procedure.name} by itself does not settle: {failed}")
@@ -125,6 +122,26 @@ def _jointly(
     return joint, (
         f"{reason}; estimated jointly from everything that was recorded (procedure joint; --procedure "
         f"{procedure.name} gives that one by itself)."
+    )
+
+
+def _alone_because(
+    session: Session, procedure: Procedure, error: ObservabilityError | ConvergenceError
+) -> tuple[Kind, str]:
+    """Say why a procedure's own estimate stands: against it where what is believed does not fit what was recorded."""
+    believed = session.matching is not None and (
+        bool(session.matching.spins) or session.believed_poses is not None
+    )
+    if isinstance(error, ConvergenceError) and believed:
+        return "objection", (
+            "What was recorded and what the protocol states do not fit together in one adjustment, so that this is "
+            f"the estimate of the procedure {procedure.name} by itself, which does not see why: {error} Check the "
+            "protocol's angles, rates and poses, the sample rate, and whether samples are missing. "
+            f"--procedure {procedure.name} takes its estimate as it is."
+        )
+    return "remark", (
+        f"The joint estimator does not serve here, so that this is the estimate of the procedure {procedure.name} "
+        f"by itself: {error}"
     )
 
 

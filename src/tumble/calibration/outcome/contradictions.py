@@ -6,16 +6,32 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tumble.arrays import Series
 from tumble.calibration.equations.rotation_equations import Links, RotationEquations
 from tumble.calibration.equations.spin_readings import contradicting_rates
+from tumble.estimation.gauss_helmert import Prior
+from tumble.estimation.solve import solve
 
 if TYPE_CHECKING:
+    from tumble.calibration.equations.adjustment import JointAdjustment
     from tumble.calibration.outcome.estimate import JointOutcome
+    from tumble.estimation.settled import Settled
 
 # Poses that scatter by less beyond their sigma are nobody's fault.
 LEAST_OBJECTED = 1e-4  # rad
 # An Earth rate that the gyros contradict by more standard uncertainties than this, and by more than this.
 CONTRADICTION, SMALLEST_VERTICAL = 5.0, 5e-7  # rad/s
+# A fixture's turns that miss its poses by less than this are nobody's fault.
+LEAST_MISSED = 5e-4  # rad
+# Gravity that goes round with a table, against the gyros: no table shakes by so much for seconds.
+LARGEST_TABLE_MISFIT = 1e-3  # rad
+# A share that is believed is asked for anew where the first order has it off by so many standard uncertainties; then
+# next to nothing is believed of it.
+SUSPECTED, UNBELIEVED = 1.5, 1.0
+# Twice the log-likelihood that it has to gain: of five turns chance does it in one of thirty thousand recordings.
+EVIDENT = 20.0
+# Turns are no better than this; and so often their noise is halved.
+LEAST_TURN_NOISE, FINEST = 1e-5, 10  # rad
 
 
 def contradictions(outcome: JointOutcome) -> list[str]:
@@ -25,7 +41,14 @@ def contradictions(outcome: JointOutcome) -> list[str]:
     ----------
     outcome : the settled solution.
     """
-    return [*_of_poses(outcome), *_of_earth(outcome), *_of_rates(outcome)]
+    return [
+        *_of_poses(outcome),
+        *_of_fixture_turns(outcome),
+        *_of_earth(outcome),
+        *_of_rates(outcome),
+        *_of_belief(outcome),
+        *_of_gravity_on_tables(outcome),
+    ]
 
 
 def _of_poses(outcome: JointOutcome) -> list[str]:
@@ -36,6 +59,24 @@ def _of_poses(outcome: JointOutcome) -> list[str]:
     said = (
         f"The poses scatter by {np.degrees(added):.2g}° beyond the {np.degrees(stated):.2g}° that the protocol "
         "promises: give the sigma that the fixture keeps, or place the unit better."
+    )
+    return [said]
+
+
+def _of_fixture_turns(outcome: JointOutcome) -> list[str]:
+    """What turns miss beyond the gyros' noise, where a fixture makes them: no hand, no bandwidth explains it there."""
+    poses, missed = outcome.data.poses, float(np.sqrt(outcome.task.noise["turn"]))
+    if poses is None or not outcome.data.turns.size:
+        return []
+    known = poses.hold[poses.has_heading]
+    made = np.isin(outcome.data.turns, known) & np.isin(outcome.data.turns + 1, known)
+    kept = float(np.median(poses.sigma))
+    if 2 * np.count_nonzero(made) < made.size or missed <= max(kept, LEAST_MISSED):
+        return []
+    said = (
+        f"The turns of the fixture miss its poses by {np.degrees(missed):.2g}° beyond the gyros' noise, where the "
+        f"protocol promises {np.degrees(kept):.2g}°: samples are missing that left no trace in the stamps, the gyros "
+        "saturate, or the unit gives in its mount. Record the stamps of a clock, or count the samples against one."
     )
     return [said]
 
@@ -72,6 +113,103 @@ def _of_rates(outcome: JointOutcome) -> list[str]:
         rates.append(abs(links.spin.turn_rate))
         errors.append(shown - abs(links.spin.turn_rate))
     return contradicting_rates(np.array(rates), np.array(errors)) if rates else []
+
+
+def _of_belief(outcome: JointOutcome) -> list[str]:
+    """The share by which a table's rates are believed to be off at most, against what the turns show of it."""
+    task, solution = outcome.task, outcome.balanced.solution
+    if not task.unknowns.is_free("table_rate") or task.prior is None:
+        return []
+    (at,), (place,) = task.unknowns.places(["table_rate"]), task.unknowns.layout.indices("table_rate")
+    belief = float(task.prior.precision[place, place])
+    # Of what is recorded alone: the value without what is believed, which is none.
+    information = 1.0 / float(solution.cofactor[at, at])
+    by_itself = max(information - belief, 1e-300)
+    off = float(task.unknowns["table_rate"][0]) * information / by_itself
+    if abs(off) < SUSPECTED * np.hypot(by_itself**-0.5, belief**-0.5):
+        return []
+    off, sigma, evidence = _unbelieved(outcome, place, at)
+    if evidence < EVIDENT or abs(off) < CONTRADICTION * np.hypot(sigma, belief**-0.5):
+        return []
+    way = "faster" if off > 0.0 else "slower"
+    said = (
+        f"The turns between the holds show that the table turned {100.0 * abs(off):.2g} % (± {100.0 * sigma:.1g} %) "
+        f"{way} than the protocol says, which promises {1e6 * belief**-0.5:.2g} ppm: check its rates and the sample "
+        "rate, or state what the table keeps (`uncertainty_ppm`)."
+    )
+    return [said]
+
+
+def _unbelieved(outcome: JointOutcome, place: int, at: int) -> tuple[float, float, float]:
+    """A share as all but the belief in it shows it, its standard uncertainty, and twice the log-likelihood gained.
+
+    The turns' noise was raised until the belief was no contradiction, which hides it. So it is the one that is most
+    likely without the belief, to first order.
+    """
+    turn, floors = float(outcome.task.noise["turn"]), _turn_variances(outcome)
+
+    def unlikely(square_sum: float, variance: float) -> float:
+        # Two directions a turn: its heading is nobody's business.
+        return square_sum + 2.0 * float(np.sum(np.log(floors + variance)))
+
+    found = [
+        (
+            unlikely(made.square_sum, variance),
+            float(task.unknowns.values[place]),
+            float(made.cofactor[at, at]),
+        )
+        for variance in turn * 0.25 ** np.arange(FINEST)
+        for task, made in [_released(outcome, place, variance)]
+    ]
+    best = min(found)
+    now = unlikely(outcome.balanced.solution.square_sum, turn)
+    return best[1], float(np.sqrt(best[2])), now - best[0]
+
+
+def _turn_variances(outcome: JointOutcome) -> Series:
+    """(turns,) rad², what each turn that takes part is uncertain by without the noise that was added for all."""
+    made: list[float] = []
+    for found in outcome.balanced.solution.chains():
+        for term in found.chain.terms:
+            if term.equations.kind == "turn":
+                spread = np.trace(term.linear.covariance, axis1=1, axis2=2) / 3.0
+                active = slice(None) if term.linear.active is None else term.linear.active
+                made += (spread - outcome.task.noise["turn"])[active].tolist()
+    return np.maximum(np.array(made), LEAST_TURN_NOISE**2)
+
+
+def _released(outcome: JointOutcome, place: int, variance: float) -> tuple[JointAdjustment, Settled]:
+    """One step with nothing believed of a share, and another variance of the turns."""
+    task = outcome.task.copy()
+    assert task.prior is not None
+    precision = task.prior.precision.copy()
+    precision[place, place] = UNBELIEVED**-2
+    task.prior = Prior(task.prior.mean, precision)
+    task.noise.set("turn", variance)
+    return task, solve(task, once=True)
+
+
+def _of_gravity_on_tables(outcome: JointOutcome) -> list[str]:
+    """Where the accelerometers see gravity while a table turns, against where the gyros have it.
+
+    What shakes a table is over in less than a window.
+    """
+    scale = float(np.mean(np.abs(outcome.task.unknowns["force.scale"]))) * outcome.site.gravity
+    missed: list[float] = []
+    for found in outcome.balanced.solution.chains():
+        for term in found.chain.terms:
+            if term.equations.kind == "windows":
+                missed.append(float(np.linalg.norm(term.raw)) / (np.sqrt(len(term.raw)) * scale))
+    usual = float(np.quantile(missed, 0.75)) if missed else 0.0
+    if usual <= LARGEST_TABLE_MISFIT:
+        return []
+    said = (
+        f"While the table turns, the accelerometers see gravity {np.degrees(usual):.2g}° from where the gyros have it, "
+        f"in a quarter of the {len(missed)} rotations or more: samples are missing that left no trace in the stamps, "
+        "the gyros saturate, or the unit gives in its mount. Record the stamps of a clock, or count the samples "
+        "against one."
+    )
+    return [said]
 
 
 def _mean_rate(rotation: RotationEquations, outcome: JointOutcome) -> float:

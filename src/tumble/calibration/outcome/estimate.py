@@ -150,6 +150,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
             *([] if start is None else start.said_of_recording()),
             *said_of(
                 remarks=_remarks(outcome, described.parameters),
+                cautions=_of_clock(outcome),
                 objections=contradictions(outcome),
                 not_determined=_not_determined(outcome),
             ),
@@ -420,7 +421,6 @@ def _remarks(outcome: JointOutcome, parameters: list[NamedValue]) -> list[str]:
         )
     if data.poses is not None:
         told.append(_of_poses(outcome))
-    told += _of_clock(outcome)
     sway = float(np.sqrt(outcome.task.noise["sway"]))
     if sway > 1e-6:
         told.append(
@@ -449,7 +449,8 @@ def _of_clock(outcome: JointOutcome) -> list[str]:
     said = (
         f"The clock of the samples runs {100.0 * abs(off):.2g} % {way} (± {100.0 * sigma:.1g} %) against what the "
         "table and the Earth turn by: the estimate takes it into account, and stamps stay as they are. What integrates "
-        "by them has that error."
+        "by them has that error. If the clock is right, the table's rates are wrong by as much, and with them all gyro "
+        "scale factors: say how well the rate is known (--rate)."
     )
     return [said]
 

@@ -22,6 +22,8 @@ from tumble.sensor.conventions.shin import shin_from_matrix
 LARGEST_FACTOR = 20.0
 # Residuals of a table's angle beyond this many times those of the other axes, or of the noise, are no bias.
 MISREAD = 5.5
+# The same of half of all axes, and as a share of the angle, is none either: wander is in the noise.
+UNSTEADY, LEAST_UNSTEADY = 2.5, 5e-4
 _ARCSEC = np.pi / 648000.0
 NOT_ESTIMATED = (
     "Nonlinear terms of the sensors are not estimated. A g-sensitivity does not reach the gyros' "
@@ -65,7 +67,8 @@ def objections(task: TurntableTask, solution: TurntableOutcome) -> list[str]:
 def misread_words(fits: list[RotationFit]) -> list[str]:
     """Return sentences on axes whose two ways round disagree as no noise of the others does.
 
-    A bias of that hour does the same, and does it to all axes; one angle that was misread does it to one.
+    A bias of that hour does the same, and does it to all axes, by no more than the noise leaves open; one angle that
+    was misread does it to one, and samples that are missing do more of it to all.
 
     Parameters
     ----------
@@ -76,6 +79,14 @@ def misread_words(fits: list[RotationFit]) -> list[str]:
         for fit in fits
     ]
     usual = max(float(np.median(odd)), 1.0) if odd else 1.0
+    share = [max((abs(t.residual / t.angle) for t in fit.angles), default=0.0) for fit in fits]
+    if usual > UNSTEADY and float(np.median(share)) > LEAST_UNSTEADY:
+        said = (
+            f"About most axes the angles that the gyros turned differ between the two ways round by {usual:.1f} times "
+            "their noise from the table's display: samples are missing that left no trace in the stamps, or the "
+            "gyros' biases jump. Record the stamps of a clock, or count the samples against one."
+        )
+        return [said]
     return [
         f"About {fit.name} the gyros turned {max(abs(t.residual) for t in fit.angles) / _ARCSEC:.0f}″ "
         f"more one way and less the other than the table's display says, {value:.1f} times their "
