@@ -59,20 +59,20 @@ def test_without_a_fault_the_verdict_is_for_it(procedure: str) -> None:
 
 def test_samples_missing_from_a_fixtures_turns_are_said() -> None:
     said = against(calibrated("strapdown-rotation", "dropped"))
-    assert "samples are missing that left no trace in the stamps" in said
+    assert "Samples are missing that left no trace in the stamps" in said
 
 
 @pytest.mark.slow
 def test_samples_missing_from_a_tables_rotations_are_said() -> None:
     said = against(calibrated("turntable", "dropped"))
-    assert "samples are missing" in said
+    assert "Samples are missing" in said
 
 
 @pytest.mark.slow
 def test_a_table_whose_rates_are_all_off_is_contradicted_by_the_turns_between() -> None:
     said = against(calibrated("rate-table", "all-rates", "consumer", 1005))
     assert "the table turned" in said
-    assert "faster than the protocol says, which promises 30 ppm" in said
+    assert "faster than the protocol says. It promises 30 ppm." in said
 
 
 def test_an_adjustment_that_does_not_settle_with_what_is_believed_is_an_objection(
@@ -87,5 +87,5 @@ def test_an_adjustment_that_does_not_settle_with_what_is_believed_is_an_objectio
     calibrated.cache_clear()
     said = against(calibrated("strapdown-rotation", None))
     calibrated.cache_clear()
-    assert "do not fit together in one adjustment" in said
+    assert "No one adjustment fits" in said
     assert "--procedure strapdown-rotation takes its estimate as it is" in said

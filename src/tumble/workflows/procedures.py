@@ -134,9 +134,9 @@ def _alone_because(
     )
     if isinstance(error, ConvergenceError) and believed:
         return "objection", (
-            "What was recorded and what the protocol states do not fit together in one adjustment, so that this is "
-            f"the estimate of the procedure {procedure.name} by itself, which does not see why: {error} Check the "
-            "protocol's angles, rates and poses, the sample rate, and whether samples are missing. "
+            f"No one adjustment fits both what was recorded and what the protocol states: {error} So this is the "
+            f"estimate of the procedure {procedure.name} by itself, which does not see why. Check the protocol's "
+            "angles, rates and poses, the sample rate, and whether samples are missing. "
             f"--procedure {procedure.name} takes its estimate as it is."
         )
     return "remark", (

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from tumble.calibration.outcome.estimate import JointOutcome
     from tumble.estimation.settled import Settled
 
+MISSING = (
+    "Samples are missing that left no trace in the stamps, the gyros saturate, or the mount gives. Record the stamps "
+    "of a clock, or count the samples against one."
+)
 # Poses that scatter by less beyond their sigma are nobody's fault.
 LEAST_OBJECTED = 1e-4  # rad
 # An Earth rate that the gyros contradict by more standard uncertainties than this, and by more than this.
@@ -74,9 +78,8 @@ def _of_fixture_turns(outcome: JointOutcome) -> list[str]:
     if 2 * np.count_nonzero(made) < made.size or missed <= max(kept, LEAST_MISSED):
         return []
     said = (
-        f"The turns of the fixture miss its poses by {np.degrees(missed):.2g}° beyond the gyros' noise, where the "
-        f"protocol promises {np.degrees(kept):.2g}°: samples are missing that left no trace in the stamps, the gyros "
-        "saturate, or the unit gives in its mount. Record the stamps of a clock, or count the samples against one."
+        f"The fixture's turns miss its poses by {np.degrees(missed):.2g}° beyond the gyros' noise, and the protocol "
+        f"promises {np.degrees(kept):.2g}°. {MISSING}"
     )
     return [said]
 
@@ -134,7 +137,7 @@ def _of_belief(outcome: JointOutcome) -> list[str]:
     way = "faster" if off > 0.0 else "slower"
     said = (
         f"The turns between the holds show that the table turned {100.0 * abs(off):.2g} % (± {100.0 * sigma:.1g} %) "
-        f"{way} than the protocol says, which promises {1e6 * belief**-0.5:.2g} ppm: check its rates and the sample "
+        f"{way} than the protocol says. It promises {1e6 * belief**-0.5:.2g} ppm. Check its rates and the sample "
         "rate, or state what the table keeps (`uncertainty_ppm`)."
     )
     return [said]
@@ -205,9 +208,7 @@ def _of_gravity_on_tables(outcome: JointOutcome) -> list[str]:
         return []
     said = (
         f"While the table turns, the accelerometers see gravity {np.degrees(usual):.2g}° from where the gyros have it, "
-        f"in a quarter of the {len(missed)} rotations or more: samples are missing that left no trace in the stamps, "
-        "the gyros saturate, or the unit gives in its mount. Record the stamps of a clock, or count the samples "
-        "against one."
+        f"in a quarter of the {len(missed)} rotations or more. {MISSING}"
     )
     return [said]
 

@@ -449,8 +449,8 @@ def _of_clock(outcome: JointOutcome) -> list[str]:
     said = (
         f"The clock of the samples runs {100.0 * abs(off):.2g} % {way} (± {100.0 * sigma:.1g} %) against what the "
         "table and the Earth turn by: the estimate takes it into account, and stamps stay as they are. What integrates "
-        "by them has that error. If the clock is right, the table's rates are wrong by as much, and with them all gyro "
-        "scale factors: say how well the rate is known (--rate)."
+        "by them has that error. If the clock is right, the table's rates are wrong by as much, and all gyro scale "
+        "factors with them. State how well the rate is known (--rate)."
     )
     return [said]
 

@@ -82,9 +82,9 @@ def misread_words(fits: list[RotationFit]) -> list[str]:
     share = [max((abs(t.residual / t.angle) for t in fit.angles), default=0.0) for fit in fits]
     if usual > UNSTEADY and float(np.median(share)) > LEAST_UNSTEADY:
         said = (
-            f"About most axes the angles that the gyros turned differ between the two ways round by {usual:.1f} times "
-            "their noise from the table's display: samples are missing that left no trace in the stamps, or the "
-            "gyros' biases jump. Record the stamps of a clock, or count the samples against one."
+            f"About most axes the two ways round differ from the table's display by {usual:.1f} times their noise. "
+            "Samples are missing that left no trace in the stamps, or the gyros' biases jump. Record the stamps of a "
+            "clock, or count the samples against one."
         )
         return [said]
     return [
