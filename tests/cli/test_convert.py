@@ -46,7 +46,7 @@ def test_without_arguments_all_targets_are_listed(tumble: Any) -> None:
     answer = tumble("convert", "--json")
     rows = {row["name"]: row for row in json.loads(answer.out)}
     assert set(rows) == set(TARGETS)
-    assert rows["px4"]["holds"] == "scale factors, biases, temperature"
+    assert rows["px4"]["holds"] == "scale factors, biases, temperature, magnetometer"
     assert rows["c"]["directions"] == "to"
     assert "imu-tk" in tumble("convert").out
 

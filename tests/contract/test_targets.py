@@ -20,6 +20,7 @@ import yaml
 
 from tumble.document import read_calibration
 from tumble.document.imported import calibration_from_model
+from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.result import Calibration
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.export.noise import SensorNoise, TriadNoise
@@ -294,6 +295,7 @@ EVALUATORS: dict[str, tuple[Callable[[Texts], Evaluated], float]] = {
     "ikalibr": (by_ikalibr, 1e-12),
 }
 COMPILED = ("c", "cpp")  # tests/unit/export/test_source_code.py compiles them
+FIELD_ONLY = ("motioncal",)  # tests/unit/export/test_magnetometer.py
 NOISE_ONLY = ("kalibr-noise", "ros", "vins", "okvis", "svo")
 READABLE = sorted(name for name, target in TARGETS.items() if target.read is not None)
 
@@ -305,7 +307,7 @@ def written(name: str, model: ImuModel | None = None) -> Texts:
 
 
 def test_every_target_is_tested() -> None:
-    assert {*EVALUATORS, *COMPILED, *NOISE_ONLY} == set(TARGETS)
+    assert {*EVALUATORS, *COMPILED, *NOISE_ONLY, *FIELD_ONLY} == set(TARGETS)
 
 
 @pytest.mark.parametrize("name", sorted(EVALUATORS))
@@ -556,6 +558,15 @@ def hostile(target: Target, text: str) -> dict[str, str]:
             "remarks": [text],
             "frame": calibration.frame.model_copy(update={"description": text}),
             "raw_units": calibration.raw_units.model_copy(update={"specific_force": "m/s^2\n"}),
+            "magnetometer": MagnetometerBlock(
+                raw_unit="uT\n",
+                unit="T",
+                frame="b",
+                method=text,
+                matrix=((1.02e6, 2e4, -1e4), (3e3, 0.97e6, 4e4), (-5e4, 6e3, 1.01e6)),
+                bias=(1.0, -2.0, 3.0),
+                remarks=[text],
+            ),
         }
     )
     wishes = Wishes(per_count=(1e-3, 1e-4), topic=text)

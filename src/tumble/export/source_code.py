@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.export.subject import Subject
-from tumble.export.target import BIAS, G_SENSITIVITY, MATRIX, NONLINEAR, SCALE
+from tumble.export.target import BIAS, G_SENSITIVITY, MAGNETOMETER, MATRIX, NONLINEAR, SCALE
 from tumble.export.words import number
 from tumble.sensor import Triad
 
-HOLDS = frozenset({MATRIX, SCALE, BIAS, G_SENSITIVITY, NONLINEAR})
+HOLDS = frozenset({MATRIX, SCALE, BIAS, G_SENSITIVITY, NONLINEAR, MAGNETOMETER})
 FORMULA = (
     "own input u of each sensor: u + asymmetry |u| + quadratic u^2 = raw - bias - g_sensitivity f",
     "corrected = inverse u, with the inverse of the calibration's matrix; f: corrected specific force, gyros only",

@@ -13,8 +13,17 @@ from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.export import losses
 from tumble.export.losses import Loss
+from tumble.export.magnetometer import ELSEWHERE, FieldCorrection, field_correction
 from tumble.export.noise import SensorNoise
-from tumble.export.target import BIAS, G_SENSITIVITY, MATRIX, NONLINEAR, TEMPERATURE, Target
+from tumble.export.target import (
+    BIAS,
+    G_SENSITIVITY,
+    MAGNETOMETER,
+    MATRIX,
+    NONLINEAR,
+    TEMPERATURE,
+    Target,
+)
 from tumble.sensor import FRAMES, ImuModel, Triad, change_frame
 from tumble.sensor.thermal import ThermalModel
 from tumble.units import angular_rate_factor, find_unit, specific_force_factor
@@ -74,6 +83,7 @@ class Subject:
     thermal : the same in `units` and frame for targets that hold temperature, or None.
     noise : or None.
     losses : what the target does not hold, with its size.
+    magnetometer : its correction, for targets that hold one, or None.
     """
 
     model: ImuModel
@@ -86,6 +96,7 @@ class Subject:
     noise: SensorNoise | None = None
     losses: tuple[Loss, ...] = ()
     remarks: tuple[str, ...] = field(default=())
+    magnetometer: FieldCorrection | None = None
 
     @property
     def accelerometer(self) -> Triad:
@@ -159,6 +170,7 @@ def prepare(
             f"corrected vectors are in the frame {frame}, not in the calibration's {calibration.frame.name}"
         )
     model = _without_terms(model, target, found)
+    magnetometer = _magnetometer(calibration, frame, target, found)
     subject = Subject(
         model,
         units,
@@ -170,9 +182,26 @@ def prepare(
         noise,
         tuple(found),
         tuple(said),
+        magnetometer,
     )
     _refuse_large(subject, target)
     return subject
+
+
+def _magnetometer(
+    calibration: Calibration, frame: str, target: Target, found: list[Loss]
+) -> FieldCorrection | None:
+    """The magnetometer's correction for a target that holds one; what another one loses is noted."""
+    known = field_correction(calibration, frame)
+    if known is None and target.needs_magnetometer:
+        raise UsageError(
+            f"{target.title} holds a magnetometer, and the calibration has none. Calibrate a recording that has one."
+        )
+    if known is not None and MAGNETOMETER not in target.holds:
+        if MATRIX in target.holds or BIAS in target.holds:
+            found.append(Loss(ELSEWHERE.format(title=target.title)))
+        return None
+    return known
 
 
 def _one_model(

@@ -19,6 +19,7 @@ BIAS = "biases"
 G_SENSITIVITY = "g-sensitivity"
 NONLINEAR = "asymmetry and quadratic terms"
 TEMPERATURE = "temperature"
+MAGNETOMETER = "magnetometer"
 NOISE = "noise"
 
 
@@ -53,13 +54,13 @@ class Target:
     ----------
     name : as ``--to`` and ``--from`` take it.
     title : the tool and its file.
-    holds : of `MATRIX`, `SCALE`, `BIAS`, `G_SENSITIVITY`, `NONLINEAR`, `TEMPERATURE`, `NOISE`.
+    holds : of `MATRIX`, `SCALE`, `BIAS`, `G_SENSITIVITY`, `NONLINEAR`, `TEMPERATURE`, `MAGNETOMETER`, `NOISE`.
     file : name of the file that is written by default; several files go into a folder.
     write : returns texts by file name.
     read : reads files of the target, or None.
     units : raw units of specific force and angular rate that the tool works in; None takes the calibration's.
     frame : that the form's zeros ask for, or None: any.
-    needs_calibration, needs_noise : what there must be to write it.
+    needs_calibration, needs_noise, needs_magnetometer : what there must be to write it.
     comment : what begins a comment line, empty where the format has none; `words.escaped` knows each.
     """
 
@@ -73,6 +74,7 @@ class Target:
     frame: str | None = None
     needs_calibration: bool = True
     needs_noise: bool = False
+    needs_magnetometer: bool = False
     comment: str = "#"
 
     @property

@@ -20,6 +20,7 @@ from tumble.export.subject import Subject, Wishes, prepare
 from tumble.export.target import (
     BIAS,
     G_SENSITIVITY,
+    MAGNETOMETER,
     MATRIX,
     NOISE,
     NONLINEAR,
@@ -33,7 +34,7 @@ from tumble.units import angular_rate_factor, find_unit, specific_force_factor
 
 # What a folder is given for.
 _INPUTS = ("calibration.json", "noise.json")
-_HOLDABLE = (MATRIX, SCALE, BIAS, G_SENSITIVITY, NONLINEAR, TEMPERATURE, NOISE)
+_HOLDABLE = (MATRIX, SCALE, BIAS, G_SENSITIVITY, NONLINEAR, TEMPERATURE, MAGNETOMETER, NOISE)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,12 +3,14 @@
 Read in its source (AP_InertialSensor_Backend.cpp, AP_InertialSensor_tempcal.cpp): backward, ``x = R ((u -
 ACCOFFS) * ACCSCAL)`` for accelerometers, ``x = R (u - GYROFFS)`` for gyros. Temperature: ``u - P(T - 35) +
 P(T_cal - 35)`` before that, ``P(d) = (c1 + (c2 + c3 d) d) d 1e-6``, both temperatures held in TMIN to TMAX.
-An offset of exactly zero with a scale of exactly one counts as not calibrated there.
+An offset of exactly zero with a scale of exactly one counts as not calibrated there. Compasses
+(AP_Compass_Backend.cpp, correct_field): ``x = S (u + OFS)`` in milligauss, S symmetric of DIA and ODI.
 """
 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +18,12 @@ import numpy as np
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.export.autopilots import Found, diagonal, entries_of, from_parameters
 from tumble.export.curves import Curve
+from tumble.export.losses import Loss
+from tumble.export.magnetometer import NOT_WRITTEN, field_lines, without_rotation
 from tumble.export.polynomials import Polynomials, polynomials_of
 from tumble.export.reading import text_of
 from tumble.export.subject import Subject
-from tumble.export.target import BIAS, SCALE, TEMPERATURE, Imported, Target
+from tumble.export.target import BIAS, MAGNETOMETER, SCALE, TEMPERATURE, Imported, Target
 from tumble.export.words import commented, example_lines, head
 from tumble.files import number_of
 from tumble.sensor import Triad
@@ -52,12 +56,36 @@ def write(subject: Subject) -> dict[str, str]:
         rows.append((f"INS_ACC{unit}SCAL_{axis}", float(1.0 / reduced.accelerometer.matrix[i, i])))
     rows += [(f"INS_GYR{unit}OFFS_{axis}", float(reduced.gyroscope.bias[i])) for i, axis in enumerate("XYZ")]
     rows += _thermal_rows(thermal, n + 1)
+    of_field, told, lost = _field_rows(subject, unit)
+    rows += of_field
+    reduced = replace(reduced, losses=(*reduced.losses, *lost))
     said = head(reduced, TARGET.title, FORMULA, example_lines(reduced))
     if any(thermal.used):
         said.append(f"the offsets hold at {thermal.reference:g} degrees Celsius, which the CALTEMP say")
+    said += told
     said.append("gyro offsets are found anew at each start unless INS_GYR_CAL is 0")
     text = "".join(f"{name},{float(np.float32(value)):.9g}\n" for name, value in rows)
     return {"ardupilot.parm": commented(said) + text}
+
+
+def _field_rows(subject: Subject, unit: str) -> tuple[list[tuple[str, float]], list[str], list[Loss]]:
+    """Rows of COMPASS, what the comments say of them, and what they lose."""
+    if subject.magnetometer is None:
+        return [], [], []
+    field = subject.magnetometer.in_units("mgauss", "mgauss")
+    if field is None:
+        return [], [], [Loss(NOT_WRITTEN.format(title="ArduPilot", unit="milligauss"))]
+    field, lost = without_rotation(field, "ArduPilot")
+    S = field.soft_iron
+    # The offset is added there.
+    rows = [(f"COMPASS_OFS{unit}_{axis}", -float(field.hard_iron[i])) for i, axis in enumerate("XYZ")]
+    rows += [(f"COMPASS_DIA{unit}_{axis}", float(S[i, i])) for i, axis in enumerate("XYZ")]
+    pairs = zip("XYZ", ((0, 1), (0, 2), (1, 2)), strict=True)
+    rows += [(f"COMPASS_ODI{unit}_{axis}", float(S[i, j])) for axis, (i, j) in pairs]
+    # The scale is in the diagonal: a factor of its own would count it twice.
+    rows.append((f"COMPASS_SCALE{unit}", 1.0))
+    formula = "x = S (u + OFS), S = [DIA_X ODI_X ODI_Y; ODI_X DIA_Y ODI_Z; ODI_Y ODI_Z DIA_Z]"
+    return rows, field_lines(field, f"{formula}, u after COMPASS_ORIENT"), lost
 
 
 def _thermal_rows(thermal: Polynomials, n: int) -> list[tuple[str, float]]:
@@ -138,7 +166,7 @@ def _curve(
 TARGET = Target(
     "ardupilot",
     "ArduPilot parameters",
-    frozenset({SCALE, BIAS, TEMPERATURE}),
+    frozenset({SCALE, BIAS, TEMPERATURE, MAGNETOMETER}),
     "ardupilot.parm",
     write,
     read,

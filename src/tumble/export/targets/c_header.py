@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tumble.export.magnetometer import field_lines
 from tumble.export.source_code import FORMULA, HOLDS, braces, sensitivity, tests_of, triad_numbers
 from tumble.export.subject import Subject
 from tumble.export.target import Target
@@ -63,6 +64,54 @@ static inline double tumble_self_test(void)
 """
 
 
+_C_FIELD = """
+/* Magnetic field: raw to corrected, in the units above. */
+static inline void tumble_correct_field(const double raw[3], double field[3])
+{
+    int i;
+    for (i = 0; i < 3; ++i)
+        field[i] = TUMBLE_SOFT_IRON[i][0] * (raw[0] - TUMBLE_HARD_IRON[0])
+                   + TUMBLE_SOFT_IRON[i][1] * (raw[1] - TUMBLE_HARD_IRON[1])
+                   + TUMBLE_SOFT_IRON[i][2] * (raw[2] - TUMBLE_HARD_IRON[2]);
+}
+
+/* Largest difference from the field's test vectors, as a share of the field: at most about 1e-12. */
+static inline double tumble_field_self_test(void)
+{
+    double worst = 0.0, field[3];
+    int k, i;
+    for (k = 0; k < 3; ++k) {
+        const double *wanted = TUMBLE_FIELD_TEST[k][1];
+        const double size = sqrt(wanted[0] * wanted[0] + wanted[1] * wanted[1] + wanted[2] * wanted[2]);
+        tumble_correct_field(TUMBLE_FIELD_TEST[k][0], field);
+        for (i = 0; i < 3; ++i) {
+            const double off = fabs(field[i] - wanted[i]) / size;
+            if (off > worst) worst = off;
+        }
+    }
+    return worst;
+}
+"""
+
+
+def _field_lines(subject: Subject) -> list[str]:
+    """What corrects a magnetometer; nothing without one."""
+    field = subject.magnetometer
+    if field is None:
+        return []
+    told = commented(field_lines(field, "x = TUMBLE_SOFT_IRON (u - TUMBLE_HARD_IRON)"), TARGET.comment)
+    tests = ",\n    ".join(
+        "{" + braces(raw) + ", " + braces(true) + "}" for raw, true in zip(*field.vectors(), strict=True)
+    )
+    return [
+        f"/*\n{told} */",
+        f"static const double TUMBLE_SOFT_IRON[3][3] =\n    {braces(field.soft_iron)};",
+        f"static const double TUMBLE_HARD_IRON[3] =\n    {braces(field.hard_iron)};",
+        f"static const double TUMBLE_FIELD_TEST[3][2][3] = {{\n    {tests}}};",
+        _C_FIELD,
+    ]
+
+
 def write(subject: Subject) -> dict[str, str]:
     """Return the header."""
     lines = ["/*\n" + commented(head(subject, TARGET.title, FORMULA), TARGET.comment) + " */"]
@@ -75,6 +124,7 @@ def write(subject: Subject) -> dict[str, str]:
     tests = ",\n    ".join("{" + ", ".join(braces(v) for v in four) + "}" for four in tests_of(subject))
     lines.append("/* raw force, raw rate, force, rate */")
     lines.append(f"static const double TUMBLE_TEST[3][4][3] = {{\n    {tests}}};")
+    lines += _field_lines(subject)
     body = _C_BODY.replace("RAW_FORCE", subject.units[0]).replace("RAW_RATE", subject.units[1])
     return {"tumble_calibration.h": "\n".join(lines) + "\n" + body + "\n#endif\n"}
 

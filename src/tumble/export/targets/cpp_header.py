@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tumble.export.magnetometer import FieldCorrection, field_lines
 from tumble.export.source_code import FORMULA, HOLDS, sensitivity, tests_of, triad_numbers
 from tumble.export.subject import Subject
 from tumble.export.target import Target
@@ -71,6 +72,54 @@ def _cpp(values: object) -> str:
     return "{{" + ", ".join(_cpp(line) for line in array) + "}}"
 
 
+_CPP_FIELD = """
+public:
+    /// Corrected magnetic field of a raw one.
+    static Vector field(const Vector& raw)
+    {
+        Vector corrected{};
+        for (std::size_t i = 0; i < 3; ++i)
+            for (std::size_t j = 0; j < 3; ++j) corrected[i] += soft_iron[i][j] * (raw[j] - hard_iron[j]);
+        return corrected;
+    }
+
+    /// Largest difference from the field's test vectors, as a share of the field: at most about 1e-12.
+    static double field_self_test()
+    {
+        double worst = 0.0;
+        for (const auto& test : field_tests) {
+            const Vector f = field(test[0]);
+            const double size = std::sqrt(test[1][0] * test[1][0] + test[1][1] * test[1][1] + test[1][2] * test[1][2]);
+            for (std::size_t i = 0; i < 3; ++i) worst = std::fmax(worst, std::fabs(f[i] - test[1][i]) / size);
+        }
+        return worst;
+    }
+
+private:
+"""
+
+
+def _field_text(subject: Subject) -> str:
+    """What corrects a magnetometer; empty without one."""
+    made = subject.magnetometer
+    if made is None:
+        return ""
+    told = "".join(f"    {line}\n" for line in _told(made))
+    tests = ", ".join(
+        "{{" + _cpp(raw) + ", " + _cpp(true) + "}}" for raw, true in zip(*made.vectors(), strict=True)
+    )
+    return (
+        f"{_CPP_FIELD}{told}"
+        f"    static constexpr Matrix soft_iron = {_cpp(made.soft_iron)};\n"
+        f"    static constexpr Vector hard_iron = {_cpp(made.hard_iron)};\n"
+        f"    static constexpr std::array<std::array<Vector, 2>, 3> field_tests = {{{{{tests}}}}};\n"
+    )
+
+
+def _told(made: FieldCorrection) -> list[str]:
+    return commented(field_lines(made, "x = soft_iron (u - hard_iron)"), "//").splitlines()
+
+
 def write(subject: Subject) -> dict[str, str]:
     """Return a C++17 header with one class of static functions."""
     text = commented(head(subject, TARGET.title, FORMULA), "//")
@@ -81,6 +130,7 @@ def write(subject: Subject) -> dict[str, str]:
         for key, value in triad_numbers(triad).items():
             kind = "Matrix" if key == "inverse" else "Vector"
             text += f"    static constexpr {kind} {name}_{key} = {_cpp(value)};\n"
+    text += _field_text(subject)
     text += f"    static constexpr Matrix g_sensitivity = {_cpp(sensitivity(subject))};\n"
     tests = ", ".join("{{" + ", ".join(_cpp(v) for v in four) + "}}" for four in tests_of(subject))
     text += f"    static constexpr std::array<std::array<Vector, 4>, 3> tests = {{{{{tests}}}}};\n"

@@ -1,6 +1,7 @@
 """x-io Fusion: initialisers of C for ``FusionModelInertial``.
 
 Read in Fusion/FusionModel.h and its README: ``x = M diag(s) (u - b)``, gyros in deg/s, accelerometers in g.
+Magnetometers ``x = S (u - h)`` in any unit (FusionCalibrationMagnetic: the offset is subtracted first).
 """
 
 from __future__ import annotations
@@ -12,15 +13,16 @@ import numpy as np
 
 from tumble.arrays import Vector
 from tumble.errors import CalibrationFileError
+from tumble.export.magnetometer import field_lines
 from tumble.export.reading import finite, invertible, matrix_of, text_of
 from tumble.export.subject import Subject
-from tumble.export.target import BIAS, MATRIX, SCALE, Imported, Target
+from tumble.export.target import BIAS, MAGNETOMETER, MATRIX, SCALE, Imported, Target
 from tumble.export.words import commented, example_lines, head
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.gauge import inverse
 from tumble.units import STANDARD_GRAVITY
 
-_HOLDS = frozenset({MATRIX, SCALE, BIAS})
+_HOLDS = frozenset({MATRIX, SCALE, BIAS, MAGNETOMETER})
 _DEGREES = 180.0 / np.pi
 
 
@@ -45,6 +47,14 @@ def write(subject: Subject) -> dict[str, str]:
             f"static const FusionVector {name}Sensitivity = {{.array = {_floats(sensitivity)}}};",
             f"static const FusionVector {name}Offset = {{.array = {_floats(triad.bias)}}};",
         ]
+    field = subject.magnetometer
+    if field is not None:
+        lines += [f"// {line}" for line in field_lines(field, "x = softIronMatrix * (u - hardIronOffset)")]
+        body = ", ".join(_float(v) for v in field.soft_iron.ravel())
+        lines += [
+            f"static const FusionMatrix softIronMatrix = {{.array = {{{body}}}}};",
+            f"static const FusionVector hardIronOffset = {{.array = {_floats(field.hard_iron)}}};",
+        ]
     return {
         "fusion_calibration.h": commented(head(subject, TARGET.title, formula, vectors), "//")
         + "\n".join(lines)
@@ -52,9 +62,13 @@ def write(subject: Subject) -> dict[str, str]:
     }
 
 
+def _float(value: float) -> str:
+    text = f"{value:.9g}"
+    return (text if "." in text or "e" in text else text + ".0") + "f"
+
+
 def _floats(values: Vector) -> str:
-    texts = [f"{v:.9g}" for v in values]
-    return "{" + ", ".join((t if "." in t or "e" in t else t + ".0") + "f" for t in texts) + "}"
+    return "{" + ", ".join(_float(v) for v in values) + "}"
 
 
 def read(path: Path) -> Imported:

@@ -1,7 +1,7 @@
-"""MATLAB: the arguments of ``accelcal``'s correction, for both triads.
+"""MATLAB: the arguments of ``accelcal``'s correction for both triads, and of ``magcal``'s for a magnetometer.
 
 Read on its help page (R2023b): ``C = U A + b``, a sample a row: A is the transpose of the usual matrix, b is
-added after.
+added after. ``magcal`` (R2023b): ``C = (U - b) A``, b is subtracted first.
 """
 
 from __future__ import annotations
@@ -10,14 +10,15 @@ import re
 from pathlib import Path
 
 from tumble.errors import CalibrationFileError
+from tumble.export.magnetometer import field_lines
 from tumble.export.reading import invertible, text_of, vector_of
 from tumble.export.subject import Subject
-from tumble.export.target import BIAS, MATRIX, SCALE, Imported, Target
+from tumble.export.target import BIAS, MAGNETOMETER, MATRIX, SCALE, Imported, Target
 from tumble.export.words import commented, head, number
 from tumble.sensor import ImuModel, Triad
 from tumble.sensor.gauge import inverse
 
-_HOLDS = frozenset({MATRIX, SCALE, BIAS})
+_HOLDS = frozenset({MATRIX, SCALE, BIAS, MAGNETOMETER})
 
 
 def write(subject: Subject) -> dict[str, str]:
@@ -32,6 +33,19 @@ def write(subject: Subject) -> dict[str, str]:
         lines += [
             f"{name}_A = [{rows}];",
             f"{name}_b = [{' '.join(number(v) for v in -(corrected @ triad.bias))}];",
+        ]
+    field = subject.magnetometer
+    if field is not None:
+        # As magcal has it: the offset first, and samples are rows.
+        rows = "; ".join(" ".join(number(v) for v in line) for line in field.soft_iron.T)
+        told = field_lines(
+            field, "C = (U-b)*A, as magcal has it; U and C have a sample a row, |C| is mag_expmfs"
+        )
+        lines += [
+            *(f"% {line}" for line in told),
+            f"mag_A = [{rows}];",
+            f"mag_b = [{' '.join(number(v) for v in field.hard_iron)}];",
+            f"mag_expmfs = {number(field.norm)};",
         ]
     said = commented(head(subject, TARGET.title, formula), "%")
     return {"imu_calibration.m": said + "\n".join(lines) + "\n"}

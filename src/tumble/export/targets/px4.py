@@ -1,15 +1,16 @@
-"""PX4 parameters ``CAL_ACC*``, ``CAL_GYRO*`` and, of a calibration with temperature, ``TC_A*``, ``TC_G*``.
+"""PX4 parameters ``CAL_ACC*``, ``CAL_GYRO*``, ``CAL_MAG*`` and, of one with temperature, ``TC_A*``, ``TC_G*``.
 
-Read in its source (sensor_calibration/Accelerometer.hpp and Gyroscope.hpp: ``Correct``;
+Read in its source (sensor_calibration/Accelerometer.hpp, Gyroscope.hpp and Magnetometer.hpp: ``Correct``;
 TemperatureCompensation.h; module.yaml): backward, ``x = R ((u - o_T - OFF) * SCALE)`` for accelerometers,
 without SCALE for gyros, R the board's rotation, which is left as it is. No off-diagonals, no gyro scale: what
-that loses is said. ``o_T = x3 d^3 + x2 d^2 + x1 d + x0`` with ``d = clip(T, TMIN, TMAX) - TREF``. Values are
-single precision.
+that loses is said. Magnetometers: ``x = R S (u - OFF)`` in gauss, S symmetric of SCALE and ODIAG.
+``o_T = x3 d^3 + x2 d^2 + x1 d + x0`` with ``d = clip(T, TMIN, TMAX) - TREF``. Values are single precision.
 """
 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +18,12 @@ import numpy as np
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.export.autopilots import Found, diagonal, entries_of, from_parameters
 from tumble.export.curves import Curve
+from tumble.export.losses import Loss
+from tumble.export.magnetometer import NOT_WRITTEN, field_lines, without_rotation
 from tumble.export.polynomials import Polynomials, polynomials_of
 from tumble.export.reading import text_of
 from tumble.export.subject import Subject
-from tumble.export.target import BIAS, SCALE, TEMPERATURE, Imported, Target
+from tumble.export.target import BIAS, MAGNETOMETER, SCALE, TEMPERATURE, Imported, Target
 from tumble.export.words import commented, example_lines, head
 from tumble.files import number_of, shown
 from tumble.sensor import Triad
@@ -55,13 +58,34 @@ def write(subject: Subject) -> dict[str, str]:
         for i, axis in enumerate("XYZ")
     ]
     rows += _thermal_rows(thermal, n)
+    of_field, told, lost = _field_rows(subject, n)
+    rows += of_field
+    reduced = replace(reduced, losses=(*reduced.losses, *lost))
     said = head(reduced, TARGET.title, FORMULA, _test(reduced, thermal))
     said.append(
         f"CAL_ACC{n}_ID and CAL_GYRO{n}_ID are for you to keep: PX4 takes these numbers for the "
         "sensor whose ID it has, so calibrate once on the vehicle, then load them"
     )
+    said += told
     lines = [f"1\t1\t{name}\t{_value(value, kind)}\t{kind}" for name, value, kind in rows]
     return {"px4.params": commented(said) + "\n".join(lines) + "\n"}
+
+
+def _field_rows(subject: Subject, n: int) -> tuple[list[tuple[str, float, int]], list[str], list[Loss]]:
+    """Rows of CAL_MAG, what the comments say of them, and what they lose."""
+    if subject.magnetometer is None:
+        return [], [], []
+    field = subject.magnetometer.in_units("gauss", "gauss")
+    if field is None:
+        return [], [], [Loss(NOT_WRITTEN.format(title="PX4", unit="gauss"))]
+    field, lost = without_rotation(field, "PX4")
+    S = field.soft_iron
+    rows = [(f"CAL_MAG{n}_{axis}OFF", float(field.hard_iron[i]), REAL) for i, axis in enumerate("XYZ")]
+    rows += [(f"CAL_MAG{n}_{axis}SCALE", float(S[i, i]), REAL) for i, axis in enumerate("XYZ")]
+    pairs = zip("XYZ", ((0, 1), (0, 2), (1, 2)), strict=True)
+    rows += [(f"CAL_MAG{n}_{axis}ODIAG", float(S[i, j]), REAL) for axis, (i, j) in pairs]
+    formula = "x = S (u - OFF), S = [XSCALE XODIAG YODIAG; XODIAG YSCALE ZODIAG; YODIAG ZODIAG ZSCALE]"
+    return rows, field_lines(field, f"{formula}, then CAL_MAG{n}_ROT"), lost
 
 
 def _value(value: float, kind: int) -> str:
@@ -161,7 +185,7 @@ def _curve(
 TARGET = Target(
     "px4",
     "PX4 parameters",
-    frozenset({SCALE, BIAS, TEMPERATURE}),
+    frozenset({SCALE, BIAS, TEMPERATURE, MAGNETOMETER}),
     "px4.params",
     write,
     read,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tumble.export.magnetometer import field_lines
 from tumble.export.source_code import FORMULA, HOLDS, sensitivity, tests_of, triad_numbers
 from tumble.export.subject import Subject
 from tumble.export.target import Target
@@ -43,6 +44,35 @@ if __name__ == "__main__":
 '''
 
 
+_FIELD_BODY = '''
+
+def correct_field(raw):
+    """Return the corrected magnetic field, a list of 3, of a raw one."""
+    away = [value - offset for value, offset in zip(raw, HARD_IRON)]
+    return [sum(s * a for s, a in zip(row, away)) for row in SOFT_IRON]
+
+
+def field_self_test():
+    """Return the largest relative difference of the field's test vectors: at most about 1e-12."""
+    worst = 0.0
+    for raw, wanted in FIELD_TESTS:
+        size = math.sqrt(sum(w * w for w in wanted))
+        worst = max(worst, *(abs(g - w) / size for g, w in zip(correct_field(raw), wanted)))
+    return worst
+'''
+
+
+def _field_text(subject: Subject) -> str:
+    """What corrects a magnetometer; empty without one."""
+    field = subject.magnetometer
+    if field is None:
+        return ""
+    told = commented(field_lines(field, "x = SOFT_IRON (u - HARD_IRON)"))
+    tests = [[raw.tolist(), true.tolist()] for raw, true in zip(*field.vectors(), strict=True)]
+    numbers = f"SOFT_IRON = {field.soft_iron.tolist()!r}\nHARD_IRON = {field.hard_iron.tolist()!r}\n"
+    return f"{told}{numbers}FIELD_TESTS = {tests!r}\n{_FIELD_BODY}"
+
+
 def write(subject: Subject) -> dict[str, str]:
     """Return a Python 3 module that imports ``math`` alone."""
     lines = [commented(head(subject, TARGET.title, FORMULA)), "import math\n\n"]
@@ -55,6 +85,7 @@ def write(subject: Subject) -> dict[str, str]:
     )
     lines += [f"    {[v.tolist() for v in four]!r},\n" for four in tests_of(subject)]
     lines.append("]\n")
+    lines.append(_field_text(subject))
     body = _PYTHON_BODY.replace("RAW_FORCE", subject.units[0]).replace("RAW_RATE", subject.units[1])
     return {"tumble_calibration.py": "".join(lines) + body}
 

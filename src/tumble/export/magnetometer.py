@@ -1,0 +1,156 @@
+"""A magnetometer's correction as other tools write it down: ``x = S (u - h)``, and the symmetric S of autopilots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tumble.arrays import Matrix, Vector, Vectors, inverted
+from tumble.document.result import Calibration
+from tumble.export.losses import Loss
+from tumble.sensor import change_frame, polar_rotation
+from tumble.units import find_unit, magnetic_field_factor
+
+LOCAL = "local field"
+_MICROTESLA = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class FieldCorrection:
+    """What corrects a magnetometer: ``x = soft_iron @ (u - hard_iron)``.
+
+    Attributes
+    ----------
+    soft_iron : (3, 3) units of x per raw unit.
+    hard_iron : (3,) raw.
+    raw_unit, unit : of u ("counts" among them) and of x: "uT", "gauss", "mgauss" or "local field".
+    axes : along which x is, in words.
+    norm : of the field in which it was found, in units of x.
+    """
+
+    soft_iron: Matrix
+    hard_iron: Vector
+    raw_unit: str
+    unit: str
+    axes: str
+    norm: float
+
+    def correct(self, raw: Vectors) -> Vectors:
+        """Return the corrected field of (samples, 3) raw numbers."""
+        return (raw - self.hard_iron) @ self.soft_iron.T
+
+    def vectors(self) -> tuple[Vectors, Vectors]:
+        """Return three raw fields, round numbers, and the corrected ones."""
+        directions = np.array([[1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [-0.36, 0.48, 0.8]])
+        raw = self.hard_iron + np.linalg.solve(self.soft_iron, self.norm * directions.T).T
+        raw = np.array([[float(f"{v:.4g}") for v in row] for row in raw])
+        return raw, self.correct(raw)
+
+    def in_units(self, raw_unit: str, unit: str) -> FieldCorrection | None:
+        """Return the same for other units of magnetic field; None where counts or an unknown norm do not allow it.
+
+        Parameters
+        ----------
+        raw_unit, unit : that `tumble.units` knows.
+        """
+        own, out = magnetic_field_factor(self.raw_unit), magnetic_field_factor(unit)
+        wanted = magnetic_field_factor(raw_unit)
+        if own is None or wanted is None or out is None or self.unit == LOCAL:
+            return None
+        before = magnetic_field_factor(self.unit)
+        assert before is not None
+        return FieldCorrection(
+            self.soft_iron * (wanted / own) * (before / out),
+            self.hard_iron * (own / wanted),
+            raw_unit,
+            unit,
+            self.axes,
+            self.norm * before / out,
+        )
+
+
+def field_correction(calibration: Calibration | None, frame: str) -> FieldCorrection | None:
+    """Return the magnetometer's correction, x in µT where the norm is known; None without one.
+
+    Parameters
+    ----------
+    calibration : of one stage or several; of several the magnetometer is not written.
+    frame : of corrected vectors.
+    """
+    if calibration is None or calibration.composed_with is not None or calibration.magnetometer is None:
+        return None
+    block, triad = calibration.magnetometer, calibration.magnetometer.triad
+    if triad is None:
+        return None
+    axes = "of the magnetometer itself: nothing says how they lie against the accelerometers'"
+    if block.frame == "b":
+        axes = f"of the frame {frame}"
+        if frame != calibration.frame.name:
+            turned = change_frame(replace(calibration.own_model, magnetometer=triad), frame).magnetometer
+            assert turned is not None
+            triad = turned
+    known = block.unit == "T"
+    factor = 1.0 / _MICROTESLA if known else 1.0
+    return FieldCorrection(
+        factor * inverted(triad.matrix),
+        triad.bias,
+        find_unit("magnetic field", block.raw_unit) or block.raw_unit,
+        "uT" if known else LOCAL,
+        axes,
+        factor * (1.0 if block.field is None else block.field.norm),
+    )
+
+
+def without_rotation(made: FieldCorrection, title: str) -> tuple[FieldCorrection, list[Loss]]:
+    """Return the correction with a symmetric matrix, and what that loses: the rotation to the other sensors' axes.
+
+    The norm of the field stays as it is: ``S = R K`` with K symmetric, and K is written.
+
+    Parameters
+    ----------
+    made : with any matrix.
+    title : of the tool.
+    """
+    turn = np.real(polar_rotation(made.soft_iron.T)).T
+    kept = turn.T @ made.soft_iron
+    angle = float(np.degrees(np.arccos(np.clip(0.5 * (np.trace(turn) - 1.0), -1.0, 1.0))))
+    symmetric = replace(made, soft_iron=0.5 * (kept + kept.T), axes="of the magnetometer itself")
+    if angle < 1e-4:
+        return symmetric, []
+    text = (
+        f"the magnetometer is turned by {angle:.2g} deg against the accelerometers' axes, and {title} has a symmetric "
+        "matrix without that rotation: headings are off by up to as much"
+    )
+    return symmetric, [Loss(text)]
+
+
+def field_lines(made: FieldCorrection, formula: str) -> list[str]:
+    """Return what a comment says of a magnetometer: formula, units, test vector.
+
+    Parameters
+    ----------
+    made : what is written.
+    formula : in the tool's own names.
+    """
+    raw, true = made.vectors()
+    return [
+        f"magnetometer: {formula}; raw in {made.raw_unit}, corrected in {_words(made.unit)} along the axes {made.axes}",
+        f"test vector: raw magnetic field {_row(raw[2])} corrected to {_row(true[2])}",
+    ]
+
+
+def _words(unit: str) -> str:
+    return "units of the local field" if unit == LOCAL else unit
+
+
+def _row(values: Sequence[float] | Vector) -> str:
+    return "[" + ", ".join(f"{v:.9g}" for v in values) + "]"
+
+
+NOT_WRITTEN = (
+    "the magnetometer is left out: it takes counts or the field's norm is not known, and {title} works in {unit} "
+    "(calibrate with --units and --field)"
+)
+ELSEWHERE = "the magnetometer is left out: {title} holds none"
