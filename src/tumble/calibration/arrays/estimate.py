@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from tumble.arrays import Matrix, Vector
 from tumble.attitude.rotations import rotation_vector_from_matrix
 from tumble.calibration.arrays.adjustment import ArraySolution
+from tumble.calibration.arrays.slips import Slip, find_slips
 from tumble.calibration.estimate import Beside, Estimate, coverage_factor
 from tumble.calibration.evidence import Budget, Holds, Turns
 from tumble.calibration.outcome.budget import wander_factors
@@ -20,6 +21,8 @@ from tumble.earth import Site
 
 # Units that are said to have moved against one another though they did not.
 FALSE_ALARM = 1e-3
+# Attitudes that disagree by twice what the units' own residuals explain are no models' alone.
+MOST_UNLIKE = 4.0
 # Standard uncertainties that shrink by less than this share are hardly worth another unit.
 WORTH_IT = 0.05
 GROUPS = (
@@ -63,6 +66,7 @@ class ArrayEstimate:
     estimates : of each unit.
     units : how each sits against the first, and what it gains.
     chi_square, degrees, probability : of what common poses add to the residuals of units that are fixed to one another.
+    slips : units that turned against the first one.
     """
 
     estimates: list[Estimate]
@@ -70,11 +74,17 @@ class ArrayEstimate:
     chi_square: float
     degrees: int
     probability: float
+    slips: list[Slip] = field(default_factory=list[Slip])
 
     @property
     def is_rigid(self) -> bool:
-        """Whether chance explains by how much the units' attitudes disagree."""
-        return self.probability >= FALSE_ALARM
+        """Whether chance, or what the units' models leave, explains by how much their attitudes disagree."""
+        return not self.slips and (not self.is_unlike or self.chi_square <= MOST_UNLIKE * self.degrees)
+
+    @property
+    def is_unlike(self) -> bool:
+        """Whether the units' attitudes disagree by more than their own residuals explain."""
+        return self.probability < FALSE_ALARM
 
 
 def array_estimate(solution: ArraySolution, alone: Sequence[Estimate], site: Site) -> ArrayEstimate:
@@ -88,28 +98,61 @@ def array_estimate(solution: ArraySolution, alone: Sequence[Estimate], site: Sit
     """
     from scipy.special import chdtrc
 
-    squares = max(solution.square_sum - solution.alone_sum, 0.0)
-    degrees = solution.redundancy - solution.alone_redundancy
+    squares, degrees = _added(solution)
     probability = float(chdtrc(degrees, squares)) if degrees > 0 else 1.0
     estimates = [_estimate(solution, k, own, site) for k, own in enumerate(alone)]
     units = [
         MountedUnit(unit.name, unit.C_1b, *_mounting(solution, k), _gains(estimates[k], alone[k]))
         for k, unit in enumerate(solution.units)
     ]
-    made = ArrayEstimate(estimates, units, squares, degrees, probability)
+    made = ArrayEstimate(estimates, units, squares, degrees, probability, find_slips(solution))
     for estimate, unit in zip(estimates, units, strict=True):
         estimate.say("remark", _of_gain(len(units), unit))
         if not made.is_rigid:
-            estimate.say(
-                "objection",
-                "The units did not keep their places against one another, or their clocks differ: common poses add "
-                f"{squares:.0f} to the sum of squares, {degrees} are expected. Fix them, or calibrate each by itself.",
-            )
+            estimate.say("objection", _loose(made))
+        elif made.is_unlike:
+            estimate.say("caution", _unlike(made))
     return made
 
 
+def _loose(array: ArrayEstimate) -> str:
+    """What is said of units that are not fixed to one another."""
+    first = array.units[0].name
+    turned = " ".join(
+        f"{slip.name} turned by {np.degrees(slip.angle):.2g}° against {first} before hold {slip.hold + 1}."
+        for slip in array.slips
+    )
+    return (
+        "The units did not keep their places against one another, or their clocks differ. "
+        f"{turned}{' ' * bool(turned)}Common poses add {array.chi_square:.0f} to the sum of squares, {array.degrees} "
+        "are expected. Fix them, or calibrate each by itself."
+    )
+
+
+def _unlike(array: ArrayEstimate) -> str:
+    """What is said of units that stay where they are and see a little more apart than they should."""
+    return (
+        f"The units' attitudes disagree by {np.sqrt(array.chi_square / array.degrees):.2g} times what their own "
+        f"residuals explain, and no unit turned against the others. Common poses add {array.chi_square:.0f} to the sum "
+        f"of squares, {array.degrees} are expected. It is what the units' models leave in each pose, and the stated "
+        "uncertainties count it."
+    )
+
+
 def _scale(solution: ArraySolution) -> float:
-    return max(1.0, solution.square_sum / solution.redundancy) if solution.redundancy > 0 else 1.0
+    """Variance of unit weight, 1 at least: of everything, or of what common poses add if that is more than chance."""
+    from scipy.special import chdtrc
+
+    whole = max(1.0, solution.square_sum / solution.redundancy) if solution.redundancy > 0 else 1.0
+    squares, degrees = _added(solution)
+    unlike = degrees > 0 and float(chdtrc(degrees, squares)) < FALSE_ALARM
+    return max(whole, squares / degrees) if unlike else whole
+
+
+def _added(solution: ArraySolution) -> tuple[float, int]:
+    """Square sum and degrees of freedom that common poses add to those of the units by themselves."""
+    squares = max(solution.square_sum - solution.alone_sum, 0.0)
+    return squares, solution.redundancy - solution.alone_redundancy
 
 
 def _estimate(solution: ArraySolution, index: int, alone: Estimate, site: Site) -> Estimate:
