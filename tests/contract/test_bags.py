@@ -302,3 +302,69 @@ def test_topics_of_a_format_without_topics_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("t,ax,ay,az\n0,0,0,9.8\n0.01,0,0,9.8\n")
     with pytest.raises(UsageError, match=r"a\.csv is text, which has no topics"):
         read_recording(tmp_path / "a.csv", topics=["/imu"])
+
+
+# -- magnetometers -----------------------------------------------------------------------------------
+
+MAGNETIC = "sensor_msgs/msg/MagneticField"
+FIELD = np.array([18e-6, -4e-6, -44e-6])  # T
+
+
+def magnetic(store: Any, seconds: float, field: np.ndarray) -> Any:
+    made = message(store, seconds, FORCE, RATE)
+    vector = store.types["geometry_msgs/msg/Vector3"](*field)
+    return store.types[MAGNETIC](made.header, vector, ZEROS)
+
+
+def fields(count: int = 60) -> list[tuple[float, np.ndarray]]:
+    rng = np.random.default_rng(9)
+    return [(1000.003 + k / 25, FIELD + 3e-7 * rng.normal(size=3)) for k in range(count)]
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+def test_a_magnetometer_s_topic_stands_beside_the_imu_s(tmp_path: Path, ros: int) -> None:
+    store = STORE1 if ros == 1 else STORE
+    serialise = store.serialize_ros1 if ros == 1 else store.serialize_cdr
+    path = tmp_path / ("a.bag" if ros == 1 else "folder")
+    writer = (
+        rosbag1.Writer(path)
+        if ros == 1
+        else rosbag2.Writer(path, version=8, storage_plugin=rosbag2.StoragePlugin.SQLITE3)
+    )
+    with writer:
+        imu = writer.add_connection("/imu/data", IMU, typestore=store)
+        for name, sign in (("/imu/mag", 1.0), ("/gps/mag", -1.0)):
+            connection = writer.add_connection(name, MAGNETIC, typestore=store)
+            for seconds, field in fields():
+                made = serialise(magnetic(store, seconds, sign * field), MAGNETIC)
+                writer.write(connection, round(seconds * 1e9), made)
+        for seconds, force, rate in samples():
+            made = serialise(message(store, seconds, force, rate), IMU)
+            writer.write(imu, round(seconds * 1e9), made)
+    recording = read_recording(path)
+    assert len(recording) == 300
+    assert recording.magnetic_field is not None
+    assert recording.magnetic_field.unit == "T"
+    assert np.array_equal(recording.magnetic_field.values, [field for _, field in fields()])
+    np.testing.assert_allclose(recording.magnetic_field.time, [t for t, _ in fields()], atol=1e-6)
+    assert "/imu/mag is read as the magnetometer" in texts(recording)
+    assert "/gps/mag" in texts(recording)
+    other = read_recording(path, topics=["/imu/data", "/gps/mag"])
+    assert other.magnetic_field is not None
+    assert np.array_equal(other.magnetic_field.values, [-field for _, field in fields()])
+    assert len(other) == 300
+
+
+def test_a_bag_with_a_magnetometer_alone_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.bag"
+    with rosbag1.Writer(path) as writer:
+        connection = writer.add_connection("/mag", MAGNETIC, typestore=STORE1)
+        for seconds, field in fields():
+            made = STORE1.serialize_ros1(magnetic(STORE1, seconds, 1e6 * field), MAGNETIC)
+            writer.write(connection, round(seconds * 1e9), made)
+    recording = read_recording(path)
+    assert recording.specific_force is None
+    assert recording.magnetic_field is not None
+    assert len(recording.magnetic_field) == 60
+    assert "in uT it would be the Earth's" in texts(recording)  # many drivers write µT where the type says T
+    assert read_recording(path, units="uT").magnetic_field.unit == "uT"

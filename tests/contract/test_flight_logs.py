@@ -193,6 +193,40 @@ def test_the_extra_of_a_ulog_is_named(tmp_path: Path, monkeypatch: pytest.Monkey
         read_recording(tmp_path / "a.ulg")
 
 
+MAG = (
+    (np.array([0.21, -0.03, 0.43]) + 0.004 * RNG.normal(size=(200, 3))).astype(np.float32).astype(float)
+)  # gauss
+
+
+def field_of(recording: Any) -> Any:
+    assert recording.magnetic_field is not None
+    return recording.magnetic_field
+
+
+def test_ulog_the_raw_magnetometer_has_its_own_rate_and_axes(tmp_path: Path) -> None:
+    sensors = raw_sensor("accel", 0, FORCE), raw_sensor("gyro", 0, RATE), raw_sensor("mag", 0, MAG, 10)
+    write_ulog(tmp_path / "a.ulg", *sensors)
+    recording = read_recording(tmp_path / "a.ulg")
+    field = field_of(recording)
+    assert field.unit == "gauss"
+    assert np.array_equal(field.values, MAG[::10])
+    assert np.array_equal(field.time, STAMPS[::10] / 1e6)
+    assert np.array_equal(recording.specific_force, FORCE)
+    assert "own axes" in texts(recording)
+
+
+def test_ulog_a_corrected_magnetometer_is_said_to_be_one(tmp_path: Path) -> None:
+    fields = (
+        "uint64_t timestamp_sample;uint32_t device_id;float[3] magnetometer_ga;uint8_t calibration_count;"
+    )
+    rows = [(int(t) + 50, int(t), 7, *m, 1) for t, m in zip(STAMPS[::5], MAG[::5], strict=True)]
+    write_ulog(tmp_path / "a.ulg", combined(), ("vehicle_magnetometer", 0, fields, "QI3fB", rows))
+    recording = read_recording(tmp_path / "a.ulg")
+    assert np.array_equal(field_of(recording).values, MAG[::5])
+    assert np.array_equal(field_of(recording).time, STAMPS[::5] / 1e6)
+    assert "CAL_MAG" in texts(recording)
+
+
 # -- ArduPilot ---------------------------------------------------------------------------------------
 
 
@@ -265,6 +299,29 @@ def test_dataflash_raw_sensors_and_increments(tmp_path: Path) -> None:
     assert np.array_equal(increments.angular_rate, RATE)
 
 
+def test_dataflash_the_magnetometer_and_the_offsets_that_are_in_it(tmp_path: Path) -> None:
+    write_dataflash(tmp_path / "a.bin")
+    whole = np.round(1000.0 * MAG[::25]).astype(int)
+    labels = b"TimeUS,I,MagX,MagY,MagZ,OfsX,OfsY,OfsZ,MOX,MOY,MOZ,Health,S"
+    parts = [described(30, 3 + 8 + 1 + 18 + 1 + 4, b"MAG", b"QBhhhhhhhhhBI", labels)]
+    for unit in (0, 1):
+        parts += [
+            b"\xa3\x95\x1e" + struct.pack("<QB9hBI", int(t), unit, *(m + unit), 12, -34, 56, 0, 0, 0, 1, 0)
+            for t, m in zip(STAMPS[::25], whole, strict=True)
+        ]
+    with (tmp_path / "a.bin").open("ab") as file:
+        file.write(b"".join(parts))
+    recording = read_recording(tmp_path / "a.bin")
+    assert np.array_equal(recording.specific_force, FORCE)
+    assert field_of(recording).unit == "mgauss"
+    assert np.array_equal(field_of(recording).values, whole)
+    assert np.array_equal(field_of(recording).time, STAMPS[::25] / 1e6)
+    assert "COMPASS_OFS" in texts(recording)
+    assert "offsets of 12, -34 and 56 mgauss" in texts(recording)
+    second = read_recording(tmp_path / "a.bin", topics=["IMU:0", "MAG:1"])
+    assert np.array_equal(field_of(second).values, whole + 1)
+
+
 def test_dataflash_without_inertial_messages_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(FMT + described(10, 11, b"MODE", b"Q", b"TimeUS") + bytes(20))
     with pytest.raises(
@@ -308,6 +365,35 @@ def test_mavlink_scaled_numbers_have_their_units(tmp_path: Path, version: str) -
     assert (recording.specific_force_unit, recording.angular_rate_unit) == ("mg", "mrad/s")
     assert np.array_equal(recording.specific_force, np.round(FORCE / 9.80665e-3))
     assert np.array_equal(recording.time, STAMPS // 1000 / 1e3)
+
+
+def test_mavlink_messages_carry_the_magnetometer(tmp_path: Path) -> None:
+    fields = scaled() | {
+        letter + "mag": (lambda k, axis=axis: round(1000.0 * MAG[k, axis]))
+        for axis, letter in enumerate("xyz")
+    }
+    write_tlog(tmp_path / "a.tlog", "v20", "scaled_imu2", **fields)
+    field = field_of(read_recording(tmp_path / "a.tlog"))
+    assert field.unit == "mgauss"
+    assert np.array_equal(field.values, np.round(1000.0 * MAG))
+
+
+def test_mavlink_a_magnetometer_in_gauss(tmp_path: Path) -> None:
+    fields: dict[str, Any] = {"time_usec": lambda k: int(STAMPS[k]), "fields_updated": 0x3F}
+    fields |= dict.fromkeys(("abs_pressure", "diff_pressure", "pressure_alt", "temperature"), 3.0)
+    for axis, letter in enumerate("xyz"):
+        fields[letter + "acc"] = lambda k, axis=axis: FORCE[k, axis]
+        fields[letter + "gyro"] = lambda k, axis=axis: RATE[k, axis]
+        fields[letter + "mag"] = lambda k, axis=axis: MAG[k, axis]
+    write_tlog(tmp_path / "a.tlog", "v20", "highres_imu", **fields)
+    field = field_of(read_recording(tmp_path / "a.tlog"))
+    assert field.unit == "gauss"
+    assert np.array_equal(field.values, MAG)
+
+
+def test_mavlink_without_a_magnetometer_has_none(tmp_path: Path) -> None:
+    write_tlog(tmp_path / "a.tlog", "v20", "scaled_imu2", **scaled())
+    assert read_recording(tmp_path / "a.tlog").magnetic_field is None
 
 
 def test_mavlink_raw_numbers_have_none(tmp_path: Path) -> None:

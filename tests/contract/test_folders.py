@@ -108,6 +108,21 @@ def test_columns_that_name_the_sensor_and_the_unit_of_time_are_known(tmp_path: P
     assert (recording.specific_force_unit, recording.angular_rate_unit) == ("m/s^2", "rad/s")
 
 
+def test_a_phone_s_magnetometer_has_its_own_rate(tmp_path: Path) -> None:
+    slower = SLOW[::4]
+    field = np.array([12.0, -20.0, 41.0]) + 0.4 * RNG.normal(size=(slower.size, 3))
+    sensors = {"TotalAcceleration": (SLOW, FORCE), "Gyroscope": (FAST, RATE), "Magnetometer": (slower, field)}
+    recording = read_recording(phone(tmp_path / "log", **sensors))
+    assert recording.magnetic_field is not None
+    assert recording.magnetic_field.unit == "uT"
+    assert np.array_equal(recording.magnetic_field.values, field)
+    np.testing.assert_allclose(recording.magnetic_field.time, slower, rtol=1e-12)
+    assert "calibrates by itself" in texts(recording)
+    raw = read_recording(phone(tmp_path / "log", MagnetometerUncalibrated=(slower, field + 30.0)))
+    assert raw.magnetic_field is not None
+    assert np.array_equal(raw.magnetic_field.values, field + 30.0)
+
+
 def test_phyphox_exports_a_zip(tmp_path: Path) -> None:
     header = '"Time (s)","X (m/s^2)","Y (m/s^2)","Z (m/s^2)"'
     write_sensor(tmp_path / "Accelerometer.csv", header, SLOW, FORCE)

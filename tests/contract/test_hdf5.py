@@ -112,3 +112,38 @@ def test_an_attribute_with_an_unknown_unit_is_said(tmp_path: Path) -> None:
         file["imu/gyr"].attrs["unit"] = "furlong"
     said = " ".join(r.text for r in read_recording(path).remarks)
     assert "the unit 'furlong' of 'gyr_x [furlong]' is no known unit of angular rate" in said
+
+
+FIELD = np.array([18.0, -4.0, -43.0]) + 0.3 * RNG.normal(size=(75, 3))
+SLOW = TIME[::4] + 0.001
+
+
+@pytest.mark.parametrize("merged", [True, False])
+def test_a_magnetometer_in_a_group_of_its_own_keeps_its_stamps(tmp_path: Path, merged: bool) -> None:
+    groups = (
+        {"acc__t": TIME, "acc__acc": FORCE, "gyr__t": TIME, "gyr__gyr": RATE}
+        if merged
+        else {"imu__t": TIME, "imu__acc": FORCE, "imu__gyr": RATE}
+    )
+    path = write(tmp_path / "a.h5", mag__t=SLOW, mag__mag=FIELD, **groups)
+    recording = read_recording(path, units="m/s^2,rad/s,uT")
+    assert np.array_equal(recording.specific_force, FORCE)
+    assert recording.magnetic_field is not None
+    assert np.array_equal(recording.magnetic_field.values, FIELD)
+    np.testing.assert_allclose(recording.magnetic_field.time, SLOW, rtol=1e-12)
+    named = read_recording(
+        path, units="m/s^2,rad/s,uT", topics=["gyr", "mag", "acc"] if merged else ["imu", "mag"]
+    )
+    assert named.magnetic_field is not None
+    assert np.array_equal(named.magnetic_field.values, FIELD)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e9])
+def test_arrays_of_another_length_are_the_magnetometer_s_if_named_so(tmp_path: Path, unit: float) -> None:
+    arrays = {"t": unit * TIME, "acc": FORCE, "gyr": RATE, "t_mag": unit * SLOW, "mag": FIELD}
+    np.savez(tmp_path / "a.npz", **arrays)
+    recording = read_recording(tmp_path / "a.npz", units="m/s^2,rad/s")
+    assert recording.magnetic_field is not None
+    assert recording.magnetic_field.unit == "uT"
+    assert np.array_equal(recording.magnetic_field.values, FIELD)
+    np.testing.assert_allclose(recording.magnetic_field.time, SLOW, rtol=1e-9)

@@ -221,3 +221,54 @@ def test_bare_numbers_of_another_kind_are_not_taken_for_increments(tmp_path: Pat
     (tmp_path / "b.bin").write_bytes(rows.tobytes())
     with pytest.raises(RecordingError, match=r"row 401: column 4 holds 1e\+200"):
         read_recording(tmp_path / "b.bin", units="m/s,rad")
+
+
+# -- magnetometers -----------------------------------------------------------------------------------
+
+FIELD = np.round(np.array([0.21, -0.04, 0.44]) + 0.003 * RNG.normal(size=(COUNT, 3)), 4)  # gauss
+
+
+def summed(line: str) -> str:
+    """A sentence with its checksum: the exclusive or of what stands between $ and *."""
+    total = 0
+    for letter in line[1:].encode():
+        total ^= letter
+    return f"{line}*{total:02X}"
+
+
+@pytest.mark.parametrize(
+    ("kind", "before", "after"),
+    [
+        ("VNIMU", [], [25.1, 101.3]),
+        ("VNYMR", [1.0, 2.0, 3.0], []),
+        ("VNQMR", [0.0, 0, 0, 1], []),
+        ("VNMAR", [], []),
+    ],
+)
+@pytest.mark.parametrize("stamped", [True, False])
+def test_vectornav_s_sentences_have_the_magnetometer_first(
+    tmp_path: Path, kind: str, before: list[float], after: list[float], stamped: bool
+) -> None:
+    lines = []
+    for t, m, f, w in zip(TIME.tolist(), FIELD.tolist(), FORCE.tolist(), RATE.tolist(), strict=True):
+        cells = ",".join(f"{number:+.6f}" for number in (*before, *m, *f, *w, *after))
+        lines.append((f"{t:.3f}," if stamped else "") + summed(f"${kind},{cells}"))
+    path = tmp_path / "a.txt"
+    path.write_text("\r\n".join(lines) + "\r\n")
+    recording = read_recording(path, rate=None if stamped else 100)
+    assert np.array_equal(recording.specific_force, FORCE)
+    assert np.array_equal(recording.angular_rate, RATE)
+    assert recording.magnetic_field is not None
+    assert recording.magnetic_field.unit == "gauss"
+    assert np.array_equal(recording.magnetic_field.values, FIELD)
+    assert len(recording) == COUNT
+
+
+def test_an_xsens_magnetometer_is_in_units_of_the_local_field(tmp_path: Path) -> None:
+    header = f"PacketCounter\tSampleTimeFine\t{TRIADS}\tMag_X\tMag_Y\tMag_Z\n"
+    body = table(np.arange(COUNT), (TIME * 1e4).astype(int), *FORCE.T, *RATE.T, *FIELD.T)
+    (tmp_path / "a.txt").write_text(header + body)
+    recording = read_recording(tmp_path / "a.txt")
+    assert recording.magnetic_field is not None
+    assert recording.magnetic_field.unit == "counts"
+    assert np.array_equal(recording.magnetic_field.values, FIELD)

@@ -73,7 +73,7 @@ def field_beside(table: RawTable, raw: Series | None, time: Series, unit: str) -
     Parameters
     ----------
     table : with `field`, or without.
-    raw, time : stamps of the table's rows that are kept, and what became of them, s.
+    raw, time : stamps of the table's rows that are kept, in s, and what became of them on the recording's axis.
     unit : of the numbers.
     """
     stream = table.field

@@ -290,7 +290,8 @@ def _with_field(
         own = recording.time if signals.magnetic_stamps is None else signals.magnetic_stamps
         field = field_of_rows(own, signals.magnetic, hold, COUNTS)
     else:
-        kept = None if signals.stamps is None else signals.stamps[ordered.keep]
+        factor = time_factor(ordered.unit)
+        kept = None if signals.stamps is None else signals.stamps[ordered.keep] * factor
         field = field_beside(table, kept, recording.time, COUNTS)
         header = None if table.field is None else table.field.unit
         if table.field is not None and table.field.note:
@@ -467,7 +468,9 @@ def _block_field(
     if signals.magnetic is not None:
         own = time if signals.magnetic_stamps is None else signals.magnetic_stamps[keep]
         return field_of_rows(own, signals.magnetic[keep], decided.field_hold, unit)
-    return field_beside(table, None if signals.stamps is None else signals.stamps[keep], time, unit)
+    factor = time_factor(decided.time_unit or "s")
+    kept = None if signals.stamps is None else signals.stamps[keep] * factor
+    return field_beside(table, kept, time, unit)
 
 
 def _continued(

@@ -18,7 +18,7 @@ from tumble.recording.columns import ColumnPlan, plan_from_names
 from tumble.recording.formats.compression import refuse_unmeasured
 from tumble.recording.formats.damage import foreign
 from tumble.recording.formats.streams import Samples, Units, merge_streams, table_of_samples
-from tumble.recording.formats.table import RawTable, hash_file
+from tumble.recording.formats.table import FieldStream, RawTable, hash_file
 from tumble.recording.formats.variables import is_rate_name, numbers_of, table_from_variables
 from tumble.recording.recording import Remark
 from tumble.recording.stamps import guess_time_unit
@@ -80,11 +80,14 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     content = _content(path)
     remark = Remark("found", f"{path.name} holds {_listed(content.groups)}.")
     if topics:
-        if len(topics) > 2:
+        named = {name: _table(path, name, content) for name in (_named(path, content, one) for one in topics)}
+        fields = [name for name, table in named.items() if _is_field(_plan(table.names)) and len(named) > 1]
+        chosen = [name for name in named if name not in fields]
+        if len(chosen) > 2 or len(fields) > 1:
             raise UsageError(f"--topic names {len(topics)} groups; give one, or one of each triad.")
-        chosen = [_named(path, content, name) for name in topics]
-        tables = [_table(path, name, content) for name in chosen]
+        tables = [named[name] for name in chosen]
         table = tables[0] if len(tables) == 1 else _merged(path, chosen, tables)
+        table.field = table.field or _field(fields, named)
     else:
         table = _automatic(path, content)
     table.remarks.insert(0, remark)
@@ -230,16 +233,43 @@ def _automatic(path: Path, content: _Content) -> RawTable:
             f"{path.name} holds several sensors, in the groups {', '.join('/' + n for n in both[:_LISTED])}; "
             "name one with --topic."
         )
+    fields = [n for n, p in plans.items() if _is_field(p) and p.time is not None]
     if both:
+        tables[both[0]].field = tables[both[0]].field or _field(fields, tables)
         return tables[both[0]]
     forces = [n for n, p in plans.items() if p.specific_force]
     rates = [n for n, p in plans.items() if p.angular_rate]
     if len(forces) == len(rates) == 1 and all(plans[n].time is not None for n in (*forces, *rates)):
-        return _merged(path, [forces[0], rates[0]], [tables[forces[0]], tables[rates[0]]])
+        table = _merged(path, [forces[0], rates[0]], [tables[forces[0]], tables[rates[0]]])
+        table.field = _field(fields, tables)
+        return table
     flat = {_flat(g, n): a for g, arrays in groups.items() for n, a in arrays.items()}
     units = {_flat(g, n): u for (g, n), u in content.units.items()}
     rates = set(content.rates.values())
     return table_from_variables(path, flat, units, rates.pop() if len(rates) == 1 else None)
+
+
+def _is_field(plan: ColumnPlan | None) -> bool:
+    """Whether a group holds a magnetometer and neither of the other triads."""
+    return (
+        plan is not None
+        and plan.magnetic_field is not None
+        and not (plan.specific_force or plan.angular_rate)
+    )
+
+
+def _field(names: list[str], tables: Mapping[str, RawTable]) -> FieldStream | None:
+    """Return the magnetometer of the first of some groups that has stamps."""
+    for name in names:
+        table = tables[name]
+        plan = _plan(table.names)
+        if plan is None or plan.magnetic_field is None or plan.time is None:
+            continue
+        values, stamps = _triad(table, plan.magnetic_field), table.columns[plan.time]
+        good = np.isfinite(values).all(axis=1) & np.isfinite(stamps)
+        seconds = _seconds(stamps[good], plan.time_unit)
+        return FieldStream(f"/{name}", seconds, values[good], plan.magnetic_field_unit)
+    return None
 
 
 def _flat(group: str, name: str) -> str:

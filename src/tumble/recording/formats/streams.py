@@ -33,12 +33,14 @@ class Samples:
     time : (n,) seconds.
     specific_force, angular_rate : (n, 3), or None where the stream has none.
     temperature : (n,) or None.
+    magnetic_field : (n, 3), rows without a number allowed, or None where the stream has none.
     """
 
     time: Series
     specific_force: Vectors | None = None
     angular_rate: Vectors | None = None
     temperature: Series | None = None
+    magnetic_field: Vectors | None = None
 
     def __len__(self) -> int:
         return int(self.time.shape[0])
@@ -50,6 +52,7 @@ class Samples:
             None if self.specific_force is None else self.specific_force[keep],
             None if self.angular_rate is None else self.angular_rate[keep],
             None if self.temperature is None else self.temperature[keep],
+            None if self.magnetic_field is None else self.magnetic_field[keep],
         )
 
 
@@ -69,7 +72,13 @@ def join_samples(pieces: list[Samples]) -> Samples:
 
     time = joined("time")
     assert time is not None
-    return Samples(time, joined("specific_force"), joined("angular_rate"), joined("temperature"))
+    return Samples(
+        time,
+        joined("specific_force"),
+        joined("angular_rate"),
+        joined("temperature"),
+        joined("magnetic_field"),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +87,7 @@ class Units:
 
     specific_force: str | None = "m/s^2"
     angular_rate: str | None = "rad/s"
+    magnetic_field: str | None = None
 
 
 def table_of_samples(
@@ -89,7 +99,7 @@ def table_of_samples(
     ----------
     path : the file, for messages.
     samples : with the time in seconds.
-    units : of the two triads.
+    units : of the triads.
     source : the file with its SHA-256.
     remarks : what was found so far.
     """
@@ -97,6 +107,7 @@ def table_of_samples(
     for letter, triad, unit in (
         ("a", samples.specific_force, units.specific_force),
         ("g", samples.angular_rate, units.angular_rate),
+        ("m", samples.magnetic_field, units.magnetic_field),
     ):
         if triad is not None:
             names += [f"{letter}{axis}" + (f" [{unit}]" if unit else "") for axis in "xyz"]

@@ -31,7 +31,7 @@ class FieldStream:
     Attributes
     ----------
     name : of the stream, as messages call it.
-    time : (samples,) seconds on the clock of the table's stamps, which are in seconds then.
+    time : (samples,) seconds on the clock of the table's stamps.
     values : (samples, 3) raw, finite.
     unit : as the file says, or None.
     note : a sentence's end about the numbers, as what the device has already taken out; or nothing.
@@ -83,11 +83,19 @@ class RawTable:
         """Return a column's name in quotes, or its number from 1."""
         return f"column {index + 1}" if self.names is None else f"column {self.names[index]!r}"
 
+    def _field_between(self, start: int, stop: int) -> FieldStream | None:
+        """Return the field's share of some rows: by the stamps in the first column where these are seconds."""
+        if self.field is None or not len(self.field.time) or (start == 0 and stop >= len(self)):
+            return self.field
+        seconds = self.names is not None and self.names[0] == "t [s]"
+        first, last = float(self.field.time[0]), float(self.field.time[-1])
+        stamps: Series = self.columns[0] if seconds else np.linspace(first, last, len(self))
+        begin = -np.inf if start == 0 else float(stamps[start])
+        return self.field.within(begin, np.inf if stop >= len(self) else float(stamps[stop]))
+
     def cut(self, start: int, stop: int) -> RawTable:
         """Return rows `start` up to `stop` as a table (views, no copies)."""
         place = self.place
-        begin = -np.inf if start == 0 else float(self.columns[0][start])
-        end = np.inf if stop >= len(self) else float(self.columns[0][stop])
         return RawTable(
             path=self.path,
             names=self.names,
@@ -97,7 +105,7 @@ class RawTable:
             place=lambda row: place(row + start),
             rate=self.rate,
             judged=self.judged,
-            field=None if self.field is None else self.field.within(begin, end),
+            field=self._field_between(start, stop),
         )
 
 

@@ -269,7 +269,7 @@ def _read_large(path: Path, layout: TextLayout) -> RawTable:
 
     with ThreadPoolExecutor(1) as pool:
         hashing = pool.submit(hash_file, path)
-        if layout.delimiter is None or (layout.quoted and not layout.text_columns):
+        if layout.delimiter is None or layout.checksums or (layout.quoted and not layout.text_columns):
             columns = _parsed_in_pieces(path, layout)
         else:
             frame = parse_frame(path, layout, layout.first_line - 1)

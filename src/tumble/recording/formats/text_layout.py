@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import islice
 
 from tumble.errors import RecordingError
+from tumble.recording.formats.sentences import CHECKSUM, names_of_sentence
 from tumble.units import find_unit
 
 COMMENTS = ("#", "%", "//", "!")
@@ -38,6 +39,7 @@ class TextLayout:
     comment : what comment lines begin with, or None if none was seen.
     quoted : whether cells stand in double quotes.
     partial_lines : numbers of incomplete rows before the first full one.
+    checksums : whether each row ends with a checksum, as ``*5E``.
     """
 
     delimiter: str | None
@@ -50,6 +52,7 @@ class TextLayout:
     comment: str | None = None
     quoted: bool = False
     partial_lines: tuple[int, ...] = ()
+    checksums: bool = False
 
     @property
     def number_columns(self) -> tuple[int, ...]:
@@ -180,6 +183,8 @@ def find_layout(head: str, name: str) -> TextLayout:
     if not numbers:
         raise RecordingError(_no_rows(lines, name))
     rows = [lines[i] for i in numbers]
+    checksums = all(CHECKSUM.search(row) for row in rows)
+    rows = [CHECKSUM.sub("", row) for row in rows] if checksums else rows
     delimiter, decimal_comma = _find_delimiter(rows, lines[: numbers[0]])
     cells = [split_cells(row, delimiter) for row in rows]
     columns = Counter(len(c) for c in cells).most_common(1)[0][0]
@@ -203,7 +208,7 @@ def find_layout(head: str, name: str) -> TextLayout:
     return TextLayout(
         delimiter=delimiter,
         decimal_comma=decimal_comma,
-        header=_find_header(before, delimiter, columns),
+        header=_find_header(before, delimiter, columns) or names_of_sentence(sample[0]),
         columns=columns,
         first_line=full[0] + 1,
         text_columns=words,
@@ -211,6 +216,7 @@ def find_layout(head: str, name: str) -> TextLayout:
         comment=next((c for c in COMMENTS if comments and comments[-1].startswith(c)), None),
         quoted=any('"' in row for row in rows),
         partial_lines=partial,
+        checksums=checksums,
     )
 
 

@@ -7,6 +7,7 @@ to import, which pays from some tens of megabytes on.
 from __future__ import annotations
 
 import io
+import re
 import warnings
 from collections.abc import Iterable, Sequence
 from functools import partial
@@ -17,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series
+from tumble.recording.formats.sentences import CHECKSUM
 from tumble.recording.formats.table import as_columns
 from tumble.recording.formats.text_layout import COMMENTS, ISO_TIME, TextLayout, is_comment, is_number
 
@@ -25,6 +27,9 @@ if TYPE_CHECKING:
 
 _MISSING = ["", "NA", "N/A", "na", "null", "NULL", "None", "none", "-", "--", "?"]
 _GATHERED_ROWS = 65_536  # three columns of so many rows stay in the cache while they are put side by side
+
+
+_CHECKSUMS = re.compile(rb"\*[0-9A-Fa-f]{2,4}(?=\s*?$)", re.MULTILINE)
 
 
 def parse(body: bytes, layout: TextLayout, by_polars: bool) -> list[Series] | None:
@@ -47,7 +52,9 @@ def parse(body: bytes, layout: TextLayout, by_polars: bool) -> list[Series] | No
 
 
 def prepare(body: bytes, layout: TextLayout) -> bytes:
-    """Return a body with decimal points in place of commas, and without quotes where nothing needs them."""
+    """Return a body with decimal points in place of commas, without checksums and quotes that nothing needs."""
+    if layout.checksums:
+        body = _CHECKSUMS.sub(b"", body)
     if layout.decimal_comma:
         body = body.replace(b",", b".")
     if layout.quoted and not layout.text_columns:
@@ -202,6 +209,7 @@ def name_bad_cell(file: Iterable[bytes], layout: TextLayout, name: str) -> str:
     """
     for number, raw in enumerate(file, start=1):
         line = raw.decode("latin-1").strip("\r\n")
+        line = CHECKSUM.sub("", line) if layout.checksums else line
         if number < layout.first_line or not line.strip() or is_comment(line):
             continue
         cells = layout.cells(line)

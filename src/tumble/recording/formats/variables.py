@@ -15,6 +15,7 @@ from tumble.files import shown
 from tumble.recording.formats.streams import Samples, merge_streams
 from tumble.recording.formats.table import FieldStream, RawTable, as_columns, hash_file
 from tumble.recording.recording import Remark
+from tumble.units import find_unit, time_factor
 
 _LISTED = 12
 _RATE_NAMES = {"fs", "f_s", "rate", "samplerate", "sample_rate", "sampling_rate", "samplingrate", "frequency"}
@@ -75,7 +76,8 @@ def table_from_variables(
         return pair
     rows = max(lengths, key=lambda n: (lengths[n], n))
     used = {n: _tall(n, a, rows, remarks) for n, a in arrays.items() if rows in a.shape}
-    left = sorted(set(arrays) - set(used))
+    magnetic = _field_of_another_length({n: a for n, a in arrays.items() if n not in used}, units or {})
+    left = sorted(set(arrays) - set(used) - (set(magnetic[1]) if magnetic else set()))
     if left:
         remarks.append(
             Remark("found", f"{path.name}: arrays of another length are not used: {', '.join(left)}.")
@@ -92,7 +94,39 @@ def table_from_variables(
         lone = False
     if rate is not None:
         remarks.append(Remark("found", f"{path.name} states a sampling rate of {rate:g} Hz."))
-    return RawTable(path, None if lone else tuple(names), columns, hash_file(path), remarks, rate=rate)
+    field = None if magnetic is None else magnetic[0]
+    return RawTable(
+        path, None if lone else tuple(names), columns, hash_file(path), remarks, rate=rate, field=field
+    )
+
+
+def _field_of_another_length(
+    arrays: Mapping[str, npt.NDArray[np.float64]], units: Mapping[str, str]
+) -> tuple[FieldStream, tuple[str, ...]] | None:
+    """A magnetometer's (n, 3) array with n stamps beside it, both named; None without the two."""
+    from tumble.recording.columns import role_of
+    from tumble.recording.stamps import guess_time_unit
+    from tumble.recording.unnamed_columns import is_time_like
+
+    def role(name: str) -> tuple[str, str | None]:
+        return role_of(name) or ("", None)
+
+    fields = [n for n, a in arrays.items() if a.ndim == 2 and 3 in a.shape and role(f"{n}_x")[0] == "mx"]
+    if len(fields) != 1:
+        return None
+    name = fields[0]
+    values = arrays[name] if arrays[name].shape[1] == 3 else arrays[name].T
+    stamps = [n for n, a in arrays.items() if a.ndim == 1 and len(a) == len(values) and is_time_like(a)]
+    if len(stamps) != 1:
+        return None
+    time = arrays[stamps[0]]
+    said = units.get(stamps[0]) or role(stamps[0])[1]
+    unit = (find_unit("time", said) if said else None) or guess_time_unit(float(np.median(np.diff(time))))
+    good = np.isfinite(values).all(axis=1) & np.isfinite(time)
+    declared = units.get(name)
+    known = None if declared is None else find_unit("magnetic field", declared)
+    stream = FieldStream(name, time[good] * time_factor(unit), values[good], known)
+    return stream, (name, stamps[0])
 
 
 def _stamped_pair(path: Path, arrays: Mapping[str, npt.NDArray[np.float64]]) -> RawTable | None:

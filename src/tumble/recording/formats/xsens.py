@@ -99,7 +99,7 @@ def _clock(columns: dict[str, Series]) -> dict[str, Series]:
 
 
 def _triads(columns: dict[str, Series], *, is_dot: bool) -> dict[str, Series]:
-    """Return the two triads: rates where there are any, else increments."""
+    """Return the triads: rates where there are any, else increments; and the magnetometer."""
     found: dict[str, Series] = {}
     if {"Acc_X", "Acc_Y", "Acc_Z"} <= set(columns):
         found |= {f"a{a.lower()} [m/s^2]": columns[f"Acc_{a}"] for a in "XYZ"}
@@ -116,6 +116,9 @@ def _triads(columns: dict[str, Series], *, is_dot: bool) -> dict[str, Series]:
     ):
         turned = _rotation_vectors([columns[n] for n in names])
         found |= {f"g{a} [rad]": v for a, v in zip("xyz", turned, strict=True)}
+    if {"Mag_X", "Mag_Y", "Mag_Z"} <= set(columns):
+        # In units of the field at the place of Xsens' own calibration: no unit of a field, so counts.
+        found |= {f"m{a.lower()} [counts]": columns[f"Mag_{a}"] for a in "XYZ"}
     return found
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from tumble.errors import RecordingError, UsageError
+from tumble.recording.formats.bags.bag_field import is_field_topic, read_field, split_wanted
 from tumble.recording.formats.bags.ros_messages import READABLE, decode, holds, samples_of
 from tumble.recording.formats.streams import (
     BLOCK_ROWS,
@@ -19,7 +20,7 @@ from tumble.recording.formats.streams import (
     join_samples,
     table_of_samples,
 )
-from tumble.recording.formats.table import RawTable, hash_file
+from tumble.recording.formats.table import FieldStream, RawTable, hash_file
 from tumble.recording.recording import Remark, Source
 
 _PEEKED = 16  # messages of each topic that show which triads it has
@@ -302,7 +303,7 @@ def bag_blocks(bag: Bag, wanted: Sequence[str], source: Source) -> Iterator[RawT
     UsageError
         If a wanted topic is not there.
     """
-    choice = choose_topics(bag, wanted)
+    choice = choose_topics(bag, split_wanted(bag, wanted)[0])
     batches = _Batches({t.name: t for t in bag.topics}, choice)
     first = [
         Remark("found", f"{bag.path.name} holds {list_topics(bag.topics)}."),
@@ -364,12 +365,27 @@ def bag_table(bag: Bag, wanted: Sequence[str], source: Source) -> RawTable:
     """
     import numpy as np
 
-    tables = list(bag_blocks(bag, wanted, source))
+    rest, name, said = split_wanted(bag, wanted)
+    magnetic = None if name is None else read_field(bag, name)
+    if (
+        magnetic is not None
+        and not rest
+        and all(is_field_topic(t) or t.kind not in READABLE for t in bag.topics)
+    ):
+        return _field_table(bag, magnetic, source, said)
+    tables = list(bag_blocks(bag, rest, source))
+    remarks = list(dict.fromkeys(r for t in tables for r in (*t.remarks, *said)))
     if len(tables) == 1:
-        return tables[0]
+        return replace(tables[0], remarks=remarks, field=magnetic)
     columns = [np.concatenate([t.columns[i] for t in tables]) for i in range(len(tables[0].columns))]
-    remarks = [r for t in tables for r in t.remarks]
-    return RawTable(tables[0].path, tables[0].names, columns, source, remarks)
+    return RawTable(tables[0].path, tables[0].names, columns, source, remarks, field=magnetic)
+
+
+def _field_table(bag: Bag, magnetic: FieldStream, source: Source, said: list[Remark]) -> RawTable:
+    """Return the table of a bag that holds a magnetometer alone."""
+    samples = Samples(magnetic.time, magnetic_field=magnetic.values)
+    remarks = [Remark("found", f"{bag.path.name} holds {list_topics(bag.topics)}."), *said]
+    return table_of_samples(bag.path, samples, Units(magnetic_field=magnetic.unit), source, remarks)
 
 
 def _choice_remark(bag: Bag, choice: Choice) -> Remark:

@@ -1,8 +1,8 @@
 """What ROS messages of inertial sensors look like, serialised by ROS 1 or as CDR by ROS 2.
 
-Layouts are those of the message definitions `sensor_msgs/Imu`, `geometry_msgs/Vector3Stamped` and
-`std_msgs/Header`: their numbers have fixed places after the frame's name, so that messages of one length
-are decoded together. A stamp is the header's, or the recorder's where the header has none.
+Layouts are those of the message definitions `sensor_msgs/Imu`, `sensor_msgs/MagneticField`,
+`geometry_msgs/Vector3Stamped` and `std_msgs/Header`: their numbers have fixed places after the frame's name, so that
+messages of one length are decoded together. A stamp is the header's, or the recorder's where the header has none.
 
 References
 ----------
@@ -23,10 +23,12 @@ from tumble.recording.formats.streams import Samples
 _IMU = "sensor_msgs/Imu"
 _VECTOR = "geometry_msgs/Vector3Stamped"
 # Numbers of float64 after the header, and where the triads begin among them.
-_LAYOUTS = {_IMU: (37, 25, 13), _VECTOR: (3, 0, 0)}
+FIELD = "sensor_msgs/MagneticField"
+"""The type of a magnetometer's messages: a vector in T, and its covariance."""
+_LAYOUTS = {_IMU: (37, 25, 13), _VECTOR: (3, 0, 0), FIELD: (12, 0, 0)}
 _FORCE_COVARIANCE, _RATE_COVARIANCE = 28, 16
-READABLE = tuple(_LAYOUTS)
-"""The types of message that are read."""
+READABLE = (_IMU, _VECTOR)
+"""The types of message that are read as accelerometer and gyro."""
 
 
 def plain_type(name: str) -> str:

@@ -3,7 +3,7 @@
 References
 ----------
 ArduPilot developer documentation, *Logging* (FMT messages and format characters) and *Onboard Message Log
-Messages* (IMU, ACC, GYR, IMT).
+Messages* (IMU, ACC, GYR, IMT, MAG).
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
-from tumble.recording.formats.logs.logged_streams import Stream, table_of_streams
+from tumble.recording.formats.logs.logged_streams import Stream, is_field, table_of_streams
 from tumble.recording.formats.streams import Samples, Units
 from tumble.recording.formats.table import RawTable, hash_file, mapped
 from tumble.recording.recording import Remark
 
 NAME = "DataFlash"
 ENDINGS = (".bin",)
-SUMMARY = "ArduPilot DataFlash .bin: messages IMU, ACC and GYR, IMT"
+SUMMARY = "ArduPilot DataFlash .bin: messages IMU, ACC and GYR, IMT, MAG"
 HAS_TOPICS = True
 
 _MAGIC = b"\xa3\x95"
@@ -38,7 +38,7 @@ _TYPES = {
     "n": "S4", "N": "S16", "Z": "S64", "c": "<i2", "C": "<u2", "e": "<i4", "E": "<u4", "L": "<i4", "M": "u1",
     "q": "<i8", "Q": "<u8", "g": "<f2",
 }  # fmt: skip
-_READ = ("ACC", "GYR", "IMU", "IMT")
+_READ = ("ACC", "GYR", "IMU", "IMT", "MAG")
 _CORRECTED = (
     "is what the autopilot's own calibration (INS_*OFFS, INS_*SCAL) left; reset it to calibrate the sensor"
 )
@@ -93,12 +93,15 @@ def _order(name: str) -> tuple[int, str]:
 
 def _automatic(streams: Sequence[Stream]) -> list[str]:
     """Return the raw pair of the first unit where there is one, else the first that has both triads."""
-    names = [s.name for s in streams]
+    inertial = [s for s in streams if not is_field(s)] or list(streams)
+    names = [s.name for s in inertial]
     pair = [next((n for n in names if n.startswith(kind + ":")), None) for kind in ("ACC", "GYR")]
     if None not in pair:
         return [str(n) for n in pair]
     both = [
-        s.name for s in streams if s.samples.specific_force is not None and s.samples.angular_rate is not None
+        s.name
+        for s in inertial
+        if s.samples.specific_force is not None and s.samples.angular_rate is not None
     ]
     return (both or names)[:1]
 
@@ -200,6 +203,12 @@ def _stream(name: str, rows: _Rows) -> Iterator[Stream]:
     if name.startswith("IMT"):
         yield from _increments(name, rows, time)
         return
+    if name.startswith("MAG"):
+        field = _triad(rows, "Mag")
+        if field is not None:
+            samples = Samples(time, magnetic_field=field)
+            yield Stream(name, samples, Units(magnetic_field="mgauss"), _field_words(rows))
+        return
     force, rate = _triad(rows, "Acc"), _triad(rows, "Gyr")
     if force is not None or rate is not None:
         yield Stream(name, Samples(time, force, rate, celsius), Units(), _CORRECTED)
@@ -215,6 +224,16 @@ def _increments(name: str, rows: _Rows, time: Series) -> Iterator[Stream]:
     samples = Samples(time[whole], force[whole] / spans[0][whole, None], rate[whole] / spans[1][whole, None])
     note = f"holds increments, which are divided by the interval that stands beside each; it {_CORRECTED}"
     yield Stream(name, samples, Units(), note)
+
+
+def _field_words(rows: _Rows) -> str:
+    """Say which of the autopilot's own corrections are in the magnetometer's numbers."""
+    words = "is what the autopilot's own calibration (COMPASS_OFS*, COMPASS_DIA*, COMPASS_ODI*) left"
+    offsets = _triad(rows, "Ofs")
+    if offsets is not None and offsets.any():
+        x, y, z = np.median(offsets, axis=0)
+        words += f", with offsets of {x:.4g}, {y:.4g} and {z:.4g} mgauss added"
+    return f"{words}; reset it to calibrate the sensor"
 
 
 def _triad(rows: _Rows, prefix: str) -> Vectors | None:

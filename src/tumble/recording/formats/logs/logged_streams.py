@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
+from dataclasses import field as made
 from pathlib import Path
+
+import numpy as np
 
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.formats.streams import Samples, Units, merge_streams, table_of_samples
-from tumble.recording.formats.table import RawTable
+from tumble.recording.formats.table import FieldStream, RawTable
 from tumble.recording.recording import Remark, Source
 
 _LISTED = 16
@@ -29,7 +32,7 @@ class Stream:
 
     name: str
     samples: Samples
-    units: Units = field(default_factory=Units)
+    units: Units = made(default_factory=Units)
     note: str = ""
 
     @property
@@ -64,7 +67,8 @@ def table_of_streams(
     ----------
     path : the file, for messages.
     streams : all that hold a triad.
-    wanted : names of one stream, or of one for each triad; none for `automatic`.
+    wanted : names of one stream, or of one for each triad; none for `automatic`. A magnetometer's stream is read
+        beside, the first one where none is named.
     automatic : names of the streams that are read where none was wanted.
     source : the file with its SHA-256.
     remarks : what was found so far.
@@ -77,20 +81,47 @@ def table_of_streams(
         If a wanted stream is not there, or more than two are wanted.
     """
     said = [*remarks, Remark("found", f"{path.name} holds {list_streams(streams)}.")]
-    chosen = [_named(path, streams, name) for name in (wanted or automatic)]
-    if len(chosen) > 2:
-        raise UsageError(f"--topic names {len(chosen)} streams; give one, or one of each triad.")
+    named = [_named(path, streams, name) for name in (wanted or automatic)]
+    chosen = [s for s in named if not is_field(s)]
+    field = next((s for s in (*named, *streams) if is_field(s)), None)
+    if len(chosen) > 2 or len(named) > len(chosen) + 1:
+        raise UsageError(f"--topic names {len(named)} streams; give one, or one of each triad.")
+    if not chosen and field is not None:
+        chosen, field = [field], None
     verb = "is" if len(chosen) == 1 else "are"
     said.append(Remark("found", f"{path.name}: {' and '.join(s.name for s in chosen)} {verb} read."))
     said += [Remark("found", f"{path.name}: {s.name} {s.note}.") for s in chosen if s.note]
+    if field is not None:
+        said.append(Remark("found", f"{path.name}: {field.name} is read as the magnetometer."))
     if len(chosen) == 1:
-        return table_of_samples(path, chosen[0].samples, chosen[0].units, source, said)
+        table = table_of_samples(path, chosen[0].samples, chosen[0].units, source, said)
+        return replace(table, field=_field_stream(field))
     force, rates = _triads(path, chosen)
     merged, more = merge_streams(
         path.name, (force.name, _only_force(force)), (rates.name, _only_rates(rates))
     )
     units = Units(force.units.specific_force, rates.units.angular_rate)
-    return table_of_samples(path, merged, units, source, [*said, *more])
+    table = table_of_samples(path, merged, units, source, [*said, *more])
+    return replace(table, field=_field_stream(field))
+
+
+def is_field(stream: Stream) -> bool:
+    """Say whether a stream is a magnetometer's alone."""
+    samples = stream.samples
+    return (
+        samples.specific_force is None and samples.angular_rate is None and samples.magnetic_field is not None
+    )
+
+
+def _field_stream(stream: Stream | None) -> FieldStream | None:
+    """Return a magnetometer's stream as what stands beside a table, its rows without a number left out."""
+    if stream is None or stream.samples.magnetic_field is None:
+        return None
+    values = stream.samples.magnetic_field
+    there = np.isfinite(values).all(axis=1)
+    return FieldStream(
+        stream.name, stream.samples.time[there], values[there], stream.units.magnetic_field, stream.note
+    )
 
 
 def _only_force(stream: Stream) -> Samples:

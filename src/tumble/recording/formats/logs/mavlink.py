@@ -45,7 +45,8 @@ _HIGHRES = np.dtype(
     [
         ("time", "<u8"),
         *[(n, "<f4") for n, _ in _TRIADS],
-        ("more", "(6,)<f4"),
+        ("mag", "(3,)<f4"),
+        ("more", "(3,)<f4"),
         ("temperature", "<f4"),
         ("updated", "<u2"),
         ("id", "u1"),
@@ -66,12 +67,12 @@ class _Message:
     note: str = ""
 
 
-_MILLI = Units("mg", "mrad/s")
-_UNSAID = "has units that MAVLink leaves to the vehicle (ArduPilot sends mg and mrad/s: --units mg,mrad/s)"
+_MILLI = Units("mg", "mrad/s", "mgauss")
+_UNSAID = "has units that MAVLink leaves to the vehicle (ArduPilot sends mg, mrad/s and mgauss: --units mg,mrad/s,mgauss)"
 _MESSAGES = {
-    105: _Message("HIGHRES_IMU", _HIGHRES, 93, Units(), 1e6, 1.0),
+    105: _Message("HIGHRES_IMU", _HIGHRES, 93, Units(magnetic_field="gauss"), 1e6, 1.0),
     26: _Message("SCALED_IMU", _SCALED, 170, _MILLI, 1e3, 0.01),
-    27: _Message("RAW_IMU", _RAW, 144, Units(None, None), 1e6, 0.01, _UNSAID),
+    27: _Message("RAW_IMU", _RAW, 144, Units(None, None, None), 1e6, 0.01, _UNSAID),
     116: _Message("SCALED_IMU2", _SCALED, 76, _MILLI, 1e3, 0.01),
     129: _Message("SCALED_IMU3", _SCALED, 46, _MILLI, 1e3, 0.01),
 }
@@ -231,4 +232,6 @@ def _streams(rows: npt.NDArray[Any], message: _Message, system: str) -> Iterator
         time = some["time"].astype(np.float64) / message.ticks
         if some.size > 1:
             name = message.name + (f":{number}" if instances.size > 1 else "") + system
-            yield Stream(name, Samples(time, force, rate, celsius), message.units, message.note)
+            field = some["mag"].astype(np.float64)
+            samples = Samples(time, force, rate, celsius, field if field.any() else None)
+            yield Stream(name, samples, message.units, message.note)

@@ -29,6 +29,7 @@ _ACCELEROMETERS = (
 )  # fmt: skip
 _MAY_LACK_GRAVITY = ("accelerometer", *_ACCELEROMETERS[_ACCELEROMETERS.index("accel") + 1 :])
 _GYROS = ("gyroscopeuncalibrated", "gyroscope", "gyro", "gyr", "rawgyroscope", "rotationrate")
+_MAGNETOMETERS = ("magnetometeruncalibrated", "magnetometer", "magneticfield", "mag", "rawmagnetometer")
 _GRAVITY = "gravity"
 _TIMES = ("secondselapsed", "time", "t", "timestamp", "elapsedtime")
 _FREE_OF_GRAVITY = (
@@ -43,8 +44,8 @@ def _plain(name: str) -> str:
 
 
 def find_sensors(files: list[Path]) -> dict[str, Path]:
-    """Return the files of a folder that are named after an accelerometer, a gyro or gravity, by plain name."""
-    known = {*_ACCELEROMETERS, *_GYROS, _GRAVITY}
+    """Return the files of a folder that are named after a sensor that is read, or gravity, by plain name."""
+    known = {*_ACCELEROMETERS, *_GYROS, *_MAGNETOMETERS, _GRAVITY}
     return {
         _plain(f.stem): f for f in files if f.suffix.lower() in (".csv", ".txt") and _plain(f.stem) in known
     }
@@ -79,6 +80,7 @@ def phone_streams(files: list[Path]) -> tuple[list[Stream], list[str]]:
     streams.pop(_GRAVITY, None)
     _refuse_free_of_gravity(sensors[first], streams[first], first)
     chosen = [next(streams[n].name for n in names if n in streams) for names in (_ACCELEROMETERS, _GYROS)]
+    chosen += [streams[n].name for n in _MAGNETOMETERS if n in streams][:1]
     return list(streams.values()), chosen
 
 
@@ -106,6 +108,12 @@ def _stream(path: Path, name: str) -> Stream:
     finite = np.isfinite(values).all(axis=1) & np.isfinite(time)
     keep = finite & np.concatenate([[True], np.diff(time) > 0.0])
     note = _UNCALIBRATED if name.endswith("uncalibrated") else ""
+    if name in _MAGNETOMETERS:
+        known = find_unit("magnetic field", unit) if unit else "uT"
+        note = note or "is what the phone's system left of the magnetometer, which it calibrates by itself"
+        return Stream(
+            path.stem, Samples(time[keep], magnetic_field=values[keep]), Units(magnetic_field=known), note
+        )
     if name in _GYROS:
         known = find_unit("angular rate", unit) if unit else "rad/s"
         return Stream(path.stem, Samples(time[keep], None, values[keep]), Units(None, known), note)

@@ -3,7 +3,7 @@
 References
 ----------
 PX4 user guide, *ULog File Format*; message definitions `SensorCombined`, `SensorAccel`, `SensorGyro`,
-`SensorAccelFifo`, `SensorGyroFifo` and `VehicleImu`.
+`SensorAccelFifo`, `SensorGyroFifo`, `VehicleImu`, `SensorMag` and `VehicleMagnetometer`.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError, UsageError
 from tumble.files import opened
 from tumble.recording.formats.damage import foreign
-from tumble.recording.formats.logs.logged_streams import Stream, table_of_streams
+from tumble.recording.formats.logs.logged_streams import Stream, is_field, table_of_streams
 from tumble.recording.formats.streams import Samples, Units, merge_streams
 from tumble.recording.formats.table import RawTable, hash_file, mapped
 from tumble.recording.recording import Remark
 
 NAME = "ULog"
 ENDINGS = (".ulg",)
-SUMMARY = "PX4 ULog: raw sensors, sensor_combined, vehicle_imu (with the extra `px4`)"
+SUMMARY = "PX4 ULog: raw sensors, sensor_combined, vehicle_imu, magnetometers (with the extra `px4`)"
 HAS_TOPICS = True
 
 _MAGIC = b"ULog\x01\x12\x35"
@@ -42,6 +42,8 @@ _NO_STAMP = 2**31 - 1  # accelerometer_timestamp_relative of a message without a
 _CORRECTED = (
     "is what the autopilot's own calibration (CAL_ACC*, CAL_GYRO*) left; reset it to calibrate the sensor"
 )
+
+_FIELD_CORRECTED = "is what the autopilot's own calibration (CAL_MAG*) left; reset it to calibrate the sensor"
 
 Columns = Mapping[str, npt.NDArray[Any]]
 
@@ -148,7 +150,8 @@ def _streams(log: Any, name: str) -> list[Stream]:
 
 def _automatic(streams: Sequence[Stream]) -> list[str]:
     """Return the raw sensors of the first instance if they were logged at a useful rate, else what there is."""
-    useful = [s for s in streams if s.rate >= _LEAST_RATE] or list(streams)
+    inertial = [s for s in streams if not is_field(s)] or list(streams)
+    useful = [s for s in inertial if s.rate >= _LEAST_RATE] or inertial
     for pair in (("sensor_accel_fifo", "sensor_gyro_fifo"), ("sensor_accel", "sensor_gyro")):
         found = [next((s.name for s in useful if s.name.startswith(p + ":")), None) for p in pair]
         if None not in found:
@@ -222,6 +225,20 @@ def _fifo(name: str, columns: Columns, file: str) -> Stream:
     return _of_one_triad(name, time[there], np.column_stack([a[there] for a in axes]))
 
 
+def _magnetometer(name: str, columns: Columns, file: str) -> Stream:
+    """The raw sensor in its own axes, or the one that the autopilot's calibration has corrected and turned; gauss."""
+    raw = "magnetometer_ga[0]" not in columns
+    values = _triad(columns, "" if raw else "magnetometer_ga")
+    return Stream(
+        name,
+        Samples(_seconds(columns), magnetic_field=values),
+        Units(magnetic_field="gauss"),
+        "is in the magnetometer's own axes, which may be turned against the autopilot's"
+        if raw
+        else _FIELD_CORRECTED,
+    )
+
+
 _MESSAGES: dict[str, Callable[[str, Columns, str], Stream]] = {
     "sensor_accel_fifo": _fifo,
     "sensor_gyro_fifo": _fifo,
@@ -229,5 +246,7 @@ _MESSAGES: dict[str, Callable[[str, Columns, str], Stream]] = {
     "sensor_gyro": _lone,
     "sensor_combined": _combined,
     "vehicle_imu": _vehicle,
+    "sensor_mag": _magnetometer,
+    "vehicle_magnetometer": _magnetometer,
 }
 """Messages that are read, and what makes streams of them."""
