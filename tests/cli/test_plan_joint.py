@@ -79,8 +79,30 @@ def test_what_holds_and_turns_tell_of_a_hand_held_test_is_foretold(tumble: Any) 
     assert answer.status == 0, answer
     found = {one["name"]: one for one in json.loads(answer.out)["both_triads"]}
     assert len(found) == 21
-    # a tactical gyro, a minute: parts in a hundred thousand
-    assert 1e-5 < found["gyro scale factor error x"]["standard_uncertainty"] < 1e-3
+    # a nominal sample rate, 1 % over the root of three, which a tactical gyro's own part is far below
+    assert found["gyro scale factor error x"]["standard_uncertainty"] == pytest.approx(0.0057735, rel=1e-3)
+
+
+def test_a_stated_sample_rate_is_in_the_gyro_scale_factors_and_in_their_target(tumble: Any) -> None:
+    """With a clock of 3000 and one of 0.1 ppm: squares of sigmas differ by the clocks' squares."""
+    found, said = {}, {}
+    for rate in ("100±0.3", "100±0.00001"):
+        answer = tumble(
+            *("plan", "turntable-9", "--imu", "tactical", "--no-steps", "--rate", rate),
+            *("--targets", "gyro-scale=2000", "--json"),
+        )
+        assert answer.status == 0, answer
+        said[rate] = answer.out
+        found[rate] = {
+            one["name"]: one["standard_uncertainty"] for one in json.loads(answer.out)["parameters"]
+        }
+    wide, narrow = found.values()
+    for axis in "xyz":
+        name = f"gyro scale factor error {axis}"
+        assert wide[name] ** 2 - narrow[name] ** 2 == pytest.approx(9e-6, rel=1e-3)
+    assert wide["accelerometer bias x"] == narrow["accelerometer bias x"]
+    assert "The target is not reached by gyro scale factor error x" in said["100±0.3"]
+    assert "All targets are reached" in said["100±0.00001"]
 
 
 def test_the_next_step_after_a_recording_is_said(tumble: Any, tmp_path: Path) -> None:

@@ -60,6 +60,15 @@ class ProtocolOptions:
             "--protocol",
         ),
     ] = None
+    rate: Annotated[
+        str | None,
+        option(
+            ADVANCED,
+            "HZ±HZ",
+            "The sample rate with its standard uncertainty, as 100±0.01, which all gyro scale factors share. "
+            "Without it the rate is a nominal one, uncertain by 0.58 %.",
+        ),
+    ] = None
     steps: Annotated[
         bool, option(ADVANCED, "", "Judge what each step is worth (default).", "--steps/--no-steps")
     ] = True

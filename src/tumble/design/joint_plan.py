@@ -50,6 +50,7 @@ class PlanTask:
     known : what is there already.
     draws : how often it is played; None for a number that suits the protocol.
     seed : of placement, headings and hands.
+    clock : standard uncertainty of the sample rate as a share, which all gyro scale factors have in common.
     """
 
     protocol: Protocol
@@ -61,6 +62,7 @@ class PlanTask:
     known: JointInformation | None = None
     draws: int | None = None
     seed: int = 0
+    clock: float = 0.0
 
     @staticmethod
     def of_grade(
@@ -122,8 +124,8 @@ class JointPlan:
     ----------
     task : what was asked.
     played : the first performance; `problem` and `information` are its.
-    sigmas : (30,) predicted standard uncertainties, SI, gravity's in them; NaN for what is not estimated.
-    noise_sigmas : (30,) without gravity's.
+    sigmas : (30,) predicted standard uncertainties, SI, with gravity's and the clock's; NaN for what is not estimated.
+    noise_sigmas : (30,) without these two.
     spread : (30,) the largest sigma of a performance over the smallest.
     told : (30,) of bool: whether it is known better than from the data sheet.
     without_g : (30,) sigmas if a g-sensitivity is taken to be nothing.
@@ -192,6 +194,8 @@ def _plan(
     total = noise.copy()
     scale = GROUPS["accelerometer scale"]
     total[scale] = np.hypot(noise[scale], task.site.gravity_sigma / task.site.gravity)
+    turned = GROUPS["gyro scale"]
+    total[turned] = np.hypot(noise[turned], task.clock)
     bare, full = (
         np.sqrt(np.diag(replace(task, g_sensitivity=with_g).covariance(information)))
         for with_g in (False, True)

@@ -14,7 +14,7 @@ import numpy as np
 from tumble.arrays import Series, Vector
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.poses import describe_direction
-from tumble.design.joint_information import NAMES, TOLD, JointInformation, planned_problem
+from tumble.design.joint_information import GROUPS, NAMES, TOLD, JointInformation, planned_problem
 from tumble.design.joint_plan import PlanTask, Weakness, mean_log_sigma
 from tumble.design.planned_motion import planned_data, play_plan
 from tumble.protocol.library import BY_HAND
@@ -236,7 +236,10 @@ def judge_stop(
         return False, [f"Not determined yet: {', '.join(untold)}."]
     words: list[str] = []
     if limits is not None:
-        off = [NAMES[i] for i in at if sigmas[i] > limits[i]]
+        # No step sees the clock of the samples.
+        clocked = sigmas.copy()
+        clocked[GROUPS["gyro scale"]] = np.hypot(sigmas[GROUPS["gyro scale"]], task.clock)
+        off = [NAMES[i] for i in at if clocked[i] > limits[i]]
         if not off:
             return True, ["All targets are reached: stop here."]
         words.append(f"The target is not reached by {', '.join(off)}.")

@@ -89,6 +89,7 @@ def plan_any_protocol(
     recorded: str | os.PathLike[str] | None = None,
     targets: str | None = None,
     site: Site | None = None,
+    rate: str | None = None,
     seed: int = 0,
     steps: bool = True,
     output: str | os.PathLike[str] | None = None,
@@ -106,6 +107,7 @@ def plan_any_protocol(
     recorded : the protocol that `given` was recorded with, for a table's angles.
     targets : wished-for standard uncertainties, see `read_protocol_targets`.
     site : of the test; the protocol's own, or latitude 45°, without.
+    rate : of the samples with its standard uncertainty, as 100±0.01; a nominal one without, as without stamps.
     seed : of placement and hands.
     steps : judge every step, too.
     output : folder for protocol, document and sheet; None writes nothing.
@@ -127,6 +129,7 @@ def plan_any_protocol(
     protocol = find_protocol(asked)
     limits = read_protocol_targets(targets)
     task, grade, remarks = _task(protocol, imu, data_sheet, noise, site, seed)
+    task = replace(task, clock=planned_clock(protocol, rate))
     from tumble.design.joint_plan import plan_protocol
 
     known, said = None, list[str]()
@@ -158,9 +161,28 @@ def judge_protocol(
     """
     from tumble.design.joint_plan import PlanTask, plan_protocol
 
-    return ProtocolPlanned(
-        plan_protocol(PlanTask.of_grade(protocol, grade, place, seed=seed), say), grade.name
-    )
+    task = PlanTask.of_grade(protocol, grade, place, seed=seed)
+    return ProtocolPlanned(plan_protocol(replace(task, clock=planned_clock(protocol, None)), say), grade.name)
+
+
+def planned_clock(protocol: Protocol, rate: str | None) -> float:
+    """Return what `calibrate` will take a recording's sample rate to be uncertain by, as a share.
+
+    Parameters
+    ----------
+    protocol : whose own rate counts where none is given.
+    rate : as on the command line, or None.
+
+    Raises
+    ------
+    UsageError
+        If it is none.
+    """
+    from tumble.recording.clock import clock_without_stamps
+    from tumble.sample_rates import sample_rate
+
+    stated = protocol.rate if rate is None else sample_rate(rate)
+    return clock_without_stamps(1.0 if stated is None else stated).sigma
 
 
 def read_protocol_targets(text: str | None) -> Series | None:
@@ -296,6 +318,23 @@ def _advise(
         done.stop = False
 
 
+def _of_clock(plan: JointPlan) -> str:
+    from tumble.design.joint_information import GROUPS
+    from tumble.recording.clock import NOMINAL
+
+    part, size = GROUPS["gyro scale"], f"{100.0 * plan.task.clock:.2g} %"
+    alone = ""
+    if np.all(plan.told[part]):
+        ppm = 1e6 * float(np.sqrt(np.mean(plan.noise_sigmas[part] ** 2)))
+        alone = f" Without that they would be known to {ppm:.2g} ppm."
+    if plan.task.clock != NOMINAL:
+        return f"The sample rate is known to {size}, as stated, and all gyro scale factors share that.{alone}"
+    return (
+        f"The sample rate is a nominal one, uncertain by {size}, and all gyro scale factors share that.{alone} "
+        "State it as --rate 100±0.01, or record the stamps of a clock."
+    )
+
+
 def _remarks(done: ProtocolPlanned, site: Site | None) -> list[str]:
     from tumble.calibration.procedure import find_procedure
     from tumble.protocol import SpinStep
@@ -321,6 +360,7 @@ def _remarks(done: ProtocolPlanned, site: Site | None) -> list[str]:
             f"Units of {done.imu} are taken to have no g-sensitivity; were it estimated, it would be "
             f"known to {g:.2g} (°/h)/g."
         )
+    words.append(_of_clock(plan))
     if task.site.gravity_sigma > 0.0:
         ppm = 1e6 * task.site.gravity_sigma / task.site.gravity
         words.append(
