@@ -30,7 +30,7 @@ from tumble.calibration.magnetometer.field_equations import (
 )
 from tumble.calibration.magnetometer.field_means import field_means
 from tumble.calibration.magnetometer.field_start import start_field
-from tumble.calibration.magnetometer.moving import Moving, find_moving
+from tumble.calibration.magnetometer.moving import Moving, find_moving, with_change
 from tumble.calibration.magnetometer.parameters import named_parameters
 from tumble.calibration.outcome.description import rotation_of_frame
 from tumble.calibration.outcome.estimate import JointOutcome
@@ -171,8 +171,13 @@ def magnetometer_from_holds(
     seen = field_means(magnetic.time, magnetic.values, outcome.data.base)
     task = FieldAdjustment.of(outcome.task, seen, 1.0)
     start_field(task)
+    whole = task.copy()
     balanced = balance(task)
     moving = find_moving(task, balanced.solution)
+    if moving is not None:
+        # With the change among the unknowns, and everything else as it was before.
+        task = with_change(whole, moving)
+        balanced = balance(task)
     return _described(outcome, task, balanced, magnetic, given, moving)
 
 

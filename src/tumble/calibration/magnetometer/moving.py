@@ -77,26 +77,53 @@ def find_moving(task: FieldAdjustment, solution: Settled) -> Moving | None:
     return found if found is not None and found.probability < FALSE_ALARM else None
 
 
+def with_change(task: FieldAdjustment, moving: Moving) -> FieldAdjustment:
+    """Return the adjustment with a change of the field among its unknowns.
+
+    Parameters
+    ----------
+    task, moving : as it was before, and what was found.
+    """
+    u = task.unknowns
+    chosen = _told(task)[moving.where]
+    active = np.flatnonzero(task.taking_part[FIELD])
+    course = _growth(task, active) if moving.before < 0 else _step(task, moving.before)
+    return replace(task.copy(), unknowns=u.with_free(np.union1d(u.free, chosen)).copy(), course=course)
+
+
+def _growth(task: FieldAdjustment, active: np.ndarray) -> Series:
+    time = task.seen.time
+    return (time - time[active[0]]) / (time[active[-1]] - time[active[0]])
+
+
+def _step(task: FieldAdjustment, before: int) -> Series:
+    return (np.arange(task.seen.time.size) > before).astype(float)
+
+
+def _told(task: FieldAdjustment) -> dict[str, np.ndarray]:
+    """The unknowns of a change in the room and of one on the unit; without a gyro nothing determines its azimuth."""
+    layout = task.unknowns.layout
+    room, unit = layout.indices(IN_ROOM), layout.indices(ON_UNIT)
+    alone = max(section.last - section.first for section in task.sections) < LEAST_HOLDS
+    return {"room": room[[0, 2]] if alone else room, "unit": unit}
+
+
 def _courses(task: FieldAdjustment) -> list[tuple[int, Series]]:
     """What may happen: steady growth (-1), and a step after a hold."""
     active = np.flatnonzero(task.taking_part[FIELD])
     if active.size < 2 * LEAST_HOLDS:
         return []
-    time = task.seen.time
-    made = [(-1, (time - time[active[0]]) / (time[active[-1]] - time[active[0]]))]
+    made = [(-1, _growth(task, active))]
     inner = active[LEAST_HOLDS - 1 : -LEAST_HOLDS]
     for k in inner[:: -(-inner.size // MOST_STEPS)].tolist():
-        made.append((k, (np.arange(time.size) > k).astype(float)))
+        made.append((k, _step(task, k)))
     return made
 
 
 def _gains(task: FieldAdjustment, course: Series) -> dict[str, tuple[float, float, int]]:
     """How far the square sum falls with a change of either kind, how large that is, and its unknowns."""
     u = task.unknowns
-    room, unit = u.layout.indices(IN_ROOM), u.layout.indices(ON_UNIT)
-    if max(section.last - section.first for section in task.sections) < LEAST_HOLDS:
-        # Where nobody carries a heading nothing tells the azimuth.
-        room = room[[0, 2]]
+    room, unit = _told(task).values()
     trial = replace(
         task, unknowns=u.with_free(np.union1d(u.free, np.concatenate([room, unit]))), course=course
     )

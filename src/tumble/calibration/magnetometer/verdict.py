@@ -189,8 +189,8 @@ def moving_words(made: Magnetometer) -> str:
             f"changes by {percent(moving.share)} of its norm after hold {moving.before + 1} (at {time:.0f} s)"
         )
     return (
-        f"The magnetic field {where} {how}, as with {cause} (a field that stays is said to move in "
-        f"{percent(FALSE_ALARM)} of recordings)."
+        f"The magnetic field {where} {how}, as with {cause}. The estimate takes the change into account. (A field that "
+        f"stays is said to move in {percent(FALSE_ALARM)} of recordings.)"
     )
 
 
