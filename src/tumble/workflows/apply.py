@@ -27,6 +27,7 @@ from tumble.recording.temperature import TemperatureColumn
 from tumble.sensor.thermal import Outside
 from tumble.units import angular_rate_factor, specific_force_factor
 from tumble.workflows.corrected_bag import BagCorrection
+from tumble.workflows.corrected_field import CorrectedField, corrects_field
 from tumble.workflows.corrected_form import Destination, destination
 from tumble.workflows.lag_shift import ForceShift, lag_of, shifted
 from tumble.workflows.temperature import (
@@ -112,6 +113,8 @@ def apply(
     factors = raw_factors(document, first)
     remarks = [f"{r.kind}: {r.text}" for r in first.remarks if r.kind in ("assumed", "doubtful", "mended")]
     remarks += _about_missing_triads(document, goal)
+    magnetometer = CorrectedField.of(document, first, goal.form)
+    remarks += magnetometer.remarks
     celsius = first.temperature if temperature is None else temperature
     remarks += find_steps_of_two(_corrected(Corrector(document, beyond), first, factors, celsius))
     marks = [*done_before, *(s.identity for s in document.stages)]
@@ -124,7 +127,7 @@ def apply(
         first, blocks = None, None
         done = task.write(files[0], goal.path, topics or ())
         return Applied(goal.path, done, list(dict.fromkeys([*remarks, *task.told])))
-    work = _Blocks(document, beyond, factors, temperature, progress)
+    work = _Blocks(document, beyond, factors, temperature, progress, magnetometer)
     shift = None if lag is None else ForceShift(lag)
     corrected = work.corrected(chain([first], blocks))
     _write(goal, corrected if shift is None else shifted(corrected, shift), marks, files, spread)
@@ -141,6 +144,7 @@ class _Blocks:
     factors: tuple[float, float]
     temperature: float | None
     progress: Callable[[int], None] | None
+    magnetometer: CorrectedField
     done: int = 0
     _column: TemperatureColumn = field(default_factory=TemperatureColumn)
     _told: list[str] = field(default_factory=list[str])
@@ -151,7 +155,8 @@ class _Blocks:
         self._corrector = Corrector(self.document, self.outside)
         for block in blocks:
             celsius = block.temperature if self.temperature is None else self.temperature
-            yield _corrected(self._corrector, block, self.factors, celsius)
+            made = _corrected(self._corrector, block, self.factors, celsius)
+            yield replace(made, magnetic_field=self.magnetometer.of_block(block))
             self.done += len(block)
             if block.temperature is not None and self.temperature is None:
                 self._column.add(block.time, block.temperature)
@@ -177,7 +182,8 @@ def _write(
 ) -> None:
     """Write corrected blocks in the form that is wanted."""
     if goal.form == "table":
-        write_blocks(blocks, goal.path, [PREFIX + mark for mark in marks])
+        named = [PREFIX + mark for mark in marks]
+        write_blocks(blocks, goal.path, named, magnetometer=True, stamped=True)
     elif goal.form == "hdf5":
         write_hdf5(blocks, goal.path, marks)
     else:
@@ -252,7 +258,7 @@ def raw_factors(document: Calibration, recording: Recording) -> tuple[float, flo
             recording.specific_force_unit,
             taken.raw_units.specific_force,
         )
-    elif recording.angular_rate is None:
+    elif recording.angular_rate is None and not corrects_field(document, recording):
         raise UsageError(
             "The calibration is of the gyro alone, and the recording has no angular rate to correct."
         )

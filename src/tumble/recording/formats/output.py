@@ -53,7 +53,7 @@ def column_names(recording: Recording, *, all_units: bool = False) -> list[str]:
     return names
 
 
-def field_columns(recording: Recording) -> dict[str, Series]:
+def field_columns(recording: Recording, *, stamped: bool = False) -> dict[str, Series]:
     """Return the magnetometer's samples as columns beside a recording's rows, none without a magnetometer.
 
     Each sample stands in the row whose stamp is nearest, and its own stamp beside it where the two differ; the other
@@ -62,6 +62,7 @@ def field_columns(recording: Recording) -> dict[str, Series]:
     Parameters
     ----------
     recording : to be written.
+    stamped : with the samples' own stamps in any case, so that all blocks of a recording have the same columns.
     """
     field = recording.magnetic_field
     if field is None:
@@ -76,7 +77,7 @@ def field_columns(recording: Recording) -> dict[str, Series]:
     values[rows[order]], stamps[rows[order]] = field.values[order], field.time[order]
     columns = {f"m{axis} [{field.unit}]": values[:, i] for i, axis in enumerate("xyz")}
     own = np.isfinite(stamps) & (stamps != time)
-    return columns | ({f"{FIELD_STAMPS} [s]": stamps} if own.any() else {})
+    return columns | ({f"{FIELD_STAMPS} [s]": stamps} if own.any() or stamped else {})
 
 
 def judged_units(recording: Recording) -> dict[str, str]:
@@ -116,6 +117,7 @@ def write_blocks(
     *,
     all_units: bool = False,
     magnetometer: bool = False,
+    stamped: bool = False,
 ) -> None:
     """Write consecutive blocks as one CSV or Parquet file, by the ending of `target`.
 
@@ -124,7 +126,8 @@ def write_blocks(
     blocks, target : pieces of one recording in time order, and the file.
     marks : names of columns that hold the number 1 in every row: what was done to the recording.
     all_units : whether the header of a CSV names the plain units too.
-    magnetometer : whether the magnetometer's samples are written beside (of a recording in one block).
+    magnetometer : whether the magnetometer's samples are written beside.
+    stamped : with their own stamps in any case; of a recording in one block these stand where they are needed.
 
     Raises
     ------
@@ -140,16 +143,24 @@ def write_blocks(
     with written_beside(target) as beside, beside.open("wb") as file:
         if target.suffix.lower() == ".csv":
             for number, block in enumerate(blocks):
-                frame = frame_of(block, marks, all_units=all_units, magnetometer=magnetometer)
+                frame = frame_of(
+                    block, marks, all_units=all_units, magnetometer=magnetometer, stamped=stamped
+                )
                 frame.write_csv(file, include_header=number == 0)
         else:
-            _write_parquet(blocks, file, target.parent, marks, magnetometer=magnetometer)
+            folder = target.parent
+            _write_parquet(blocks, file, folder, marks, magnetometer=magnetometer, stamped=stamped)
         file.flush()
         os.fsync(file.fileno())
 
 
 def frame_of(
-    recording: Recording, marks: Sequence[str] = (), *, all_units: bool = False, magnetometer: bool = False
+    recording: Recording,
+    marks: Sequence[str] = (),
+    *,
+    all_units: bool = False,
+    magnetometer: bool = False,
+    stamped: bool = False,
 ) -> pl.DataFrame:
     """Return the recording's columns as a data frame, with a column of ones for each mark.
 
@@ -157,7 +168,7 @@ def frame_of(
     ----------
     recording, marks : what is written, and the names of the columns of ones.
     all_units : whether the names tell the plain units too.
-    magnetometer : whether the magnetometer's samples stand beside, see `field_columns`.
+    magnetometer, stamped : whether the magnetometer's samples stand beside, see `field_columns`.
     """
     import polars as pl
 
@@ -168,7 +179,7 @@ def frame_of(
     if recording.temperature is not None:
         columns.append(recording.temperature)
     named = dict(zip(column_names(recording, all_units=all_units), columns, strict=True))
-    frame = pl.DataFrame(named | (field_columns(recording) if magnetometer else {}))
+    frame = pl.DataFrame(named | (field_columns(recording, stamped=stamped) if magnetometer else {}))
     return frame.with_columns([pl.lit(1, dtype=pl.Int8).alias(mark) for mark in marks])
 
 
@@ -179,6 +190,7 @@ def _write_parquet(
     marks: Sequence[str] = (),
     *,
     magnetometer: bool = False,
+    stamped: bool = False,
 ) -> None:
     """Write parts to a folder beside the target, then join them as a stream."""
     import polars as pl
@@ -189,7 +201,9 @@ def _write_parquet(
             for number, block in enumerate(blocks):
                 units = judged_units(block)
                 part = Path(parts) / f"{number:08d}.parquet"
-                frame_of(block, marks, magnetometer=magnetometer).write_parquet(part, compression="lz4")
+                frame_of(block, marks, magnetometer=magnetometer, stamped=stamped).write_parquet(
+                    part, compression="lz4"
+                )
             # Not compressed, for samples hardly do, and so that numpy alone can read it again.
             pl.scan_parquet(str(Path(parts) / "*.parquet")).sink_parquet(
                 file, compression="uncompressed", metadata={UNITS_KEY: json.dumps(units)}

@@ -1,0 +1,92 @@
+"""`tumble apply` corrects the magnetometer too, whatever its rate, in blocks as in one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tumble
+from tumble.document.imported import calibration_from_model
+from tumble.document.magnetometer_block import MagnetometerBlock
+from tumble.document.result import Calibration
+from tumble.errors import UsageError
+from tumble.recording import Recording
+from tumble.recording.formats.output import write_recording
+from tumble.recording.magnetic_field import MagneticField
+from tumble.sensor import ImuModel, Triad
+from tumble.workflows.corrected_field import CorrectedField
+
+M = np.array([[1.07, 0.031, -0.052], [-0.083, 0.94, 0.047], [0.021, -0.066, 1.12]])
+H = np.array([12.5, -31.0, 47.25])
+TRUE = np.array([[20.0, -3.0, 44.0], [-31.0, 12.0, 35.0], [5.0, 40.0, -28.0]])
+
+
+def document(**changed: object) -> Calibration:
+    block = MagnetometerBlock(
+        raw_unit="uT",
+        unit="T",
+        frame="b",
+        method="holds and turns",
+        matrix=tuple(tuple(float(1e6 * v) for v in row) for row in M),  # type: ignore[arg-type]
+        bias=tuple(float(v) for v in H),  # type: ignore[arg-type]
+    )
+    made = calibration_from_model(
+        ImuModel(Triad(np.eye(3), np.zeros(3)), Triad(np.eye(3), np.zeros(3))),
+        ("m/s^2", "rad/s"),
+        ("fixture", "the axes of the fixture"),
+        [],
+        procedure="by hand",
+        remarks=[],
+    )
+    return made.model_copy(update={"magnetometer": block.model_copy(update=changed)})
+
+
+def recording(unit: str = "uT", factor: float = 1.0) -> Recording:
+    time = np.arange(600) / 100.0
+    rng = np.random.default_rng(2)
+    of_field = np.arange(150) / 25.0 + 0.003
+    values = factor * (TRUE[np.arange(150) % 3] @ M.T + H)
+    return Recording(
+        time=time,
+        specific_force=rng.normal(size=(600, 3)) + np.array([0.0, 0.0, 9.8]),
+        angular_rate=0.01 * rng.normal(size=(600, 3)),
+        specific_force_unit="m/s^2",
+        angular_rate_unit="rad/s",
+        rate=100.0,
+        magnetic_field=MagneticField(of_field, values, unit),
+    )
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("uT", 1.0), ("gauss", 0.01)])
+def test_a_corrected_file_has_the_true_field(tmp_path: Path, unit: str, factor: float) -> None:
+    write_recording(recording(unit, factor), tmp_path / "raw.csv")
+    document().write(tmp_path / "calibration.json")
+    made = tumble.apply(tmp_path / "calibration.json", tmp_path / "raw.csv", output=tmp_path / "out.csv")
+    back = tumble.read_recording(made.file).magnetic_field
+    assert back is not None
+    assert back.unit == "uT"
+    np.testing.assert_allclose(back.values, TRUE[np.arange(150) % 3], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(back.time, np.arange(150) / 25.0 + 0.003, atol=1e-9)
+
+
+def test_blocks_have_one_form_and_the_numbers_of_the_whole() -> None:
+    whole, made = recording(), document()
+    how = CorrectedField.of(made, whole, "table")
+    at_once = how.of_block(whole)
+    parts = [how.of_block(whole.between(k, k + 1 if k == 599 else k + 2)) for k in range(0, 600, 2)]
+    assert at_once is not None
+    assert all(part is not None for part in parts)
+    joined = np.concatenate([p.values for p in parts if p is not None])
+    np.testing.assert_allclose(joined, at_once.values, rtol=1e-14, atol=1e-13)
+
+
+def test_counts_are_not_taken_for_microtesla_and_what_is_not_written_is_said() -> None:
+    with pytest.raises(UsageError, match="magnetic field is in counts"):
+        CorrectedField.of(document(), recording("counts"), "table")
+    local = CorrectedField.of(document(raw_unit="counts", unit="local field"), recording("counts"), "table")
+    assert any("units of the local field" in text for text in local.remarks)
+    without = document().model_copy(update={"magnetometer": None})
+    assert "no magnetometer" in CorrectedField.of(without, recording(), "table").remarks[0]
+    assert "tables" in CorrectedField.of(document(), recording(), "euroc").remarks[0]
