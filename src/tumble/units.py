@@ -2,7 +2,8 @@
 
 A factor multiplies a number in the unit to give SI: ``x_si = factor * x``. The unit "counts" (raw
 converter output) is known and has no factor. Names are compared without regard to case, spaces,
-``²`` against ``^2``, ``°`` against ``deg`` or ``µ`` against ``u``.
+``²`` against ``^2``, ``°`` against ``deg`` or ``µ`` against ``u``. A converter's sensitivity is a unit, too:
+``16384 LSB/g`` is the 16384th part of g, and ``131 LSB/(deg/s)`` the 131st part of a degree per second.
 
 References
 ----------
@@ -12,7 +13,8 @@ gravity: 3rd CGPM (1901), exact. Degree, minute and hour: table 8. Gal: section 
 
 from __future__ import annotations
 
-from math import pi
+import re
+from math import isfinite, pi
 
 from tumble.errors import UsageError
 
@@ -175,7 +177,24 @@ def find_unit(kind: str, name: str) -> str | None:
         "temperature".
     name : the unit as the user or a file's header spells it.
     """
-    return _INDEX[kind].get(_plain(name))
+    plain = _plain(name)
+    return _INDEX[kind].get(plain) or _sensitivity(kind, plain)
+
+
+# Counts by unit, as data sheets state a converter's sensitivity.
+_SENSITIVITY = re.compile(r"([0-9]+(?:\.[0-9]+)?|\.[0-9]+)(?:lsbs?|counts?|digits?)(?:/|per)\(?([^()]+)\)?")
+_PER = {"specific force": "g", "angular rate": "deg/s"}
+
+
+def _sensitivity(kind: str, plain: str) -> str | None:
+    """Return the name of a sensitivity such as ``16384 LSB/g`` or ``131 LSB/(deg/s)``; None of anything else."""
+    match = _SENSITIVITY.fullmatch(plain) if kind in _PER else None
+    if match is None:
+        return None
+    counts, unit = float(match[1]), _INDEX[kind].get(match[2])
+    if unit != _PER[kind] or not (isfinite(counts) and 1e-3 < counts < 1e9):
+        return None
+    return f"{counts:.10g} LSB/{'g' if kind == 'specific force' else '(deg/s)'}"
 
 
 def known_units(kind: str) -> tuple[str, ...]:
@@ -188,6 +207,8 @@ def _factor(kind: str, name: str) -> float | None:
     if found is None:
         known = ", ".join(known_units(kind))
         raise UsageError(f"{name!r} is not a known unit of {kind}; known are {known}.")
+    if found not in _KINDS[kind]:
+        return (_KINDS[kind][_PER[kind]][0] or 1.0) / float(found.partition(" ")[0])
     return _KINDS[kind][found][0]
 
 

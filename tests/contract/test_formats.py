@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import json
 import struct
 import tempfile
 import zipfile
@@ -25,6 +26,7 @@ from tumble.recording.formats import (
     folder,
     hdf5,
     increments,
+    labelled,
     matlab,
     novatel,
     npy,
@@ -60,6 +62,17 @@ def write_csv(path: Path, rows: np.ndarray) -> None:
 
 def write_spaces(path: Path, rows: np.ndarray) -> None:
     np.savetxt(path, rows, fmt="%25.16e", delimiter="  ")
+
+
+def write_labels(path: Path, rows: np.ndarray) -> None:
+    names = ("t", "ax", "ay", "az", "gx", "gy", "gz")
+    cells = [" ".join(f"{n}:{v!r}" for n, v in zip(names, row, strict=True)) for row in rows.tolist()]
+    path.write_text("\n".join(cells) + "\n")
+
+
+def write_json_lines(path: Path, rows: np.ndarray) -> None:
+    lines = [json.dumps({"t": r[0], "accel": r[1:4], "gyro": r[4:]}) for r in rows.tolist()]
+    path.write_text("\n".join(lines) + "\n")
 
 
 def write_parquet(path: Path, rows: np.ndarray) -> None:
@@ -238,6 +251,8 @@ def write_compressed(path: Path, rows: np.ndarray) -> None:
 MEMBERS = {
     "CSV": (text, write_csv),
     "spaces": (text, write_spaces),
+    "labels": (labelled, write_labels),
+    "JSON lines": (labelled, write_json_lines),
     "Parquet": (parquet, write_parquet),
     "NPY": (npy, write_npy),
     "NPY with names": (npy, write_structured_npy),

@@ -62,7 +62,7 @@ def apply_command(
             shift_lag=shift_lag,
             noise=noise,
             progress=lambda samples: tell(f"{samples:,} samples corrected"),
-            **asdict(file),
+            **file.given(),
             **asdict(temperature),
         )
     results_stand()

@@ -117,7 +117,7 @@ def batch_command(
 
     notes_of(notes)  # a wrong one is refused before minutes of work
 
-    given = asdict(which) | asdict(site) | asdict(file)
+    given = asdict(which) | asdict(site) | file.given()
     given["topics"] = tuple(given["topics"] or ())
     given["model"] = given.pop("imu_model")
     for name in ("limits", "prior", "noise"):

@@ -202,7 +202,7 @@ def calibrate_command(
     given = recordings or []
     if registry is not None:
         _check_registry(registry, unit, several)
-    shared: dict[str, Any] = {**asdict(file), "site": choose_site(**asdict(site))}
+    shared: dict[str, Any] = {**file.given(), "site": choose_site(**asdict(site))}
     shared |= {
         "limits": limits,
         "notes": notes_of(notes),

@@ -205,7 +205,7 @@ def _order(
     kind, address = (sources()["replay"], what.replay or "") if source is None else find_source(source)
     options = SourceOptions(
         file.columns,
-        file.units,
+        file.given()["units"],
         None if file.rate is None else sample_rate(file.rate),
         tuple(file.topics or ()),
         what.speed,

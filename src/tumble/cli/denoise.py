@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -103,7 +103,7 @@ def denoise_command(
             shrinkage=_shrinkage(wavelets),
             filter_motion=chosen.motion == "filter",
             progress=tell,
-            **asdict(file),
+            **file.given(),
         )
     results_stand()
     if printed.as_json:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -39,7 +39,7 @@ def inspect_command(
     """Say what a recording holds: streams, units, rate, gaps, rest and motion, and what it is good for."""
     from tumble.workflows.inspect import inspect
 
-    inspection = inspect(recording, save=save, **asdict(file))
+    inspection = inspect(recording, save=save, **file.given())
     if printed.as_json:
         say_json(inspection.to_dict(), indent=2)
         return

@@ -63,7 +63,7 @@ def mount_command(
             mount_sigma=1e-3 * mount_mrad,
             site=place,
             progress=tell,
-            **asdict(file),
+            **file.given(),
         )
     results_stand()
     if printed.as_json:

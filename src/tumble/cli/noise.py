@@ -79,7 +79,7 @@ def noise_command(
     from tumble.workflows.noise import analyse_noise
 
     with progress(printed.silent) as tell:
-        found = analyse_noise(recording, output=output, progress=tell, **asdict(file), **asdict(analysis))
+        found = analyse_noise(recording, output=output, progress=tell, **file.given(), **asdict(analysis))
     if found.files:
         results_stand()
     if printed.as_json:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from glob import glob
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import typer
 
@@ -157,7 +157,7 @@ class FileOptions:
         option(
             FILE,
             "UNIT,...",
-            "Units as g,deg/s,ms; counts; m/s,rad for increments; degF or K of the temperature.",
+            "Units as g,deg/s,ms; counts; '16384 LSB/g'; m/s,rad for increments; degF or K of the temperature.",
         ),
     ] = None
     columns: Annotated[
@@ -174,6 +174,14 @@ class FileOptions:
             "Sampling rate, for a file without time stamps; with its standard uncertainty, as 100±0.1, for any.",
         ),
     ] = None
+    chip: Annotated[
+        str | None,
+        option(
+            FILE,
+            "NAME,RANGE,...",
+            "Chip and ranges of raw counts, as mpu6050,2g,250dps: instead of --units.",
+        ),
+    ] = None
     topics: Annotated[
         list[str] | None,
         option(
@@ -183,6 +191,21 @@ class FileOptions:
             "--topic",
         ),
     ] = None
+
+    def given(self) -> dict[str, Any]:
+        """Return what was given as the library takes it: a chip is the units of its counts.
+
+        Raises
+        ------
+        UsageError
+            If the chip or one of its ranges is not known, or units of a triad are given beside it.
+        """
+        units = self.units
+        if self.chip is not None:
+            from tumble.recording.chips import units_of_chip
+
+            units = ",".join(part for part in (units_of_chip(self.chip), units) if part)
+        return {"units": units, "columns": self.columns, "rate": self.rate, "topics": self.topics}
 
 
 @dataclass(frozen=True)

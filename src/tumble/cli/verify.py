@@ -99,7 +99,7 @@ def verify_command(
     is the calibration's own unless --site or --gravity is given. A calibration with a thermal model follows the
     recording's temperature. Exit status 0: it serves; 1: not. With --limits its parameters have to be within them.
     """
-    read = {**asdict(file), **asdict(temperature)}
+    read = {**file.given(), **asdict(temperature)}
     if gnss is not None:
         sentence = "{} says nothing to a drive, whose place the positions give: leave it out."
         refuse_given(context, [SiteOptions, HoldOptions], sentence)

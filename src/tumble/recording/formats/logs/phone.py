@@ -70,15 +70,42 @@ def phone_streams(files: list[Path]) -> tuple[list[Stream], list[str]]:
     OSError
         If a file cannot be read.
     """
-    sensors = find_sensors(files)
-    streams = {name: _stream(path, name) for name, path in sensors.items()}
+    return streams_of_tables(
+        {name: (path.stem, text.read_table(path)) for name, path in find_sensors(files).items()}
+    )
+
+
+def is_sensor(name: str) -> str | None:
+    """Return the plain name of an accelerometer, a gyro or gravity as phones' loggers write it; None of another.
+
+    Parameters
+    ----------
+    name : of a file or a stream.
+    """
+    plain = _plain(name)
+    return plain if plain in {*_ACCELEROMETERS, *_GYROS, _GRAVITY} else None
+
+
+def streams_of_tables(tables: dict[str, tuple[str, RawTable]]) -> tuple[list[Stream], list[str]]:
+    """Return the streams of a log by `phone_streams`' rules.
+
+    Parameters
+    ----------
+    tables : by plain name, the name and the table of each sensor: time, x, y and z.
+
+    Raises
+    ------
+    RecordingError
+        If a table has no time and three axes, or no accelerometer has gravity in it.
+    """
+    streams = {name: _stream(table, stem, name) for name, (stem, table) in tables.items()}
     first = next(n for n in _ACCELEROMETERS if n in streams)
     if first in _MAY_LACK_GRAVITY and _GRAVITY in streams:
         whole = _with_gravity(streams[first], streams[_GRAVITY])
         if whole is not None:
             streams[first] = whole
     streams.pop(_GRAVITY, None)
-    _refuse_free_of_gravity(sensors[first], streams[first], first)
+    _refuse_free_of_gravity(tables[first][1].path, streams[first], first)
     chosen = [next(streams[n].name for n in names if n in streams) for names in (_ACCELEROMETERS, _GYROS)]
     chosen += [streams[n].name for n in _MAGNETOMETERS if n in streams][:1]
     return list(streams.values()), chosen
@@ -101,8 +128,7 @@ def _is_free(stream: Stream) -> bool:
     return factor is not None and factor * float(np.median(np.linalg.norm(force, axis=1))) < _LEAST_NORM
 
 
-def _stream(path: Path, name: str) -> Stream:
-    table = text.read_table(path)
+def _stream(table: RawTable, stem: str, name: str) -> Stream:
     time, axes, unit = _layout(table)
     values = np.column_stack([table.columns[i] for i in axes])
     finite = np.isfinite(values).all(axis=1) & np.isfinite(time)
@@ -116,9 +142,9 @@ def _stream(path: Path, name: str) -> Stream:
         )
     if name in _GYROS:
         known = find_unit("angular rate", unit) if unit else "rad/s"
-        return Stream(path.stem, Samples(time[keep], None, values[keep]), Units(None, known), note)
+        return Stream(stem, Samples(time[keep], None, values[keep]), Units(None, known), note)
     known = find_unit("specific force", unit) if unit else None
-    return Stream(path.stem, Samples(time[keep], values[keep]), Units(known, None), note)
+    return Stream(stem, Samples(time[keep], values[keep]), Units(known, None), note)
 
 
 def _layout(table: RawTable) -> tuple[np.ndarray, list[int], str | None]:

@@ -1,0 +1,388 @@
+"""Text whose lines say what their numbers are, or have a clock of a serial monitor before them; and JSON.
+
+Lines are read one by one (`lines`). What is no sample is counted and said, and nothing is left out in silence:
+greetings of a board before the first sample, damaged lines, and lines of another form than the others.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from tumble.arrays import Series
+from tumble.errors import RecordingError, UsageError
+from tumble.files import opened
+from tumble.recording.columns import plan_from_names, role_of
+from tumble.recording.formats.lines import COMMENTS, Row, flattened, row_of, without_clock, words_of
+from tumble.recording.formats.logs.logged_streams import table_of_streams
+from tumble.recording.formats.logs.phone import is_sensor, streams_of_tables
+from tumble.recording.formats.table import RawTable, hash_file
+from tumble.recording.recording import Remark
+
+NAME = "labelled lines"
+ENDINGS = (".txt", ".log", ".json", ".jsonl", ".ndjson")
+ASKED = 1  # before text, which is almost anything
+SUMMARY = "lines with labels (`ax:0.1 ay=…`, MotionCal) or a serial monitor's clock; JSON lines, Sensor Logger's JSON"
+HAS_TOPICS = True
+
+_LARGEST = 512 << 20  # bytes
+_SHOWN = 40  # characters of a line that is cited
+_HALF_A_DAY = 43200.0
+_Key = tuple[str, ...] | int
+
+
+def recognises(head: bytes) -> bool:
+    """Say whether a file that begins so is lines with labels or clocks, or JSON."""
+    if b"\0" in head:
+        return False
+    text = head.removeprefix(b"\xef\xbb\xbf").decode("utf-8", "replace").lstrip()
+    if text.startswith(("{", "[{", "[\n", "[ ", "[\r")):
+        return True
+    lines = [line.strip() for line in text.replace("\r", "\n").split("\n")]
+    lines = [line for line in (lines if len(head) < 4096 else lines[:-1]) if line]
+    marked = sum(_is_marked(line) for line in lines)
+    return marked >= 2 and 2 * marked >= len(lines)
+
+
+def _is_marked(line: str) -> bool:
+    rest, clock = without_clock(line)
+    row = row_of(rest)
+    return row is not None and (clock is not None or row.kind != "numbers")
+
+
+def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
+    """Read the file whole.
+
+    Parameters
+    ----------
+    path : the file.
+    topics : names of sensors, of files with lines of one sensor each.
+
+    Raises
+    ------
+    RecordingError
+        If there are no samples in it, or it is longer than 512 MB.
+    UsageError
+        If a topic is not there.
+    OSError
+        If the file cannot be read.
+    """
+    with opened(path) as file:
+        raw = file.read(_LARGEST + 1)
+    if len(raw) > _LARGEST:
+        raise RecordingError(
+            f"{path.name} is longer than {_LARGEST >> 20} MB, and its lines are read one by one. Cut it into parts, or "
+            "save it as CSV."
+        )
+    text = raw.decode("utf-8-sig", "replace")
+    begin = text.lstrip()[:1]
+    if begin == "[" and not _is_marked(text.lstrip().partition("\n")[0].strip()):
+        return _of_objects(path, _array(path, text), topics)
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    if begin == "{":
+        objects, lost = _json_lines(lines)
+        if any("payload" in o or isinstance(o.get("sensor"), str) for o in objects[:20]):
+            return _of_objects(path, objects, topics, lost)
+    _refuse_topics(path, topics)
+    gathered = _gathered(lines)
+    return _merged(path, gathered) if gathered.apart() else _table(path, gathered)
+
+
+def _refuse_topics(path: Path, topics: Sequence[str]) -> None:
+    if topics:
+        raise UsageError(f"--topic {topics[0]}: {path.name} is {NAME}, which has no topics; leave it out.")
+
+
+@dataclass(slots=True)
+class _Gathered:
+    """Rows of lines, and what was no row.
+
+    Attributes
+    ----------
+    rows : number of the line from 1, clock (s of the day, or NaN), names or count of numbers, values.
+    greeting : lines without a sample before the first row.
+    lost : number and text of lines without a sample after it.
+    """
+
+    rows: list[tuple[int, float, _Key, tuple[float, ...]]] = field(
+        default_factory=list[tuple[int, float, _Key, tuple[float, ...]]]
+    )
+    kinds: dict[_Key, str] = field(default_factory=dict[_Key, str])
+    greeting: int = 0
+    lost: list[tuple[int, str]] = field(default_factory=list[tuple[int, str]])
+
+    def counts(self) -> Counter[_Key]:
+        """Return how many rows there are of each form."""
+        return Counter(key for _, _, key, _ in self.rows)
+
+    def apart(self) -> bool:
+        """Whether accelerometer and gyro stand in lines of their own."""
+        plans = {key: plan_from_names(key) for key in self.counts() if isinstance(key, tuple)}
+        both = any(p is not None and p.specific_force and p.angular_rate for p in plans.values())
+        forces = [k for k, p in plans.items() if p is not None and p.specific_force]
+        rates = [k for k, p in plans.items() if p is not None and p.angular_rate]
+        return not both and bool(forces) and bool(rates)
+
+
+def _gathered(lines: list[str]) -> _Gathered:
+    made = _Gathered()
+    header: tuple[str, ...] | None = None
+    forms: dict[frozenset[str], tuple[str, ...]] = {}
+    for number, line in enumerate(lines, start=1):
+        text, clock = without_clock(line.strip())
+        if not text:
+            continue
+        row = row_of(text)
+        if row is None:
+            words = words_of(text)
+            if words is not None and plan_from_names(words) is not None and not made.rows:
+                header = words
+            elif not made.rows:
+                made.greeting += not text.startswith(COMMENTS)
+            elif not text.startswith(COMMENTS):
+                made.lost.append((number, text))
+            continue
+        key, values = _keyed(row, header, forms)
+        made.kinds.setdefault(key, row.kind)
+        made.rows.append((number, np.nan if clock is None else clock, key, values))
+    return made
+
+
+def _keyed(
+    row: Row, header: tuple[str, ...] | None, forms: dict[frozenset[str], tuple[str, ...]]
+) -> tuple[_Key, tuple[float, ...]]:
+    """Return the form of a row, and its numbers in the order in which the form was first seen."""
+    names = (
+        header if row.names is None and header is not None and len(header) == len(row.values) else row.names
+    )
+    if names is None:
+        return len(row.values), row.values
+    known = forms.setdefault(frozenset(names), names)
+    if known == names:
+        return names, row.values
+    by_name = dict(zip(names, row.values, strict=True))
+    return known, tuple(by_name[name] for name in known)
+
+
+def _table(path: Path, gathered: _Gathered) -> RawTable:
+    """Return the rows of the form that most of them have; of the others it is said how many there are."""
+    counts = gathered.counts()
+    if not counts:
+        raise RecordingError(
+            f"{path.name} holds no line with a sample; give one of lines such as ax:0.1 ay:0.2 az:9.8."
+        )
+    most = max(counts.values())
+    # MotionCal's lines come in pairs of the same sample: `Uni:` has the finer steps.
+    key = next((k for k in counts if counts[k] >= 0.9 * most and _in_si(k)), counts.most_common(1)[0][0])
+    chosen = [(number, clock, values) for number, clock, form, values in gathered.rows if form == key]
+    remarks = _remarks(path, gathered, key, counts)
+    columns = list(np.array([values for _, _, values in chosen], dtype=np.float64).T)
+    names = key if isinstance(key, tuple) else None
+    clocks = np.array([clock for _, clock, _ in chosen])
+    if names is not None and not any((role_of(n) or ("",))[0] == "t" for n in names):
+        stamps = _stamps(path, clocks, remarks)
+        if stamps is not None:
+            names, columns = ("t [s]", *names), [stamps, *columns]
+    elif names is None and not _grows(columns[0]):
+        stamps = _stamps(path, clocks, remarks)
+        if stamps is not None:
+            columns = [stamps, *columns]
+    numbers = [number for number, _, _ in chosen]
+    return RawTable(path, names, columns, hash_file(path), remarks, lambda row: f"line {numbers[row]}")
+
+
+def _in_si(key: _Key) -> bool:
+    return isinstance(key, tuple) and key[0] == "ax [m/s^2]"
+
+
+def _grows(column: Series) -> bool:
+    return column.size > 1 and bool(np.all(np.diff(column) > 0.0))
+
+
+def _stamps(path: Path, clocks: Series, remarks: list[Remark]) -> Series | None:
+    """Return a serial monitor's clock as stamps; rows that share one are spread evenly up to the next one."""
+    if clocks.size < 3 or not np.isfinite(clocks).all():
+        return None
+    straight = clocks + 2.0 * _HALF_A_DAY * np.concatenate([[0.0], np.cumsum(np.diff(clocks) < -_HALF_A_DAY)])
+    first = np.flatnonzero(np.concatenate([[True], np.diff(straight) > 0.0]))
+    if np.any(np.diff(straight) < 0.0) or first.size < 2:
+        return None
+    places = np.arange(straight.size, dtype=np.float64)
+    last = (straight[first[-1]] - straight[first[-2]]) / (first[-1] - first[-2])
+    stamps = np.interp(places, first, straight[first]) + last * np.maximum(places - first[-1], 0.0)
+    words = (
+        "the stamps are the serial monitor's, of when a line arrived; lines that share one are spread evenly"
+    )
+    remarks.append(Remark("assumed", f"{path.name}: {words}."))
+    return stamps
+
+
+def _remarks(path: Path, gathered: _Gathered, key: _Key, counts: Counter[_Key]) -> list[Remark]:
+    """Say what of a file is no sample, line by line."""
+    made: list[Remark] = []
+    if gathered.greeting:
+        text = f"{gathered.greeting} line(s) before the first sample hold none, as a board's greeting does"
+        made.append(Remark("found", f"{path.name}: {text}."))
+    others = {form: count for form, count in counts.items() if form != key}
+    for form, count in others.items():
+        named = ", ".join(form) if isinstance(form, tuple) else f"{form} numbers without names"
+        pair = gathered.kinds[form] == gathered.kinds[key] == "motioncal"
+        why = "which repeat the same samples" if pair else "which the others do not have"
+        made.append(
+            Remark(
+                "found" if pair else "mended",
+                f"{path.name}: {count} line(s) with {named[:120]}, {why}, are not used.",
+            )
+        )
+    made += _about_lost(path, gathered)
+    return made
+
+
+def _about_lost(path: Path, gathered: _Gathered) -> list[Remark]:
+    if not gathered.lost:
+        return []
+    number, text = gathered.lost[0]
+    words = f"{len(gathered.lost)} line(s) hold no sample and are left out (the first is line {number}"
+    return [Remark("mended", f"{path.name}: {words}: {text[:_SHOWN]!r}).")]
+
+
+def _merged(path: Path, gathered: _Gathered) -> RawTable:
+    """Return lines of one sensor each as one table, by their stamps or, without any, in pairs as they come."""
+    plans = {k: plan_from_names(k) for k in gathered.counts() if isinstance(k, tuple)}
+    counts = gathered.counts()
+
+    def most(which: str) -> tuple[str, ...]:
+        fit = [k for k, p in plans.items() if p is not None and getattr(p, which)]
+        return max(fit, key=lambda k: counts[k])
+
+    force, rate = most("specific_force"), most("angular_rate")
+    remarks = _about_lost(path, gathered)
+    for form, count in counts.items():
+        if form not in (force, rate):
+            named = ", ".join(form) if isinstance(form, tuple) else f"{form} numbers without names"
+            remarks.append(Remark("mended", f"{path.name}: {count} line(s) with {named[:120]} are not used."))
+    rows: list[tuple[float, ...]] = []
+    clocks: list[float] = []
+    held: dict[_Key, tuple[float, tuple[float, ...]]] = {}
+    alone = 0
+    for _, clock, form, values in gathered.rows:
+        if form not in (force, rate):
+            continue
+        alone += form in held
+        held[form] = (clock, values)
+        if len(held) == 2:
+            rows.append((*held[force][1], *held[rate][1]))
+            clocks.append(held[force][0])
+            held.clear()
+    alone += len(held)
+    remarks.append(
+        Remark("found", f"{path.name}: accelerometer and gyro stand in lines of their own, read in pairs.")
+    )
+    if alone:
+        remarks.append(Remark("mended", f"{path.name}: {alone} line(s) without a partner are left out."))
+    if not rows:
+        raise RecordingError(
+            f"{path.name} holds no pair of lines with an accelerometer's and a gyro's sample."
+        )
+    times = {i for i, name in enumerate((*force, *rate)) if (role_of(name) or ("",))[0] == "t"}
+    drop = {i for i in times if i >= len(force)}
+    names = tuple(n for i, n in enumerate((*force, *rate)) if i not in drop)
+    columns = [c for i, c in enumerate(np.array(rows, dtype=np.float64).T) if i not in drop]
+    stamps = None if times - drop else _stamps(path, np.array(clocks), remarks)
+    if stamps is not None:
+        names, columns = ("t [s]", *names), [stamps, *columns]
+    return RawTable(path, names, columns, hash_file(path), remarks)
+
+
+def _array(path: Path, text: str) -> list[dict[str, Any]]:
+    """Return the objects of a JSON array."""
+    try:
+        found: Any = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise RecordingError(
+            f"{path.name} is no whole JSON ({str(error)[:60]}). Export it again, or give JSON lines."
+        ) from None
+    return [one for one in cast("list[Any]", found) if isinstance(one, dict)]
+
+
+def _json_lines(lines: list[str]) -> tuple[list[dict[str, Any]], int]:
+    """Return the objects of JSON lines, and how many lines are none."""
+    made: list[dict[str, Any]] = []
+    lost = 0
+    for line in lines:
+        try:
+            found: Any = json.loads(line)
+        except (ValueError, RecursionError):
+            lost += bool(line.strip())
+            continue
+        if isinstance(found, dict):
+            made.append(cast("dict[str, Any]", found))
+    return made, lost
+
+
+def _of_objects(path: Path, objects: list[dict[str, Any]], topics: Sequence[str], lost: int = 0) -> RawTable:
+    """Return the table of JSON objects: with both triads each, or of one sensor each as Sensor Logger writes them."""
+    entries = [entry for one in objects for entry in _payload(one)]
+    sensors: dict[str, tuple[str, list[tuple[float, ...]]]] = {}
+    for entry in entries:
+        name = entry.get("sensor", entry.get("name"))
+        plain = is_sensor(name) if isinstance(name, str) else None
+        if plain is None:
+            continue
+        values = _of_sensor(entry)
+        if values is None:
+            lost += 1
+            continue
+        sensors.setdefault(plain, (str(name), []))[1].append(values)
+    if not sensors:
+        _refuse_topics(path, topics)
+        return _table(path, _gathered([json.dumps(one) for one in objects]))
+    source = hash_file(path)
+    tables = {
+        plain: (name, RawTable(path, ("seconds_elapsed", "x", "y", "z"), list(np.array(rows).T), source))
+        for plain, (name, rows) in sensors.items()
+    }
+    try:
+        streams, chosen = streams_of_tables(tables)
+    except StopIteration:
+        listed = ", ".join(name for name, _ in sensors.values())
+        raise RecordingError(
+            f"{path.name} holds {listed}: a calibration needs an accelerometer and a gyro."
+        ) from None
+    remarks = (
+        [Remark("mended", f"{path.name}: {lost} line(s) or sample(s) without numbers are left out.")]
+        if lost
+        else []
+    )
+    return table_of_streams(path, streams, topics, chosen, source, remarks)
+
+
+def _payload(one: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the samples in a message that an app has pushed, or the object itself."""
+    inside: Any = one.get("payload")
+    if not isinstance(inside, list):
+        return [one]
+    return [cast("dict[str, Any]", each) for each in cast("list[Any]", inside) if isinstance(each, dict)]
+
+
+def _of_sensor(entry: dict[str, Any]) -> tuple[float, ...] | None:
+    """Return seconds, x, y and z of a sample of one sensor."""
+    inside: Any = entry.get("values")
+    flat = flattened(entry | cast("dict[str, Any]", inside) if isinstance(inside, dict) else entry)
+    if "seconds_elapsed" in flat:
+        time = flat["seconds_elapsed"]
+    elif "time" in flat:
+        # Nanoseconds since 1970 have more digits than a float: whole seconds apart.
+        nanoseconds = int(str(entry["time"]).partition(".")[0])
+        time = nanoseconds // 10**9 + nanoseconds % 10**9 / 1e9 if nanoseconds > 10**15 else flat["time"]
+    else:
+        return None
+    if not all(axis in flat for axis in "xyz"):
+        return None
+    return (time, *(flat[axis] for axis in "xyz"))
