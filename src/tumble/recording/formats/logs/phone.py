@@ -76,14 +76,14 @@ def phone_streams(files: list[Path]) -> tuple[list[Stream], list[str]]:
 
 
 def is_sensor(name: str) -> str | None:
-    """Return the plain name of an accelerometer, a gyro or gravity as phones' loggers write it; None of another.
+    """Return the plain name of a sensor that is read, or gravity, as phones' loggers write it; None of another.
 
     Parameters
     ----------
     name : of a file or a stream.
     """
     plain = _plain(name)
-    return plain if plain in {*_ACCELEROMETERS, *_GYROS, _GRAVITY} else None
+    return plain if plain in {*_ACCELEROMETERS, *_GYROS, *_MAGNETOMETERS, _GRAVITY} else None
 
 
 def streams_of_tables(tables: dict[str, tuple[str, RawTable]]) -> tuple[list[Stream], list[str]]:
@@ -138,7 +138,7 @@ def _stream(table: RawTable, stem: str, name: str) -> Stream:
         known = find_unit("magnetic field", unit) if unit else "uT"
         note = note or "is what the phone's system left of the magnetometer, which it calibrates by itself"
         return Stream(
-            path.stem, Samples(time[keep], magnetic_field=values[keep]), Units(magnetic_field=known), note
+            stem, Samples(time[keep], magnetic_field=values[keep]), Units(magnetic_field=known), note
         )
     if name in _GYROS:
         known = find_unit("angular rate", unit) if unit else "rad/s"
