@@ -9,11 +9,13 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tumble.workflows.reproduce import reproduce
 from tumble_papers.catalogue import ITEMS
 
 KINDS = ("csv", "html", "json", "txt")
@@ -247,7 +249,8 @@ def test_ctrl_c_while_renaming_leaves_one_whole_set(tumble: Any, tmp_path: Path)
     assert json.loads((tmp_path / "hayal-4.2.json").read_text("utf-8"))["seed"] == 9
 
 
-def test_ctrl_c_while_it_simulates_ends_it_without_a_file(tmp_path: Path) -> None:
+@pytest.mark.parametrize("workers", ["1", pytest.param("2", marks=pytest.mark.slow)])
+def test_ctrl_c_while_it_simulates_ends_it_without_a_file(tmp_path: Path, workers: str) -> None:
     """A study of minutes, interrupted after the program said that it began."""
     process = subprocess.Popen(
         [
@@ -258,6 +261,8 @@ def test_ctrl_c_while_it_simulates_ends_it_without_a_file(tmp_path: Path) -> Non
             "hayal",
             "--repetitions",
             "100000",
+            "--workers",
+            workers,
             "-o",
             str(tmp_path / "new"),
         ],
@@ -274,3 +279,13 @@ def test_ctrl_c_while_it_simulates_ends_it_without_a_file(tmp_path: Path) -> Non
     assert process.returncode == 130
     assert "Traceback" not in err
     assert contents(tmp_path) == {}
+
+
+def test_items_that_are_made_side_by_side_are_the_same() -> None:
+    alone, _ = reproduce("hayal-A", repetitions=3, seed=4)
+    with ThreadPoolExecutor(2) as pool:
+        beside, _ = reproduce("hayal-A", repetitions=3, seed=4, executor=pool)
+    assert [outcome.item for outcome in beside] == [outcome.item for outcome in alone]
+    assert len(alone) > 3
+    for one, other in zip(alone, beside, strict=True):
+        assert one.rows == other.rows

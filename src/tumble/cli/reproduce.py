@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tumble.cli.groups import FIRST, option
+from tumble.cli.groups import ADVANCED, FIRST, option
 from tumble.cli.options import PrintOptions, Seed, output_option
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
 
@@ -29,6 +29,12 @@ def reproduce_command(
     output: Annotated[
         Path | None, output_option("Folder for a page, the data and pictures of each item.")
     ] = None,
+    workers: Annotated[
+        int, option(ADVANCED, "N", "Processes that make a paper's items side by side.", show_default=True)
+    ] = 1,
+    scheduler: Annotated[
+        str | None, option(ADVANCED, "tcp://HOST:PORT", "A Dask cluster that makes the items instead.")
+    ] = None,
 ) -> None:
     """Make the tables and figures of the papers anew, beside the printed numbers, with a verdict a row.
 
@@ -41,7 +47,15 @@ def reproduce_command(
         _print_list()
         return
     with progress(printed.silent) as tell:
-        outcomes, files = reproduce(item, repetitions=repetitions, seed=seed, output=output, progress=tell)
+        outcomes, files = reproduce(
+            item,
+            repetitions=repetitions,
+            seed=seed,
+            output=output,
+            workers=workers,
+            scheduler=scheduler,
+            progress=tell,
+        )
     if files:
         results_stand()
     from tumble.report.reproduction import outcome_json, outcome_lines

@@ -37,11 +37,23 @@ def processes(workers: int) -> ProcessPoolExecutor:
 
 
 def _begin() -> None:
+    import threading
     import warnings
 
+    # A worker waits for tasks at a pipe that it holds open itself: of a parent that was killed it hears nothing there.
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     warnings.simplefilter("ignore")
+
+
+def _end_with_parent() -> None:
+    from multiprocessing import parent_process
+
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 @contextmanager
@@ -165,8 +177,15 @@ class Hands:
         ----------
         at_once : without waiting for tasks that have begun.
         """
-        if self._renewable:
-            self._executor.shutdown(wait=not at_once, cancel_futures=True)
+        if not self._renewable:
+            return
+        self._executor.shutdown(wait=not at_once, cancel_futures=True)
+        if at_once:
+            from multiprocessing import active_children
+
+            # They leave Ctrl-C to this process: what they have begun may take hours.
+            for worker in active_children():
+                worker.terminate()
 
 
 @contextmanager

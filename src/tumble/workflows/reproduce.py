@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tumble.errors import OutputError, UsageError
+from tumble.workflows.executors import Hands, hands
 
 if TYPE_CHECKING:
     from tumble.reproduction.outcome import Outcome
@@ -22,6 +26,9 @@ def reproduce(
     repetitions: int | None = None,
     seed: int = 0,
     output: str | os.PathLike[str] | None = None,
+    workers: int = 1,
+    scheduler: str | None = None,
+    executor: Executor | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> tuple[list[Outcome], list[Path]]:
     """Make an item, or all of a paper, anew; return the outcomes and the files that were written.
@@ -33,6 +40,9 @@ def reproduce(
         all of a paper is asked for.
     seed : of all random numbers; the same seed gives the same numbers.
     output : folder for a page, data and pictures of each item; None writes nothing.
+    workers : processes that make items side by side; 1 makes one after the other in this one.
+    scheduler : address of a Dask cluster that makes them instead.
+    executor : any `concurrent.futures.Executor` instead; it is left open.
     progress : is told in words what is being done.
 
     Raises
@@ -42,7 +52,7 @@ def reproduce(
     OutputError
         If the files cannot be written; earlier ones are intact.
     """
-    from tumble.reproduction.items import find_items, run_item
+    from tumble.reproduction.items import find_items
 
     if repetitions is not None and not 1 <= repetitions <= MOST_REPETITIONS:
         raise UsageError(f"--repetitions {repetitions}: give a number from 1 to {MOST_REPETITIONS}.")
@@ -51,14 +61,55 @@ def reproduce(
     folder = None if output is None else Path(output)
     if folder is not None and folder.exists() and not folder.is_dir():
         raise UsageError(f"-o {folder} is a file: give a folder.")
-    outcomes: list[Outcome] = []
     items = find_items(name)
-    for item in items:
-        if progress is not None:
-            progress(item.title)
-        runs = repetitions if len(items) == 1 else item.runs_among_others(repetitions)
-        outcomes.append(run_item(item, runs, seed))
+    runs = [repetitions if len(items) == 1 else item.runs_among_others(repetitions) for item in items]
+    tasks = [_Task(item.name, item.title, number, seed) for item, number in zip(items, runs, strict=True)]
+    say = progress or _silent
+    if workers == 1 and scheduler is None and executor is None:
+        outcomes: list[Outcome] = []
+        for task in tasks:
+            say(task.title)
+            outcomes.append(_make(task))
+    else:
+        outcomes = _side_by_side(tasks, hands(workers, scheduler, executor), say)
     return outcomes, [] if folder is None else _write(folder, outcomes)
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """An item by name, which its worker finds again, with its runs."""
+
+    name: str
+    title: str
+    repetitions: int | None
+    seed: int
+
+
+def _make(task: _Task) -> Outcome:
+    from tumble.reproduction.items import find_items, run_item
+
+    (item,) = find_items(task.name)
+    return run_item(item, task.repetitions, task.seed)
+
+
+def _side_by_side(
+    tasks: list[_Task], crew: AbstractContextManager[Hands], say: Callable[[str], None]
+) -> list[Outcome]:
+    made: dict[str, Outcome] = {}
+    with crew as hands_at_work:
+        say(f"{len(tasks)} items side by side")
+        for outcome in hands_at_work.run(_make, tasks, _lost):
+            made[outcome.item] = outcome
+            say(f"{len(made)} of {len(tasks)} items")
+    return [made[task.name] for task in tasks]
+
+
+def _lost(task: _Task, reason: str) -> Outcome:
+    raise UsageError(f"{task.name} could not be made: {reason}.")
+
+
+def _silent(_: str) -> None:
+    """Say nothing."""
 
 
 def _write(folder: Path, outcomes: list[Outcome]) -> list[Path]:
