@@ -29,6 +29,13 @@ def test_a_unit_goes_into_the_registry_and_gets_a_certificate(
     (entry,) = json.loads(tumble("registry", "list", "--json").out)
     assert (entry["unit"], entry["fit"]) == ("A-1", True)
     assert (entry["operator"], entry["remark"]) == ("A. Smith", "window open")
+    tolerances = tmp_path / "tolerances.yaml"
+    tolerances.write_text("limits: {accelerometer bias: 50 mg}", encoding="utf-8")
+    # Of a unit that was calibrated once nobody knows when it is due: it is not left out.
+    due = tumble("registry", "due", tolerances, "--before", "2030-01-01")
+    assert due.status == 1
+    assert "A-1" in due.out
+    assert "nothing is known of the drift" in due.out
     again = tumble("registry", "add", made)
     assert "was there" in again.out
     assert "gyro bias z" in tumble("registry", "history", "A-1", "-o", tmp_path / "a.html").out
@@ -36,6 +43,13 @@ def test_a_unit_goes_into_the_registry_and_gets_a_certificate(
     shown = json.loads(tumble("registry", "show", entry["identity"], "--json").out)
     assert shown["document"] == json.loads((made / "calibration.json").read_text(encoding="utf-8"))
 
+    profile = tmp_path / "laboratory.yaml"
+    profile.write_text("laboratory: {name: L}\nitem: {serial_number: B-2}\n", encoding="utf-8")
+    other = tumble("certificate", made, "-o", tmp_path / "b.pdf", "--profile", profile)
+    assert other.status == 2
+    assert "B-2" in other.err
+    assert "A-1" in other.err
+    assert not (tmp_path / "b.pdf").exists()
     pdf, xml = tmp_path / "a.pdf", tmp_path / "a.xml"
     certificate = ("certificate", made, "-o", pdf, "--dcc", xml, "--date", "2026-11-22")
     answer = tumble(*certificate, "--registry", registry, "--number", "N-1")

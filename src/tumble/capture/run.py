@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -46,6 +46,8 @@ class CaptureOrder:
     imu : grade of the unit; None for holds alone, without what they are worth.
     resume : go on with what the folder holds.
     go_on : do not end by itself when it is enough.
+    unit : (model, serial number) to note in the calibration.
+    notes : what else to note in it, by name.
     """
 
     source: Source
@@ -58,6 +60,8 @@ class CaptureOrder:
     imu: str | None = "consumer-mems"
     resume: bool = False
     go_on: bool = False
+    unit: tuple[str | None, str | None] = (None, None)
+    notes: Mapping[str, str] = field(default_factory=dict[str, str])
 
 
 @dataclass(slots=True)
@@ -291,7 +295,15 @@ def _calibrate(order: CaptureOrder, recording: Path, capture: Capture) -> Calibr
     stated = order.options.rate
     # How sure a stated rate is belongs to the calibration; the rate itself is in the stamps by now.
     rate = stated if isinstance(stated, SampleRate) and stated.uncertainty is not None else None
-    return calibrate(recording, output=order.folder, site=order.site, intervals=intervals, rate=rate)
+    return calibrate(
+        recording,
+        output=order.folder,
+        site=order.site,
+        intervals=intervals,
+        rate=rate,
+        imu=order.unit,
+        notes=order.notes,
+    )
 
 
 def _guide_of(order: CaptureOrder) -> Guide | None:

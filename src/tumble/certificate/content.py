@@ -40,6 +40,7 @@ class CertificateContent:
     groups : (title, rows of quantity, value, expanded uncertainty, factor, unit).
     conformity : (rows of quantity, limits, decision), the rule, and the whole decision; None without limits.
     notes : sentences below the results.
+    model : the formula that the results are of, and what each of its letters means.
     laboratory : lines of name and address; `authorised` : who answers for it.
     """
 
@@ -57,6 +58,7 @@ class CertificateContent:
     statement: str = ""
     authorised: str = ""
     frame: str = ""
+    model: list[str] = field(default_factory=list[str])
     not_determined: list[str] = field(default_factory=list[str])
 
 
@@ -101,6 +103,7 @@ def certificate_content(
         statement=profile.statement,
         authorised=profile.authorised_by,
         frame=calibration.frame.description,
+        model=_model(calibration, words),
         not_determined=list(calibration.not_determined),
     )
 
@@ -207,6 +210,31 @@ def _conformity(
         "decision": words[block.decision],
         "name": block.name,
     }
+
+
+def _model(calibration: Calibration, words: dict[str, str]) -> list[str]:
+    """The formula with the terms that the results have, and sentences for its letters."""
+    named = [parameter.name for parameter in calibration.parameters]
+    there = {
+        term: any(word in name for name in named)
+        for term, word in (
+            ("asymmetry", "asymmetry"),
+            ("quadratic", "quadratic"),
+            ("g_sensitivity", "g-sensitivity"),
+        )
+    }
+    u = f"M · {words['true']}"
+    bent = there["asymmetry"] or there["quadratic"]
+    terms = [
+        "u" if bent else u,
+        *(["a · |u|"] if there["asymmetry"] else []),
+        *(["q · u²"] if there["quadratic"] else []),
+        *([f"G · f ({words['gyro']})"] if there["g_sensitivity"] else []),
+        "b",
+    ]
+    formula = f"{words['raw']} = {' + '.join(terms)}" + (f", u = {u}" if bent else "")
+    letters = [words[f"{term}_words"] for term, seen in there.items() if seen]
+    return [f"{formula}.", words["model_words"], *letters, words["definitions"]]
 
 
 def _notes(calibration: Calibration, words: dict[str, str]) -> list[str]:

@@ -24,6 +24,7 @@ from tumble.cli.options import (
     Protocol,
     RegistryName,
     SiteOptions,
+    UnitOptions,
     output_option,
 )
 from tumble.cli.terminal import console, progress, results_stand, say_json_text
@@ -74,23 +75,6 @@ class OneOptions:
             "--noise-correction/--no-noise-correction",
         ),
     ] = True
-
-
-@dataclass(frozen=True)
-class UnitOptions:
-    """What a unit is called."""
-
-    imu_model: Annotated[str | None, option(ADVANCED, "MODEL", "Model of the unit, noted in the file.")] = (
-        None
-    )
-    imu_serial: Annotated[
-        str | None, option(ADVANCED, "SERIAL", "Serial number of the unit, noted in the file.")
-    ] = None
-
-    @property
-    def imu(self) -> tuple[str | None, str | None]:
-        """Model and serial number."""
-        return self.imu_model, self.imu_serial
 
 
 @dataclass(frozen=True)
@@ -234,16 +218,13 @@ def calibrate_command(
 
 def _check_registry(registry: str, unit: UnitOptions, several: SeveralOptions) -> None:
     """Find out before minutes of work that a registry cannot take what comes."""
-    from tumble.workflows.registry import registry_at
+    from tumble.workflows.registry import require_registry
 
     if several.array:
         raise UsageError(
             "--registry does not go with --array: add each unit's folder by `tumble registry add --unit`."
         )
-    if unit.imu_serial is None:
-        raise UsageError("A registry has to know which unit it is: give --imu-serial.")
-    with registry_at(registry, make=True):
-        pass
+    require_registry(registry, unit.imu_serial)
 
 
 def _refuse(context: typer.Context, way: str, procedure: str | None, groups: list[type]) -> None:

@@ -6,14 +6,22 @@ import signal
 import sys
 import time
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from tumble.cli.groups import ADVANCED, FIRST, PRINTED, option
-from tumble.cli.options import FileOptions, Imu, SiteOptions, output_option
+from tumble.cli.options import (
+    FileOptions,
+    Imu,
+    NoteOption,
+    RegistryName,
+    SiteOptions,
+    UnitOptions,
+    output_option,
+)
 from tumble.cli.terminal import results_stand, say, say_aside, say_json_text, say_written
 from tumble.errors import UsageError
 from tumble.sample_rates import sample_rate
@@ -99,6 +107,7 @@ def capture_command(
     what: CaptureOptions,
     file: FileOptions,
     place: SiteOptions,
+    unit: UnitOptions,
     printed: CapturePrintOptions,
     source: Annotated[
         str | None,
@@ -109,6 +118,8 @@ def capture_command(
             show_default=False,
         ),
     ] = None,
+    notes: NoteOption = None,
+    registry: RegistryName = None,
     output: Annotated[
         Path, output_option("Folder for the recording, the events, calibration.json and report.html.")
     ] = Path("capture"),
@@ -117,11 +128,17 @@ def capture_command(
     if source is None and what.replay is None:
         _list_sources()
         return
-    order = _order(source, what, file, place, output)
+    from tumble.workflows.notes import notes_of
+
+    order = replace(_order(source, what, file, place, output), unit=unit.imu, notes=notes_of(notes))
+    if registry is not None:
+        from tumble.workflows.registry import require_registry
+
+        require_registry(registry, unit.imu_serial)
     # A request to end (SIGTERM) ends a capture as Ctrl-C does: with its results.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        status = _run(order, what, printed)
+        status = _run(order, what, printed, registry)
     except KeyboardInterrupt:
         say_aside(f"Stopped; what was recorded is kept in {order.folder}.")
         raise typer.Exit(130) from None
@@ -129,7 +146,9 @@ def capture_command(
     raise typer.Exit(status)
 
 
-def _run(order: CaptureOrder, what: CaptureOptions, printed: CapturePrintOptions) -> int:
+def _run(
+    order: CaptureOrder, what: CaptureOptions, printed: CapturePrintOptions, registry: str | None
+) -> int:
     """Capture, print what came of it, and return the exit status."""
     from tumble.capture.run import run_capture
 
@@ -138,6 +157,10 @@ def _run(order: CaptureOrder, what: CaptureOptions, printed: CapturePrintOptions
             run = run_capture(order, [listener])
         else:
             run = run_capture(order, [listener, hub], lambda: hub.stop_wanted, [hub.tap])
+        if registry is not None and run.calibration is not None:
+            from tumble.workflows.registry import add_calibration
+
+            add_calibration(registry, run.calibration.calibration)
         status = _print_end(run, printed)
         if hub is not None:
             _wait_for_viewers(quiet=printed.as_json)

@@ -72,6 +72,25 @@ Limits: TypeAlias = Annotated[
         "--limits",
     ),
 ]
+
+
+@dataclass(frozen=True)
+class UnitOptions:
+    """What a unit is called."""
+
+    imu_model: Annotated[str | None, option(ADVANCED, "MODEL", "Model of the unit, noted in the file.")] = (
+        None
+    )
+    imu_serial: Annotated[
+        str | None, option(ADVANCED, "SERIAL", "Serial number of the unit, noted in the file.")
+    ] = None
+
+    @property
+    def imu(self) -> tuple[str | None, str | None]:
+        """Model and serial number."""
+        return self.imu_model, self.imu_serial
+
+
 RegistryName: TypeAlias = Annotated[
     str | None,
     option(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
@@ -122,7 +123,7 @@ def history_command(
     """Show how a unit changes: each parameter's change and rate, with uncertainties from all its calibrations."""
     from tumble.files import write_text
     from tumble.report.history import history_page
-    from tumble.workflows.registry import date_words, history, history_rows
+    from tumble.workflows.registry import SHORTEST_HISTORY, date_words, history, history_rows
 
     found = history(registry, unit)
     rows, days = history_rows(found), [date_words(float(x)) for x in found.parameters.created]
@@ -142,6 +143,8 @@ def history_command(
     console().print(
         table(("parameter", "newest", "change", "a year"), [_history_row(row) for row in rows], fold=True)
     )
+    if all(row["rate_a_year"] is None for row in rows):
+        say(f"A rate takes calibrations that are {SHORTEST_HISTORY} days apart or more.")
     say_written([output] if output else [])
 
 
@@ -156,13 +159,18 @@ def due_command(
     registry: RegistryName = None,
     before: Annotated[
         str | None,
-        option(FIRST, "YYYY-MM-DD", "Only units that are due before that day; exit status 1 if any is."),
+        option(
+            FIRST,
+            "YYYY-MM-DD",
+            "Only units that are due before that day, or of which nobody knows; exit status 1 if there is one.",
+        ),
     ] = None,
 ) -> None:
     """Say when each unit is due: when its drift since then, with twice its uncertainty, meets a tolerance."""
     from datetime import UTC, datetime
 
     from tumble.errors import UsageError
+    from tumble.fleet.drift import FEWEST_RATES
     from tumble.workflows.registry import date_words, due
 
     found = due(registry, tolerances)
@@ -171,7 +179,7 @@ def due_command(
             day = datetime.fromisoformat(before).replace(tzinfo=UTC).timestamp()
         except ValueError:
             raise UsageError(f"--before {before}: give a day as 2027-03-31.") from None
-        found = [one for one in found if one.due < day]
+        found = [one for one in found if not one.due >= day]
     if printed.as_json:
         say_json(
             [{**asdict(one), "due": date_words(one.due), "last": date_words(one.last)} for one in found],
@@ -183,6 +191,12 @@ def due_command(
             for one in found
         ]
         console().print(table(("unit", "calibrated", "due", "because of", "calibrations"), rows))
+        unknown = sum(math.isnan(one.due) for one in found)
+        if unknown:
+            say(
+                f"Of {unknown} of them nothing is known of the drift: calibrate a unit twice, some weeks apart, "
+                f"or {FEWEST_RATES} units of its kind."
+            )
     raise typer.Exit(1 if before is not None and found else 0)
 
 
@@ -307,8 +321,8 @@ def _history_row(row: dict[str, Any]) -> list[str]:
     return [
         row["name"],
         with_uncertainty(row["last"], row["standard_uncertainty"]) + unit,
-        with_uncertainty(row["change"], row["change_standard_uncertainty"]),
-        "–" if rate is None or not sigma else with_uncertainty(rate, sigma),
+        with_uncertainty(row["change"], row["change_standard_uncertainty"]) + unit,
+        "–" if rate is None or not sigma else with_uncertainty(rate, sigma) + unit,
     ]
 
 

@@ -62,6 +62,7 @@ def make_certificate(
     told, logo = (
         (Profile(laboratory=Laboratory(name=NOBODY)), None) if profile is None else read_profile(profile)
     )
+    _require_same_item(document, told)
     day = date or datetime.now(UTC).strftime("%Y-%m-%d")
     number = number or f"{day.replace('-', '')}-{document.identity}"
     if shown(number) != number or len(number) > 80 or not number.strip():
@@ -85,6 +86,20 @@ def make_certificate(
     if dcc is not None and xml is not None:
         write_text(dcc, xml)
     return Certificate(number, content.sha256, [output, *([dcc] if dcc else [])], _lacking(told))
+
+
+def _require_same_item(document: Calibration, profile: Profile) -> None:
+    """Refuse a profile of another unit."""
+    item, unit = profile.item, document.imu
+    for what, said, noted in (
+        ("serial number", item.serial_number, unit.serial_number),
+        ("model", item.model, unit.model),
+    ):
+        if said and noted and said != noted:
+            raise UsageError(
+                f"The profile's item has the {what} {shown(said)}, and the calibration is of {shown(noted)}: "
+                "correct the profile, or leave it out there."
+            )
 
 
 def _lacking(profile: Profile) -> list[str]:

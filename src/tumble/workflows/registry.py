@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -25,7 +24,9 @@ if TYPE_CHECKING:
     from tumble.fleet.gauge import Gauge
     from tumble.registry.store import Entry, ParameterSeries
 
-MONTHS = 12.0
+SHORTEST_HISTORY = 14
+"""Days from the first calibration to the newest from which a rate a year is stated: what a unit did within minutes,
+its warm-up, is no drift of years."""
 
 
 @contextmanager
@@ -93,6 +94,24 @@ def add_calibration(name: str | None, calibration: Calibration, operator: str = 
 
     with registry_at(name, make=True) as registry:
         return add(registry, calibration, operator=operator)[0]
+
+
+def require_registry(name: str, serial: str | None) -> None:
+    """Find out before minutes of work that a registry cannot take what comes.
+
+    Parameters
+    ----------
+    name, serial : of the registry, which is made where it is not there, and of the unit.
+
+    Raises
+    ------
+    UsageError, RegistryError
+        If nobody says which unit it is, or the registry cannot be opened.
+    """
+    if serial is None:
+        raise UsageError("A registry has to know which unit it is: give --imu-serial.")
+    with registry_at(name, make=True):
+        pass
 
 
 @dataclass(frozen=True, slots=True)
@@ -325,16 +344,6 @@ def date_words(seconds: float) -> str:
     return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%d")
 
 
-def months_from_now(seconds: float) -> float:
-    """Return how many months a moment is ahead.
-
-    Parameters
-    ----------
-    seconds : since 1970.
-    """
-    return (seconds - time.time()) / (365.25 * 86400.0 / MONTHS)
-
-
 def history_rows(found: History) -> list[dict[str, Any]]:
     """Return what is said of each parameter of a unit: newest value, change, rate, each with its uncertainty.
 
@@ -343,11 +352,12 @@ def history_rows(found: History) -> list[dict[str, Any]]:
     found : of the unit.
     """
     one, drift = found.parameters, found.drift
+    days = float(one.created[-1] - one.created[0]) / 86400.0
     rows: list[dict[str, Any]] = []
     for k, (name, unit) in enumerate(zip(one.names, one.units, strict=True)):
         values: Series = one.values[:, k]
         sigmas: Series = one.sigmas[:, k]
-        rate_sigma = float(drift.rate_sigma[0, k])
+        rate_sigma = float(drift.rate_sigma[0, k]) if days >= SHORTEST_HISTORY else math.inf
         rows.append(
             {
                 "name": name,

@@ -304,3 +304,18 @@ def test_what_was_noted_with_the_calibration_stands_in_the_certificate(language:
     elsewhere = PROFILE.model_copy(update={"place": "at the customer's"})
     facts = dict(certificate_content(noted, elsewhere, NUMBER, DATE, language).facts)
     assert facts[PHRASES["place"][language]] == "at the customer's"
+
+
+def test_the_formula_has_the_terms_that_the_results_have() -> None:
+    told = document()
+    plain = certificate_content(told, PROFILE, NUMBER, DATE, "en").model
+    assert plain[0] == "raw = M · true + b."
+    named = [
+        told.parameters[0].model_copy(update={"name": name})
+        for name in ("gyro asymmetry x", "g-sensitivity of gyro x to force y")
+    ]
+    more = told.model_copy(update={"parameters": [*told.parameters, *named]})
+    model = certificate_content(more, PROFILE, NUMBER, DATE, "fr").model
+    assert model[0] == "brut = u + a · |u| + G · f (Gyromètre) + b, u = M · vrai."
+    assert any(words.startswith("a : asymétrie") for words in model)
+    assert any(words.startswith("G : sensibilité") for words in model)
