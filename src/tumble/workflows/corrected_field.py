@@ -74,7 +74,7 @@ class CorrectedField:
         ours, theirs = magnetic_field_factor(field.unit), magnetic_field_factor(first.raw_unit)
         if (ours is None) != (theirs is None):
             raise UsageError(
-                f"The recording's magnetic field is in {field.unit}, and the calibration was made for {first.raw_unit}: "
+                f"The recording's magnetic field is in {field.unit}, and the calibration is for {first.raw_unit}: "
                 "declare the recording's units with --units, or use the calibration of this unit and format."
             )
         raw = 1.0 if ours is None or theirs is None else ours / theirs
