@@ -68,7 +68,7 @@ class _Message:
 
 
 _MILLI = Units("mg", "mrad/s", "mgauss")
-_UNSAID = "has units that MAVLink leaves to the vehicle (ArduPilot sends mg, mrad/s and mgauss: --units mg,mrad/s,mgauss)"
+_UNSAID = "has units that MAVLink leaves to the vehicle (ArduPilot: --units mg,mrad/s,mgauss)"
 _MESSAGES = {
     105: _Message("HIGHRES_IMU", _HIGHRES, 93, Units(magnetic_field="gauss"), 1e6, 1.0),
     26: _Message("SCALED_IMU", _SCALED, 170, _MILLI, 1e3, 0.01),
