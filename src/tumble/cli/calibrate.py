@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from tumble.cli.array import default_folder, print_array
+from tumble.cli.figures import FiguresOption, check_figures, draw_figures
 from tumble.cli.groups import ADVANCED, FIRST, PLACE, option, refuse_given
 from tumble.cli.options import (
     DataSheet,
@@ -157,6 +158,7 @@ def calibrate_command(
     limits: Limits = None,
     registry: RegistryName = None,
     notes: NoteOption = None,
+    figures: FiguresOption = None,
     output: Annotated[
         Path | None, output_option("Folder for calibration.json and report.html (default: NAME-calibration).")
     ] = None,
@@ -184,6 +186,7 @@ def calibrate_command(
     from tumble.workflows.site import choose_site
 
     given = recordings or []
+    check_figures(figures, output or _default_folder(given, done_to_it.protocol))
     if registry is not None:
         _check_registry(registry, unit, several)
     shared: dict[str, Any] = {**file.given(), "site": choose_site(**asdict(site))}
@@ -197,7 +200,7 @@ def calibrate_command(
         _refuse(context, "--array", procedure, [OneOptions, ProtocolOptions, UnitOptions])
         if several.turn_ons:
             raise UsageError("--turn-ons does not go with --array: leave one of them out.")
-        _calibrate_array(given, output, estimate.prior or None, shared, printed)
+        _calibrate_array(given, output, estimate.prior or None, shared, printed, figures)
     shared |= {
         "output": output or _default_folder(given, done_to_it.protocol),
         "protocol": done_to_it.protocol,
@@ -209,11 +212,11 @@ def calibrate_command(
 
         _refuse(context, "--turn-ons", procedure, [OneOptions])
         make = partial(calibrate_turn_ons, recordings=given, **shared)
-        _calibrate(lambda tell: make(progress=tell), printed, registry)
+        _calibrate(lambda tell: make(progress=tell), printed, registry, figures)
     from tumble.workflows.calibrate import calibrate
 
     shared |= {"procedure": procedure, **asdict(one)}
-    _calibrate(lambda tell: calibrate(given, progress=tell, **shared), printed, registry)
+    _calibrate(lambda tell: calibrate(given, progress=tell, **shared), printed, registry, figures)
 
 
 def _check_registry(registry: str, unit: UnitOptions, several: SeveralOptions) -> None:
@@ -240,10 +243,12 @@ def _calibrate(
     make: Callable[[Callable[[str], None]], CalibrationRun],
     printed: LongPrintOptions,
     registry: str | None,
+    figures: str | None,
 ) -> NoReturn:
     """Make a calibration, print what was found, and leave with the status of its verdict."""
     with progress(printed.silent) as tell:
         run = make(tell)
+        run.files += draw_figures(figures, run.files)
     if registry is not None:
         from tumble.workflows.registry import add_calibration
 
@@ -259,12 +264,15 @@ def _calibrate_array(
     prior: list[Path] | None,
     shared: dict[str, Any],
     printed: LongPrintOptions,
+    figures: str | None,
 ) -> NoReturn:
     from tumble.workflows.array import calibrate_array
 
     folder = output or default_folder(recordings)
     with progress(printed.silent) as tell:
         made = calibrate_array(recordings=recordings, output=folder, prior=prior, progress=tell, **shared)
+        for run in made.runs:
+            run.files += draw_figures(figures, run.files)
     results_stand()
     print_array(made, printed)
     raise typer.Exit(0 if all(run.accepted for run in made.runs) else 1)

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
+from tumble.cli.figures import FiguresOption, check_figures, draw_figures
 from tumble.cli.groups import ADVANCED, FIRST, option
 from tumble.cli.options import FileOptions, PrintOptions, Recordings, output_option
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
@@ -68,6 +69,7 @@ def noise_command(
     analysis: AnalysisOptions,
     printed: PrintOptions,
     output: Annotated[Path | None, output_option("Folder for noise.json and noise.html.")] = None,
+    figures: FiguresOption = None,
 ) -> None:
     """Noise of a unit at rest: white noise, bias instability and random walks of every channel.
 
@@ -78,9 +80,11 @@ def noise_command(
     """
     from tumble.workflows.noise import analyse_noise
 
+    check_figures(figures, output)
     with progress(printed.silent) as tell:
         found = analyse_noise(recording, output=output, progress=tell, **file.given(), **asdict(analysis))
-    if found.files:
+    files = [*found.files, *draw_figures(figures, found.files)]
+    if files:
         results_stand()
     if printed.as_json:
         say_json(found.document, indent=1)
@@ -95,4 +99,4 @@ def noise_command(
         every = "," in analysis.taus or analysis.taus in ("octave", "decade")
         say(*triad_lines(noise.channels), f"\n{KINDS[noise.kind]}:")
         say(*curve_lines(noise.channels, every=every), f"\n{_LETTERS}")
-    say_written(found.files)
+    say_written(files)

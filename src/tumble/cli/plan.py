@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from tumble.cli.figures import FiguresOption, check_figures, draw_figures
 from tumble.cli.groups import refuse_given
 from tumble.cli.options import LongPrintOptions, SiteOptions, output_option
 from tumble.cli.plan_options import (
@@ -20,6 +21,7 @@ from tumble.cli.plan_options import (
     WishOptions,
 )
 from tumble.cli.terminal import progress, results_stand
+from tumble.errors import UsageError
 
 
 def plan_command(
@@ -49,6 +51,7 @@ def plan_command(
             "PATH",
         ),
     ] = None,
+    figures: FiguresOption = None,
 ) -> None:
     """Say how accurate a test will be before it is done, and find a better one.
 
@@ -70,6 +73,7 @@ def plan_command(
     from tumble.workflows.plan import kind_of_plan
     from tumble.workflows.site import choose_site
 
+    check_figures(figures, output)
     shared = {**asdict(planned), "site": choose_site(**asdict(site))}
     test = f"a {procedure} test"
     match kind_of_plan(procedure):
@@ -79,14 +83,24 @@ def plan_command(
                 {"procedure": procedure, **shared, **asdict(wishes), **asdict(searched)},
                 rests,
                 output,
+                figures,
                 printed,
             )
         case "budget":
             _refuse(context, [ProtocolOptions, WishOptions, PoseOptions], test)
+            _refuse_figures(figures)
             _budget(shared, rests, budgeted, output, printed)
         case "protocol":
             _refuse(context, [PoseOptions, BudgetOptions, RestOptions], "a protocol as it is")
+            _refuse_figures(figures)
             _judge({"asked": procedure, **shared, **asdict(wishes), **asdict(judged)}, output, printed)
+
+
+def _refuse_figures(form: str | None) -> None:
+    if form is not None:
+        raise UsageError(
+            "--figures: only plans that search for poses have figures, as multi-position: leave it out."
+        )
 
 
 def _refuse(context: typer.Context, groups: list[type], what: str) -> None:
@@ -106,7 +120,11 @@ def _judge(asked: dict[str, Any], output: Path | None, printed: LongPrintOptions
 
 
 def _search(
-    asked: dict[str, Any], rests: RestOptions, output: Path | None, printed: LongPrintOptions
+    asked: dict[str, Any],
+    rests: RestOptions,
+    output: Path | None,
+    figures: str | None,
+    printed: LongPrintOptions,
 ) -> None:
     """Search the poses of a test."""
     from tumble.cli.plan_tables import print_poses
@@ -121,6 +139,7 @@ def _search(
     )
     with progress(printed.silent) as tell:
         done = plan_poses(order, output=output, progress=tell)
+    done.files += draw_figures(figures, done.files)
     results_stand()
     print_poses(done, printed)
 

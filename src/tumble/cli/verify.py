@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tumble.cli.figures import FiguresOption, check_figures
 from tumble.cli.groups import numbers, option, refuse_given
 from tumble.cli.options import (
     CalibrationArgument,
@@ -64,6 +65,7 @@ class DriveOptions:
     data_sheet: DataSheet = None
     turn_on_bias: TurnOnBias = None
     noise: NoiseFile = None
+    figures: FiguresOption = None
     output: Annotated[Path | None, output_option("With --gnss: folder for verify.json and verify.html.")] = (
         None
     )
@@ -138,6 +140,7 @@ def _verify_drive(
     read: dict[str, object],
     printed: PrintOptions,
 ) -> None:
+    check_figures(drive.figures, drive.output)
     arm = None if drive.lever_arm is None else numbers(drive.lever_arm, "--lever-arm", 3)
     lengths = None if drive.outages is None else numbers(drive.outages, "--outages")
     moved = None if drive.turn_on_bias is None else turn_on_of(drive.turn_on_bias)
@@ -159,7 +162,7 @@ def _verify_drive(
             progress=tell,
             **read,  # pyright: ignore[reportArgumentType] (options by their names)
         )
-    show_drive(found, drive.output, printed)
+    show_drive(found, drive.output, drive.figures, printed)
 
 
 def _as_dict(result: Verification) -> dict[str, object]:

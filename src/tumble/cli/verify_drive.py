@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
+from tumble.cli.figures import draw_figures
 from tumble.cli.groups import numbers
 from tumble.cli.options import PrintOptions
 from tumble.cli.terminal import console, results_stand, say_json, say_written, table
@@ -36,13 +37,16 @@ def turn_on_of(text: str) -> tuple[float, float]:
     return force * GRAVITY, math.radians(rate) / 3600.0
 
 
-def show_drive(found: DriveVerification, output: Path | None, printed: PrintOptions) -> NoReturn:
+def show_drive(
+    found: DriveVerification, output: Path | None, figures: str | None, printed: PrintOptions
+) -> NoReturn:
     """Write what was asked for, and print the rest; leaves with the verdict's status.
 
     Parameters
     ----------
     found : what was found.
     output : folder, or None.
+    figures : form of the figures for a paper, or None.
     printed : how to print.
 
     Raises
@@ -56,6 +60,7 @@ def show_drive(found: DriveVerification, output: Path | None, printed: PrintOpti
     files: list[Path] = []
     if output is not None:
         files = write_drive(document, output, shlex.join(["tumble", *sys.argv[1:]]))
+        files += draw_figures(figures, files)
         results_stand()
     if printed.as_json:
         say_json(document, indent=1)

@@ -1,0 +1,119 @@
+"""The figures of a page as files for a paper: one column wide, fonts embedded, the numbers those of the page."""
+
+from __future__ import annotations
+
+import base64
+import io
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pypdf
+import pytest
+
+from tumble.errors import UsageError
+from tumble.report.figures import paper
+from tumble.report.figures.plot import BLUE, base_layout, packed, scatter, text_axis
+from tumble.report.html import render_page
+from tumble.report.page import Drawing, Drawings, Figure, Figures, Page
+
+PICTURE = Drawing('<svg viewBox="0 0 9 9" font-family="x"><path d="M0 0h9" /></svg>', "a line")
+TIMES, LEVELS = np.array([0.0, 1.0, 2.5]), np.array([3.0, np.nan, -4.0])
+
+
+def figures() -> list[Figure]:
+    axes = {"xaxis": text_axis("time / s"), "yaxis": text_axis("a / (m/s²)", domain=[0.0, 0.5])}
+    lines = [
+        {"type": "scatter", "mode": "lines", "x": packed(TIMES), "y": packed(LEVELS), "name": "a"},
+        scatter(TIMES, LEVELS, "markers+text", text=["1", "2", "3"], name="b", yaxis="y2"),
+    ]
+    upper = base_layout(380, **axes, yaxis2=text_axis("σ, $ & %", domain=[0.6, 1.0]))
+    bars = [
+        {"type": "bar", "orientation": "h", "x": [10.0, 30.0], "y": ["x", "y"], "name": "one"},
+        {"type": "bar", "orientation": "h", "x": [90.0, 70.0], "y": ["x", "y"], "name": "two"},
+    ]
+    across = {"type": "category", "autorange": "reversed"}
+    return [
+        Figure("lines", "lines", lines, upper),
+        Figure("bars", "bars", bars, base_layout(300, barmode="stack", yaxis=across)),
+        Figure("map", "map", [_map()], base_layout(300)),
+    ]
+
+
+def _map() -> dict[str, Any]:
+    stops = [[0, "#c8394d"], [0.5, "rgba(139,145,156,0.1)"], [1, BLUE]]
+    rows = [[1.0, -0.5], [None, 1.0]]
+    return {"type": "heatmap", "x": ["u", "v"], "y": ["u", "v"], "z": rows, "zmin": -1, "colorscale": stops}
+
+
+@pytest.fixture
+def page(tmp_path: Path) -> Path:
+    pytest.importorskip("matplotlib")
+    blocks = [Figures(figures(), "what to see"), Drawings([PICTURE])]
+    path = tmp_path / "report.html"
+    path.write_text(render_page(Page("a page", blocks)), encoding="utf-8")
+    return path
+
+
+def test_pdf_is_one_column_wide_and_has_its_fonts_in_it(page: Path) -> None:
+    made = paper.draw_page(page, "pdf")
+    assert [file.name for file in made] == ["lines.pdf", "bars.pdf", "map.pdf", "report-1.svg"]
+    for file in made[:3]:
+        (sheet,) = pypdf.PdfReader(io.BytesIO(file.read_bytes())).pages
+        assert float(sheet.mediabox.width) / 72.0 * 25.4 == pytest.approx(88.0, abs=0.5)
+        fonts = [font.get_object() for font in sheet["/Resources"]["/Font"].values()]  # type: ignore[index]
+        assert fonts
+        for font in fonts:
+            assert font["/Subtype"] == "/Type0"
+            (inner,) = font["/DescendantFonts"]
+            assert "/FontFile2" in inner.get_object()["/FontDescriptor"]
+    assert "σ, $ & %" in pypdf.PdfReader(made[0]).pages[0].extract_text()
+
+
+def test_twice_the_same_bytes(page: Path) -> None:
+    first = [file.read_bytes() for form in paper.FORMS for file in paper.draw_page(page, form)]
+    assert first == [file.read_bytes() for form in paper.FORMS for file in paper.draw_page(page, form)]
+
+
+def test_svg_has_outlines_for_text_and_a_drawing_stands_alone(page: Path) -> None:
+    made = paper.draw_page(page, "svg")
+    for file in made:
+        tree = ET.fromstring(file.read_text(encoding="utf-8"))
+        assert tree.tag == "{http://www.w3.org/2000/svg}svg"
+        assert not tree.findall(".//{http://www.w3.org/2000/svg}text")
+    assert paper.draw_page(page, "png")[0].read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_is_drawn_is_what_the_page_carries(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("matplotlib")
+    from matplotlib.figure import Figure as Drawn
+
+    seen: list[Any] = []
+    monkeypatch.setattr(Drawn, "savefig", lambda self, *_, **__: seen.append(self))
+    for figure in figures():
+        paper._drawn(figure.as_dict(), "pdf")
+    above, below = seen[0].axes
+    assert (above.get_ylabel(), below.get_ylabel()) == (r"σ, \$ & %", "a / (m/s²)")
+    drawn = below.lines[0].get_xydata()
+    assert np.array_equal(drawn[:, 0], TIMES)
+    assert np.array_equal(drawn[:, 1], LEVELS, equal_nan=True)
+    ends = [(patch.get_x(), patch.get_width()) for patch in seen[1].axes[0].patches]
+    assert ends == [(0.0, 10.0), (0.0, 30.0), (10.0, 90.0), (30.0, 70.0)]
+    assert seen[2].axes[0].images[0].get_array()[0].tolist() == [1.0, -0.5]
+
+
+def test_packed_numbers_are_read_as_they_were_written() -> None:
+    data = base64.b64encode(np.array([1.5, -2.0], dtype="<f4").tobytes()).decode()
+    assert paper._values({"dtype": "f4", "bdata": data}).tolist() == [1.5, -2.0]
+    assert paper._values(["<b>x</b>", "y &amp; z"]).tolist() == ["x", "y & z"]
+
+
+def test_wrong_forms_and_a_missing_library_are_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(UsageError, match="give one of pdf, svg, png"):
+        paper.draw_page(tmp_path / "a.html", "bmp")
+    monkeypatch.setattr(paper, "find_spec", lambda _: None)
+    with pytest.raises(UsageError, match=r"pip install 'tumble\[figures\]'"):
+        paper.require_library()
