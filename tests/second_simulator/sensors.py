@@ -75,6 +75,15 @@ GRADES = {
                    0.002 * DEGREE, 450 * DEGREE, 0.03 * DEGREE, 0.002 * DEGREE, 20e-6),
         2e-3, 0.004 * DEGREE / 9.8, "m/s^2,rad/s", True,
     ),
+    # A car's unit: quiet accelerometers that wander much, noisy gyros that wander little. Nothing was tuned on it.
+    "automotive": Grade(
+        "automotive",
+        TriadSheet(45 * MICRO_G, 30 * MICRO_G, 0.05 * MICRO_G, 12e-3 * 9.8, 4e-3, 3e-3, 8e-4,
+                   1e-4 * 9.8, 6 * STANDARD_GRAVITY, 3e-3 * 9.8, 0.08e-3 * 9.8, 30e-6),
+        TriadSheet(0.01 * DEGREE, 3 * DEGREE_PER_HOUR, 2e-8, 0.25 * DEGREE, 5e-3, 3e-3, 8e-4,
+                   0.005 * DEGREE, 300 * DEGREE, 0.06 * DEGREE, 0.004 * DEGREE, 40e-6),
+        4e-3, 0.015 * DEGREE / 9.8, "m/s^2,rad/s", False,
+    ),
     # Fibre-optic gyros and quartz accelerometers; numbers in SI with fine steps.
     "tactical": Grade(
         "tactical",
