@@ -89,3 +89,42 @@ def test_an_adjustment_that_does_not_settle_with_what_is_believed_is_an_objectio
     calibrated.cache_clear()
     assert "No one adjustment fits" in said
     assert "--procedure strapdown-rotation takes its estimate as it is" in said
+
+
+@pytest.mark.parametrize(
+    ("rate", "fit", "said"), [("95±0.01", False, "100 Hz instead of 95 Hz"), ("96.5", True, "100 Hz")]
+)
+def test_a_sample_rate_that_makes_all_gyros_alike_wrong_is_named(rate: str, fit: bool, said: str) -> None:
+    """A unit of 100 Hz without stamps: all gyro scale factors are off by the rate's error, which no residual shows."""
+    made = PROCEDURES["by-hand"](GRADES["tactical"], np.random.default_rng(5), None, poses=12)
+    frame = pl.DataFrame(made.columns()).drop("time (s)")
+    site = tumble.Site.from_latitude(made.place.stated_latitude, made.place.height)
+    verdict = tumble.calibrate(frame, site=site, rate=rate).calibration.verdict
+    assert verdict.fit is fit
+    assert said in " ".join(verdict.reasons)
+
+
+@pytest.mark.parametrize("fault", ["swapped-gyro", "reversed-gyro"])
+@pytest.mark.parametrize("procedure", ["strapdown-rotation", "turntable"])
+def test_a_refusal_of_gyro_axes_names_the_columns_that_mend_it(
+    procedure: str, fault: str, tmp_path: Path
+) -> None:
+    """Seed 5 swaps y and z, or x and y, or reverses one: what was done is in the simulator's own draw of the axis."""
+    options = {"rate": 50.0} if procedure == "strapdown-rotation" else {"seconds": 8.0, "rate": 25.0}
+    made = PROCEDURES[procedure](GRADES["industrial"], np.random.default_rng(5), fault, **options)
+    plain = PROCEDURES[procedure](GRADES["industrial"], np.random.default_rng(5), None, **options)
+    # Which columns the fault moved, and from where.
+    order = [
+        int(np.argmin([np.std(np.abs(column) - np.abs(plain.rate[:, k])) for k in range(3)]))
+        for column in made.rate.T
+    ]
+    signs = [np.sign(made.rate[:, k] @ plain.rate[:, order[k]]) for k in range(3)]
+    wanted = ",".join(
+        ("-" if sign < 0 else "") + f"g{'xyz'[k]}" for k, sign in zip(order, signs, strict=True)
+    )
+    assert wanted != "gx,gy,gz"
+    file = tmp_path / "protocol.yaml"
+    file.write_text(made.protocol, encoding="utf-8")
+    with pytest.raises(tumble.TumbleError) as raised:
+        tumble.calibrate(pl.DataFrame(made.columns()), protocol=file)
+    assert wanted in str(raised.value).replace(" ", "")

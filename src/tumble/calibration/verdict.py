@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tumble.arrays import Series
 from tumble.calibration.ceilings import beyond_ceilings
 from tumble.calibration.estimate import Estimate, NamedValue
 from tumble.calibration.procedure import find_procedure
@@ -17,6 +18,9 @@ from tumble.units import angular_rate_factor, specific_force_factor
 # cross-axis sensitivity (20 mrad); hand-soldered boards some degrees between the triads.
 UNUSUAL_SCALE_ERROR = 0.05
 LARGEST_SCALE_ERROR = 0.1
+# Gyros that are all off alike, to this share of what they are off by, are off as a wrong sample rate makes them; a data
+# sheet allows each of them the second.
+ALIKE, ON_DATA_SHEETS = 0.2, 0.03
 _A = {"accelerometer": "An accelerometer", "gyro": "A gyro"}
 # Between two units that one may take for the other, and what the two are called.
 _FACTORS = (
@@ -132,6 +136,10 @@ def _doubtful_scales(estimate: Estimate, recording: Recording) -> tuple[list[str
             continue
         # Counts have no nominal scale: there the axes are compared with one another.
         middle = 0.5 * (np.min(length) + np.max(length)) if factor is None else 1.0 / factor
+        common, far = _of_sample_rate(length / middle, recording) if name == "gyro" else ("", False)
+        if common:
+            (implausible if far else unusual).append(common)
+            continue
         error = np.abs(length / middle - 1.0)
         worst = float(length[np.argmax(error)] / middle)
         told = f"{_A[name]} scale of {worst:.3f} of the nominal one is"
@@ -145,6 +153,20 @@ def _doubtful_scales(estimate: Estimate, recording: Recording) -> tuple[list[str
         elif np.max(error) > UNUSUAL_SCALE_ERROR:
             unusual.append(f"{told} unusual, for data sheets allow 3 %: check the unit (--units).")
     return implausible, unusual
+
+
+def _of_sample_rate(scales: Series, recording: Recording) -> tuple[str, bool]:
+    """Say that all gyros are off alike, where only a counter of samples is behind them; and whether by too much."""
+    off, clock = float(np.mean(scales)) - 1.0, recording.clock
+    counted = clock.kind in ("nominal", "stated") and ON_DATA_SHEETS < abs(off) < LARGEST_SCALE_ERROR
+    if not counted or float(np.ptp(scales)) > ALIKE * abs(off):
+        return "", False
+    said = (
+        f"All gyro scales are {1.0 + off:.3f} of the nominal one, alike to {100.0 * float(np.ptp(scales)):.1g} %. A "
+        f"sample rate of {clock.rate * (1.0 + off):.4g} Hz instead of {clock.rate:.4g} Hz does that, and data sheets "
+        "allow a gyro 3 %. Check the rate (--rate)."
+    )
+    return said, abs(off) > UNUSUAL_SCALE_ERROR
 
 
 def _as_units(length: np.ndarray, middle: float) -> str:

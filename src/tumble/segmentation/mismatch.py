@@ -10,6 +10,7 @@ import numpy as np
 from tumble.arrays import AnyArray, Matrix
 from tumble.errors import SegmentationError
 from tumble.protocol.steps import HoldStep, SpinStep, TurnStep
+from tumble.recording.gravity_check import find_axis_contradiction
 from tumble.segmentation.alignment import signed_permutations
 from tumble.segmentation.events import GAP, pose_of, spin_axis
 from tumble.units import angular_rate_factor, known_units
@@ -141,10 +142,17 @@ def _raise_reversed(case: Case, wrong: list[str], counter_clockwise: bool) -> No
     else:
         told = f"steps {_listed(wrong)}: the gyro saw them go the other way round than the protocol says"
     if len(wrong) == spins:
-        advice = "The gyro's signs are reversed (--columns with -gx,-gy,-gz), or the protocol counts angles clockwise"
+        advice = "The gyro's signs are reversed (--columns with -gx,-gy,-gz), or the protocol counts angles clockwise."
     else:
-        advice = "Mend the signs of these rates in the protocol: positive is counter-clockwise seen against the axis"
-    raise SegmentationError(f"Wrong way round, {told}. {advice}.")
+        signs = "Mend the signs of these rates in the protocol: positive is counter-clockwise seen against the axis."
+        advice = _by_gravity(case) or signs
+    raise SegmentationError(f"Wrong way round, {told}. {advice}")
+
+
+def _by_gravity(case: Case) -> str:
+    """Which of the gyro's columns gravity in the accelerometers contradicts, and the option that mends it."""
+    both = case.recording.specific_force is not None and case.recording.angular_rate is not None
+    return (find_axis_contradiction(case.recording) or "") if both else ""
 
 
 def _refuse_swapped_accelerometer(case: Case, fit: Fit) -> None:
@@ -305,8 +313,8 @@ def refuse_reversed_turns(case: Case, chosen: list[tuple[int, int]]) -> None:
         steps, turns = ("step", "this turn") if len(wrong) == 1 else ("steps", "these turns")
         raise SegmentationError(
             f"Wrong way round, {steps} {_listed([str(n + 1) for n in wrong])}: the holds before and after fit the "
-            f"protocol, but the gyro saw {turns} go the other way round. The gyro's signs are reversed: give "
-            "--columns with -gx,-gy,-gz."
+            f"protocol, but the gyro saw {turns} go the other way round. "
+            + (_by_gravity(case) or "The gyro's signs are reversed: give --columns with -gx,-gy,-gz.")
         )
 
 

@@ -149,11 +149,19 @@ def _rough_model(sequences: list[RecordedSequence], site: Site) -> ImuModel:
         if wrong:
             listed = ", ".join(f"{what} {axis} senses {sensed}" for axis, sensed in wrong)
             raise ObservabilityError(
-                f"By the protocol {listed}: an axis is reversed or two are swapped (--columns), or the protocol has "
-                "the axes of the fixture wrong."
+                f"By the protocol {listed}. An axis is reversed or two are swapped, or the protocol has the axes of "
+                f"the fixture wrong. If it is the columns, name the {what}'s {_mended_columns(found, what[0])} with "
+                "--columns."
             )
     offset = np.asarray(solution[3] * site.gravity, dtype=np.float64)
     return ImuModel(Triad(force, offset, np.zeros(3)), Triad(matrix, bias, np.zeros(3)))
+
+
+def _mended_columns(matrix: Matrix, letter: str) -> str:
+    """Names of a triad's columns, in their order, by the axis that each senses most."""
+    most = np.argmax(np.abs(matrix), axis=1)
+    signs = ["-" if matrix[row, axis] < 0.0 else "" for row, axis in enumerate(most)]
+    return ", ".join(f"{sign}{letter}{'xyz'[axis]}" for sign, axis in zip(signs, most, strict=True))
 
 
 def _mistaken_axes(matrix: Matrix) -> list[tuple[str, str]]:
