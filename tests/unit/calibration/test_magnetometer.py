@@ -291,3 +291,17 @@ def test_a_constant_magnetometer_is_refused() -> None:
         magnetometer_of(None, MagneticField(one.time, np.ones_like(one.values), "counts"))
     with pytest.raises(ObservabilityError, match="constant"):
         estimated(replace(one, values=np.ones_like(one.values)))
+
+
+def test_a_mirrored_magnetometer_is_not_taken_for_the_southern_hemisphere_without_a_word() -> None:
+    one = seen()
+    mirrored = magnetometer_from_holds(
+        simulated()[1], MagneticField(one.time, one.values * [1.0, 1.0, -1.0], "counts")
+    )
+    # Mirrored axes in the field of the north are proper ones in that of the south: nothing else differs.
+    assert mirrored.dip < 0.0
+    verdict = judge_magnetometer(mirrored)
+    assert verdict.use == "fit with reservations"
+    assert any("southern hemisphere" in reason and "--site" in reason for reason in verdict.reasons)
+    assert judge_magnetometer(mirrored, np.radians(48.0)).use == "not fit"
+    assert judge_magnetometer(mirrored, np.radians(-35.0)).use == "fit"

@@ -62,7 +62,7 @@ def judge_magnetometer(made: Magnetometer, latitude: float | None = None) -> Fie
     latitude : rad, where it was recorded; None where nobody says.
     """
     against = _against(made, latitude)
-    reserved = _reservations(made)
+    reserved = _reservations(made) + _hemisphere(made, latitude)
     use: Use = "not fit" if against else "fit with reservations" if reserved else "fit"
     return FieldVerdict(use, (*against, *reserved, *_in_favour(made)), tuple(_remarks(made)))
 
@@ -150,6 +150,18 @@ def _reservations(made: Magnetometer) -> list[str]:
                 "is not that of this place, or the unit is another one (--units)."
             )
     return said
+
+
+def _hemisphere(made: Magnetometer, latitude: float | None) -> list[str]:
+    """That the sign of the field is a guess, where nobody says the place: in the north it points into the ground."""
+    unsaid = latitude is None and (made.given is None or made.given.dip is None)
+    if made.triad is None or not unsaid or not made.dip < 0.0:
+        return []
+    said = (
+        f"A dip of {degrees(made.dip)} is that of the southern hemisphere. In the northern one an axis of the "
+        "magnetometer counts the wrong way, and all headings are reversed: give --site or --field NORM,DIP."
+    )
+    return [said]
 
 
 def _why_uncertain(made: Magnetometer) -> str:
