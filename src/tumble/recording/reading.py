@@ -8,11 +8,14 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TypeAlias
 
+import numpy as np
+
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.columns import ColumnPlan
 from tumble.recording.declared import DeclaredUnits, read_units_option
+from tumble.recording.field_files import field_of_file, is_field_table
 from tumble.recording.formats import read_table, read_table_blocks, source_of
-from tumble.recording.formats.table import RawTable
+from tumble.recording.formats.table import FieldStream, RawTable
 from tumble.recording.frames import Frame, frame_table, input_name
 from tumble.recording.interpretation import (
     BlockState,
@@ -23,6 +26,8 @@ from tumble.recording.interpretation import (
 )
 from tumble.recording.pair import Pairing, find_pairing, is_pair, merge_pair
 from tumble.recording.recording import Recording, Remark, Source
+
+_MOST_FILES = 3  # accelerometer, gyro and magnetometer
 
 Input: TypeAlias = str | PathLike[str] | Frame
 Paths: TypeAlias = Input | Sequence[Input]
@@ -80,7 +85,7 @@ def read_recording(
     topics: str | Sequence[str] | None = None,
     parted: bool = False,
 ) -> Recording:
-    """Read a recording from one file, or from two files with one triad each.
+    """Read a recording from one file, or from two files with one triad each; a magnetometer may have its own file.
 
     The signals stay raw, in the file's own units; what is not said by the options or the header is
     found from the content, and every guess is a remark of the recording. What header or options say
@@ -131,7 +136,8 @@ def read_recordings(
     """
     declared = read_units_option(units)
     tables = [_table(one, _names(topics)) for one in recording_inputs(paths)]
-    if is_pair(tables):
+    others = [t for t in tables if not is_field_table(t)]
+    if (is_pair(others) and len(tables) <= _MOST_FILES) or len(others) == 1 < len(tables) == _MOST_FILES - 1:
         return [_recording_of(tables, columns, declared, rate)]
     return [_recording_of([t], columns, declared, rate) for t in tables]
 
@@ -144,26 +150,50 @@ def _recording_of(
     *,
     parted: bool = False,
 ) -> Recording:
-    """Choose the columns of one table, or of a pair, and interpret them."""
+    """Choose the columns of one table, or of a pair, and interpret them; a magnetometer's own table stands beside."""
     sources = tuple(t.source for t in tables)
     for table in tables:
         if not len(table):
             raise RecordingError(f"{table.path.name} has no rows.")
+    tables, field = _without_field(tables)
     if len(tables) == 1:
         plan, remarks = choose_columns(tables[0], columns, declared, rate)
-        return interpret(tables[0], plan, declared, rate, sources, remarks, parted=parted)[1]
+        table = _beside(tables[0], field)
+        return interpret(table, plan, declared, rate, sources, remarks, parted=parted)[1]
     _refuse_no_pair(tables, columns)
     pairing = find_pairing(tables[0], tables[1], columns)
-    merged = merge_pair(tables[0], tables[1], pairing)
+    merged = _beside(merge_pair(tables[0], tables[1], pairing), field)
     return interpret(merged, pairing.plan, declared, rate, sources, list(pairing.remarks), parted=parted)[1]
 
 
+def _without_field(tables: list[RawTable]) -> tuple[list[RawTable], RawTable | None]:
+    """Take the table of a magnetometer alone out of several."""
+    fields = [t for t in tables if len(tables) > 1 and is_field_table(t)]
+    if len(fields) == 1 and len(tables) <= _MOST_FILES:
+        return [t for t in tables if t is not fields[0]], fields[0]
+    if len(tables) > _MOST_FILES - 1:
+        raise UsageError(_too_many(len(tables)))
+    return tables, None
+
+
+def _beside(table: RawTable, field: RawTable | None) -> RawTable:
+    """Put the magnetometer's table beside another."""
+    if field is None:
+        return table
+    stream, remark = field_of_file(field, table.path.name)
+    return replace(table, field=stream, remarks=[*table.remarks, remark])
+
+
 def _refuse_many(paths: list[Path | Frame]) -> None:
-    if len(paths) > 2:
-        raise UsageError(
-            f"{len(paths)} files were named as one recording; it is one file, or two with one triad each "
-            "(files of one step each are read one by one)."
-        )
+    if len(paths) > _MOST_FILES:
+        raise UsageError(_too_many(len(paths)))
+
+
+def _too_many(count: int) -> str:
+    return (
+        f"{count} files were named as one recording; it is one file, or two with one triad each. One more may hold the "
+        "magnetometer (files of one step each are read one by one)."
+    )
 
 
 def _refuse_no_pair(tables: list[RawTable], columns: str | None) -> None:
@@ -210,11 +240,13 @@ def read_blocks(
     """
     listed = recording_inputs(paths)
     _refuse_many(listed)
+    listed, field = _field_of_files(listed, _names(topics))
     declared = read_units_option(units)
     decided: Interpretation | None = None
-    state = BlockState()
+    state, ends = BlockState(), [-np.inf]
     sources = tuple[Source, ...]()
     for table, plan, remarks in _planned_blocks(listed, columns, _names(topics), declared, rate):
+        table = table if field is None else replace(table, field=field)
         if decided is None:
             sources = tuple(source_of(p) if isinstance(p, Path) else frame_table(p).source for p in listed)
             decided, _ = interpret(table, plan, declared, rate, sources, remarks, parted=parted)
@@ -223,9 +255,29 @@ def read_blocks(
         else:
             block = interpret_block(table, decided, state, sources, parted=parted)
         if block is not None:
-            yield block
+            yield block if field is None else _share(block, ends)
     if decided is None:
         raise RecordingError(f"{input_name(listed[0])} has no rows.")
+
+
+def _share(block: Recording, ends: list[float]) -> Recording:
+    """Leave a block the samples of a magnetometer's file that fall in it; `ends` notes where the one before ended."""
+    begin, end = ends[-1], float(block.time[-1]) + 0.5 / block.rate
+    ends.append(end)
+    field = block.magnetic_field
+    return block if field is None else replace(block, magnetic_field=field.within(begin, end))
+
+
+def _field_of_files(
+    listed: list[Path | Frame], topics: Sequence[str]
+) -> tuple[list[Path | Frame], FieldStream | None]:
+    """Take the file of a magnetometer alone out of several, and read it whole: it is slower than the others."""
+    for one in listed if len(listed) > 1 else []:
+        first = next(_tables(one, topics), None)
+        if first is not None and is_field_table(first):
+            rest = [other for other in listed if other is not one]
+            return rest, field_of_file(_table(one, topics), input_name(rest[0]))[0]
+    return listed, None
 
 
 def _planned_blocks(

@@ -239,3 +239,56 @@ def test_a_missing_axis_of_the_magnetometer_is_said_and_the_rest_is_read(tmp_pat
     recording = read_recording(path)
     assert recording.magnetic_field is None
     assert any("no mz" in remark.text for remark in recording.remarks)
+
+
+@pytest.mark.parametrize("header", [True, False])
+@pytest.mark.parametrize("pair", [True, False])
+def test_a_magnetometer_in_a_file_of_its_own(tmp_path: Path, header: bool, pair: bool) -> None:
+    time, force, gyro, field = tumbled()
+    slow = slice(3, None, 5)
+    files = {"acc.csv": (time, force), "gyro.csv": (time, gyro)} if pair else {"imu.csv": (time, force, gyro)}
+    files["mag.csv"] = (time[slow] + 0.004, field[slow])
+    names = {
+        "acc.csv": "t,ax,ay,az",
+        "gyro.csv": "t,gx,gy,gz",
+        "imu.csv": "t,ax,ay,az,gx,gy,gz",
+        "mag.csv": "t,mx,my,mz",
+    }
+    paths = []
+    for name, columns in files.items():
+        folder = tmp_path / name.partition(".")[0]
+        folder.mkdir()
+        path = written(folder, names[name] if header else None, *columns)
+        paths.append(path.rename(tmp_path / name))
+    for recording in (read_recording(paths), next(read_blocks(paths))):
+        assert recording.specific_force is not None
+        assert recording.angular_rate is not None
+        assert np.allclose(recording.specific_force, force, atol=1e-6)
+        assert np.allclose(recording.angular_rate, gyro, atol=1e-6)
+        assert np.allclose(field_of(recording), field[slow], atol=1e-6)
+        assert recording.magnetic_field is not None
+        assert np.allclose(recording.magnetic_field.time, time[slow] + 0.004, atol=1e-6)
+
+
+def test_held_samples_are_counted_once(tmp_path: Path) -> None:
+    """A logger at 100 Hz repeats the samples of a magnetometer at 20 to 25 Hz over four or five rows."""
+    time, force, gyro, field = tumbled()
+    rng = np.random.default_rng(8)
+    begin = np.unique(np.cumsum(rng.integers(4, 6, size=len(time))))
+    begin = np.concatenate([[0], begin[begin < len(time)]])
+    held = field[begin[np.searchsorted(begin, np.arange(len(time)), side="right") - 1]]
+    recording = read_recording(written(tmp_path, "t,ax,ay,az,gx,gy,gz,mx,my,mz", time, force, gyro, held))
+    assert np.allclose(field_of(recording), field[begin], atol=1e-6)
+    assert recording.magnetic_field is not None
+    assert np.allclose(recording.magnetic_field.time, time[begin])
+
+
+def test_empty_cells_are_no_samples(tmp_path: Path) -> None:
+    time, force, gyro, field = tumbled()
+    sparse = np.full_like(field, np.nan)
+    sparse[2::7] = field[2::7]
+    path = written(tmp_path, "t,ax,ay,az,gx,gy,gz,mx,my,mz", time, force, gyro, sparse)
+    path.write_text(path.read_text().replace("nan", ""))
+    recording = read_recording(path)
+    assert len(recording) == len(time)
+    assert np.allclose(field_of(recording), field[2::7], atol=1e-6)

@@ -195,7 +195,7 @@ def find_layout(head: str, name: str) -> TextLayout:
         )
     full = [i for i, c in zip(numbers, cells, strict=True) if len(c) == columns]
     partial = tuple(i + 1 for i in numbers if i < full[0])
-    sample = [c for c in cells if len(c) == columns][:50]
+    sample = [c for c in cells if len(c) == columns]
     words, iso = _text_columns(sample, columns, decimal_comma)
     if delimiter == "," and _are_halves(sample, lines[: full[0]]):
         raise RecordingError(
@@ -246,6 +246,9 @@ def _text_columns(
     iso: set[int] = set()
     for i in range(columns):
         cells = [row[i] for row in sample]
+        filled = [cell for cell in cells if cell]
+        if filled and all(is_number(cell, decimal_comma) for cell in filled):
+            continue  # empty cells are those of a slower sensor
         if 2 * sum(is_number(c, decimal_comma) for c in cells) <= len(cells):
             words.add(i)
             if all(ISO_TIME.fullmatch(c) for c in cells):
