@@ -337,8 +337,11 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
 
 def _steps(run: CalibrationRun) -> list[str]:
     """What would make the calibration better, the most useful first."""
+    from tumble.document.field_document import FIELD_ALONE
     from tumble.report.advice import next_steps
     from tumble.report.subject import Subject
 
+    if run.calibration.procedure == FIELD_ALONE:
+        return ["Hold the unit still in twelve attitudes or more, and all triads are calibrated."]
     subject = Subject(run.calibration, run.estimate, run.recording, run.timeline, run.means)
     return next_steps(run.calibration, subject.rows, subject.up_b, run.recording, run.timeline, run.protocol)

@@ -89,7 +89,7 @@ def calibration_from_estimate(
         notes=dict(notes or {}),
         procedure=estimate.procedure,
         recordings=[RecordingName(name=s.name, sha256=s.sha256) for s in recording.sources],
-        site=_site_block(site),
+        site=site_block(site),
         temperature_celsius=temperature,
         frame=FrameBlock(name=estimate.frame, description=FRAME_WORDS[estimate.frame]),
         not_determined=list(estimate.not_determined),
@@ -187,7 +187,13 @@ def _block(triad: Triad, g_sensitivity: Any, *, has_matrix: bool) -> TriadBlock:
     )
 
 
-def _site_block(site: Site) -> SiteBlock:
+def site_block(site: Site) -> SiteBlock:
+    """Return where a recording was made, as a document has it.
+
+    Parameters
+    ----------
+    site : as it was given, or assumed.
+    """
     return SiteBlock(
         latitude_deg=None if site.latitude is None else float(np.degrees(site.latitude)),
         height_m=site.height if site.latitude is not None else None,

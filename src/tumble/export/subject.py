@@ -171,6 +171,9 @@ def prepare(
         )
     model = _without_terms(model, target, found)
     magnetometer = _magnetometer(calibration, frame, target, found)
+    if MATRIX not in target.holds and BIAS not in target.holds:
+        # What it has no place for is no loss.
+        found.clear()
     subject = Subject(
         model,
         units,

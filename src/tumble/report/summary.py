@@ -40,7 +40,7 @@ def summary(calibration: Calibration, *, width: int) -> list[Block]:
     # Dozens of coefficients tell a reader nothing: what they come to has a table of its own.
     rows = [row for row in parameter_rows(calibration) if row.group != TEMPERATURE]
     tables = [
-        parameter_table(rows, calibration.quality.coverage_factor),
+        parameter_table(rows, calibration.quality.coverage_factor) if rows else None,
         thermal_changes(calibration, width=width),
         bias_table(calibration, width=width),
         magnetometer_table(calibration.magnetometer),
@@ -74,7 +74,7 @@ def brief(calibration: Calibration, *, width: int) -> list[Block]:
     missing = [f"Not determined: {sentence}" for sentence in calibration.not_determined]
     missing += magnetometer_sentences(magnetometer)
     return [
-        Sentences(_in_lines(rows, width), "paragraphs"),
+        *([Sentences(_in_lines(rows, width), "paragraphs")] if rows else []),
         *(table for table in tables if table is not None),
         *([Sentences(missing)] if missing else []),
     ]

@@ -15,13 +15,19 @@ from tumble.calibration.procedure import find_procedure
 from tumble.calibration.session import Options, Session
 from tumble.document.display import calibration_html
 from tumble.earth import Site
-from tumble.errors import OutputError, UsageError
+from tumble.errors import ObservabilityError, OutputError, SegmentationError, UsageError
 from tumble.limits import read_limits, with_limits
 from tumble.recording import Recording, read_recordings
 from tumble.recording.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
 from tumble.workflows.joining import NamedSpan, check_files, join_recordings, named_spans
-from tumble.workflows.magnetometer import add_magnetometer, given_field
+from tumble.workflows.magnetometer import (
+    add_magnetometer,
+    field_alone,
+    given_field,
+    no_holds,
+    refuse_field_of_none,
+)
 from tumble.workflows.noise_models import NoiseOfHolds
 from tumble.workflows.notes import Notes, notes_of
 from tumble.workflows.procedures import (
@@ -35,6 +41,7 @@ from tumble.workflows.site import given_site
 
 if TYPE_CHECKING:
     from tumble.calibration import Estimate
+    from tumble.calibration.magnetometer.estimate import GivenField
     from tumble.calibration.prior import StableKnowledge
     from tumble.document import Calibration
     from tumble.protocol import Protocol
@@ -166,6 +173,7 @@ def calibrate(
         # What the protocol says against itself would else look like a fault of the recording.
         refuse_contradicting_turns(given.protocol)
     recording, told, files = read_as_told(paths, given, columns, units, rate, topics)
+    refuse_field_of_none(recording, magnetic)
     knowledge = None if prior is None else read_prior(prior, imu[1])
     modelled = None if noise is None else NoiseOfHolds.read(noise, recording)
     clock.lap("reading")
@@ -175,11 +183,17 @@ def calibrate(
     session = Session(
         recording, told, site, by_temperature=by_temperature, prior=knowledge, options=options, say=say
     )
-    find_holds(session, intervals, clock)
-    if modelled is not None:
-        session.means = modelled.means_of(session)
-    without_holds = check_files(session, files) if told is None else []
-    estimate, reason = run_procedure(session, procedure)
+    alone = recording.magnetic_field is not None and procedure is None and told is None and not intervals
+    try:
+        find_holds(session, intervals, clock)
+        if modelled is not None:
+            session.means = modelled.means_of(session)
+        without_holds = check_files(session, files) if told is None else []
+        estimate, reason = run_procedure(session, procedure)
+    except (SegmentationError, ObservabilityError) as error:
+        if not alone:
+            raise
+        return _field_run(session, magnetic, str(error), imu, folder, clock)
     estimate.say("objection", *without_holds)
     add_objections(session, estimate, procedure, reason)
     if modelled is not None:
@@ -210,6 +224,27 @@ def calibrate(
     run.seconds = clock.seconds
     if folder is not None:
         say("writing the report")
+        write_run(run, folder)
+        clock.lap("reporting")
+    return run
+
+
+def _field_run(
+    session: Session,
+    given: GivenField | None,
+    why: str,
+    imu: tuple[str | None, str | None],
+    folder: Path | None,
+    clock: Clock,
+) -> CalibrationRun:
+    """The magnetometer by itself, where the recording determines no other triad."""
+    document, estimate = field_alone(session, given, why, imu)
+    clock.lap("solving")
+    reason = "The magnetometer alone, by the norm of its field: the recording determines no other triad."
+    run = CalibrationRun(document, estimate, session.recording, *no_holds(), reason)
+    run.seconds = clock.seconds
+    if folder is not None:
+        session.say("writing the report")
         write_run(run, folder)
         clock.lap("reporting")
     return run
@@ -446,8 +481,15 @@ def report_of(run: CalibrationRun, library: str | None = None) -> str:
     run : what was made.
     library : where the plotting library lies, seen from the page; None puts it into the page.
     """
+    from tumble.calibration.magnetometer.estimate import Magnetometer
+    from tumble.document.field_document import FIELD_ALONE
     from tumble.report.calibration import render_report
 
+    alone, field = run.estimate.shown(Magnetometer), run.recording.magnetic_field
+    if run.calibration.procedure == FIELD_ALONE and alone is not None and field is not None:
+        from tumble.report.field import render_field_report
+
+        return render_field_report(run.calibration, alone, field.values, library)
     return render_report(
         library=library,
         calibration=run.calibration,

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from tumble.calibration import Estimate
     from tumble.calibration.magnetometer.estimate import GivenField
     from tumble.calibration.outcome.estimate import JointOutcome
+    from tumble.document import Calibration
+    from tumble.recording import Recording
+    from tumble.segmentation import HoldMeans, Timeline
 
 # Of a norm that is given without its own uncertainty: a model of the Earth's field knows it to 0.3 %, and buildings
 # and cars change it by more.
@@ -69,6 +72,22 @@ def given_field(text: str | None) -> GivenField | None:
     return GivenField(factor * norm, factor * spread, dip, "given with --field")
 
 
+def refuse_field_of_none(recording: Recording, given: GivenField | None) -> None:
+    """Refuse a field for a recording without a magnetometer.
+
+    Parameters
+    ----------
+    recording, given : what was read, and the field; None for none.
+
+    Raises
+    ------
+    UsageError
+        If there is no magnetometer.
+    """
+    if given is not None and recording.magnetic_field is None:
+        raise UsageError("--field was given, and the recording has no magnetometer: leave it out.")
+
+
 def add_magnetometer(session: Session, estimate: Estimate, given: GivenField | None) -> None:
     """Add what a recording tells of its magnetometer to an estimate; nothing where it has none.
 
@@ -76,16 +95,9 @@ def add_magnetometer(session: Session, estimate: Estimate, given: GivenField | N
     ----------
     session, estimate : what was recorded, and what was found of the other triads.
     given : the field at the site, where it is known.
-
-    Raises
-    ------
-    UsageError
-        If a field is given and there is no magnetometer.
     """
     magnetic = session.recording.magnetic_field
     if magnetic is None:
-        if given is not None:
-            raise UsageError("--field was given, and the recording has no magnetometer: leave it out.")
         return
     from tumble.calibration.magnetometer.estimate import magnetometer_of
 
@@ -94,6 +106,55 @@ def add_magnetometer(session: Session, estimate: Estimate, given: GivenField | N
         estimate.show(magnetometer_of(_carrier(session, estimate), magnetic, given))
     except ObservabilityError as error:
         estimate.say("not determined", f"The magnetometer: {error}")
+
+
+def field_alone(
+    session: Session,
+    given: GivenField | None,
+    why: str,
+    imu: tuple[str | None, str | None],
+) -> tuple[Calibration, Estimate]:
+    """Return the calibration of a magnetometer by itself, where the recording determines nothing else.
+
+    Parameters
+    ----------
+    session, given : what was recorded, and the field at the site.
+    why : why the other triads are not calibrated, as a sentence.
+    imu : (model, serial number) of the unit.
+
+    Raises
+    ------
+    ObservabilityError
+        If the samples determine no magnetometer either.
+    """
+    from tumble.calibration.estimate import Described, Figures, estimate_of
+    from tumble.calibration.magnetometer.estimate import magnetometer_alone
+    from tumble.calibration.magnetometer.verdict import judge_magnetometer
+    from tumble.document.field_document import FIELD_ALONE, field_document
+    from tumble.sensor import ImuModel
+
+    recording = session.recording
+    assert recording.magnetic_field is not None
+    session.say("magnetometer")
+    found = magnetometer_alone(recording.magnetic_field, given)
+    verdict = judge_magnetometer(found, session.site.latitude)
+    nothing = Described(ImuModel(None, None, None, found.triad), [], np.zeros((0, 0)), [], np.zeros((0, 0)))
+    figures = Figures(np.nan, np.nan, 0, found.coverage_factor, 0.0, {})
+    estimate = estimate_of(FIELD_ALONE, nothing, figures, evidence=[found])
+    remarks = tuple(remark.text for remark in recording.remarks)
+    document = field_document(found, verdict, recording, session.site, why=why, remarks=remarks, imu=imu)
+    return document, estimate
+
+
+def no_holds() -> tuple[Timeline, HoldMeans]:
+    """Return the timeline of a recording without holds, and the means of none."""
+    from tumble.segmentation import HoldMeans, NoiseFloor, Timeline
+
+    floor = NoiseFloor(np.zeros(3), np.zeros(3), 0.0, "none")
+    empty = np.zeros(0)
+    return Timeline((), (), (), floor), HoldMeans(
+        None, None, None, None, None, None, empty, empty, empty, None
+    )
 
 
 def _carrier(session: Session, estimate: Estimate) -> JointOutcome | None:
