@@ -88,7 +88,8 @@ def _missing(limit: Limit) -> LimitBlock:
 
 def _decided(parameter: ParameterBlock, limit: Limit, limits: Limits) -> LimitBlock:
     value, sigma, unit = parameter.value, parameter.standard_uncertainty, parameter.unit
-    shown = "" if unit == "1" else f" {unit}"
+    written, times = limit.unit_written(unit)
+    shown = "" if written == "1" else f" {written}"
     label = parameter.name[0].upper() + parameter.name[1:]
     interval = limit.interval(unit)
     if interval is None:
@@ -106,8 +107,8 @@ def _decided(parameter: ParameterBlock, limit: Limit, limits: Limits) -> LimitBl
     lower, upper, largest = interval
     found = decision(limits.rule, value, sigma, lower, upper, limits.risk)
     probability = conformance_probability(value, sigma, lower, upper)
-    told = f"{label} of {value:.4g} ± {sigma:.2g}{shown} is"
-    bounds = _bounds(lower, upper, shown)
+    told = f"{label} of {times * value:.5g} ± {times * sigma:.2g}{shown} is"
+    bounds = _bounds(times * lower, times * upper, shown)
     if found == "failed":
         reason = f"{told} outside {bounds}."
     elif found == "undecided":
@@ -116,7 +117,9 @@ def _decided(parameter: ParameterBlock, limit: Limit, limits: Limits) -> LimitBl
         )
     elif GUARD * sigma > largest:
         found = "undecided"
-        reason = f"{told} known worse than the ± {largest:.3g}{shown} (k = 2) that its limits ask for."
+        reason = (
+            f"{told} known worse than the ± {times * largest:.3g}{shown} (k = 2) that its limits ask for."
+        )
     else:
         reason = f"{told} within {bounds}."
     return LimitBlock(

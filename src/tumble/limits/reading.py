@@ -109,6 +109,19 @@ class Limit:
     within: Amount | None = None
     largest_uncertainty: Amount | None = None
 
+    def unit_written(self, unit: str) -> tuple[str, float]:
+        """Return the unit that the limit was written in, and how much of it one of the parameter's unit is.
+
+        Parameters
+        ----------
+        unit : of the parameter; it is returned where the limit's is another kind, such as a share of a nominal value.
+        """
+        for amount in (self.within, self.lower, self.upper):
+            one = None if amount is None else Amount(1.0, amount.unit).in_unit(unit)
+            if amount is not None and one is not None:
+                return amount.unit, 1.0 / one
+        return unit, 1.0
+
     def interval(self, unit: str) -> tuple[float, float, float] | None:
         """Return lower and upper limit and the largest expanded uncertainty; None where the units do not match.
 

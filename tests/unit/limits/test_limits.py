@@ -11,6 +11,7 @@ import pytest
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import UsageError
 from tumble.limits import decide, read_limits, with_limits
+from tumble.limits.reading import Amount, Limit
 from tumble.limits.rule import conformance_probability, decision, overall
 
 
@@ -214,3 +215,12 @@ def test_what_is_wrong_is_one_sentence(tmp_path: Path, text: str, said: str) -> 
 def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="There is no file of limits"):
         read_limits(tmp_path / "none.yaml")
+
+
+def test_a_limit_speaks_in_the_unit_that_it_was_written_in() -> None:
+    written = Limit("gyro bias", within=Amount(0.01, "deg/s"))
+    unit, times = written.unit_written("rad/s")
+    assert unit == "deg/s"
+    assert times == pytest.approx(180.0 / np.pi)
+    share = Limit("accelerometer scale factor", nominal=Amount(16384.0, "counts/g"), within=Amount(5.0, "%"))
+    assert share.unit_written("counts/g") == ("counts/g", 1.0)
