@@ -95,6 +95,15 @@ def messages_of(source: str) -> Iterator[tuple[int, str]]:
         yield line, text
 
 
+def helps_of(source: str) -> Iterator[tuple[int, str]]:
+    """Yield line and paragraphs of every docstring that `--help` prints: of commands, by their names."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef) and node.name.endswith("_command"):
+            for paragraph in re.split(r"\n\s*\n", ast.get_docstring(node) or ""):
+                if not paragraph.startswith("tumble "):
+                    yield node.lineno, " ".join(paragraph.split())
+
+
 def _strings(node: ast.AST, silent: set[int]) -> Iterator[tuple[int, str]]:
     if isinstance(node, ast.JoinedStr):
         parts = [str(part.value) if isinstance(part, ast.Constant) else "1" for part in node.values]
@@ -140,13 +149,14 @@ def judge(text: str, place: str, longest: int | None = LONGEST) -> list[Finding]
 
 
 def judge_messages() -> list[Finding]:
-    """Return what breaks a rule in the strings of the source."""
-    return [
-        finding
-        for path in sorted((ROOT / "src").rglob("*.py"))
-        for line, text in messages_of(path.read_text(encoding="utf-8"))
-        for finding in judge(text, f"{path.relative_to(ROOT).as_posix()}:{line}")
-    ]
+    """Return what breaks a rule in the strings of the source, and in the docstrings that are the help of commands."""
+    found: list[Finding] = []
+    for path in sorted((ROOT / "src").rglob("*.py")):
+        source = path.read_text(encoding="utf-8")
+        texts = [*messages_of(source), *(helps_of(source) if "cli" in path.parts else ())]
+        for line, text in texts:
+            found += judge(text, f"{path.relative_to(ROOT).as_posix()}:{line}")
+    return found
 
 
 def pages() -> list[Path]:

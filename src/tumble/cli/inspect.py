@@ -69,6 +69,18 @@ def _led(mark: str, style: str, words: str) -> object:
     return Text.assemble((mark, style), plain(words))
 
 
+def shares(resting: float, moving: float) -> tuple[int, int, int]:
+    """Return whole percents of rest, of motion, and of neither; they add up to 100.
+
+    Parameters
+    ----------
+    resting, moving : shares of the time, together at most one.
+    """
+    first = round(100 * resting)
+    second = min(round(100 * moving), 100 - first)
+    return first, second, 100 - first - second
+
+
 def _print_facts(screen: Console, inspection: Inspection, verbose: bool) -> None:
     recording, found = inspection.recording, inspection.findings
     screen.print(" + ".join(s.name for s in recording.sources), style="bold")
@@ -78,8 +90,10 @@ def _print_facts(screen: Console, inspection: Inspection, verbose: bool) -> None
     jitter = f"jitter {100 * found.jitter:.1f} % of a step"
     screen.print(f"{found.samples} samples in {length}, {found.rate:.6g} Hz, {jitter}, {gaps}")
     screen.print(_channel_table(recording, inspection, verbose))
+    resting, moving, neither = shares(found.rest_share, found.motion_share)
+    unclear = f", too short or too unsteady to say {neither} %" if neither else ""
     screen.print(
-        f"At rest {100 * found.rest_share:.0f} % of the time, moving {100 * found.motion_share:.0f} %: "
+        f"At rest {resting} % of the time, moving {moving} %{unclear}: "
         f"{found.quiet_stretches} rests of a second or more in {found.poses} distinct poses, the longest "
         f"{found.longest_rest:.1f} s"
     )

@@ -55,7 +55,7 @@ def plan_command(
 ) -> None:
     """Say how accurate a test will be before it is done, and find a better one.
 
-    Of any protocol: both triads foretold, what it does not tell, what each step is worth, what to add:
+    Of any protocol: both triads predicted, what it does not determine, what each step is worth, what to add:
 
     tumble plan turntable-9 --imu tactical --site 48.1
 

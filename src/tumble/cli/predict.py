@@ -60,8 +60,8 @@ def predict_command(
     """Say what a calibration is worth: position error without satellites, attitude error after a turn.
 
     From the calibration's covariance in closed form, one sigma, beside the error of the same unit with nominal
-    scale factors and no bias. Noise and the wander of biases come on top: `tumble noise` tells those. With
-    --trajectory they are in, and a filter is told which states to carry. With --data-sheet: what a kind of unit
+    scale factors and no bias. Noise and the wander of biases come on top: `tumble noise` gives those. With
+    --trajectory they are in, and it says which states a filter has to carry. With --data-sheet: what a kind of unit
     promises without calibration, beside it.
     """
     if trajectory is not None:

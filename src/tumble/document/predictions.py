@@ -134,8 +134,8 @@ def _at_rest(
             question,
             "position",
             _rms(after) if mean else float(after[at]),
-            None if before is None else (_rms(before) if mean else float(before[at])),
-            None if by_sheet is None else (_rms(by_sheet) if mean else float(by_sheet[at])),
+            None if before is None else (_rms(before) if mean else float(before.max())),
+            None if by_sheet is None else (_rms(by_sheet) if mean else float(by_sheet.max())),
             _shares(each[at], ups[at]),
         )
         for question, at, mean in rows

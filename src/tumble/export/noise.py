@@ -130,7 +130,8 @@ def _document(file: Path) -> dict[str, Any]:
 
 def _rate(document: dict[str, Any], file: Path) -> float:
     try:
-        return number_of(document["rate_hz"])
+        # A mean of stamps has more digits than a clock is good for: a millionth is kept.
+        return float(f"{number_of(document['rate_hz']):.6g}")
     except (KeyError, ValueError) as error:
         raise UsageError(f"{file} is damaged: its rate_hz is no number ({error}).") from error
 

@@ -134,14 +134,18 @@ def _jitter(recording: Recording) -> tuple[float, float]:
 
 
 def _moving_share(signals: Table, quiet: QuietStretches, rate: float) -> float:
-    """Share of blocks that scatter well above the noise or whose level changes."""
+    """Share of the samples in blocks that scatter well above the noise or whose level changes, rests left out."""
     size = max(10, round(0.25 * rate))
     if signals.shape[0] < 2 * size or not signals.shape[1]:
         return 0.0
     means, scatter = block_statistics(signals, size)
     steps = np.abs(np.diff(means, axis=0, prepend=means[:1]))
     moving = np.any((scatter > 8.0 * quiet.floor) | (steps > 8.0 * quiet.floor), axis=1)
-    return float(moving.mean())
+    shown = np.repeat(moving, size)
+    shown = np.concatenate([shown, np.full(max(signals.shape[0] - shown.size, 0), moving[-1])])
+    for start, stop in zip(quiet.starts, quiet.stops, strict=True):
+        shown[start:stop] = False
+    return float(shown.mean())
 
 
 def inspect_recording(recording: Recording) -> Findings:

@@ -17,7 +17,7 @@ HEADS = ("after", "uncalibrated", "calibrated, one sigma", "most of it from")
 _WORTH = (
     "The error that this calibration leaves, in position after some time without satellites or other "
     "aiding, and in attitude after a turn. Beside it is the error of the same unit with nominal "
-    "scale factors and no bias."
+    "scale factors and no bias. Its worst pose is its own; the one that is named is the calibration's."
 )
 FOOTNOTE = (
     "Horizontal position from a known start; attitude in all three components. From the calibration's covariance "

@@ -79,3 +79,12 @@ def test_what_cannot_be_used_is_refused_in_a_sentence(
     with pytest.raises(UsageError, match=said) as told:
         read_noise(written(tmp_path, **update))
     assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("recorded", "shown"), [(200.0000000127157, 200.0), (199.98764, 199.988), (0.5, 0.5)]
+)
+def test_the_rate_has_the_digits_that_a_clock_is_good_for(
+    tmp_path: Path, recorded: float, shown: float
+) -> None:
+    assert read_noise(written(tmp_path, rate_hz=recorded)).rate == shown

@@ -25,6 +25,7 @@ def test_rests_and_poses_are_counted(tumbled) -> None:
     assert 9 <= found.poses <= 12  # turns of 40 degrees and more may lead back near an earlier pose
     assert found.rest_share == pytest.approx(24 / 40.5, abs=0.15)  # blocks of 0.25 s at 23 ends
     assert found.motion_share == pytest.approx(16.5 / 40.5, abs=0.15)
+    assert found.rest_share + found.motion_share <= 1.0
     assert all(abs(n - 9.80665) < 0.02 for n in found.rest_norms)
     assert any("Multi-position" in s and "nine" in s for s in found.good_for)
     assert any("Gyro" in s for s in found.good_for)
