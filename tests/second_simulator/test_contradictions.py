@@ -128,3 +128,19 @@ def test_a_refusal_of_gyro_axes_names_the_columns_that_mend_it(
     with pytest.raises(tumble.TumbleError) as raised:
         tumble.calibrate(pl.DataFrame(made.columns()), protocol=file)
     assert wanted in str(raised.value).replace(" ", "")
+
+
+def test_the_asymmetry_that_a_test_is_made_for_is_kept_where_chance_could_explain_it(tmp_path: Path) -> None:
+    """An asymmetry that is left out stands in the accelerometers' biases, here by 13 stated uncertainties."""
+    made = PROCEDURES["strapdown-rotation"](GRADES["automotive"], np.random.default_rng(20016), None)
+    file = tmp_path / "protocol.yaml"
+    file.write_text(made.protocol, encoding="utf-8")
+    found = tumble.calibrate(pl.DataFrame(made.columns()), protocol=file).calibration
+    (test,) = [one for one in found.quality.optional_terms if one.name == "accelerometer_asymmetry"]
+    assert test.kept
+    assert test.probability > test.limit
+    true = made.truth.terms(found.frame.name)["accelerometer.bias"]
+    sigma = np.array(
+        [p.standard_uncertainty for p in found.parameters if p.name.startswith("accelerometer bias")]
+    )
+    assert np.max(np.abs(np.array(found.accelerometer.bias) - true) / sigma) < 4.0

@@ -94,7 +94,7 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class TermTest:
-    """The test of an optional term: kept if `probability` (of chance) is below `limit`."""
+    """The test of an optional term: kept if `probability` (of chance) is below `limit`, or if it was sought."""
 
     name: str
     kept: bool

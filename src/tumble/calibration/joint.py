@@ -88,6 +88,7 @@ def calibrate_joint(
     alike: Mapping[str, float] | None = None,
     partly: bool = True,
     optional_terms: bool = True,
+    sought: frozenset[str] = frozenset(),
     unused_holds: Sequence[int] = (),
     progress: Callable[[str], None] | None = None,
     keep: Callable[[JointOutcome], None] | None = None,
@@ -109,6 +110,7 @@ def calibrate_joint(
     partly : go on where some unknowns are not told, and leave them to the name plate.
     optional_terms : try g-sensitivity, quadratic terms and asymmetries, on a table a lag between the triads and the
         accelerometers' lever arms too, and keep what the data want.
+    sought : optional terms that the recording was made for: they are kept where it determines them.
     unused_holds : holds whose force and rate are kept out of the estimate, for cross-validation.
     progress : is told in words what is being done.
     keep : is handed the settled solution with everything behind it, for adjustments that go on from there.
@@ -167,7 +169,7 @@ def calibrate_joint(
     untried: list[str] = []
     if optional_terms:
         say("optional terms")
-        task, balanced, tests, untried = _with_terms(task, balanced, fresh, plain, of_table)
+        task, balanced, tests, untried = _with_terms(task, balanced, fresh, plain, of_table, sought)
     outcome = JointOutcome(recording, task, balanced, tests, start, untold, frame, has_gyro, prior, untried)
     if keep is not None:
         keep(outcome)
@@ -366,7 +368,12 @@ def _balanced(task: JointAdjustment, names: list[str]) -> Balanced:
 
 
 def _with_terms(
-    task: JointAdjustment, base: Balanced, fresh: JointAdjustment, plain: np.ndarray, of_table: list[str]
+    task: JointAdjustment,
+    base: Balanced,
+    fresh: JointAdjustment,
+    plain: np.ndarray,
+    of_table: list[str],
+    sought: frozenset[str],
 ) -> tuple[JointAdjustment, Balanced, list[TermTest], list[str]]:
     """Try all optional terms at once, drop the least significant until every one left is wanted.
 
@@ -391,9 +398,9 @@ def _with_terms(
             untried.append(min(names, key=NOT_TRIED_FIRST.index))
             names = [name for name in names if name != untried[-1]]
             continue
-        wanted = wanted_terms(trial, balanced, names, tests, limits)
+        wanted = wanted_terms(trial, balanced, names, tests, limits, sought)
         if wanted == names:
-            worse = worse_predicted(without[1], balanced, names)
+            worse = [n for n in worse_predicted(without[1], balanced, names) if n not in sought]
             weakest = _unneeded(
                 task, fresh, plain, balanced, sorted(worse, key=lambda n: -tests[n].probability)
             )

@@ -103,6 +103,7 @@ def wanted_terms(
     names: list[str],
     tests: dict[str, TermTest],
     limits: dict[str, float],
+    sought: frozenset[str] = frozenset(),
 ) -> list[str]:
     """Drop the least significant term until every one left is wanted; of each, its last test goes into `tests`.
 
@@ -115,6 +116,7 @@ def wanted_terms(
     names : of the terms.
     tests : are added to.
     limits : how rarely chance may keep each.
+    sought : terms that the recording was made for, which stay whatever their test says.
     """
     solution, u = balanced.solution, task.unknowns
     by_hand, plate = not task.rotations, name_plate(u)
@@ -130,6 +132,10 @@ def wanted_terms(
             # Something else is wrong with the recording, and the term takes it up.
             tests[name] = replace(tests[name], kept=False)
             return 2.0, False
+        if name in sought:
+            # Left out where chance could explain it, all that it stands for would be in the biases, unsaid.
+            tests[name] = replace(tests[name], kept=True)
+            return -1.0, True
         return tests[name].probability, tests[name].kept
 
     places = {name: u.places(TERMS[name].unknowns) for name in names}

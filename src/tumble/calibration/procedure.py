@@ -60,6 +60,7 @@ class Procedure:
     joint_believes : the joint estimator, too, takes the poses of its protocols from them.
     free_turns : turns between its holds are made by hand, and tell the gyros.
     counts_between_holds : its covariance counts what the means of different holds have in common.
+    seeks : optional terms of the joint estimator that its protocol is made to find, which are then kept.
     by_temperature : temperatures tell the steps of its protocols, and not poses.
     gyros_from : what the gyros' scale factors are from: ``turns`` whose angles gravity tells, a ``table`` that shows
         angles or keeps rates, known ``rates`` alone; empty where it tells none, or the Earth's rotation does.
@@ -85,6 +86,7 @@ class Procedure:
     joint_believes: bool = True
     free_turns: bool = True
     counts_between_holds: bool = False
+    seeks: frozenset[str] = frozenset()
     by_temperature: bool = False
     gyros_from: Literal["turns", "table", "rates", ""] = ""
 

@@ -59,6 +59,7 @@ def run_joint(
         prior=session.prior,
         alike=alike if clocked else None,
         optional_terms=session.options.optional_terms,
+        sought=frozenset() if session.protocol is None else find_procedure(session.protocol.procedure).seeks,
         progress=session.say,
         keep=kept,
     )

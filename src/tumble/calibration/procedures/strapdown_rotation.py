@@ -359,4 +359,5 @@ PROCEDURE = Procedure(
     example="strapdown-rotation",
     remedy="repeat the sequences, and turn faster: gyros with less noise are what would help most",
     gyros_from="turns",
+    seeks=frozenset({"accelerometer_asymmetry", "gyro_asymmetry"}),
 )
