@@ -66,6 +66,7 @@ class CaptureFolder:
         parts = [samples.time[:, None], samples.specific_force, samples.angular_rate]
         if samples.temperature is not None:
             parts.append(samples.temperature[:, None])
+        parts.append(samples.magnetic_field)
         rows = np.hstack([part for part in parts if part is not None]).tolist()
         self._recording.append("".join([",".join(map(_digits, row)) + "\n" for row in rows]).encode())
 
@@ -156,7 +157,10 @@ def header_of(channels: Channels) -> bytes:
         channels.rate,
         nothing if channels.temperature else None,
     )
-    return (",".join(column_names(shape, all_units=True)) + "\n").encode()
+    names = column_names(shape, all_units=True)
+    if (unit := channels.magnetic_field_unit) is not None:
+        names += [f"m{axis} [{unit}]" if unit else f"m{axis}" for axis in "xyz"]
+    return (",".join(names) + "\n").encode()
 
 
 def _check_header(path: Path, header: bytes) -> None:

@@ -30,8 +30,10 @@ class Measured:
     rate: tuple[float, ...] | None = None
     time: float | None = None
     temperature: float | None = None
+    field: tuple[float, ...] | None = None
 
 
+_NO_FIELD = (np.nan, np.nan, np.nan)
 Frame = tuple[int, Measured | None, bool]
 """Bytes that were used up (0: wait for more), what the frame says (None: nothing of use), whether it was good."""
 
@@ -43,14 +45,14 @@ class Frames:
     ----------
     options : with the rate, where the frames have no stamps and it is known.
     take : looks at the start of some bytes for a frame.
-    units : of force and rate.
+    units : of force, rate and field.
     """
 
     def __init__(
         self,
         options: SourceOptions,
         take: Callable[[bytes], Frame],
-        units: tuple[str, str] = ("m/s^2", "rad/s"),
+        units: tuple[str, str, str] = ("m/s^2", "rad/s", "gauss"),
     ) -> None:
         self.good = self.damaged = 0
         self.cautions: list[str] = []
@@ -119,11 +121,13 @@ class Frames:
         force = sum(m.force is not None for m, _ in self._waiting) > len(times) // 2
         rate = sum(m.rate is not None for m, _ in self._waiting) > len(times) // 2
         temperature = sum(m.temperature is not None for m, _ in self._waiting) > len(times) // 2
+        field = any(m.field is not None for m, _ in self._waiting)
         return Channels(
             self._units[0] if force else None,
             self._units[1] if rate else None,
             self._options.rate or 1.0 / max(usual, 1e-5),
             temperature,
+            magnetic_field_unit=self._units[2] if field else None,
         )
 
     def _fits(self, measured: Measured) -> bool:
@@ -151,4 +155,7 @@ class Frames:
             np.array([np.nan if m.temperature is None else m.temperature for m, _ in kept])
             if channels.temperature
             else None,
+            None
+            if channels.magnetic_field_unit is None
+            else np.array([m.field or _NO_FIELD for m, _ in kept], dtype=float),
         )

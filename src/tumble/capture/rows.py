@@ -126,6 +126,8 @@ class Rows:
             self._options.rate or decided.rate,
             plan.temperature is not None,
             tuple(remark.text for remark in decided.remarks),
+            # Nothing but the whole recording shows a unit that nobody says.
+            None if plan.magnetic_field is None else units.magnetic_field or plan.magnetic_field_unit or "",
         )
         self._decided = decided
         made = self._made(table.columns)
@@ -182,6 +184,7 @@ class Rows:
             triad(plan.specific_force, decided.force_factor),
             triad(plan.angular_rate, decided.rate_factor),
             None if plan.temperature is None else columns[plan.temperature],
+            triad(plan.magnetic_field, 1.0),
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -22,6 +22,7 @@ class Channels:
     rate : nominal, Hz.
     temperature : whether there is one, in °C.
     remarks : what was found or assumed, as sentences.
+    magnetic_field_unit : of the magnetometer, empty where nobody says it; None without one.
     """
 
     specific_force_unit: str | None
@@ -29,6 +30,7 @@ class Channels:
     rate: float
     temperature: bool = False
     remarks: tuple[str, ...] = ()
+    magnetic_field_unit: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +42,14 @@ class Samples:
     time : (samples,) s.
     specific_force, angular_rate : (samples, 3) in the units of the channels, or None.
     temperature : (samples,) °C, or None.
+    magnetic_field : (samples, 3), no numbers where the magnetometer has no sample, or None.
     """
 
     time: Series
     specific_force: Vectors | None
     angular_rate: Vectors | None
     temperature: Series | None = None
+    magnetic_field: Vectors | None = None
 
     def __len__(self) -> int:
         return int(self.time.shape[0])
@@ -62,6 +66,7 @@ class Samples:
             None if self.specific_force is None else self.specific_force[keep],
             None if self.angular_rate is None else self.angular_rate[keep],
             None if self.temperature is None else self.temperature[keep],
+            None if self.magnetic_field is None else self.magnetic_field[keep],
         )
 
     def at(self, time: Series) -> Samples:
@@ -71,7 +76,7 @@ class Samples:
         ----------
         time : (samples,) s.
         """
-        return Samples(time, self.specific_force, self.angular_rate, self.temperature)
+        return replace(self, time=time)
 
     def parts(self, seconds: float) -> Iterator[Samples]:
         """Yield the samples in pieces.
@@ -106,9 +111,11 @@ def joined(parts: Sequence[Samples]) -> Samples:
     forces = [p.specific_force for p in parts if p.specific_force is not None]
     rates = [p.angular_rate for p in parts if p.angular_rate is not None]
     temperatures = [p.temperature for p in parts if p.temperature is not None]
+    fields = [p.magnetic_field for p in parts if p.magnetic_field is not None]
     return Samples(
         np.concatenate([p.time for p in parts]),
         None if first.specific_force is None else np.concatenate(forces),
         None if first.angular_rate is None else np.concatenate(rates),
         None if first.temperature is None else np.concatenate(temperatures),
+        None if first.magnetic_field is None else np.concatenate(fields),
     )

@@ -12,9 +12,9 @@ from tumble.units import COUNTS
 
 # Best first: units, and s of one unit of its stamp. RAW_IMU's units are the vehicle's (ArduPilot: mg and mrad/s).
 _MESSAGES = {
-    "HIGHRES_IMU": (("m/s^2", "rad/s"), "time_usec", 1e-6),
-    "SCALED_IMU": (("mg", "mrad/s"), "time_boot_ms", 1e-3),
-    "RAW_IMU": ((COUNTS, COUNTS), "time_usec", 1e-6),
+    "HIGHRES_IMU": (("m/s^2", "rad/s", "gauss"), "time_usec", 1e-6),
+    "SCALED_IMU": (("mg", "mrad/s", "mgauss"), "time_boot_ms", 1e-3),
+    "RAW_IMU": ((COUNTS, COUNTS, COUNTS), "time_usec", 1e-6),
 }
 # Messages after which it is known which of these come.
 _LOOKED_AT = 60
@@ -80,7 +80,12 @@ class MavlinkFrames:
         self._seen.clear()
         return self._frames.measured(
             [
-                Measured((m.xacc, m.yacc, m.zacc), (m.xgyro, m.ygyro, m.zgyro), getattr(m, stamp) * tick)
+                Measured(
+                    (m.xacc, m.yacc, m.zacc),
+                    (m.xgyro, m.ygyro, m.zgyro),
+                    getattr(m, stamp) * tick,
+                    field=(m.xmag, m.ymag, m.zmag) if m.xmag or m.ymag or m.zmag else None,
+                )
                 for m in messages
             ],
             arrived,

@@ -31,7 +31,7 @@ _CORRECTED = (
     "These are rates and forces that the unit's own filter has corrected: send VNIMU, or the uncompensated fields "
     "of the IMU group."
 )
-_LINES = {b"$VNIMU": (3, 6, 9), b"$VNYMR": (6, 9, None)}
+_LINES = {b"$VNIMU": (0, 3, 6, 9), b"$VNYMR": (3, 6, 9, None)}  # where magnetometer, force, rate and °C begin
 
 
 class VectorNav:
@@ -71,7 +71,7 @@ class VectorNav:
         name, *cells = body.split(b",")
         if name not in _LINES or stated is None:
             return None, stated is not None
-        force, rate, warm = _LINES[name]
+        field, force, rate, warm = _LINES[name]
         try:
             values = tuple(map(float, cells))
         except ValueError:
@@ -81,7 +81,8 @@ class VectorNav:
         if name == b"$VNYMR":
             self._warn()
         temperature = values[warm] if warm is not None and len(values) > warm else None
-        return Measured(values[force : force + 3], values[rate : rate + 3], None, temperature), True
+        seen = values[field : field + 3]
+        return Measured(values[force : force + 3], values[rate : rate + 3], None, temperature, seen), True
 
     def _binary(self, data: bytes) -> Frame:
         groups = [k for k in range(6) if len(data) > 1 and data[1] >> k & 1]
@@ -120,7 +121,9 @@ class VectorNav:
         clock = next((places[f] for f in ((_COMMON, 0), (_TIME, 0)) if f in places), None)
         time = None if clock is None else struct.unpack_from("<Q", data, clock)[0] * 1e-9
         warm = places.get((_IMU, 4))
-        return Measured(force, rate, time, None if warm is None else struct.unpack_from("<f", data, warm)[0])
+        celsius = None if warm is None else struct.unpack_from("<f", data, warm)[0]
+        field = three((_IMU, 1, 0), (_COMMON, 10, 0), (_IMU, 8, 0))
+        return Measured(force, rate, time, celsius, field)
 
     def _warn(self) -> None:
         if not self._warned:

@@ -13,10 +13,11 @@ import struct
 from tumble.capture.frames import Frame, Frames, Measured
 from tumble.capture.link import Format
 from tumble.capture.source import SourceOptions
+from tumble.units import COUNTS
 
 PREAMBLE, MTDATA2 = b"\xfa\xff", 0x36
 _TEMPERATURE, _FINE_TIME, _ACCELERATION, _ACCELERATION_HR = 0x0810, 0x1060, 0x4020, 0x4040
-_RATE_OF_TURN, _RATE_OF_TURN_HR = 0x8020, 0x8040
+_RATE_OF_TURN, _RATE_OF_TURN_HR, _MAGNETIC_FIELD = 0x8020, 0x8040, 0xC020
 # SampleTimeFine counts 10 kHz in 32 bits, and begins again after five days.
 _TICK, _WRAP = 1e-4, 2.0**32
 
@@ -71,6 +72,8 @@ class XBus:
                 found.force = _three(content, form)
             elif kind in (_RATE_OF_TURN, _RATE_OF_TURN_HR):
                 found.rate = _three(content, form)
+            elif kind == _MAGNETIC_FIELD:
+                found.field = _three(content, form)
             elif kind == _TEMPERATURE and form == 0 and size == 4:
                 found.temperature = float(struct.unpack(">f", content)[0])
         return found if found.force is not None or found.rate is not None else None
@@ -98,7 +101,8 @@ def _three(content: bytes, form: int) -> tuple[float, ...] | None:
 
 
 def _decoder(options: SourceOptions, name: str) -> Frames:
-    return Frames(options, XBus().take)
+    # The field is in units of that at the place of Xsens' own calibration.
+    return Frames(options, XBus().take, ("m/s^2", "rad/s", COUNTS))
 
 
 FORMAT = Format("xbus", "Xsens MTData2", lambda head: PREAMBLE + bytes([MTDATA2]) in head, _decoder)
