@@ -61,6 +61,7 @@ class Target:
     units : raw units of specific force and angular rate that the tool works in; None takes the calibration's.
     frame : that the form's zeros ask for, or None: any.
     needs_calibration, needs_noise, needs_magnetometer : what there must be to write it.
+    replaces : whether its numbers go where others stand that may have been active while the unit was recorded.
     comment : what begins a comment line, empty where the format has none; `words.escaped` knows each.
     """
 
@@ -76,6 +77,7 @@ class Target:
     needs_noise: bool = False
     needs_magnetometer: bool = False
     comment: str = "#"
+    replaces: bool = False
 
     @property
     def directions(self) -> str:

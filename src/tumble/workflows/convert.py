@@ -120,6 +120,8 @@ def convert_to(
     document = calibration
     if document is not None and not isinstance(document, Calibration):
         document = read_calibration(document)
+    if document is not None and chosen.replaces:
+        _refuse_corrected_before(document, chosen)
     coefficients = None if noise is None else read_noise(Path(noise), inflate=inflate, rate=rate)
     own = {
         "largest_loss": largest_loss,
@@ -136,6 +138,17 @@ def convert_to(
     )
     write_texts(dict(zip(files, texts.values(), strict=True)))
     return Converted(files, _remarks(subject, chosen, texts))
+
+
+def _refuse_corrected_before(document: Calibration, target: Target) -> None:
+    """Refuse a calibration that holds on top of others, for a tool that would put it in their place."""
+    before = document.stages[0].input_corrected_by
+    if before:
+        raise UsageError(
+            f"The calibration was made on numbers that were corrected before ({', '.join(before)}), by the autopilot's "
+            f"own parameters or by a calibration. {target.title} would put it in their place, and lose them. Set the "
+            "parameters to their defaults and record again, or compose the calibrations (tumble compose)."
+        )
 
 
 def _places(

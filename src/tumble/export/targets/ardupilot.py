@@ -170,4 +170,5 @@ TARGET = Target(
     "ardupilot.parm",
     write,
     read,
+    replaces=True,
 )

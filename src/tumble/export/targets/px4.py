@@ -189,4 +189,5 @@ TARGET = Target(
     "px4.params",
     write,
     read,
+    replaces=True,
 )

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from tumble.arrays import Series, Vectors
 from tumble.errors import RecordingError
 from tumble.recording.formats.logs.logged_streams import Stream, is_field, table_of_streams
+from tumble.recording.formats.logs.own_parameters import about_parameters
 from tumble.recording.formats.streams import Samples, Units
 from tumble.recording.formats.table import RawTable, hash_file, mapped
 from tumble.recording.recording import Remark
@@ -84,6 +85,7 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
         remarks.append(Remark("mended", text))
     if log.cut:
         remarks.append(Remark("mended", f"{path.name}: the last message is cut short and is left out."))
+    remarks += about_parameters(path)
     return table_of_streams(path, streams, topics, _automatic(streams), hash_file(path), remarks)
 
 

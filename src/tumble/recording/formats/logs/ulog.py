@@ -23,6 +23,7 @@ from tumble.errors import RecordingError, UsageError
 from tumble.files import opened
 from tumble.recording.formats.damage import foreign
 from tumble.recording.formats.logs.logged_streams import Stream, is_field, table_of_streams
+from tumble.recording.formats.logs.own_parameters import about_parameters
 from tumble.recording.formats.streams import Samples, Units, merge_streams
 from tumble.recording.formats.table import RawTable, hash_file, mapped
 from tumble.recording.recording import Remark
@@ -91,7 +92,15 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
             f"It knows {', '.join(names[:12])}{' and more' if len(names) > 12 else ''}."
         )
     remarks = _damage(log, path)
-    return table_of_streams(path, streams, topics, _automatic(streams), hash_file(path), remarks)
+    table = table_of_streams(path, streams, topics, _automatic(streams), hash_file(path), remarks)
+    if is_corrected(table):
+        table.remarks += about_parameters(path)
+    return table
+
+
+def is_corrected(table: RawTable) -> bool:
+    """Whether the numbers of a log are what the autopilot's own parameters left of the sensors' output."""
+    return any(_CORRECTED in remark.text for remark in table.remarks)
 
 
 def _damage(log: Any, path: Path) -> list[Remark]:
