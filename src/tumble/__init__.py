@@ -1,5 +1,16 @@
 """tumble: calibrate an IMU from a recording of it being held and turned.
 
+Begin with a recording that says where it was made::
+
+    import math, tumble
+    site = tumble.Site.from_latitude(math.radians(48.1), 520.0)
+    run = tumble.calibrate("imu.csv", site=site, output="calibrated")
+    run.accepted            # whether it is fit for use
+    run.to_frame()          # parameters with standard uncertainties
+    run.figures()["holds"]  # a figure of the report
+    calibration = tumble.read_calibration("calibrated")
+    force, rate = calibration.correct(raw_force, raw_rate)
+
 The names below are the package's front; everything else is reached through its room
 (``tumble.earth``, ``tumble.sensor``, ...). Importing the package alone imports no other library: a
 room is entered when one of its names is first used.

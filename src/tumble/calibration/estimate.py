@@ -223,6 +223,9 @@ class Estimate:
     lever_arms: Matrix | None = None
     unseen: list[Unseen] = field(default_factory=list[Unseen])
 
+    def __repr__(self) -> str:
+        return f"<Estimate: {self.procedure}, {len(self.parameters)} parameters, sigma0 {self.sigma0:.3g}>"
+
     def say(self, kind: Kind, *texts: str) -> None:
         """Add sentences of a kind."""
         self.said += [Said(kind, text) for text in texts]

@@ -396,6 +396,30 @@ class Calibration(_Strict):
             field = block.triad.correct(field)
         return field
 
+    def __repr__(self) -> str:
+        verdict = "fit for use" if self.verdict.fit else "NOT fit for use"
+        unit = " ".join(part for part in (self.imu.model, self.imu.serial_number) if part)
+        of = f" of {unit}" if unit else ""
+        return f"<Calibration{of}: {verdict}; {self.procedure}, {len(self.parameters)} parameters>"
+
+    __str__ = __repr__
+
+    def to_frame(self) -> Any:
+        """Return the parameters as a data frame of polars: name, value, standard uncertainty, unit.
+
+        `to_frame().to_pandas()` is pandas'.
+        """
+        from tumble.recording.formats.output import data_frame
+
+        return data_frame(
+            {
+                "parameter": [p.name for p in self.parameters],
+                "value": [p.value for p in self.parameters],
+                "standard_uncertainty": [p.standard_uncertainty for p in self.parameters],
+                "unit": [p.unit for p in self.parameters],
+            }
+        )
+
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
         from tumble.document.display import calibration_html
@@ -425,6 +449,10 @@ def read_calibration(path: str | os.PathLike[str]) -> Calibration:
     CalibrationFileError
         If there is no such file, or it is not a calibration of a version that this tumble knows.
     """
+    if not isinstance(path, str | os.PathLike):  # pyright: ignore[reportUnnecessaryIsInstance] (what people pass)
+        raise CalibrationFileError(
+            f"A {type(path).__name__} is no calibration's file: give the path of calibration.json or of its folder."
+        )
     file = Path(path)
     if file.is_dir():
         file = file / "calibration.json"

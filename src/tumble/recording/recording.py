@@ -85,6 +85,19 @@ class Recording:
         """The clock that the stamps are from, and how far its rate may be off: as it is known, or as they lie."""
         return self.said_clock or clock_of_stamps(self.time)
 
+    def __repr__(self) -> str:
+        names = " + ".join(source.name for source in self.sources)
+        triads = [
+            f"{name} in {unit}"
+            for name, values, unit in (
+                ("specific force", self.specific_force, self.specific_force_unit),
+                ("angular rate", self.angular_rate, self.angular_rate_unit),
+            )
+            if values is not None
+        ]
+        of = f" of {names}" if names else ""
+        return f"<Recording{of}: {len(self)} samples at {self.rate:.6g} Hz, {', '.join(triads)}>"
+
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
         from tumble.recording.display import recording_html

@@ -18,7 +18,7 @@ from tumble.report.page import Cards
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-    from tumble.report.page import Block, Page
+    from tumble.report.page import Block, Page, Plot
 
 # The page may run what it holds and draw what it made, and fetch nothing.
 _RUNS = (
@@ -58,6 +58,17 @@ def render_page(page: Page, data: Mapping[str, Any] | None = None, library: str 
             style=Markup(_resource("sheet.css" if printed else "page.css")),
         )
     )
+
+
+def figures_of(html: str) -> list[Plot]:
+    """Return the figures that a page carries: name, data, layout, and a fallback of those in three dimensions.
+
+    Parameters
+    ----------
+    html : of a page that tumble wrote.
+    """
+    carried = re.search(r'<script type="application/json" id="figures">(.*?)</script>', html, re.S)
+    return json.loads(carried[1]) if carried else []
 
 
 @cache

@@ -46,6 +46,9 @@ class HoldMeans:
     angular_rate_between: AnyArray | None = None
     parts: RestParts | None = None
 
+    def __repr__(self) -> str:
+        return f"<HoldMeans of {self.duration.size} holds>"
+
     def __len__(self) -> int:
         return int(self.duration.shape[0])
 

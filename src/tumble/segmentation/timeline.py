@@ -78,3 +78,7 @@ class Timeline:
     turns: tuple[Turn, ...]
     rejections: tuple[Rejection, ...]
     noise_floor: NoiseFloor
+
+    def __repr__(self) -> str:
+        left_out = f", {len(self.rejections)} stretches left out" if self.rejections else ""
+        return f"<Timeline: {len(self.holds)} holds, {len(self.turns)} turns{left_out}>"

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -78,6 +78,26 @@ class CalibrationRun:
         """Whether the calibration is fit for use, and within its limits if it was held against any."""
         limits = self.calibration.limits
         return self.calibration.verdict.fit and (limits is None or limits.decision == "passed")
+
+    def __repr__(self) -> str:
+        holds, turns = len(self.timeline.holds), len(self.timeline.turns)
+        where = f"; files: {', '.join(map(str, self.files))}" if self.files else ""
+        return f"<CalibrationRun of {holds} holds and {turns} turns: {self.calibration!r}{where}>"
+
+    def to_frame(self) -> Any:
+        """Return the parameters as a data frame of polars, see `Calibration.to_frame`."""
+        return self.calibration.to_frame()
+
+    def figures(self) -> dict[str, Any]:
+        """Return the report's figures by name, as a notebook shows them: each a `plotly.graph_objects.Figure`."""
+        from plotly import graph_objects
+
+        from tumble.report.html import figures_of
+
+        plots = figures_of(report_of(self, library="beside"))
+        return {
+            plot["name"]: graph_objects.Figure(data=plot["data"], layout=plot["layout"]) for plot in plots
+        }
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the calibration, and where its files are."""

@@ -7,7 +7,7 @@ import os
 import tempfile
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -27,6 +27,18 @@ ENDINGS = (".csv", ".parquet", ".pq")
 
 FIELD_STAMPS = "mag_time"
 """Name of the column of the magnetometer's own stamps."""
+
+
+def data_frame(columns: Mapping[str, Sequence[str] | Sequence[float]]) -> Any:
+    """Return a data frame of polars.
+
+    Parameters
+    ----------
+    columns : by name, of one length.
+    """
+    import polars as pl
+
+    return pl.DataFrame(dict(columns))
 
 
 def column_names(recording: Recording, *, all_units: bool = False) -> list[str]:

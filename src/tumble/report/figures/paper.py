@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import html
-import json
 import re
 from collections.abc import Sequence
 from importlib import import_module
@@ -20,6 +19,7 @@ import numpy as np
 
 from tumble.errors import UsageError
 from tumble.files import make_folder, write_text, written_beside
+from tumble.report.html import figures_of
 from tumble.report.page import Plot
 
 FORMS = ("pdf", "svg", "png")
@@ -68,11 +68,9 @@ def draw_page(path: Path, form: str) -> list[Path]:
     if form not in FORMS:
         raise UsageError(f"--figures {form}: give one of {', '.join(FORMS)}.")
     text = path.read_text(encoding="utf-8")
-    carried = re.search(r'<script type="application/json" id="figures">(.*?)</script>', text, re.S)
     folder = path.parent / "figures"
     made: list[Path] = []
-    plots: list[Plot] = json.loads(carried[1]) if carried else []
-    for plot in plots:
+    for plot in figures_of(text):
         file = folder / f"{plot['name']}.{form}"
         picture = _drawn(plot, form)
         make_folder(folder)
