@@ -302,14 +302,14 @@ def _not_a_magnetometer(
     which = f"{name}: columns {_numbers(plan.specific_force)}"
     gravity, field = signs.gravity_unit(), signs.field_unit
     steady = signs.motion == "steady"
-    if steady and gravity is None and field is not None:
+    if steady and gravity is None and field is not None and not signs.whole:
         text = (
             f"{which} are taken as the magnetometer: their norm of {signs.norm:.4g} is the Earth's field in {field} "
             "and gravity in no unit, and motion does not change it. If they are the accelerometer, say so with "
             "--columns (t,ax,ay,az,gx,gy,gz)."
         )
         return _magnetic(plan), [Remark("assumed", text)]
-    if gravity is None and field is not None and not signs.whole and signs.is_vector is not False:
+    if gravity is None and field is not None and (steady or not signs.whole) and signs.is_vector is not False:
         raise RecordingError(
             f"{which} have a norm of {signs.norm:.4g}, which is gravity in none of m/s², g and mg, but the Earth's "
             f"field in {field}. If they are a magnetometer, say so with --columns t,mx,my,mz; if they are the "

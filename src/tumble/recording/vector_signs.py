@@ -37,7 +37,10 @@ _STEADY = (0.03, 2.0)
 _FEWEST_DIRECTIONS = 4
 _SPHERE_DIRECTIONS = 9
 _CONSTANT = 0.12  # of the norm: its scatter over directions
-_THINNED = 400  # blocks whose directions are compared
+_PARTS = 4  # of a block, whose means are points of the sphere
+_ALWAYS = (0.05, 0.95)
+_AROUND = (0.5, 2.0)  # of the norm, in which a vector stays all these times
+_THINNED = 6000  # points whose directions are compared
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,19 +113,23 @@ def vector_signs(values: Vectors, rate: float) -> VectorSigns:
     if len(blocks) < _FEWEST:
         norm = float(np.median(np.linalg.norm(values, axis=1))) if len(values) else 0.0
         return VectorSigns(norm, 0.0, None, None, whole)
-    means = blocks.mean(axis=1)
-    centre, norms = _sphere(means)
+    # Parts of a block, so that a turn of a second passes through several directions.
+    parts = blocks[:, : size // _PARTS * _PARTS].reshape(-1, size // _PARTS, 3).mean(axis=1)
+    centre, norms = _sphere(parts)
     norm = float(np.median(norms))
     offset = float(np.linalg.norm(centre)) / norm if norm > 0.0 else 0.0
     constant = None
     if norms.size >= _FEWEST_DIRECTIONS:
         scatter = 1.4826 * float(np.median(np.abs(norms - norm)))
-        constant = norm > 0.0 and scatter < _CONSTANT * norm
+        # A gyro may reach one rate in every direction, but it is at its bias while the unit rests.
+        low, high = np.quantile(np.linalg.norm(parts - centre, axis=1), _ALWAYS)
+        always = low > _AROUND[0] * norm and high < _AROUND[1] * norm
+        constant = bool(norm > 0.0 and scatter < _CONSTANT * norm and always)
     return VectorSigns(norm, offset, constant, _motion(blocks - centre, norm) if constant else None, whole)
 
 
 def _sphere(means: Vectors) -> tuple[Vector, Series]:
-    """Return the centre of the sphere that block means lie on, and the norms about it, one a direction.
+    """Return the centre of the sphere that means lie on, and the norms about it, one a direction.
 
     Zero is the centre where too few directions determine it, or the means lie on no sphere.
     """
@@ -149,14 +156,14 @@ def _relative_scatter(norms: Series) -> float:
 
 def _one_a_direction(vectors: Vectors, least_angle: float = np.pi / 12.0) -> Vectors:
     """Return one vector of each direction (greedy, in order), so that a long rest counts once."""
-    kept: list[Vector] = []
-    directions: list[Vector] = []
-    for vector in vectors:
-        length = float(np.linalg.norm(vector))
-        if length > 0.0 and all(float(vector @ d) < np.cos(least_angle) * length for d in directions):
-            kept.append(vector)
-            directions.append(vector / length)
-    return np.array(kept).reshape(-1, 3)
+    lengths = np.linalg.norm(vectors, axis=1)
+    vectors, lengths = vectors[lengths > 0.0], lengths[lengths > 0.0]
+    units = vectors / lengths[:, None]
+    left, kept, limit = np.arange(len(units)), list[int](), float(np.cos(least_angle))
+    while left.size:
+        kept.append(int(left[0]))
+        left = left[units[left] @ units[left[0]] < limit]
+    return vectors[kept]
 
 
 def _motion(blocks: AnyArray, norm: float) -> Literal["steady", "shaken"] | None:

@@ -292,3 +292,37 @@ def test_empty_cells_are_no_samples(tmp_path: Path) -> None:
     recording = read_recording(path)
     assert len(recording) == len(time)
     assert np.allclose(field_of(recording), field[2::7], atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("hard_iron", [30.0, 100.0])
+def test_hard_iron_and_held_samples_make_no_accelerometer(
+    tmp_path: Path, seed: int, hard_iron: float
+) -> None:
+    """Hard iron twice the Earth's field, samples that a logger holds over four rows, any order and unit."""
+    rng = np.random.default_rng(seed)
+    time, force, gyro, field = tumbled(seed, holds=9)
+    field = rng.choice([1.0, 0.01, 6.6]) * (field + hard_iron * np.array([0.6, -0.5, 0.62]))
+    parts = {"a": force, "g": gyro, "m": field[np.arange(len(field)) // 4 * 4]}
+    order = rng.permutation(list("agm" if seed % 2 else "gm"))
+    path = written(tmp_path, None, time, *(parts[kind] for kind in order))
+    try:
+        recording = read_recording(path)
+    except RecordingError as error:
+        assert "--columns" in str(error)  # noqa: PT017 - it may be read or asked for
+        return
+    doubted = any(remark.kind == "doubtful" for remark in recording.remarks)
+    if "a" in order:
+        assert recording.specific_force is not None
+        assert np.allclose(recording.specific_force, force, atol=1e-6) or doubted
+    else:
+        assert recording.specific_force is None or doubted
+
+
+def test_whole_numbers_that_no_motion_changes_are_asked_for(tmp_path: Path) -> None:
+    """256 may be counts of an accelerometer on a smooth table, or a field in mG."""
+    time, force, _, _ = tumbled(shaken=False)
+    path = written(tmp_path, None, time, np.round(256.0 / GRAVITY * force), digits="%.3f")
+    with pytest.raises(RecordingError, match="--columns"):
+        read_recording(path)
+    assert read_recording(path, columns="t,ax,ay,az").specific_force_unit == "counts"
