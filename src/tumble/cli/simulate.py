@@ -10,7 +10,13 @@ import typer
 
 from tumble.cli.groups import ADVANCED, FIRST, in_si, option
 from tumble.cli.options import Imu, PrintOptions, Seed, SiteOptions, output_option
-from tumble.cli.simulate_options import ChainOptions, ErrorOptions, FixtureOptions, TableOptions
+from tumble.cli.simulate_options import (
+    ChainOptions,
+    ErrorOptions,
+    FixtureOptions,
+    MagnetometerOptions,
+    TableOptions,
+)
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
 from tumble.cli.verify_drive import turn_on_of
 
@@ -84,6 +90,7 @@ def simulate_command(
     session: SessionOptions,
     site: SiteOptions,
     errors: ErrorOptions,
+    magnetometer: MagnetometerOptions,
     chain: ChainOptions,
     table: TableOptions,
     fixture: FixtureOptions,
@@ -119,6 +126,7 @@ def simulate_command(
             fixture=quality,
             fixture_azimuth=azimuth,
             lever_arm_b=table.lever_arm(),
+            **magnetometer.field(),
             progress=tell,
         )
     results_stand()

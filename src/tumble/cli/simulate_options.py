@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from tumble.cli.groups import Range, in_si, numbers, option
 from tumble.cli.options import TurnOnBias
@@ -52,6 +52,55 @@ class ErrorOptions:
         Range(0.0, 1e5, si=1e-6),
     ] = 0.0
     turn_on_bias: TurnOnBias = None
+
+
+@dataclass(frozen=True)
+class MagnetometerOptions:
+    """A magnetometer on the unit, and the field of the place."""
+
+    magnetometer: Annotated[
+        str | None,
+        option(UNIT, "GRADE", "Also record a magnetometer, in µT at its own rate: lis3mdl or rm3100."),
+    ] = None
+    magnetic_field: Annotated[
+        str | None,
+        option(UNIT, "UT,DIP[,DECL]", "Norm of the field in µT, dip and declination in degrees (49,65,4)."),
+    ] = None
+    field_change: Annotated[
+        str | None,
+        option(UNIT, "UT,S", "A current nearby changes the field by so many µT, from so many seconds on."),
+    ] = None
+
+    def field(self) -> dict[str, Any]:
+        """Return what `simulate` takes, SI.
+
+        Raises
+        ------
+        UsageError
+            If a number is none, or there is no magnetometer.
+        """
+        if self.magnetometer is None and (self.magnetic_field or self.field_change):
+            raise UsageError(
+                "--magnetic-field and --field-change are about a magnetometer: give --magnetometer too."
+            )
+        made: dict[str, Any] = {"magnetometer": self.magnetometer}
+        if self.magnetic_field is not None:
+            norm, dip, *more = _parts(self.magnetic_field, "--magnetic-field", (2, 3))
+            made["magnetic_field"] = (1e-6 * norm, _DEGREE * dip, _DEGREE * more[0] if more else 0.0)
+        if self.field_change is not None:
+            size, since = _parts(self.field_change, "--field-change", (2,))
+            made["field_change"] = (1e-6 * size, since)
+        return made
+
+
+def _parts(text: str, name: str, counts: tuple[int, ...]) -> list[float]:
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in counts or not all(math.isfinite(value) for value in values):
+        raise UsageError(f"{name} {text}: give {' or '.join(map(str, counts))} numbers, parted by commas.")
+    return values
 
 
 @dataclass(frozen=True)

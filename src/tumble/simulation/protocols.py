@@ -15,6 +15,7 @@ from tumble.sensor.imu import ImuModel
 from tumble.simulation.disturbances import Disturbance
 from tumble.simulation.fixtures import PlayedProtocol, TrueSpin, play_protocol
 from tumble.simulation.grades import Grade
+from tumble.simulation.magnetometer import SimulatedMagnetometer
 from tumble.simulation.motion import Motion
 from tumble.simulation.recordings import Distort, Truth, simulate_recording
 from tumble.simulation.sampling import Imperfections
@@ -72,6 +73,7 @@ def simulate_protocol(
     fixture: FixtureErrors | None = None,
     disturbances: tuple[Disturbance, ...] = (),
     units: str = "SI",
+    magnetometer: tuple[SimulatedMagnetometer, np.random.Generator] | None = None,
 ) -> tuple[Recording, Truth]:
     """Record a protocol with a simulated unit.
 
@@ -98,6 +100,7 @@ def simulate_protocol(
     disturbances : on top of the motion, such as vibration of the place.
     units : "SI", or "counts": raw numbers times the grade's counts per m/s² and per rad/s (`Truth` says
         them), rounded to whole counts where there is noise.
+    magnetometer : that is on the unit, with the source of its noise; None for none.
 
     Raises
     ------
@@ -146,6 +149,9 @@ def simulate_protocol(
     )
     if counts is not None:
         recording = replace(recording, specific_force_unit="counts", angular_rate_unit="counts")
+    if magnetometer is not None:
+        shown = magnetometer[0].record(played.motion.disturbed(*disturbances), magnetometer[1])
+        recording = replace(recording, magnetic_field=shown)
     truth = replace(
         truth,
         model=model,

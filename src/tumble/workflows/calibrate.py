@@ -213,7 +213,12 @@ def calibrate(
     except (SegmentationError, ObservabilityError) as error:
         if not alone:
             raise
-        return _field_run(session, magnetic, str(error), imu, folder, clock)
+        try:
+            return _field_run(session, magnetic, str(error), imu, folder, clock)
+        except ObservabilityError as further:
+            raise type(error)(
+                f"{error} The magnetometer does not serve by itself either. {further}"
+            ) from error
     estimate.say("objection", *without_holds)
     add_objections(session, estimate, procedure, reason)
     if modelled is not None:

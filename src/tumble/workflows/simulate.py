@@ -20,7 +20,13 @@ from tumble.workflows.progress import silent
 from tumble.workflows.protocols import read_played
 from tumble.workflows.simulated_files import require_place, write_simulation
 from tumble.workflows.site import given_site
-from tumble.workflows.truth import Settings, case_columns, read_in_other_axes, truth_document
+from tumble.workflows.truth import (
+    Settings,
+    case_columns,
+    magnetometer_truth,
+    read_in_other_axes,
+    truth_document,
+)
 
 if TYPE_CHECKING:
     from tumble.arrays import AnyArray
@@ -28,6 +34,7 @@ if TYPE_CHECKING:
     from tumble.recording import Recording
     from tumble.sensor import ImuModel
     from tumble.simulation import ChamberTruth, FixtureErrors, Grade, Imperfections, TableErrors, Truth
+    from tumble.simulation.magnetometer import SimulatedMagnetometer
 
 # What most people hold in their hands, with errors large enough for every procedure to find.
 DEFAULT_GRADE = "consumer-mems"
@@ -38,6 +45,10 @@ LARGEST_SAMPLES = 20_000_000
 # A unit in a chamber changes within minutes, and a test takes hours. Hz; stamps 0.1 s apart could be milliseconds.
 CHAMBER_RATE = 12.5
 UNITS = ("SI", "counts")
+# Norm (T), dip and declination (rad) where nobody says: those of central Europe, rounded.
+EARTHS_FIELD = (49e-6, math.radians(65.0), math.radians(4.0))
+# A stream of random numbers for each, by its place.
+_STREAMS = ("unit", "session", "fixture", "thermal", "turn-on", "magnetometer", "field", "current")
 AXES = ("unit", "case")
 
 
@@ -76,6 +87,9 @@ def simulate(
     fixture: FixtureErrors | None = None,
     fixture_azimuth: float | None = None,
     lever_arm_b: AnyArray | None = None,
+    magnetometer: str | None = None,
+    magnetic_field: tuple[float, float, float] = EARTHS_FIELD,
+    field_change: tuple[float, float] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Simulated:
     """Play a protocol on a simulated unit, and write recording, protocol and truth into one folder.
@@ -110,6 +124,9 @@ def simulate(
     fixture_azimuth : rad, where its outer axis points, clockwise from north; the protocol that is written
         says so. None leaves it as the protocol has it.
     lever_arm_b : m, from the table's centre to the unit, (3,), or (3, 3) with a row for each accelerometer.
+    magnetometer : name of one of `tumble.simulation.magnetometer.MAGNETOMETER_GRADES`; None for a unit without one.
+    magnetic_field : norm (T), dip and declination (rad) of the field there.
+    field_change : T and s: a current that is switched on, by how much it changes the field, and when.
     progress : is told in words what is being done.
 
     Raises
@@ -157,7 +174,8 @@ def simulate(
         fixture_azimuth = None
     else:
         given, fixture = _aimed(given, fixture_azimuth), fixture.drawn(_generator(seed, "fixture"))
-    played = _Played(given, hertz, place, units, fixture, fixture_azimuth)
+    compass = _magnetometer(magnetometer, magnetic_field, field_change, settings)
+    played = _Played(given, hertz, place, units, fixture, fixture_azimuth, compass)
     recording, truth, document = _play(played, model, chosen, settings)
     simulated = time.perf_counter()
     say("writing")
@@ -178,6 +196,7 @@ class _Played:
     units: str
     fixture: FixtureErrors | None
     azimuth: float | None
+    magnetometer: SimulatedMagnetometer | None = None
 
 
 def _place(given: Protocol, site: Site | None, table: TableErrors | None, remarks: list[str]) -> Site:
@@ -220,10 +239,15 @@ def _play(
             table=settings.table,
             fixture=played.fixture,
             units=played.units,
+            magnetometer=None
+            if played.magnetometer is None
+            else (played.magnetometer, _generator(settings.seed, "field")),
         )
     if settings.axes == "case" and drawn_from.C_instrument_case is not None:
         truth = read_in_other_axes(truth, drawn_from.C_instrument_case.T)
     document = truth_document(played.protocol, recording, truth, settings)
+    if played.magnetometer is not None:
+        document["magnetometer"] = magnetometer_truth(played.magnetometer, truth)
     if inside is not None:
         document["thermal"] = thermal_truth(inside, find_thermal_grade(drawn_from.name))
     return recording, truth, document
@@ -289,9 +313,32 @@ def _in_chamber(
     )
 
 
+def _magnetometer(
+    name: str | None,
+    magnetic_field: tuple[float, float, float],
+    change: tuple[float, float] | None,
+    settings: Settings,
+) -> SimulatedMagnetometer | None:
+    """The magnetometer of the unit, if it has one; a current changes the field in a direction of the session's own."""
+    if name is None:
+        return None
+    if settings.axes == "case":
+        raise UsageError(
+            "--axes case: a magnetometer is simulated along the axes of the unit; leave one of them out."
+        )
+    from tumble.simulation.magnetometer import SimulatedMagnetometer, find_magnetometer
+
+    grade = find_magnetometer(name)
+    triad = grade.simulate_triad(_generator(settings.unit, "magnetometer"))
+    direction = _generator(settings.seed, "current").standard_normal(3)
+    size, since = (0.0, math.inf) if change is None else change
+    current = size * direction / np.linalg.norm(direction)
+    return SimulatedMagnetometer(grade, triad, *magnetic_field, settings.noise, current, since)
+
+
 def _generator(seed: int, what: str) -> np.random.Generator:
     """A stream of its own for unit, session and fixture; SFC64 is the fastest that numpy has."""
-    number = {"unit": 0, "session": 1, "fixture": 2, "thermal": 3, "turn-on": 4}[what]
+    number = _STREAMS.index(what)
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(number,))))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import tumble
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import TumbleError
+from tumble.sensor.gauge import change_frame
 
 if TYPE_CHECKING:
     from tumble.arrays import AnyArray, Matrix, Vector
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from tumble.recording import Recording
     from tumble.sensor import ImuModel, Triad
     from tumble.simulation import Grade, Imperfections, TableErrors, TriadNoise, Truth
+    from tumble.simulation.magnetometer import SimulatedMagnetometer
 
 FORMAT = "tumble truth"
 VERSION = 1
@@ -108,6 +110,36 @@ def truth_document(
         "fixture": None if truth.fixture is None else asdict(truth.fixture),
         "lever_arm_b": _numbers(settings.lever_arm_b),
         "steps": [_step(number, step, truth) for number, step in enumerate(protocol.steps)],
+    }
+
+
+def magnetometer_truth(magnetometer: SimulatedMagnetometer, truth: Truth) -> dict[str, Any]:
+    """Return what was true of a simulated magnetometer and of the field.
+
+    Parameters
+    ----------
+    magnetometer, truth : on the unit, and what was true of that.
+    """
+    assert truth.model is not None
+    of_unit = change_frame(
+        replace(truth.model, magnetometer=magnetometer.triad), "accelerometer-x"
+    ).magnetometer
+    assert of_unit is not None
+    change = magnetometer.current
+    return {
+        "grade": magnetometer.grade.name,
+        "raw_unit": "uT",
+        "unit": "T",
+        "matrix": _numbers(magnetometer.triad.matrix),
+        "bias": _numbers(magnetometer.triad.bias),
+        "in_frame_accelerometer_x": {"matrix": _numbers(of_unit.matrix), "bias": _numbers(of_unit.bias)},
+        "field": {
+            "norm": magnetometer.norm,
+            "dip_deg": math.degrees(magnetometer.dip),
+            "declination_deg": math.degrees(magnetometer.declination),
+            "change_n": None if not np.any(change) else _numbers(change),
+            "change_at": None if not np.any(change) else magnetometer.since,
+        },
     }
 
 
