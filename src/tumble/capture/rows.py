@@ -38,6 +38,7 @@ class Rows:
         self._options, self._name = options, name
         self._waiting: list[tuple[Shape, tuple[float, ...]]] = []
         self._arrivals: list[float] = []
+        self._latest = 0.0
         self._begun: float | None = None
         self._shape: Shape | None = None
         self._plan: ColumnPlan | None = None
@@ -75,6 +76,7 @@ class Rows:
         RecordingError
             If they can be no recording; the message says why.
         """
+        self._latest = arrived
         self._arrivals += [arrived] * (len(self._waiting) - len(self._arrivals))
         if not self._waiting:
             return []
@@ -95,8 +97,9 @@ class Rows:
         RecordingError
             If the rows can be no recording.
         """
-        self._arrivals += self._arrivals[-1:] * (len(self._waiting) - len(self._arrivals))
-        if not self._waiting or not self._arrivals:
+        # A last line without its end comes in here, behind the last time that anything arrived.
+        self._arrivals += [self._latest] * (len(self._waiting) - len(self._arrivals))
+        if not self._waiting:
             return []
         return self._samples() if self._decided is not None else self._decide()
 

@@ -115,6 +115,21 @@ def test_lines_without_stamps_out_of_a_pipe_have_the_stated_rate() -> None:
     assert samples.time[-1] - samples.time[0] == pytest.approx(2.99, abs=0.02)
 
 
+def test_motioncal_s_two_lines_a_sample_are_one_sample_and_no_damage() -> None:
+    lines = []
+    for k in range(200):
+        lines.append(f"Raw:{k},{-k},8192,{k},0,0,1,2,3")
+        lines.append(
+            f"17:50:0{k // 40}.{k % 40:03d} -> Uni:0.1,{k / 1000},9.80665,0.01,-0.02,0.03,20.1,-3.2,41.7"
+        )
+    _, samples, decoder = decoded("\n".join(lines).encode())
+    assert decoder.damaged == 0
+    assert decoder.good >= 200
+    assert len(samples) == 200
+    assert samples.specific_force is not None
+    np.testing.assert_allclose(samples.specific_force[:, 1], np.arange(200) / 1000)
+
+
 def test_garbage_and_half_lines_are_counted_and_passed_over() -> None:
     lines = as_csv().encode().split(b"\n")
     lines[50] = b"\xff\xfe\x00garbage"

@@ -22,6 +22,7 @@ class TextLines:
         self.good = self.damaged = 0
         self._rest = b""
         self._header: tuple[str, ...] | None = None
+        self._uni = False
 
     def feed(self, data: bytes, arrived: float) -> list[Piece]:
         """Return the samples of the lines that are complete."""
@@ -56,6 +57,11 @@ class TextLines:
         if row is None:
             self.damaged += not text.startswith((*COMMENTS, "Cal"))
             return
+        if row.kind == "motioncal":
+            # `Raw:` and `Uni:` repeat each other, and `Uni:` has the finer steps.
+            self._uni = self._uni or text.startswith("Uni")
+            if self._uni and not text.startswith("Uni"):
+                return
         names = row.names
         if names is None and self._header is not None and len(self._header) == len(row.values):
             names = self._header
