@@ -182,7 +182,9 @@ class FileOptions:
     columns: Annotated[
         str | None,
         option(
-            FILE, "NAME,...", "What the columns are, as t,ax,ay,az,gx,gy,gz; - skips one, -ay reverses one."
+            FILE,
+            "NAME,...",
+            "What the columns are, as t,ax,ay,az,gx,gy,gz,mx,my,mz; - skips one, -ay reverses one.",
         ),
     ] = None
     rate: Annotated[
