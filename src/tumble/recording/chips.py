@@ -1,6 +1,7 @@
 """Sensitivities of common chips by their measuring range: what one count is, from each maker's data sheet.
 
-They are nominal values. A unit differs from them by per cent, which is what a calibration finds.
+They are nominal values. A unit differs from them by per cent, which is what a calibration finds. The table was not read
+anew from each sheet: gravity at rest checks the accelerometer's number, and nothing at rest the gyro's.
 
 References
 ----------

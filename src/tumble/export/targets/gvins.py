@@ -1,6 +1,6 @@
 """GVINS: the noise of the IMU, as VINS-Mono has it, from which its estimator comes.
 
-Read in its configuration, whose keys and preintegration are those of VINS-Mono (see `vins`).
+Of its source only the configuration was read, whose keys are those of VINS-Mono (see `vins`).
 """
 
 from __future__ import annotations
