@@ -1,6 +1,6 @@
 """MPU-6000 and MPU-6050: the chip's own offset registers, which it adds to what it measures.
 
-By InvenSense's application note *MPU Hardware Offset Registers* 1.0 (2014), as public drivers cite it; no chip was tried:
+By InvenSense's application note *MPU Hardware Offset Registers* 1.0 (2014), as public drivers cite it; untried:
 accelerometers (0x06 to 0x0B) in the scale of ±8 g, 4096 LSB/g, gyros (0x13 to 0x18) in that of ±1000 °/s,
 32.8 LSB/(°/s), whichever range the outputs have. The accelerometers' registers begin with the factory's trim, so
 that a number is to be added to what stands there; bit 0 of each belongs to the temperature compensation and stays. The
