@@ -17,6 +17,7 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE / "site"))
 
 from command_pages import write_command_pages, write_page  # noqa: E402  (found where the line above says)
+from contents import CONTENTS, with_reader  # noqa: E402  (as above)
 from notebook_pages import write_notebook_page  # noqa: E402  (as above)
 from room_pages import write_room_pages  # noqa: E402  (as above)
 
@@ -61,50 +62,6 @@ write_notebook_page(HERE / "quickstart.ipynb", HERE / "reference" / "quickstart.
 # Types in docstrings are words ("rate in Hz"), which Sphinx takes for the names of attributes, of several at once.
 suppress_warnings = ["ref.python"]
 
-# Where each page stands at the side; a code host shows the tables of index.md instead.
-CONTENTS = {
-    "Where to begin": ["start/*"],
-    "Tutorials": ["reference/quickstart", "tutorials/*"],
-    "Commands and files": [
-        "commands",
-        "reference/commands/index",
-        "capture",
-        "production",
-        "registry",
-        "certificate",
-        "formats",
-        "corrected",
-        "inspect",
-        "file-format",
-        "protocols",
-        "report",
-    ],
-    "Procedures": [
-        "procedures/index",
-        "procedures/*",
-        "joint",
-        "magnetometer",
-        "segmentation",
-        "uncertainty",
-        "reliability",
-        "real-recordings",
-    ],
-    "Planning": ["plan", "poses", "mount", "simulation"],
-    "Noise and temperature": ["noise", "noise-models", "noise-other-tools", "denoising", "thermal"],
-    "Navigation": ["navigation"],
-    "Other tools": ["convert", "targets/*"],
-    "Papers": ["reproduce", "papers/*"],
-    "Reference": ["python", "conventions", "glossary", "contract", "reference/rooms/index"],
-    "For those who work on it": [
-        "architecture",
-        "style",
-        "decisions/index",
-        "decisions/*",
-        "reference/contributing",
-        "reference/changelog",
-    ],
-}
-
 
 def setup(app: Sphinx) -> None:
     """Have the contents added to the first page, and links to files above this folder led to their copies."""
@@ -114,6 +71,7 @@ def setup(app: Sphinx) -> None:
 def _for_the_site(_app: Sphinx, page: str, source: list[str]) -> None:
     for name in COPIED:
         source[0] = re.sub(rf"\]\((?:\.\./)+{name}\.md", f"](/reference/{name.lower()}.md", source[0])
+    source[0] = with_reader(page, source[0])
     if page == root_doc:
         for caption, pages in CONTENTS.items():
             lines = ["", "```{toctree}", ":hidden:", ":glob:", f":caption: {caption}", "", *pages, "```", ""]

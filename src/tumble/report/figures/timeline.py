@@ -101,7 +101,8 @@ def timeline(subject: Subject) -> list[Block]:
     caption = (
         "Each numbered blue stretch is a hold and should be flat; purple is a turn that was used, "
         + ("teal a spin, " if spins else "")
-        + "red was left out as an outlier, orange was rejected: point at the strip on top for the reason."
+        + "red was left out as an outlier. Orange was rejected, or is a numbered hold that sways and counts less. "
+        "Point at the strip on top for the reason."
     )
     label = "Specific force and angular rate over time with holds and turns"
     figures = Figures([Figure("timeline", label, data, layout)], caption)
