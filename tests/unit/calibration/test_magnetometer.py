@@ -225,6 +225,9 @@ def test_axes_that_are_swapped_are_said_and_mirrored_ones_are_not_fit() -> None:
     assert judge_magnetometer(mirrored, 0.8).use == "not fit"
     assert "mirrored" in judge_magnetometer(mirrored, 0.8).reasons[0]
     assert judge_magnetometer(estimated(replace(one, values=one.values * [1, -1, 1]), GIVEN)).use == "not fit"
+    # Without a latitude or a dip nothing can show it, and that is said.
+    assert any("is not checked" in remark for remark in judge_magnetometer(mirrored).remarks)
+    assert not any("is not checked" in remark for remark in judge_magnetometer(mirrored, 0.8).remarks)
 
 
 def test_a_norm_that_is_no_fields_of_the_earth_is_not_fit() -> None:

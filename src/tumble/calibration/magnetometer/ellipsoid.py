@@ -105,7 +105,8 @@ def _described(
     scaled: Vectors, taken: np.ndarray, x: Series, centre: Vector, size: float, step: float
 ) -> Ellipsoid:
     off, by, y = _residuals(scaled[taken], x)
-    norms = np.linalg.norm(y, axis=1)
+    norms: Series = np.sqrt(np.sum(y**2, axis=1))
+    scatter = float(np.sqrt(np.sum((norms - float(np.mean(norms))) ** 2) / norms.size))
     radius = float(np.median(1.0 / np.linalg.norm(y @ _shape(x), axis=1)))
     variance = max(float(off @ off) / max(len(off) - 9, 1), step**2 / 12.0)
     correlated = _correlated(off)
@@ -121,7 +122,7 @@ def _described(
         _shape(x) / size,
         centre + size * x[6:],
         covariance * np.outer(scale, scale),
-        float(np.linalg.norm(norms - float(np.mean(norms)))) / float(np.sqrt(norms.size)),
+        scatter,
         float(np.sqrt(0.5 * np.mean(neighbours**2))) / max(radius, 1e-300),
         correlated,
         1.0 - float(np.mean(taken)),

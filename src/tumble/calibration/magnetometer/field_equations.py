@@ -8,6 +8,7 @@ with C_wb from gravity that is norm and dip alone; with headings that the gyros 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 
@@ -154,6 +155,10 @@ class FieldAdjustment(JointAdjustment):
     def leave_out(self, outlier: Outlier) -> None:
         """Let the field of a hold take no part."""
         self.taking_part[FIELD][outlier.group] = False
+
+    def copy(self, free: np.ndarray | None = None) -> FieldAdjustment:
+        """Return an adjustment of its own, see `JointAdjustment.copy`."""
+        return cast("FieldAdjustment", JointAdjustment.copy(self, free))
 
     def field_w(self, section: int, course: Series) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
         """Return the field in w at each hold of a section, and its derivatives.

@@ -64,7 +64,7 @@ def judge_magnetometer(made: Magnetometer, latitude: float | None = None) -> Fie
     against = _against(made, latitude)
     reserved = _reservations(made) + _hemisphere(made, latitude)
     use: Use = "not fit" if against else "fit with reservations" if reserved else "fit"
-    return FieldVerdict(use, (*against, *reserved, *_in_favour(made)), tuple(_remarks(made)))
+    return FieldVerdict(use, (*against, *reserved, *_in_favour(made)), tuple(_remarks(made, latitude)))
 
 
 def _against(made: Magnetometer, latitude: float | None) -> list[str]:
@@ -221,7 +221,7 @@ def _in_favour(made: Magnetometer) -> list[str]:
     return said
 
 
-def _remarks(made: Magnetometer) -> list[str]:
+def _remarks(made: Magnetometer, latitude: float | None) -> list[str]:
     said: list[str] = []
     if made.field_unit == LOCAL:
         said.append(
@@ -243,6 +243,14 @@ def _remarks(made: Magnetometer) -> list[str]:
             said.append(
                 f"The magnetometer's axes are other ones than the accelerometers': its {named}. The matrix turns them."
             )
+    known = (made.given is not None and made.given.dip is not None) or (
+        latitude is not None and abs(latitude) > SURE_DIP
+    )
+    if made.method != "ellipsoid" and not known:
+        said.append(
+            "Whether the magnetometer's axes are mirrored against the accelerometers' is not checked: give --site, or "
+            "the dip with --field."
+        )
     if made.moving is None and made.method != "ellipsoid":
         said.append("No change of the magnetic field while recording was found.")
     return said
