@@ -50,8 +50,11 @@ def test_an_option_takes_the_same_kind_of_value_in_every_command() -> None:
 def test_what_used_to_collide_is_one_thing() -> None:
     found = parameters()
     assert {p.metavar for _, p in found["--noise"]} == {"NOISE.JSON"}
-    (told,) = {p.help for _, p in found["--rate"]}
-    assert told.startswith("Sampling rate, for a file without time stamps;")
+    told = {name: p.help for name, p in found["--rate"]}
+    # A plan has no file yet: there it is the rate of the recording to come.
+    assert told.pop("plan").startswith("The sample rate with its standard uncertainty")
+    (of_files,) = set(told.values())
+    assert of_files.startswith("Sampling rate, for a file without time stamps;")
     assert {p.help for _, p in found["--topic"] if _ != "convert"} == {p.help for _, p in found["--topic"]}
     assert len({p.help for _, p in found["--turn-on-bias"]}) == 1
     assert "simulate" not in dict(found["--units"])

@@ -64,7 +64,7 @@ class ProtocolOptions:
         str | None,
         option(
             ADVANCED,
-            "HZ±HZ",
+            "HZ[±HZ]",
             "The sample rate with its standard uncertainty, as 100±0.01, which all gyro scale factors share. "
             "Without it the rate is a nominal one, uncertain by 0.58 %.",
         ),

@@ -184,7 +184,13 @@ class AlikeEquations(RotationEquations):
 
     @classmethod
     def alike(cls, group: Sequence[Any], state: JointAdjustment) -> list[list[Linear]]:
-        """Return residuals of each rotation; all have one layout, and are of one section."""
+        """Return residuals of each rotation; all have one layout, and are of one section.
+
+        Raises
+        ------
+        NotImplementedError
+            If the kind has none of its own.
+        """
         raise NotImplementedError
 
 
