@@ -123,7 +123,8 @@ def _of_belief(outcome: JointOutcome) -> list[str]:
     task, solution = outcome.task, outcome.balanced.solution
     if not task.unknowns.is_free("table_rate") or task.prior is None:
         return []
-    (at,), (place,) = task.unknowns.places(["table_rate"]), task.unknowns.layout.indices("table_rate")
+    at = int(task.unknowns.places(["table_rate"])[0])
+    place = int(task.unknowns.layout.indices("table_rate")[0])
     belief = float(task.prior.precision[place, place])
     # Of what is recorded alone: the value without what is believed, which is none.
     information = 1.0 / float(solution.cofactor[at, at])
@@ -161,7 +162,7 @@ def _unbelieved(outcome: JointOutcome, place: int, at: int) -> tuple[float, floa
             float(task.unknowns.values[place]),
             float(made.cofactor[at, at]),
         )
-        for variance in turn * 0.25 ** np.arange(FINEST)
+        for variance in (turn * 0.25 ** np.arange(FINEST)).tolist()
         for task, made in [_released(outcome, place, variance)]
     ]
     best = min(found)
