@@ -468,7 +468,7 @@ def test_a_step_that_cannot_be_is_refused(step: Step, words: str) -> None:
 def test_what_cannot_be_simulated_is_refused_in_words() -> None:
     spin = protocol(HoldStep(3.0, Pose(Z)), SpinStep(10.0, 4.0), HoldStep(3.0))
     rng = np.random.default_rng(1)
-    with pytest.raises(UsageError, match="turns by 229 degrees, and a gyro sample of half a turn or more"):
+    with pytest.raises(UsageError, match=r"turns by 229 degrees\. A gyro sample of half a turn or more"):
         simulate_protocol(spin, 1.0, rng, site=SITE)
     with pytest.raises(UsageError, match="SI or counts, not in 'mg'"):
         simulate_protocol(spin, 100.0, rng, site=SITE, units="mg")

@@ -368,7 +368,7 @@ UP = HoldStep(5.0, Pose(-Z, 0.0))
         ),
         (
             (UP, TurnStep(3.0, X, np.pi), HoldStep(5.0), TurnStep(3.0), HoldStep(5.0, Pose(X, 0.3))),
-            r"Step 5: a fixture .* cannot bring the unit there; z would have to lie [\d.]+ degrees off",
+            r"Step 5: a fixture .* cannot bring the unit there\. z would have to lie [\d.]+ degrees off",
         ),
     ],
 )
