@@ -151,12 +151,12 @@ def _advice(channels: tuple[Channel, ...], curves: Deviation) -> list[str]:
                 parts.append(f"{'' if seen else 'at least '}{_words(longest)} for {term}")
                 hidden += [] if seen else [term]
         if parts:
-            unseen = (
-                f"; {' and '.join(hidden)}, not seen in all axes, take longer the further below their limits"
+            tail = (
+                f" Not every axis shows {' and '.join(hidden)} yet: below the limit it takes longer."
+                if hidden
+                else ""
             )
-            one = unseen.replace(" take ", " takes ").replace("their limits", "its limit")
-            tail = ("", one, unseen)[len(hidden)]
-            said.append(f"{title}: for ± 10 % record {' and '.join(parts)}{tail}.")
+            said.append(f"{title}: for ± 10 % record {' and '.join(parts)}.{tail}")
     return said
 
 

@@ -181,7 +181,7 @@ def test_a_tables_rates_do_not_hang_on_the_clock_and_tell_it(on_table: tuple[Ses
         assert "the table's rates" in caution
         assert "as the protocol states" in caution
         assert "30 ppm" in caution
-        found = [text for text in estimate.remarks if "clock of the samples runs 0.5" in text]
+        found = [text for text in estimate.cautions if "clock of the samples runs 0.5" in text]
         assert len(found) == (procedure == "joint")
         assert all("fast" in text for text in found)
 

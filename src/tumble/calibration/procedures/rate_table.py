@@ -477,14 +477,22 @@ def _linearity(readings: SpinReadings, fit: _Fit) -> str:
 
 
 def _about_tilt(sigma: float) -> str:
-    def words(angle: float) -> str:
-        return (
-            f"a misalignment is off by {two_digits(1e3 * angle)} mrad (one sigma) in one placement and a scale factor "
-            f"by -{two_digits(1e6 * angle**2)} ppm"
-        )
+    """Return what a table's axis that leans against the unit's own axis, unknown by how much, makes of the gyros."""
 
-    here = f"{words(sigma)} if it is {np.degrees(sigma):.2g}° about each axis, as here; " if sigma > 0 else ""
-    return f"What a table's axis does that is off the unit's and not known: {here}{words(np.radians(1.0))} if it is 1°."
+    def errors(angle: float) -> str:
+        return f"{two_digits(1e3 * angle)} mrad and −{two_digits(1e6 * angle**2)} ppm"
+
+    known = (
+        f"The table's axis leans by {np.degrees(sigma):.2g}° (one sigma) against the unit's. "
+        if sigma > 0
+        else ""
+    )
+    here = (
+        f"In each placement that makes misalignments and scale factors wrong by {errors(sigma)}. "
+        if known
+        else ""
+    )
+    return f"{known}{here}A lean of 1° makes {errors(np.radians(1.0))} (misalignment, scale factor)."
 
 
 def _run(session: Session) -> Estimate:
