@@ -239,7 +239,7 @@ def check_angular_rate_unit(recording: Recording, unit: str, name: str) -> list[
         ]
     other = unit_of_scale(scale.scale)
     doubled = gyro_step_words(ratio, recording.rate)
-    advice = f"{doubled}. Else it" if doubled is not None else "It"
+    advice = f"{doubled[0].upper()}{doubled[1:]}. Else it" if doubled is not None else "It"
     raise RecordingError(
         f"{name}: the gyro is declared to be in {unit}, but gravity turning in body axes shows "
         f"{scale.scale:.3g} rad/s per unit ({ratio:.3g} times the declared). {advice} looks like "

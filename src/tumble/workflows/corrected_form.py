@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from tumble.errors import UsageError
+from tumble.errors import RecordingError, UsageError
 from tumble.recording.formats.folder import euroc_file
 from tumble.recording.formats.hdf5_writing import ENDINGS as HDF5
 from tumble.recording.formats.output import ENDINGS as TABLES
@@ -96,6 +96,9 @@ def _no_log(name: str, log: str, autopilot: str, target: str, parameters: str) -
 
 def _checked_bag(target: Path, files: Sequence[Path]) -> Path:
     """Return the place of a bag that is a copy of a bag of the same kind."""
+    for file in files:
+        if not file.exists():
+            raise RecordingError(f"{file} does not exist.")
     found = ending_of(files[0]) if len(files) == 1 else None
     if found == target.suffix.lower():
         return target
