@@ -455,3 +455,21 @@ def test_verify_of_a_recording_without_holds_to_judge_by_is_refused(
     assert answer.status == 2
     assert len(answer.err.splitlines()) == 1
     assert "accelerometer" in answer.err
+
+
+def test_an_earlier_calibration_of_another_recording_is_kept(
+    tumble: Any, recording: Path, rows: np.ndarray, written: Any, tmp_path: Path
+) -> None:
+    made = tmp_path / "made"
+    call = ("--gravity", GRAVITY, "-o", made)
+    assert tumble("calibrate", recording, *call).status == 0
+    first = (made / "calibration.json").read_text(encoding="utf-8")
+    assert tumble("calibrate", recording, *call).status == 0
+    assert sorted(path.name for path in made.iterdir()) == ["calibration.json", "report.html"]
+    other = written(tmp_path / "other.csv", rows[:-1])
+    answer = tumble("calibrate", other, *call)
+    assert answer.status == 0
+    (kept,) = made.glob("calibration-before-*.json")
+    assert kept.name in answer.out
+    before = json.loads(kept.read_text(encoding="utf-8"))
+    assert before["parameters"] == json.loads(first)["parameters"]

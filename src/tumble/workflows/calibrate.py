@@ -15,7 +15,7 @@ from tumble.calibration.procedure import find_procedure
 from tumble.calibration.session import Options, Session
 from tumble.document.display import calibration_html
 from tumble.earth import Site
-from tumble.errors import ObservabilityError, OutputError, SegmentationError, UsageError
+from tumble.errors import CalibrationFileError, ObservabilityError, OutputError, SegmentationError, UsageError
 from tumble.limits import read_limits, with_limits
 from tumble.recording import Recording, read_recordings
 from tumble.recording.frames import Frame
@@ -482,6 +482,8 @@ def read_prior(prior: str | os.PathLike[str], serial: str | None = None) -> Stab
 def write_run(run: CalibrationRun, folder: Path) -> None:
     """Write both files beside their places, then rename both.
 
+    An earlier calibration there, of other recordings, is kept as ``calibration-before-IDENTITY.json``.
+
     Parameters
     ----------
     run, folder : what was made, and where it goes; the run is told its files.
@@ -493,9 +495,23 @@ def write_run(run: CalibrationRun, folder: Path) -> None:
     """
     from tumble.files import write_texts
 
+    kept = _of_other_recordings(folder / "calibration.json", run.calibration)
     run.files = write_texts(
         {folder / "calibration.json": run.calibration.to_json(), folder / "report.html": report_of(run)}
+        | kept
     )
+
+
+def _of_other_recordings(place: Path, made: Calibration) -> dict[Path, str]:
+    """What is to be kept of the calibration at a place, and where: nothing if it is of the same recordings."""
+    from tumble.document import read_calibration
+
+    try:
+        earlier, text = read_calibration(place), place.read_text(encoding="utf-8")
+    except (CalibrationFileError, OSError, UnicodeDecodeError):
+        return {}
+    before, now = ({one.sha256 for one in of.recordings} for of in (earlier, made))
+    return {} if before == now else {place.with_name(f"calibration-before-{earlier.identity}.json"): text}
 
 
 def report_of(run: CalibrationRun, library: str | None = None) -> str:
