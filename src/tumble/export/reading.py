@@ -20,6 +20,9 @@ LARGEST = 4 << 20
 _SCALES = (0.1, 10.0)
 _LARGEST_BIAS = 1e3
 
+# Readers multiply up to three numbers of a file.
+LARGEST_NUMBER = 1e60
+
 
 def text_of(path: Path) -> str:
     """Return a file's text.
@@ -148,7 +151,7 @@ def _flat(value: Any) -> list[Any]:
 
 
 def finite(value: Any, name: str, path: Path) -> float:
-    """Return a finite number of a file.
+    """Return a finite number of a file, of a size whose products are finite too.
 
     Parameters
     ----------
@@ -161,9 +164,12 @@ def finite(value: Any, name: str, path: Path) -> float:
         If it is none.
     """
     try:
-        return number_of(value)
+        number = number_of(value)
     except ValueError as error:
         raise CalibrationFileError(f"{name} in {path} cannot be used: {error}.") from None
+    if abs(number) > LARGEST_NUMBER:
+        raise CalibrationFileError(f"{name} in {path} is {number:g}: it is no calibration's number.")
+    return number
 
 
 def check_plausible(model: ImuModel, units: tuple[str, str], path: Path) -> None:
