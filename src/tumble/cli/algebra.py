@@ -111,10 +111,18 @@ def _say_recovery(truth: Path, calibration: Path, printed: PrintOptions) -> NoRe
     found = recovery(truth, calibration)
     if printed.as_json:
         parameters = [dataclasses.asdict(change) for change in found.parameters]
-        say_json({"recovered": found.recovered, "limit": found.limit, "parameters": parameters})
+        say_json(
+            {
+                "recovered": found.recovered,
+                "limit": found.limit,
+                "parameters": parameters,
+                "remarks": found.remarks,
+            }
+        )
     else:
         screen = console()
-        screen.print(found.sentence)
+        for sentence in (found.sentence, *found.remarks):
+            screen.print(sentence)
         if not printed.quiet:
             heads = ("truth", "error ± uncertainty")
             print_blocks([change_table(found.calibration, found.parameters, heads)], screen)

@@ -27,6 +27,7 @@ _FAR = 5.0
 # Of a parameter's natural size: what a change of frame and back makes of zero.
 _ROUNDING = 1e-12
 _NATURAL = 1e-9  # of a parameter's natural size, below which an uncertainty is rounding too
+FIELD_LEFT_OUT = "The magnetometer is not compared."
 _OPTIONAL = ("asymmetry", "quadratic", "g_sensitivity")
 
 
@@ -128,6 +129,8 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
     if not any(has):
         raise UsageError("The two calibrations have no triad in common.")
     _about_temperature(first, second, remarks)
+    if first.magnetometer is not None or second.magnetometer is not None:
+        remarks.append(FIELD_LEFT_OUT)
     if not first.covariance_parameters or not second.covariance_parameters:
         remarks.append(
             "One of the two has no uncertainties: the sigmas are those of the other alone, or missing."

@@ -89,7 +89,9 @@ class FieldVector(_Strict):
 
 
 class MagnetometerBlock(_Strict):
-    """The magnetometer: `matrix` raw units per `unit` (rows), `bias` raw units; None where it is not determined.
+    """The magnetometer: `matrix` raw units per `unit` (rows), `bias` raw units; None where it is not fit for use.
+
+    Without a matrix, `parameters` and `field` still say what was found: nothing is corrected by them.
 
     Attributes
     ----------
@@ -116,9 +118,14 @@ class MagnetometerBlock(_Strict):
     test_vectors: list[FieldVector] = Field(default_factory=list[FieldVector])
 
     @property
+    def unfit(self) -> bool:
+        """Whether its own verdict is against the use of it."""
+        return self.verdict is not None and self.verdict.use == "not fit"
+
+    @property
     def triad(self) -> Triad | None:
-        """What corrects; None where it is not determined."""
-        if self.matrix is None or self.bias is None:
+        """What corrects; None where it is not determined, or not fit for use."""
+        if self.matrix is None or self.bias is None or self.unfit:
             return None
         return Triad(np.array(self.matrix, dtype=float), np.array(self.bias, dtype=float))
 
@@ -129,8 +136,12 @@ class MagnetometerBlock(_Strict):
         ----------
         C_new_b : (3, 3) rotation.
         """
-        if self.matrix is None or self.frame == OWN_FRAME:
+        if self.frame == OWN_FRAME:
             return self
+        # The rotation against b is another one; bias and soft iron are the sensor's own.
+        own = [p for p in self.parameters if not p.name.startswith("rotation of the magnetometer")]
+        if self.matrix is None:
+            return self.model_copy(update={"parameters": own})
         matrix = np.array(self.matrix) @ C_new_b.T
         covariance = self.covariance
         if covariance:
@@ -146,8 +157,6 @@ class MagnetometerBlock(_Strict):
             )
             for one in self.test_vectors
         ]
-        # The rotation against b is another one; bias and soft iron are the sensor's own.
-        own = [p for p in self.parameters if not p.name.startswith("rotation of the magnetometer")]
         return self.model_copy(
             update={
                 "matrix": _rows(matrix),
@@ -187,14 +196,14 @@ class MagnetometerBlock(_Strict):
 
 
 def magnetometer_block(made: Magnetometer, verdict: FieldVerdict) -> MagnetometerBlock:
-    """Return the block of a magnetometer's calibration.
+    """Return the block of a magnetometer's calibration, without matrix and bias where it is not fit for use.
 
     Parameters
     ----------
     made, verdict : what was found, and how it is judged.
     """
-    triad = made.triad
-    told = triad is not None
+    triad = made.triad if verdict.fit else None
+    found, written = made.triad is not None, triad is not None
     given = made.given
     source = (
         given.source
@@ -214,10 +223,10 @@ def magnetometer_block(made: Magnetometer, verdict: FieldVerdict) -> Magnetomete
             FieldParameter(
                 name=p.name, value=p.value, standard_uncertainty=p.standard_uncertainty, unit=p.unit
             )
-            for p in (made.parameters if told else ())
+            for p in (made.parameters if found else ())
         ],
-        covariance_parameters=list(made.names) if told else [],
-        covariance=(0.5 * (made.covariance + made.covariance.T)).tolist() if told else [],
+        covariance_parameters=list(made.names) if written else [],
+        covariance=(0.5 * (made.covariance + made.covariance.T)).tolist() if written else [],
         field=FieldBlock(
             norm=made.norm,
             norm_standard_uncertainty=made.norm_sigma,
@@ -226,7 +235,7 @@ def magnetometer_block(made: Magnetometer, verdict: FieldVerdict) -> Magnetomete
             dip_deg=_degrees(made.dip),
             dip_standard_uncertainty_deg=_degrees(made.dip_sigma),
         )
-        if told
+        if found
         else None,
         quality=_quality(made),
         verdict=FieldVerdictBlock(use=verdict.use, reasons=list(verdict.reasons)),

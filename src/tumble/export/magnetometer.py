@@ -119,11 +119,13 @@ def without_rotation(made: FieldCorrection, title: str) -> tuple[FieldCorrection
     symmetric = replace(made, soft_iron=0.5 * (kept + kept.T), axes="of the magnetometer itself")
     if angle < 1e-4:
         return symmetric, []
+    # The largest difference of a vector and the turned one, of its length.
+    size = float(2.0 * np.sin(0.5 * np.radians(angle)))
     text = (
-        f"the magnetometer is turned by {angle:.2g} deg against the accelerometers' axes, and {title} has a symmetric "
-        "matrix without that rotation: headings are off by up to as much"
+        f"the magnetometer is turned by {angle:.3g} deg against the accelerometers' axes ({1e6 * size:.0f} ppm). "
+        f"{title} has a symmetric matrix without that rotation: headings are off by up to as much"
     )
-    return symmetric, [Loss(text)]
+    return symmetric, [Loss(text, size)]
 
 
 def field_lines(made: FieldCorrection, formula: str) -> list[str]:
@@ -153,4 +155,5 @@ NOT_WRITTEN = (
     "the magnetometer is left out: it takes counts or the field's norm is not known, and {title} works in {unit} "
     "(calibrate with --units and --field)"
 )
+UNFIT = "the magnetometer is left out: its calibration is not fit for use"
 ELSEWHERE = "the magnetometer is left out: {title} holds none"

@@ -13,7 +13,7 @@ from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.export import losses
 from tumble.export.losses import Loss
-from tumble.export.magnetometer import ELSEWHERE, FieldCorrection, field_correction
+from tumble.export.magnetometer import ELSEWHERE, UNFIT, FieldCorrection, field_correction
 from tumble.export.noise import SensorNoise
 from tumble.export.target import (
     BIAS,
@@ -196,6 +196,15 @@ def _magnetometer(
 ) -> FieldCorrection | None:
     """The magnetometer's correction for a target that holds one; what another one loses is noted."""
     known = field_correction(calibration, frame)
+    own = calibration.magnetometer
+    if known is None and own is not None and own.unfit:
+        if target.needs_magnetometer:
+            raise UsageError(
+                f"{target.title} holds a magnetometer, and the calibration's is not fit for use. Its verdict in "
+                "calibration.json says why."
+            )
+        if MAGNETOMETER in target.holds:
+            found.append(Loss(UNFIT))
     if known is None and target.needs_magnetometer:
         raise UsageError(
             f"{target.title} holds a magnetometer, and the calibration has none. Calibrate a recording that has one."

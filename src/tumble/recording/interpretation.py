@@ -26,7 +26,7 @@ from tumble.recording.columns import (
 from tumble.recording.declared import DeclaredUnits
 from tumble.recording.field_reading import decide_field_unit, field_beside, field_of_rows, hold_length
 from tumble.recording.formats.table import RawTable
-from tumble.recording.magnetic_field import MagneticField
+from tumble.recording.magnetic_field import NOTHING_MADE, MagneticField
 from tumble.recording.recording import Recording, Remark, Source
 from tumble.recording.signals import Signals, pick_signals
 from tumble.recording.temperature import COLDEST, HOTTEST, without_slips
@@ -98,7 +98,7 @@ def _refuse_parts(table: RawTable) -> list[Remark]:
         lacking = " and ".join(kind + axis for axis in AXES if axis not in axes)
         text = f"{table.path.name}: the header names {named} of the {what} and no {lacking}; a triad needs all three"
         if kind == "m":
-            said.append(Remark("found", f"{text}, so nothing is made of it."))
+            said.append(Remark("found", f"{text}, {NOTHING_MADE}"))
             continue
         others = {"a": "t,-,-,gx,gy,gz", "g": "t,ax,ay,az,-,-"}[kind]
         raise RecordingError(

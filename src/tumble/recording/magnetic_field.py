@@ -9,6 +9,9 @@ import numpy.typing as npt
 
 from tumble.arrays import Series, Vectors
 
+NOTHING_MADE = "so nothing is made of it."
+"""Ends the remark on a magnetometer that lacks a column."""
+
 
 @dataclass(frozen=True, slots=True)
 class MagneticField:

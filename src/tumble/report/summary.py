@@ -151,6 +151,8 @@ def print_calibration(calibration: Calibration, console: Console, *, verbose: bo
 def verdict_line(calibration: Calibration, files: Sequence[Path]) -> str:
     """Return the verdict and where the results are, in one line; against the use of one, the first reason, too.
 
+    A magnetometer that is not plainly fit is named with its own verdict.
+
     Parameters
     ----------
     calibration : what was found.
@@ -163,7 +165,15 @@ def verdict_line(calibration: Calibration, files: Sequence[Path]) -> str:
     places = ", ".join(str(file.resolve()) for file in files)
     where = f" Written: {places}" if places else ""
     limits = "" if calibration.limits is None else f" {DECISIONS[calibration.limits.decision].upper()}."
-    return f"{verdict_words(verdict.fit).upper()}.{limits}{because}{where}"
+    return f"{verdict_words(verdict.fit).upper()}.{limits}{because}{_of_magnetometer(calibration)}{where}"
+
+
+def _of_magnetometer(calibration: Calibration) -> str:
+    """The magnetometer's own verdict where it is not plainly fit, after a space."""
+    block = calibration.magnetometer
+    if block is None or block.verdict is None or block.verdict.use == "fit":
+        return ""
+    return f" {magnetometer_sentences(block)[0]}"
 
 
 def parameter_text(calibration: Calibration) -> str:

@@ -63,8 +63,13 @@ class CorrectedField:
         if field is None or form == "bag":
             return CorrectedField(None)
         if not corrects_field(document, recording):
-            said = "The calibration has no magnetometer: the corrected file has no magnetic field."
-            return CorrectedField(None, remarks=(said,))
+            block = document.stages[0].magnetometer
+            why = (
+                "The calibration's magnetometer is not fit for use"
+                if block is not None
+                else "The calibration has no magnetometer"
+            )
+            return CorrectedField(None, remarks=(f"{why}: the corrected file has no magnetic field.",))
         if form != "table":
             return CorrectedField(
                 None, remarks=("The magnetic field is written to tables (.csv, .parquet) only.",)

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 # Of a norm that is given without its own uncertainty: a model of the Earth's field knows it to 0.3 %, and buildings
 # and cars change it by more.
 NORM_SIGMA = 0.01
-# Of the Earth's field at its surface (IGRF-13: 22 to 67 µT), with what is built on it.
-WEAKEST, STRONGEST = 10e-6, 150e-6
+# µT, of the Earth's field at its surface (IGRF-13).
+WEAKEST, STRONGEST = 22.0, 67.0
 _NUMBER = r"\s*([-+]?[.\d]+(?:[eE][-+]?\d+)?)\s*"
 _FIELD = re.compile(
     rf"{_NUMBER}(?:(?:±|\+-|\+/-){_NUMBER})?([A-Za-zµμ]+)\s*(?:,\s*(?:dip)?{_NUMBER}(?:°|deg)?\s*)?"
@@ -61,9 +61,11 @@ def given_field(text: str | None) -> GivenField | None:
     factor = None if known is None else magnetic_field_factor(known)
     if factor is None:
         raise UsageError(f"--field {text}: {unit} is no unit of a magnetic field; see {EXAMPLE}.")
-    if not WEAKEST < factor * norm < STRONGEST or not 0.0 <= spread < norm:
+    # Rounded, so that the limits themselves are taken in every unit.
+    if not WEAKEST <= round(1e6 * factor * norm, 6) <= STRONGEST or not 0.0 <= spread < norm:
         raise UsageError(
-            f"--field {text}: the Earth's field has a norm of 22 to 67 µT; give the one of your place, as in {EXAMPLE}."
+            f"--field {text}: the Earth's field has a norm of {WEAKEST:g} to {STRONGEST:g} µT; give the one "
+            f"of your place, as in {EXAMPLE}."
         )
     if dip is not None and not abs(dip) <= math.pi / 2.0:
         raise UsageError(
@@ -84,8 +86,17 @@ def refuse_field_of_none(recording: Recording, given: GivenField | None) -> None
     UsageError
         If there is no magnetometer.
     """
-    if given is not None and recording.magnetic_field is None:
-        raise UsageError("--field was given, and the recording has no magnetometer: leave it out.")
+    if given is None or recording.magnetic_field is not None:
+        return
+    from tumble.recording.magnetic_field import NOTHING_MADE
+
+    for remark in recording.remarks:
+        if remark.text.endswith(NOTHING_MADE):
+            raise UsageError(
+                f"--field was given, and the magnetometer lacks a column. {remark.text} If it has another name, say "
+                "what every column is with --columns."
+            )
+    raise UsageError("--field was given, and the recording has no magnetometer: leave it out.")
 
 
 def add_magnetometer(session: Session, estimate: Estimate, given: GivenField | None) -> None:

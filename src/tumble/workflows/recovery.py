@@ -9,7 +9,7 @@ from statistics import NormalDist
 from typing import Any
 
 from tumble.document import Calibration, read_calibration
-from tumble.document.difference import ParameterChange
+from tumble.document.difference import FIELD_LEFT_OUT, ParameterChange
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.files.documents import DocumentError, read_json
 
@@ -48,6 +48,11 @@ class Recovery:
     def recovered(self) -> bool:
         """Whether all are within the limit."""
         return abs(self.worst.sigmas) <= self.limit
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is to be known of the comparison."""
+        return [] if self.calibration.magnetometer is None else [FIELD_LEFT_OUT]
 
     @property
     def sentence(self) -> str:

@@ -238,6 +238,30 @@ def test_a_norm_that_is_no_fields_of_the_earth_is_not_fit() -> None:
     assert "--units" in verdict.reasons[0]
 
 
+def test_a_scale_that_no_unit_has_is_not_fit_and_one_that_a_place_may_have_is_reserved() -> None:
+    # The simulator's magnetometer has one count per µT; the norm that is given is 49.2 µT.
+    one = seen(counts=1.0, step=0.1)
+    for unit, factor, use in (
+        ("gauss", 1.0, "not fit"),
+        ("nT", 1.0, "not fit"),
+        ("uT", 2.2, "not fit"),
+        ("uT", 0.45, "not fit"),
+        ("uT", 1.6, "fit with reservations"),
+        ("uT", 0.7, "fit with reservations"),
+        ("uT", 1.0, "fit"),
+    ):
+        verdict = judge_magnetometer(estimated(replace(one, values=factor * one.values), GIVEN, unit), 0.8)
+        assert verdict.use == use, (unit, factor)
+        assert (use == "fit") != any("The mean scale factor is" in reason for reason in verdict.reasons)
+
+
+def test_a_mirrored_magnetometer_has_no_scale_of_another_unit() -> None:
+    one = seen(counts=1.0, step=0.1)
+    verdict = judge_magnetometer(estimated(replace(one, values=one.values * [1.0, 1.0, -1.0]), GIVEN, "uT"))
+    assert verdict.use == "not fit"
+    assert not any("scale factor" in reason for reason in verdict.reasons)
+
+
 def test_the_norm_is_given_or_the_units_own() -> None:
     one = seen(counts=1.0, step=0.1)
     free, given = estimated(one, unit="uT"), estimated(one, GIVEN, "uT")

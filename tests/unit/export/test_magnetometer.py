@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from tumble.document.imported import calibration_from_model
-from tumble.document.magnetometer_block import FieldBlock, MagnetometerBlock
+from tumble.document.magnetometer_block import FieldBlock, FieldVerdictBlock, MagnetometerBlock
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.export.registry import TARGETS
@@ -245,6 +245,43 @@ def test_gauss_and_microtesla_are_one_field() -> None:
     np.testing.assert_allclose(
         by_ardupilot(written("ardupilot", gauss)), by_ardupilot(written("ardupilot")), rtol=1e-6
     )
+
+
+def unfit() -> Calibration:
+    """A calibration whose magnetometer's verdict is against its use."""
+    made = document()
+    assert made.magnetometer is not None
+    against = FieldVerdictBlock(use="not fit", reasons=["Its axes are mirrored."])
+    return made.model_copy(update={"magnetometer": made.magnetometer.model_copy(update={"verdict": against})})
+
+
+@pytest.mark.parametrize("name", sorted({*FORMULAS, *COMPILED} - {"motioncal"}))
+def test_a_magnetometer_that_is_not_fit_is_not_written_and_that_is_said(name: str) -> None:
+    made = prepare(unfit(), TARGETS[name], Wishes(largest_loss=0.1))
+    assert made.magnetometer is None
+    assert any("magnetometer is left out: its calibration is not fit" in loss.text for loss in made.losses)
+    assert "test vector: raw magnetic field [" not in "".join(TARGETS[name].write(made).values())
+
+
+def test_motioncal_refuses_a_magnetometer_that_is_not_fit() -> None:
+    with pytest.raises(UsageError, match="is not fit for use"):
+        written("motioncal", unfit())
+
+
+@pytest.mark.parametrize("name", TURNED)
+def test_the_rotation_that_is_lost_counts_against_the_limit(name: str) -> None:
+    # About z by 5.9°: a unit vector across z is off by the chord 2 sin(2.95°), which is 102929 ppm.
+    angle = np.radians(5.9)
+    turn = np.array(
+        [[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]]
+    )
+    made = document(matrix=1e6 * np.diag([1.07, 0.94, 1.12]) @ turn)
+    for limit in (0.05, 0.1028):
+        with pytest.raises(UsageError, match=r"the magnetometer is turned by 5\.9 deg"):
+            TARGETS[name].write(prepare(made, TARGETS[name], Wishes(largest_loss=limit)))
+    text = "".join(TARGETS[name].write(prepare(made, TARGETS[name], Wishes(largest_loss=0.1031))).values())
+    assert "turned by 5.9 deg" in text
+    assert "(102929 ppm)" in text
 
 
 def test_targets_without_one_state_the_loss_and_motioncal_wants_one() -> None:

@@ -6,10 +6,12 @@ import io
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import pytest
 from rich.console import Console
 
+from tumble.document.magnetometer_block import FieldVerdictBlock, MagnetometerBlock
 from tumble.document.result import Calibration
 from tumble.report.parameters import TEMPERATURE, parameter_rows
 from tumble.report.rounding import with_uncertainty
@@ -71,6 +73,24 @@ def test_one_line_says_the_verdict_why_it_is_against_and_where_the_files_are(
 ) -> None:
     line = verdict_line(calibration, [tmp_path / "calibration.json"])
     assert line == f"NOT FIT FOR USE. Too [red]few[/red] holds. Written: {tmp_path / 'calibration.json'}"
+
+
+@pytest.mark.parametrize("use", ["fit", "fit with reservations", "not fit"])
+def test_one_line_names_the_magnetometers_verdict_where_it_is_not_plainly_fit(
+    calibration: Calibration, use: Literal["fit", "fit with reservations", "not fit"]
+) -> None:
+    block = MagnetometerBlock(
+        raw_unit="uT",
+        unit="T",
+        frame="b",
+        method="holds and turns",
+        matrix=None,
+        bias=None,
+        verdict=FieldVerdictBlock(use=use, reasons=["Its axes are mirrored.", "And more."]),
+    )
+    line = verdict_line(calibration.model_copy(update={"magnetometer": block}), [])
+    said = f" Magnetometer: {use}. Its axes are mirrored."
+    assert line == verdict_line(calibration, []) + ("" if use == "fit" else said)
 
 
 def test_unasked_the_verdict_comes_first_and_each_parameter_stands_once(calibration: Calibration) -> None:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import tumble
+from tumble.document.difference import compare_calibrations
 from tumble.document.imported import calibration_from_model
-from tumble.document.magnetometer_block import MagnetometerBlock
+from tumble.document.magnetometer_block import FieldVerdictBlock, MagnetometerBlock
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.recording import Recording
@@ -17,6 +18,7 @@ from tumble.recording.formats.output import write_recording
 from tumble.recording.magnetic_field import MagneticField
 from tumble.sensor import ImuModel, Triad
 from tumble.workflows.corrected_field import CorrectedField
+from tumble.workflows.recovery import Recovery
 
 M = np.array([[1.07, 0.031, -0.052], [-0.083, 0.94, 0.047], [0.021, -0.066, 1.12]])
 H = np.array([12.5, -31.0, 47.25])
@@ -69,6 +71,26 @@ def test_a_corrected_file_has_the_true_field(tmp_path: Path, unit: str, factor: 
     assert back.unit == "uT"
     np.testing.assert_allclose(back.values, TRUE[np.arange(150) % 3], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(back.time, np.arange(150) / 25.0 + 0.003, atol=1e-9)
+
+
+def test_a_magnetometer_that_is_not_fit_is_left_out_and_that_is_said(tmp_path: Path) -> None:
+    write_recording(recording(), tmp_path / "raw.csv")
+    against = FieldVerdictBlock(use="not fit", reasons=["Its axes are mirrored."])
+    # A file may still have the matrix beside its verdict.
+    document(verdict=against).write(tmp_path / "calibration.json")
+    made = tumble.apply(tmp_path / "calibration.json", tmp_path / "raw.csv", output=tmp_path / "out.csv")
+    assert tumble.read_recording(made.file).magnetic_field is None
+    assert any("magnetometer is not fit for use" in text for text in made.remarks)
+    assert document(verdict=against).correct_field(TRUE) is None
+
+
+def test_a_comparison_says_that_the_magnetometer_is_not_in_it() -> None:
+    said = "The magnetometer is not compared."
+    with_one, without = document(), document().model_copy(update={"magnetometer": None})
+    assert said in compare_calibrations(with_one, with_one).remarks
+    assert said not in compare_calibrations(without, without).remarks
+    assert Recovery(with_one, [], 3.0).remarks == [said]
+    assert Recovery(without, [], 3.0).remarks == []
 
 
 def test_blocks_have_one_form_and_the_numbers_of_the_whole() -> None:

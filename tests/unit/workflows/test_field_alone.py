@@ -105,12 +105,45 @@ def test_what_field_means_is_read_or_refused(tmp_path: Path) -> None:
     for wrong in ("49.2", "49.2 furlongs", "4900uT", "49uT,120", "uT", "49.2uT,66,3", "-49uT"):
         with pytest.raises(TumbleError, match="--field"):
             given_field(wrong)
+    for beyond in ("15uT", "21.9uT", "67.1uT", "70uT", "0.7gauss"):
+        with pytest.raises(TumbleError, match="22 to 67 µT"):
+            given_field(beyond)
+    for limit in ("22uT", "67uT", "0.22gauss", "670mgauss", "22000nT"):
+        assert given_field(limit) is not None
     file = tmp_path / "six.csv"
     noise = np.random.default_rng(1).normal(0.0, 1e-3, (3000, 6))
     made = np.column_stack([0.01 * np.arange(3000), noise + np.array([0.0, 0.0, 9.81, 0.0, 0.0, 0.0])])
     np.savetxt(file, made, delimiter=",", header="t,ax,ay,az,gx,gy,gz", comments="", fmt="%.6f")
     with pytest.raises(TumbleError, match="no magnetometer"):
         tumble.calibrate(file, field="49uT")
+
+
+def test_a_field_for_a_magnetometer_that_lacks_a_column_names_the_column(tmp_path: Path) -> None:
+    file = tmp_path / "eight.csv"
+    rows = np.column_stack(
+        [0.01 * np.arange(500), np.tile([0.1, 0.2, 9.8, 0.0, 0.0, 0.01, 20.0, -3.0], (500, 1))]
+    )
+    names = "t,ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],gy [rad/s],gz [rad/s],mx [uT],my [uT]"
+    np.savetxt(file, rows, delimiter=",", header=names, comments="", fmt="%.3f")
+    with pytest.raises(TumbleError, match="and no mz; a triad needs all three") as caught:
+        tumble.calibrate(file, field="49uT")
+    assert "leave it out" not in str(caught.value)
+
+
+def test_a_magnetometer_that_is_not_fit_has_no_matrix_in_the_file(tmp_path: Path) -> None:
+    file = turned(tmp_path / "turned.csv")
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("[uT]", "[gauss]"), encoding="utf-8")
+    document = calibrate(file, output=tmp_path / "out", field="49±0.1uT").calibration
+    block = document.magnetometer
+    assert block is not None
+    assert block.verdict is not None
+    assert block.verdict.use == "not fit"
+    assert "of what the unit gauss says" in block.verdict.reasons[0]
+    assert "--units" in block.verdict.reasons[0]
+    assert (block.matrix, block.bias, block.covariance, block.test_vectors) == (None, None, [], [])
+    assert len(block.parameters) == 9
+    assert read_calibration(tmp_path / "out").correct_field(np.zeros((1, 3))) is None
 
 
 def test_few_samples_are_refused(tmp_path: Path) -> None:

@@ -26,6 +26,8 @@ FEW_LEFT_OUT, MANY_LEFT_OUT = 0.1, 0.25
 WEAKEST, STRONGEST = 15e-6, 90e-6
 # A given norm and dip that a place indoors may differ from, and beyond which it is another field.
 OFF_NORM, OFF_DIP = 0.2, np.radians(10.0)
+# Of a mean scale factor against the unit's own: wrong units are farther off, by ten or more.
+SMALLEST_SCALE, LARGEST_SCALE = 0.5, 2.0
 # Redundant observations of the field below which nothing is checked.
 LEAST_CHECKS = 6
 # From here on towards the poles the field points into the ground in the north, and out of it in the south.
@@ -64,6 +66,8 @@ def judge_magnetometer(made: Magnetometer, latitude: float | None = None) -> Fie
     against = _against(made, latitude)
     reserved = _reservations(made) + _hemisphere(made, latitude)
     use: Use = "not fit" if against else "fit with reservations" if reserved else "fit"
+    if against and made.triad is not None:
+        against.append("So the magnetometer is not corrected: the file has no matrix of it.")
     return FieldVerdict(use, (*against, *reserved, *_in_favour(made)), tuple(_remarks(made, latitude)))
 
 
@@ -99,6 +103,12 @@ def _impossible(made: Magnetometer, latitude: float | None) -> list[str]:
         said.append(
             f"The norm of the field is {1e6 * made.norm:.0f} µT in the recording's unit, and the Earth's is 22 to 67 "
             "µT. The unit is another one (--units), or a magnet is near."
+        )
+    scale = _scale(made)
+    if not SMALLEST_SCALE <= scale <= LARGEST_SCALE:
+        said.append(
+            f"The mean scale factor is {scale:.3g} of what the unit {made.raw_unit} says: the unit is another one "
+            "(--units), or the norm is not that of this place (--field)."
         )
     given = made.given
     if given is not None and given.dip is not None and np.isfinite(made.dip):
@@ -140,16 +150,21 @@ def _reservations(made: Magnetometer) -> list[str]:
         )
     if made.method == "ellipsoid":
         said.append(made.not_determined[0])
-    given = made.given
-    if given is not None and made.raw_unit != "counts":
-        factor = magnetic_field_factor(made.raw_unit) or 1.0
-        scale = float(np.cbrt(np.linalg.det(made.triad.matrix))) * factor
-        if abs(scale - 1.0) > OFF_NORM:
-            said.append(
-                f"The mean scale factor is {scale:.2f} of what the unit {made.raw_unit} says: the norm that was given "
-                "is not that of this place, or the unit is another one (--units)."
-            )
+    scale = _scale(made)
+    if abs(scale - 1.0) > OFF_NORM and SMALLEST_SCALE <= scale <= LARGEST_SCALE:
+        said.append(
+            f"The mean scale factor is {scale:.2f} of what the unit {made.raw_unit} says: the norm that was given "
+            "is not that of this place, or the unit is another one (--units)."
+        )
     return said
+
+
+def _scale(made: Magnetometer) -> float:
+    """The mean scale factor against the unit's own, mirrored or not; 1 where no norm or no unit makes it known."""
+    factor = magnetic_field_factor(made.raw_unit)
+    if made.triad is None or made.given is None or factor is None:
+        return 1.0
+    return float(np.cbrt(abs(np.linalg.det(made.triad.matrix)))) * factor
 
 
 def _hemisphere(made: Magnetometer, latitude: float | None) -> list[str]:

@@ -10,7 +10,6 @@ An offset of exactly zero with a scale of exactly one counts as not calibrated t
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +21,7 @@ from tumble.export.losses import Loss
 from tumble.export.magnetometer import NOT_WRITTEN, field_lines, without_rotation
 from tumble.export.polynomials import Polynomials, polynomials_of
 from tumble.export.reading import text_of
-from tumble.export.subject import Subject
+from tumble.export.subject import Subject, with_losses
 from tumble.export.target import BIAS, MAGNETOMETER, SCALE, TEMPERATURE, Imported, Target
 from tumble.export.words import commented, example_lines, head
 from tumble.files import number_of
@@ -58,7 +57,7 @@ def write(subject: Subject) -> dict[str, str]:
     rows += _thermal_rows(thermal, n + 1)
     of_field, told, lost = _field_rows(subject, unit)
     rows += of_field
-    reduced = replace(reduced, losses=(*reduced.losses, *lost))
+    reduced = with_losses(reduced, reduced.model, lost, TARGET.title)
     said = head(reduced, TARGET.title, FORMULA, example_lines(reduced))
     if any(thermal.used):
         said.append(f"the offsets hold at {thermal.reference:g} degrees Celsius, which the CALTEMP say")

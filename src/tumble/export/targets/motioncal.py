@@ -13,7 +13,7 @@ import numpy as np
 
 from tumble.errors import UsageError
 from tumble.export.magnetometer import FieldCorrection, field_lines, without_rotation
-from tumble.export.subject import Subject
+from tumble.export.subject import Subject, with_losses
 from tumble.export.target import MAGNETOMETER, Target
 from tumble.export.words import commented
 
@@ -27,7 +27,7 @@ def write(subject: Subject) -> dict[str, str]:
     Raises
     ------
     UsageError
-        If the magnetometer takes counts, or nobody knows the field's norm.
+        If the magnetometer takes counts, nobody knows the field's norm, or more is lost than the wishes allow.
     """
     assert subject.magnetometer is not None
     field = subject.magnetometer.in_units("uT", "uT")
@@ -37,7 +37,12 @@ def write(subject: Subject) -> dict[str, str]:
             "say the unit with --units when you calibrate."
         )
     field, lost = without_rotation(field, "MotionCal")
-    said = [f"{TARGET.title}", *field_lines(field, FORMULA), *(f"loss: {loss.text}" for loss in lost)]
+    subject = with_losses(subject, subject.model, lost, TARGET.title)
+    said = [
+        f"{TARGET.title}",
+        *field_lines(field, FORMULA),
+        *(f"loss: {loss.text}" for loss in subject.losses),
+    ]
     lines = ["V " + " ".join(f"{v:.9g}" for v in field.hard_iron), f"B {field.norm:.9g}"]
     lines += ["invW " + " ".join(f"{v:.9g}" for v in row) for row in field.soft_iron]
     lines.append("packet " + packet(field).hex(" "))

@@ -10,7 +10,6 @@ that loses is said. Magnetometers: ``x = R S (u - OFF)`` in gauss, S symmetric o
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +21,7 @@ from tumble.export.losses import Loss
 from tumble.export.magnetometer import NOT_WRITTEN, field_lines, without_rotation
 from tumble.export.polynomials import Polynomials, polynomials_of
 from tumble.export.reading import text_of
-from tumble.export.subject import Subject
+from tumble.export.subject import Subject, with_losses
 from tumble.export.target import BIAS, MAGNETOMETER, SCALE, TEMPERATURE, Imported, Target
 from tumble.export.words import commented, example_lines, head
 from tumble.files import number_of, shown
@@ -60,7 +59,7 @@ def write(subject: Subject) -> dict[str, str]:
     rows += _thermal_rows(thermal, n)
     of_field, told, lost = _field_rows(subject, n)
     rows += of_field
-    reduced = replace(reduced, losses=(*reduced.losses, *lost))
+    reduced = with_losses(reduced, reduced.model, lost, TARGET.title)
     said = head(reduced, TARGET.title, FORMULA, _test(reduced, thermal))
     said.append(
         f"CAL_ACC{n}_ID and CAL_GYRO{n}_ID are for you to keep: PX4 takes these numbers for the "
