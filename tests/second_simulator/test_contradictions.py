@@ -6,6 +6,7 @@ millionth, as a user does who trusts a counter of samples.
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
 
@@ -37,6 +38,25 @@ def calibrated(procedure: str, fault: str | None, grade: str = "industrial", see
         return tumble.calibrate(
             pl.DataFrame(made.columns()), protocol=file, rate=f"{rate}±{rate * 1e-6}"
         ).calibration
+
+
+@cache
+def on_a_quick_table(faster: float, ppm: str) -> Calibration:
+    """A right table of two slow rates, with what its protocol says of them, and promises."""
+    import tempfile
+
+    made = PROCEDURES["rate-table"](
+        GRADES["industrial"], np.random.default_rng(3), None, rates=(20.0, 80.0), rate=25.0
+    )
+    stated = made.protocol.replace("uncertainty_ppm: 30", f"uncertainty_ppm: {ppm}")
+    stated, spins = re.subn(
+        r"(rate_deg_per_s: )([-\d.]+)", lambda said: f"{said[1]}{faster * float(said[2]):.6f}", stated
+    )
+    assert spins == stated.count(f"uncertainty_ppm: {ppm}") == 24
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "protocol.yaml"
+        file.write_text(stated, encoding="utf-8")
+        return tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="25±0.000025").calibration
 
 
 def against(calibration: Calibration) -> str:
@@ -73,6 +93,17 @@ def test_a_table_whose_rates_are_all_off_is_contradicted_by_the_turns_between() 
     said = against(calibrated("rate-table", "all-rates", "consumer", 1005))
     assert "the table turned" in said
     assert "faster than the protocol says. It promises 30 ppm." in said
+
+
+@pytest.mark.parametrize("ppm", ["0", "1"])
+def test_a_table_that_is_believed_to_be_exact_is_contradicted_as_any_other(ppm: str) -> None:
+    said = against(on_a_quick_table(1.003, ppm))
+    assert "show that the table turned 0.3 % " in said
+    assert f"slower than the protocol says. It promises {ppm} ppm." in said
+
+
+def test_a_right_table_that_is_believed_to_be_exact_is_not_contradicted() -> None:
+    assert on_a_quick_table(1.0, "0").verdict.fit
 
 
 def test_an_adjustment_that_does_not_settle_with_what_is_believed_is_an_objection(

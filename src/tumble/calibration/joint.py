@@ -171,6 +171,7 @@ def calibrate_joint(
         say("optional terms")
         task, balanced, tests, untried = _with_terms(task, balanced, fresh, plain, of_table, sought)
     outcome = JointOutcome(recording, task, balanced, tests, start, untold, frame, has_gyro, prior, untried)
+    outcome.table_sigma = None if alike is None else alike.get("table_rate")
     if keep is not None:
         keep(outcome)
     estimate = joint_estimate(outcome)

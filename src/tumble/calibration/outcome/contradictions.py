@@ -13,9 +13,7 @@ from tumble.estimation.gauss_helmert import Prior
 from tumble.estimation.solve import solve
 
 if TYPE_CHECKING:
-    from tumble.calibration.equations.adjustment import JointAdjustment
     from tumble.calibration.outcome.estimate import JointOutcome
-    from tumble.estimation.settled import Settled
 
 MISSING = (
     "Samples are missing that left no trace in the stamps, the gyros saturate, or the mount gives. Record the stamps "
@@ -119,36 +117,33 @@ def _of_rates(outcome: JointOutcome) -> list[str]:
 
 
 def _of_belief(outcome: JointOutcome) -> list[str]:
-    """The share by which a table's rates are believed to be off at most, against what the turns show of it."""
-    task, solution = outcome.task, outcome.balanced.solution
-    if not task.unknowns.is_free("table_rate") or task.prior is None:
+    """The share by which a table's rates are believed to be off at most, against what the turns show of it.
+
+    A table that is believed to be exact has that share, too: it is free in the test alone.
+    """
+    believed, rotations = outcome.table_sigma, outcome.data.rotations.values()
+    if believed is None or all(rotation.turn_rate is None for rotation in rotations):
         return []
-    at = int(task.unknowns.places(["table_rate"])[0])
-    place = int(task.unknowns.layout.indices("table_rate")[0])
-    belief = float(task.prior.precision[place, place])
-    # Of what is recorded alone: the value without what is believed, which is none.
-    information = 1.0 / float(solution.cofactor[at, at])
-    by_itself = max(information - belief, 1e-300)
-    off = float(task.unknowns["table_rate"][0]) * information / by_itself
-    if abs(off) < SUSPECTED * np.hypot(by_itself**-0.5, belief**-0.5):
+    off, sigma, _ = _released(outcome, float(outcome.task.noise["turn"]))
+    if abs(off) < SUSPECTED * np.hypot(sigma, believed):
         return []
-    off, sigma, evidence = _unbelieved(outcome, place, at)
-    if evidence < EVIDENT or abs(off) < CONTRADICTION * np.hypot(sigma, belief**-0.5):
+    off, sigma, evidence = _unbelieved(outcome)
+    if evidence < EVIDENT or abs(off) < CONTRADICTION * np.hypot(sigma, believed):
         return []
     way = "faster" if off > 0.0 else "slower"
     said = (
         f"The turns between the holds show that the table turned {100.0 * abs(off):.2g} % (± {100.0 * sigma:.1g} %) "
-        f"{way} than the protocol says. It promises {1e6 * belief**-0.5:.2g} ppm. Check its rates and the sample "
+        f"{way} than the protocol says. It promises {1e6 * believed:.2g} ppm. Check its rates and the sample "
         "rate, or state what the table keeps (`uncertainty_ppm`)."
     )
     return [said]
 
 
-def _unbelieved(outcome: JointOutcome, place: int, at: int) -> tuple[float, float, float]:
-    """A share as all but the belief in it shows it, its standard uncertainty, and twice the log-likelihood gained.
+def _unbelieved(outcome: JointOutcome) -> tuple[float, float, float]:
+    """The table's share as all but the belief in it shows it, its standard uncertainty, and the log-likelihood gained.
 
-    The turns' noise was raised until the belief was no contradiction, which hides it. So it is the one that is most
-    likely without the belief, to first order.
+    Twice that, to be exact. The turns' noise was raised until the belief was no contradiction, which hides it. So it
+    is the one that is most likely without the belief, to first order.
     """
     turn, floors = float(outcome.task.noise["turn"]), _turn_variances(outcome)
 
@@ -157,17 +152,12 @@ def _unbelieved(outcome: JointOutcome, place: int, at: int) -> tuple[float, floa
         return square_sum + 2.0 * float(np.sum(np.log(floors + variance)))
 
     found = [
-        (
-            unlikely(made.square_sum, variance),
-            float(task.unknowns.values[place]),
-            float(made.cofactor[at, at]),
-        )
+        (unlikely(square_sum, variance), off, sigma)
         for variance in (turn * 0.25 ** np.arange(FINEST)).tolist()
-        for task, made in [_released(outcome, place, variance)]
+        for off, sigma, square_sum in [_released(outcome, variance)]
     ]
     best = min(found)
-    now = unlikely(outcome.balanced.solution.square_sum, turn)
-    return best[1], float(np.sqrt(best[2])), now - best[0]
+    return best[1], best[2], unlikely(outcome.balanced.solution.square_sum, turn) - best[0]
 
 
 def _turn_variances(outcome: JointOutcome) -> Series:
@@ -182,15 +172,26 @@ def _turn_variances(outcome: JointOutcome) -> Series:
     return np.maximum(np.array(made), LEAST_TURN_NOISE**2)
 
 
-def _released(outcome: JointOutcome, place: int, variance: float) -> tuple[JointAdjustment, Settled]:
-    """One step with nothing believed of a share, and another variance of the turns."""
+def _released(outcome: JointOutcome, variance: float) -> tuple[float, float, float]:
+    """The table's share after one step with nothing believed of it, its standard uncertainty, and the square sum.
+
+    The turns have another variance.
+    """
     task = outcome.task.copy()
-    assert task.prior is not None
-    precision = task.prior.precision.copy()
+    (place,) = task.unknowns.layout.indices("table_rate")
+    task.unknowns = task.unknowns.with_free(np.union1d(task.unknowns.free, [place]))
+    size = task.unknowns.values.size
+    prior = Prior(np.zeros(size), np.zeros((size, size))) if task.prior is None else task.prior
+    precision = prior.precision.copy()
+    precision[place, :] = precision[:, place] = 0.0
     precision[place, place] = UNBELIEVED**-2
-    task.prior = Prior(task.prior.mean, precision)
+    mean = prior.mean.copy()
+    mean[place] = 0.0
+    task.prior = Prior(mean, precision)
     task.noise.set("turn", variance)
-    return task, solve(task, once=True)
+    made = solve(task, once=True)
+    (at,) = task.unknowns.places(["table_rate"])
+    return float(task.unknowns.values[place]), float(np.sqrt(made.cofactor[at, at])), made.square_sum
 
 
 def _of_gravity_on_tables(outcome: JointOutcome) -> list[str]:

@@ -83,6 +83,8 @@ class JointOutcome:
     has_gyro : whether the recording has one.
     knowledge : of the accelerometers' angles, from an earlier calibration; None for none.
     untried : optional terms that what was recorded does not determine.
+    table_sigma : share by which a table's rates are believed to be off, one sigma, zero for exact ones; None if nobody
+        says.
     """
 
     recording: Recording
@@ -95,6 +97,7 @@ class JointOutcome:
     has_gyro: bool = True
     knowledge: StableKnowledge | None = None
     untried: list[str] = field(default_factory=list[str])
+    table_sigma: float | None = None
 
     @property
     def data(self) -> Observed:
