@@ -128,6 +128,22 @@ def without_rotation(made: FieldCorrection, title: str) -> tuple[FieldCorrection
     return symmetric, [Loss(text, size)]
 
 
+def too_turned(lost: Sequence[Loss], limit: float) -> list[Loss]:
+    """Return the loss of a magnetometer that is left out for its rotation; nothing where that is within the limit.
+
+    What else a file holds is no worse for it.
+
+    Parameters
+    ----------
+    lost : as `without_rotation` states it.
+    limit : of the true vector's length.
+    """
+    beyond = [loss for loss in lost if loss.size is not None and loss.size > limit]
+    if not beyond:
+        return []
+    return [Loss(f"the magnetometer is left out (--largest-loss PPM writes it): {beyond[0].text}")]
+
+
 def field_lines(made: FieldCorrection, formula: str) -> list[str]:
     """Return what a comment says of a magnetometer: formula, units, test vector.
 

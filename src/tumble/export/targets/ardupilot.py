@@ -18,7 +18,7 @@ from tumble.errors import CalibrationFileError, UsageError
 from tumble.export.autopilots import Found, diagonal, entries_of, from_parameters
 from tumble.export.curves import Curve
 from tumble.export.losses import Loss
-from tumble.export.magnetometer import NOT_WRITTEN, field_lines, without_rotation
+from tumble.export.magnetometer import NOT_WRITTEN, field_lines, too_turned, without_rotation
 from tumble.export.polynomials import Polynomials, polynomials_of
 from tumble.export.reading import text_of
 from tumble.export.subject import Subject, with_losses
@@ -75,6 +75,8 @@ def _field_rows(subject: Subject, unit: str) -> tuple[list[tuple[str, float]], l
     if field is None:
         return [], [], [Loss(NOT_WRITTEN.format(title="ArduPilot", unit="milligauss"))]
     field, lost = without_rotation(field, "ArduPilot")
+    if gone := too_turned(lost, subject.wishes.largest_loss):
+        return [], [], gone
     S = field.soft_iron
     # The offset is added there.
     rows = [(f"COMPASS_OFS{unit}_{axis}", -float(field.hard_iron[i])) for i, axis in enumerate("XYZ")]

@@ -18,7 +18,7 @@ from tumble.errors import CalibrationFileError, UsageError
 from tumble.export.autopilots import Found, diagonal, entries_of, from_parameters
 from tumble.export.curves import Curve
 from tumble.export.losses import Loss
-from tumble.export.magnetometer import NOT_WRITTEN, field_lines, without_rotation
+from tumble.export.magnetometer import NOT_WRITTEN, field_lines, too_turned, without_rotation
 from tumble.export.polynomials import Polynomials, polynomials_of
 from tumble.export.reading import text_of
 from tumble.export.subject import Subject, with_losses
@@ -78,6 +78,8 @@ def _field_rows(subject: Subject, n: int) -> tuple[list[tuple[str, float, int]],
     if field is None:
         return [], [], [Loss(NOT_WRITTEN.format(title="PX4", unit="gauss"))]
     field, lost = without_rotation(field, "PX4")
+    if gone := too_turned(lost, subject.wishes.largest_loss):
+        return [], [], gone
     S = field.soft_iron
     rows = [(f"CAL_MAG{n}_{axis}OFF", float(field.hard_iron[i]), REAL) for i, axis in enumerate("XYZ")]
     rows += [(f"CAL_MAG{n}_{axis}SCALE", float(S[i, i]), REAL) for i, axis in enumerate("XYZ")]
