@@ -106,6 +106,17 @@ def test_a_right_table_that_is_believed_to_be_exact_is_not_contradicted() -> Non
     assert on_a_quick_table(1.0, "0").verdict.fit
 
 
+@pytest.mark.parametrize("ppm", ["0", "1"])
+def test_what_the_gyros_show_of_the_tables_rate_is_the_gyros_own_and_no_conditions_residual(ppm: str) -> None:
+    """Their noise alone shows more than half of this in a spin; the condition of an exact rate keeps it to nothing."""
+    (said,) = [
+        word for word in on_a_quick_table(1.0, ppm).verdict.reasons if "the table's rate within" in word
+    ]
+    shown, expected = (float(figure) for figure in re.findall(r"([-.e\d]+) m°/s", said))
+    assert 0.5 < shown < 5.0
+    assert shown / expected == pytest.approx(1.0, abs=0.5)
+
+
 def test_an_adjustment_that_does_not_settle_with_what_is_believed_is_an_objection(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

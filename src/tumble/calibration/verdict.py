@@ -235,7 +235,9 @@ def _about_spins(estimate: Estimate) -> list[str]:
     """Return how well the corrected gyro shows the table's rates."""
     if estimate.spins.rates.size == 0:
         return []
-    rms, noise = root_mean_square(estimate.spins.residuals), root_mean_square(estimate.spins.sigmas)
+    spins = estimate.spins
+    # Of the rate as a vector: of one about the axis alone, three components are one number.
+    rms, noise = (root_mean_square(np.linalg.norm(rate, axis=1)) for rate in (spins.residuals, spins.sigmas))
     largest = float(np.max(np.abs(estimate.spins.rates)))
     sentence = (
         f"Over {estimate.spins.rates.size} spins the corrected gyro shows the table's rate within "

@@ -163,6 +163,20 @@ class RotationEquations(Equations):
         """Return (windows, 3) rad/s, what the gyros show in each window without bias and g-sensitivity."""
         return _window_rates(u, self.spin.force, self.spin.rate)
 
+    def mean_rate(self, u: Unknowns) -> float:
+        """Return what the corrected gyros show about the axis over all windows, rad/s, the Earth rate taken out."""
+        moving = self.moving
+        shown = self.rates(u).mean(axis=0) @ moving.axis_b
+        return float(shown - self.stretch.section.earth_w @ moving.axis_w)
+
+    def mean_rate_sigma(self, state: JointAdjustment) -> float:
+        """Return what `mean_rate` is uncertain by, rad/s: the samples' noise, and how the gyros' biases wander."""
+        spin, data = self.spin, state.data
+        weights = self.moving.axis_b @ inverted(gyro_matrix(state.unknowns))
+        shares = np.concatenate([[1.0], spin.modes.mean(axis=0)]) ** 2
+        wander = shares @ wander_variances(state, spin)[1]
+        return float(np.sqrt(weights**2 @ (data.base.rate_random_walk / spin.seconds + wander)))
+
 
 class AlikeEquations(RotationEquations):
     """Of one rotation, with the work done for all rotations of one layout at once."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series
-from tumble.calibration.equations.rotation_equations import Links, RotationEquations
+from tumble.calibration.equations.rotation_equations import Links
 from tumble.calibration.equations.spin_readings import contradicting_rates
 from tumble.estimation.gauss_helmert import Prior
 from tumble.estimation.solve import solve
@@ -110,7 +110,7 @@ def _of_rates(outcome: JointOutcome) -> list[str]:
         links = kinds.get("links")
         if not isinstance(links, Links) or links.spin.turn_rate is None:
             continue
-        shown = _mean_rate(links, outcome)
+        shown = links.mean_rate(outcome.task.unknowns)
         rates.append(abs(links.spin.turn_rate))
         errors.append(shown - abs(links.spin.turn_rate))
     return contradicting_rates(np.array(rates), np.array(errors)) if rates else []
@@ -213,10 +213,3 @@ def _of_gravity_on_tables(outcome: JointOutcome) -> list[str]:
         f"in a quarter of the {len(missed)} rotations or more. {MISSING}"
     )
     return [said]
-
-
-def _mean_rate(rotation: RotationEquations, outcome: JointOutcome) -> float:
-    """What the corrected gyros show about a rotation's axis, rad/s, the Earth rate taken out."""
-    moving = rotation.moving
-    shown = rotation.rates(outcome.task.unknowns).mean(axis=0) @ moving.axis_b
-    return float(shown - rotation.stretch.section.earth_w @ moving.axis_w)

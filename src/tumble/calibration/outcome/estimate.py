@@ -20,7 +20,6 @@ from tumble.calibration.equations.rotation_equations import (
     Angle,
     Links,
     RotationEquations,
-    TableRate,
 )
 from tumble.calibration.equations.turn import TOTAL
 from tumble.calibration.equations.turn_equations import integrate_links, link_covariance
@@ -359,11 +358,10 @@ def _spins(outcome: JointOutcome) -> Spins:
             left = np.sqrt(max(redundancy, CHECKED_ANGLE))
             sigmas[at] = left * max(spin.angle_sigma, LEAST_ANGLE_SIGMA) / links.duration
         elif "table rate" in last and spin.turn_rate is not None:
-            of_rate = last["table rate"].equations
-            assert isinstance(of_rate, TableRate)
             rates[at] = spin.turn_rate
-            residuals[at] = axis_b * float(last["table rate"].raw[0, 0]) / of_rate.seconds
-            sigmas[at] = max(spin.rate_sigma, 1e-9)
+            # The condition's own residual says how well the adjustment keeps the rate, and nothing of the gyros.
+            residuals[at] = axis_b * (links.mean_rate(outcome.task.unknowns) - abs(spin.turn_rate))
+            sigmas[at] = np.abs(axis_b) * np.hypot(links.mean_rate_sigma(outcome.task), spin.rate_sigma)
     return Spins(rates, residuals, sigmas, tuple(names))
 
 
