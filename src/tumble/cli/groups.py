@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, cast, get_args, get_origin, get_type_hints
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 from tumble.errors import UsageError
 
@@ -219,7 +219,44 @@ def flowing(text: str) -> str:
     )
 
 
-class Command(TyperCommand):
+class _Helped:
+    """What commands and groups of them have in common: the form of their help."""
+
+    def get_help_option(self, ctx: Any) -> Any:
+        """Return ``--help``, which stands among what is printed.
+
+        Parameters
+        ----------
+        ctx : typer's.
+        """
+        above: Any = super()
+        found = above.get_help_option(ctx)
+        if found is not None:
+            found.rich_help_panel = PRINTED
+            found.metavar = ""
+        return found
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print the help.
+
+        Parameters
+        ----------
+        ctx, formatter : typer's.
+        """
+        from tumble.cli.help import print_help
+
+        print_help(self, ctx)
+
+
+class Group(_Helped, TyperGroup):
+    """Commands under one name."""
+
+    def sentences(self) -> dict[str, str]:
+        """Return each command's name and the first sentence of its help."""
+        return {name: (one.help or "").partition("\n")[0] for name, one in self.commands.items()}
+
+
+class Command(_Helped, TyperCommand):
     """A command that still takes its options' former spellings, without showing them.
 
     Attributes
@@ -241,30 +278,6 @@ class Command(TyperCommand):
         today = [self.former.get(name, name) + equals + value for name, equals, value in words]
         return super().parse_args(ctx, today + args[stop:])
 
-    def get_help_option(self, ctx: Any) -> Any:
-        """Return ``--help``, which stands among what is printed.
-
-        Parameters
-        ----------
-        ctx : typer's.
-        """
-        found = super().get_help_option(ctx)
-        if found is not None:
-            found.rich_help_panel = PRINTED  # type: ignore[attr-defined]
-            found.metavar = ""
-        return found
-
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Print the help.
-
-        Parameters
-        ----------
-        ctx, formatter : typer's.
-        """
-        from tumble.cli.help import print_help
-
-        print_help(self, ctx)
-
 
 def command_class(former: dict[str, str]) -> type[Command]:
     """Return the class of a command with former spellings of options.
@@ -282,6 +295,7 @@ __all__ = [
     "FIRST",
     "PLACE",
     "PRINTED",
+    "Group",
     "Range",
     "command_class",
     "flowing",

@@ -1,4 +1,4 @@
-"""What `tumble COMMAND --help` prints: what it is for, an example, then its options, what people need first first."""
+"""What `tumble --help` and `tumble COMMAND --help` print: what it is for, an example, then the options."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ def print_help(command: Any, context: Any) -> None:
     from rich.text import Text
 
     screen = console()
-    words = [context.command_path, "[OPTIONS]", *_arguments(command, context)]
+    sentences: dict[str, str] = command.sentences() if hasattr(command, "sentences") else {}
+    after = ["COMMAND ..."] if sentences else _arguments(command, context)
+    words = [context.command_path, "[OPTIONS]", *after]
     screen.print(Text.assemble(("Usage: ", "yellow"), " ".join(words)))
     for paragraph in (command.help or "").split("\n\n"):
         example = paragraph.startswith("tumble ")
@@ -33,7 +35,11 @@ def print_help(command: Any, context: Any) -> None:
     for title, parameters in groupby(_ordered(command.get_params(context)), key=_panel):
         screen.print(Text(f"\n{title}", "bold"))
         for parameter in parameters:
-            _print_parameter(screen, parameter, context)
+            _print_parameter(screen, parameter)
+    if sentences:
+        screen.print(Text("\nCommands", "bold"))
+        for name, sentence in sentences.items():
+            _print_row(screen, f"  {name}", sentence)
 
 
 def _ordered(parameters: list[Any]) -> list[Any]:
@@ -64,15 +70,19 @@ def _spelled(parameter: Any) -> str:
     return f"{names} {parameter.metavar}" if parameter.metavar else names
 
 
-def _print_parameter(screen: Any, parameter: Any, context: Any) -> None:
-    from rich.table import Table
-    from rich.text import Text
-
-    left, words = f"  {_spelled(parameter)}", parameter.help or ""
+def _print_parameter(screen: Any, parameter: Any) -> None:
+    words = parameter.help or ""
     if parameter.show_default and parameter.default is not None and parameter.param_type_name == "option":
         words += f" Default: {parameter.default}."
     if getattr(parameter, "required", False) and parameter.param_type_name == "option":
         words += " Required."
+    _print_row(screen, f"  {_spelled(parameter)}", words)
+
+
+def _print_row(screen: Any, left: str, words: str) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
     if len(left) > _INDENT - 2:
         screen.print(Text(left, "cyan"))
         left = ""
