@@ -53,9 +53,9 @@ class OneOptions:
         str | None,
         option(
             PLACE,
-            "NORM[,DIP]",
-            "Magnetic field there with its unit, and its dip in degrees, as 49.2uT,66: makes the scale factors of a "
-            "magnetometer absolute.",
+            "NORM[,DIP]|wmm,LONGITUDE,DATE",
+            "Magnetic field there with its unit, and its dip in degrees (49.2uT,66): makes the scale factors of a "
+            "magnetometer absolute. Or by the World Magnetic Model at --site (wmm,11.58,2026-05-03).",
         ),
     ] = None
     monte_carlo: Annotated[

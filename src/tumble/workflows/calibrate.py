@@ -173,7 +173,7 @@ def calibrate(
         If the results cannot be written; earlier ones are intact.
     """
     say = progress or _silent
-    site, magnetic, noted = given_site(site), given_field(field), notes_of(notes)
+    site, noted = given_site(site), notes_of(notes)
     options = Options(optional_terms, noise_correction, data_sheet, unknowns, confirm_scale)
     check_procedure(procedure, options, has_protocol=protocol is not None)
     if monte_carlo is not None and not FEWEST_DRAWS <= monte_carlo <= MOST_DRAWS:
@@ -192,6 +192,7 @@ def calibrate(
 
         # What the protocol says against itself would else look like a fault of the recording.
         refuse_contradicting_turns(given.protocol)
+    magnetic = given_field(field, site or (given and given.protocol.site))
     recording, told, files = read_as_told(paths, given, columns, units, rate, topics)
     refuse_field_of_none(recording, magnetic)
     knowledge = None if prior is None else read_prior(prior, imu[1])
