@@ -106,6 +106,14 @@ COMMANDS = {
     ),
 }
 """Name -> the module of `cli` that it is in, and the first sentence of its help: the list of commands imports none."""
+PANELS = {
+    "Record and calibrate": ("demo", "inspect", "calibrate", "capture", "noise"),
+    "Use a calibration": ("verify", "apply", "convert", "diff", "mount", "certificate"),
+    "Many units": ("batch", "registry"),
+    "Before a test, and for papers": ("plan", "simulate", "reproduce"),
+    "Advanced": ("units", "predict", "compose", "invert", "denoise"),
+}
+"""The commands by what they are for, in the order of the help."""
 FORMER = {
     "verify": {"--turn-on": "--turn-on-bias"},
     "predict": {"--turn-on": "--turn-on-bias"},
@@ -133,7 +141,7 @@ class _Commands(Mapping[str, Any]):
             return typer.main.get_command(module.app)
         # A number below zero is to reach `units`, which says what is wrong with it.
         settings = {"ignore_unknown_options": True} if name == "units" else {}
-        kind = command_class(FORMER.get(name, {}))
+        kind = command_class({"--chip": "--units", **FORMER.get(name, {})})
         one = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
         one.command(name, cls=kind, context_settings=settings)(grouped(getattr(module, f"{name}_command")))
         return typer.main.get_command(one)
@@ -152,8 +160,8 @@ class _Program(Group):
         super().__init__(**given)
         self.commands = _Commands()  # type: ignore[assignment]
 
-    def sentences(self) -> dict[str, str]:
-        return {name: sentence for name, (_, sentence) in COMMANDS.items()}
+    def panels(self) -> dict[str, dict[str, str]]:
+        return {title: {name: COMMANDS[name][1] for name in names} for title, names in PANELS.items()}
 
 
 app = typer.Typer(
@@ -161,9 +169,9 @@ app = typer.Typer(
     cls=_Program,
     help="Calibrate inertial measurement units from a recording of the unit being tumbled.\n\n"
     "Start with `tumble inspect RECORDING`, then `tumble calibrate RECORDING`. "
-    "Without a recording, `tumble demo` calibrates one that ships with the package.",
+    "Without a recording, `tumble demo` calibrates one that ships with the package. "
+    "`tumble COMMAND --help` explains each.",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
 )
@@ -214,6 +222,8 @@ def main() -> None:
 
 
 def _run() -> None:
+    if "_TUMBLE_COMPLETE" in os.environ:  # the shell asks, and prints what it gets by itself
+        app()
     sys.unraisablehook = _send_again
     try:
         status = app(standalone_mode=False)

@@ -22,7 +22,7 @@ app = typer.Typer(
     "tumble-registry.sqlite in this folder.",
     no_args_is_help=True,
     add_completion=False,
-    rich_markup_mode="rich",
+    rich_markup_mode=None,
 )
 
 Operator: TypeAlias = Annotated[str, option(FIRST, "NAME", "Who measured, for `study`.", "--operator")]

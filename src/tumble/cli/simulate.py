@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tumble.cli.groups import ADVANCED, FIRST, in_si, option
+from tumble.cli.completion import complete_protocol
+from tumble.cli.groups import ADVANCED, FIRST, detail, in_si, option
 from tumble.cli.options import Imu, PrintOptions, Seed, SiteOptions, output_option
 from tumble.cli.simulate_options import (
     ChainOptions,
@@ -62,7 +63,7 @@ class SessionOptions:
     ] = "SI"
     axes: Annotated[
         str,
-        option(
+        detail(
             ADVANCED,
             "unit|case",
             "What the poses are of: the axes of the unit (default), or of its case (HG units).",
@@ -81,6 +82,7 @@ def simulate_command(
         str,
         typer.Argument(
             metavar="PROTOCOL",
+            autocompletion=complete_protocol,
             help="A protocol file, or the name of a protocol: six-position, multi-position-26 (18, 10, "
             "9), rate-table, modified-multi-position, turntable-9 (18), laboratory, "
             "strapdown-rotation, thermal-soak, thermal-ramp (-tumbled), thermal-fridge, hand-held. "
