@@ -115,10 +115,15 @@ def _port() -> Generator[Sender]:
     tty.setraw(theirs)
     os.set_blocking(ours, False)
 
+    rest = b""
+
     def send(lines: bytes) -> None:
-        # A port that nobody reads is full: what does not fit is lost, as on a cable.
+        nonlocal rest
+        # A port that nobody reads is full: whole lines are lost then, as on a cable.
         with suppress(BlockingIOError):
-            os.write(ours, lines)
+            rest = rest[os.write(ours, rest) :] if rest else rest
+            if not rest:
+                rest = lines[os.write(ours, lines) :]
 
     try:
         yield f"serial:{os.ttyname(theirs)}", send
