@@ -6,13 +6,19 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 from scipy.stats import chi2
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.equations.believed_poses import believed_poses
+from tumble.calibration.equations.imu_unknowns import LAYOUT
+from tumble.calibration.equations.rotation_equations import Windows
+from tumble.calibration.equations.stretches import RotationStretch
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.joint import calibrate_joint
+from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.earth import Site
+from tumble.estimation.equations import Linear
 from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.segmentation.matching import match_protocol, observe_matched_spins
@@ -37,7 +43,7 @@ def _protocol() -> Protocol:
 
 
 @cache
-def _run(*, noise: bool, seed: int = 5) -> tuple[Estimate, ImuModel]:
+def _run(*, noise: bool, seed: int = 5) -> tuple[Estimate, ImuModel, JointOutcome]:
     protocol = _protocol()
     (recording, truth), (noisy, _) = (
         simulate_protocol(
@@ -57,15 +63,20 @@ def _run(*, noise: bool, seed: int = 5) -> tuple[Estimate, ImuModel]:
     spins = observe_matched_spins(protocol, recording, timeline, matching)
     rotations = observe_rotations(protocol, recording, timeline, matching, means, spins)
     poses = believed_poses(protocol, matching)
+    kept: list[JointOutcome] = []
     estimate = calibrate_joint(
-        *(recording, timeline, means, SITE), rotations=rotations, poses=poses, optional_terms=False
+        *(recording, timeline, means, SITE),
+        rotations=rotations,
+        poses=poses,
+        optional_terms=False,
+        keep=kept.append,
     )
     assert truth.model is not None
-    return estimate, change_frame(truth.model, "accelerometer-x")
+    return estimate, change_frame(truth.model, "accelerometer-x"), kept[0]
 
 
 def test_without_noise_the_gyros_whole_matrix_comes_out_of_spins_about_the_vertical() -> None:
-    estimate, model = _run(noise=False)
+    estimate, model, _ = _run(noise=False)
     assert estimate.model.gyroscope is not None
     assert model.gyroscope is not None
     assert len(estimate.spins.names) == 6
@@ -78,7 +89,7 @@ def test_without_noise_the_gyros_whole_matrix_comes_out_of_spins_about_the_verti
 
 
 def test_with_noise_scale_factors_are_within_their_sigma_and_better_than_the_turns_alone_make_them() -> None:
-    estimate, model = _run(noise=True)
+    estimate, model, _ = _run(noise=True)
     assert estimate.model.gyroscope is not None
     assert model.gyroscope is not None
     names = [f"gyroscope.matrix[{i},{j}]" for i in range(3) for j in range(3)]
@@ -89,6 +100,28 @@ def test_with_noise_scale_factors_are_within_their_sigma_and_better_than_the_tur
     assert chi2.ppf(1e-3, 9) < error @ np.linalg.solve(covariance, error) < chi2.ppf(1.0 - 1e-3, 9)
     # A random walk of 4e-5 rad/√s over the spin, of 12.6 rad.
     assert np.sqrt(covariance[0, 0]) < 3e-5
+
+
+@pytest.mark.parametrize("index", LAYOUT.indices("gyro.matrix", "gyro.bias").tolist())
+def test_what_the_accelerometers_show_on_a_table_depends_on_the_axis_that_the_gyros_show(index: int) -> None:
+    """Windows of three radians: without these derivatives gravity along the axis seemed to show where the axis is."""
+    task = _run(noise=False)[2].task.copy()
+    (section,) = task.sections
+    before, spin = next(iter(task.data.rotations.items()))
+    assert RATE * spin.seconds / len(spin.windows) > 1.5
+    windows = Windows(RotationStretch(task, section, before))
+    windows.moving.own[windows.layout.lever] = 0.3, -0.2, 0.5
+
+    def shown(step: float) -> Linear:
+        values = task.unknowns.values.copy()
+        values[index] += step
+        moved = replace(task.copy(), unknowns=task.unknowns.at(values))
+        return Windows.alike([windows], moved)[0][0]
+
+    difference = (shown(1e-6).residual - shown(-1e-6).residual) / 2e-6
+    place = windows.layout.earth.stop + task.unknowns.free.tolist().index(index)
+    # Of what is along the axis, a share of gravity's part across it is left out, which half a degree off is 0.09.
+    np.testing.assert_allclose(shown(0.0).by_border[:, :, place], difference, atol=0.03)
 
 
 def test_a_spin_with_a_gap_breaks_the_section_and_gives_no_rate() -> None:

@@ -102,9 +102,7 @@ def find_format(name: str) -> Format:
     return found
 
 
-def pieces_of_link(
-    connect: Callable[[], Link], name: str, options: SourceOptions, spoken: str | None = None
-) -> Iterator[Piece]:
+def pieces_of_link(connect: Callable[[], Link], name: str, options: SourceOptions) -> Iterator[Piece]:
     """Yield what a line sends; a line that is lost is told, and opened again when it is back.
 
     Parameters
@@ -112,7 +110,6 @@ def pieces_of_link(
     connect : opens the line.
     name : of the stream, for messages.
     options : as given; without a format it is found from the first bytes.
-    spoken : the only format that the line speaks, whatever the options say.
 
     Raises
     ------
@@ -121,8 +118,7 @@ def pieces_of_link(
     RecordingError
         If the stream cannot be a recording, such as one whose header contradicts gravity.
     """
-    wanted = spoken or options.format
-    chosen = None if wanted is None else find_format(wanted)
+    chosen = None if options.format is None else find_format(options.format)
     link: Link | None = connect()
     stream = _Stream(options, name, chosen)
     try:

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from tumble.cli.array import default_folder, print_array
-from tumble.cli.completion import complete_procedure
 from tumble.cli.figures import FiguresOption, check_figures, draw_figures
-from tumble.cli.groups import ADVANCED, FIRST, detail, option, refuse_given
+from tumble.cli.groups import ADVANCED, FIRST, PLACE, option, refuse_given
 from tumble.cli.options import (
     DataSheet,
     FileOptions,
@@ -47,16 +46,16 @@ class OneOptions:
     intervals: Intervals = None
     unknowns: Annotated[
         int | None,
-        detail(ADVANCED, "N", "For multi-position: 9 a triad, 6 (no non-orthogonality) or 3 (bias alone)."),
+        option(ADVANCED, "N", "For multi-position: 9 a triad, 6 (no non-orthogonality) or 3 (bias alone)."),
     ] = None
     noise: NoiseFile = None
     field: Annotated[
         str | None,
         option(
-            ADVANCED,
-            "NORM[,DIP]|wmm,LONGITUDE,DATE",
-            "Magnetic field there with its unit, and its dip in degrees (49.2uT,66): makes the scale factors of a "
-            "magnetometer absolute. Or by the World Magnetic Model at --site (wmm,11.58,2026-05-03).",
+            PLACE,
+            "NORM[,DIP]",
+            "Magnetic field there with its unit, and its dip in degrees, as 49.2uT,66: makes the scale factors of a "
+            "magnetometer absolute.",
         ),
     ] = None
     monte_carlo: Annotated[
@@ -70,7 +69,7 @@ class OneOptions:
     ] = None
     noise_correction: Annotated[
         bool,
-        detail(
+        option(
             ADVANCED,
             "",
             "Take the noise's own square out of the norm of gyros on the Earth's rate (default).",
@@ -127,7 +126,7 @@ class EstimateOptions:
     ] = None
     optional_terms: Annotated[
         bool,
-        detail(
+        option(
             ADVANCED,
             "",
             "Try g-sensitivity and quadratic terms, and keep them if the data want them (default).",
@@ -170,7 +169,6 @@ def calibrate_command(
             "NAME",
             f"{', '.join(KNOWN_PROCEDURES[:-1])} or {KNOWN_PROCEDURES[-1]}; without it the protocol or the "
             "recording decides, and it is said why.",
-            complete=complete_procedure,
         ),
     ] = None,
 ) -> None:

@@ -9,7 +9,7 @@ among them: ``G (L^-1 S L^-T) G'`` for each part S of ``L L'``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from tumble.estimation.chain import Spread, Whitened
 from tumble.estimation.equations import Drift, Equations
 from tumble.estimation.gauss_helmert import Prior
 from tumble.estimation.settled import Settled
-from tumble.estimation.wander import shared_wander
+from tumble.estimation.wander import shared_wander, wider
 
 PRIOR, OUTLYING, BENT = "prior", "observations left out", "attitudes to second order"
 
@@ -104,7 +104,11 @@ class Influences:
 
 
 def influences_of(
-    settled: Settled, prior: Prior | None, densities: Mapping[str, Vector], span: tuple[float, float]
+    settled: Settled,
+    prior: Prior | None,
+    densities: Mapping[str, Vector],
+    span: tuple[float, float],
+    between: Mapping[str, Vector] | None = None,
 ) -> Influences:
     """Return what each observation does to the free unknowns.
 
@@ -114,6 +118,8 @@ def influences_of(
     prior : what was believed of all unknowns beforehand.
     densities : source -> (3,) raw², by which a triad's biases wander per unit of ``ln f``.
     span : s, of the recording.
+    between : source -> (3,) raw², the density that the holds show against one another: all that a source causes is
+        taken for a wander of this density, too, and the covariance is the wider of the two in every direction.
     """
     made: list[Influence] = []
     before: dict[tuple[int, str], int] = {}
@@ -132,7 +138,20 @@ def influences_of(
         if drifts and np.any(density > 0.0):
             neighbours[source] = shared_wander(drifts, density, span)
     neighbours[BENT] = _second_order(settled)
-    return Influences(made, settled.cofactor + sum(neighbours.values(), np.zeros(())), neighbours)
+    covariance = settled.cofactor + sum(neighbours.values(), np.zeros(settled.cofactor.shape))
+    for source, density in (between or {}).items():
+        other = _all_shared(made, source, density, span) - neighbours.get(source, 0.0)
+        more = wider(covariance, other) - covariance
+        neighbours[source] = neighbours.get(source, 0.0) + more
+        covariance = covariance + more
+    return Influences(made, covariance, neighbours)
+
+
+def _all_shared(made: list[Influence], source: str, density: Vector, span: tuple[float, float]) -> Square:
+    """As `shared_wander`, where what was added to the noise for want of another cause wanders, too."""
+    there = [(i, i.drifts[source]) for i in made if source in i.drifts]
+    whole = [(replace(d, independent=i.parts.get(source, d.independent)), i.gain) for i, d in there]
+    return shared_wander(whole, density, span)
 
 
 def _second_order(settled: Settled) -> Square:

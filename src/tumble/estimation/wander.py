@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square, Vector, inverted
+from tumble.errors import ObservabilityError
 from tumble.estimation.equations import Drift
 
 # Cosines over a rotation in which a bias wanders, at least, a revolution, and at most; what is faster is as good
@@ -137,8 +138,16 @@ def wider(covariance: Square, change: Square) -> Square:
     Parameters
     ----------
     covariance, change : (unknowns, unknowns) positive definite, and symmetric.
+
+    Raises
+    ------
+    ObservabilityError
+        If the covariance is not positive definite.
     """
-    root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+    try:
+        root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+    except np.linalg.LinAlgError as error:
+        raise ObservabilityError("The covariance of the adjustment is not positive definite.") from error
     inverse = inverted(root)
     values, vectors = np.linalg.eigh(inverse @ change @ inverse.T)
     along = root @ vectors

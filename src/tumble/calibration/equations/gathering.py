@@ -60,6 +60,7 @@ def gather(recording: Recording, timeline: Timeline, means: HoldMeans) -> HoldsA
         rate_random_walk=floor.angular_rate**2 / recording.rate,
         force_floor=_floor(means.specific_force_covariance, floor.specific_force, means),
         rate_floor=_floor(means.angular_rate_covariance, floor.angular_rate, means),
+        parts=means.parts,
     )
 
 

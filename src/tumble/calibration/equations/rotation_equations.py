@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vector, inverted
+from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vector, Vectors, inverted
 from tumble.attitude.rotations import (
     matrix_from_rotation_vector,
     rotation_vector_from_matrix,
@@ -41,6 +41,7 @@ from tumble.calibration.equations.imu_unknowns import (
     g_sensitivity,
     gyro_matrix,
     raw_force,
+    raw_rate,
     without_asymmetry,
 )
 from tumble.calibration.equations.observed import Observed, TableRotation, mean_backward_rotation
@@ -229,7 +230,8 @@ class Windows(AlikeEquations):
             np.concatenate([one.moving.C_wb for one in group]),
             np.repeat([one.moving.own for one in group], counts, axis=0),
         )
-        backward = np.concatenate(mean) @ np.swapaxes(C_wb, 1, 2)
+        turned = np.concatenate(mean)
+        backward = turned @ np.swapaxes(C_wb, 1, 2)
         up = np.array([0.0, 0.0, -state.site.gravity])
         cross, bases = skews(rates), layout.bases(modes)
         centripetal = cross @ cross
@@ -244,6 +246,10 @@ class Windows(AlikeEquations):
             blocks["lever_arms"] = size_effect.by_lever_arms(shown.by_true, centripetal)
         if u.is_free("lag"):
             blocks["lag"] = size_effect.by_lag(shown.by_true, rates, backward @ up)[:, :, None]
+        by_rate = _force_by_rate(turned, rates, np.swapaxes(C_wb, 1, 2) @ up, own[:, layout.lever])
+        by_output = -shown.by_true @ by_rate @ inverted(gyro_matrix(u))
+        felt = backward @ up
+        blocks |= {name: by_output @ block for name, block in raw_rate(u, rates, felt).by_blocks.items()}
         by_border = u.columns(blocks, layout.earth.stop)
         by_border[:, :, layout.lever] = shown.by_true @ centripetal
         by_border[:, :, layout.force] = bases
@@ -575,6 +581,23 @@ def _window_rates(u: Unknowns, raw_force: Table, raw_rate: Table) -> Table:
     force = (raw_force - u["force.bias"]) @ inverted(force_matrix(u)).T
     seen = without_asymmetry(u, raw_rate) - u["gyro.bias"] - force @ g_sensitivity(u).T
     return np.asarray((1.0 + u["clock"][0]) * (seen @ inverted(gyro_matrix(u)).T), dtype=np.float64)
+
+
+def _force_by_rate(turned: Matrices, rates: Vectors, centre: Vectors, lever: Vectors) -> Matrices:
+    """(windows, 3, 3) of the mean true force by the rate: about what gravity goes round, and the lever arm.
+
+    `centre` is gravity's force in the middle of each window. That it goes round a little faster is no matter.
+    """
+    speed = np.maximum(np.linalg.norm(rates, axis=1), 1e-30)[:, None, None]
+    axis, w, r = rates[:, :, None] / speed, rates[:, :, None], lever[:, :, None]
+    lost = 0.5 * (3.0 - np.trace(turned, axis1=1, axis2=2))[:, None, None]
+    odd = 0.5 * (turned - np.swapaxes(turned, 1, 2))
+    sine = -np.sum(odd * skews(axis[:, :, 0]), axis=(1, 2))[:, None, None] / 2.0
+    along = np.sum(axis[:, :, 0] * centre, axis=1)[:, None, None]
+    turning = lost * (axis * centre[:, None, :] + along * np.eye(3)) + sine * skews(centre)
+    across = (np.eye(3) - axis * np.swapaxes(axis, 1, 2)) / speed
+    outward = np.sum(w * r, axis=1, keepdims=True) * np.eye(3) + w * np.swapaxes(r, 1, 2)
+    return turning @ across + outward - 2.0 * r * np.swapaxes(w, 1, 2)
 
 
 def _modes_of_links(spin: TableRotation) -> AnyArray:

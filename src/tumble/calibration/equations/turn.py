@@ -30,6 +30,7 @@ from tumble.attitude.integration import average_at_edge
 from tumble.calibration.equations.triad_unknowns import COUNT, correct_with_derivatives, triad_from_unknowns
 from tumble.earth import EARTH_RATE
 from tumble.estimation import Linearisation
+from tumble.segmentation.rest_wander import RestParts
 
 # Where each unknown stands in the full list.
 FORCE = slice(0, COUNT)
@@ -60,6 +61,7 @@ class HoldsAndTurns:
     force_sample_variance : (3,) per sample at rest, raw².
     rate_random_walk : (3,) N² of each gyro, raw² s, from the holds.
     force_floor, rate_floor : (3,) raw², what no averaging takes away: a bias that wanders.
+    parts : means of the parts of the holds, which show how biases wander; None where nobody asks.
     """
 
     time: Series
@@ -78,6 +80,7 @@ class HoldsAndTurns:
     rate_random_walk: Vector
     force_floor: Vector
     rate_floor: Vector
+    parts: RestParts | None = None
 
     @property
     def holds(self) -> int:

@@ -25,6 +25,7 @@ from tumble.calibration.equations.causes import (
     TABLE_RATE,
     TURNS,
 )
+from tumble.calibration.equations.hold_equations import Rate
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
 from tumble.calibration.evidence import Budget
 from tumble.calibration.optional_terms import TERMS
@@ -43,6 +44,7 @@ from tumble.estimation.influence import PRIOR, Influences, influences_of
 from tumble.estimation.solve import settled_at, solve
 from tumble.estimation.undetected import ALPHA, POWER, undetected
 from tumble.recording.temperature import mean_celsius
+from tumble.segmentation.rest_wander import find_density
 from tumble.sensor.propagation import Function, jacobian
 from tumble.units import angular_rate_factor, specific_force_factor
 
@@ -54,6 +56,8 @@ if TYPE_CHECKING:
 SHOWN = 1e-4
 # A hold's samples are cut into eight batches at least, whose scatter is the noise at rest.
 DEGREES_OF_A_HOLD = 7.0
+# Of which density is found: more show nothing more.
+MOST_HOLDS = 60
 # A term is near its limit if its probability is within this factor of it, and below the last.
 NEAR, LARGEST_PROBABILITY = 100.0, 0.5
 
@@ -113,7 +117,33 @@ def recording_influences(task: JointAdjustment) -> Influences:
     data = task.data
     densities = {FORCE_WANDER: data.force_density, RATE_WANDER: data.rate_density}
     span = float(data.base.time[0]), float(data.base.time[-1])
-    return influences_of(settled_at(task), task.prior, densities, span)
+    settled = settled_at(task)
+    return influences_of(settled, task.prior, densities, span, {RATE_WANDER: rate_density(task)})
+
+
+def rate_density(task: JointAdjustment) -> Vector:
+    """Return (3,) raw² per unit of ``ln f``: the density by which the gyros' biases wander, as all rests show it.
+
+    Rests of one face lie near each other in time and share most of it: they scatter less among themselves than the
+    faces do.
+
+    Parameters
+    ----------
+    task : settled.
+    """
+    data, u = task.data, task.unknowns
+    parts, holds = data.base.parts, np.flatnonzero(task.taking_part["rate"])
+    if parts is None or parts.rate is None:
+        return data.rate_density
+    holds = np.intersect1d(holds, parts.hold)[:: max(1, -(-holds.size // MOST_HOLDS))]
+    shown, up_b = np.zeros((data.holds, 3)), np.zeros((data.holds, 3))
+    for section in task.sections:
+        (linear,) = Rate(section).linearise(task)
+        shown[section.holds] = linear.residual + data.base.rate_mean[section.holds]
+        up_b[section.holds] = section.C_wb[:, 1, 2]
+    columns = [np.ones(data.holds), *(up_b.T if u.is_free("gyro.g_sensitivity") else ())]
+    signal = parts.rate - shown[parts.hold]
+    return find_density(parts, signal, parts.rate_white, holds=holds, design=np.column_stack(columns)[holds])
 
 
 def wander_factors(task: JointAdjustment) -> Series:

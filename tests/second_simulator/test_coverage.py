@@ -1,0 +1,66 @@
+"""What is stated is what the second simulator's units do, where little of a recording shows it."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import tumble
+from second_simulator import GRADES, PROCEDURES
+from second_simulator.sensors import flicker
+from tumble.document import Calibration
+
+GRAVITY = 9.8
+
+
+@cache
+def on_a_table(grade: str, seed: int, speeds: tuple[float, ...], folder: Path) -> tuple[Calibration, float]:
+    """A calibration by a table, and how long it was, s."""
+    made = PROCEDURES["rate-table"](GRADES[grade], np.random.default_rng(seed), None, rates=speeds, rate=25.0)
+    file = folder / "protocol.yaml"
+    file.write_text(made.protocol, encoding="utf-8")
+    found = tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="25±0.001").calibration
+    return found, float(made.time[-1] - made.time[0])
+
+
+@pytest.mark.slow
+def test_six_faces_show_a_g_sensitivity_no_better_than_a_bias_keeps_from_face_to_face(tmp_path: Path) -> None:
+    """The rests of a face are near in time: half the difference of two faces is off by what the bias wanders between.
+
+    Drawn anew, a sixth of the recording for each face, opposite faces half of it apart.
+    """
+    found, seconds = on_a_table("consumer", 7, (20.0, 60.0, 120.0), tmp_path)
+    stated = [p.standard_uncertainty for p in found.parameters if p.name.startswith("g-sensitivity")]
+    assert len(stated) == 9
+    rng = np.random.default_rng(1)
+    halves: list[np.ndarray] = []
+    for _ in range(300):
+        drawn = flicker(6 * int(seconds / 6), 1.0, GRADES["consumer"].gyroscope.flicker, rng)
+        faces = drawn.reshape(6, -1, 3).mean(axis=1)
+        halves.append(0.5 * (faces[:3] - faces[3:]))
+    # The unit of the file is °/s.
+    wandered = np.degrees(np.sqrt(np.mean(np.square(halves)))) / GRAVITY
+    assert 0.8 * wandered < np.sqrt(np.mean(np.square(stated))) < 2.0 * wandered
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1002])
+def test_a_table_without_turns_between_its_faces_shows_no_axes_but_where_it_stands(
+    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the accelerometers show while it turns goes round the axis that the gyros show, and not another."""
+    from tumble.calibration.equations.adjustment import JointAdjustment
+
+    begin = JointAdjustment.__post_init__
+
+    def without_turns(task: JointAdjustment) -> None:
+        begin(task)
+        task.taking_part["turn"][:] = False
+
+    monkeypatch.setattr(JointAdjustment, "__post_init__", without_turns)
+    found, _ = on_a_table("consumer", seed, (20.0, 80.0), tmp_path)
+    assert found.verdict.fit
