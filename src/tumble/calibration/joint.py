@@ -402,9 +402,8 @@ def _with_terms(
         wanted = wanted_terms(trial, balanced, names, tests, limits, sought)
         if wanted == names:
             worse = [n for n in worse_predicted(without[1], balanced, names) if n not in sought]
-            weakest = _unneeded(
-                task, fresh, plain, balanced, sorted(worse, key=lambda n: -tests[n].probability)
-            )
+            worse.sort(key=lambda n: -tests[n].probability)
+            weakest = _unneeded(task, fresh, plain, without[1], balanced, worse)
             if weakest is None:
                 return trial, balanced, list(tests.values()), untried
             tests[weakest] = replace(tests[weakest], kept=False)
@@ -414,23 +413,34 @@ def _with_terms(
 
 
 def _unneeded(
-    task: JointAdjustment, fresh: JointAdjustment, plain: np.ndarray, balanced: Balanced, worse: list[str]
+    task: JointAdjustment,
+    fresh: JointAdjustment,
+    plain: np.ndarray,
+    without: Balanced,
+    balanced: Balanced,
+    worse: list[str],
 ) -> str | None:
     """The first term without which everything that was recorded is predicted better; None if there is none.
 
-    Holds are not predicted better by what turns tell of accelerometers, and turns are.
+    Holds are not predicted better by what turns tell of accelerometers, and turns are. `without` has no term at all.
     """
     for name in worse:
-        others = np.setdiff1d(balanced.solution.unknowns.free, TERMS[name].unknowns)
-        alone = _from_before(task, fresh, np.union1d(others, plain))
-        alone.prior = together(alone.prior, lever_prior(alone.unknowns))
-        try:
-            without = balance_recording(alone)
-        except (ObservabilityError, ConvergenceError):
-            continue
-        if surprise_added(without, balanced, ("force", "rate", "turn")) > 0.0:
+        free = np.union1d(np.setdiff1d(balanced.solution.unknowns.free, TERMS[name].unknowns), plain)
+        known = np.array_equal(free, without.solution.unknowns.free)
+        other = without if known else _balanced_from(task, fresh, free)
+        if other is not None and surprise_added(other, balanced, ("force", "rate", "turn")) > 0.0:
             return name
     return None
+
+
+def _balanced_from(task: JointAdjustment, fresh: JointAdjustment, free: np.ndarray) -> Balanced | None:
+    """The balanced adjustment of some unknowns, from before; None where it does not settle."""
+    alone = _from_before(task, fresh, free)
+    alone.prior = together(alone.prior, lever_prior(alone.unknowns))
+    try:
+        return balance_recording(alone)
+    except (ObservabilityError, ConvergenceError):
+        return None
 
 
 def _without_terms(

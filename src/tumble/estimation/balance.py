@@ -184,6 +184,10 @@ class Balanceable(Adjustable, Protocol):
         """Let an observation take no part."""
         ...
 
+    def aside(self) -> Callable[[], None]:
+        """Go on with copies; return a function that goes back to what was here, which a solution refers to."""
+        ...
+
 
 @dataclass(slots=True)
 class Balanced:
@@ -230,7 +234,7 @@ def _without_chance(task: Balanceable, component: Component, solution: Settled) 
     nothing = component.nothing(task)
     if task.noise[component.name] <= nothing or witnesses[0] not in solution.tests():
         return solution
-    back = task.snapshot()
+    back = task.aside()
     task.noise.set(component.name, nothing)
     try:
         # One step tells almost always: what it refuses need not settle.
@@ -244,7 +248,7 @@ def _without_chance(task: Balanceable, component: Component, solution: Settled) 
     except ConvergenceError:
         pass
     back()
-    return solve(task)
+    return solution
 
 
 def _settle(task: Balanceable, solution: Settled, *, robust: bool) -> Settled:

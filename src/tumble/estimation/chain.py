@@ -242,8 +242,7 @@ class Chain:
         for (stretch, outside), whitened in zip(given, terms, strict=True):
             chain = Chain.zero(stretch.nodes, stretch.size, stretch.own, outside)
             chain.stretch = stretch
-            for term in whitened:
-                chain.add(term)
+            chain.add(*whitened)
             fresh = [
                 (inner, place.width + stretch.own + outside)
                 for place, inner in stretch.within
@@ -255,8 +254,19 @@ class Chain:
             made.append(chain)
         return made
 
-    def add(self, term: Whitened) -> None:
+    def add(self, *terms: Whitened) -> None:
         """Add whitened residuals that depend on a node and the next one at most, and on the border."""
+        if not terms:
+            return
+        for term in terms:
+            self._add_to_nodes(term)
+        # What they say of the border alone, in one product.
+        flat = np.concatenate([term.by_border.reshape(-1, len(self.corner)) for term in terms])
+        self.corner += flat.T @ flat
+        self.corner_gradient += flat.T @ np.concatenate([term.residual.ravel() for term in terms])
+        self.terms += terms
+
+    def _add_to_nodes(self, term: Whitened) -> None:
         node, by_border, border = term.linear.node, term.by_border, term.by_border.shape[2]
         for by, at in ((term.by_node, node), (term.by_next, node + 1)):
             if by is None:
@@ -272,10 +282,6 @@ class Chain:
             _add_at(self.diagonal, at, made[..., first:second])
             if len(others) > 3:
                 _add_at(self.lower, node, made[..., second:])
-        flat = by_border.reshape(-1, border)
-        self.corner += flat.T @ flat
-        self.corner_gradient += flat.T @ term.residual.ravel()
-        self.terms.append(term)
 
     def join(self, place: Place, inner: Eliminated) -> None:
         """Add what an eliminated chain says of its outside."""
@@ -316,12 +322,14 @@ class Chain:
         from tumble.estimation.kernels import eliminate
 
         diagonal, lower, border = self.diagonal.copy(), self.lower.copy(), self.border.copy()
-        gradient, corner, right = self.gradient.copy(), self.corner.copy(), self.corner_gradient.copy()
-        bad = eliminate(diagonal, lower, border, gradient, corner, right)
+        gradient = self.gradient.copy()
+        bad = eliminate(diagonal, lower, border, gradient)
         if bad >= 0:
             raise ObservabilityError(
                 f"Node {bad + 1} of {len(self.diagonal)} of the motion is not determined by what was observed."
             )
+        flat = border.reshape(-1, len(self.corner))
+        corner, right = self.corner - flat.T @ flat, self.corner_gradient - flat.T @ gradient.ravel()
         own = slice(0, self.own)
         inverse = inverted(corner[own, own]) if self.own else np.zeros((0, 0))
         return Eliminated(self, diagonal, lower, border, gradient, corner, right, inverse)
@@ -374,16 +382,24 @@ class Eliminated:
             substitute(self.diagonal, self.lower, self.border, self.gradient, border, steps)
         return steps
 
-    def move(self, outside: Series, share: float = 1.0) -> None:
-        """Move everything in the chain, and within it, by a share of the step that goes with the outside's."""
+    def move(self, outside: Series, share: float = 1.0, *, residuals: bool = True) -> None:
+        """Move everything in the chain, and within it, by a share of the step that goes with the outside's.
+
+        Parameters
+        ----------
+        outside : the step.
+        share : of it.
+        residuals : move the residuals, too: of equations that are made anew nobody looks at them.
+        """
         border = np.concatenate([self.own_step(outside), outside])
         nodes = self.nodes_step(border)
         for place, inner in self.within:
             k = place.node
             ends = [nodes[k, place.at_node], nodes[k + 1, place.at_next]] if k >= 0 else []
-            inner.move(np.concatenate([*ends, border]), share)
-        for term in self.chain.terms:
-            term.move(share * nodes, share * border)
+            inner.move(np.concatenate([*ends, border]), share, residuals=residuals)
+        if residuals:
+            for term in self.chain.terms:
+                term.move(share * nodes, share * border)
         if self.chain.stretch is not None:
             self.chain.stretch.move(share * nodes, share * border[: self.chain.own])
 

@@ -16,17 +16,15 @@ def eliminate(
     lower: cython.double[:, :, ::1],
     border: cython.double[:, :, ::1],
     gradient: cython.double[:, ::1],
-    corner: cython.double[:, ::1],
-    corner_gradient: cython.double[::1],
 ) -> int:
     """Factor a bordered chain in place, nodes from first to last; return -1, or the node that is not positive.
 
     `diagonal` (nodes, d, d) becomes the Cholesky factors L_k; `lower` (nodes - 1, d, d), blocks in row k + 1 and
     column k, becomes L_k^-1 lower_k'; `border` (nodes, d, b) and `gradient` (nodes, d) become L_k^-1 times
-    what is left of them; `corner` (b, b) and `corner_gradient` (b,) lose what the nodes take.
+    what is left of them. Their squares are what the border's own equations lose to the nodes.
     """
     with cython.nogil:
-        found = _eliminate(diagonal, lower, border, gradient, corner, corner_gradient)
+        found = _eliminate(diagonal, lower, border, gradient)
     return int(found)
 
 
@@ -39,8 +37,6 @@ def _eliminate(
     lower: cython.double[:, :, ::1],
     border: cython.double[:, :, ::1],
     gradient: cython.double[:, ::1],
-    corner: cython.double[:, ::1],
-    corner_gradient: cython.double[::1],
 ) -> cython.Py_ssize_t:
     """Do what `eliminate` does."""
     nodes, d, b = border.shape[0], border.shape[1], border.shape[2]
@@ -93,16 +89,6 @@ def _eliminate(
                         lower[k, i, j] -= diagonal[k, i, m] * lower[k, m, j]
                 for j in range(d):
                     lower[k, i, j] /= diagonal[k, i, i]
-        for i in range(d):
-            for j in range(b):
-                factor = border[k, i, j]
-                if factor != 0.0:
-                    for m in range(j, b):
-                        corner[j, m] -= factor * border[k, i, m]
-                    corner_gradient[j] -= factor * gradient[k, i]
-    for j in range(b):
-        for m in range(j):
-            corner[j, m] = corner[m, j]
     return -1
 
 

@@ -7,9 +7,7 @@ import numpy.typing as npt
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 
-def eliminate(
-    diagonal: Floats, lower: Floats, border: Floats, gradient: Floats, corner: Floats, corner_gradient: Floats
-) -> int: ...
+def eliminate(diagonal: Floats, lower: Floats, border: Floats, gradient: Floats) -> int: ...
 def substitute(
     diagonal: Floats, lower: Floats, border: Floats, gradient: Floats, corner_step: Floats, steps: Floats
 ) -> None: ...

@@ -19,6 +19,8 @@ ITERATIONS = 100
 DIVERGED = "The joint adjustment diverged: its unknowns left all bounds."
 # A thousandth of a sigma: the step itself is still taken, and the next would be a millionth.
 TOLERANCE, ROUND_OFF = 1e-3, 1e-2
+# An adjustment that goes round in circles is given up: within so many steps the shortest is to lose a tenth.
+PATIENCE, SHORTER = 15, 0.9
 # A square sum may grow by so much and not be worse; a smaller share of a step is no step.
 SLACK, LEAST_SHARE = 0.1, 1e-3
 
@@ -99,6 +101,7 @@ def solve(task: Adjustable, *, once: bool = False, tolerance: float = TOLERANCE)
     quarter of it is tried; the share grows again with each step that is good.
     """
     before, share, last = np.inf, 1.0, _Step(np.inf, None)
+    shortest, since, iteration = np.inf, 0, 0
     for iteration in range(1, ITERATIONS + 1):
         made = _equations(task, final=last.back is None or share <= LEAST_SHARE)
         if last.back is not None and share > LEAST_SHARE and (made is None or last.is_bad(made.cost)):
@@ -110,19 +113,23 @@ def solve(task: Adjustable, *, once: bool = False, tolerance: float = TOLERANCE)
         if not np.all(np.isfinite(step)):
             raise ConvergenceError(DIVERGED)
         size = longest(step, made.cofactor)
+        shortest, since = (size, iteration) if size < SHORTER * shortest else (shortest, since)
+        if iteration - since > PATIENCE:
+            break
         taken = 1.0 if once or size <= ROUND_OFF else share
         back = None if once else task.snapshot()
-        made.chain.move(step, taken)
+        here = np.maximum(np.abs(task.unknowns.values[task.unknowns.free]), 1.0)
+        done = once or size <= tolerance or bool(size < ROUND_OFF and size >= before)
+        done = done or bool(np.all(np.abs(step) <= 1e-13 * here))
+        made.chain.move(step, taken, residuals=done)
         task.unknowns = _moved(task.unknowns, taken * step)
         changed = task.stepped(made.chain, made.cofactor)
-        here = np.abs(task.unknowns.values[task.unknowns.free])
-        settled = bool(np.all(np.abs(step) <= 1e-13 * np.maximum(here, 1.0)))
-        if once or size <= tolerance or settled or (size < ROUND_OFF and size >= before):
+        if done:
             return _settled(task, made.chain, made.cofactor, iteration)
         # What is believed may have changed with the step: then the square sum says nothing of it.
         last = _Step(np.inf if changed else made.cost, back)
         before, share = size, min(1.0, 2.0 * share)
-    raise ConvergenceError(f"The joint adjustment did not settle within {ITERATIONS} iterations.")
+    raise ConvergenceError(f"The joint adjustment did not settle within {iteration} iterations.")
 
 
 @dataclass(frozen=True, slots=True)
