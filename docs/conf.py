@@ -57,7 +57,8 @@ for name in COPIED:
     write_page(HERE / "reference" / f"{name.lower()}.md", text)
 write_command_pages(HERE / "reference" / "commands")
 write_room_pages(HERE / "reference" / "rooms")
-write_notebook_page(HERE / "quickstart.ipynb", HERE / "reference" / "quickstart.md")
+for notebook in HERE.glob("*.ipynb"):
+    write_notebook_page(notebook, HERE / "reference" / f"{notebook.stem}-notebook.md")
 
 # Types in docstrings are words ("rate in Hz"), which Sphinx takes for the names of attributes, of several at once.
 suppress_warnings = ["ref.python"]

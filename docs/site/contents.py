@@ -10,7 +10,7 @@ from fnmatch import fnmatchcase
 
 CONTENTS = {
     "Where to begin": ["start/*"],
-    "Tutorials": ["reference/quickstart", "tutorials/*"],
+    "Tutorials": ["reference/*-notebook", "tutorials/*"],
     "How to: record and calibrate": [
         *("capture", "inspect", "procedures/index", "procedures/*", "magnetometer", "thermal", "noise"),
     ],

@@ -6,17 +6,19 @@ import os
 import subprocess
 import sys
 from collections import defaultdict
+from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
 
-from tumble.cli.groups import flowing, numbers
-from tumble.cli.main import COMMANDS, FORMER, app
+from tumble.cli.groups import FILE, FIRST, PLACE, flowing, numbers
+from tumble.cli.main import COMMANDS, FORMER, PANELS, app
 from tumble.cli.terminal import plain
 from tumble.errors import UsageError
 
 RUN = "import sys; from tumble.cli.main import main; sys.argv[0] = 'tumble'; main()"
+NEEDED = (FIRST, PLACE, FILE)
 # Of these only where a result is written, and how much is printed, differs between commands.
 OF_EACH_COMMAND = {"--output", "--quiet", "--verbose", "--help"}
 
@@ -69,9 +71,9 @@ def test_a_former_spelling_is_taken_but_not_shown(command: str) -> None:
 
 def test_a_former_spelling_does_what_it_did(tumble: Any) -> None:
     for spelling in ("--rate", "--sample-rate"):
-        answer = tumble("units", "explain", "0.0026", "imu_utils:gyr_n", spelling, "200")
+        answer = tumble("units", "0.0026", "imu_utils:gyr_n", spelling, "200")
         assert answer.status == 0, answer
-        assert answer.out == tumble("units", "explain", "0.0026", "imu_utils:gyr_n", f"{spelling}=200").out
+        assert answer.out == tumble("units", "0.0026", "imu_utils:gyr_n", f"{spelling}=200").out
     answer = tumble("simulate", "six-position", "--units", "furlong")
     assert "--output-units furlong" in answer.err
 
@@ -89,13 +91,91 @@ def test_the_help_fits_into_80_columns_and_cuts_no_name(command: str) -> None:
     lines = answer.stdout.splitlines()
     assert max(map(len, lines)) <= 80
     for spelling, found in parameters().items():
-        if command in dict(found) and spelling != "--help":
+        if command in dict(found) and spelling != "--help" and not dict(found)[command].hidden:
             assert any(spelling in line for line in lines), spelling
     # Options that people need first stand first, what all commands have last.
     titles = [line for line in lines if line and line[0] not in " UW" and not line.endswith(".")]
     if "What people need first" in titles:
         after = titles[titles.index("What people need first") :]
         assert after[-1] == "What is printed"
+
+
+def test_few_options_are_shown_and_ten_at_most_come_first() -> None:
+    program: Any = typer.main.get_command(app)
+    for name, command in program.commands.items():
+        needed = [p.opts[0] for p in command.params if getattr(p, "rich_help_panel", "") in NEEDED]
+        shown = [one for one in needed if not parameters()[one] or not dict(parameters()[one])[name].hidden]
+        assert len(shown) <= 10, (name, shown)
+    assert len({s for s, found in parameters().items() if not all(p.hidden for _, p in found)}) < 110
+
+
+def test_every_command_stands_in_one_panel_of_the_help() -> None:
+    assert sorted(name for names in PANELS.values() for name in names) == sorted(COMMANDS)
+
+
+def test_a_detail_is_set_by_its_name(tumble: Any, tmp_path: Path) -> None:
+    call = ("simulate", "six-position", "--seed", "3", "-q")
+    for folder, words in (
+        ("a", ("--set", "no-noise", "--set=no-placement", "--set", "dropped=2")),
+        ("b", ("--no-noise", "--no-placement", "--dropped", "2")),
+        ("c", ("--no-noise", "--no-placement")),
+    ):
+        assert tumble(*call, *words, "-o", tmp_path / folder).status == 0
+    a, b, c = ((tmp_path / folder / "recording.csv").read_bytes() for folder in "abc")
+    assert a == b
+    assert a != c
+    answer = tumble("simulate", "--set", "list")
+    assert answer.status == 0
+    assert "table-tilt-deg=DEG" in answer.out
+    assert max(map(len, answer.out.splitlines())) <= 80
+    for wrong, said in (("tilt=1", "no detail 'tilt'"), ("dropped", "dropped=…"), ("no-noise=1", "no value")):
+        answer = tumble(*call, "--set", wrong)
+        assert answer.status == 2
+        assert said in answer.err
+
+
+def test_a_chip_is_a_kind_of_units(tumble: Any, tmp_path: Path) -> None:
+    path = tmp_path / "counts.csv"
+    rows = [
+        "t,ax,ay,az,gx,gy,gz",
+        *(f"{0.01 * k:.2f},{k % 3},{-k % 5},{8192 + k % 4},1,-2,{k % 2}" for k in range(600)),
+    ]
+    path.write_text("\n".join(rows), encoding="utf-8")
+    first = tumble("inspect", path, "--units", "mpu6050,4g,500dps")
+    assert "8192 LSB/g" in first.out
+    assert tumble("inspect", path, "--chip", "mpu6050,4g,500dps").out == first.out
+    both = tumble("inspect", path, "--chip", "mpu6050,4g,500dps", "--units", "ms")
+    assert both.status == 2
+    assert "a part of --units" in both.err
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        ("calibrate --procedure m", {"modified-multi-position", "multi-position"}),
+        ("calibrate --protocol rate", {"rate-table"}),
+        ("simulate --imu hg", {"hg1900", "hg1700"}),
+        ("simulate strap", {"strapdown-rotation"}),
+        ("convert --to kalib", {"kalibr", "kalibr-noise"}),
+        ("calib", {"calibrate"}),
+        ("calibrate --proc", {"--procedure"}),
+    ],
+)
+def test_the_shell_completes_names_from_the_registries(words: str, found: set[str]) -> None:
+    answer = subprocess.run(
+        [sys.executable, "-c", RUN],
+        env={
+            **os.environ,
+            "_TUMBLE_COMPLETE": "complete_bash",
+            "COMP_WORDS": f"tumble {words}",
+            "COMP_CWORD": str(len(words.split())),
+        },
+        capture_output=True,
+        encoding="utf-8",
+        check=False,
+    )
+    assert set(answer.stdout.split()) == found, answer
+    assert not answer.stderr
 
 
 def test_a_help_text_flows_and_its_examples_stay() -> None:

@@ -1,4 +1,4 @@
-"""`tumble units explain` as it is typed: one argument or two, numbers below zero, options that are none."""
+"""`tumble units` as it is typed: one argument or two, numbers below zero, options that are none."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import pytest
 
 
 def test_number_and_unit_may_be_one_argument_or_two(tumble) -> None:
-    apart = tumble("units", "explain", "60", "ug/√Hz")
+    apart = tumble("units", "60", "ug/√Hz")
     assert apart.status == 0
     assert "42.4264" in apart.out  # read as one-sided
-    assert tumble("units", "explain", "60 ug/√Hz").out == apart.out
+    assert tumble("units", "60 ug/√Hz").out == apart.out
 
 
 @pytest.mark.parametrize(
@@ -23,7 +23,7 @@ def test_number_and_unit_may_be_one_argument_or_two(tumble) -> None:
     ],
 )
 def test_what_cannot_be_read_is_said(tumble, words: tuple[str, ...], said: str) -> None:
-    answer = tumble("units", "explain", *words)
+    answer = tumble("units", *words)
     assert answer.status == 2
     assert said in answer.err
     assert "Traceback" not in answer.err

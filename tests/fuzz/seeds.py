@@ -368,7 +368,7 @@ CALLS = (
     "simulate strapdown-rotation -o out --sample-rate 2 --fixture-zero-mrad 1 --fixture-ramp-s 2 --fixture-pause-s 20",
     "simulate rate-table -o out --sample-rate 2 --table-ripple-ppm 100 --table-lever-arm-cm 1,2,3",
     "plan six-position --data-sheet consumer-mems --seconds 600 --site 48.1",
-    "units explain 60 ug/sqrt(Hz) --sample-rate 100",
+    "units 60 ug/sqrt(Hz) --sample-rate 100",
     "units convert 3 deg/h rad/s",
 )
 """Calls of the program with as many options as go together; each is changed word by word."""

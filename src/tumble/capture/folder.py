@@ -63,12 +63,7 @@ class CaptureFolder:
         ----------
         samples : of the channels.
         """
-        parts = [samples.time[:, None], samples.specific_force, samples.angular_rate]
-        if samples.temperature is not None:
-            parts.append(samples.temperature[:, None])
-        parts.append(samples.magnetic_field)
-        rows = np.hstack([part for part in parts if part is not None]).tolist()
-        self._recording.append("".join([",".join(map(_digits, row)) + "\n" for row in rows]).encode())
+        self._recording.append(lines_of(samples))
 
     def say(self, events: Sequence[Event]) -> None:
         """Keep events for the next `flush`.
@@ -138,6 +133,21 @@ def check_folder(folder: Path, *, resume: bool) -> None:
             f"{folder} holds {', '.join(there)} already, and nothing is written over: go on with it (--resume), or "
             "give another folder with -o."
         )
+
+
+def lines_of(samples: Samples) -> bytes:
+    """Return samples as lines of ``recording.csv``.
+
+    Parameters
+    ----------
+    samples : of the channels of its header.
+    """
+    parts = [samples.time[:, None], samples.specific_force, samples.angular_rate]
+    if samples.temperature is not None:
+        parts.append(samples.temperature[:, None])
+    parts.append(samples.magnetic_field)
+    rows = np.hstack([part for part in parts if part is not None]).tolist()
+    return "".join([",".join(map(_digits, row)) + "\n" for row in rows]).encode()
 
 
 def header_of(channels: Channels) -> bytes:

@@ -102,7 +102,9 @@ def find_format(name: str) -> Format:
     return found
 
 
-def pieces_of_link(connect: Callable[[], Link], name: str, options: SourceOptions) -> Iterator[Piece]:
+def pieces_of_link(
+    connect: Callable[[], Link], name: str, options: SourceOptions, spoken: str | None = None
+) -> Iterator[Piece]:
     """Yield what a line sends; a line that is lost is told, and opened again when it is back.
 
     Parameters
@@ -110,6 +112,7 @@ def pieces_of_link(connect: Callable[[], Link], name: str, options: SourceOption
     connect : opens the line.
     name : of the stream, for messages.
     options : as given; without a format it is found from the first bytes.
+    spoken : the only format that the line speaks, whatever the options say.
 
     Raises
     ------
@@ -118,7 +121,8 @@ def pieces_of_link(connect: Callable[[], Link], name: str, options: SourceOption
     RecordingError
         If the stream cannot be a recording, such as one whose header contradicts gravity.
     """
-    chosen = None if options.format is None else find_format(options.format)
+    wanted = spoken or options.format
+    chosen = None if wanted is None else find_format(wanted)
     link: Link | None = connect()
     stream = _Stream(options, name, chosen)
     try:

@@ -60,7 +60,12 @@ class Rows:
         """
         shape: Shape = len(values) if names is None else names
         if self._shape is not None and shape != self._shape:
-            return False
+            # Names that were said later, or not said again, are those of as many numbers.
+            if isinstance(shape, tuple) == isinstance(self._shape, tuple) or len(values) != _width(
+                self._shape
+            ):
+                return False
+            shape = self._shape
         self._waiting.append((shape, values))
         return True
 
@@ -105,6 +110,12 @@ class Rows:
 
     def _decide(self) -> list[Piece]:
         """Find out what the columns are, as for a file."""
+        named = {len(shape): shape for shape, _ in self._waiting if isinstance(shape, tuple)}
+        # The names of the columns may come after the first rows.
+        self._waiting = [
+            (named.get(shape, shape) if isinstance(shape, int) else shape, values)
+            for shape, values in self._waiting
+        ]
         self._shape = Counter(shape for shape, _ in self._waiting).most_common(1)[0][0]
         table = self._table()
         units, rate = read_units_option(self._options.units), self._options.rate
@@ -189,6 +200,10 @@ class Rows:
             None if plan.temperature is None else columns[plan.temperature],
             triad(plan.magnetic_field, 1.0),
         )
+
+
+def _width(shape: Shape) -> int:
+    return shape if isinstance(shape, int) else len(shape)
 
 
 def _without_guesses(decided: Interpretation, units: DeclaredUnits) -> Interpretation:

@@ -97,7 +97,16 @@ class SimulatedPerson:
         self._pieces.close()
 
     def __call__(self, events: Sequence[Event], capture: Capture) -> None:
-        """Hear what the guide says."""
+        """Hear what the guide says, as a listener of a capture."""
+        self.hear(events)
+
+    def hear(self, events: Sequence[Event]) -> None:
+        """Take what the guide says.
+
+        Parameters
+        ----------
+        events : in order.
+        """
         for event in events:
             if event.kind == "next_pose":
                 self._next = event

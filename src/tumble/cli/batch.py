@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tumble.cli.groups import ADVANCED, FIRST, option
+from tumble.cli.completion import complete_procedure
+from tumble.cli.groups import ADVANCED, FIRST, RECORD, detail, option
 from tumble.cli.options import (
     DataSheet,
     FileOptions,
@@ -49,7 +50,13 @@ class UnitsOptions:
 
     protocol: Protocol = None
     procedure: Annotated[
-        str | None, option(FIRST, "NAME", "As for `tumble calibrate`; without it each unit's own.")
+        str | None,
+        option(
+            FIRST,
+            "NAME",
+            "As for `tumble calibrate`; without it each unit's own.",
+            complete=complete_procedure,
+        ),
     ] = None
     limits: Limits = None
     reports: Annotated[
@@ -66,12 +73,12 @@ class UnitsOptions:
     ] = None
     data_sheet: DataSheet = None
     noise: NoiseFile = None
-    imu_model: Annotated[str | None, option(ADVANCED, "MODEL", "Model of the units, noted in the files.")] = (
+    imu_model: Annotated[str | None, option(RECORD, "MODEL", "Model of the units, noted in the files.")] = (
         None
     )
     optional_terms: Annotated[
         bool,
-        option(
+        detail(
             ADVANCED,
             "",
             "Try g-sensitivity and quadratic terms (default).",

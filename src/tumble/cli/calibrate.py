@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from tumble.cli.array import default_folder, print_array
+from tumble.cli.completion import complete_procedure
 from tumble.cli.figures import FiguresOption, check_figures, draw_figures
-from tumble.cli.groups import ADVANCED, FIRST, PLACE, option, refuse_given
+from tumble.cli.groups import ADVANCED, FIRST, detail, option, refuse_given
 from tumble.cli.options import (
     DataSheet,
     FileOptions,
@@ -46,16 +47,16 @@ class OneOptions:
     intervals: Intervals = None
     unknowns: Annotated[
         int | None,
-        option(ADVANCED, "N", "For multi-position: 9 a triad, 6 (no non-orthogonality) or 3 (bias alone)."),
+        detail(ADVANCED, "N", "For multi-position: 9 a triad, 6 (no non-orthogonality) or 3 (bias alone)."),
     ] = None
     noise: NoiseFile = None
     field: Annotated[
         str | None,
         option(
-            PLACE,
-            "NORM[,DIP]",
-            "Magnetic field there with its unit, and its dip in degrees, as 49.2uT,66: makes the scale factors of a "
-            "magnetometer absolute.",
+            ADVANCED,
+            "NORM[,DIP]|wmm,LONGITUDE,DATE",
+            "Magnetic field there with its unit, and its dip in degrees (49.2uT,66): makes the scale factors of a "
+            "magnetometer absolute. Or by the World Magnetic Model at --site (wmm,11.58,2026-05-03).",
         ),
     ] = None
     monte_carlo: Annotated[
@@ -69,7 +70,7 @@ class OneOptions:
     ] = None
     noise_correction: Annotated[
         bool,
-        option(
+        detail(
             ADVANCED,
             "",
             "Take the noise's own square out of the norm of gyros on the Earth's rate (default).",
@@ -126,7 +127,7 @@ class EstimateOptions:
     ] = None
     optional_terms: Annotated[
         bool,
-        option(
+        detail(
             ADVANCED,
             "",
             "Try g-sensitivity and quadratic terms, and keep them if the data want them (default).",
@@ -169,6 +170,7 @@ def calibrate_command(
             "NAME",
             f"{', '.join(KNOWN_PROCEDURES[:-1])} or {KNOWN_PROCEDURES[-1]}; without it the protocol or the "
             "recording decides, and it is said why.",
+            complete=complete_procedure,
         ),
     ] = None,
 ) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tumble.cli.groups import ADVANCED, FIRST, PRINTED, option
+from tumble.cli.groups import ADVANCED, FIRST, PRINTED, detail, option
 from tumble.cli.options import (
     FileOptions,
     Imu,
@@ -51,7 +51,7 @@ class CaptureOptions:
     speed: Annotated[
         float,
         option(
-            FIRST,
+            ADVANCED,
             "N",
             "How many times as fast a replay is; 0 as fast as it goes.",
             "--speed",
@@ -59,26 +59,29 @@ class CaptureOptions:
         ),
     ] = 1.0
     hold: Annotated[
-        float, option(FIRST, "S", "How long each pose is to be held, seconds.", "--hold", show_default=True)
+        float,
+        option(ADVANCED, "S", "How long each pose is to be held, seconds.", "--hold", show_default=True),
     ] = 3.0
     target: Annotated[
         list[str] | None,
         option(
-            FIRST,
+            ADVANCED,
             "NAME=NUMBER",
             "Standard uncertainty to reach, as accelerometer.bias=2mg or gyro.scale=500ppm; once for each.",
             "--target",
         ),
     ] = None
     imu: Imu = "consumer-mems"
-    resume: Annotated[bool, option(FIRST, "", "Go on with the capture that is in DIR.", "--resume")] = False
+    resume: Annotated[bool, option(ADVANCED, "", "Go on with the capture that is in DIR.", "--resume")] = (
+        False
+    )
     go_on: Annotated[
         bool, option(ADVANCED, "", "Do not end by itself when it is enough: Ctrl-C ends it.", "--go-on")
     ] = False
     web: Annotated[bool, option(FIRST, "", "Show it in a browser on this machine.", "--web")] = False
     web_at: Annotated[
         str,
-        option(
+        detail(
             ADVANCED,
             "HOST:PORT",
             "Where the page is served; beyond this machine (0.0.0.0:8080) with a token in its address.",
@@ -87,7 +90,7 @@ class CaptureOptions:
     ] = ""
     format: Annotated[
         str | None,
-        option(ADVANCED, "NAME", "What a port sends, where it is not to be found out by itself.", "--format"),
+        detail(ADVANCED, "NAME", "What a port sends, where it is not to be found out by itself.", "--format"),
     ] = None
 
 
@@ -100,7 +103,7 @@ class CapturePrintOptions:
     ] = False
     as_json: Annotated[bool, option(PRINTED, "", "Print each event as a line of JSON.", "--json")] = False
     quiet: Annotated[bool, option(PRINTED, "", "Print the verdict only.", "--quiet", "-q")] = False
-    no_bell: Annotated[bool, option(PRINTED, "", "Ring no bell.", "--no-bell")] = False
+    no_bell: Annotated[bool, detail(PRINTED, "", "Ring no bell.", "--no-bell")] = False
 
 
 def capture_command(

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tumble.cli.groups import ADVANCED, FIRST, option
+from tumble.cli.completion import complete_target
+from tumble.cli.groups import ADVANCED, FIRST, detail, option
 from tumble.cli.options import NoiseFile, PrintOptions, output_option
 from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
@@ -33,7 +34,7 @@ class FormOptions:
         float,
         option(ADVANCED, "PPM", "Refuse what loses more than this of a vector's length.", show_default=True),
     ] = 20000.0
-    instance: Annotated[int, option(ADVANCED, "N", "Which IMU of the vehicle, from 0 (PX4, ArduPilot).")] = 0
+    instance: Annotated[int, detail(ADVANCED, "N", "Which IMU of the vehicle, from 0 (PX4, ArduPilot).")] = 0
     per_count: Annotated[
         str | None,
         option(
@@ -44,7 +45,7 @@ class FormOptions:
     ] = None
     correlation_time: Annotated[
         float,
-        option(_NOISE, "S", "Of consumers with Gauss-Markov biases (KF-GINS, OKVIS).", show_default=True),
+        detail(_NOISE, "S", "Of consumers with Gauss-Markov biases (KF-GINS, OKVIS).", show_default=True),
     ] = 3600.0
     ros_topic: Annotated[
         str, option(ADVANCED, "NAME", "ROS topic, for forms that name one.", show_default=True)
@@ -76,9 +77,19 @@ def convert_command(
             show_default=False,
         ),
     ] = None,
-    to: Annotated[str | None, option(FIRST, "TARGET", "Write it in this tool's form.", "--to")] = None,
+    to: Annotated[
+        str | None,
+        option(FIRST, "TARGET", "Write it in this tool's form.", "--to", complete=complete_target),
+    ] = None,
     source: Annotated[
-        str | None, option(FIRST, "TARGET", "Read this tool's file and write calibration.json.", "--from")
+        str | None,
+        option(
+            FIRST,
+            "TARGET",
+            "Read this tool's file and write calibration.json.",
+            "--from",
+            complete=complete_target,
+        ),
     ] = None,
     output: Annotated[
         Path | None, output_option("The file (default: the tool's own name for it).", "PATH")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tumble.cli.groups import ADVANCED, FIRST, option
+from tumble.cli.groups import ADVANCED, FIRST, detail, option
 from tumble.cli.options import FileOptions, PrintOptions, Recordings, output_option
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
 from tumble.errors import UsageError
@@ -22,17 +22,17 @@ class WaveletOptions:
 
     threshold: Annotated[
         str | None,
-        option(ADVANCED, "RULE", "sure (default), universal, or remove: all details go, a linear filter."),
+        detail(ADVANCED, "RULE", "sure (default), universal, or remove: all details go, a linear filter."),
     ] = None
     shape: Annotated[
-        str | None, option(ADVANCED, "SHAPE", "soft (default), or hard with --threshold universal.")
+        str | None, detail(ADVANCED, "SHAPE", "soft (default), or hard with --threshold universal.")
     ] = None
-    wavelet: Annotated[str | None, option(ADVANCED, "NAME", "haar, dbN, symN or coifN (default: sym4).")] = (
+    wavelet: Annotated[str | None, detail(ADVANCED, "NAME", "haar, dbN, symN or coifN (default: sym4).")] = (
         None
     )
     stationary: Annotated[
         bool,
-        option(
+        detail(
             ADVANCED,
             "",
             "All shifts averaged (default), against ripples at edges; takes more memory.",
@@ -65,10 +65,10 @@ class FilterOptions:
     ] = "keep"
     level: Annotated[
         int | None,
-        option(ADVANCED, "N", "Levels of decomposition; by default each channel's Allan minimum decides."),
+        detail(ADVANCED, "N", "Levels of decomposition; by default each channel's Allan minimum decides."),
     ] = None
     order: Annotated[
-        int | None, option(ADVANCED, "P", "Order of the autoregression (default: chosen by BIC).")
+        int | None, detail(ADVANCED, "P", "Order of the autoregression (default: chosen by BIC).")
     ] = None
 
 

@@ -7,21 +7,29 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Annotated, Any, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeAlias, cast, get_args, get_origin, get_type_hints
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 from tumble.errors import UsageError
 
 FIRST = "What people need first"
 PLACE = "Where it was recorded"
 FILE = "What the file does not say itself"
+RECORD = "For the record"
 ADVANCED = "Advanced"
 PRINTED = "What is printed"
 
 
-def option(panel: str, metavar: str, help: str, *names: str, show_default: bool = False) -> Any:
+def option(
+    panel: str,
+    metavar: str,
+    help: str,
+    *names: str,
+    show_default: bool = False,
+    complete: Callable[[str], list[str]] | None = None,
+) -> Any:
     """Declare an option.
 
     Parameters
@@ -31,8 +39,30 @@ def option(panel: str, metavar: str, help: str, *names: str, show_default: bool 
     help : what it says.
     names : its spellings, such as ``--output`` and ``-o``; none takes the name of the field.
     show_default : whether the help shows the default.
+    complete : gives the values that begin with what was typed, for the shell.
     """
-    return typer.Option(*names, help=help, rich_help_panel=panel, metavar=metavar, show_default=show_default)
+    return typer.Option(
+        *names,
+        help=help,
+        rich_help_panel=panel,
+        metavar=metavar,
+        show_default=show_default,
+        autocompletion=complete,
+    )
+
+
+def detail(panel: str, metavar: str, help: str, *names: str, show_default: bool = False) -> Any:
+    """Declare what few people need: `--set NAME=VALUE` takes it, and `--set list` shows it.
+
+    Its own spelling is taken, too, and not shown.
+
+    Parameters
+    ----------
+    panel, metavar, help, names, show_default : as of `option`.
+    """
+    return typer.Option(
+        *names, help=help, rich_help_panel=panel, metavar=metavar, show_default=show_default, hidden=True
+    )
 
 
 @dataclass(frozen=True)
@@ -156,10 +186,15 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
             flat += _options_of(hint)
         else:
             flat.append(parameter.replace(annotation=hint, kind=inspect.Parameter.KEYWORD_ONLY))
+    if any(_is_detail(parameter.annotation) for parameter in flat):
+        flat.append(
+            inspect.Parameter("details", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=_Details)
+        )
 
     def run(**given: Any) -> None:
         from tumble.files import check_target, inputs_kept
 
+        given.pop("details", None)
         with inputs_kept(_inputs(given)):
             if isinstance(output := given.get("output"), Path) and not output.is_dir():
                 check_target(output)
@@ -173,6 +208,21 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
     run.__signature__ = inspect.Signature(flat)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in flat}
     return run
+
+
+_Details: TypeAlias = Annotated[
+    list[str] | None,
+    option(
+        ADVANCED,
+        "NAME=VALUE",
+        "Set a detail; `--set list` shows which there are. Repeat for several.",
+        "--set",
+    ),
+]
+
+
+def _is_detail(hint: Any) -> bool:
+    return any(getattr(one, "hidden", False) for one in getattr(hint, "__metadata__", ()))
 
 
 def _inputs(given: dict[str, Any]) -> list[Path]:
@@ -219,8 +269,47 @@ def flowing(text: str) -> str:
     )
 
 
-class Command(TyperCommand):
-    """A command that still takes its options' former spellings, without showing them.
+class _Helped:
+    """What commands and groups of them have in common: the form of their help."""
+
+    def get_help_option(self, ctx: Any) -> Any:
+        """Return ``--help``, which stands among what is printed.
+
+        Parameters
+        ----------
+        ctx : typer's.
+        """
+        above: Any = super()
+        found = above.get_help_option(ctx)
+        if found is not None:
+            found.rich_help_panel = PRINTED
+            found.metavar = ""
+        return found
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print the help.
+
+        Parameters
+        ----------
+        ctx, formatter : typer's.
+        """
+        from tumble.cli.help import print_help
+
+        print_help(self, ctx)
+
+
+class Group(_Helped, TyperGroup):
+    """Commands under one name."""
+
+    def panels(self) -> dict[str, dict[str, str]]:
+        """Return each command's name and the first sentence of its help, by what they are for."""
+        return {
+            "Commands": {name: (one.help or "").partition("\n")[0] for name, one in self.commands.items()}
+        }
+
+
+class Command(_Helped, TyperCommand):
+    """A command with details, which still takes its options' former spellings without showing them.
 
     Attributes
     ----------
@@ -238,32 +327,43 @@ class Command(TyperCommand):
         """
         stop = args.index("--") if "--" in args else len(args)
         words = [word.partition("=") for word in args[:stop]]
+        if {"--chip", "--units"} <= {name for name, _, _ in words}:
+            raise UsageError(
+                "--chip is a part of --units: give both in one, as --units mpu6050,2g,250dps,ms."
+            )
         today = [self.former.get(name, name) + equals + value for name, equals, value in words]
-        return super().parse_args(ctx, today + args[stop:])
+        return super().parse_args(ctx, self._with_details(ctx, today) + args[stop:])
 
-    def get_help_option(self, ctx: Any) -> Any:
-        """Return ``--help``, which stands among what is printed.
+    def details(self) -> dict[str, Any]:
+        """Return what `--set` takes, by name."""
+        hidden = [one for one in self.params if getattr(one, "hidden", False)]
+        return {name.lstrip("-"): one for one in hidden for name in [*one.opts, *one.secondary_opts]}
 
-        Parameters
-        ----------
-        ctx : typer's.
-        """
-        found = super().get_help_option(ctx)
-        if found is not None:
-            found.rich_help_panel = PRINTED  # type: ignore[attr-defined]
-            found.metavar = ""
-        return found
+    def _with_details(self, ctx: Any, args: list[str]) -> list[str]:
+        """Arguments with each `--set NAME=VALUE` as the option of that name."""
+        names, rest = self.details(), iter(args)
+        made: list[str] = []
+        for word in rest:
+            if not names or word.partition("=")[0] != "--set":
+                made.append(word)
+                continue
+            said = word.partition("=")[2] or next(rest, "list")
+            name, equals, value = said.partition("=")
+            if name == "list" and not ctx.resilient_parsing:
+                from tumble.cli.help import print_details
 
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Print the help.
-
-        Parameters
-        ----------
-        ctx, formatter : typer's.
-        """
-        from tumble.cli.help import print_help
-
-        print_help(self, ctx)
+                print_details(self)
+                raise typer.Exit
+            if name not in names:
+                raise UsageError(
+                    f"--set {said}: there is no detail {name!r}; `{ctx.command_path} --set list` shows all."
+                )
+            if bool(equals) == bool(getattr(names[name], "is_flag", False)):
+                raise UsageError(
+                    f"--set {said}: {f'give its value, as {name}=…' if not equals else 'it takes no value'}."
+                )
+            made += [f"--{name}", value] if equals else [f"--{name}"]
+        return made
 
 
 def command_class(former: dict[str, str]) -> type[Command]:
@@ -282,8 +382,12 @@ __all__ = [
     "FIRST",
     "PLACE",
     "PRINTED",
+    "RECORD",
+    "Command",
+    "Group",
     "Range",
     "command_class",
+    "detail",
     "flowing",
     "grouped",
     "in_si",

@@ -1,16 +1,17 @@
-"""What `tumble COMMAND --help` prints: what it is for, an example, then its options, what people need first first."""
+"""What `tumble --help` and `tumble COMMAND --help` print: what it is for, an example, then the options."""
 
 from __future__ import annotations
 
 from itertools import groupby
 from typing import Any
 
-from tumble.cli.groups import ADVANCED, FILE, FIRST, PLACE, PRINTED
+from tumble.cli.groups import ADVANCED, FILE, FIRST, PLACE, PRINTED, RECORD
 from tumble.cli.terminal import console
 
 # How far the texts stand from the left; a longer spelling has a line of its own and is never cut.
 _INDENT = 26
-_LAST = (PLACE, FILE, ADVANCED, PRINTED)
+_NEEDED = (FIRST, PLACE, FILE)
+_LAST = (RECORD, ADVANCED, PRINTED)
 
 
 def print_help(command: Any, context: Any) -> None:
@@ -24,23 +25,49 @@ def print_help(command: Any, context: Any) -> None:
     from rich.text import Text
 
     screen = console()
-    words = [context.command_path, "[OPTIONS]", *_arguments(command, context)]
+    panels: dict[str, dict[str, str]] = command.panels() if hasattr(command, "panels") else {}
+    after = ["COMMAND ..."] if panels else _arguments(command, context)
+    words = [context.command_path, "[OPTIONS]", *after]
     screen.print(Text.assemble(("Usage: ", "yellow"), " ".join(words)))
     for paragraph in (command.help or "").split("\n\n"):
         example = paragraph.startswith("tumble ")
         screen.print()
         screen.print(Padding(Text(paragraph, "bold cyan" if example else ""), (0, 0, 0, 2 if example else 0)))
-    for title, parameters in groupby(_ordered(command.get_params(context)), key=_panel):
+    for title, sentences in panels.items():
+        screen.print(Text(f"\n{title}", "bold"))
+        for name, sentence in sentences.items():
+            _print_row(screen, f"  {name}", sentence)
+    for title, parameters in groupby(
+        _ordered(command.get_params(context)), key=lambda one: "Options" if panels else _panel(one)
+    ):
         screen.print(Text(f"\n{title}", "bold"))
         for parameter in parameters:
-            _print_parameter(screen, parameter, context)
+            _print_row(screen, f"  {_spelled(parameter)}", _words(parameter))
+
+
+def print_details(command: Any) -> None:
+    """Print what a command's ``--set`` takes.
+
+    Parameters
+    ----------
+    command : with details.
+    """
+    from rich.text import Text
+
+    screen = console()
+    hidden = sorted((one for one in command.params if getattr(one, "hidden", False)), key=_panel)
+    for title, parameters in groupby(hidden, key=_panel):
+        screen.print(Text(f"\n{title}", "bold"))
+        for one in parameters:
+            names = " or ".join(name.lstrip("-") for name in [*one.opts, *one.secondary_opts])
+            _print_row(screen, f"  {names}={one.metavar}" if one.metavar else f"  {names}", _words(one))
 
 
 def _ordered(parameters: list[Any]) -> list[Any]:
     """Arguments, what people need first, what is the command's own, and what all commands have."""
     seen = [_panel(parameter) for parameter in parameters]
-    own = [title for title in dict.fromkeys(seen) if title not in ("Arguments", FIRST, *_LAST)]
-    order = ["Arguments", FIRST, *own, *_LAST]
+    own = [title for title in dict.fromkeys(seen) if title not in ("Arguments", *_NEEDED, *_LAST)]
+    order = ["Arguments", *_NEEDED, *own, *_LAST]
     shown = [parameter for parameter in parameters if not getattr(parameter, "hidden", False)]
     return sorted(shown, key=lambda parameter: order.index(_panel(parameter)))
 
@@ -64,15 +91,23 @@ def _spelled(parameter: Any) -> str:
     return f"{names} {parameter.metavar}" if parameter.metavar else names
 
 
-def _print_parameter(screen: Any, parameter: Any, context: Any) -> None:
-    from rich.table import Table
-    from rich.text import Text
-
-    left, words = f"  {_spelled(parameter)}", parameter.help or ""
-    if parameter.show_default and parameter.default is not None and parameter.param_type_name == "option":
+def _words(parameter: Any) -> str:
+    words = parameter.help or ""
+    if (
+        parameter.show_default
+        and parameter.default not in (None, False)
+        and parameter.param_type_name == "option"
+    ):
         words += f" Default: {parameter.default}."
     if getattr(parameter, "required", False) and parameter.param_type_name == "option":
         words += " Required."
+    return words
+
+
+def _print_row(screen: Any, left: str, words: str) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
     if len(left) > _INDENT - 2:
         screen.print(Text(left, "cyan"))
         left = ""
@@ -83,4 +118,4 @@ def _print_parameter(screen: Any, parameter: Any, context: Any) -> None:
     screen.print(row)
 
 
-__all__ = ["print_help"]
+__all__ = ["print_details", "print_help"]

@@ -6,33 +6,16 @@ import errno
 import os
 import signal
 import sys
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 
 import tumble
-from tumble.cli.algebra import compose_command, diff_command, invert_command
-from tumble.cli.apply import apply_command
-from tumble.cli.batch import batch_command
-from tumble.cli.calibrate import calibrate_command
-from tumble.cli.capture import capture_command
-from tumble.cli.certificate import certificate_command
-from tumble.cli.convert import convert_command
-from tumble.cli.demo import demo_command
-from tumble.cli.denoise import denoise_command
-from tumble.cli.groups import command_class, grouped
-from tumble.cli.inspect import inspect_command
-from tumble.cli.mount import mount_command
-from tumble.cli.noise import noise_command
-from tumble.cli.plan import plan_command
-from tumble.cli.predict import predict_command
-from tumble.cli.registry import app as registry_app
-from tumble.cli.reproduce import reproduce_command
-from tumble.cli.simulate import simulate_command
+from tumble.cli.groups import PRINTED, Group, command_class, grouped
 from tumble.cli.terminal import StreamError, plain, shortened, state, streams
-from tumble.cli.units import units_command
-from tumble.cli.verify import verify_command
 from tumble.errors import TumbleError
 
 # An adjustment's matrices are small: threads of the linear algebra cost more than they give, and each
@@ -45,38 +28,92 @@ UNWRITTEN = 3
 INTERNAL = 70
 STOPPED = "Stopped; no file was changed."
 
-app = typer.Typer(
-    name="tumble",
-    help="Calibrate inertial measurement units from a recording of the unit being tumbled.\n\n"
-    "Start with [bold]tumble inspect RECORDING[/], then [bold]tumble calibrate RECORDING[/]. "
-    "Without a recording, [bold]tumble demo[/] calibrates one that ships with the package.",
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode="rich",
-    pretty_exceptions_enable=False,
-)
 COMMANDS = {
-    "inspect": inspect_command,
-    "calibrate": calibrate_command,
-    "batch": batch_command,
-    "capture": capture_command,
-    "apply": apply_command,
-    "verify": verify_command,
-    "predict": predict_command,
-    "convert": convert_command,
-    "compose": compose_command,
-    "diff": diff_command,
-    "invert": invert_command,
-    "mount": mount_command,
-    "noise": noise_command,
-    "denoise": denoise_command,
-    "simulate": simulate_command,
-    "plan": plan_command,
-    "reproduce": reproduce_command,
-    "units": units_command,
-    "certificate": certificate_command,
-    "demo": demo_command,
+    "inspect": (
+        "inspect",
+        "Say what a recording holds: streams, units, rate, gaps, rest and motion, and what it is good for.",
+    ),
+    "calibrate": (
+        "calibrate",
+        "Calibrate an IMU from a recording of it tumbled by hand, on faces, or on a rate table.",
+    ),
+    "batch": (
+        "batch",
+        "Calibrate many units, and say which of them are not fit, out of limits, or unlike the others.",
+    ),
+    "capture": (
+        "capture",
+        "Record a unit while it is in the hand: which poses count, which is next, how good it is, when to stop.",
+    ),
+    "apply": (
+        "apply",
+        "Correct a recording: specific force in m/s², angular rate in rad/s, in the calibration's frame b.",
+    ),
+    "verify": (
+        "verify",
+        "Judge a calibration on another recording: the norm of each hold, the angle left after each turn.",
+    ),
+    "predict": (
+        "predict",
+        "Say what a calibration is worth: position error without satellites, attitude error after a turn.",
+    ),
+    "convert": (
+        "convert",
+        "Write a calibration as another tool's file, or read one. Without arguments: the list of targets.",
+    ),
+    "compose": (
+        "algebra",
+        "Make one calibration of two that follow one another: the first's output is the second's input.",
+    ),
+    "diff": ("algebra", "Say what changed between two calibrations, in sigmas, and whether it matters."),
+    "invert": (
+        "algebra",
+        "Make the calibration that undoes another: from corrected numbers to raw ones in m/s² and rad/s.",
+    ),
+    "mount": (
+        "mount",
+        "Say how a calibrated unit lies on its mount: three angles, from gravity in two attitudes of the mount.",
+    ),
+    "noise": (
+        "noise",
+        "Noise of a unit at rest: white noise, bias instability and random walks of every channel.",
+    ),
+    "denoise": (
+        "denoise",
+        "De-noise a recording by wavelets or an autoregressive model, and say what was gained and lost.",
+    ),
+    "simulate": (
+        "simulate",
+        "Play a protocol on a simulated unit: try a test before you do it, or check what a calibration finds.",
+    ),
+    "plan": ("plan", "Say how accurate a test will be before it is done, and find a better one."),
+    "reproduce": (
+        "reproduce",
+        "Make the tables and figures of the papers anew, beside the printed numbers, with a verdict a row.",
+    ),
+    "units": ("units", "Say what a noise figure is, and what it is in other units and files."),
+    "certificate": (
+        "certificate",
+        "A certificate of a calibration in the form of ISO/IEC 17025: PDF/A with the calibration.json inside.",
+    ),
+    "demo": (
+        "demo",
+        "Calibrate a real recording that ships with the package: an MPU-9150 tumbled by hand, 160 s.",
+    ),
+    "registry": (
+        "registry",
+        "Keep calibrations of many units over years, and ask how they change, when they are due, how they differ.",
+    ),
 }
+"""Name -> the module of `cli` that it is in, and the first sentence of its help: the list of commands imports none."""
+PANELS = {
+    "Record and calibrate": ("demo", "inspect", "calibrate", "capture", "noise"),
+    "Use a calibration": ("verify", "apply", "convert", "diff", "mount", "certificate"),
+    "Many units": ("batch", "registry"),
+    "Before a test, and for papers": ("plan", "simulate", "reproduce"),
+    "Advanced": ("units", "predict", "compose", "invert", "denoise"),
+}
+"""The commands by what they are for, in the order of the help."""
 FORMER = {
     "verify": {"--turn-on": "--turn-on-bias"},
     "predict": {"--turn-on": "--turn-on-bias"},
@@ -94,15 +131,50 @@ FORMER = {
 }
 """Spellings of options before each had one meaning in all commands: still taken, no longer shown."""
 
-for _name, _command in COMMANDS.items():
-    # A number below zero is to reach `units`, which says what is wrong with it.
-    _settings = {"ignore_unknown_options": True} if _name == "units" else {}
-    app.command(_name, cls=command_class(FORMER.get(_name, {})), context_settings=_settings)(
-        grouped(_command)
-    )
 
-# Commands of its own under one name.
-app.add_typer(registry_app)
+class _Commands(Mapping[str, Any]):
+    """The commands by name, each imported and made when it is asked for."""
+
+    def __getitem__(self, name: str) -> Any:
+        module = import_module(f"tumble.cli.{COMMANDS[name][0]}")
+        if hasattr(module, "app"):  # commands of its own under one name
+            return typer.main.get_command(module.app)
+        # A number below zero is to reach `units`, which says what is wrong with it.
+        settings = {"ignore_unknown_options": True} if name == "units" else {}
+        kind = command_class({"--chip": "--units", **FORMER.get(name, {})})
+        one = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
+        one.command(name, cls=kind, context_settings=settings)(grouped(getattr(module, f"{name}_command")))
+        return typer.main.get_command(one)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(COMMANDS)
+
+    def __len__(self) -> int:
+        return len(COMMANDS)
+
+
+class _Program(Group):
+    """The program, of which a call imports one command."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given)
+        self.commands = _Commands()  # type: ignore[assignment]
+
+    def panels(self) -> dict[str, dict[str, str]]:
+        return {title: {name: COMMANDS[name][1] for name in names} for title, names in PANELS.items()}
+
+
+app = typer.Typer(
+    name="tumble",
+    cls=_Program,
+    help="Calibrate inertial measurement units from a recording of the unit being tumbled.\n\n"
+    "Start with `tumble inspect RECORDING`, then `tumble calibrate RECORDING`. "
+    "Without a recording, `tumble demo` calibrates one that ships with the package. "
+    "`tumble COMMAND --help` explains each.",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+)
 
 
 def _print_version(value: bool) -> None:
@@ -116,7 +188,13 @@ def options(
     version: Annotated[
         bool,
         typer.Option(
-            "--version", callback=_print_version, is_eager=True, metavar="", help="Print the version."
+            "--version",
+            callback=_print_version,
+            is_eager=True,
+            metavar="",
+            help="Print the version.",
+            show_default=False,
+            rich_help_panel=PRINTED,
         ),
     ] = False,
 ) -> None:
@@ -144,6 +222,8 @@ def main() -> None:
 
 
 def _run() -> None:
+    if "_TUMBLE_COMPLETE" in os.environ:  # the shell asks, and prints what it gets by itself
+        app()
     sys.unraisablehook = _send_again
     try:
         status = app(standalone_mode=False)

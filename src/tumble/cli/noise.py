@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from tumble.cli.figures import FiguresOption, check_figures, draw_figures
-from tumble.cli.groups import ADVANCED, FIRST, option
+from tumble.cli.groups import ADVANCED, FIRST, detail, option
 from tumble.cli.options import FileOptions, PrintOptions, Recordings, output_option
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
 
@@ -54,7 +54,7 @@ class AnalysisOptions:
     ] = "curve"
     stream: Annotated[
         bool | None,
-        option(
+        detail(
             ADVANCED,
             "",
             "Read block by block, twice, in little memory; by default above half a gigabyte of numbers.",

@@ -9,7 +9,8 @@ from typing import Annotated, Any, TypeAlias
 
 import typer
 
-from tumble.cli.groups import ADVANCED, FILE, FIRST, PLACE, PRINTED, option
+from tumble.cli.completion import complete_grade, complete_protocol
+from tumble.cli.groups import ADVANCED, FILE, FIRST, PLACE, PRINTED, RECORD, option
 from tumble.errors import UsageError
 
 
@@ -66,7 +67,7 @@ NoiseFile: TypeAlias = Annotated[
 Limits: TypeAlias = Annotated[
     Path | None,
     option(
-        FIRST,
+        RECORD,
         "LIMITS.YAML",
         "Acceptance limits of parameters, with a decision rule: also say whether the unit is within them.",
         "--limits",
@@ -78,11 +79,9 @@ Limits: TypeAlias = Annotated[
 class UnitOptions:
     """What a unit is called."""
 
-    imu_model: Annotated[str | None, option(ADVANCED, "MODEL", "Model of the unit, noted in the file.")] = (
-        None
-    )
+    imu_model: Annotated[str | None, option(RECORD, "MODEL", "Model of the unit, noted in the file.")] = None
     imu_serial: Annotated[
-        str | None, option(ADVANCED, "SERIAL", "Serial number of the unit, noted in the file.")
+        str | None, option(RECORD, "SERIAL", "Serial number of the unit, noted in the file.")
     ] = None
 
     @property
@@ -94,7 +93,7 @@ class UnitOptions:
 RegistryName: TypeAlias = Annotated[
     str | None,
     option(
-        FIRST,
+        RECORD,
         "FILE|URL",
         "The registry: a SQLite file, or postgresql://user:password@host/name.",
         "--registry",
@@ -103,7 +102,7 @@ RegistryName: TypeAlias = Annotated[
 NoteOption: TypeAlias = Annotated[
     list[str] | None,
     option(
-        FIRST,
+        RECORD,
         "KEY=VALUE",
         "Note it in the results: operator, place, instrument, remarks, or any other name. Repeat for several.",
         "--note",
@@ -116,6 +115,7 @@ DataSheet: TypeAlias = Annotated[
         "GRADE",
         f"A kind of unit, whose data sheet says what is not known of this one: {GRADES}.",
         "--data-sheet",
+        complete=complete_grade,
     ),
 ]
 TurnOnBias: TypeAlias = Annotated[
@@ -131,7 +131,15 @@ Seed: TypeAlias = Annotated[
     int, option(FIRST, "N", "What is drawn; the same seed draws the same.", "--seed", show_default=True)
 ]
 Imu: TypeAlias = Annotated[
-    str, option(FIRST, "GRADE", f"Grade of the unit: {GRADES}.", "--imu", show_default=True)
+    str,
+    option(
+        FIRST,
+        "GRADE",
+        f"Grade of the unit: {GRADES}.",
+        "--imu",
+        show_default=True,
+        complete=complete_grade,
+    ),
 ]
 Protocol: TypeAlias = Annotated[
     str | None,
@@ -140,6 +148,7 @@ Protocol: TypeAlias = Annotated[
         "FILE|NAME",
         "What was done to the unit: a protocol file (YAML), or the name of a protocol, such as six-position.",
         "--protocol",
+        complete=complete_protocol,
     ),
 ]
 Intervals: TypeAlias = Annotated[
@@ -176,7 +185,8 @@ class FileOptions:
         option(
             FILE,
             "UNIT,...",
-            "Units as g,deg/s,ms; counts; '16384 LSB/g'; m/s,rad for increments; degF or K of the temperature.",
+            "Units as g,deg/s,ms; counts; '16384 LSB/g'; m/s,rad for increments; degF or K of the temperature; or "
+            "a chip with its ranges, as mpu6050,2g,250dps.",
         ),
     ] = None
     columns: Annotated[
@@ -195,14 +205,6 @@ class FileOptions:
             "Sampling rate, for a file without time stamps; with its standard uncertainty, as 100±0.1, for any.",
         ),
     ] = None
-    chip: Annotated[
-        str | None,
-        option(
-            FILE,
-            "NAME,RANGE,...",
-            "Chip and ranges of raw counts, as mpu6050,2g,250dps: instead of --units.",
-        ),
-    ] = None
     topics: Annotated[
         list[str] | None,
         option(
@@ -214,19 +216,8 @@ class FileOptions:
     ] = None
 
     def given(self) -> dict[str, Any]:
-        """Return what was given as the library takes it: a chip is the units of its counts.
-
-        Raises
-        ------
-        UsageError
-            If the chip or one of its ranges is not known, or units of a triad are given beside it.
-        """
-        units = self.units
-        if self.chip is not None:
-            from tumble.recording.chips import units_of_chip
-
-            units = ",".join(part for part in (units_of_chip(self.chip), units) if part)
-        return {"units": units, "columns": self.columns, "rate": self.rate, "topics": self.topics}
+        """Return what was given as the library takes it."""
+        return {"units": self.units, "columns": self.columns, "rate": self.rate, "topics": self.topics}
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from tumble.cli.completion import complete_protocol
 from tumble.cli.figures import FiguresOption, check_figures, draw_figures
 from tumble.cli.groups import refuse_given
 from tumble.cli.options import LongPrintOptions, SiteOptions, output_option
@@ -30,6 +31,7 @@ def plan_command(
         str,
         typer.Argument(
             metavar="PROTOCOL",
+            autocompletion=complete_protocol,
             help="What is planned. Poses are searched: multi-position, hand-held, six-position. An error budget: "
             "strapdown-rotation. Any other protocol, by name (turntable-9, multi-position-26, …) or as a file, is "
             "judged as it is.",

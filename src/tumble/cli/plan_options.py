@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from tumble.cli.groups import ADVANCED, FIRST, option
+from tumble.cli.groups import ADVANCED, FIRST, detail, option
 from tumble.cli.options import DataSheet, Imu, NoiseFile, Seed
 
 POSES, BUDGET = "Poses (multi-position, hand-held, six-position)", "Error budget (strapdown-rotation)"
@@ -70,7 +70,7 @@ class ProtocolOptions:
         ),
     ] = None
     steps: Annotated[
-        bool, option(ADVANCED, "", "Judge what each step is worth (default).", "--steps/--no-steps")
+        bool, detail(ADVANCED, "", "Judge what each step is worth (default).", "--steps/--no-steps")
     ] = True
 
 
@@ -91,11 +91,11 @@ class PoseOptions:
     ] = None
     turn: Annotated[
         float | None,
-        option(POSES, "S", "Seconds from one pose to the next (3; hand-held 2).", "--turn-seconds"),
+        detail(POSES, "S", "Seconds from one pose to the next (3; hand-held 2).", "--turn-seconds"),
     ] = None
     criterion: Annotated[
         str,
-        option(
+        detail(
             POSES,
             "A|D|E|minimax|I",
             "What is made small: A (mean variance, the default), D (volume), E (worst combination), minimax "
@@ -122,11 +122,11 @@ class PoseOptions:
     ] = "26"
     outer: Annotated[
         str | None,
-        option(POSES, "MIN,MAX,STEP", "Angles in ° of a two-axis fixture's level axis (-180,135,45)."),
+        detail(POSES, "MIN,MAX,STEP", "Angles in ° of a two-axis fixture's level axis (-180,135,45)."),
     ] = None
     inner: Annotated[
         str | None,
-        option(POSES, "MIN,MAX,STEP", "Angles in ° of the axis that it carries, the unit's z (0,315,45)."),
+        detail(POSES, "MIN,MAX,STEP", "Angles in ° of the axis that it carries, the unit's z (0,315,45)."),
     ] = None
 
 
@@ -153,7 +153,7 @@ class RestOptions:
     ] = None
     accelerometer_noise_ug: Annotated[
         float | None,
-        option(ADVANCED, "UG/√HZ", "The accelerometers' noise in µg/√Hz, of another data sheet."),
+        detail(ADVANCED, "UG/√HZ", "The accelerometers' noise in µg/√Hz, of another data sheet."),
     ] = None
 
 
@@ -163,7 +163,7 @@ class BudgetOptions:
 
     heading_mrad: Annotated[
         float | None,
-        option(
+        detail(
             FIXTURE,
             "MRAD",
             "How well the outer axis' direction against north is known (default: as the fixture).",
@@ -171,24 +171,24 @@ class BudgetOptions:
     ] = None
     execution_mrad: Annotated[
         float | None,
-        option(FIXTURE, "MRAD", "How far beside its angle an axis stops (default: as the fixture)."),
+        detail(FIXTURE, "MRAD", "How far beside its angle an axis stops (default: as the fixture)."),
     ] = None
     azimuth_deg: Annotated[
-        float, option(FIXTURE, "DEG", "Where the outer axis points, from north by east.", show_default=True)
+        float, detail(FIXTURE, "DEG", "Where the outer axis points, from north by east.", show_default=True)
     ] = 90.0
-    turn_rate: Annotated[float, option(FIXTURE, "DEG/S", "Rate of the rotations.", show_default=True)] = 57.3
+    turn_rate: Annotated[float, detail(FIXTURE, "DEG/S", "Rate of the rotations.", show_default=True)] = 57.3
     pause: Annotated[
-        float, option(FIXTURE, "S", "Seconds between two rotations, and beside each rest.", show_default=True)
+        float, detail(FIXTURE, "S", "Seconds between two rotations, and beside each rest.", show_default=True)
     ] = 1.0
     gyro_walk_deg_per_root_hour: Annotated[
-        float | None, option(BUDGET, "DEG/√H", "The gyros' angle random walk in °/√h, of another data sheet.")
+        float | None, detail(BUDGET, "DEG/√H", "The gyros' angle random walk in °/√h, of another data sheet.")
     ] = None
     gyro_pulse_arcsec: Annotated[
-        float | None, option(BUDGET, "ARCSEC", "Size of the gyros' pulses in arc-seconds (default: none).")
+        float | None, detail(BUDGET, "ARCSEC", "Size of the gyros' pulses in arc-seconds (default: none).")
     ] = None
     play_backs: Annotated[
         int,
-        option(
+        detail(
             BUDGET,
             "N",
             "How often the recording is played back with what it gave (calibrate: until it settles).",
@@ -197,7 +197,7 @@ class BudgetOptions:
     ] = 2
     formulas: Annotated[
         bool,
-        option(
+        detail(
             BUDGET,
             "",
             "Savage's (13), or all components by least squares (default).",
@@ -206,7 +206,7 @@ class BudgetOptions:
     ] = False
     start_bias: Annotated[
         bool,
-        option(
+        detail(
             BUDGET,
             "",
             "The gyros' bias from the rest before each sequence (default).",
@@ -215,7 +215,7 @@ class BudgetOptions:
     ] = True
     norm: Annotated[
         bool,
-        option(
+        detail(
             BUDGET,
             "",
             "The vertical from the acceleration's length (default), or projected.",
@@ -224,7 +224,7 @@ class BudgetOptions:
     ] = True
     asymmetry: Annotated[
         bool,
-        option(
+        detail(
             BUDGET,
             "",
             "With sequences 1a to 3a (default), for gyros with asymmetry.",

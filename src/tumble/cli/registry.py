@@ -9,19 +9,20 @@ from typing import Annotated, Any, TypeAlias
 
 import typer
 
-from tumble.cli.groups import FIRST, command_class, grouped, option
+from tumble.cli.groups import FIRST, Group, command_class, grouped, option
 from tumble.cli.options import PrintOptions, RegistryName, output_option
 from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
 
 app = typer.Typer(
     name="registry",
+    cls=Group,
     help="Keep calibrations of many units over years, and ask how they change, when they are due, how "
-    "they differ.\n\nA registry is a SQLite file or a PostgreSQL database: [bold]--registry[/] FILE "
+    "they differ.\n\nA registry is a SQLite file or a PostgreSQL database: `--registry` FILE "
     "or URL. Without it the environment variable TUMBLE_REGISTRY counts, and then "
     "tumble-registry.sqlite in this folder.",
     no_args_is_help=True,
     add_completion=False,
-    rich_markup_mode="rich",
+    rich_markup_mode=None,
 )
 
 Operator: TypeAlias = Annotated[str, option(FIRST, "NAME", "Who measured, for `study`.", "--operator")]

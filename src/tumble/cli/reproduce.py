@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from tumble.cli.completion import complete_study
 from tumble.cli.groups import ADVANCED, FIRST, option
 from tumble.cli.options import PrintOptions, Seed, output_option
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
@@ -18,7 +19,8 @@ def reproduce_command(
     item: Annotated[
         str | None,
         typer.Argument(
-            help="What to make anew: an item of the list, or `hayal`, `zhang` or `savage` for all of a paper."
+            autocompletion=complete_study,
+            help="What to make anew: an item of the list, or `hayal`, `zhang` or `savage` for all of a paper.",
         ),
     ] = None,
     repetitions: Annotated[

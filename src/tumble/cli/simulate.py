@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tumble.cli.groups import ADVANCED, FIRST, in_si, option
+from tumble.cli.completion import complete_protocol
+from tumble.cli.groups import ADVANCED, FIRST, detail, in_si, option
 from tumble.cli.options import Imu, PrintOptions, Seed, SiteOptions, output_option
 from tumble.cli.simulate_options import (
     ChainOptions,
@@ -62,7 +64,7 @@ class SessionOptions:
     ] = "SI"
     axes: Annotated[
         str,
-        option(
+        detail(
             ADVANCED,
             "unit|case",
             "What the poses are of: the axes of the unit (default), or of its case (HG units).",
@@ -76,11 +78,36 @@ class SessionOptions:
     ] = False
 
 
+@dataclass(frozen=True)
+class ServeOptions:
+    """A unit that is read while it is moved."""
+
+    serve: Annotated[
+        str | None,
+        option(
+            ADVANCED,
+            "WHERE",
+            "With hand-held: be a device in real time, on a pseudo-terminal (pty), udp:HOST:PORT or ws:PORT.",
+            "--serve",
+        ),
+    ] = None
+    guide: Annotated[
+        Path | None,
+        option(
+            ADVANCED,
+            "DIR",
+            "With --serve: the simulated person does what the guide of the capture in DIR says.",
+            "--guide",
+        ),
+    ] = None
+
+
 def simulate_command(
     protocol: Annotated[
         str,
         typer.Argument(
             metavar="PROTOCOL",
+            autocompletion=complete_protocol,
             help="A protocol file, or the name of a protocol: six-position, multi-position-26 (18, 10, "
             "9), rate-table, modified-multi-position, turntable-9 (18), laboratory, "
             "strapdown-rotation, thermal-soak, thermal-ramp (-tumbled), thermal-fridge, hand-held. "
@@ -94,6 +121,7 @@ def simulate_command(
     chain: ChainOptions,
     table: TableOptions,
     fixture: FixtureOptions,
+    live: ServeOptions,
     printed: PrintOptions,
     output: Annotated[Path | None, output_option("Folder for the files (default: NAME-simulated).")] = None,
 ) -> None:
@@ -108,6 +136,9 @@ def simulate_command(
     from tumble.workflows.simulate import simulate
     from tumble.workflows.site import choose_site
 
+    if live.serve is not None or live.guide is not None:
+        _serve(protocol, session, live)
+        return
     quality, azimuth = fixture.errors()
     with progress(printed.silent) as tell:
         done = simulate(
@@ -135,6 +166,23 @@ def simulate_command(
         say_json({"files": files, "remarks": done.remarks, "next": _next(done), "truth": done.truth})
         return
     _print(done, printed.quiet)
+
+
+def _serve(protocol: str, session: SessionOptions, live: ServeOptions) -> None:
+    """Be a device until the person has done, or Ctrl-C."""
+    from tumble.capture.serve import person_for, serve
+    from tumble.errors import UsageError
+
+    if protocol != "hand-held" or live.serve is None:
+        raise UsageError("--serve WHERE, and --guide DIR with it, go with the protocol hand-held.")
+    unit = session.seed if session.unit is None else session.unit
+    folder = live.guide or Path("captured")
+
+    def tell(address: str) -> None:
+        say(f"Serving. Read it with: tumble capture {address} -o {folder}")
+        sys.stdout.flush()
+
+    serve(person_for(session.grade, unit, live.guide), live.serve, live.guide, tell)
 
 
 def _next(done: Simulated) -> str:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-from tumble.cli.groups import Range, in_si, numbers, option
+from tumble.cli.groups import Range, detail, in_si, numbers, option
 from tumble.cli.options import TurnOnBias
 from tumble.errors import UsageError
 from tumble.units import STANDARD_GRAVITY
@@ -30,7 +30,7 @@ class ErrorOptions:
 
     placement: Annotated[
         bool,
-        option(
+        detail(
             UNIT,
             "",
             "Make the placement errors that the protocol allows (default).",
@@ -38,17 +38,17 @@ class ErrorOptions:
         ),
     ] = True
     sensor_noise: Annotated[
-        bool, option(UNIT, "", "Add noise and the converter's steps (default).", "--sensor-noise/--no-noise")
+        bool, detail(UNIT, "", "Add noise and the converter's steps (default).", "--sensor-noise/--no-noise")
     ] = True
     nonlinear: Annotated[
-        bool, option(UNIT, "", "Also draw quadratic terms of the sheet's linearity.", "--nonlinear")
+        bool, detail(UNIT, "", "Also draw quadratic terms of the sheet's linearity.", "--nonlinear")
     ] = False
     wander: Annotated[
-        bool, option(UNIT, "", "Also let biases wander by the sheet's in-run stability.", "--wander")
+        bool, detail(UNIT, "", "Also let biases wander by the sheet's in-run stability.", "--wander")
     ] = False
     asymmetry_ppm: Annotated[
         float,
-        option(UNIT, "PPM", "Standard deviation of each sensor's scale-factor asymmetry, in ppm."),
+        detail(UNIT, "PPM", "Standard deviation of each sensor's scale-factor asymmetry, in ppm."),
         Range(0.0, 1e5, si=1e-6),
     ] = 0.0
     turn_on_bias: TurnOnBias = None
@@ -64,11 +64,11 @@ class MagnetometerOptions:
     ] = None
     magnetic_field: Annotated[
         str | None,
-        option(UNIT, "UT,DIP[,DECL]", "Norm of the field in µT, dip and declination in degrees (49,65,4)."),
+        detail(UNIT, "UT,DIP[,DECL]", "Norm of the field in µT, dip and declination in degrees (49,65,4)."),
     ] = None
     field_change: Annotated[
         str | None,
-        option(UNIT, "UT,S", "A current nearby changes the field by so many µT, from so many seconds on."),
+        detail(UNIT, "UT,S", "A current nearby changes the field by so many µT, from so many seconds on."),
     ] = None
 
     def field(self) -> dict[str, Any]:
@@ -109,32 +109,32 @@ class ChainOptions:
 
     angle_pulse_arcsec: Annotated[
         float,
-        option(CHAIN, "ARCSEC", "The gyros send whole pulses of so many arc-seconds."),
+        detail(CHAIN, "ARCSEC", "The gyros send whole pulses of so many arc-seconds."),
         Range(0.0, 36_000.0, si=_DEGREE / 3600.0),
     ] = 0.0
     velocity_pulse_mm_per_s: Annotated[
         float,
-        option(CHAIN, "MM/S", "The accelerometers send whole pulses of so many mm/s."),
+        detail(CHAIN, "MM/S", "The accelerometers send whole pulses of so many mm/s."),
         Range(0.0, 1000.0, si=1e-3),
     ] = 0.0
     jitter: Annotated[
         float,
-        option(CHAIN, "MS", "Standard deviation of the stamps about the true instants, in ms."),
+        detail(CHAIN, "MS", "Standard deviation of the stamps about the true instants, in ms."),
         _MILLISECONDS,
     ] = 0.0
     sampling_jitter: Annotated[
         float,
-        option(CHAIN, "MS", "Standard deviation of the instants themselves, which no stamp shows, in ms."),
+        detail(CHAIN, "MS", "Standard deviation of the instants themselves, which no stamp shows, in ms."),
         _MILLISECONDS,
     ] = 0.0
     dropped: Annotated[
         float,
-        option(CHAIN, "PERCENT", "Share of the samples that are lost, in per cent."),
+        detail(CHAIN, "PERCENT", "Share of the samples that are lost, in per cent."),
         Range(0.0, 50.0, "a share of the samples in per cent,", 1e-2),
     ] = 0.0
     burst: Annotated[
         float,
-        option(CHAIN, "N", "How many samples are lost at a time, on average."),
+        detail(CHAIN, "N", "How many samples are lost at a time, on average."),
         Range(1.0, 1e6, words="how many samples are lost at a time, 1 or more"),
     ] = 1.0
 
@@ -165,7 +165,7 @@ class TableOptions:
 
     table_angle_arcsec: Annotated[
         float | None,
-        option(
+        detail(
             TABLE,
             "ARCSEC",
             "Standard deviation of each angle against the display, in arc-seconds (default: the protocol's).",
@@ -174,38 +174,38 @@ class TableOptions:
     ] = None
     table_once_arcsec: Annotated[
         float,
-        option(TABLE, "ARCSEC", "Systematic error of the angle, once a revolution, in arc-seconds."),
+        detail(TABLE, "ARCSEC", "Systematic error of the angle, once a revolution, in arc-seconds."),
         _ARCSECONDS,
     ] = 0.0
     table_twice_arcsec: Annotated[
-        float, option(TABLE, "ARCSEC", "The same, twice a revolution."), _ARCSECONDS
+        float, detail(TABLE, "ARCSEC", "The same, twice a revolution."), _ARCSECONDS
     ] = 0.0
     table_tilt_deg: Annotated[
         float,
-        option(
+        detail(
             TABLE, "DEG", "Standard deviation of the axes' lean from where the protocol has them, in degrees."
         ),
         Range(0.0, 45.0, "degrees", _DEGREE),
     ] = 0.0
     table_wobble_arcsec: Annotated[
         float,
-        option(TABLE, "ARCSEC", "Half angle of the cone that the axis describes, in arc-seconds."),
+        detail(TABLE, "ARCSEC", "Half angle of the cone that the axis describes, in arc-seconds."),
         _ARCSECONDS,
     ] = 0.0
     table_ripple_ppm: Annotated[
         float,
-        option(TABLE, "PPM", "Amplitude of the rate's ripple, in ppm of the rate."),
+        detail(TABLE, "PPM", "Amplitude of the rate's ripple, in ppm of the rate."),
         Range(0.0, 500_000.0, "ppm", 1e-6),
     ] = 0.0
-    table_ripple_cycles: Annotated[int, option(TABLE, "N", "How often it comes in a revolution (12).")] = 12
+    table_ripple_cycles: Annotated[int, detail(TABLE, "N", "How often it comes in a revolution (12).")] = 12
     table_ramps: Annotated[
         float,
-        option(TABLE, "PERCENT", "Standard deviation of the time of each ramp, in per cent of it."),
+        detail(TABLE, "PERCENT", "Standard deviation of the time of each ramp, in per cent of it."),
         Range(0.0, 50.0, "per cent", 1e-2),
     ] = 0.0
     table_shake_ug: Annotated[
         float,
-        option(
+        detail(
             TABLE,
             "UG",
             "Standard deviation that turning adds to each accelerometer sample, in millionths of g.",
@@ -214,7 +214,7 @@ class TableOptions:
     ] = 0.0
     table_stops: Annotated[
         list[str] | None,
-        option(
+        detail(
             TABLE,
             "SPIN:PERCENT",
             "A spin, counted from 1, that stops after so much of its angle; may be given again.",
@@ -222,7 +222,7 @@ class TableOptions:
     ] = None
     table_lever_arm_cm: Annotated[
         str | None,
-        option(
+        detail(
             TABLE,
             "X,Y,Z",
             "From the centre of table or fixture to the accelerometers, in b; nine numbers for a place of each.",
@@ -308,7 +308,7 @@ class FixtureOptions:
 
     fixture_azimuth_deg: Annotated[
         _Amount,
-        option(
+        detail(
             FIXTURE,
             "DEG",
             "Where the outer axis points, in degrees clockwise from north (default: the protocol's, east).",
@@ -317,7 +317,7 @@ class FixtureOptions:
     ] = None
     fixture_installation_mrad: Annotated[
         _Amount,
-        option(
+        detail(
             FIXTURE,
             "MRAD",
             "Standard deviation of the outer axis' heading and of both tilts, in milliradians.",
@@ -326,7 +326,7 @@ class FixtureOptions:
     ] = None
     fixture_orthogonality_mrad: Annotated[
         _Amount,
-        option(
+        detail(
             FIXTURE,
             "MRAD",
             "Standard deviation of the angle between the axes about a right one, in milliradians.",
@@ -334,11 +334,11 @@ class FixtureOptions:
         _MRAD,
     ] = None
     fixture_zero_mrad: Annotated[
-        _Amount, option(FIXTURE, "MRAD", "Standard deviation of both angles' zero, in milliradians."), _MRAD
+        _Amount, detail(FIXTURE, "MRAD", "Standard deviation of both angles' zero, in milliradians."), _MRAD
     ] = None
     fixture_mounting_mrad: Annotated[
         _Amount,
-        option(
+        detail(
             FIXTURE,
             "MRAD",
             "Standard deviation of how the unit lies on the inner axis, about each axis, in milliradians.",
@@ -347,20 +347,20 @@ class FixtureOptions:
     ] = None
     fixture_execution_mrad: Annotated[
         _Amount,
-        option(FIXTURE, "MRAD", "Standard deviation of each stop of each axis, in milliradians."),
+        detail(FIXTURE, "MRAD", "Standard deviation of each stop of each axis, in milliradians."),
         _MRAD,
     ] = None
     fixture_rate_deg_per_s: Annotated[
         _Amount,
-        option(FIXTURE, "DEG/S", "Rate of its rotations (default: as long as the protocol says)."),
+        detail(FIXTURE, "DEG/S", "Rate of its rotations (default: as long as the protocol says)."),
         Range(0.1, 5000.0, "degrees per second", _DEGREE),
     ] = None
     fixture_ramp_s: Annotated[
-        _Amount, option(FIXTURE, "S", "Seconds to come to the rate, and to stop (default: 0.5)."), _SECONDS
+        _Amount, detail(FIXTURE, "S", "Seconds to come to the rate, and to stop (default: 0.5)."), _SECONDS
     ] = None
     fixture_pause_s: Annotated[
         _Amount,
-        option(FIXTURE, "S", "Seconds of rest between the rotations of a sequence (default: 1)."),
+        detail(FIXTURE, "S", "Seconds of rest between the rotations of a sequence (default: 1)."),
         _SECONDS,
     ] = None
 

@@ -1,4 +1,4 @@
-"""`tumble units explain`: what a number of a data sheet says about noise."""
+"""`tumble units`: what a number of a data sheet says about noise."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from tumble.errors import UsageError
 
 
 def units_command(
-    action: Annotated[str, typer.Argument(metavar="explain", help="The word explain.")],
     number: Annotated[
         list[str],
         typer.Argument(
@@ -27,9 +26,10 @@ def units_command(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Say what a noise figure is, and what it is in other units and files."""
-    if action != "explain":
-        raise UsageError(f"tumble units {action}: it is `tumble units explain VALUE UNIT`.")
+    """Say what a noise figure is, and what it is in other units and files.
+
+    tumble units 0.15 deg/√h --sample-rate 100
+    """
     from tumble.workflows.unit_words import explain_unit
 
     answer = explain_unit(*_value_and_unit(number), sample_rate)
@@ -57,19 +57,17 @@ def _value_and_unit(words: list[str]) -> tuple[float, str]:
     UsageError
         If there is no number, no unit, or an option that the command has not.
     """
-    first, *rest = " ".join(words).split()
+    first, *rest = " ".join(words[words[0] == "explain" :]).split() or [""]
     try:
         value = float(first)
     except ValueError:
         what = "No such option" if first.startswith("-") else "No number"
-        raise UsageError(
-            f"{what}: {first}. It is `tumble units explain VALUE UNIT`, as 0.3 deg/√h."
-        ) from None
+        raise UsageError(f"{what}: {first}. It is `tumble units VALUE UNIT`, as 0.3 deg/√h.") from None
     unknown = [word for word in rest if word.startswith("-")]
     if unknown:
         raise UsageError(f"No such option: {unknown[0]}: see `tumble units --help`.")
     if not rest:
-        raise UsageError(f"{first} has no unit: it is `tumble units explain VALUE UNIT`, as 0.3 deg/√h.")
+        raise UsageError(f"{first} has no unit: it is `tumble units VALUE UNIT`, as 0.3 deg/√h.")
     return value, "".join(rest)
 
 

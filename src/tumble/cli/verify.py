@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tumble.cli.figures import FiguresOption, check_figures
-from tumble.cli.groups import numbers, option, refuse_given
+from tumble.cli.groups import detail, numbers, option, refuse_given
 from tumble.cli.options import (
     CalibrationArgument,
     DataSheet,
@@ -54,11 +54,11 @@ class DriveOptions:
         str | None, option(_DRIVE, "X,Y,Z", "Metres from the IMU to the antenna, in b. Without it, 0,0,0.")
     ] = None
     gnss_time: Annotated[
-        float | None, option(_DRIVE, "S", "Seconds to add to the positions' times; without it, found.")
+        float | None, detail(_DRIVE, "S", "Seconds to add to the positions' times; without it, found.")
     ] = None
     outages: Annotated[
         str | None,
-        option(
+        detail(
             _DRIVE, "S,...", "Seconds without positions, as 2,10,30,60 (the default, as far as they fit)."
         ),
     ] = None

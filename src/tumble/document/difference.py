@@ -9,14 +9,22 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import AnyArray, Series, Table
+from tumble.calibration.magnetometer.estimate import NAMES
+from tumble.calibration.magnetometer.parameters import nearest_axes
 from tumble.document.algebra import turned_to
 from tumble.document.entries import PLACES, SIZE, model_of_vector, named_parameters, part, stacked
+from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import UsageError
 from tumble.sensor import FRAMES
 from tumble.sensor.gauge import inverse
 from tumble.sensor.propagation import jacobian
-from tumble.units import STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
+from tumble.units import (
+    STANDARD_GRAVITY,
+    angular_rate_factor,
+    magnetic_field_factor,
+    specific_force_factor,
+)
 
 Complex = npt.NDArray[Any]
 
@@ -27,7 +35,6 @@ _FAR = 5.0
 # Of a parameter's natural size: what a change of frame and back makes of zero.
 _ROUNDING = 1e-12
 _NATURAL = 1e-9  # of a parameter's natural size, below which an uncertainty is rounding too
-FIELD_LEFT_OUT = "The magnetometer is not compared."
 _OPTIONAL = ("asymmetry", "quadratic", "g_sensitivity")
 
 
@@ -129,8 +136,6 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
     if not any(has):
         raise UsageError("The two calibrations have no triad in common.")
     _about_temperature(first, second, remarks)
-    if first.magnetometer is not None or second.magnetometer is not None:
-        remarks.append(FIELD_LEFT_OUT)
     if not first.covariance_parameters or not second.covariance_parameters:
         remarks.append(
             "One of the two has no uncertainties: the sigmas are those of the other alone, or missing."
@@ -160,12 +165,13 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
     changes += _optional_changes(terms, (one, two), (spread_one, spread_two), natural, first)
     remarks += _one_sided(terms, one, two)
     changes.sort(key=lambda change: not change.name.startswith("accelerometer"))
+    of_field, groups_of_field = _field_changes(first.magnetometer, second.magnetometer, remarks)
     joint = np.block([[spread_one, np.zeros((SIZE, SIZE))], [np.zeros((SIZE, SIZE)), spread_two]])
     both = np.concatenate([one, two])
     return Difference(
         frame=first.frame.name,
-        parameters=changes,
-        groups=_groups(one, two, spread_one + spread_two, has, terms, natural),
+        parameters=changes + of_field,
+        groups=_groups(one, two, spread_one + spread_two, has, terms, natural) + groups_of_field,
         force=_worst("specific force of 1 g", _force_change, both, joint) if has[0] else None,
         rest_rate=_worst("rate at rest", _rest_change(has[0]), both, joint) if has[1] else None,
         rate_scale=_worst("rate, relative", _rate_change, both, joint) if has[1] else None,
@@ -335,6 +341,45 @@ def _groups(
             group = _group(f"{short}: {what}", (two - one)[place], spread[place, place], size)
             found += [] if group is None else [group]
     return found
+
+
+def _field_changes(
+    first: MagnetometerBlock | None, second: MagnetometerBlock | None, remarks: list[str]
+) -> tuple[list[ParameterChange], list[GroupChange]]:
+    """What changed of the magnetometer; what keeps it from being compared becomes a remark."""
+    if first is None and second is None:
+        return [], []
+    one, two = (None if block is None else block.triad for block in (first, second))
+    if first is None or second is None or one is None or two is None:
+        remarks.append("The magnetometer is not compared: not both have one that is fit for use.")
+        return [], []
+    factors = magnetic_field_factor(first.raw_unit), magnetic_field_factor(second.raw_unit)
+    if first.unit != second.unit or (factors[0] is None) != (factors[1] is None):
+        remarks.append("The magnetometer is not compared: the two state it in units of different kinds.")
+        return [], []
+    factor = 1.0 if factors[0] is None or factors[1] is None else factors[1] / factors[0]
+    natural = float(np.linalg.norm(one.matrix))
+    own, other = ({p.name: p for p in block.parameters} for block in (first, second))
+    alike = first.frame == second.frame and np.array_equal(nearest_axes(one.matrix), nearest_axes(two.matrix))
+    if not alike:
+        remarks.append(
+            "How the magnetometer's axes lie is not compared: the frames or the axes are other ones."
+        )
+    changes: list[ParameterChange] = []
+    for name in [name for name in own if name in other and (alike or "rotation" not in name)]:
+        by = 1.0 if "rotation" in name else factor
+        moved = other[name].value * by, other[name].standard_uncertainty * by
+        there = ParameterBlock(name=name, value=moved[0], standard_uncertainty=moved[1], unit=own[name].unit)
+        changes.append(_changed(own[name], there, 1.0 if "rotation" in name else natural))
+    known = first.covariance_parameters
+    if not alike or not known or known != second.covariance_parameters:
+        return changes, []
+    spread = np.array(first.covariance) + factor**2 * np.array(second.covariance)
+    at = [NAMES.index(name) for name in known]
+    moved = np.concatenate([(factor * two.matrix - one.matrix).ravel(), factor * two.bias - one.bias])[at]
+    parts = (("biases", np.array(at) >= 9), ("matrix", np.array(at) < 9))
+    groups = [_group(f"magnetometer: {what}", moved[i], spread[np.ix_(i, i)], natural) for what, i in parts]
+    return changes, [group for group in groups if group is not None]
 
 
 def _group(name: str, moved: Series, spread: Table, size: float) -> GroupChange | None:

@@ -3,38 +3,43 @@
 from __future__ import annotations
 
 import math
-from html import escape
 from typing import TYPE_CHECKING
 
+from tumble.files.markup import notebook_html
+
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
     from tumble.document.result import Calibration
 
 # Numbers from here on are written plainly, smaller ones with a power of ten.
 PLAIN = 1e-3
 
 
-def calibration_html(calibration: Calibration) -> str:
+def calibration_html(calibration: Calibration, reason: str = "", files: Sequence[Path] = ()) -> str:
     """Return a heading with the verdict, and a table of the parameters.
 
     Parameters
     ----------
     calibration : any; parameters in its own procedure's convention, SI units.
+    reason : why its procedure was chosen.
+    files : that were written of it.
     """
     verdict = "fit for use" if calibration.verdict.fit else "NOT fit for use"
     unit = " ".join(part for part in (calibration.imu.model, calibration.imu.serial_number) if part)
     sources = ", ".join(recording.name for recording in calibration.recordings)
-    rows = "".join(
-        f"<tr><td style='text-align:left'>{escape(p.name)}</td>"
-        f"<td>{value_with_uncertainty(p.value, p.standard_uncertainty)}</td><td>{escape(p.unit)}</td></tr>"
-        for p in calibration.parameters
-    )
-    reasons = "".join(f"<li>{escape(reason)}</li>" for reason in calibration.verdict.reasons)
-    return (
-        f"<p><b>Calibration{escape(f' of {unit}' if unit else '')}: {verdict}</b> "
-        f"({escape(calibration.procedure)}; {escape(sources)})</p><ul>{reasons}</ul>"
-        "<table><thead><tr><th>parameter</th><th>value ± standard uncertainty</th><th>unit</th></tr></thead>"
-        f"<tbody>{rows}</tbody></table>"
-        f"<p>Frame: {escape(calibration.frame.description)}</p>"
+    return notebook_html(
+        ("parameter", "value ± standard uncertainty", "unit"),
+        [
+            (p.name, value_with_uncertainty(p.value, p.standard_uncertainty), p.unit)
+            for p in calibration.parameters
+        ],
+        title=f"Calibration{f' of {unit}' if unit else ''}: {verdict}",
+        words=f"({calibration.procedure}; {sources})",
+        notes=[*([reason] if reason else []), *calibration.verdict.reasons],
+        foot=f"Frame: {calibration.frame.description}"
+        + (f" Written: {', '.join(map(str, files))}." if files else ""),
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from tumble.arrays import Series, Square, Vectors
+from tumble.border import border
 from tumble.document.contradictions import contradiction_in
 from tumble.document.limits_block import LimitsBlock
 from tumble.document.magnetometer_block import MagnetometerBlock
@@ -441,6 +442,7 @@ class Calibration(_Strict):
         write_text(Path(path), self.to_json())
 
 
+@border
 def read_calibration(path: str | os.PathLike[str]) -> Calibration:
     """Read a ``calibration.json``, or a folder that holds one.
 
@@ -449,10 +451,6 @@ def read_calibration(path: str | os.PathLike[str]) -> Calibration:
     CalibrationFileError
         If there is no such file, or it is not a calibration of a version that this tumble knows.
     """
-    if not isinstance(path, str | os.PathLike):  # pyright: ignore[reportUnnecessaryIsInstance] (what people pass)
-        raise CalibrationFileError(
-            f"A {type(path).__name__} is no calibration's file: give the path of calibration.json or of its folder."
-        )
     file = Path(path)
     if file.is_dir():
         file = file / "calibration.json"

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import Vector
+from tumble.border import border
 from tumble.earth.gravity import normal_gravity
 from tumble.errors import SiteError
 
@@ -42,6 +43,7 @@ class Site:
     source: str = "given"
 
     @staticmethod
+    @border
     def from_latitude(latitude: float, height: float = 0.0) -> Site:
         """Return the site at geodetic `latitude` (rad) and `height` (m), with normal gravity.
 
@@ -66,6 +68,7 @@ class Site:
         )
 
     @staticmethod
+    @border
     def from_gravity(gravity: float) -> Site:
         """Return a site of which only gravity is known, in m/s².
 

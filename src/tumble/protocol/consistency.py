@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tumble.errors import ProtocolError
 from tumble.protocol.steps import HoldStep, Pose, Protocol, RampStep, SoakStep, SpinStep, Step
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 # What poses and turns contradict one another by, beyond their uncertainties: digits of a file, rad.
 SAME_POSE = 1e-3
@@ -30,6 +34,8 @@ def refuse_contradicting_turns(protocol: Protocol) -> None:
     ProtocolError
         Naming the step of the hold, and those of the turns.
     """
+    from scipy.spatial.transform import Rotation
+
     nominal: Rotation | None = None
     headed, doubt = False, 0.0
     turns: list[int] = []

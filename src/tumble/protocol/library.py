@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tumble.arrays import Vector
 from tumble.attitude.directions import twenty_six_directions
@@ -184,6 +183,8 @@ def _turntable(chosen: tuple[int, ...]) -> tuple[Step, ...]:
 
 def _laboratory_pose(axis: int, sign: float, quarter: int) -> Pose:
     """Return the pose with an axis up or down and the next one north, west, south or east."""
+    from scipy.spatial.transform import Rotation
+
     forward = (axis + 1) % 3
     C_nb = np.zeros((3, 3))
     C_nb[:, axis] = [0.0, 0.0, -sign]

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TypedDict
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tumble.arrays import Vector
 from tumble.protocol.keys import ARC_SECOND, DEGREE, KINDS, MINUTE, PPM, RAMP, REVOLUTION
@@ -196,6 +195,8 @@ def _sigma(keys: dict[str, Entry]) -> float:
 
 
 def _pose(keys: dict[str, Entry]) -> Pose | None:
+    from scipy.spatial.transform import Rotation
+
     if "attitude_deg" in keys:
         if "up" in keys or "heading_deg" in keys:
             raise keys["attitude_deg"].error(

@@ -9,13 +9,16 @@ is counter-clockwise for someone whom the axis points at.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tumble.arrays import Vector
 from tumble.attitude.rotations import rotation_between
 from tumble.earth.site import Site
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 UP_N = np.array([0.0, 0.0, -1.0])
 
@@ -46,12 +49,16 @@ class Pose:
 
     def rotation_nb(self, heading: float = 0.0) -> Rotation:
         """Return the nominal attitude; an unknown heading is `heading`, rad."""
+        from scipy.spatial.transform import Rotation
+
         about_vertical = self.heading if self.heading is not None else heading
         return Rotation.from_rotvec([0.0, 0.0, about_vertical]) * _turn_up(self.up_b)
 
 
 def _turn_up(up_b: Vector) -> Rotation:
     """Return the shortest rotation that brings `up_b` up; about north where it is half a turn."""
+    from scipy.spatial.transform import Rotation
+
     if up_b[2] > 1.0 - 1e-12:
         return Rotation.from_rotvec([np.pi, 0.0, 0.0])
     return Rotation.from_matrix(rotation_between(up_b, UP_N))

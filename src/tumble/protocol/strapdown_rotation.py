@@ -11,13 +11,15 @@ sequences of their own.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tumble.arrays import Vector
 from tumble.protocol.steps import HoldStep, Pose, Protocol, Step, TurnStep
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 AXES = ("x", "y", "z")
 _QUARTER = np.pi / 2.0
@@ -60,6 +62,8 @@ class RotationSequence:
         ValueError
             If a rotation is about neither of the fixture's axes.
         """
+        from scipy.spatial.transform import Rotation
+
         inner, outer = self.inner, self.outer
         angles = [(inner, outer)]
         for axis, angle in self.rotations:
@@ -83,6 +87,8 @@ def fixture_rotation(inner: float, outer: float) -> Rotation:
     ----------
     inner, outer : rad.
     """
+    from scipy.spatial.transform import Rotation
+
     return Rotation.from_rotvec([0.0, outer, 0.0]) * Rotation.from_rotvec([0.0, 0.0, inner])
 
 
@@ -151,6 +157,8 @@ def strapdown_rotation_steps(outer_azimuth: float = _QUARTER) -> tuple[Step, ...
     ----------
     outer_azimuth : rad, where the fixture's outer axis points, clockwise from north; east by default.
     """
+    from scipy.spatial.transform import Rotation
+
     steps: list[Step] = []
     fixture_nt = Rotation.from_rotvec([0.0, 0.0, outer_azimuth - _QUARTER])
     for row in SEQUENCES:

@@ -101,6 +101,30 @@ CHIPS: dict[str, Chip] = {
 _RANGE = re.compile(r"[±+]?/?-?([0-9.]+)(g|dps|deg/s|°/s)")
 
 
+def with_chip(words: list[str]) -> list[str]:
+    """Return words of ``--units`` with a chip and its ranges, where they begin with one, as units.
+
+    Parameters
+    ----------
+    words : as ``mpu6050``, ``2g``, ``250dps``, ``ms``.
+
+    Raises
+    ------
+    UsageError
+        If the chip has no such range, or a range is missing that it has several of.
+
+    Examples
+    --------
+    >>> with_chip(["mpu6050", "4g", "500dps", "ms"])
+    ['8192 LSB/g', '65.5 LSB/(deg/s)', 'ms']
+    """
+    if not words or re.sub(r"[^a-z0-9]", "", words[0].lower()) not in CHIPS:
+        return words
+    of_chip = [word for word in words[1:] if word[:1] in "0123456789±+-"]
+    others = [word for word in words[1:] if word not in of_chip]
+    return [*units_of_chip(",".join([words[0], *of_chip])).split(","), *others]
+
+
 def units_of_chip(said: str) -> str:
     """Return the units, as for ``--units``, of a chip's raw counts in the ranges that it was set to.
 
@@ -122,14 +146,14 @@ def units_of_chip(said: str) -> str:
     chip = CHIPS.get(re.sub(r"[^a-z0-9]", "", name))
     if chip is None:
         raise UsageError(
-            f"--chip {name}: known are {', '.join(CHIPS)}. Of another one give the sensitivities of its data sheet, as "
+            f"--units {name}: known are {', '.join(CHIPS)}. Of another one give its data sheet's sensitivities, as "
             '--units "16384 LSB/g,131 LSB/(deg/s)".'
         )
     given: dict[str, float] = {}
     for word in words:
         match = _RANGE.fullmatch(word)
         if match is None:
-            raise UsageError(f"--chip {said}: {word!r} is no range; give it as 2g or 250dps.")
+            raise UsageError(f"--units {said}: {word!r} is no range; give it as 2g or 250dps.")
         given["g" if match[2] == "g" else "deg/s"] = float(match[1])
     parts = [
         _sensitivity(chip, ranges, given.pop(unit, None), unit)
@@ -138,7 +162,7 @@ def units_of_chip(said: str) -> str:
     ]
     if given:
         raise UsageError(
-            f"--chip {said}: the {chip.title} has no {'accelerometer' if 'g' in given else 'gyro'}."
+            f"--units {said}: the {chip.title} has no {'accelerometer' if 'g' in given else 'gyro'}."
         )
     return ",".join(parts)
 
@@ -147,10 +171,10 @@ def _sensitivity(chip: Chip, ranges: _Ranges, full: float | None, unit: str) -> 
     listed = ", ".join(f"{each:g}{'g' if unit == 'g' else 'dps'}" for each in ranges)
     if full is None and len(ranges) > 1:
         raise UsageError(
-            f"--chip {chip.title}: the range that it was set to is missing; give one of {listed}. The driver's "
+            f"--units {chip.title}: the range that it was set to is missing; give one of {listed}. The driver's "
             "initialisation states it."
         )
     full = next(iter(ranges)) if full is None else full
     if full not in ranges:
-        raise UsageError(f"--chip {chip.title}: it has no range of {full:g} {unit}; it has {listed}.")
+        raise UsageError(f"--units {chip.title}: it has no range of {full:g} {unit}; it has {listed}.")
     return f"{ranges[full]:.8g} LSB/{unit if unit == 'g' else f'({unit})'}"

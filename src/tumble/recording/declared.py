@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from tumble.errors import UsageError
+from tumble.recording.chips import with_chip
 from tumble.units import find_unit, known_units
 
 _KINDS = (
@@ -35,6 +36,8 @@ class DeclaredUnits:
 def read_units_option(option: str | Sequence[str] | None) -> DeclaredUnits:
     """Return the units that an option such as ``g,deg/s,ms``, ``counts``, ``m/s,rad`` or ``degF`` declares.
 
+    A chip and its ranges, as ``mpu6050,2g,250dps``, are the units of its counts.
+
     The words may stand in any order, for each says what it is a unit of; ``counts`` (or ``si``) alone stands for every
     triad, as the first word for the accelerometer, as the second for the gyro and as the third for the magnetometer.
     ``G`` and ``mG`` are the accelerometer's g too, and the magnetometer's gauss only after a unit of the accelerometer.
@@ -42,11 +45,11 @@ def read_units_option(option: str | Sequence[str] | None) -> DeclaredUnits:
     Raises
     ------
     UsageError
-        If a word is not a known unit, or two words are units of the same quantity.
+        If a word is not a known unit, two words are units of the same quantity, or a chip has no such range.
     """
     if option is None:
         return DeclaredUnits()
-    words = [w.strip() for w in (option.split(",") if isinstance(option, str) else option)]
+    words = with_chip([w.strip() for w in (option.split(",") if isinstance(option, str) else option)])
     declared = DeclaredUnits()
     for position, word in enumerate(words):
         if not word:
@@ -54,7 +57,9 @@ def read_units_option(option: str | Sequence[str] | None) -> DeclaredUnits:
         kinds = [k for k in _KINDS if find_unit(k, word)]
         if not kinds:
             known = "; ".join(f"{k}: {', '.join(known_units(k))}" for k in _KINDS)
-            raise UsageError(f"--units: {word!r} is not a known unit. The known ones are {known}.")
+            raise UsageError(
+                f"--units: {word!r} is neither a known unit nor a known chip. The known units are {known}."
+            )
         if len(kinds) > 1:
             kinds = _meant(word, kinds, position, declared, alone=len([w for w in words if w]) == 1)
         for kind in kinds:

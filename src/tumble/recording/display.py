@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import TYPE_CHECKING
+
+from tumble.files.markup import notebook_html
 
 if TYPE_CHECKING:
     from tumble.recording.recording import Recording
@@ -21,11 +22,7 @@ def recording_html(recording: Recording) -> str:
         ("temperature", "°C" if recording.temperature is not None else "none"),
         ("gaps", str(len(recording.gaps))),
     ]
-    table = "".join(
-        f"<tr><th style='text-align:left'>{name}</th><td>{escape(told)}</td></tr>" for name, told in rows
-    )
-    remarks = "".join(f"<li>{escape(remark.text)}</li>" for remark in recording.remarks)
-    return f"<table><tbody>{table}</tbody></table><ul>{remarks}</ul>"
+    return notebook_html((), rows, notes=[remark.text for remark in recording.remarks])
 
 
 def _signal(there: bool, unit: str) -> str:

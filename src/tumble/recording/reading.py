@@ -10,6 +10,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from tumble.border import border
 from tumble.errors import RecordingError, UsageError
 from tumble.recording.columns import ColumnPlan
 from tumble.recording.declared import DeclaredUnits, read_units_option
@@ -76,6 +77,7 @@ def _refuse_topics(topics: Sequence[str]) -> None:
         raise UsageError(f"A data frame has no topics ({topics[0]}); leave them out.")
 
 
+@border
 def read_recording(
     paths: Paths,
     *,

@@ -1,4 +1,4 @@
-"""A page as one HTML file that needs nothing else: the one place that knows the templates, which escape.
+"""A page as one HTML file that needs nothing else: its templates escape.
 
 The plotting library is embedded where there are figures; its figures are plain data. A content security policy
 forbids the page every connection.
@@ -13,6 +13,7 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
+from tumble.files.markup import templates
 from tumble.report.page import Cards
 
 if TYPE_CHECKING:
@@ -73,15 +74,7 @@ def figures_of(html: str) -> list[Plot]:
 
 @cache
 def _templates() -> Environment:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    made = Environment(
-        loader=FileSystemLoader(str(files("tumble.report") / "templates")),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    made = templates()
     made.filters |= {"minus": _with_minus, "kind": _kind}
     return made
 

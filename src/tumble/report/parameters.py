@@ -15,16 +15,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.report.rounding import interval, with_uncertainty
-from tumble.units import STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
+from tumble.units import (
+    STANDARD_GRAVITY,
+    angular_rate_factor,
+    magnetic_field_factor,
+    specific_force_factor,
+)
 
 if TYPE_CHECKING:
     from tumble.document.result import Calibration, ParameterBlock, TriadBlock
 
 ACCELEROMETER, GYRO, BETWEEN, OPTIONAL = "Accelerometer", "Gyro", "Between the triads", "Optional terms"
 TEMPERATURE = "Changes with temperature"
-GROUPS = (ACCELEROMETER, GYRO, BETWEEN, OPTIONAL, TEMPERATURE)
+MAGNETOMETER = "Magnetometer"
+GROUPS = (ACCELEROMETER, GYRO, BETWEEN, OPTIONAL, TEMPERATURE, MAGNETOMETER)
 
 _DEGREE = math.pi / 180.0
+# Ends the unit of a magnetometer's scale factor and soft iron, raw per corrected.
+PER_TESLA = "/(T)"
 _AXES = {"x": 0, "y": 1, "z": 2}
 
 
@@ -96,6 +104,8 @@ def plain_unit(unit: str) -> str:
 def _group(name: str) -> str:
     if name.startswith("thermal "):
         return TEMPERATURE
+    if "magnetometer" in name:
+        return MAGNETOMETER
     if any(term in name for term in ("quadratic", "g-sensitivity", "asymmetry", "lever arm")):
         return OPTIONAL
     if name.startswith("accelerometer "):
@@ -121,6 +131,7 @@ def _label(name: str, group: str) -> str:
         name.removeprefix("thermal ")
         .removeprefix(f"{group.lower()} ")
         .replace("rotation between the triads", "rotation")
+        .replace("rotation of the magnetometer", "rotation")
     )
     return name.replace("g-sensitivity of gyro", "g-sens. of gyro")
 
@@ -149,6 +160,13 @@ def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> lis
     elif family == "scale factor error" or family.endswith("asymmetry"):
         shown = _in_practical_unit(measures, _SCALES)
         other, drawn = _nothing(shown), shown
+    elif group == MAGNETOMETER and unit.endswith(PER_TESLA):
+        raw = unit.removesuffix(PER_TESLA)
+        factor = magnetic_field_factor(raw)
+        shown = drawn = [
+            m.times(1e-6, f"{raw}/µT") if factor is None else m.times(factor, "") for m in measures
+        ]
+        other = _nothing(shown)
     elif family == "scale factor":
         shown = measures
         other = _in_practical_unit([Measure(math.nan, m.sigma / abs(m.value), "") for m in shown], _SCALES)

@@ -14,6 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from tumble.border import border
 from tumble.errors import SegmentationError
 from tumble.recording.recording import Recording
 from tumble.segmentation.activity import Activity, find_activity, noise_per_sample
@@ -40,6 +41,7 @@ FARTHEST_TILT = np.radians(2.0)
 STATISTIC = "angular rate without bias, smoothed over 0.15 s, in approximate rad/s"
 
 
+@border
 def find_timeline(
     recording: Recording,
     *,

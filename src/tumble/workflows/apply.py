@@ -30,6 +30,7 @@ from tumble.workflows.corrected_bag import BagCorrection
 from tumble.workflows.corrected_field import CorrectedField, corrects_field
 from tumble.workflows.corrected_form import Destination, destination
 from tumble.workflows.lag_shift import ForceShift, lag_of, shifted
+from tumble.workflows.progress import public
 from tumble.workflows.temperature import (
     about_temperature,
     check_column,
@@ -52,6 +53,7 @@ class Applied:
     remarks: list[str]
 
 
+@public
 def apply(
     calibration: str | os.PathLike[str] | Calibration,
     paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],

@@ -32,6 +32,7 @@ from tumble.workflows.batch_unit import (
 )
 from tumble.workflows.calibrate import require_writable
 from tumble.workflows.executors import hands
+from tumble.workflows.progress import silent
 
 FORMAT, VERSION = "tumble batch unit", 1
 UNITS = "units"
@@ -70,7 +71,7 @@ def run_batch(
     OutputError
         If results cannot be written; what was there is intact.
     """
-    say = progress or _silent
+    say = progress or silent
     options = options or BatchOptions()
     folder = Path(output)
     if options.reports not in REPORTS:
@@ -279,7 +280,3 @@ def _write_tables(folder: Path, batch: Batch) -> None:
     page = render_page(batch_page(batch), None, LIBRARY)
     batch.files = write_texts({folder / "table.csv": csv_text(heads, rows), folder / "table.html": page})
     batch.files.insert(1, write_parquet(folder / "table.parquet", heads, rows))
-
-
-def _silent(_: str) -> None:
-    """Tell nobody."""

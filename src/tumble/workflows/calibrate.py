@@ -36,6 +36,7 @@ from tumble.workflows.procedures import (
     check_procedure,
     run_procedure,
 )
+from tumble.workflows.progress import public, silent
 from tumble.workflows.protocols import GivenProtocol, read_given_protocol
 from tumble.workflows.site import given_site
 
@@ -101,13 +102,10 @@ class CalibrationRun:
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the calibration, and where its files are."""
-        from html import escape
-
-        written = "".join(f"<li>{escape(str(path))}</li>" for path in self.files)
-        shown = f"<p>{escape(self.reason)}</p>{calibration_html(self.calibration)}"
-        return f"{shown}<p>Written:</p><ul>{written}</ul>" if written else shown
+        return calibration_html(self.calibration, self.reason, self.files)
 
 
+@public
 def calibrate(
     paths: Given = (),
     *,
@@ -172,8 +170,8 @@ def calibrate(
     OutputError
         If the results cannot be written; earlier ones are intact.
     """
-    say = progress or _silent
-    site, magnetic, noted = given_site(site), given_field(field), notes_of(notes)
+    say = progress or silent
+    site, noted = given_site(site), notes_of(notes)
     options = Options(optional_terms, noise_correction, data_sheet, unknowns, confirm_scale)
     check_procedure(procedure, options, has_protocol=protocol is not None)
     if monte_carlo is not None and not FEWEST_DRAWS <= monte_carlo <= MOST_DRAWS:
@@ -192,6 +190,7 @@ def calibrate(
 
         # What the protocol says against itself would else look like a fault of the recording.
         refuse_contradicting_turns(given.protocol)
+    magnetic = given_field(field, site or (given and given.protocol.site))
     recording, told, files = read_as_told(paths, given, columns, units, rate, topics)
     refuse_field_of_none(recording, magnetic)
     knowledge = None if prior is None else read_prior(prior, imu[1])
@@ -555,7 +554,3 @@ class Clock:
         now = time.perf_counter()
         self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
         self._last = now
-
-
-def _silent(_: str) -> None:
-    """Tell nobody."""

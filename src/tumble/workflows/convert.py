@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
+from tumble.border import border
 from tumble.document import Calibration, read_calibration
 from tumble.document.imported import calibration_from_model
 from tumble.document.result import RecordingName
@@ -69,6 +70,7 @@ def what_it_holds(target: Target) -> list[str]:
     return [what for what in kept if not (what == SCALE and MATRIX in kept)]
 
 
+@border
 def convert_to(
     calibration: str | os.PathLike[str] | Calibration | None,
     target: str,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from datetime import date
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,46 +18,54 @@ if TYPE_CHECKING:
     from tumble.calibration.magnetometer.estimate import GivenField
     from tumble.calibration.outcome.estimate import JointOutcome
     from tumble.document import Calibration
+    from tumble.earth import Site
     from tumble.recording import Recording
     from tumble.segmentation import HoldMeans, Timeline
 
-# Of a norm that is given without its own uncertainty: a model of the Earth's field knows it to 0.3 %, and buildings
-# and cars change it by more.
-NORM_SIGMA = 0.01
 # µT, of the Earth's field at its surface (IGRF-13).
 WEAKEST, STRONGEST = 22.0, 67.0
 _NUMBER = r"\s*([-+]?[.\d]+(?:[eE][-+]?\d+)?)\s*"
 _FIELD = re.compile(
     rf"{_NUMBER}(?:(?:±|\+-|\+/-){_NUMBER})?([A-Za-zµμ]+)\s*(?:,\s*(?:dip)?{_NUMBER}(?:°|deg)?\s*)?"
 )
+MODEL = "wmm"
 EXAMPLE = "--field 49.2uT or --field 49.2±0.3uT,66"
+MODEL_EXAMPLE = f"--field {MODEL},11.58,2026-05-03 with --site 48.14,520"
 
 
-def given_field(text: str | None) -> GivenField | None:
-    """Return the field for ``--field NORM[±SIGMA]UNIT[,DIP]``: norm, and dip in degrees, down positive.
+def given_field(text: str | None, site: Site | None = None) -> GivenField | None:
+    """Return the field for ``--field NORM[±SIGMA]UNIT[,DIP]`` or, by a model, ``--field wmm,LONGITUDE,DATE``.
 
     Parameters
     ----------
-    text : such as "49.2uT", "0.492gauss,66" or "49.2±0.3uT,66"; without ± the norm is known to 1 %.
+    text : such as "49.2uT", "0.492gauss,66" or "49.2±0.3uT,66" (dip in degrees, down positive; without ± the norm is
+        known to 1 %), or "wmm,11.58,2026-05-03": the World Magnetic Model at `site`, longitude in degrees east.
+    site : the place as far as it was given.
 
     Raises
     ------
     UsageError
         If it is no such text, or no field of the Earth.
+    SiteError
+        If the model says nothing of that place or day.
     """
     if text is None:
         return None
-    from tumble.calibration.magnetometer.estimate import GivenField
+    if text.partition(",")[0].strip().lower() == MODEL:
+        return _field_by_model(text, site)
+    from tumble.calibration.magnetometer.estimate import GIVEN_SIGMA, GivenField
 
     found = _FIELD.fullmatch(text)
     try:
         if found is None:
             raise ValueError
         value, sigma, unit, angle = found.groups()
-        norm, spread = float(value), NORM_SIGMA * float(value) if sigma is None else float(sigma)
+        norm, spread = float(value), GIVEN_SIGMA * float(value) if sigma is None else float(sigma)
         dip = None if angle is None else math.radians(float(angle))
     except ValueError:
-        raise UsageError(f"--field {text}: give norm, unit and dip in degrees, as in {EXAMPLE}.") from None
+        raise UsageError(
+            f"--field {text}: give norm, unit and dip in degrees, as in {EXAMPLE}, or {MODEL_EXAMPLE}."
+        ) from None
     known = find_unit("magnetic field", unit)
     factor = None if known is None else magnetic_field_factor(known)
     if factor is None:
@@ -72,6 +81,28 @@ def given_field(text: str | None) -> GivenField | None:
             f"--field {text}: a dip is from -90 to 90 degrees, positive where the field points down."
         )
     return GivenField(factor * norm, factor * spread, dip, "given with --field")
+
+
+def _field_by_model(text: str, site: Site | None) -> GivenField:
+    """The field by the World Magnetic Model at the site."""
+    from tumble.calibration.magnetometer.estimate import GivenField
+    from tumble.earth.magnetic_model import earth_field
+
+    if site is None or site.latitude is None:
+        raise UsageError(f"--field {text} needs the place: give {MODEL_EXAMPLE}.")
+    try:
+        _, degrees, day = (part.strip() for part in text.split(","))
+        longitude, when = float(degrees), date.fromisoformat(day)
+    except ValueError:
+        raise UsageError(
+            f"--field {text}: give the longitude in degrees east and the day, as in {MODEL_EXAMPLE}."
+        ) from None
+    if not abs(longitude) <= 360.0:
+        raise UsageError(f"--field {text}: a longitude is from -180 to 360 degrees.")
+    found = earth_field(site.latitude, math.radians(longitude), site.height, when)
+    return GivenField(
+        found.norm, found.norm_sigma, found.dip, f"the World Magnetic Model {found.model}", found.dip_sigma
+    )
 
 
 def refuse_field_of_none(recording: Recording, given: GivenField | None) -> None:

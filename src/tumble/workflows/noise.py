@@ -15,7 +15,7 @@ from tumble.files import opened
 from tumble.recording import Recording, read_blocks, read_recording
 from tumble.recording.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
-from tumble.workflows.progress import silent
+from tumble.workflows.progress import public, silent
 
 if TYPE_CHECKING:
     from tumble.noise.characterisation import Characterisation
@@ -41,6 +41,7 @@ class NoiseAnalysis:
     files: tuple[Path, ...] = ()
 
 
+@public
 def analyse_noise(
     paths: Paths | Recording,
     *,

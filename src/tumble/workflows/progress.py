@@ -1,5 +1,74 @@
-"""What is told while work is going on, where nobody asked."""
+"""What is said while work is going on: to whom asks, in a notebook as a bar, else to nobody."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+
+from tumble.border import border
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def silent(_: str) -> None:
-    """Tell nobody."""
+    """Say it to nobody."""
+
+
+def public(function: Callable[P, R]) -> Callable[P, R]:
+    """Return a workflow of the package's front: its arguments are checked, and a notebook shows a bar meanwhile.
+
+    Parameters
+    ----------
+    function : which takes ``progress``.
+    """
+    checked = border(function)
+
+    @wraps(function)
+    def shown(*args: P.args, **kwargs: P.kwargs) -> R:
+        display = None if kwargs.get("progress") is not None else _display_of_notebook()
+        if display is None:
+            return checked(*args, **kwargs)
+        bar = _Bar(display)
+        kwargs["progress"] = bar.show
+        try:
+            made = checked(*args, **kwargs)
+        except BaseException:
+            bar.end("stopped after")
+            raise
+        bar.end("done in")
+        return made
+
+    return shown
+
+
+def _display_of_notebook() -> Any:
+    """What shows HTML in a notebook; None elsewhere, and nothing is imported for it."""
+    shell: Any = sys.modules.get("IPython")
+    if shell is None or getattr(shell.get_ipython(), "kernel", None) is None:
+        return None
+    return shell.display
+
+
+class _Bar:
+    """One bar in a notebook, changed in its place."""
+
+    def __init__(self, display: Any) -> None:
+        self._html, self._began = display.HTML, time.monotonic()
+        self._shown = display.display(self._drawn("starting", busy=True), display_id=True)
+
+    def show(self, stage: str | int) -> None:
+        """Show what is being done, or how many samples are."""
+        words = f"{stage:,} samples" if isinstance(stage, int) else stage
+        self._shown.update(self._drawn(words, busy=True))
+
+    def end(self, words: str) -> None:
+        self._shown.update(self._drawn(words, busy=False))
+
+    def _drawn(self, stage: str, *, busy: bool) -> Any:
+        from tumble.files.markup import notebook_progress
+
+        return self._html(notebook_progress(stage, time.monotonic() - self._began, busy=busy))

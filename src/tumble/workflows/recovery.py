@@ -8,8 +8,11 @@ from pathlib import Path
 from statistics import NormalDist
 from typing import Any
 
+import numpy as np
+
+from tumble.calibration.magnetometer.parameters import named_parameters
 from tumble.document import Calibration, read_calibration
-from tumble.document.difference import FIELD_LEFT_OUT, ParameterChange
+from tumble.document.difference import ParameterChange
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.files.documents import DocumentError, read_json
 
@@ -52,7 +55,9 @@ class Recovery:
     @property
     def remarks(self) -> list[str]:
         """What is to be known of the comparison."""
-        return [] if self.calibration.magnetometer is None else [FIELD_LEFT_OUT]
+        if self.calibration.magnetometer is None or any("magnetometer" in p.name for p in self.parameters):
+            return []
+        return ["The magnetometer is not compared: the truth has none, or in another unit."]
 
     @property
     def sentence(self) -> str:
@@ -106,7 +111,7 @@ def recovery(truth: PathLike, calibration: PathLike) -> Recovery:
             (one.value - true[one.name]) / one.standard_uncertainty,
             one.unit,
         )
-        for one in stated.parameters
+        for one in (*stated.parameters, *(stated.magnetometer.parameters if stated.magnetometer else ()))
         if one.name in true and one.standard_uncertainty > 0.0
     ]
     if not changes:
@@ -127,10 +132,24 @@ def _true_parameters(path: Path, stated: Calibration) -> dict[str, float]:
                 f"{path} is of another recording: its raw units are not those of the calibration."
             )
         listed: list[dict[str, Any]] = document[_LISTS.get(stated.frame.name, "parameters")]
-        return {one["name"]: float(one.get("session_value", one["value"])) for one in listed}
+        true = {one["name"]: float(one.get("session_value", one["value"])) for one in listed}
+        return true | _true_magnetometer(document.get("magnetometer"), stated)
     except OSError as error:
         raise CalibrationFileError(f"{path} cannot be read: {error.strerror or error}.") from error
     except DocumentError as error:
         raise CalibrationFileError(f"{path} cannot be read: {error}.") from None
     except (KeyError, TypeError, ValueError, AttributeError):
         raise CalibrationFileError(f"{path} is no truth.json of `tumble simulate`.") from None
+
+
+def _true_magnetometer(told: dict[str, Any] | None, stated: Calibration) -> dict[str, float]:
+    """The true parameters of the magnetometer by name, in the unit that is stated; none where the units differ."""
+    block = stated.magnetometer
+    if told is None or block is None or block.raw_unit != told["raw_unit"]:
+        return {}
+    own = told["in_frame_accelerometer_x"]
+    size = 1.0 if block.unit == told["unit"] else float(told["field"]["norm"])
+    numbers = np.concatenate([size * np.ravel(own["matrix"]), own["bias"]]).astype(float)
+    turned = stated.frame.name == "accelerometer-x"
+    named = named_parameters(numbers, np.zeros((12, 12)), block.raw_unit, block.unit, turned=turned)
+    return {one.name: one.value for one in named}

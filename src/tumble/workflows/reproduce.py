@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from tumble.errors import OutputError, UsageError
 from tumble.workflows.executors import Hands, hands
+from tumble.workflows.progress import silent
 
 if TYPE_CHECKING:
     from tumble.reproduction.outcome import Outcome
@@ -64,7 +65,7 @@ def reproduce(
     items = find_items(name)
     runs = [repetitions if len(items) == 1 else item.runs_among_others(repetitions) for item in items]
     tasks = [_Task(item.name, item.title, number, seed) for item, number in zip(items, runs, strict=True)]
-    say = progress or _silent
+    say = progress or silent
     if workers == 1 and scheduler is None and executor is None:
         outcomes: list[Outcome] = []
         for task in tasks:
@@ -106,10 +107,6 @@ def _side_by_side(
 
 def _lost(task: _Task, reason: str) -> Outcome:
     raise UsageError(f"{task.name} could not be made: {reason}.")
-
-
-def _silent(_: str) -> None:
-    """Say nothing."""
 
 
 def _write(folder: Path, outcomes: list[Outcome]) -> list[Path]:

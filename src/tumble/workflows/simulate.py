@@ -16,7 +16,7 @@ from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.protocol.steps import SpinStep
 from tumble.sample_rates import SampleRate
-from tumble.workflows.progress import silent
+from tumble.workflows.progress import public, silent
 from tumble.workflows.protocols import read_played
 from tumble.workflows.simulated_files import require_place, write_simulation
 from tumble.workflows.site import given_site
@@ -63,6 +63,7 @@ class Simulated:
     seconds: dict[str, float] = field(default_factory=dict[str, float])
 
 
+@public
 def simulate(
     protocol: str | os.PathLike[str],
     *,

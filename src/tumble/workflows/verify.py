@@ -25,7 +25,7 @@ from tumble.segmentation import find_timeline, observe_holds, read_intervals
 from tumble.sensor import ImuModel
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.expected_norms import conditions, corrected_whole, hold_noise, norm_covariance
-from tumble.workflows.progress import silent
+from tumble.workflows.progress import public, silent
 from tumble.workflows.site import given_site
 from tumble.workflows.temperature import (
     about_temperature,
@@ -88,6 +88,7 @@ class Verification:
         return float(np.sqrt(np.mean(scored**2))) if scored.size else float("nan")
 
 
+@public
 def verify(
     calibration: str | os.PathLike[str] | Calibration,
     paths: Paths,

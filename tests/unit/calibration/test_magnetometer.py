@@ -106,6 +106,33 @@ def test_matrix_bias_and_dip_are_the_simulators(given: GivenField | None) -> Non
     assert made.after < 0.02 < made.before
 
 
+def test_a_bent_field_is_said_and_its_norm_is_less_certain() -> None:
+    """The model's dip is 0.2° uncertain and 4° from the one here: what bends the field changes its norm as well."""
+    straight = GivenField(49.2e-6, 0.14e-6, np.radians(66.0), "a model", np.radians(0.2))
+    bent = GivenField(49.2e-6, 0.14e-6, np.radians(62.0), "a model", np.radians(0.2))
+    one = seen()
+    made = estimated(one, straight)
+    assert made.norm_sigma == pytest.approx(0.14e-6)
+    assert not any("bent" in remark for remark in judge_magnetometer(made, 0.8).remarks)
+    wider = estimated(one, bent)
+    assert wider.norm_sigma == pytest.approx(49.2e-6 * np.radians(4.0), rel=0.05)
+    assert any("bent" in remark for remark in judge_magnetometer(wider, 0.8).remarks)
+    assert judge_magnetometer(wider, 0.8).use == "fit"
+    assert made.triad is not None
+    assert wider.triad is not None
+    # A scale factor's uncertainty has it, an angle's has not.
+    spread = np.sqrt(np.diag(wider.covariance))
+    assert float(spread[0]) == pytest.approx(float(made.triad.matrix[0, 0]) * np.radians(4.0), rel=0.1)
+
+
+def test_a_norm_that_the_unit_contradicts_is_said() -> None:
+    one = seen(counts=1.15, step=0.0)
+    remarks = judge_magnetometer(estimated(one, GIVEN, "uT"), 0.8).remarks
+    assert any("is another one" in remark for remark in remarks)
+    plain = judge_magnetometer(estimated(seen(counts=1.0, step=0.0), GIVEN, "uT"), 0.8)
+    assert not any("is another one" in remark for remark in plain.remarks)
+
+
 def test_derivatives_are_those_of_differences() -> None:
     task = adjusted(seen())
     layout = task.unknowns.layout

@@ -130,6 +130,15 @@ def test_motioncal_s_two_lines_a_sample_are_one_sample_and_no_damage() -> None:
     np.testing.assert_allclose(samples.specific_force[:, 1], np.arange(200) / 1000)
 
 
+def test_names_of_columns_that_come_between_the_rows_are_theirs() -> None:
+    lines = as_csv().splitlines(keepends=True)
+    mixed = "".join([*lines[1:30], lines[0], *lines[30:200], lines[0], *lines[200:]])
+    channels, samples, decoder = decoded(mixed.encode(), cut=3000)
+    assert channels.angular_rate_unit == "rad/s"
+    assert len(samples) == 300
+    assert decoder.damaged == 0
+
+
 def test_garbage_and_half_lines_are_counted_and_passed_over() -> None:
     lines = as_csv().encode().split(b"\n")
     lines[50] = b"\xff\xfe\x00garbage"

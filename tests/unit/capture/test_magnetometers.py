@@ -13,7 +13,7 @@ import pytest
 from tumble.capture.folder import RECORDING, CaptureFolder
 from tumble.capture.link import formats
 from tumble.capture.samples import Channels, Samples, joined
-from tumble.capture.source import Piece, SourceOptions
+from tumble.capture.source import Piece, SourceOptions, find_source
 from tumble.recording import read_recording
 
 COUNT, RATE = 200, 100.0
@@ -101,3 +101,31 @@ def test_the_recording_has_the_magnetometer(
     np.testing.assert_allclose(recording.magnetic_field.values, FIELD[::every], rtol=1e-6, atol=1e-8)
     assert recording.specific_force is not None
     np.testing.assert_allclose(recording.specific_force, FORCE, rtol=1e-6, atol=1e-8)
+
+
+def test_a_replay_has_the_magnetometer_of_its_file_slower_than_the_rows(tmp_path: Path) -> None:
+    rows = np.column_stack([np.arange(COUNT) / RATE, FORCE, TURN])
+    header = "t,ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],gy [rad/s],gz [rad/s],mx [gauss],my [gauss],mz [gauss]\n"
+    lines = [
+        ",".join(map(repr, row)) + ("," + ",".join(map(repr, FIELD[k])) if k % 4 == 1 else ",,,")
+        for k, row in enumerate(rows.tolist())
+    ]
+    (tmp_path / "in.csv").write_text(
+        header + "\n".join(lines).replace("np.float64(", "").replace(")", "") + "\n"
+    )
+    source, address = find_source(f"replay:{tmp_path / 'in.csv'}")
+    pieces = list(source.open(address, SourceOptions(speed=0.0)))
+    channels = next(p for p in pieces if isinstance(p, Channels))
+    folder = CaptureFolder(tmp_path / "out", channels)
+    for piece in pieces:
+        if isinstance(piece, Samples):
+            folder.add(piece)
+    folder.close_recording()
+    folder.close()
+    before, after = read_recording(tmp_path / "in.csv"), read_recording(tmp_path / "out" / RECORDING)
+    assert before.magnetic_field is not None
+    assert after.magnetic_field is not None
+    assert len(after.magnetic_field) == COUNT // 4
+    assert after.magnetic_field.unit == "gauss"
+    np.testing.assert_array_equal(after.magnetic_field.time, before.magnetic_field.time)
+    np.testing.assert_array_equal(after.magnetic_field.values, FIELD[1::4])

@@ -253,7 +253,7 @@ def test_options_that_are_wrong_are_usage_errors(tumbled, csv) -> None:
         ({"columns": "t,a,b,c"}, "'a' is not one of"),
         ({"columns": "t,ax,ay,az,gx,gy,gz,-,-"}, "names 9 columns"),
         ({"columns": "t,-,-"}, "names no triad"),
-        ({"units": "g,parsec"}, "'parsec' is not a known unit"),
+        ({"units": "g,parsec"}, "'parsec' is neither a known unit"),
         ({"units": "g,mg"}, "two units of specific force"),
         ({"rate": -1.0}, "positive"),
     ):

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import tumble
+from tumble.calibration.magnetometer.estimate import NAMES
+from tumble.calibration.magnetometer.parameters import named_parameters
 from tumble.document.difference import compare_calibrations
 from tumble.document.imported import calibration_from_model
-from tumble.document.magnetometer_block import FieldVerdictBlock, MagnetometerBlock
+from tumble.document.magnetometer_block import FieldParameter, FieldVerdictBlock, MagnetometerBlock
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.recording import Recording
@@ -85,12 +88,60 @@ def test_a_magnetometer_that_is_not_fit_is_left_out_and_that_is_said(tmp_path: P
 
 
 def test_a_comparison_says_that_the_magnetometer_is_not_in_it() -> None:
-    said = "The magnetometer is not compared."
     with_one, without = document(), document().model_copy(update={"magnetometer": None})
-    assert said in compare_calibrations(with_one, with_one).remarks
-    assert said not in compare_calibrations(without, without).remarks
-    assert Recovery(with_one, [], 3.0).remarks == [said]
+    local = document(unit="local field")
+    for other, said in ((without, "not both have one"), (local, "units of different kinds")):
+        assert any(said in remark for remark in compare_calibrations(with_one, other).remarks)
+        assert any(said in remark for remark in compare_calibrations(other, with_one).remarks)
+    for pair in ((without, without), (with_one, with_one)):
+        assert not any("magnetometer" in remark for remark in compare_calibrations(*pair).remarks)
+    assert any("not compared" in remark for remark in Recovery(with_one, [], 3.0).remarks)
     assert Recovery(without, [], 3.0).remarks == []
+
+
+def stated(matrix: np.ndarray, bias: np.ndarray, unit: str, sigma: float) -> Calibration:
+    """A magnetometer with parameters and a covariance: `sigma` µT of each bias, 1e-3 of each entry of the matrix."""
+    factor = {"uT": 1.0, "gauss": 0.01}[unit]
+    numbers = factor * np.concatenate([1e6 * matrix.ravel(), bias])
+    spread = np.diag(np.repeat([factor * 1e3, factor * sigma], [9, 3]) ** 2)
+    named = named_parameters(numbers, spread, unit, "T")
+    return document(
+        raw_unit=unit,
+        matrix=numbers[:9].reshape(3, 3).tolist(),
+        bias=numbers[9:].tolist(),
+        parameters=[FieldParameter(**dataclasses.asdict(p)) for p in named],
+        covariance_parameters=list(NAMES),
+        covariance=spread.tolist(),
+    )
+
+
+@pytest.mark.parametrize("unit", ["uT", "gauss"])
+def test_what_changed_of_a_magnetometer_is_in_sigmas_and_in_the_first_ones_unit(unit: str) -> None:
+    moved = np.array([0.4, -0.1, 0.0])
+    found = compare_calibrations(stated(M, H, "uT", 0.03), stated(M, H + moved, unit, 0.04))
+    of = {p.name: p for p in found.parameters}
+    for axis, by in zip("xyz", moved, strict=True):
+        change = of[f"magnetometer bias {axis}"]
+        assert change.second - change.first == pytest.approx(by, abs=1e-9)
+        assert change.standard_uncertainty == pytest.approx(0.05)
+        assert change.sigmas == pytest.approx(by / 0.05, abs=1e-6)
+    assert of["magnetometer scale factor z"].sigmas == 0.0
+    groups = {g.name: g for g in found.groups}
+    assert groups["magnetometer: biases"].chi_square == pytest.approx(float(moved @ moved) / 0.05**2)
+    assert groups["magnetometer: matrix"].chi_square == pytest.approx(0.0, abs=1e-9)
+    assert found.significant
+    # A triad that is turned by 2 mrad about its own z against b, and stretched along it.
+    turn = np.array([[1.0, 2e-3, 0.0], [-2e-3, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    other = compare_calibrations(stated(M, H, "uT", 0.03), stated(np.diag([1, 1, 1.01]) @ M, H, unit, 0.03))
+    assert {p.name: p for p in other.parameters}["magnetometer scale factor z"].sigmas > 3.0
+    turned = compare_calibrations(stated(np.eye(3), H, "uT", 0.03), stated(turn, H, unit, 0.03))
+    rotation = {p.name: p for p in turned.parameters}["rotation of the magnetometer z"]
+    assert rotation.second - rotation.first == pytest.approx(-2e-3, rel=1e-3)
+    # Its x along −y and its y along x: other axes, of which the small angles say nothing.
+    swapped = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    crossed = compare_calibrations(stated(M, H, "uT", 0.03), stated(M @ swapped, H, unit, 0.03))
+    assert not any("rotation of the magnetometer" in p.name for p in crossed.parameters)
+    assert any("axes lie is not compared" in remark for remark in crossed.remarks)
 
 
 def test_blocks_have_one_form_and_the_numbers_of_the_whole() -> None:

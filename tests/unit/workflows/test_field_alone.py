@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -116,6 +118,43 @@ def test_what_field_means_is_read_or_refused(tmp_path: Path) -> None:
     np.savetxt(file, made, delimiter=",", header="t,ax,ay,az,gx,gy,gz", comments="", fmt="%.6f")
     with pytest.raises(TumbleError, match="no magnetometer"):
         tumble.calibrate(file, field="49uT")
+
+
+def test_the_world_magnetic_model_gives_the_field_of_a_place_and_day() -> None:
+    """Norm and dip are those that MATLAB's wrldmagm prints for 1000 m over Natick, by WMM2025 and WMM2020."""
+    from tumble.workflows.magnetometer import given_field
+
+    pytest.importorskip("pygeomag")
+    natick = tumble.Site.from_latitude(math.radians(42.283), 1000.0)
+    for day, norm, dip, sigma, dip_sigma in (
+        ("2028-07-04", 50.940e-6, 65.9899, 138e-9, 0.20),
+        ("2020-07-04", 51.733e-6, 66.8184, 148e-9, 0.21),
+    ):
+        found = given_field(f"wmm,-71.35,{day}", natick)
+        assert found is not None
+        assert found.norm == pytest.approx(norm, abs=1e-9)
+        assert found.dip == pytest.approx(math.radians(dip), abs=2e-5)
+        assert (found.norm_sigma, found.dip_sigma) == pytest.approx((sigma, math.radians(dip_sigma)))
+    for wrong, said in (
+        ("wmm", "longitude"),
+        ("wmm,east,2026-05-03", "longitude"),
+        ("wmm,11.6,yesterday", "longitude"),
+        ("wmm,11.6,2012-05-03", "2015 to 2029"),
+        ("wmm,500,2026-05-03", "-180 to 360"),
+    ):
+        with pytest.raises(TumbleError, match=said):
+            given_field(wrong, natick)
+    for nowhere in (None, tumble.Site.from_gravity(9.81)):
+        with pytest.raises(TumbleError, match="needs the place"):
+            given_field("wmm,11.6,2026-05-03", nowhere)
+
+
+def test_without_the_models_library_one_sentence_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    from tumble.workflows.magnetometer import given_field
+
+    monkeypatch.setitem(sys.modules, "pygeomag", None)
+    with pytest.raises(TumbleError, match=r"pip install 'tumble\[magnetic\]'"):
+        given_field("wmm,11.6,2026-05-03", tumble.Site.from_latitude(0.8))
 
 
 def test_a_field_for_a_magnetometer_that_lacks_a_column_names_the_column(tmp_path: Path) -> None:

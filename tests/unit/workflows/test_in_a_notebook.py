@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import inspect
 import re
+import sys
 import textwrap
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import tumble
-from tumble.errors import CalibrationFileError
+from tumble.border import border
+from tumble.errors import UsageError
 from tumble.workflows.calibrate import CalibrationRun
 
 
@@ -72,8 +75,78 @@ def test_figures_are_those_of_the_report(help_run: dict[str, Any], folder: Path)
     assert len(figures["holds"].data) == len(carried[list(figures).index("holds")]["data"])
 
 
-@pytest.mark.parametrize("wrong", [None, 7, ["calibration.json"]])
-def test_what_is_no_path_is_refused_in_a_sentence(wrong: Any) -> None:
-    with pytest.raises(CalibrationFileError, match="is no calibration's file: give the path"):
-        # Without the tests' own check of arguments, which no user has.
-        inspect.unwrap(tumble.read_calibration)(wrong)
+def read(path: str | Path, rate: float | None = None, *, columns: str | None = None) -> str:
+    """Stand in for a public function; the tests' own check of arguments does not reach it."""
+    return f"{path} {rate} {columns}"
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: CHECKED("a.csv", sight=1), "has no option sight"),
+        (lambda: CHECKED("a.csv", column="t"), "Is columns meant"),
+        (lambda: CHECKED(), "missing a required argument: 'path'"),
+        (lambda: CHECKED("a.csv", "fast"), "rate is 'fast', of the type str: give a number"),
+        (lambda: CHECKED("a.csv", columns=5), "columns is 5, of the type int: give text"),
+    ],
+)
+def test_what_is_passed_by_mistake_is_refused_in_a_sentence(call: Any, said: str) -> None:
+    with pytest.raises(UsageError, match=re.escape(said)):
+        call()
+
+
+def test_what_is_meant_passes_the_border() -> None:
+    assert CHECKED("a.csv", 5) == "a.csv 5 None"
+    assert CHECKED("a.csv", np.float64(5.0), columns="t") == "a.csv 5.0 t"
+    assert inspect.signature(CHECKED) == inspect.signature(read)
+
+
+CHECKED: Any = border(read)
+
+
+def test_every_function_of_the_front_stands_behind_the_border() -> None:
+    names = [name for name in tumble.__all__ if inspect.isfunction(getattr(tumble, name))]
+    assert len(names) >= 9
+    for name in names:
+        with pytest.raises(UsageError, match="has no option sight"):
+            getattr(tumble, name)(sight=1)
+
+
+class Notebook:
+    """A kernel that keeps what is displayed."""
+
+    kernel = True
+
+    def __init__(self) -> None:
+        self.shown: list[str] = []
+        self.display = SimpleNamespace(HTML=str, display=self.show)
+
+    def show(self, text: str, display_id: bool) -> Notebook:
+        assert display_id
+        self.update(text)
+        return self
+
+    def update(self, text: str) -> None:
+        self.shown.append(text)
+
+
+def test_a_notebook_shows_a_bar_until_the_work_is_done(
+    monkeypatch: pytest.MonkeyPatch, help_run: dict[str, Any]
+) -> None:
+    notebook = Notebook()
+    monkeypatch.setitem(
+        sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: notebook, display=notebook.display)
+    )
+    recording = help_run["run"].recording
+    tumble.calibrate(recording, site=tumble.Site.from_gravity(9.81))
+    assert len(notebook.shown) > 3
+    assert all("<progress aria-label" in one for one in notebook.shown[:-1])
+    assert 'value="1"' in notebook.shown[-1]
+    with pytest.raises(tumble.TumbleError):
+        tumble.calibrate("nothing.csv")
+    assert "stopped after" in notebook.shown[-1]
+    before = len(notebook.shown)
+    said: list[str] = []
+    tumble.calibrate(recording, site=tumble.Site.from_gravity(9.81), progress=said.append)
+    assert said
+    assert len(notebook.shown) == before

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import AnyArray, Matrix, Series, Square
+from tumble.arrays import AnyArray, Series, Square
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.estimate import LeftOut, NamedValue, coverage_factor
 from tumble.calibration.evidence import Evidence
@@ -49,6 +49,11 @@ TESLA = "T"
 DETERMINED = 0.05
 # Data sheets promise the mean scale of three magnetometers to so much, one sigma, where nobody gives the norm.
 NAME_PLATE = 0.05
+# Of a field that is given without its own uncertainty, share of its norm and so rad of its dip: a model of the Earth's
+# field knows it to 0.3 %, and buildings and cars change it by more.
+GIVEN_SIGMA = 0.01
+# Sigmas from which on the dip that is found contradicts the one that is given.
+CONTRADICTS = 3.0
 NAMES = (
     *(f"magnetometer.matrix[{i},{j}]" for i in range(3) for j in range(3)),
     *(f"magnetometer.bias[{i}]" for i in range(3)),
@@ -69,12 +74,25 @@ class GivenField:
     norm, norm_sigma : T, and its standard uncertainty.
     dip : rad, down positive; None if it is not given.
     source : where that is from, in words.
+    dip_sigma : rad, standard uncertainty of the dip.
     """
 
     norm: float
     norm_sigma: float
     dip: float | None = None
     source: str = "as given"
+    dip_sigma: float = GIVEN_SIGMA
+
+    def off(self, dip: float, sigma: float) -> float:
+        """Return by how much a dip that was found differs from this one, rad; zero within three sigmas or unknown.
+
+        Parameters
+        ----------
+        dip, sigma : rad, as found; NaN where nothing tells it.
+        """
+        if self.dip is None or not abs(dip - self.dip) > CONTRADICTS * np.hypot(sigma, self.dip_sigma):
+            return 0.0
+        return float(dip - self.dip)
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,10 +213,11 @@ def _described(
     weight = max(1.0, float(tests.square.sum()) / max(redundancy, 1e-9)) if redundancy > 0 else 1.0
     told = slice(0, LAYOUT.size + 12)
     spread = weight * u.expanded(solution.cofactor)[told, told]
-    scale = _Scale.of(magnetic, given, magnetometer_matrix(u))
+    at = u.places([DIP])
+    dip, dip_sigma = float(u[DIP][0]), float(np.sqrt(weight * solution.cofactor[at, at][0]))
+    scale = _Scale.of(magnetic, given, 0.0 if given is None else given.off(dip, dip_sigma))
     numbers, covariance = propagate(_result(outcome.frame, scale), u.values[told], spread)
     covariance = covariance + scale.common(numbers)
-    at = u.places([DIP])
     triad = Triad(numbers[:9].reshape(3, 3), numbers[9:12])
     norm = scale.norm_of(magnetometer_matrix(u))
     weak = _weak(numbers, covariance - scale.common(numbers), norm, task)
@@ -218,8 +237,8 @@ def _described(
         norm=norm,
         norm_sigma=norm * scale.trusted,
         norm_known=given is not None,
-        dip=float(u[DIP][0]),
-        dip_sigma=float(np.sqrt(weight * solution.cofactor[at, at][0])),
+        dip=dip,
+        dip_sigma=dip_sigma,
         scatter=float(np.sqrt(task.noise[FIELD_NOISE])) / task.norm,
         uncertainty=_uncertainty(numbers, covariance - scale.common(numbers), norm),
         holds=tuple(
@@ -246,16 +265,20 @@ def _said(hold: int, times: str) -> tuple[str, int, str]:
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """How the norm of the field is fixed: given, by the mean scale of the recording's unit, or as one."""
+    """How the norm of the field is fixed: given, by the mean scale of the recording's unit, or as one.
+
+    `off` is the angle by which the field here is bent against the given one: what bends it changes its norm as much.
+    """
 
     unit: str
     given: GivenField | None
     factor: float | None
+    off: float
 
     @staticmethod
-    def of(magnetic: MagneticField, given: GivenField | None, matrix: Matrix) -> _Scale:
+    def of(magnetic: MagneticField, given: GivenField | None, off: float = 0.0) -> _Scale:
         factor = magnetic_field_factor(magnetic.unit)
-        return _Scale(LOCAL if given is None and factor is None else TESLA, given, factor)
+        return _Scale(LOCAL if given is None and factor is None else TESLA, given, factor, off)
 
     def norm_of(self, matrix: Complex) -> Any:
         """The field's norm for a matrix in raw units per norm, analytic."""
@@ -269,7 +292,7 @@ class _Scale:
     def trusted(self) -> float:
         """Standard uncertainty of the norm as a share: as given, or of the mean scale that data sheets promise."""
         if self.given is not None:
-            return self.given.norm_sigma / self.given.norm
+            return float(np.hypot(self.given.norm_sigma / self.given.norm, self.off))
         return 0.0 if self.factor is None else NAME_PLATE
 
     def common(self, numbers: Series) -> Square:
@@ -361,7 +384,7 @@ def magnetometer_alone(magnetic: MagneticField, given: GivenField | None = None)
     """
     fitted = fit_ellipsoid(magnetic.values)
     own = fitted.matrix
-    scale = _Scale.of(magnetic, given, own)
+    scale = _Scale.of(magnetic, given)
 
     def evaluate(x: Complex) -> Complex:
         shape = np.array([[x[0], x[3], x[4]], [x[3], x[1], x[5]], [x[4], x[5], x[2]]])

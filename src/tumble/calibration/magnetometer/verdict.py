@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from tumble.calibration.magnetometer.estimate import LOCAL, Magnetometer
+from tumble.calibration.magnetometer.estimate import LOCAL, NAME_PLATE, Magnetometer
 from tumble.calibration.magnetometer.moving import FALSE_ALARM
 from tumble.calibration.magnetometer.parameters import nearest_axes
 from tumble.units import magnetic_field_factor
@@ -26,6 +26,8 @@ FEW_LEFT_OUT, MANY_LEFT_OUT = 0.1, 0.25
 WEAKEST, STRONGEST = 15e-6, 90e-6
 # A given norm and dip that a place indoors may differ from, and beyond which it is another field.
 OFF_NORM, OFF_DIP = 0.2, np.radians(10.0)
+# Of a mean scale factor that data sheets promise to 5 %, one sigma.
+USUAL_SCALE = 2.0 * NAME_PLATE
 # Of a mean scale factor against the unit's own: wrong units are farther off, by ten or more.
 SMALLEST_SCALE, LARGEST_SCALE = 0.5, 2.0
 # Redundant observations of the field below which nothing is checked.
@@ -248,6 +250,7 @@ def _remarks(made: Magnetometer, latitude: float | None) -> list[str]:
             "The field's norm was not given: it is taken from the mean scale of the magnetometer's own unit, known to "
             "5 %. Scale factors are much better known against one another; --field NORM makes them absolute."
         )
+    said += _against_given(made)
     if made.triad is not None and made.method != "ellipsoid":
         axes = nearest_axes(made.triad.matrix)
         if not np.array_equal(axes, np.eye(3)):
@@ -268,6 +271,26 @@ def _remarks(made: Magnetometer, latitude: float | None) -> list[str]:
         )
     if made.moving is None and made.method != "ellipsoid":
         said.append("No change of the magnetic field while recording was found.")
+    return said
+
+
+def _against_given(made: Magnetometer) -> list[str]:
+    """What a field that was given and the one that is found differ by, below what speaks against the calibration."""
+    said: list[str] = []
+    given = made.given
+    off = 0.0 if given is None or made.triad is None else given.off(made.dip, made.dip_sigma)
+    if given is not None and given.dip is not None and 0.0 < abs(off) <= OFF_DIP:
+        said.append(
+            f"The dip of the field is {degrees(made.dip)} and {degrees(given.dip)} was given: the field is bent here, "
+            f"as in buildings. Its norm may be off as much: its uncertainty counts as "
+            f"{percent(made.norm_sigma / made.norm)}."
+        )
+    scale = _scale(made)
+    if USUAL_SCALE < abs(scale - 1.0) <= OFF_NORM and given is not None:
+        said.append(
+            f"By the magnetometer's own unit the norm of the field is {1e6 * scale * given.norm:.1f} µT, and "
+            f"{1e6 * given.norm:.1f} µT was given: the field here or the scale is another one."
+        )
     return said
 
 

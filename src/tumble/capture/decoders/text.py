@@ -45,6 +45,9 @@ class TextLines:
             return
         text, _ = without_clock(line.decode("utf-8", "replace")) if len(line) <= LONGEST_LINE else ("", None)
         words = words_of(text)
+        if words is not None and words == self._header:
+            # Said again, for those who began to listen later.
+            return
         # A greeting of the board has words, too: the names of columns go before it.
         if (
             words is not None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +60,10 @@ def replay(address: str, options: SourceOptions) -> Iterator[Piece]:
                     if late > NAP:
                         yield None
                     time.sleep(min(late, NAP))
-            yield samples_of(part)
+            samples = samples_of(part)
+            if channels.magnetic_field_unit is not None and samples.magnetic_field is None:
+                samples = replace(samples, magnetic_field=np.full((len(samples), 3), np.nan))
+            yield samples
 
 
 def _channels_of(block: Recording) -> Channels:
@@ -70,6 +74,7 @@ def _channels_of(block: Recording) -> Channels:
         block.rate,
         has_temperature,
         tuple(remark.text for remark in block.remarks),
+        None if block.magnetic_field is None else block.magnetic_field.unit,
     )
 
 
@@ -80,7 +85,12 @@ def samples_of(block: Recording) -> Samples:
     ----------
     block : of a recording.
     """
-    return Samples(block.time, block.specific_force, block.angular_rate, block.temperature)
+    field, placed = block.magnetic_field, None
+    if field is not None:
+        # A magnetometer's stamps are the rows' where it stood among them; else each sample goes to the next row.
+        placed = np.full((len(block), 3), np.nan)
+        placed[np.minimum(np.searchsorted(block.time, field.time), len(block) - 1)] = field.values
+    return Samples(block.time, block.specific_force, block.angular_rate, block.temperature, placed)
 
 
 SOURCE = Source("replay", "a recording that is played again", "replay:FILE", replay, live=False)

@@ -86,6 +86,25 @@ def is_sensor(name: str) -> str | None:
     return plain if plain in {*_ACCELEROMETERS, *_GYROS, *_MAGNETOMETERS, _GRAVITY} else None
 
 
+def rank_sensor(name: str) -> tuple[str, int] | None:
+    """Return which kind of sensor a name means and which choice it is among those; None of another.
+
+    Parameters
+    ----------
+    name : as phones' loggers write it.
+
+    Examples
+    --------
+    >>> rank_sensor("GyroscopeUncalibrated")
+    ('rate', 0)
+    """
+    plain = _plain(name)
+    for kind, names in (("force", _ACCELEROMETERS), ("rate", _GYROS), ("field", _MAGNETOMETERS)):
+        if plain in names:
+            return kind, names.index(plain)
+    return None
+
+
 def streams_of_tables(tables: dict[str, tuple[str, RawTable]]) -> tuple[list[Stream], list[str]]:
     """Return the streams of a log by `phone_streams`' rules.
 

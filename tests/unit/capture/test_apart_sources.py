@@ -1,0 +1,458 @@
+"""Sources whose sensors come apart: each against a small server that was written from the protocol's public text."""
+
+from __future__ import annotations
+
+import json
+import struct
+import threading
+import time
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from http.client import HTTPConnection
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, unquote, urlsplit
+
+import numpy as np
+import pytest
+from tests.unit.capture.test_links import collected
+
+from tumble.capture.link import formats
+from tumble.capture.samples import Channels, Samples, joined
+from tumble.capture.source import Notice, Piece, SourceOptions, find_source
+from tumble.errors import UsageError
+
+RATE = 100.0
+
+
+def force_at(t: float) -> list[float]:
+    """Straight lines, so that what is interpolated is known too."""
+    return [0.1 + 0.2 * t, -0.3 * t, 9.7 + 0.05 * t]
+
+
+def turn_at(t: float) -> list[float]:
+    return [0.01 * np.sin(3.0 * t), -0.02, 0.03 + 0.001 * t]
+
+
+def field_at(t: float) -> list[float]:
+    return [20.0 + t, -5.0, 43.0 - t]
+
+
+def check(pieces: list[Piece], *, fewest: int = 100, field: bool = True, unit: str = "m/s^2") -> Channels:
+    """What came is what was sent: the gyro at its stamps, the force between its own."""
+    channels = next(p for p in pieces if isinstance(p, Channels))
+    samples = joined([p for p in pieces if isinstance(p, Samples)])
+    assert len(samples) >= fewest
+    assert (channels.specific_force_unit, channels.angular_rate_unit) == (unit, "rad/s")
+    assert channels.rate == pytest.approx(RATE, rel=0.02)
+    assert samples.specific_force is not None
+    assert samples.angular_rate is not None
+    assert np.all(np.diff(samples.time) > 0.0)
+    # The first gyro sample's clock, found by its line.
+    t = (samples.angular_rate[:, 2] - 0.03) / 0.001
+    np.testing.assert_allclose(np.diff(t), np.diff(samples.time), atol=1e-6)
+    size = 9.80665 if unit == "g" else 1.0
+    np.testing.assert_allclose(size * samples.specific_force, [force_at(one) for one in t], atol=1e-6)
+    np.testing.assert_allclose(samples.angular_rate, [turn_at(one) for one in t], atol=1e-9)
+    assert (samples.magnetic_field is not None) == field
+    if samples.magnetic_field is not None:
+        there = np.isfinite(samples.magnetic_field).all(axis=1)
+        assert 0.1 * len(samples) < np.count_nonzero(there) < 0.5 * len(samples)
+        expected = np.array([field_at(one) for one in t[there]])
+        np.testing.assert_allclose(samples.magnetic_field[there], expected, atol=2.0 / RATE)
+    return channels
+
+
+@contextmanager
+def http_server(answer: Callable[[str], object]) -> Generator[int]:
+    class Handler(BaseHTTPRequestHandler):
+        protocol_version = "HTTP/1.1"
+
+        def do_GET(self) -> None:
+            body = json.dumps(answer(self.path)).encode()
+            self.send_response(200)
+            self.send_header("Content-Type", "application/json")
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, format: str, *args: object) -> None:
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    server.daemon_threads = True
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    try:
+        yield server.server_address[1]
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+class Phyphox:
+    """An experiment with buffers of its own names, as the wiki describes /config, /control and /get."""
+
+    def __init__(self) -> None:
+        self.begun: float | None = None
+        self.asked: list[str] = []
+
+    def __call__(self, path: str) -> object:
+        self.asked.append(path)
+        url = urlsplit(path)
+        if url.path == "/config":
+
+            def outputs(name: str, time_name: str) -> list[dict[str, str]]:
+                return [{"x": name + "X"}, {"y": name + "Y"}, {"z": name + "Z"}, {"t": time_name}]
+
+            return {
+                "crc32": "9566a693",
+                "title": "mine",
+                "inputs": [
+                    {"source": "accelerometer", "outputs": outputs("a", "a_time")},
+                    {"source": "gyroscope", "outputs": outputs("gyr", "gyr_time")},
+                    {"source": "magnetic_field", "outputs": outputs("mag", "mag_time")},
+                ],
+                "export": [],
+            }
+        if url.path == "/control":
+            self.begun = self.begun or time.monotonic()
+            return {"result": True}
+        assert url.path == "/get"
+        assert self.begun is not None
+        now = 3.0 + time.monotonic() - self.begun
+        buffers: dict[str, object] = {}
+        for name, (wish,) in parse_qs(url.query, strict_parsing=True).items():
+            letters = "a_time aX aY aZ" if name[0] == "a" else name[:3] + "_time"
+            function = {"a": force_at, "g": turn_at, "m": field_at}[name[0]]
+            step, shift = {"a": (0.012, 0.003), "g": (0.01, 0.0), "m": (0.05, 0.001)}[name[0]]
+            stamps = np.arange(0.0, now - shift, step) + shift
+            threshold, _, reference = wish.partition("|")
+            if threshold != "full":
+                assert (reference or name) == letters.split()[0] or name.endswith("_time")
+                stamps = stamps[stamps > float(threshold)]
+            axis = "XYZ".find(name[-1])
+            values = stamps if name.endswith("_time") else [function(t)[axis] for t in stamps]
+            buffers[name] = {
+                "size": 0,
+                "updateMode": "full" if wish == "full" else "partial",
+                "buffer": list(values),
+            }
+        return {
+            "buffer": buffers,
+            "status": {"session": "a1", "measuring": True, "timedRun": False, "countDown": 0},
+        }
+
+
+def test_phyphox() -> None:
+    phone = Phyphox()
+    with http_server(phone) as port:
+        source, address = find_source(f"phyphox:127.0.0.1:{port}")
+        found = collected(source.open(address, SourceOptions()), 350)
+    check(found, fewest=350)
+    assert "/control?cmd=start" in phone.asked
+    assert sum("full" in path for path in phone.asked) == 1
+
+
+def test_what_is_no_phyphox_is_refused_with_what_to_do() -> None:
+    with http_server(lambda path: {"inputs": []}) as port, pytest.raises(UsageError, match="Acceleration"):
+        next(find_source("phyphox:")[0].open(f"127.0.0.1:{port}", SourceOptions()))
+    with pytest.raises(UsageError, match="Allow remote access"):
+        next(find_source("phyphox:")[0].open("127.0.0.1:1", SourceOptions()))
+
+
+def logger_document(number: int, *, in_g: bool) -> dict[str, object]:
+    """A push of half a second, as the app's page of examples shows it; the sensors stand one after another."""
+    begin = 1_698_501_144_401_773_000
+    payload: list[dict[str, object]] = []
+    size = 9.80665 if in_g else 1.0
+
+    def add(name: str, step: float, shift: float, values: Callable[[float], list[float]]) -> None:
+        for k in range(round(0.5 * number / step), round(0.5 * (number + 1) / step)):
+            t = k * step + shift
+            x, y, z = values(t)
+            stamp = begin + round(1e9 * t)
+            payload.append(
+                {"name": name, "time": str(stamp), "accuracy": 3, "values": {"z": z, "y": y, "x": x}}
+            )
+
+    add("gyroscope", 0.01, 0.0, lambda t: [9.0, 9.0, 9.0])
+    add("gyroscopeuncalibrated", 0.01, 0.0, turn_at)
+    add("accelerometer", 0.01, 0.002, lambda t: [0.0, 0.1, 0.0])
+    add("accelerometeruncalibrated", 0.0125, 0.002, lambda t: [v / size for v in force_at(t)])
+    add("magnetometeruncalibrated", 0.05, 0.004, field_at)
+    payload.append({"name": "microphone", "time": begin, "values": {"dBFS": -160}})
+    return {"messageId": number, "sessionId": "identifier", "deviceId": "identifier", "payload": payload}
+
+
+@pytest.mark.parametrize("in_g", [False, True], ids=["Android", "iPhone"])
+def test_sensor_logger_pushes(in_g: bool) -> None:
+    source, _ = find_source("sensorlogger:1")
+    with http_server(lambda path: {}) as port:
+        free = port
+    pieces = source.open(f"127.0.0.1:{free}", SourceOptions())
+    assert next(pieces) is None
+    link = HTTPConnection("127.0.0.1", free, timeout=5.0)
+    for number in range(6):
+        document = json.dumps(logger_document(number, in_g=in_g), indent=1 if number % 2 else None)
+        link.request("POST", "/data", document, {"Content-Type": "application/json"})
+        answer = link.getresponse()
+        assert answer.status == 200
+        answer.read()
+    link.close()
+    found = collected(pieces, 290)
+    check(found, fewest=290, unit="g" if in_g else "m/s^2")
+
+
+@contextmanager
+def web_socket_server(handle: Callable[[Any], None], subprotocols: list[str] | None = None) -> Generator[int]:
+    pytest.importorskip("websockets", reason="the extra web")
+    from websockets.exceptions import ConnectionClosed
+    from websockets.sync.server import serve
+
+    def run(socket: Any) -> None:
+        with suppress(ConnectionClosed):
+            handle(socket)
+
+    with serve(run, "127.0.0.1", 0, subprotocols=subprotocols) as server:  # type: ignore[arg-type]  # strings
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        yield server.socket.getsockname()[1]
+        server.shutdown()
+
+
+def test_sensor_server_and_a_phone_that_lacks_some_sensors() -> None:
+    asked: list[list[str]] = []
+
+    def phone(socket: Any) -> None:
+        url = urlsplit(str(socket.request.path))
+        assert url.path == "/sensors/connect"
+        types = json.loads(unquote(url.query.removeprefix("types=")))
+        asked.append(types)
+        if any(name.endswith("_uncalibrated") for name in types):
+            socket.close(4001, "Sensor of type is not found on the device")
+            return
+        for k in range(500):
+            t = 0.01 * k
+            for name, values in (
+                ("gyroscope", turn_at),
+                ("accelerometer", force_at),
+                ("magnetic_field", field_at),
+            ):
+                if name != "magnetic_field" or k % 5 == 0:
+                    stamp = 3_925_657_519_043_709 + round(1e9 * t)
+                    sample = {
+                        "accuracy": 2,
+                        "timestamp": stamp,
+                        "values": values(t),
+                        "type": "android.sensor." + name,
+                    }
+                    socket.send(json.dumps(sample))
+
+    with web_socket_server(phone) as port:
+        source, address = find_source(f"sensorserver:127.0.0.1:{port}")
+        found = collected(source.open(address, SourceOptions()), 480)
+    check(found, fewest=480)
+    assert len(asked) == 3
+    assert asked[0][0] == "android.sensor.accelerometer_uncalibrated"
+    assert asked[-1] == ["android.sensor." + n for n in ("accelerometer", "gyroscope", "magnetic_field")]
+
+
+def cdr(k: int, *, kind: str, force: bool = True, rate: bool = True, frame: str = "imu_link") -> bytes:
+    """A message of ROS 2 by the rules of CDR, little end first: numbers stand at multiples of their own size."""
+    t = k / RATE
+    body = struct.pack("<II", 1_700_000_000 + k // 100, (k % 100) * 10_000_000)
+    name = frame.encode() + b"\0"
+    body += struct.pack("<I", len(name)) + name
+    body += bytes(-len(body) % 8)
+    if kind == "imu":
+        turn = turn_at(t) if rate else [0.0] * 3
+        push = force_at(t) if force else [0.0] * 3
+        body += struct.pack("<4d9d", 0.0, 0.0, 0.0, 1.0, *([-1.0] + [0.0] * 8))
+        body += struct.pack("<3d9d", *turn, *([0.5] * 9)) + struct.pack("<3d9d", *push, *([0.25] * 9))
+    else:
+        body += struct.pack("<3d9d", *[1e-6 * v for v in field_at(t)], *([0.0] * 9))
+    return b"\x00\x01\x00\x00" + body
+
+
+CHANNELS = [
+    {"id": 3, "topic": "/chatter", "encoding": "cdr", "schemaName": "std_msgs/msg/String", "schema": ""},
+    {"id": 7, "topic": "/imu/data", "encoding": "cdr", "schemaName": "sensor_msgs/msg/Imu", "schema": ""},
+    {
+        "id": 8,
+        "topic": "/imu/mag",
+        "encoding": "cdr",
+        "schemaName": "sensor_msgs/msg/MagneticField",
+        "schema": "",
+    },
+]
+APART = [
+    {"id": 1, "topic": "/gyro/sample", "encoding": "cdr", "schemaName": "sensor_msgs/msg/Imu", "schema": ""},
+    {"id": 2, "topic": "/accel/sample", "encoding": "cdr", "schemaName": "sensor_msgs/msg/Imu", "schema": ""},
+]
+
+
+def bridge(channels: Sequence[Mapping[str, object]]) -> Callable[[Any], None]:
+    """foxglove_bridge: it says who it is and what it has, and sends what is subscribed."""
+
+    def handle(socket: Any) -> None:
+        assert socket.subprotocol in ("foxglove.sdk.v1", "foxglove.websocket.v1")
+        socket.send(json.dumps({"op": "serverInfo", "name": "a", "capabilities": ["time"], "sessionId": "1"}))
+        socket.send(json.dumps({"op": "status", "level": 0, "message": "hello"}))
+        for one in channels:
+            socket.send(json.dumps({"op": "advertise", "channels": [one]}))
+        said = json.loads(socket.recv())
+        assert said["op"] == "subscribe"
+        topics = {one["channelId"]: one["id"] for one in said["subscriptions"]}
+        for k in range(400):
+            for channel, subscription in topics.items():
+                if channel == 8 and k % 4:
+                    continue
+                kind = "field" if channel == 8 else "imu"
+                payload = cdr(k, kind=kind, force=channel != 1, rate=channel != 2)
+                socket.send(struct.pack("<BIQ", 1, subscription, 10**18 + k) + payload)
+            if k % 50 == 0:
+                socket.send(struct.pack("<BQ", 2, 10**18))
+        time.sleep(0.3)
+
+    return handle
+
+
+@pytest.mark.parametrize("protocol", ["foxglove.sdk.v1", "foxglove.websocket.v1"])
+def test_foxglove_bridge(protocol: str) -> None:
+    with web_socket_server(bridge([CHANNELS[0], CHANNELS[2], CHANNELS[1]]), [protocol]) as port:
+        source, address = find_source(f"foxglove:127.0.0.1:{port}")
+        found = collected(source.open(address, SourceOptions()), 390)
+    samples = joined([p for p in found if isinstance(p, Samples)])
+    channels = next(p for p in found if isinstance(p, Channels))
+    assert channels.magnetic_field_unit == "T"
+    assert samples.magnetic_field is not None
+    assert samples.specific_force is not None
+    assert samples.angular_rate is not None
+    there = np.flatnonzero(np.isfinite(samples.magnetic_field[:, 0]))
+    np.testing.assert_allclose(np.diff(there), 4)
+    t = (samples.angular_rate[:, 2] - 0.03) / 0.001
+    np.testing.assert_allclose(samples.specific_force, [force_at(one) for one in t], atol=1e-6)
+    np.testing.assert_allclose(
+        1e6 * samples.magnetic_field[there], [field_at(one) for one in t[there]], atol=1e-6
+    )
+    assert len(samples) >= 390
+
+
+def test_two_topics_of_ros_with_a_triad_each_and_what_is_asked_without_a_name() -> None:
+    with web_socket_server(bridge(APART), ["foxglove.sdk.v1"]) as port:
+        source, address = find_source(f"foxglove:127.0.0.1:{port}")
+        with pytest.raises(UsageError, match=r"/gyro/sample, /accel/sample.*--topic"):
+            next(source.open(address, SourceOptions()))
+        with pytest.raises(UsageError, match="no such IMU"):
+            next(source.open(address, SourceOptions(topics=("/imu",))))
+        options = SourceOptions(topics=("/accel/sample", "/gyro/sample"))
+        found = collected(source.open(address, options), 380)
+    check(found, fewest=380, field=False)
+
+
+def test_lines_over_a_web_socket_that_goes_and_comes_back() -> None:
+    rest = iter(range(10**6))
+
+    def handle(socket: Any) -> None:
+        socket.send("t,ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],gy [rad/s],gz [rad/s]")
+        for _ in range(200):
+            t = next(rest) / RATE
+            socket.send(",".join(f"{v:.9f}" for v in (t, *force_at(t), *turn_at(t))))
+
+    with web_socket_server(handle) as port:
+        source, address = find_source(f"ws://127.0.0.1:{port}/imu")
+        found = collected(source.open(address, SourceOptions()), 390)
+    assert sum(len(p) for p in found if isinstance(p, Samples)) >= 390
+    assert [p.kind for p in found if isinstance(p, Notice)][:2] == ["silence", "remark"]
+    with pytest.raises(UsageError, match="Nobody answers"):
+        next(source.open("//127.0.0.1:1/", SourceOptions()))
+
+
+def test_linux_iio_devices_of_one_triad_each(tmp_path: Path) -> None:
+    accel, gyro = tmp_path / "iio:device0", tmp_path / "iio:device1"
+    for folder in (accel, gyro):
+        folder.mkdir()
+    for axis, raw in zip("xyz", (100, -200, 16000), strict=True):
+        (accel / f"in_accel_{axis}_raw").write_text(f"{raw}\n")
+    (accel / "in_accel_scale").write_text("0.000598\n")
+    (accel / "in_accel_x_offset").write_text("25\n")
+    (accel / "in_accel_sampling_frequency").write_text("104.0\n")
+    (accel / "name").write_text("lsm6dsl_accel\n")
+    (accel / "in_temp_raw").write_text("256\n")
+    (accel / "in_temp_scale").write_text("3.90625\n")
+    (accel / "in_temp_offset").write_text("6400\n")
+    for axis, raw, scale in zip("xyz", (7, -8, 9), (0.001, 0.002, 0.003), strict=True):
+        (gyro / f"in_anglvel_{axis}_raw").write_text(f"{raw}\n")
+        (gyro / f"in_anglvel_{axis}_scale").write_text(f"{scale}\n")
+    from tumble.capture.sources.iio import found_devices
+
+    assert found_devices(tmp_path) == [
+        ("iio:device0", "lsm6dsl_accel (accel)"), ("iio:device1", "a sensor (anglvel)"),
+    ]  # fmt: skip
+    source, address = find_source(f"iio:{accel}+{gyro}")
+    found = collected(source.open(address, SourceOptions()), 150)
+    channels = next(p for p in found if isinstance(p, Channels))
+    samples = joined([p for p in found if isinstance(p, Samples)])
+    assert (channels.specific_force_unit, channels.angular_rate_unit) == ("m/s^2", "rad/s")
+    assert channels.rate == pytest.approx(104.0, rel=0.1)
+    assert samples.specific_force is not None
+    assert samples.angular_rate is not None
+    assert samples.temperature is not None
+    np.testing.assert_allclose(samples.specific_force[0], [125 * 0.000598, -200 * 0.000598, 16000 * 0.000598])
+    np.testing.assert_allclose(samples.angular_rate[-1], [0.007, -0.016, 0.027])
+    # 3.90625 (256 + 6400) m°C
+    np.testing.assert_allclose(samples.temperature, 26.0)
+    with pytest.raises(UsageError, match="no IIO device"):
+        next(source.open("device77", SourceOptions()))
+
+
+def ublox(k: int, name: str) -> bytes:
+    """As another program writes the messages."""
+    pyubx2 = pytest.importorskip("pyubx2", reason="the extra gnss")
+    force, rate = force_at(k / RATE), turn_at(k / RATE)
+    gyro = [(kind, round(np.degrees(v) * 4096)) for kind, v in zip((14, 13, 5), rate, strict=True)]
+    accel = [(kind, round(v * 1024)) for kind, v in zip((16, 17, 18), force, strict=True)]
+    if name == "ESF-RAW":
+        words = b"".join(
+            struct.pack("<II", kind << 24 | value & 0xFFFFFF, 256 * k)
+            for kind, value in [*gyro, (12, 2650), *accel]
+        )
+        return pyubx2.UBXMessage(b"\x10", b"\x03", pyubx2.GET, payload=bytes(4) + words).serialize()
+    out = b""
+    for group in ([*gyro, (12, 2650)], accel):
+        words = b"".join(struct.pack("<I", kind << 24 | value & 0xFFFFFF) for kind, value in group)
+        head = struct.pack("<IHH", 10 * k, len(group) << 11, 0)
+        out += pyubx2.UBXMessage(b"\x10", b"\x02", pyubx2.GET, payload=head + words).serialize()
+    return out
+
+
+@pytest.mark.parametrize("name", ["ESF-MEAS", "ESF-RAW"])
+def test_ublox_frames_give_what_was_put_in(name: str) -> None:
+    frames = [ublox(k, name) for k in range(200)]
+    import pyubx2
+
+    read = pyubx2.UBXReader.parse(frames[5][: 8 + int.from_bytes(frames[5][4:6], "little")])
+    assert read.identity == name  # the sample is what that program takes for such a message
+    assert formats()["ublox"].recognises(frames[0])
+    data = b"$GNGGA,,*00\r\n".join(frames[:60]) + frames[60][:-3] + b"".join(frames[60:])
+    decoder = formats()["ublox"].decoder(SourceOptions(rate=RATE), "a test")
+    pieces: list[Piece] = []
+    for start in range(0, len(data), 61):
+        pieces += decoder.feed(data[start : start + 61], start / len(data) * 2.0)
+    pieces += decoder.end()
+    samples = joined([p for p in pieces if isinstance(p, Samples)])
+    channels = next(p for p in pieces if isinstance(p, Channels))
+    assert (channels.specific_force_unit, channels.angular_rate_unit) == ("m/s^2", "deg/s")
+    # A half frame swallows the one that follows it.
+    assert 198 <= len(samples) <= 200
+    assert samples.specific_force is not None
+    assert samples.angular_rate is not None
+    assert samples.temperature is not None
+    np.testing.assert_allclose(
+        samples.specific_force[:60], [force_at(k / RATE) for k in range(60)], atol=0.5 / 1024
+    )
+    expected = np.degrees([turn_at(k / RATE) for k in range(60)])
+    np.testing.assert_allclose(samples.angular_rate[:60], expected, atol=0.51 / 4096)
+    assert set(samples.temperature) == {26.5}
