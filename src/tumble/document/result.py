@@ -249,6 +249,13 @@ class Calibration(_Strict):
         return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:12]
 
     @property
+    def every_parameter(self) -> list[ParameterBlock]:
+        """Its parameters, and those of its magnetometer where that is fit for use."""
+        field = self.magnetometer
+        named = [] if field is None or field.triad is None else field.parameters
+        return [*self.parameters, *(ParameterBlock(**one.model_dump()) for one in named)]
+
+    @property
     def stages(self) -> tuple[Calibration, ...]:
         """The calibrations to correct by, one after another: itself last."""
         return (*(() if self.composed_with is None else self.composed_with.stages), self)

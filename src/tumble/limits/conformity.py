@@ -37,13 +37,13 @@ def decide(calibration: Calibration, limits: Limits) -> LimitsBlock:
     """
     blocks: list[LimitBlock] = []
     used: set[str] = set()
-    for parameter in calibration.parameters:
+    for parameter in calibration.every_parameter:
         limit = limits.limit_of(parameter.name)
         if limit is not None:
             used.add(limit.name)
             blocks.append(_decided(parameter, limit, limits))
     for limit in limits.limits:
-        names = [p.name for p in calibration.parameters if covers(limit.name, p.name)]
+        names = [p.name for p in calibration.every_parameter if covers(limit.name, p.name)]
         if limit.name not in used and not names:
             blocks.append(_missing(limit))
     found = overall([block.decision for block in blocks])

@@ -18,7 +18,13 @@ from tumble.document.limits_block import Rule
 from tumble.errors import UsageError
 from tumble.files import number_of, opened, read_yaml
 from tumble.simulation import Grade, TriadGrade, find_grade
-from tumble.units import angle_increment_factor, angular_rate_factor, specific_force_factor, time_factor
+from tumble.units import (
+    angle_increment_factor,
+    angular_rate_factor,
+    magnetic_field_factor,
+    specific_force_factor,
+    time_factor,
+)
 
 KEYS = ("name", "rule", "risk", "limits")
 _ENTRY = ("within", "from", "to", "nominal", "data sheet", "sigmas", "largest uncertainty")
@@ -37,6 +43,12 @@ KNOWN = (
         )
     ),
     *("gyro g-sensitivity", "rotation between the triads", "lag of the accelerometer behind the gyro"),
+    *(
+        "magnetometer bias",
+        "magnetometer scale factor",
+        "magnetometer soft iron",
+        "rotation of the magnetometer",
+    ),
 )
 _SHEET: dict[str, Callable[[TriadGrade], float]] = {
     "bias": lambda triad: triad.bias,
@@ -84,6 +96,7 @@ def unit_factor(unit: str) -> tuple[str, float] | None:
         ("angular rate", angular_rate_factor),
         ("angle", angle_increment_factor),
         ("time", time_factor),
+        ("magnetic field", magnetic_field_factor),
     )
     for kind, factor_of in kinds:
         try:

@@ -28,6 +28,7 @@ from tumble.workflows.calibrate import (
     write_run,
 )
 from tumble.workflows.joining import require_different_samples
+from tumble.workflows.magnetometer import left_out_of
 from tumble.workflows.notes import Notes, notes_of
 from tumble.workflows.procedures import add_objections, check_prior
 from tumble.workflows.progress import silent
@@ -263,6 +264,7 @@ def _run(session: Session, estimate: Estimate, text: str | os.PathLike[str], cou
 
     reason = f"Procedure joint: {count} units of one array, whose poses are common, in one adjustment."
     remarks = (reason, *(remark.text for remark in session.recording.remarks))
+    estimate.say("remark", *left_out_of([session.recording], "an array"))
     calibration = calibration_from_estimate(
         estimate,
         session.recording,

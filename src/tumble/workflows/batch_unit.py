@@ -19,6 +19,7 @@ from tumble.errors import TumbleError
 from tumble.files import shown
 from tumble.fleet.outcome import ACCELEROMETER, GYRO, UnitOutcome
 from tumble.workflows.batch_source import UnitTask, imported_fsspec, is_url
+from tumble.workflows.magnetometer import field_reasons
 from tumble.workflows.notes import USUAL, notes_of
 
 if TYPE_CHECKING:
@@ -198,11 +199,12 @@ def _outcome(task: UnitTask, options: BatchOptions, key: str, asked: UnitTask) -
         limits="" if document.limits is None else document.limits.decision,
         reasons=[
             *([] if document.verdict.fit else document.verdict.reasons),
+            *field_reasons(document),
             *([] if document.limits is None else document.limits.reasons),
         ],
         more=notes_of(options.notes) | task.more,
         temperature=document.temperature_celsius,
-        parameters=[(p.name, p.value, p.standard_uncertainty, p.unit) for p in document.parameters],
+        parameters=[(p.name, p.value, p.standard_uncertainty, p.unit) for p in document.every_parameter],
         vector=None
         if vector is None
         else {

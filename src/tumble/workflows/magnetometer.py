@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from datetime import date
 from typing import TYPE_CHECKING
 
@@ -186,6 +187,32 @@ def field_alone(
     remarks = tuple(remark.text for remark in recording.remarks)
     document = field_document(found, verdict, recording, session.site, why=why, remarks=remarks, imu=imu)
     return document, estimate
+
+
+def left_out_of(recordings: Iterable[Recording], what: str) -> list[str]:
+    """Return the sentence that magnetometers take no part, none where no recording has one.
+
+    Parameters
+    ----------
+    recordings : that are calibrated together.
+    what : that they are, as "an array".
+    """
+    if all(recording.magnetic_field is None for recording in recordings):
+        return []
+    return [f"The magnetometer is left out of {what}: calibrate a recording by itself to have it."]
+
+
+def field_reasons(document: Calibration) -> list[str]:
+    """Return why a magnetometer is not fit for use; none where it is, or where there is none.
+
+    Parameters
+    ----------
+    document : with its own verdict on the magnetometer.
+    """
+    block = document.magnetometer
+    if block is None or block.verdict is None or not block.unfit:
+        return []
+    return [f"The magnetometer is not fit for use. {block.verdict.reasons[0]}"]
 
 
 def no_holds() -> tuple[Timeline, HoldMeans]:

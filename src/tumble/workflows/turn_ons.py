@@ -29,6 +29,7 @@ from tumble.workflows.calibrate import (
     write_run,
 )
 from tumble.workflows.joining import join_recordings, join_timelines, require_one_unit
+from tumble.workflows.magnetometer import left_out_of
 from tumble.workflows.notes import Notes, notes_of
 from tumble.workflows.procedures import add_objections, check_prior
 from tumble.workflows.progress import silent
@@ -142,6 +143,7 @@ def calibrate_turn_ons(
         session.protocol is None or session.protocol.site is None for session in sessions
     ):
         several.estimate.say("remark", about_gravity(sessions[0].site))
+    several.estimate.say("remark", *left_out_of([s.recording for s in sessions], "several turn-ons"))
     clock.lap("solving")
     run = _run(sessions, several, imu)
     run.calibration = run.calibration.model_copy(update={"notes": noted})

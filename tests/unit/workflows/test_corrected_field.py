@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +17,14 @@ from tumble.document.imported import calibration_from_model
 from tumble.document.magnetometer_block import FieldParameter, FieldVerdictBlock, MagnetometerBlock
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
+from tumble.limits.conformity import decide
+from tumble.limits.reading import read_limits
 from tumble.recording import Recording
 from tumble.recording.formats.output import write_recording
 from tumble.recording.magnetic_field import MagneticField
 from tumble.sensor import ImuModel, Triad
 from tumble.workflows.corrected_field import CorrectedField
+from tumble.workflows.magnetometer import field_reasons, left_out_of
 from tumble.workflows.recovery import Recovery
 
 M = np.array([[1.07, 0.031, -0.052], [-0.083, 0.94, 0.047], [0.021, -0.066, 1.12]])
@@ -113,6 +117,35 @@ def stated(matrix: np.ndarray, bias: np.ndarray, unit: str, sigma: float) -> Cal
         covariance_parameters=list(NAMES),
         covariance=spread.tolist(),
     )
+
+
+def test_limits_hold_a_magnetometer_that_is_fit_and_miss_one_that_is_not(tmp_path: Path) -> None:
+    file = tmp_path / "limits.yaml"
+    file.write_text(
+        "name: lot\nlimits:\n  magnetometer bias: 0.4 gauss\n  magnetometer bias z: 50 uT\n", "utf-8"
+    )
+    made = stated(M, H, "uT", 0.03)
+    found = decide(made, read_limits(file))
+    assert {one.name: one.decision for one in found.parameters} == {
+        "magnetometer bias x": "passed",
+        "magnetometer bias y": "passed",
+        "magnetometer bias z": "passed",
+    }
+    assert made.magnetometer is not None
+    against = FieldVerdictBlock(use="not fit", reasons=["Its axes are mirrored."])
+    unfit = made.model_copy(
+        update={"magnetometer": made.magnetometer.model_copy(update={"verdict": against})}
+    )
+    assert decide(unfit, read_limits(file)).decision == "undecided"
+    assert field_reasons(unfit) == ["The magnetometer is not fit for use. Its axes are mirrored."]
+    assert field_reasons(made) == []
+    assert len(unfit.every_parameter) + 12 == len(made.every_parameter)
+
+
+def test_what_takes_no_magnetometer_says_so() -> None:
+    assert left_out_of([replace(recording(), magnetic_field=None)], "an array") == []
+    (said,) = left_out_of([replace(recording(), magnetic_field=None), recording()], "an array")
+    assert "left out of an array" in said
 
 
 @pytest.mark.parametrize("unit", ["uT", "gauss"])
