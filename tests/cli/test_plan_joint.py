@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -149,3 +150,20 @@ def test_wrong_input_is_refused_in_one_sentence(tumble: Any, short: Path, tmp_pa
     file.write_text("mine", encoding="utf-8")
     is_told(tumble("plan", short, "-o", file), "is a file")
     assert file.read_text(encoding="utf-8") == "mine"
+
+
+def test_a_calibration_shows_what_the_plan_beside_its_protocol_predicted(tumble: Any, tmp_path: Path) -> None:
+    folder, made = tmp_path / "table", tmp_path / "made"
+    unit = ("--imu", "tactical", "--site", "48.14,520")
+    assert tumble("simulate", "turntable-9", *unit, "--seed", "3", "-o", folder, "-q").status == 0
+    plain = tumble("calibrate", "--protocol", folder / "protocol.yaml", "-o", made)
+    assert "Beside the plan" not in plain.out
+    tumble("plan", "turntable-9", *unit, "--rate", "100±0.0001", "-o", tmp_path / "plan", "-q")
+    (tmp_path / "plan" / "plan.json").rename(folder / "plan.json")
+    answer = tumble("calibrate", "--protocol", folder / "protocol.yaml", "-o", made)
+    said = " ".join(answer.out.split())
+    found = re.search(r"median uncertainty is ([\d.]+) times the predicted one", said)
+    assert found is not None, said
+    assert 0.7 < float(found[1]) < 1.5
+    page = (made / "report.html").read_text(encoding="utf-8")
+    assert "achieved over predicted" in page

@@ -310,6 +310,7 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
     if printed.as_json:
         say_json_text(run.calibration.to_json())
         return
+    from tumble.report.planned import planned_sentence
     from tumble.report.summary import print_calibration, verdict_line
 
     screen, more = console(), printed.verbose
@@ -322,6 +323,8 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
     screen.print(run.reason, markup=False)
     for line in (*(f"{r.kind}: {r.text}" for r in read), *(run.estimate.remarks if more else ())):
         screen.print(f"- {line}", markup=False)
+    if sentence := planned_sentence(run.calibration, run.predicted):
+        screen.print(sentence, markup=False)
     for step in _steps(run)[: None if more else 1]:
         screen.print(f"Next: {step}", markup=False)
     for file in run.files:

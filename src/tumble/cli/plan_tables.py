@@ -101,7 +101,7 @@ def _print_pose_tables(screen: Console, done: PosesPlanned, verbose: bool) -> No
     heads = ("predicted", "standard uncertainty", "unit", "of noise alone")
     screen.print(table(heads, parameter_rows(done), right=(1, 3), tight=True))
     heads, rows = scheme_rows(done)
-    screen.print(table(heads, rows, right=range(1, len(heads)), tight=True))
+    screen.print(table(heads, rows, right=range(1, len(heads)), tight=True, fold=True))
     if verbose:
         named = enumerate(zip(pose_names(plan), plan.dwells.tolist(), strict=True), 1)
         poses = [[str(number), name, f"{dwell:.1f} s"] for number, (name, dwell) in named]

@@ -18,6 +18,7 @@ from tumble.report.html import render_page
 from tumble.report.limits import limits_section
 from tumble.report.page import Block, Code, Facts, Footer, Page, Sentences, Table, Verdict, section
 from tumble.report.parameters import GROUPS, ParameterRow, plain_unit
+from tumble.report.planned import planned
 from tumble.report.predictions import predictions
 from tumble.report.protocol import protocol
 from tumble.report.subject import Subject
@@ -86,6 +87,7 @@ def calibration_page(subject: Subject) -> Page:
         *limits_section(calibration),
         *render_evidence(subject, *FIRST),
         *_parameters(subject),
+        *planned(subject),
         *predictions(subject),
         *protocol(subject),
         *timeline(subject),

@@ -8,6 +8,7 @@ far from zero (an offset of 32768 counts) is no bias in mg, and then only its un
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING
@@ -220,6 +221,72 @@ def _in_practical_unit(measures: list[Measure], choices: _Choices) -> list[Measu
     largest = max(10.0 * m.sigma if math.isnan(m.value) else max(abs(m.value), m.sigma) for m in measures)
     factor, unit = next((f, u) for least, f, u in choices if largest >= least)
     return [m.times(factor, unit) for m in measures]
+
+
+_CHOICES: dict[str, tuple[_Choices, float]] = {
+    "accelerometer bias": (_FORCES, 100.0),
+    "gyro bias": (_RATES, 100.0),
+    "scale": (_SCALES, 10.0),
+    "angle": (_ANGLES, 100.0),
+    "g-sensitivity": (_G_SENSITIVITIES, 100.0),
+}
+"""Units of a family that is not measured yet, and how many uncertainties stand for its values."""
+
+
+def practical_uncertainties(family: str, sigmas: Sequence[float]) -> list[Measure]:
+    """Return uncertainties that a plan predicts in the units in which a calibration will state them.
+
+    Parameters
+    ----------
+    family : "accelerometer bias", "gyro bias", "scale", "angle" or "g-sensitivity".
+    sigmas : SI (of a g-sensitivity rad/s a g).
+
+    Examples
+    --------
+    >>> [one.text for one in practical_uncertainties("scale", [3.1e-5, 2.9e-5])]
+    ['± 31 ppm', '± 29 ppm']
+    """
+    choices, times = _CHOICES[family]
+    largest = times * max((sigma for sigma in sigmas if math.isfinite(sigma)), default=0.0)
+    factor, unit = next((f, u) for least, f, u in choices if largest >= least)
+    return [Measure(math.nan, factor * sigma, unit) for sigma in sigmas]
+
+
+def achieved_beside(
+    calibration: Calibration, predicted: Mapping[str, float]
+) -> list[tuple[ParameterRow, Measure, Measure]]:
+    """Return the parameters that a plan predicted: each with its predicted and its achieved uncertainty.
+
+    Parameters
+    ----------
+    calibration : the result.
+    predicted : by name, SI.
+    """
+    found: list[tuple[ParameterRow, Measure, Measure]] = []
+    for row, parameter in zip(parameter_rows(calibration), calibration.parameters, strict=True):
+        name = parameter.name.replace("scale factor ", "scale factor error ").replace("error error", "error")
+        if name not in predicted or not parameter.standard_uncertainty > 0.0:
+            continue
+        in_raw = predicted[name]
+        if row.family == "bias":
+            per_raw = _si_per_raw(calibration, force=row.group == ACCELEROMETER)
+            if per_raw is None:
+                continue
+            in_raw /= float(per_raw[_axis(name)])
+        elif row.family == "scale factor":
+            in_raw *= abs(parameter.value)
+        achieved = (
+            row.other if row.family in ("bias", "scale factor") and row.other is not None else row.shown
+        )
+        ratio = in_raw / parameter.standard_uncertainty
+        found.append(
+            (
+                row,
+                Measure(math.nan, ratio * achieved.sigma, achieved.unit),
+                Measure(math.nan, achieved.sigma, achieved.unit),
+            )
+        )
+    return found
 
 
 def _biases(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -10,6 +10,8 @@ from tumble.report.figures.poses import pose_words
 from tumble.report.parameters import ParameterRow, parameter_rows
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from tumble.arrays import Vectors
     from tumble.calibration.estimate import Estimate
     from tumble.document.result import Calibration
@@ -27,7 +29,8 @@ class Subject:
     ----------
     calibration, estimate : the result, and what the procedure made.
     recording, timeline, means : what it was made from.
-    protocol, matching : what was to be done, and which hold and spin is which step, if it was told.
+    protocol, matching : what was to be done, and which hold and spin is which step, if it was given.
+    predicted : standard uncertainties that a plan predicted, by name, SI.
     """
 
     calibration: Calibration
@@ -37,6 +40,7 @@ class Subject:
     means: HoldMeans
     protocol: Protocol | None = None
     matching: Matching | None = None
+    predicted: Mapping[str, float] = field(default_factory=dict[str, float])
 
     @cached_property
     def rows(self) -> list[ParameterRow]:

@@ -60,7 +60,8 @@ class CalibrationRun:
     """What `calibrate` made: the calibration, everything behind it, and where the files are.
 
     `reason` says why the procedure was chosen; `matching` which hold is which step of the `protocol`, where
-    one was given; `seconds` what each stage took.
+    one was given; `seconds` what each stage took; `predicted` the standard uncertainties (SI) of a plan.json beside the
+    protocol.
     """
 
     calibration: Calibration
@@ -73,6 +74,7 @@ class CalibrationRun:
     matching: Matching | None = None
     files: list[Path] = field(default_factory=list[Path])
     seconds: dict[str, float] = field(default_factory=dict[str, float])
+    predicted: dict[str, float] = field(default_factory=dict[str, float])
 
     @property
     def accepted(self) -> bool:
@@ -246,6 +248,7 @@ def calibrate(
         calibration, estimate, recording, session.timeline, session.means, reason, told, session.matching
     )
     run.seconds = clock.seconds
+    run.predicted = {} if given is None else given.predicted()
     if folder is not None:
         say("writing the report")
         write_run(run, folder)
@@ -539,6 +542,7 @@ def report_of(run: CalibrationRun, library: str | None = None) -> str:
         means=run.means,
         protocol=run.protocol,
         matching=run.matching,
+        predicted=run.predicted,
     )
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from itertools import groupby
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tumble.units import STANDARD_GRAVITY
+
 if TYPE_CHECKING:
+    from tumble.arrays import Series
     from tumble.design.pose_plan import PosePlan, PoseTask
     from tumble.design.step_worth import StepWorth
     from tumble.earth import Site
@@ -18,7 +21,7 @@ if TYPE_CHECKING:
 SECOND = math.pi / 648000.0
 MICRO_G = 9.80665e-6
 # Practical unit and its size in the unit of `tumble.design.candidates.PARAMETERS`, by group.
-UNITS = {"scale": ("ppm", 1e-6), "misalignment": ("″", SECOND), "bias": ("µg", 1e-6)}
+UNITS = {"scale": ("ppm", 1e-6), "misalignment": ("mrad", 1e-3), "bias": ("mg", 1e-3)}
 # Practical unit of each group, and its size in SI.
 UNITS_OF_GROUPS: dict[str, tuple[str, float]] = {
     "accelerometer bias": ("µg", 9.80665e-6),
@@ -49,24 +52,42 @@ def prediction_rows(done: ProtocolPlanned) -> list[list[str]]:
 
     rows: list[list[str]] = []
     for group, part in GROUPS.items():
-        unit, size = UNITS_OF_GROUPS[group]
+        sigmas, known = done.plan.sigmas[part], np.asarray(done.plan.told[part], dtype=np.bool_)
         if group == "g-sensitivity":
             if not done.plan.task.g_sensitivity:
                 continue
             # A gyro's three elements as one.
-            sigmas = np.sqrt(np.mean(done.plan.sigmas[part].reshape(3, 3) ** 2, axis=1))
-            told = np.all(done.plan.told[part].reshape(3, 3), axis=1)
-        else:
-            sigmas, told = done.plan.sigmas[part], done.plan.told[part]
-        values: list[float] = sigmas.tolist()
-        known = [bool(one) for one in np.asarray(told, dtype=np.float64).tolist()]
-        axes = "  (yz, zx, zy)" if group.endswith("misalignment") else ""
-        shown = [
-            f"{sigma / size:.3g}" if is_told else "not determined"
-            for sigma, is_told in zip(values, known, strict=True)
-        ]
-        rows.append([group + axes, *shown, unit])
+            sigmas = STANDARD_GRAVITY * np.sqrt(np.mean(sigmas.reshape(3, 3) ** 2, axis=1))
+            known = np.all(known.reshape(3, 3), axis=1)
+        rows.append(_prediction_row(group, sigmas, known))
     return rows
+
+
+# Ends of a group's name -> the name that a calibration has for it, and the family of its units.
+_NAMES = {
+    "bias": ("bias", ""),
+    "scale": ("scale factor error", "scale"),
+    "misalignment": ("non-orthogonality (yz, zx, zy)", "angle"),
+    "triads": ("triads", "angle"),
+    "g-sensitivity": ("g-sensitivity", "g-sensitivity"),
+}
+
+
+def _prediction_row(group: str, sigmas: Series, known: Any) -> list[str]:
+    from tumble.report.parameters import practical_uncertainties
+    from tumble.report.rounding import with_uncertainty
+
+    stem, _, end = group.rpartition(" ")
+    name, family = _NAMES[end]
+    values: list[float] = np.where(known, sigmas, np.nan).tolist()
+    measures = practical_uncertainties(family or group, values)
+    shown = [
+        with_uncertainty(math.nan, one.sigma).removeprefix("± ")
+        if math.isfinite(one.sigma)
+        else "not determined"
+        for one in measures
+    ]
+    return [f"{stem} {name}".strip(), *shown, measures[0].unit]
 
 
 def step_rows(done: ProtocolPlanned, *, each: bool = False) -> list[list[str]]:
@@ -362,11 +383,15 @@ def parameter_rows(done: PosesPlanned) -> list[list[str]]:
     ----------
     done : what was planned.
     """
+    from tumble.report.parameters import practical_uncertainties
+
+    families = {"bias": "accelerometer bias", "scale": "scale", "misalignment": "angle"}
     rows: list[list[str]] = []
     for one in done.predicted:
-        unit, size = UNITS[one.group]
-        factor = 1.0 / (size * (done.place.gravity if one.group == "bias" else 1.0))
-        rows.append([one.name, f"{one.total * factor:.3g}", unit, f"{one.noise * factor:.3g}"])
+        same = [(other.total, other.noise) for other in done.predicted if other.group == one.group]
+        sizes = practical_uncertainties(families[one.group], [total for total, _ in same])
+        factor = sizes[0].sigma / same[0][0]
+        rows.append([one.name, f"{one.total * factor:.2g}", sizes[0].unit, f"{one.noise * factor:.2g}"])
     return rows
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import difflib
+import json
 import math
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tumble.errors import UsageError
 from tumble.recording import Recording
@@ -31,6 +32,23 @@ class GivenProtocol:
         )
         folder = self.folder or Path()
         return [folder / name for name in named]
+
+    def predicted(self) -> dict[str, float]:
+        """Return the standard uncertainties (SI) of the ``plan.json`` beside the protocol; empty without one."""
+        if self.folder is None:
+            return {}
+        try:
+            plan: Any = json.loads((self.folder / "plan.json").read_text(encoding="utf-8"))
+            if plan["format"] == "tumble plan of a protocol" and plan["protocol"] != self.protocol.name:
+                return {}
+            parameters: Any = plan.get("both_triads") or plan["parameters"]
+            return {
+                one["name"]: float(one["standard_uncertainty"])
+                for one in parameters
+                if one["standard_uncertainty"]
+            }
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return {}
 
     def on_clock_of(self, recordings: list[Recording], spans: list[Span]) -> Protocol:
         """Return the protocol with every step's own file or interval on the joined recording's clock.
