@@ -161,6 +161,7 @@ def clean(runs: int) -> None:
     made = [run for seed in range(runs) if (run := play(seed)) is not None]
     ratios = np.array([run.errors / run.sigmas for run in made])
     inside = np.abs(ratios) < 1.96
+    sigmas = np.array([run.sigmas for run in made])
     bounds, errors = np.array([run.bound() for run in made]), np.array([run.errors for run in made])
     print(
         f"{len(made)} of {runs} recordings by hand, 26 poses, magnetometer at 50 Hz with 0.4 µT of noise a sample"
@@ -173,7 +174,13 @@ def clean(runs: int) -> None:
     for name, place in (("matrix", slice(0, 9)), ("bias", slice(9, 12)), ("dip", slice(12, 13))):
         # Each recording's own bound: errors in units of it.
         efficiency = 1.0 / np.sqrt(np.mean((errors[:, place] / bounds[:, place]) ** 2))
-        print(f"Cramér-Rao bound (attitudes known) over rms error, {name}: {efficiency:.3f}")
+        # An rms of n numbers is known to 1 / sqrt(2 n) of itself; the ratio to what is stated has no such chance.
+        chance = efficiency / np.sqrt(2.0 * errors[:, place].size)
+        stated = 1.0 / np.sqrt(np.mean((sigmas[:, place] / bounds[:, place]) ** 2))
+        print(
+            f"Cramér-Rao bound (attitudes known), {name}: over rms error {efficiency:.3f} ± {chance:.3f} by chance, "
+            f"over the stated uncertainty {stated:.3f}"
+        )
     both = np.array([compare(run) for run in made])
     joint, alone = 1e2 * np.sqrt(np.nanmean(both**2, axis=0))
     print(

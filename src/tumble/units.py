@@ -22,6 +22,8 @@ STANDARD_GRAVITY = 9.80665
 """Standard acceleration of gravity g_n, m/s², exact by definition (3rd CGPM, 1901)."""
 
 COUNTS = "counts"
+LSB = " LSB/"
+"""In the name of a sensitivity, such as ``16384 LSB/g``."""
 """Name of the unit of raw converter output, which has no factor."""
 
 _DEGREE = pi / 180.0  # SI Brochure, table 8
@@ -194,7 +196,7 @@ def _sensitivity(kind: str, plain: str) -> str | None:
     counts, unit = float(match[1]), _INDEX[kind].get(match[2])
     if unit != _PER[kind] or not (isfinite(counts) and 1e-3 < counts < 1e9):
         return None
-    return f"{counts:.10g} LSB/{'g' if kind == 'specific force' else '(deg/s)'}"
+    return f"{counts:.10g}{LSB}{'g' if kind == 'specific force' else '(deg/s)'}"
 
 
 def known_units(kind: str) -> tuple[str, ...]:

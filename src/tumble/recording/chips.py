@@ -1,7 +1,9 @@
 """Sensitivities of common chips by their measuring range: what one count is, from each maker's data sheet.
 
 They are nominal values. A unit differs from them by per cent, which is what a calibration finds. The table was not read
-anew from each sheet: gravity at rest checks the accelerometer's number, and nothing at rest the gyro's.
+anew from each sheet. Those of MPU-6000, 6050, 6500, ICM-20602, 20689, 20948, LSM9DS0, LSM9DS1 and ADIS16448 are also
+what the Linux kernel's drivers have (drivers/iio: inv_mpu6050, st_sensors, st_lsm6dsx, adis16400). Gravity checks every
+number in use: at rest the accelerometer's, while the unit turns the gyro's.
 
 References
 ----------

@@ -17,7 +17,7 @@ from tumble.recording.recording import Recording, Remark
 from tumble.recording.rest import QuietStretches, find_quiet_stretches, sample_pieces, smallest_step
 from tumble.recording.unit_change import two_force_levels
 from tumble.recording.unnamed_columns import find_accelerometer
-from tumble.units import COUNTS, STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
+from tumble.units import COUNTS, LSB, STANDARD_GRAVITY, angular_rate_factor, specific_force_factor
 
 _GUESS_TOLERANCE = 0.15  # of the norm at rest when guessing; an uncalibrated MEMS is off by a few per cent
 _REFUSE_FACTOR = 1.3  # a declared unit is refused when gravity comes out wrong by more than this
@@ -148,6 +148,8 @@ def check_specific_force_unit(level: Level, unit: str, rate: float, name: str) -
     )
     if ratio < 0.1 and guess == COUNTS:
         advice = "gravity seems to have been removed; record raw specific force, which contains it"
+    elif LSB in unit and guess == COUNTS:
+        advice = f"the unit counts about {level.norm:.0f} to a g, so another measuring range was set: give that one"
     raise RecordingError(
         f"{name}: the accelerometer's norm {'at rest ' if level.at_rest else ''}is {level.norm:.4g}, which "
         f"in the declared {unit} is {ratio:.3g} times gravity; {advice}."
@@ -240,6 +242,11 @@ def check_angular_rate_unit(recording: Recording, unit: str, name: str) -> list[
     other = unit_of_scale(scale.scale)
     doubled = gyro_step_words(ratio, recording.rate)
     advice = f"{doubled[0].upper()}{doubled[1:]}. Else it" if doubled is not None else "It"
+    if LSB in unit and other is None and doubled is None:
+        raise RecordingError(
+            f"{name}: the gyro is declared to be in {unit}, but gravity turning in body axes shows about "
+            f"{np.radians(1.0) / scale.scale:.3g} LSB/(deg/s): another measuring range was set, so give that one."
+        )
     raise RecordingError(
         f"{name}: the gyro is declared to be in {unit}, but gravity turning in body axes shows "
         f"{scale.scale:.3g} rad/s per unit ({ratio:.3g} times the declared). {advice} looks like "
