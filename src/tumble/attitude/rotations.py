@@ -85,11 +85,15 @@ def matrices_from_rotation_vectors(rotation_vectors: Vectors) -> Matrices:
 
 def rotation_vectors_from_matrices(C: Matrices) -> Vectors:
     """Return (rows, 3) `rotation_vector_from_matrix` of each matrix, rad."""
-    from scipy.spatial.transform import Rotation
-
-    if not len(C):
-        return np.zeros((0, 3))
-    return np.asarray(Rotation.from_matrix(C).as_rotvec(), dtype=np.float64)
+    twice = np.stack([C[:, 2, 1] - C[:, 1, 2], C[:, 0, 2] - C[:, 2, 0], C[:, 1, 0] - C[:, 0, 1]], axis=1)
+    sine = 0.5 * np.sqrt(np.einsum("ka,ka->k", twice, twice))
+    cosine = 0.5 * (C[:, 0, 0] + C[:, 1, 1] + C[:, 2, 2] - 1.0)
+    still = sine < 1e-12
+    made = np.where(still, 0.5, 0.5 * np.arctan2(sine, cosine) / np.where(still, 1.0, sine))[:, None] * twice
+    # Towards half a turn the difference tells the axis no more.
+    for k in np.flatnonzero(cosine < -0.5).tolist():
+        made[k] = rotation_vector_from_matrix(C[k])
+    return made
 
 
 def skews(vectors: Vectors) -> Matrices:

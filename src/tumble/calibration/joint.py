@@ -163,7 +163,7 @@ def calibrate_joint(
     task.unknowns = task.unknowns.with_free(unknowns_with(plain, known))
     of_table = _seen_on_table(task) if optional_terms and has_gyro and data.rotations else []
     task, balanced, fresh = _settled_from(
-        task, of_table, lambda: rough_start(recording, timeline, means, site)
+        task, of_table, lambda: rough_start(recording, timeline, means, site), a_start=bool(known)
     )
     tests: list[TermTest] = []
     untried: list[str] = []
@@ -311,17 +311,20 @@ def _seen_on_table(task: JointAdjustment) -> list[str]:
 
 
 def _settled_from(
-    task: JointAdjustment, names: list[str], rough: Callable[[], Unknowns]
+    task: JointAdjustment, names: list[str], rough: Callable[[], Unknowns], *, a_start: bool
 ) -> tuple[JointAdjustment, Balanced, JointAdjustment]:
-    """Balance from the first start that settles; return the adjustment, and as it was before."""
+    """Balance from the first start that settles; return the adjustment, and as it was before.
+
+    `a_start` : with terms that are yet to be tried, it is a start for the trials, and nothing is balanced.
+    """
     fresh = task.copy()
     try:
-        return task, _balanced_with(task, names), fresh
+        return task, _balanced_with(task, names, a_start=a_start), fresh
     except (ConvergenceError, ObservabilityError) as error:
         for other in _other_starts(fresh, rough()):
             before = other.copy()
             try:
-                return other, _balanced_with(other, names), before
+                return other, _balanced_with(other, names, a_start=a_start), before
             except (ConvergenceError, ObservabilityError):
                 continue
         raise error
@@ -339,7 +342,7 @@ def _other_starts(fresh: JointAdjustment, rough: Unknowns) -> Iterator[JointAdju
         yield replace(one, noise=noise.copy(), taking_part=fresh.copy().taking_part, prior=fresh.prior)
 
 
-def _balanced_with(task: JointAdjustment, names: list[str]) -> Balanced:
+def _balanced_with(task: JointAdjustment, names: list[str], *, a_start: bool) -> Balanced:
     """Balance with a table's terms: what is left of a lag by itself would be taken for a table that shakes.
 
     Lever arms that only round-off seems to tell are taken out of `names`, where nothing settles with them.
@@ -347,15 +350,15 @@ def _balanced_with(task: JointAdjustment, names: list[str]) -> Balanced:
     if "lever_arms" in names:
         before = task.copy()
         try:
-            return _balanced(task, names)
+            return _balanced(task, names, a_start=a_start)
         except (ConvergenceError, ObservabilityError):
             names.remove("lever_arms")
             for name in ("unknowns", "sections", "rotations", "noise", "taking_part", "prior"):
                 setattr(task, name, getattr(before, name))
-    return _balanced(task, names)
+    return _balanced(task, names, a_start=a_start)
 
 
-def _balanced(task: JointAdjustment, names: list[str]) -> Balanced:
+def _balanced(task: JointAdjustment, names: list[str], *, a_start: bool) -> Balanced:
     """Settle with some terms free, and hold them again.
 
     With a table's terms it is a start for trials that begin with the noise anew: nothing is balanced yet.
@@ -363,7 +366,7 @@ def _balanced(task: JointAdjustment, names: list[str]) -> Balanced:
     prior, free = task.prior, task.unknowns.free
     task.unknowns = task.unknowns.with_free(unknowns_with(free, names))
     task.prior = together(prior, lever_prior(task.unknowns))
-    balanced = Balanced(solve_recording(task), [], {}) if names else balance_recording(task)
+    balanced = Balanced(solve_recording(task), [], {}) if names or a_start else balance_recording(task)
     task.unknowns, task.prior = task.unknowns.with_free(free), prior
     return balanced
 

@@ -31,6 +31,8 @@ CHANCE = 0.025
 # 3 % of a variance is far below what any number of observations can tell.
 SETTLED = 0.03
 PASSES, ROUNDS = 10, 8
+# Sigmas that a start may be off by: variances that are yet to be balanced move it by more.
+ROUGHLY = 0.5
 # An observation scatters more than the others where chance would make any one do so this rarely; its own variance is
 # told by a few numbers, so that a tenth of it is near enough.
 RESTLESS_FALSE_ALARM, RESTLESS_SETTLED = 1e-3, 0.1
@@ -211,7 +213,7 @@ def balance(task: Balanceable, *, false_alarm: float = 0.01) -> Balanced:
     ConvergenceError, ObservabilityError
         From the adjustment.
     """
-    solution = solve(task)
+    solution = solve(task, tolerance=ROUGHLY)
     outliers: list[Outlier] = []
     for _ in range(PASSES):
         solution = _settle(task, solution, robust=True)
@@ -221,7 +223,7 @@ def balance(task: Balanceable, *, false_alarm: float = 0.01) -> Balanced:
         for outlier in found:
             task.leave_out(outlier)
         outliers += found
-        solution = solve(task)
+        solution = solve(task, tolerance=ROUGHLY)
     solution = _settle(task, solution, robust=False)
     for component in task.components:
         solution = _without_chance(task, component, solution)
@@ -252,8 +254,8 @@ def _without_chance(task: Balanceable, component: Component, solution: Settled) 
 
 
 def _settle(task: Balanceable, solution: Settled, *, robust: bool) -> Settled:
-    """Move the variances until each kind's residuals are as large as they say."""
-    for _ in range(ROUNDS):
+    """Move the variances until each kind's residuals are as large as they say; not `robust`, from a settled one."""
+    for number in range(ROUNDS):
         moved = _raise_chains(task, solution)
         noise = task.noise.copy()
         tests = solution.tests()
@@ -261,6 +263,8 @@ def _settle(task: Balanceable, solution: Settled, *, robust: bool) -> Settled:
             if component.kind in tests:
                 moved = _raise_component(noise, component, tests[component.kind], robust=robust) or moved
         if not moved:
+            if number == 0 and not robust:
+                return solution
             break
         task.noise = noise
         solution = solve(task, once=True)

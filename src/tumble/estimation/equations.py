@@ -209,8 +209,8 @@ class Tests:
     predicted: Series
     surprise: Series
 
-    def where(self, taken: np.ndarray) -> Tests:
-        """Return the tests of some of them, (terms,) of bool."""
+    def where(self, taken: np.ndarray | slice) -> Tests:
+        """Return the tests of some of them, (terms,) of bool or a range."""
         return Tests(*(getattr(self, f.name)[taken] for f in fields(self)))
 
     @staticmethod
@@ -219,46 +219,91 @@ class Tests:
         return Tests(*(np.concatenate([getattr(t, f.name) for t in parts]) for f in fields(Tests)))
 
 
-def tested(place: np.ndarray, residual: AnyArray, covariance: AnyArray, taken: AnyArray, view: View) -> Tests:
-    """Return the tests of adjusted residuals.
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Adjusted residuals as one view has them.
+
+    Attributes
+    ----------
+    place : (terms,).
+    residual, covariance : (terms, p), (terms, p, p) of the observations.
+    taken : (terms, p, p) covariance of the adjusted observations.
+    scale, least, pulled : as the view has them.
+    """
+
+    place: np.ndarray
+    residual: AnyArray
+    covariance: AnyArray
+    taken: AnyArray
+    scale: Series
+    least: float
+    pulled: bool
+
+    @staticmethod
+    def at(place: np.ndarray, residual: AnyArray, covariance: AnyArray, taken: AnyArray, view: View) -> Look:
+        """Return residuals (terms, m) with their covariances (terms, m, m) as a view has them."""
+        if view.projection is not None:
+            P = view.projection
+            residual = np.einsum("...ij,...j->...i", P, residual)
+            covariance, taken = (P @ C @ np.swapaxes(P, -1, -2) for C in (covariance, taken))
+        scale = np.ones(residual.shape[1]) if view.scale is None else view.scale
+        return Look(place, residual, covariance, taken, scale, max(view.least, 1e-12), view.pulled)
+
+
+def tested(looks: Sequence[Look]) -> list[Tests]:
+    """Return the tests of adjusted residuals, those of one width at once.
 
     Parameters
     ----------
-    place : (terms,).
-    residual, covariance : (terms, m), (terms, m, m) of the observations.
-    taken : (terms, m, m) covariance of the adjusted observations.
-    view : how they are looked at.
+    looks : at terms of one kind each.
     """
-    if view.projection is not None:
-        P = view.projection
-        residual = np.einsum("...ij,...j->...i", P, residual)
-        covariance, taken = (P @ C @ np.swapaxes(P, -1, -2) for C in (covariance, taken))
+    alike: dict[int, list[int]] = {}
+    for at, look in enumerate(looks):
+        alike.setdefault(look.residual.shape[1], []).append(at)
+    made: dict[int, Tests] = {}
+    for members in alike.values():
+        together = _tested([looks[at] for at in members])
+        stop = 0
+        for at in members:
+            start, stop = stop, stop + len(looks[at].residual)
+            made[at] = together.where(slice(start, stop))
+    return [made[at] for at in range(len(looks))]
+
+
+def _tested(looks: Sequence[Look]) -> Tests:
+    counts = [len(look.residual) for look in looks]
+    residual, covariance, taken = (
+        np.concatenate([getattr(look, name) for look in looks])
+        for name in ("residual", "covariance", "taken")
+    )
+    width = residual.shape[1]
+    scale = np.repeat([look.scale for look in looks], counts, axis=0)
+    least = np.repeat([look.least for look in looks], counts)
+    pulled = np.repeat([look.pulled for look in looks], counts)
     root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
     inverse = np.asarray(np.linalg.inv(root), dtype=np.float64)
     white = np.einsum("tij,tj->ti", inverse, residual)
-    left = np.eye(residual.shape[1]) - inverse @ taken @ np.swapaxes(inverse, 1, 2)
+    left = np.eye(width) - inverse @ taken @ np.swapaxes(inverse, 1, 2)
     values, vectors = np.linalg.eigh(0.5 * (left + np.swapaxes(left, 1, 2)))
-    checked = values > max(view.least, 1e-12)
+    checked = values > least[:, None]
     along = np.einsum("tji,tj->ti", vectors, white)
-    squares = np.where(checked, along**2 / np.where(checked, values, 1.0), 0.0)
-    scale = np.ones(residual.shape[1]) if view.scale is None else view.scale
-    variance = 1.0 / np.mean(scale / np.diagonal(covariance, axis1=1, axis2=2), axis=1)
-    redundancy = np.trace(left, axis1=1, axis2=2)
-    alone = np.where(checked, along / np.where(checked, values, 1.0), 0.0)
+    seen = np.where(checked, values, 1.0)
+    alone = np.where(checked, along / seen, 0.0)
+    statistic = (alone * along).sum(axis=1)
     unseen = np.einsum("tij,tjk,tk->ti", root, vectors, alone)
-    if view.pulled:
-        variance = variance * residual.shape[1] / np.maximum(redundancy, 1e-12)
+    redundancy = np.trace(left, axis1=1, axis2=2)
+    variance: Series = width / np.sum(scale / np.diagonal(covariance, axis1=1, axis2=2), axis=1)
     return Tests(
-        place,
-        squares.sum(axis=1),
+        np.concatenate([look.place for look in looks]),
+        statistic,
         checked.sum(axis=1),
         np.sum(white**2, axis=1),
         redundancy,
         np.sum(left**2, axis=(1, 2)),
-        variance,
+        variance * np.where(pulled, width / np.maximum(redundancy, 1e-12), 1.0),
         residual,
         np.sum(unseen**2 / scale, axis=1),
-        squares.sum(axis=1)
+        statistic
         + np.sum(2.0 * np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
-        - np.sum(np.log(np.where(checked, values, 1.0)), axis=1),
+        - np.sum(np.log(seen), axis=1),
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from tumble.arrays import Square
 from tumble.estimation.chain import Eliminated, Spread
-from tumble.estimation.equations import Tests, tested
+from tumble.estimation.equations import Look, Tests, tested
 from tumble.estimation.unknowns import Unknowns
 
 
@@ -68,7 +68,8 @@ class Settled:
         return self._tests
 
     def _tested(self) -> dict[str, Tests]:
-        found: dict[str, list[Tests]] = {}
+        names: list[str] = []
+        looks: list[Look] = []
         for spread in self.spreads():
             for term in spread.chain.chain.terms:
                 active = term.linear.active
@@ -79,13 +80,11 @@ class Settled:
                     continue
                 taken = term.root @ spread.taken(term) @ np.swapaxes(term.root, 1, 2)
                 chosen = slice(None) if active is None else active
-                for view in views:
-                    made = tested(
-                        term.equations.place[chosen],
-                        term.raw[chosen],
-                        term.linear.covariance[chosen],
-                        taken[chosen],
-                        view.of(chosen),
-                    )
-                    found.setdefault(view.name, []).append(made)
-        return {name: Tests.together(parts) for name, parts in found.items()}
+                place, raw = term.equations.place[chosen], term.raw[chosen]
+                covariance, taken = term.linear.covariance[chosen], taken[chosen]
+                names += [view.name for view in views]
+                looks += [Look.at(place, raw, covariance, taken, view.of(chosen)) for view in views]
+        found: dict[str, list[Tests]] = {}
+        for name, made in zip(names, tested(looks), strict=True):
+            found.setdefault(name, []).append(made)
+        return {name: Tests.together(parts) if len(parts) > 1 else parts[0] for name, parts in found.items()}

@@ -14,6 +14,7 @@ from tumble.attitude import (
     matrix_from_rotation_vector,
     rotation_between,
     rotation_vector_from_matrix,
+    rotation_vectors_from_matrices,
     skew,
     tangent_basis,
 )
@@ -108,3 +109,12 @@ def test_a_zero_vector_has_no_direction(function: Callable[..., object]) -> None
         function(np.array([1.0, 0.0, 0.0]), np.zeros(3))
     with pytest.raises(ValueError, match="a zero vector has no direction"):
         tangent_basis(np.zeros(3))
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-13, 1e-9, 1e-3, 1.0, 2.0, 2.2, 3.1, np.pi - 1e-9])
+def test_many_rotation_vectors_at_once_are_those_of_scipy(angle: float) -> None:
+    directions = np.random.default_rng(3).normal(size=(50, 3))
+    vectors = angle * directions / np.linalg.norm(directions, axis=1)[:, None]
+    made = rotation_vectors_from_matrices(Rotation.from_rotvec(vectors).as_matrix())
+    np.testing.assert_allclose(made, vectors, rtol=1e-12, atol=4e-15)
+    assert rotation_vectors_from_matrices(np.zeros((0, 3, 3))).shape == (0, 3)

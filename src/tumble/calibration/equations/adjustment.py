@@ -195,14 +195,22 @@ class JointAdjustment:
         self.taking_part["pose" if outlier.kind == "tilt" else outlier.kind][outlier.group] = False
 
     def snapshot(self) -> Callable[[], None]:
-        """Return a function that puts unknowns, attitudes and noise back where they are now."""
+        """Return a function that puts unknowns, attitudes and noise back where they are now.
+
+        The sections and rotations stay the same objects: a solution that was settled here holds again.
+        """
         unknowns, noise = self.unknowns, self.noise.copy()
-        sections = [section.copy() for section in self.sections]
-        rotations = {k: rotation.copy() for k, rotation in self.rotations.items()}
+        sections = [(section, replace(section)) for section in self.sections]
+        rotations = [(rotation, replace(rotation)) for rotation in self.rotations.values()]
 
         def back() -> None:
-            self.unknowns, self.sections, self.rotations = unknowns, sections, rotations
-            self.noise = noise
+            self.unknowns, self.noise = unknowns, noise
+            # Arrays are replaced when they move, and never written into but where they are new.
+            for section, was in sections:
+                section.C_wb, section.earth_w, section.sees_north = was.C_wb, was.earth_w, was.sees_north
+            for rotation, was in rotations:
+                rotation.C_wb, rotation.axis_b, rotation.axis_w = was.C_wb, was.axis_b, was.axis_w
+                rotation.own, rotation.anchor = was.own, was.anchor
 
         return back
 

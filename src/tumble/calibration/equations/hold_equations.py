@@ -54,13 +54,13 @@ class Force(HoldEquations):
         """Return nine residuals a hold, raw."""
         u, k, up = state.unknowns, self.place, np.array([0.0, 0.0, -state.site.gravity])
         backward = np.swapaxes(self.section.C_wb, 2, 3)
-        residual, by_node = np.zeros((k.size, 9)), np.zeros((k.size, 9, NODE))
-        by_border = np.zeros((k.size, 9, 3 + u.free.size))
+        shown = raw_force(u, (backward @ up).reshape(-1, 3))
+        residual = (shown.value - state.data.parts[k].reshape(-1, 3)).reshape(k.size, 9)
+        by_attitude = (shown.by_true @ backward.reshape(-1, 3, 3) @ cross_matrix(up)).reshape(k.size, 3, 3, 3)
+        by_node = np.zeros((k.size, 9, NODE))
         for part, at in enumerate((HEAD, MIDDLE, TAIL)):
-            shown = raw_force(u, backward[:, part] @ up)
-            residual[:, at] = shown.value - state.data.parts[k, part]
-            by_node[:, at, at] = shown.by_true @ backward[:, part] @ cross_matrix(up)
-            by_border[:, at] = u.columns(shown.by_blocks, 3)
+            by_node[:, at, at] = by_attitude[:, part]
+        by_border = u.columns(shown.by_blocks, 3).reshape(k.size, 9, -1)
         matrix = force_matrix(u)
         covariance = state.data.parts_covariance[k] + np.tile(
             state.noise["force"] * (matrix @ matrix.T), (3, 3)
@@ -185,7 +185,10 @@ class Swing(HoldEquations):
         """Return three residuals a hold, raw s."""
         u, k, swings, C = state.unknowns, self.place, state.data.swings, self.section.C_wb
         share, backward = swings.share[k, None], np.swapaxes(C[:, 0], 1, 2)
-        swung = swayed_from(C[:, 0], C[:, 1]) - share * swayed_from(C[:, 0], C[:, 2])
+        middle, tail = np.split(
+            swayed_from(np.tile(C[:, 0], (2, 1, 1)), np.concatenate([C[:, 1], C[:, 2]])), 2
+        )
+        swung = middle - share * tail
         matrix = gyro_matrix(u)
         turns = matrix @ backward
         by_node = np.zeros((k.size, 3, NODE))
@@ -215,10 +218,10 @@ class Rest(HoldEquations):
         """Return six residuals a hold, rad: from head to middle, and from middle to tail."""
         C, count = self.section.C_wb, self.place.size
         backward = np.swapaxes(C, 2, 3)
-        residual, by_node = np.zeros((count, 6)), np.zeros((count, 6, NODE))
+        by_node = np.zeros((count, 6, NODE))
+        residual = swayed_from(C[:, :2].reshape(-1, 3, 3), C[:, 1:].reshape(-1, 3, 3)).reshape(count, 6)
         for step in range(2):
             here, there = slice(3 * step, 3 * step + 3), slice(3 * step + 3, 3 * step + 6)
-            residual[:, here] = swayed_from(C[:, step], C[:, step + 1])
             by_node[:, here, here], by_node[:, here, there] = -backward[:, step], backward[:, step]
         covariance = state.noise.of_each("sway", self.place)[:, None, None] * np.eye(6)
         by_border = np.zeros((count, 6, 3 + state.unknowns.free.size))
