@@ -83,7 +83,7 @@ def test_wrong_calls_are_one_sentence(tumble: Any, calibrated: Path, tmp_path: P
 
 
 def test_units_over_years_are_due_differ_and_are_watched(
-    tumble: Any, calibrated: Path, tmp_path: Path
+    tumble: Any, calibrated: Path, recording: Path, tmp_path: Path
 ) -> None:
     registry, document = tmp_path / "units.sqlite", json.loads((calibrated / "calibration.json").read_text())
     for unit in range(6):
@@ -110,6 +110,15 @@ def test_units_over_years_are_due_differ_and_are_watched(
     fleet = tumble("registry", "fleet", "--registry", registry, "-o", tmp_path / "fleet.json")
     assert fleet.status == 0, fleet
     assert "6 units" in fleet.out
+    another = ("--gravity", "9.81", "--procedure", "multi-position", "--imu-serial", "U9")
+    next_unit = tumble(
+        "calibrate", recording, *another, "--data-sheet", tmp_path / "fleet.json", "-o", tmp_path / "next"
+    )
+    assert next_unit.status in (0, 1), next_unit
+    assert next_unit.err == ""
+    said = tumble("calibrate", recording, *another, "--data-sheet", tmp_path / "one.json")
+    assert said.status == 2
+    assert "is a unit's calibration and no fleet's" in said.err
     chart = tumble("registry", "chart", "U0", "--registry", registry, "--baseline", "2")
     assert chart.status in (0, 1)
     parts = json.loads(tumble("registry", "study", "--registry", registry, "--json").out)["gyro bias x"][

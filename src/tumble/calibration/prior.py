@@ -21,10 +21,11 @@ from tumble.sensor.gauge import lower_factor
 
 @dataclass(frozen=True, slots=True)
 class StableKnowledge:
-    """Accelerometer angles yz, zx, zy (rad) with their covariance (3, 3)."""
+    """Accelerometer angles yz, zx, zy (rad) with their covariance (3, 3); of the unit itself, or of its fleet."""
 
     angles: Vector
     angle_covariance: Square
+    of_fleet: bool = False
 
 
 def stable_knowledge(matrix: np.ndarray, covariance: Square) -> StableKnowledge:
@@ -73,9 +74,13 @@ def find_contradiction(prior: StableKnowledge, own: StableKnowledge) -> str | No
     if float(chdtrc(3.0, statistic)) >= CONTRADICTION_FALSE_ALARM:
         return None
     worst = float(np.max(np.abs(difference) / np.sqrt(np.diag(spread))))
+    cause = (
+        "The unit is of another kind than the fleet's, or it was damaged"
+        if prior.of_fleet
+        else "It is another unit's, or this unit has been dropped"
+    )
     return (
         "The prior contradicts the recording: its non-orthogonalities differ from those of these "
         f"poses by up to {1e3 * np.max(np.abs(difference)):.2g} mrad, {worst:.0f} standard "
-        "uncertainties. It is another unit's, or this unit has been dropped: calibrate without "
-        "--prior."
+        f"uncertainties. {cause}: calibrate without --prior."
     )

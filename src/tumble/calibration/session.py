@@ -12,6 +12,7 @@ from tumble.errors import UsageError
 from tumble.recording.recording import Recording
 
 if TYPE_CHECKING:
+    from tumble.calibration.data_sheet import FleetSheet
     from tumble.calibration.equations.believed_poses import BelievedPoses
     from tumble.calibration.outcome.estimate import JointOutcome
     from tumble.calibration.prior import StableKnowledge
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from tumble.segmentation import HoldMeans, SpinMeans, Timeline
     from tumble.segmentation.matching import Matching
     from tumble.segmentation.rotations import Rotation
+    from tumble.simulation import Grade
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +32,14 @@ class Options:
     ----------
     optional_terms : try g-sensitivity, quadratic terms and the like.
     noise_correction : take the noise's own square out of the norm of gyros on the Earth's rate.
-    data_sheet : name of a grade whose spreads are a prior; None for none.
+    data_sheet : grade or fleet whose spreads are a prior; None for none.
     unknowns : of a triad; None for all nine.
     confirm_scale : the user knows that the scale factors are beyond what units have.
     """
 
     optional_terms: bool = True
     noise_correction: bool = True
-    data_sheet: str | None = None
+    data_sheet: Grade | FleetSheet | None = None
     unknowns: int | None = None
     confirm_scale: bool = False
 

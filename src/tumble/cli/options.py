@@ -113,7 +113,8 @@ DataSheet: TypeAlias = Annotated[
     option(
         ADVANCED,
         "GRADE",
-        f"A kind of unit, whose data sheet says what is not known of this one: {GRADES}.",
+        f"A kind of unit, whose data sheet says what is not known of this one: {GRADES}; calibrate, batch and plans of "
+        "poses also take the file of `tumble registry fleet`.",
         "--data-sheet",
         complete=complete_grade,
     ),

@@ -142,7 +142,8 @@ def _key(task: UnitTask, options: BatchOptions) -> str:
         "files": [[Path(name).name, content_hash(Path(name))] for name in task.files],
     }
     named = {
-        name: task.told.get(name) or getattr(options, name, None) for name in ("protocol", "prior", "noise")
+        name: task.told.get(name) or getattr(options, name, None)
+        for name in ("protocol", "prior", "noise", "data_sheet")
     }
     named |= {"limits": options.limits, "intervals": task.told.get("intervals")}
     # Of a file the content counts, and neither where it lies nor which reports were asked for.

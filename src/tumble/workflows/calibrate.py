@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -20,6 +20,7 @@ from tumble.limits import read_limits, with_limits
 from tumble.recording import Recording, read_recordings
 from tumble.recording.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
+from tumble.workflows.data_sheet import find_sheet
 from tumble.workflows.joining import NamedSpan, check_files, join_recordings, named_spans
 from tumble.workflows.magnetometer import (
     add_magnetometer,
@@ -148,8 +149,8 @@ def calibrate(
         uncertainty of 0.015 m/s².
     columns, units, rate, topics : what the files do not say, as for `tumble.read_recording`.
     prior : an earlier calibration of the unit, whose non-orthogonalities are kept.
-    data_sheet : name of one of `tumble.simulation.GRADES`, whose spreads are a prior of all nine unknowns of both
-        triads; for the multi-position procedure only.
+    data_sheet : name of one of `tumble.simulation.GRADES`, or a file of `tumble registry fleet`, whose spreads are a
+        prior of all nine unknowns of both triads; for the multi-position procedure only.
     intervals : file of the holds' start and stop in seconds, instead of finding them.
     optional_terms : try g-sensitivity and quadratic terms.
     confirm_scale : scale factors beyond what units have are really the unit's, and no reason against its calibration.
@@ -174,7 +175,8 @@ def calibrate(
     """
     say = progress or silent
     site, noted = given_site(site), notes_of(notes)
-    options = Options(optional_terms, noise_correction, data_sheet, unknowns, confirm_scale)
+    sheet = None if data_sheet is None else find_sheet(data_sheet)
+    options = Options(optional_terms, noise_correction, sheet, unknowns, confirm_scale)
     check_procedure(procedure, options, has_protocol=protocol is not None)
     if monte_carlo is not None and not FEWEST_DRAWS <= monte_carlo <= MOST_DRAWS:
         raise UsageError(
@@ -478,7 +480,10 @@ def read_prior(prior: str | os.PathLike[str], serial: str | None = None) -> Stab
             f"{prior} states no accelerometer matrix with its covariance: it cannot serve as --prior."
         )
     covariance = earlier.covariance_matrix[np.ix_(at, at)]
-    return stable_knowledge(np.array(earlier.accelerometer.matrix, dtype=float), covariance)
+    from tumble.fleet.fleet_document import PROCEDURE
+
+    known = stable_knowledge(np.array(earlier.accelerometer.matrix, dtype=float), covariance)
+    return replace(known, of_fleet=earlier.procedure == PROCEDURE)
 
 
 def write_run(run: CalibrationRun, folder: Path) -> None:

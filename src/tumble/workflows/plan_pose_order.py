@@ -195,13 +195,15 @@ def _sheet(name: str | None, gravity: float) -> Any:
     """The information of a data sheet's spreads."""
     if name is None:
         return None
-    from tumble.simulation.grades import find_grade
+    from tumble.calibration.data_sheet import prior_of_sheet
+    from tumble.workflows.data_sheet import find_sheet
 
-    spread = find_grade(name).accelerometer
-    sigmas = (
-        [spread.scale_factor] * 3 + [math.sqrt(2.0) * spread.misalignment] * 3 + [spread.bias / gravity] * 3
-    )
-    return np.diag(1.0 / np.array(sigmas) ** 2)
+    prior = prior_of_sheet(find_sheet(name), "accelerometer", "m/s^2")
+    if prior is None:
+        return None
+    # Biases come last here, and in units of gravity.
+    order, scale = np.array([3, 4, 5, 6, 7, 8, 0, 1, 2]), np.repeat([1.0, gravity], [6, 3])
+    return prior.precision[np.ix_(order, order)] * np.outer(scale, scale)
 
 
 def _placed(order: PoseOrder, grade: Grade) -> tuple[float, float]:

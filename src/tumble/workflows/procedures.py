@@ -37,10 +37,6 @@ def check_procedure(procedure: str | None, options: Options, *, has_protocol: bo
             takers = [one.name for one in all_procedures() if option in one.takes]
             named = f"--{option.replace('_', '-')} is for the {' or '.join(takers)} procedure"
             raise UsageError(f"{named}: add --procedure {takers[0]}, or leave it out.")
-    if options.data_sheet is not None:
-        from tumble.simulation import find_grade
-
-        find_grade(options.data_sheet)
     if found is not None and found.example and not has_protocol:
         raise UsageError(
             f"The procedure {procedure} has to know the table's rates and directions: write them into a protocol "
@@ -220,6 +216,13 @@ def check_prior(sessions: Sequence[Session], knowledge: StableKnowledge, estimat
     from tumble.calibration.prior import find_contradiction, weighted_knowledge
 
     seen = [own for own in map(_own_angles, sessions) if own is not None]
+    if not seen and knowledge.of_fleet:
+        estimate.say(
+            "caution",
+            "The non-orthogonalities are the fleet's, as far as its units are alike: the poses are too few to check "
+            "that this unit is one of them. Record nine poses or more to determine its own.",
+        )
+        return
     if not seen:
         estimate.say(
             "caution",

@@ -7,7 +7,7 @@ import pytest
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration import Estimate, calibrate_multi_position
-from tumble.calibration.data_sheet import NAMES, about_sheet, sheet_prior
+from tumble.calibration.data_sheet import NAMES, FleetSheet, TriadFleet, about_sheet, sheet_prior
 from tumble.calibration.prior import StableKnowledge
 from tumble.earth import Site
 from tumble.errors import ObservabilityError, UsageError
@@ -136,6 +136,55 @@ def test_in_g_it_is_the_same_calibration() -> None:
     np.testing.assert_allclose(
         9.80665 * in_g.model.accelerometer.matrix, in_si.model.accelerometer.matrix, atol=1e-9
     )
+
+
+FLEET_MATRIX = np.array([[1.002, 0.0, 0.0], [3e-4, 0.997, 0.0], [-5e-4, 2e-4, 1.001]])
+FLEET_BIAS = np.array([0.02, -0.05, 0.01])
+
+
+def fleet_of(unit: str, factor: float, gyroscope: bool = False) -> FleetSheet:
+    """A fleet with raw numbers of `factor` SI each, whose twelve numbers are correlated."""
+    root = np.tril(np.random.default_rng(4).normal(0.0, 1e-4, (12, 12))) + 1e-3 * np.eye(12)
+    root[[1, 2, 5]] = 0.0
+    fleet = TriadFleet.of(unit, FLEET_MATRIX / factor, FLEET_BIAS / factor, root @ root.T / factor**2)
+    return FleetSheet(fleet, fleet if gyroscope else None)
+
+
+def test_a_fleet_s_prior_is_its_mean_and_its_spread() -> None:
+    """Against differences by hand; in another unit of the same kind it is the same knowledge."""
+    prior = fleet_of("m/s^2", 1.0).prior("accelerometer", "m/s^2")
+    assert prior is not None
+    # scale factors are the rows' lengths, angles those between the axes, to first order their off-diagonals
+    np.testing.assert_allclose(prior.mean[:3], FLEET_BIAS)
+    np.testing.assert_allclose(prior.mean[3:6], np.linalg.norm(FLEET_MATRIX, axis=1), rtol=1e-9)
+    np.testing.assert_allclose(prior.mean[6:], [-3e-4, -2e-4, -5e-4], rtol=0.01)
+    spread = np.linalg.inv(prior.precision)
+    assert np.max(np.abs(spread - np.diag(np.diag(spread)))) > 1e-7
+    in_g = fleet_of("m/s^2", 1.0).prior("accelerometer", "g")
+    assert in_g is not None
+    raw = np.repeat([1.0 / 9.80665, 1.0], [6, 3])
+    np.testing.assert_allclose(in_g.mean, raw * prior.mean)
+    np.testing.assert_allclose(
+        np.linalg.inv(in_g.precision), spread * np.outer(raw, raw), rtol=1e-6, atol=1e-18
+    )
+
+
+def test_a_fleet_in_counts_serves_counts_and_no_other_unit() -> None:
+    fleet = fleet_of("counts", 0.5)
+    prior = fleet.prior("accelerometer", "counts")
+    assert prior is not None
+    np.testing.assert_allclose(prior.mean[3:6], 2.0 * np.linalg.norm(FLEET_MATRIX, axis=1))
+    with pytest.raises(UsageError, match="in its own raw units"):
+        fleet.prior("accelerometer", "g")
+    assert fleet.prior("gyroscope", "counts") is None
+
+
+def test_angles_of_an_earlier_calibration_take_the_fleet_s_place() -> None:
+    covariance = 1e-12 * np.array([[25.0, 3.0, -2.0], [3.0, 16.0, 1.0], [-2.0, 1.0, 9.0]])
+    prior = fleet_of("g", 9.8).prior("accelerometer", "g", knowledge=StableKnowledge(ANGLES, covariance))
+    assert prior is not None
+    np.testing.assert_allclose(prior.mean[6:], ANGLES)
+    np.testing.assert_allclose(np.linalg.inv(prior.precision)[6:, 6:], covariance, rtol=1e-6)
 
 
 def test_counts_have_no_data_sheet() -> None:

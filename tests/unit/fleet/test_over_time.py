@@ -115,6 +115,27 @@ def test_the_spread_between_units_is_recovered_and_covered() -> None:
     assert 0.88 < spreads / 600 < 0.985
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [8, 20, 60])
+def test_a_next_unit_lies_where_the_fleet_says(count: int) -> None:
+    """One parameter from the eight others, and all of them together: few units do not claim what they cannot know."""
+    rng = np.random.default_rng(count)
+    truth = np.kron(np.eye(3), 0.6 * np.ones((3, 3)) + 0.4 * np.eye(3))
+    truth = truth * np.outer(np.linspace(0.5, 3.0, 9), np.linspace(0.5, 3.0, 9))
+    root, distances, inside = np.linalg.cholesky(truth), list[float](), 0
+    for _ in range(120):
+        values = rng.normal(size=(count, 9)) @ root.T + 0.1 * rng.normal(size=(count, 9))
+        found = between_units(values, np.tile(0.01 * np.eye(9), (count, 1, 1)))
+        off, P = rng.normal(size=9) @ root.T - found.mean, found.predictive
+        distances.append(float(off @ np.linalg.solve(P, off)) / 9.0)
+        weights = np.linalg.solve(P[:8, :8], P[:8, 8])
+        sigma = np.sqrt(P[8, 8] - weights @ P[:8, 8])
+        inside += bool(abs(off[8] - weights @ off[:8]) < 2.0 * sigma)
+    # The plain covariance of eight units gives distances of a hundred, and of twenty 2.4.
+    assert 0.8 < np.mean(distances) < 1.7
+    assert inside / 120 > 0.85
+
+
 def test_restricted_maximum_likelihood_is_at_its_maximum() -> None:
     """Against the likelihood written down once more, tried in random directions."""
     rng = np.random.default_rng(7)

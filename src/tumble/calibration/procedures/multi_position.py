@@ -19,7 +19,7 @@ import numpy as np
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Vectors, inverted
 from tumble.attitude import skew
 from tumble.calibration.canonical import Complex, describe_unknowns
-from tumble.calibration.data_sheet import about_sheet, sheet_prior
+from tumble.calibration.data_sheet import FleetSheet, about_sheet, prior_of_sheet
 from tumble.calibration.equations.norm import NormConditions
 from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, COUNT, SCALE, triad_from_unknowns
 from tumble.calibration.equations.turn import FORCE, G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, TOTAL
@@ -174,7 +174,7 @@ def calibrate_multi_position(
     site: Site,
     *,
     prior: StableKnowledge | None = None,
-    data_sheet: Grade | None = None,
+    data_sheet: Grade | FleetSheet | None = None,
     noise_correction: bool = True,
     unknowns: int = 9,
     progress: Callable[[str], None] | None = None,
@@ -187,8 +187,8 @@ def calibrate_multi_position(
     means : the holds' means and covariances.
     site : gravity.
     prior : non-orthogonalities of an earlier calibration; six poses then suffice.
-    data_sheet : spreads of a grade as a prior of all nine unknowns of both triads (P of Hayal 3.38); for
-        raw numbers in a known unit. Six poses then suffice.
+    data_sheet : spreads of a grade, or a fleet's mean and spread, as a prior of all nine unknowns of both triads
+        (P of Hayal 3.38); a grade's for raw numbers in a known unit. Six poses then suffice.
     noise_correction : take the noise's own square out of the gyros' norm (K² + 2σ² for K²); for
         accelerometers it is below 0.1 ppm, and left alone.
     unknowns : of a triad: 9 (bias, scale factor, non-orthogonality), 6 (without non-orthogonality) or
@@ -218,7 +218,7 @@ def calibrate_multi_position(
     known = prior is not None or data_sheet is not None
     require_poses(means.specific_force, start, has_prior=known, unknowns=unknowns, factor=factor)
     free = np.arange(unknowns)
-    constraint = _constraint(prior, data_sheet, factor, unknowns)
+    constraint = _constraint(prior, data_sheet, recording.specific_force_unit, unknowns)
     force = fit_norms(
         means.specific_force,
         means.specific_force_covariance,
@@ -250,18 +250,13 @@ def calibrate_multi_position(
 
 
 def _constraint(
-    prior: StableKnowledge | None, data_sheet: Grade | None, factor: float | None, unknowns: int
+    prior: StableKnowledge | None, data_sheet: Grade | FleetSheet | None, unit: str, unknowns: int
 ) -> Prior | None:
     """Return what is known of the accelerometers' nine unknowns beforehand."""
     if unknowns < 9:
         return None
     if data_sheet is not None:
-        if factor is None:
-            raise UsageError(
-                "A data sheet speaks of SI units, and the recording is in counts: declare its units with --units, "
-                "or leave --data-sheet out."
-            )
-        return sheet_prior(data_sheet.accelerometer, factor, knowledge=prior)
+        return prior_of_sheet(data_sheet, "accelerometer", unit, knowledge=prior)
     return None if prior is None else _angle_prior(prior, 9)
 
 
@@ -297,7 +292,7 @@ def _fit_gyro(
     specific_force_b: Vectors,
     site: Site,
     unknowns: int,
-    data_sheet: Grade | None,
+    data_sheet: Grade | FleetSheet | None,
     noise_correction: bool,
 ) -> _GyroFit | None:
     """Take the largest solution on the Earth rate that the noise allows."""
@@ -313,7 +308,7 @@ def _fit_gyro(
         start[BIAS] = np.mean(observed, axis=0)
         sheet = None
         if data_sheet is not None and count == 9:
-            sheet = sheet_prior(data_sheet.gyroscope, float(factor or 1.0))
+            sheet = prior_of_sheet(data_sheet, "gyroscope", recording.angular_rate_unit)
         # With a prior of everything the Earth's rate may tell as little as it does.
         if not _earth_rate_tells(observed, covariance, start, 3 if sheet is not None else count):
             continue
@@ -498,15 +493,13 @@ def _silent(_: str) -> None:
 
 
 def _run(session: Session) -> Estimate:
-    from tumble.simulation import find_grade
-
     options = session.options
     return calibrate_multi_position(
         session.recording,
         session.means,
         session.site,
         prior=session.prior,
-        data_sheet=None if options.data_sheet is None else find_grade(options.data_sheet),
+        data_sheet=options.data_sheet,
         noise_correction=options.noise_correction,
         unknowns=options.unknowns or 9,
         progress=session.say,
