@@ -14,10 +14,10 @@ from tumble.attitude import (
     matrix_from_rotation_vector,
     rotation_between,
     rotation_vector_from_matrix,
-    rotation_vectors_from_matrices,
     skew,
     tangent_basis,
 )
+from tumble.attitude.rotations import rotation_vectors_from_matrices
 
 # A few units in the last place of numbers near one.
 ROUND_OFF = 4e-15
