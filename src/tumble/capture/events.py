@@ -22,7 +22,8 @@ class Event:
     ----------
     kind : ``started``, ``remark``, ``caution``, ``hold_accepted``, ``hold_complete``, ``hold_closed``,
         ``hold_refused``, ``hold_dropped``, ``sigma``, ``next_pose``, ``enough``, ``silence``, ``back``,
-        ``clock_jumped``, ``resumed``, ``ended``, ``calibrated`` or ``not_calibrated``.
+        ``clock_jumped``, ``resumed``, ``ended``, ``calibrated``, ``not_calibrated`` or
+        ``characterised``.
     time : s on the recording's clock.
     words : one or two sentences.
     facts : for programs, SI.

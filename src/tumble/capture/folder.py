@@ -18,7 +18,7 @@ from tumble.units import COUNTS
 RECORDING, JOURNAL = "recording.csv", "session.jsonl"
 # Holds that count, as `tumble calibrate --intervals` takes them, where a person dropped some.
 HOLDS = "holds.csv"
-RESULTS = ("calibration.json", "report.html")
+RESULTS = ("calibration.json", "report.html", "noise.json", "noise.html")
 
 
 class CaptureFolder:

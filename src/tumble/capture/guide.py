@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.arrays import Series, Vector, Vectors
-from tumble.capture.live_blocks import LiveBlocks
+from tumble.arrays import Series, Vectors
+from tumble.capture.coach import Advice, Progress
+from tumble.capture.live_blocks import MOST_BLOCKS, LiveBlocks
 from tumble.capture.live_holds import LiveHold
 from tumble.capture.targets import limits_of
 from tumble.earth import Site
@@ -38,26 +39,6 @@ TURN = 3.0
 SESSION = 300.0
 # Stamps that show what clock they are from.
 ENOUGH_STAMPS = 2000
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """What is known by now.
-
-    Attributes
-    ----------
-    sigmas : standard uncertainty by parameter, SI; None where nothing is told yet.
-    up_b : (holds, 3) unit vectors up of the holds, for those who draw.
-    following : what would tell most, the best first.
-    enough : whether to stop.
-    words : why, or why not yet.
-    """
-
-    sigmas: dict[str, float | None] = field(default_factory=dict[str, float | None])
-    up_b: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
-    following: tuple[NextStep, ...] = ()
-    enough: bool = False
-    words: tuple[str, ...] = ()
 
 
 class Guide:
@@ -84,6 +65,7 @@ class Guide:
         patient: bool = False,
     ) -> None:
         self.site, self.hold, self.targets = site, hold, targets
+        self.blocks, self._waiting = MOST_BLOCKS, False
         self._grade, self._patient = grade, patient
         self._limits = limits_of(targets)
         self._candidates: Future[list[StepCandidate]] | None = None
@@ -109,6 +91,15 @@ class Guide:
         # What few stamps jitter by is nothing over a session.
         self.clock_sigma = clock.sigma if clock.kind in ("nominal", "stated") else CRYSTAL
 
+    def due(self, time: float) -> bool:
+        """Say whether the way on, which was not computed yet, is to be asked for again.
+
+        Parameters
+        ----------
+        time : s; it does not matter.
+        """
+        return self._waiting
+
     def judge(self, live: LiveBlocks, holds: Sequence[LiveHold], activity: Activity) -> Progress:
         """Return what is known from the holds so far.
 
@@ -125,7 +116,7 @@ class Guide:
                 if not holds
                 else ("Without an accelerometer poses determine nothing.",)
             )
-        recording = _in_si(live, activity)
+        recording = in_si(live, activity)
         timeline = _timeline(live, recording, holds, activity)
         if timeline is None:
             return Progress(words=("No hold yet.",))
@@ -196,6 +187,7 @@ class Guide:
             NAMES[i]: float(sigmas[i]) if told[i] else None for i in map(int, task.parameters())
         }
         candidates = self._of_candidates(task)
+        self._waiting = candidates is None
         if candidates is None:
             return Progress(named, up_b, words=("Computing which step would determine most.",))
         following = tuple(find_next_steps(task, known, candidates, 1))
@@ -213,7 +205,7 @@ class Guide:
             ]
         if not told[task.parameters()].all():
             words = [_untold_words([name for name, sigma in named.items() if sigma is None])]
-        return Progress(named, up_b, following, enough, tuple(words))
+        return Progress(named, up_b, _advice(following), enough, tuple(words))
 
     def _of_candidates(self, task: PlanTask) -> list[StepCandidate] | None:
         """What may come next, reckoned once, beside the samples that come in; None while that goes on."""
@@ -243,6 +235,16 @@ class Guide:
         return Progress(
             told, up_b, words=("The unit sends no gyro: nine or more different poses are wanted.",)
         )
+
+
+def _advice(following: Sequence[NextStep]) -> Advice | None:
+    if not following:
+        return None
+    best = following[0]
+    name, gain = best.candidate.name, best.gain
+    words = f"Next: {name}. It takes {100 * gain:.2g} % off the uncertainties."
+    facts = {"gain": gain, "parameter": best.most, "parameter_gain": best.most_gain}
+    return Advice(name, words, best.candidate.steps, facts)
 
 
 def _missing_poses(means: Vectors) -> str:
@@ -276,8 +278,14 @@ def _own_noise(sigma: Series, rate: float) -> float:
     return usual if np.isfinite(usual) else 0.0
 
 
-def _in_si(live: LiveBlocks, activity: Activity) -> Recording:
-    """The block means in SI; of counts by the scales and biases that the motion shows, roughly."""
+def in_si(live: LiveBlocks, activity: Activity) -> Recording:
+    """Return the block means in SI; of counts by the scales and biases that the motion shows, roughly.
+
+    Parameters
+    ----------
+    live : the blocks.
+    activity : that tells bias and scale where the unit sends counts.
+    """
     raw = live.averaged()
     force, rate = raw.specific_force, raw.angular_rate
     factor = specific_force_factor(raw.specific_force_unit)
@@ -326,29 +334,3 @@ def _timeline(
     ]
     floor = NoiseFloor(noise[0], noise[1], activity.threshold, "")
     return Timeline(tuple(found), tuple(turns), (), floor)
-
-
-def nearest_hold(up_b: Vectors, number: int) -> tuple[int, float] | None:
-    """Return which earlier hold a hold is most like, and their angle, rad; None for the first.
-
-    Parameters
-    ----------
-    up_b : (holds, 3) unit vectors up.
-    number : index of the hold.
-    """
-    others = [k for k in range(len(up_b)) if k != number]
-    if not others:
-        return None
-    angles = [angle_between(up_b[number], up_b[k]) for k in others]
-    best = int(np.argmin(angles))
-    return others[best], angles[best]
-
-
-def angle_between(one: Vector, other: Vector) -> float:
-    """Return the angle between two unit vectors, rad.
-
-    Parameters
-    ----------
-    one, other : (3,).
-    """
-    return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))

@@ -9,10 +9,10 @@ import numpy as np
 
 from tumble.arrays import Vector
 from tumble.calibration.poses import SAME_POSE, describe_direction
+from tumble.capture.coach import Coach, Progress, angle_between
 from tumble.capture.doubts import early_doubts
 from tumble.capture.events import Event
-from tumble.capture.guide import Guide, Progress, angle_between
-from tumble.capture.live_blocks import LiveBlocks
+from tumble.capture.live_blocks import MOST_BLOCKS, LiveBlocks
 from tumble.capture.live_holds import Change, LiveHold, LiveHolds
 from tumble.capture.samples import Channels, Samples
 from tumble.units import COUNTS, specific_force_factor
@@ -51,13 +51,13 @@ class Capture:
     Parameters
     ----------
     channels : what comes in.
-    guide : says what it is worth and what is next; None for holds alone.
-    hold : s that each pose is to be held.
+    guide : says what is next, and what there is by now; None for holds alone.
+    hold : s that each pose is to be held, where no guide says it.
     """
 
-    def __init__(self, channels: Channels, guide: Guide | None, hold: float) -> None:
-        self.channels, self.hold_seconds = channels, hold
-        self.blocks = LiveBlocks(channels)
+    def __init__(self, channels: Channels, guide: Coach | None, hold: float) -> None:
+        self.channels, self._hold = channels, hold
+        self.blocks = LiveBlocks(channels, MOST_BLOCKS if guide is None else guide.blocks)
         self.search = LiveHolds(self.blocks)
         self.guide = guide
         self.progress = Progress()
@@ -67,8 +67,11 @@ class Capture:
         self._complete: set[int] = set()
         self._begin: float | None = None
         self._early_said = self._enough_said = False
-        self._reckoned = 0
-        self._pending = False
+
+    @property
+    def hold_seconds(self) -> float:
+        """How long the present pose is to be held, s."""
+        return self._hold if self.guide is None else self.guide.hold
 
     @property
     def time(self) -> float:
@@ -111,7 +114,8 @@ class Capture:
         events = [event for change in self.search.look() for event in self._of_change(change)]
         events += self._early() + self._completed() + self._dropped()
         # The next pose is wanted when a hold is long enough; a shorter one counts when it has ended.
-        if self._pending or any(self._changes_what_is_known(event) for event in events):
+        due = self.guide is not None and self.guide.due(self.time)
+        if due or any(self._changes_what_is_known(event) for event in events):
             events += self._reckon()
         return events
 
@@ -224,17 +228,10 @@ class Capture:
             return []
         counted = [told.hold for told in self.holds]
         self.progress = progress = self.guide.judge(self.blocks, counted, activity)
-        self._pending = not progress.following and bool(progress.sigmas) and not progress.enough
         events = [self._event("sigma", _known_words(progress), sigma=progress.sigmas, holds=len(counted))]
-        for step in progress.following[:1]:
-            words = f"Next: {step.candidate.name}. It takes {100 * step.gain:.2g} % off the uncertainties."
-            facts = next_facts(step.candidate.steps)
-            events.append(
-                self._event(
-                    "next_pose", words, do=step.candidate.name, gain=step.gain, parameter=step.most,
-                    parameter_gain=step.most_gain, **facts,
-                )
-            )  # fmt: skip
+        if (advice := progress.advice) is not None:
+            facts = {**advice.facts, **next_facts(advice.steps)}
+            events.append(self._event("next_pose", advice.words, do=advice.do, **facts))
         if progress.enough and not self._enough_said:
             self._enough_said = True
             events.append(self._event("enough", " ".join(progress.words)))

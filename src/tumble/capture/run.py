@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tumble.capture.coach import Coach
 from tumble.capture.events import Event
 from tumble.capture.folder import HOLDS, RECORDING, CaptureFolder, check_folder
 from tumble.capture.guide import Guide
@@ -19,10 +20,12 @@ from tumble.capture.sources.replay import replay
 from tumble.capture.stamps import ForwardClock
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError, RecordingError, SegmentationError, UsageError
+from tumble.protocol.library import REST
 from tumble.sample_rates import SampleRate
 
 if TYPE_CHECKING:
     from tumble.workflows.calibrate import CalibrationRun
+    from tumble.workflows.noise import NoiseAnalysis
 
 # s between flushes, and s without samples after which it is said.
 FLUSH, SILENT = 1.0, 1.5
@@ -44,6 +47,8 @@ class CaptureOrder:
     hold : s that each pose is to be held.
     targets : wished-for standard uncertainties, SI, by group.
     imu : grade of the unit; None for holds alone, without what they are worth.
+    protocol : a protocol's file or name, whose steps are gone through in order; "rest" is a unit that lies still, for
+        its noise.
     resume : go on with what the folder holds.
     go_on : do not end by itself when it is enough.
     unit : (model, serial number) to note in the calibration.
@@ -58,6 +63,7 @@ class CaptureOrder:
     hold: float = 3.0
     targets: dict[str, float] = field(default_factory=dict[str, float])
     imu: str | None = "consumer-mems"
+    protocol: str | None = None
     resume: bool = False
     go_on: bool = False
     unit: tuple[str | None, str | None] = (None, None)
@@ -73,12 +79,14 @@ class CaptureRun:
     folder : where everything is.
     capture : the state machine as it ended; None if no sample came.
     calibration : of the whole recording; None if it does not determine one.
+    noise : of a unit that was at rest for it.
     refusal : why there is none, as a sentence.
     """
 
     folder: Path
     capture: Capture | None
     calibration: CalibrationRun | None = None
+    noise: NoiseAnalysis | None = None
     refusal: str = ""
 
 
@@ -272,14 +280,24 @@ class _UnderWay:
         files.close_recording()
         run = CaptureRun(self._order.folder, capture)
         try:
-            run.calibration = _calibrate(self._order, files.recording, capture)
-            self._say([_outcome(run.calibration, capture)])
+            if self._order.protocol == REST:
+                run.noise = _noise(self._order, files.recording)
+                self._say([self._event("characterised", " ".join(run.noise.noise.sentences))])
+            else:
+                run.calibration = _calibrate(self._order, files.recording, capture)
+                self._say([_outcome(run.calibration, capture)])
         except (ObservabilityError, SegmentationError, ConvergenceError, RecordingError) as error:
             run.refusal = str(error)
             self._say([self._event("not_calibrated", run.refusal)])
         finally:
             files.close()
         return run
+
+
+def _noise(order: CaptureOrder, recording: Path) -> NoiseAnalysis:
+    from tumble.workflows.noise import analyse_noise
+
+    return analyse_noise(recording, output=order.folder)
 
 
 def _calibrate(order: CaptureOrder, recording: Path, capture: Capture) -> CalibrationRun:
@@ -300,13 +318,23 @@ def _calibrate(order: CaptureOrder, recording: Path, capture: Capture) -> Calibr
         output=order.folder,
         site=order.site,
         intervals=intervals,
+        protocol=order.protocol,
         rate=rate,
         imu=order.unit,
         notes=order.notes,
     )
 
 
-def _guide_of(order: CaptureOrder) -> Guide | None:
+def _guide_of(order: CaptureOrder) -> Coach | None:
+    if order.protocol == REST:
+        from tumble.capture.rest_coach import RestCoach
+
+        return RestCoach(patient=not order.source.live)
+    if order.protocol is not None:
+        from tumble.capture.steps_coach import StepsCoach
+        from tumble.workflows.protocols import read_given_protocol
+
+        return StepsCoach(read_given_protocol(order.protocol).protocol)
     if order.imu is None:
         return None
     from tumble.simulation.grades import find_grade

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tumble.cli.completion import complete_protocol
 from tumble.cli.groups import ADVANCED, FIRST, PRINTED, detail, option
 from tumble.cli.options import (
     FileOptions,
@@ -72,6 +73,16 @@ class CaptureOptions:
         ),
     ] = None
     imu: Imu = "consumer-mems"
+    protocol: Annotated[
+        str | None,
+        option(
+            ADVANCED,
+            "FILE|NAME",
+            "Go through the steps of a protocol; `rest` is a unit that lies still for its noise.",
+            "--protocol",
+            complete=complete_protocol,
+        ),
+    ] = None
     resume: Annotated[bool, option(ADVANCED, "", "Go on with the capture that is in DIR.", "--resume")] = (
         False
     )
@@ -219,7 +230,9 @@ def _order(
     from tumble.capture.run import CaptureOrder, require_hold
     from tumble.capture.source import SourceOptions, find_source, sources
     from tumble.capture.targets import read_targets
+    from tumble.protocol.library import REST
     from tumble.simulation.grades import find_grade
+    from tumble.workflows.protocols import read_given_protocol
     from tumble.workflows.site import choose_site
 
     if source is not None and what.replay is not None:
@@ -227,6 +240,8 @@ def _order(
     if not 0.0 <= what.speed <= 1e6:
         raise UsageError(f"--speed {what.speed:g}: give how many times as fast, or 0 for as fast as it goes.")
     require_hold(what.hold)
+    if what.protocol not in (None, REST):
+        read_given_protocol(what.protocol)
     find_grade(what.imu)
     kind, address = (sources()["replay"], what.replay or "") if source is None else find_source(source)
     options = SourceOptions(
@@ -246,6 +261,7 @@ def _order(
         hold=what.hold,
         targets=read_targets(what.target or ()),
         imu=what.imu,
+        protocol=what.protocol,
         resume=what.resume,
         go_on=what.go_on,
     )
@@ -286,6 +302,11 @@ class _Lines:
 def _print_end(run: CaptureRun, printed: CapturePrintOptions) -> int:
     """Print what came of it, and return the exit status."""
     done = run.calibration
+    if run.noise is not None:
+        if not printed.as_json:
+            say(*run.noise.noise.sentences)
+            say_written([*run.noise.files, run.folder / "recording.csv", run.folder / "session.jsonl"])
+        return 0
     if done is None:
         if not printed.as_json:
             say(

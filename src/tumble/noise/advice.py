@@ -145,7 +145,7 @@ def _advice(channels: tuple[Channel, ...], curves: Deviation) -> list[str]:
         parts: list[str] = []
         hidden: list[str] = []
         for term in "BK":
-            longest = max((_need(fit, term) for fit in fits), default=0.0)
+            longest = max((seconds_needed(fit, term) for fit in fits), default=0.0)
             if longest > 1.1 * seconds and np.isfinite(longest):
                 seen = all(term in fit.chosen for fit in fits)
                 parts.append(f"{'' if seen else 'at least '}{_words(longest)} for {term}")
@@ -160,8 +160,14 @@ def _advice(channels: tuple[Channel, ...], curves: Deviation) -> list[str]:
     return said
 
 
-def _need(fit: NoiseFit, letter: str) -> float:
-    """Length of recording that knows a coefficient, or its upper limit, to 10 %."""
+def seconds_needed(fit: NoiseFit, letter: str) -> float:
+    """Return the length of recording, s, that knows a coefficient, or its upper limit, to 10 %; 0 of a term without.
+
+    Parameters
+    ----------
+    fit : of one channel.
+    letter : "N", "B" or "K".
+    """
     if letter in fit.limits:
         coefficients = {**fit.model.coefficients, letter: fit.limits[letter]}
         model = NoiseModel.from_coefficients(coefficients, fit.model.gauss_markov)
