@@ -22,6 +22,9 @@ is named. The truth of a wandering bias is its mean over the recording.
 For faults: how many are refused, unfit, or FIT with the fault named in a remark; how many are FIT with all numbers
 inside five sigmas, and FIT with one beyond, of these without a word. A bias that was somewhere within five sigmas of
 the stated value while recording is not counted as wrong.
+
+A long study is left running with ``--store DIR``: each run's outcome is a file there, a run that has one is not made
+again, and what is printed is of all that are there. ``--shard 0/2`` and ``--shard 1/2`` share the runs of one command.
 """
 
 from __future__ import annotations
@@ -38,7 +41,7 @@ import tempfile
 import time
 import traceback
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -120,6 +123,20 @@ class Outcome:
     missed: list[str] = field(default_factory=list)
     has: list[str] = field(default_factory=list)
     excused: np.ndarray | None = None
+
+    def save(self, file: Path) -> None:
+        """Write a file that `load` reads; it is there whole or not at all."""
+        part = file.with_suffix(".part")
+        part.write_text(json.dumps(asdict(self), default=np.ndarray.tolist), encoding="utf-8")
+        part.replace(file)
+
+    @classmethod
+    def load(cls, file: Path) -> Outcome:
+        """Return what was saved."""
+        made = cls(**json.loads(file.read_text(encoding="utf-8")))
+        made.groups = {name: np.array(rows, float) for name, rows in made.groups.items()}
+        made.excused = None if made.excused is None else np.array(made.excused, float)
+        return made
 
     @property
     def largest(self) -> tuple[float, str]:
@@ -638,8 +655,16 @@ def main() -> None:
         "--rate-ppm", type=float, default=None, help="the sample rate is stated with so many ppm, and true"
     )
     parser.add_argument("--white", action="store_true", help="biases do not wander")
+    parser.add_argument(
+        "--store", type=Path, help="folder that keeps each run's outcome; those there are not made again"
+    )
+    parser.add_argument(
+        "--shard", default="0/1", help="of the runs of this command those that are this one's, as 1/4"
+    )
     parser.add_argument("--verbose", action="store_true")
     arguments = parser.parse_args()
+    if arguments.store is not None:
+        arguments.store.mkdir(parents=True, exist_ok=True)
     procedures = list(PROCEDURES) if "all" in arguments.procedure else arguments.procedure
     grades = list(GRADES) if "all" in arguments.grade else arguments.grade
     for procedure in procedures:
@@ -670,11 +695,20 @@ def study(procedure: str, grade: str, estimator: str, fault: str | None, argumen
     """
     title = f"{procedure}, {grade}, {estimator}" + (f", {fault}" if fault else "")
     title += ", white" if arguments.white else ""
+    title += f", {re.sub('[^a-z0-9.,:]', '', arguments.options)}" if arguments.options else ""
+    shard, shards = (int(number) for number in arguments.shard.split("/"))
     outcomes: list[Outcome] = []
     stopped = False
     try:
         for k in range(arguments.runs):
-            outcomes.append(one(procedure, grade, estimator, fault, arguments.seed + k, arguments))
+            seed = arguments.seed + k
+            file = None if arguments.store is None else arguments.store / f"{title} {seed}.json"
+            if file is not None and file.exists():
+                outcomes.append(Outcome.load(file))
+            elif k % shards == shard:
+                outcomes.append(one(procedure, grade, estimator, fault, seed, arguments))
+                if file is not None:
+                    outcomes[-1].save(file)
             if sys.stderr.isatty():
                 print(f"\r{title}: {k + 1} of {arguments.runs}", end="", file=sys.stderr)
     except KeyboardInterrupt:

@@ -84,6 +84,15 @@ GRADES = {
                    0.005 * DEGREE, 300 * DEGREE, 0.06 * DEGREE, 0.004 * DEGREE, 40e-6),
         4e-3, 0.015 * DEGREE / 9.8, "m/s^2,rad/s", False,
     ),
+    # A hobbyist's board: sensors soldered on by eye, whose axes lean by degrees. Nothing was tuned on it.
+    "hobby": Grade(
+        "hobby",
+        TriadSheet(100 * MICRO_G, 60 * MICRO_G, 0.1 * MICRO_G, 40e-3 * 9.8, 2e-2, 3e-2, 2e-3,
+                   16 * STANDARD_GRAVITY / 65536, 16 * STANDARD_GRAVITY, 5e-3 * 9.8, 0.1e-3 * 9.8, 60e-6),
+        TriadSheet(0.006 * DEGREE, 14 * DEGREE_PER_HOUR, 1e-7, 0.8 * DEGREE, 2e-2, 3e-2, 2e-3,
+                   1000 / 65536 * DEGREE, 500 * DEGREE, 0.1 * DEGREE, 0.008 * DEGREE, 60e-6),
+        4e-2, 0.02 * DEGREE / 9.8, "g,deg/s", False,
+    ),
     # Fibre-optic gyros and quartz accelerometers; numbers in SI with fine steps.
     "tactical": Grade(
         "tactical",
@@ -94,7 +103,7 @@ GRADES = {
         6e-4, 0.0, "m/s^2,rad/s", True,
     ),
 }  # fmt: skip
-"""Three grades with figures of this simulator's own choice, near to those of units that are sold."""
+"""Grades with figures of this simulator's own choice, near to those of units that are sold."""
 
 
 @dataclass(frozen=True)

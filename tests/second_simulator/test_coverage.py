@@ -47,6 +47,26 @@ def test_six_faces_show_a_g_sensitivity_no_better_than_a_bias_keeps_from_face_to
     assert 0.8 * wandered < np.sqrt(np.mean(np.square(stated))) < 2.0 * wandered
 
 
+def test_six_holds_state_a_bias_no_better_than_it_keeps_from_face_to_face(tmp_path: Path) -> None:
+    """Half the sum of two faces, against the mean over the recording; six holds for six unknowns show no scatter."""
+    sheet = GRADES["hobby"].accelerometer
+    made = PROCEDURES["six-faces"](GRADES["hobby"], np.random.default_rng(5), None, rate=50.0)
+    file = tmp_path / "protocol.yaml"
+    file.write_text(made.protocol, encoding="utf-8")
+    found = tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="50±0.001").calibration
+    stated = [p.standard_uncertainty for p in found.parameters if p.name.startswith("accelerometer bias")]
+    faces = [(int(10 * step.start), int(10 * step.stop)) for step in made.path.steps if step.kind == "hold"]
+    assert (len(stated), len(faces)) == (3, 6)
+    rng, off = np.random.default_rng(1), list[np.ndarray]()
+    for _ in range(200):
+        drawn = flicker(int(10 * made.path.seconds), 10.0, sheet.flicker, rng)
+        means = np.array([drawn[a:b].mean(axis=0) for a, b in faces]) - drawn.mean(axis=0)
+        off.append(0.5 * (means[:3] + means[3:]))
+    # The unit of the file is g.
+    wandered = np.sqrt(np.mean(np.square(off))) / 9.80665
+    assert 0.85 * wandered < np.sqrt(np.mean(np.square(stated))) < 2.0 * wandered
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1002])
 def test_a_table_without_turns_between_its_faces_shows_no_axes_but_where_it_stands(

@@ -18,7 +18,7 @@ from tumble.calibration.equations.placement import PlacedFit, placement_covarian
 from tumble.estimation import Adjustment
 from tumble.estimation.wander import covariance_about_the_mean, wider
 from tumble.segmentation import HoldMeans
-from tumble.segmentation.rest_wander import find_density
+from tumble.segmentation.rest_wander import RestParts, find_density
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,11 +161,24 @@ def wander_of_force(means: HoldMeans, holds: np.ndarray, up_b: Vectors, sigma: S
     parts = means.parts
     if parts is None or means.specific_force is None:
         return HoldWander.none(means)
-    moved = float(np.max(np.linalg.norm(means.specific_force[holds], axis=1))) * sigma[:, None]
+    density = placed_density(parts, means.specific_force[holds], holds, up_b, sigma)
+    return HoldWander(density, parts.force_white, *_limits(means), parts.span)
+
+
+def placed_density(
+    parts: RestParts, force: Vectors, holds: np.ndarray, up_b: Vectors, sigma: Series
+) -> Vector:
+    """Return (3,) raw²: the density by which the accelerometers' biases wander over holds in poses that are known.
+
+    Parameters
+    ----------
+    parts, force : of the rests, and (poses, 3) raw means of the holds.
+    holds, up_b, sigma : as for `wander_of_force`.
+    """
+    moved = float(np.max(np.linalg.norm(force, axis=1))) * sigma[:, None]
     spread = moved**2 * (np.maximum(1.0 - up_b**2, 0.0) + 2.0 * sigma[:, None] ** 2)
     design = np.column_stack([np.ones(len(holds)), up_b])
-    density = find_density(parts, parts.force, parts.force_white, holds=holds, design=design, spread=spread)
-    return HoldWander(density, parts.force_white, *_limits(means), parts.span)
+    return find_density(parts, parts.force, parts.force_white, holds=holds, design=design, spread=spread)
 
 
 def wander_of_rate(

@@ -28,6 +28,7 @@ from tumble.calibration.equations.causes import (
 from tumble.calibration.equations.hold_equations import Rate
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
 from tumble.calibration.evidence import Budget
+from tumble.calibration.hold_wander import placed_density
 from tumble.calibration.optional_terms import TERMS
 from tumble.calibration.outcome.description import named_function
 from tumble.calibration.uncertainty_statement import (
@@ -118,32 +119,34 @@ def recording_influences(task: JointAdjustment) -> Influences:
     densities = {FORCE_WANDER: data.force_density, RATE_WANDER: data.rate_density}
     span = float(data.base.time[0]), float(data.base.time[-1])
     settled = settled_at(task)
-    return influences_of(settled, task.prior, densities, span, {RATE_WANDER: rate_density(task)})
+    return influences_of(settled, task.prior, densities, span, _between(task))
 
 
-def rate_density(task: JointAdjustment) -> Vector:
-    """Return (3,) raw² per unit of ``ln f``: the density by which the gyros' biases wander, as all rests show it.
+def _between(task: JointAdjustment) -> dict[str, Vector]:
+    """Source -> (3,) raw² per unit of ``ln f``: the densities by which biases wander, as all rests show them.
 
     Rests of one face lie near each other in time and share most of it: they scatter less among themselves than the
-    faces do.
-
-    Parameters
-    ----------
-    task : settled.
+    faces do. Of the accelerometers only poses that are believed show it.
     """
     data, u = task.data, task.unknowns
-    parts, holds = data.base.parts, np.flatnonzero(task.taking_part["rate"])
+    parts, poses = data.base.parts, data.poses
     if parts is None or parts.rate is None:
-        return data.rate_density
-    holds = np.intersect1d(holds, parts.hold)[:: max(1, -(-holds.size // MOST_HOLDS))]
+        return {}
+    holds = np.intersect1d(np.flatnonzero(task.taking_part["rate"]), parts.hold)
+    holds = holds[:: max(1, -(-holds.size // MOST_HOLDS))]
     shown, up_b = np.zeros((data.holds, 3)), np.zeros((data.holds, 3))
     for section in task.sections:
         (linear,) = Rate(section).linearise(task)
         shown[section.holds] = linear.residual + data.base.rate_mean[section.holds]
         up_b[section.holds] = section.C_wb[:, 1, 2]
     columns = [np.ones(data.holds), *(up_b.T if u.is_free("gyro.g_sensitivity") else ())]
-    signal = parts.rate - shown[parts.hold]
-    return find_density(parts, signal, parts.rate_white, holds=holds, design=np.column_stack(columns)[holds])
+    design, signal = np.column_stack(columns)[holds], parts.rate - shown[parts.hold]
+    made = {RATE_WANDER: find_density(parts, signal, parts.rate_white, holds=holds, design=design)}
+    if poses is not None and poses.hold.size <= MOST_HOLDS:
+        at = np.isin(poses.hold, np.flatnonzero(task.taking_part["force"]))
+        force = data.base.force_mean[poses.hold[at]]
+        made[FORCE_WANDER] = placed_density(parts, force, poses.hold[at], poses.up_f[at], poses.sigma[at])
+    return made
 
 
 def wander_factors(task: JointAdjustment) -> Series:
