@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Series
 from tumble.recording.doctor import channels_of
 from tumble.recording.recording import Recording
-from tumble.recording.saturation import find_saturation
+from tumble.recording.saturation import find_saturation, noise_of
 
 
 def find_dead_channels(recording: Recording) -> list[str]:
@@ -23,15 +22,10 @@ def find_saturated_channels(recording: Recording) -> list[str]:
     """Return a sentence for each limit at which a channel sticks."""
     sentences: list[str] = []
     for name, channel in channels_of(recording).items():
-        for found in find_saturation(channel, name, _noise(channel)):
+        for found in find_saturation(channel, name, noise_of(channel)):
             when = float(recording.time[found.index])
             sentences.append(
                 f"{name} is saturated at {found.value:g} in {found.samples} samples (first for long at {when:.1f} s): "
                 "turns with a saturated gyro are left out."
             )
     return sentences
-
-
-def _noise(channel: Series) -> float:
-    """Return the noise per sample, robustly, from successive differences."""
-    return float(np.median(np.abs(np.diff(channel)))) / 0.954 if channel.size > 1 else 0.0

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Series
+from tumble.arrays import Series, Vectors
 
 _LEAST_RUN = 3
+# Of the way from the middle to the extreme: what goes back so far comes to the limit anew.
+_LEFT = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +37,7 @@ def find_saturation(channel: Series, name: str, floor: float) -> list[Saturation
         if reach <= 20.0 * floor or reach == 0.0:
             continue
         at = channel == value
-        near = (np.abs(channel - value) < 0.05 * reach) & ~at
+        near = (np.abs(channel - value) < _LEFT * reach) & ~at
         count = int(at.sum())
         if count < _LEAST_RUN + 1 or count <= int(near.sum()):
             continue
@@ -45,4 +47,28 @@ def find_saturation(channel: Series, name: str, floor: float) -> list[Saturation
         run = int(stops[longest] - starts[longest])
         if run >= _LEAST_RUN:
             found.append(Saturation(name, value, count, run, int(starts[longest])))
+    return found
+
+
+def noise_of(channel: Series) -> float:
+    """Return the noise per sample, robustly, from successive differences."""
+    return float(np.median(np.abs(np.diff(channel)))) / 0.954 if channel.size > 1 else 0.0
+
+
+def limits_reached(values: Vectors) -> list[Saturation]:
+    """Return at which limits a triad sticks, each reached anew after others: a coarse one at rest repeats, too.
+
+    Parameters
+    ----------
+    values : (samples, 3) raw.
+    """
+    found: list[Saturation] = []
+    for name, channel in zip("xyz", values.T, strict=True):
+        for one in find_saturation(channel, name, noise_of(channel)):
+            reach = _LEFT * abs(one.value - float(np.median(channel)))
+            off = np.abs(channel - one.value)
+            # Where a step of the converter is as large, the next number is no other one.
+            fine = bool(np.any((off > 0.0) & (off <= reach)))
+            if fine and np.unique(np.cumsum(off > reach)[off == 0.0]).size > 1:
+                found.append(one)
     return found

@@ -37,6 +37,7 @@ from tumble.calibration.session import Options, Session
 from tumble.errors import ObservabilityError
 from tumble.recording import Recording
 from tumble.recording.magnetic_field import MagneticField
+from tumble.recording.saturation import limits_reached
 
 GIVEN = GivenField(49.2e-6, 0.2e-6, np.radians(66.0))
 
@@ -131,6 +132,39 @@ def test_a_norm_that_the_unit_contradicts_is_said() -> None:
     assert any("is another one" in remark for remark in remarks)
     plain = judge_magnetometer(estimated(seen(counts=1.0, step=0.0), GIVEN, "uT"), 0.8)
     assert not any("is another one" in remark for remark in plain.remarks)
+
+
+def test_a_saturated_magnetometer_is_named_and_a_coarse_one_is_not() -> None:
+    one = seen()
+    limit = 0.8 * float(np.abs(one.values).max())
+    clipped = MagneticField(one.time, np.clip(one.values, -limit, limit), "counts")
+    verdict = judge_magnetometer(magnetometer_from_holds(simulated()[1], clipped), 0.8)
+    assert verdict.use != "fit"
+    assert verdict.reasons[0].startswith("The magnetometer sticks at its limits")
+    # Numbers so coarse that a hold repeats them: its largest is one attitude's, and no limit.
+    coarse = np.round(one.values / 40.0)
+    assert limits_reached(coarse) == []
+    assert limits_reached(clipped.values)
+
+
+def test_an_axis_that_never_changes_is_named() -> None:
+    one = seen()
+    dead = one.values.copy()
+    dead[:, 2] = 17.0
+    for outcome in (simulated()[1], None):
+        for values, named in ((dead, "z"), (np.ones_like(dead), "x, y, z")):
+            with pytest.raises(ObservabilityError, match=f"Its {named} never changes"):
+                magnetometer_of(outcome, MagneticField(one.time, values, "counts"))
+
+
+@pytest.mark.parametrize("dip", [90.0, -90.0])
+def test_gravity_is_no_magnetic_field(dip: float) -> None:
+    """Columns of an accelerometer, as a magnetometer's: their field is along gravity, and shows no heading."""
+    rng = np.random.default_rng(4)
+    one = see(simulated()[0], draw_magnetometer(rng), rng, dip=np.radians(dip))
+    verdict = judge_magnetometer(estimated(one))
+    assert verdict.use == "not fit"
+    assert "along gravity" in verdict.reasons[0]
 
 
 def test_derivatives_are_those_of_differences() -> None:
@@ -337,14 +371,6 @@ def test_a_hold_without_samples_takes_no_part() -> None:
     made = magnetometer_from_holds(outcome, MagneticField(one.time[keep], one.values[keep], "counts"))
     assert 4 not in [hold.hold for hold in made.holds]
     assert not FieldAdjustment.of(outcome.task, means, 1.0).taking_part[FIELD][4]
-
-
-def test_a_constant_magnetometer_is_refused() -> None:
-    one = seen()
-    with pytest.raises(ObservabilityError, match="constant"):
-        magnetometer_of(None, MagneticField(one.time, np.ones_like(one.values), "counts"))
-    with pytest.raises(ObservabilityError, match="constant"):
-        estimated(replace(one, values=np.ones_like(one.values)))
 
 
 def test_a_mirrored_magnetometer_is_not_taken_for_the_southern_hemisphere_without_a_word() -> None:

@@ -37,6 +37,7 @@ from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.balance import Balanced, balance
 from tumble.recording.magnetic_field import MagneticField
+from tumble.recording.saturation import limits_reached
 from tumble.sensor import Triad, propagate
 from tumble.units import magnetic_field_factor
 
@@ -141,6 +142,7 @@ class Magnetometer(Evidence):
     ellipsoid : of all samples by themselves; None where they show none.
     degrees_of_freedom : redundant observations of the field.
     not_determined : sentences.
+    saturated : channels that stick at a limit, in words.
     """
 
     method: Method
@@ -168,6 +170,7 @@ class Magnetometer(Evidence):
     degrees_of_freedom: int = 0
     given: GivenField | None = None
     not_determined: tuple[str, ...] = field(default=())
+    saturated: tuple[str, ...] = ()
 
 
 def magnetometer_from_holds(
@@ -356,7 +359,11 @@ def with_samples(made: Magnetometer, magnetic: MagneticField) -> Magnetometer:
             ellipsoid = fit_ellipsoid(magnetic.values)
         except ObservabilityError:
             ellipsoid = None
-    return replace(made, before=before, after=after, ellipsoid=ellipsoid)
+    limits = tuple(
+        f"{one.channel} at {one.value:g} {magnetic.unit} in {one.samples} samples"
+        for one in limits_reached(magnetic.values)
+    )
+    return replace(made, before=before, after=after, ellipsoid=ellipsoid, saturated=limits)
 
 
 def _scatter(norms: Series) -> float:
@@ -382,6 +389,11 @@ def magnetometer_alone(magnetic: MagneticField, given: GivenField | None = None)
     ObservabilityError
         If the samples show no ellipsoid.
     """
+    constant = [
+        axis for axis, channel in zip("xyz", magnetic.values.T, strict=True) if np.ptp(channel) == 0.0
+    ]
+    if constant:
+        raise ObservabilityError(f"Its {', '.join(constant)} never changes: a dead sensor or a wrong column.")
     fitted = fit_ellipsoid(magnetic.values)
     own = fitted.matrix
     scale = _Scale.of(magnetic, given)

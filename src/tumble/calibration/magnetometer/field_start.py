@@ -55,6 +55,8 @@ def start_field(task: FieldAdjustment) -> None:
     rows, groups = _equations(task, active, scaled)
     solution = _robust(rows, groups, active.size)
     upright = 1.0 if np.linalg.det(solution[:9].reshape(3, 3)) > 0.0 else -1.0
+    if not np.linalg.cond(solution[:9].reshape(3, 3)) < 1e8:
+        raise ObservabilityError("The magnetometer's axes all show one direction in all holds.")
     A, c = upright * solution[:9].reshape(3, 3), upright * solution[9:12]
     field = _field_of(task, active, scaled @ A.T + c)
     norm = float(np.median(np.linalg.norm(scaled @ A.T + c, axis=1)))

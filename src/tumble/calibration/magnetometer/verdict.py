@@ -34,6 +34,8 @@ SMALLEST_SCALE, LARGEST_SCALE = 0.5, 2.0
 LEAST_CHECKS = 6
 # From here on towards the poles the field points into the ground in the north, and out of it in the south.
 SURE_DIP = np.radians(25.0)
+# Within some 200 km of a magnetic pole alone the field is steeper (WMM2025).
+UPRIGHT = np.radians(88.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +69,8 @@ def judge_magnetometer(made: Magnetometer, latitude: float | None = None) -> Fie
     """
     against = _against(made, latitude)
     reserved = _reservations(made) + _hemisphere(made, latitude)
+    if made.saturated:
+        (against or reserved).insert(0, _saturated(made))
     use: Use = "not fit" if against else "fit with reservations" if reserved else "fit"
     if against and made.triad is not None:
         against.append("So the magnetometer is not corrected: the file has no matrix of it.")
@@ -112,6 +116,11 @@ def _impossible(made: Magnetometer, latitude: float | None) -> list[str]:
             f"The mean scale factor is {scale:.3g} of what the unit {made.raw_unit} says: the unit is another one "
             "(--units), or the norm is not that of this place (--field)."
         )
+    if abs(made.dip) > UPRIGHT:
+        said.append(
+            f"The field dips by {degrees(made.dip)}, along gravity: these are the numbers of an accelerometer, or a "
+            "magnetic pole is near. They show no heading."
+        )
     given = made.given
     if given is not None and given.dip is not None and np.isfinite(made.dip):
         off = made.dip - given.dip
@@ -131,6 +140,13 @@ def _mirrored(known: str, made: Magnetometer) -> str:
     return (
         f"The field dips by {degrees(made.dip)}, and {known}: an axis of the magnetometer counts the wrong way, so "
         "that its axes are mirrored against the accelerometers'. Turn the sign of its columns."
+    )
+
+
+def _saturated(made: Magnetometer) -> str:
+    return (
+        f"The magnetometer sticks at its limits: {'; '.join(made.saturated)}. Choose a larger range, or keep "
+        "magnets away."
     )
 
 
