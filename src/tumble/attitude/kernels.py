@@ -7,7 +7,7 @@ from tumble.errors import require_compiled
 require_compiled(__file__)
 
 import cython
-from cython.cimports.libc.math import cos, sin, sqrt
+from cython.cimports.libc.math import atan2, cos, sin, sqrt
 
 
 @cython.locals(v0=cython.double, v1=cython.double, v2=cython.double)
@@ -142,6 +142,37 @@ def _turn(
         turned[3 * m] = x * r00 + y * r10 + z * r20
         turned[3 * m + 1] = x * r01 + y * r11 + z * r21
         turned[3 * m + 2] = x * r02 + y * r12 + z * r22
+
+
+def fill_rotation_vectors(C: cython.const[cython.double][:, :, ::1], vectors: cython.double[:, ::1]) -> None:
+    """Fill (rows, 3) the rotation vectors of matrices, their angles in [0, pi] rad.
+
+    The axis comes from the quaternion's largest component (Shepperd 1978): half turns are as accurate as small ones.
+    """
+    q = cython.declare(cython.double[4])
+    with cython.nogil:
+        for n in range(C.shape[0]):
+            trace = C[n, 0, 0] + C[n, 1, 1] + C[n, 2, 2]
+            largest, most = 3, trace
+            for axis in range(3):
+                if C[n, axis, axis] > most:
+                    largest, most = axis, C[n, axis, axis]
+            if largest == 3:
+                q[0], q[1] = C[n, 2, 1] - C[n, 1, 2], C[n, 0, 2] - C[n, 2, 0]
+                q[2], q[3] = C[n, 1, 0] - C[n, 0, 1], 1.0 + trace
+            else:
+                i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
+                q[i], q[j] = 1.0 - trace + 2.0 * most, C[n, i, j] + C[n, j, i]
+                q[k], q[3] = C[n, i, k] + C[n, k, i], C[n, k, j] - C[n, j, k]
+            length = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+            if q[3] < 0.0:
+                length = -length
+            for axis in range(4):
+                q[axis] /= length
+            sine = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
+            scale = 2.0 if sine < 1e-12 else 2.0 * atan2(sine, q[3]) / sine
+            for axis in range(3):
+                vectors[n, axis] = scale * q[axis]
 
 
 def average_windows(

@@ -22,6 +22,7 @@ def integrate_segments(
     C_start_end: Floats,
     gyro_sums: Floats,
 ) -> None: ...
+def fill_rotation_vectors(C: Floats, vectors: Floats) -> None: ...
 def average_windows(
     time: Floats,
     raw_rate: Floats,

@@ -42,28 +42,8 @@ def matrix_from_rotation_vector(rotation_vector: Vector) -> Matrix:
 
 
 def rotation_vector_from_matrix(C: Matrix) -> Vector:
-    """Return the rotation vector of a rotation matrix, its angle in [0, pi] rad.
-
-    The axis comes from the quaternion with the largest component (Shepperd 1978), so that half
-    turns are as accurate as small ones.
-    """
-    trace = float(np.trace(C))
-    squares = np.array([1 + 2 * C[0, 0] - trace, 1 + 2 * C[1, 1] - trace, 1 + 2 * C[2, 2] - trace, 1 + trace])
-    largest = int(np.argmax(squares))
-    q = np.empty(4)
-    if largest == 3:
-        q[:3] = C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]
-        q[3] = squares[3]
-    else:
-        i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
-        q[i], q[j], q[k] = squares[i], C[i, j] + C[j, i], C[i, k] + C[k, i]
-        q[3] = C[k, j] - C[j, k]
-    q /= np.sqrt(q @ q)
-    if q[3] < 0:
-        q = -q
-    sine = float(np.sqrt(q[:3] @ q[:3]))
-    scale = 2.0 if sine < 1e-12 else 2.0 * np.arctan2(sine, q[3]) / sine
-    return scale * q[:3]
+    """Return the rotation vector of a rotation matrix, its angle in [0, pi] rad."""
+    return np.asarray(rotation_vectors_from_matrices(np.asarray(C)[None])[0], dtype=np.float64)
 
 
 def matrices_from_rotation_vectors(rotation_vectors: Vectors) -> Matrices:
@@ -85,15 +65,11 @@ def matrices_from_rotation_vectors(rotation_vectors: Vectors) -> Matrices:
 
 def rotation_vectors_from_matrices(C: Matrices) -> Vectors:
     """Return (rows, 3) `rotation_vector_from_matrix` of each matrix, rad."""
-    twice = np.stack([C[:, 2, 1] - C[:, 1, 2], C[:, 0, 2] - C[:, 2, 0], C[:, 1, 0] - C[:, 0, 1]], axis=1)
-    sine = 0.5 * np.sqrt(np.einsum("ka,ka->k", twice, twice))
-    cosine = 0.5 * (C[:, 0, 0] + C[:, 1, 1] + C[:, 2, 2] - 1.0)
-    still = sine < 1e-12
-    made = np.where(still, 0.5, 0.5 * np.arctan2(sine, cosine) / np.where(still, 1.0, sine))[:, None] * twice
-    # Towards half a turn the difference tells the axis no more.
-    for k in np.flatnonzero(cosine < -0.5).tolist():
-        made[k] = rotation_vector_from_matrix(C[k])
-    return made
+    from tumble.attitude.kernels import fill_rotation_vectors
+
+    vectors = np.empty((len(C), 3))
+    fill_rotation_vectors(np.ascontiguousarray(C, dtype=np.float64), vectors)
+    return vectors
 
 
 def skews(vectors: Vectors) -> Matrices:

@@ -242,7 +242,7 @@ def _without_chance(task: Balanceable, component: Component, solution: Settled) 
         # One step tells almost always: what it refuses need not settle.
         for once in (True, False):
             trial = solve(task, once=once)
-            tests = trial.tests()
+            tests = trial.tests(witnesses)
             if not all(_explained_by_chance(tests.get(witness)) for witness in witnesses):
                 break
         else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -61,13 +61,20 @@ class Settled:
             yield chain
             waiting += [inner for _, inner in chain.within]
 
-    def tests(self) -> dict[str, Tests]:
-        """Return the tests of all residuals that are tested, by the name of the test."""
+    def tests(self, names: Collection[str] | None = None) -> dict[str, Tests]:
+        """Return the tests of residuals by name.
+
+        Parameters
+        ----------
+        names : of the tests that are wanted at least; None for all.
+        """
+        if self._tests is None and names is not None:
+            return self._tested(names)
         if self._tests is None:
-            self._tests = self._tested()
+            self._tests = self._tested(None)
         return self._tests
 
-    def _tested(self) -> dict[str, Tests]:
+    def _tested(self, wanted: Collection[str] | None) -> dict[str, Tests]:
         names: list[str] = []
         looks: list[Look] = []
         for spread in self.spreads():
@@ -76,6 +83,7 @@ class Settled:
                 if active is not None and not np.any(active):
                     continue
                 views = term.equations.views(self.state, term.linear)
+                views = [view for view in views if wanted is None or view.name in wanted]
                 if not views:
                     continue
                 taken = term.root @ spread.taken(term) @ np.swapaxes(term.root, 1, 2)

@@ -1,0 +1,73 @@
+"""Many calibrations in one process: each as if it were alone, one after another or at the same time."""
+
+from __future__ import annotations
+
+import gc
+import json
+import math
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tumble
+
+ROOT = Path(__file__).resolve().parents[2]
+SITE = tumble.Site.from_latitude(math.radians(48.1), 520.0)
+
+
+@pytest.fixture(scope="module")
+def recordings() -> list[Any]:
+    """What ships with the package, and the same from sensors that show a hundredth more, along other axes."""
+    first = tumble.read_recording(ROOT / "src" / "tumble" / "data" / "mpu9150-imu0.csv.gz", rate=100.0)
+    turned = np.array([[0.0, 1.01, 0.0], [0.0, 0.0, 1.01], [1.01, 0.0, 0.0]])
+    return [
+        first,
+        replace(
+            first, angular_rate=first.angular_rate @ turned.T, specific_force=first.specific_force @ turned.T
+        ),
+    ]
+
+
+@pytest.fixture(scope="module")
+def alone(recordings: list[Any]) -> list[dict[str, Any]]:
+    return [document(recording) for recording in recordings]
+
+
+def document(recording: Any) -> dict[str, Any]:
+    """Return what is stored of a calibration, but for when it was made."""
+    made = json.loads(tumble.calibrate(recording, site=SITE).calibration.to_json())
+    made.pop("created")
+    return made
+
+
+def test_threads_change_nothing(recordings: list[Any], alone: list[dict[str, Any]]) -> None:
+    with ThreadPoolExecutor(2) as pool:
+        found = list(pool.map(document, recordings * 2))
+    assert found == alone * 2
+    assert found[0] != found[1]
+
+
+def test_what_came_before_changes_nothing(recordings: list[Any], alone: list[dict[str, Any]]) -> None:
+    before = dict(os.environ), os.getcwd(), np.geterr()
+    assert [document(recording) for recording in reversed(recordings)] == alone[::-1]
+    assert (dict(os.environ), os.getcwd(), np.geterr()) == before
+
+
+def test_nothing_is_kept_of_a_call(recordings: list[Any]) -> None:
+    document(recordings[0])
+    before = ours()
+    made = tumble.calibrate(recordings[0], site=SITE)
+    assert ours() > before + 100
+    del made
+    assert ours() == before
+
+
+def ours() -> int:
+    """Return how many objects of the package's own classes there are."""
+    gc.collect()
+    return sum(str(type(one).__module__).startswith("tumble.") for one in gc.get_objects())
