@@ -91,6 +91,7 @@ figures: $(DEV) bytecode  ## Simulate and draw the figures of the procedures' pa
 	$(BIN)/python docs/figures/norm_sensitivity.py
 	$(BIN)/python docs/figures/noise_other_tools.py
 	$(BIN)/python docs/figures/denoising.py
+	$(BIN)/python docs/figures/doors.py
 
 .PHONY: map
 map: $(DEV)  ## Write the map of the house anew from the modules' openings

@@ -25,6 +25,7 @@ CONTENTS = {
             "formats",
             "file-format",
             "conventions",
+            "gallery",
             "glossary",
         ),
         *("contract", "reliability", "simulation", "noise-models", "reference/rooms/index"),

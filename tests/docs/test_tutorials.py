@@ -65,21 +65,26 @@ LONG = ("tutorials/turntable.md",)
     [pytest.param(page, marks=[pytest.mark.slow] if page in LONG else []) for page in PAGES],
 )
 def test_a_tutorial_s_commands_run_and_print_what_it_shows(page: str, tmp_path: Path) -> None:
+    run_page(page, tmp_path)
+
+
+def run_page(page: str, folder: Path) -> None:
+    """Run a page's commands in a folder, and compare what they print with what the page shows."""
     # Programs of their own, where shapes are not checked: what a user waits for.
     plain = {"COLUMNS": "160", "NO_COLOR": "1", "TUMBLE_CHECK_SHAPES": ""}
     commands = commands_of(page)
     assert len(commands) >= 3
-    write_recordings(tmp_path, " ".join(command for command, _ in commands))
+    write_recordings(folder, " ".join(command for command, _ in commands))
     for name, text in re.findall(
         r"`(\S+\.yaml)`:\n\n```yaml\n(.*?)```", (DOCS / page).read_text("utf-8"), re.S
     ):
-        (tmp_path / name).write_text(text, encoding="utf-8")
+        (folder / name).write_text(text, encoding="utf-8")
     for command, shown in commands:
         program, *arguments = shlex.split(command)
         assert program == "tumble"
         answer = subprocess.run(
             [sys.executable, "-c", RUN, *arguments],
-            cwd=tmp_path,
+            cwd=folder,
             env={**os.environ, **plain},
             capture_output=True,
             encoding="utf-8",

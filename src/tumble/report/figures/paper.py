@@ -283,10 +283,13 @@ def _bars(one: Any, trace: Plot, layout: Plot, stacked: dict[str, Any]) -> None:
     if layout.get("barmode") in ("stack", "relative"):
         base = stacked.get(key, np.zeros(lengths.size))
         stacked[key] = base + np.nan_to_num(lengths)
+    apart = np.diff(np.unique(places)) if places.dtype.kind == "f" else np.zeros(0)
+    usual = 0.8 * float(apart.min()) if apart.size else 0.7
     thick = (
-        _values(trace["width"]) if isinstance(trace.get("width"), dict | list) else trace.get("width", 0.7)
+        _values(trace["width"]) if isinstance(trace.get("width"), dict | list) else trace.get("width", usual)
     )
-    look = {"color": _colour(marker.get("color"), float(marker.get("opacity", 1.0))), "label": _label(trace)}
+    opacity = float(trace.get("opacity", 1.0)) * float(marker.get("opacity", 1.0))
+    look = {"color": _colour(marker.get("color"), opacity), "label": _label(trace)}
     if lying:
         made = one.barh(places, lengths, height=thick, left=base, **look)
     else:
