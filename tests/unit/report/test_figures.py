@@ -96,6 +96,10 @@ def test_every_stretch_of_the_timeline_can_be_pointed_at(hand_held: dict[str, An
     bars = {trace["name"]: trace for trace in figure.data if trace["type"] == "bar"}
     assert len(bars["holds"]["hovertext"]) == len(found.holds)
     assert len(bars["turns"]["hovertext"]) == len(found.turns)
+    # The legend has a name for every colour of the strip, and the caption's words.
+    legend = {t["name"]: t["marker"]["color"] for t in figure.data if t.get("mode") == "markers"}
+    assert {c for bar in bars.values() for c in bar["marker"]["color"]} == set(legend.values())
+    assert "rejected, swaying or not used" in legend
     for rejection, text in zip(found.rejections, bars["rejected"]["hovertext"], strict=True):
         assert rejection.reason.split("<")[0] in text
 

@@ -101,7 +101,8 @@ def timeline(subject: Subject) -> list[Block]:
     caption = (
         "Each numbered blue stretch is a hold and should be flat; purple is a turn that was used, "
         + ("teal a spin, " if spins else "")
-        + "red was left out as an outlier. Orange was rejected, or is a numbered hold that sways and counts less. "
+        + "red was left out as an outlier. Orange was rejected, is a turn that was not used, or a numbered hold that "
+        "sways and counts less. "
         "Point at the strip on top for the reason."
     )
     label = "Specific force and angular rate over time with holds and turns"
@@ -192,9 +193,14 @@ def _strip(
     # A spin lies within the turn between two holds, or within what was rejected: it is drawn over them.
     kinds = [("turns", turns), ("holds", holds), ("rejected", rejected), ("spins", spun)]
     bars = [_bars(recording, name, items) for name, items in kinds if items]
-    colours = {"holds": BLUE, "turns": PURPLE, "spins": TEAL, "rejected": ORANGE}
-    legend = [_legend(name, colours[name]) for name, items in kinds if items]
+    colours = {"holds": BLUE, "turns": PURPLE, "spins": TEAL}
+    legend = [_legend(name, colours[name]) for name, items in kinds if items and name in colours]
+    drawn = {colour for _, items in kinds for *_, colour in items}
+    legend += [_legend(name, colour) for colour, name in _MEANINGS.items() if colour in drawn]
     return [*bars, *legend, _hold_numbers(recording, timeline)]
+
+
+_MEANINGS = {RED: "left out", ORANGE: "rejected, swaying or not used"}
 
 
 def _spin_words(estimate: Estimate, index: int, reason: str | None) -> str:
