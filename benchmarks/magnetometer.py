@@ -22,7 +22,7 @@ from second_simulator import GRADES, rotations
 from second_simulator.magnetometer import Disturbance, Seen, draw_magnetometer, see
 from second_simulator.procedures import by_hand
 from tumble.calibration.magnetometer.estimate import Magnetometer, magnetometer_alone, magnetometer_from_holds
-from tumble.calibration.magnetometer.verdict import judge_magnetometer
+from tumble.calibration.magnetometer.verdict import UNEVEN, judge_magnetometer
 from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.calibration.procedures.joint import run_joint
 from tumble.calibration.session import Session
@@ -207,11 +207,12 @@ def alarms(made: list[Run], name: str) -> None:
     """Shares of recordings in which something is said of the field."""
     moving = np.mean([run.found.moving is not None for run in made])
     named = np.mean([bool(run.found.left_out) for run in made])
+    uneven = np.mean([run.found.scatter > UNEVEN for run in made])
     not_fit = np.mean([judge_magnetometer(run.found).use != "fit" for run in made])
     inside = np.mean([np.abs(run.errors / run.sigmas) < 1.96 for run in made if run.found.triad is not None])
     print(
-        f"{name}: moves {100 * moving:.1f} %, a hold named {100 * named:.1f} %, verdict not plainly fit "
-        f"{100 * not_fit:.1f} %, inside 95 % {100 * inside:.1f} %  ({len(made)} recordings)"
+        f"{name}: moves {100 * moving:.1f} %, a hold named {100 * named:.1f} %, not uniform {100 * uneven:.1f} %, "
+        f"verdict not plainly fit {100 * not_fit:.1f} %, inside 95 % {100 * inside:.1f} %  ({len(made)} recordings)"
     )
 
 

@@ -20,6 +20,8 @@ Use = Literal["fit", "fit with reservations", "not fit"]
 
 # Shares of the norm: what the corrected field is uncertain by, with what it differs by from hold to hold.
 GOOD, USABLE = 0.02, 0.05
+# Of the norm, from hold to hold: beyond it is said. Noise and what converters round leave a tenth of it.
+UNEVEN = 0.002
 # Of the holds (or samples) may be left out.
 FEW_LEFT_OUT, MANY_LEFT_OUT = 0.1, 0.25
 # The Earth's field has 22 to 67 µT at its surface (IGRF-13), and buildings take or add a third.
@@ -284,6 +286,11 @@ def _remarks(made: Magnetometer, latitude: float | None) -> list[str]:
         said.append(
             "Whether the magnetometer's axes are mirrored against the accelerometers' is not checked: give --site, or "
             "the dip with --field."
+        )
+    if made.method != "ellipsoid" and UNEVEN < made.scatter <= GOOD:
+        said.append(
+            f"The field differs from hold to hold by {percent(made.scatter)} of its norm (one sigma): it is not quite "
+            "uniform here, and the uncertainties count that."
         )
     if made.moving is None and made.method != "ellipsoid":
         said.append("No change of the magnetic field while recording was found.")
