@@ -472,6 +472,7 @@ def swapped(recording: Recording, triad: str, columns: list[int], signs: list[fl
         ("gyro", [1, 0, 2], [1, 1, 1], ObservabilityError, r"gyro x senses y, .* two are swapped.*gy, gx, gz with"),
         ("gyro", [1, 2, 0], [1, 1, 1], ObservabilityError, "gyro x senses y, gyro y senses z, gyro z senses x"),
         ("gyro", [0, 1, 2], [-1, -1, 1], ObservabilityError, r"gyro x senses -x, gyro y senses -y\. An.*-gx, -gy, gz"),
+        ("gyro", [0, 1, 2], [1, 0, 1], ObservabilityError, r"The gyro y shows nothing of what the fixture did\."),
     ],
 )  # fmt: skip
 def test_swapped_and_reversed_columns_are_named(

@@ -7,6 +7,7 @@ millionth, as a user does who trusts a counter of samples.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -181,8 +182,29 @@ def test_the_asymmetry_that_a_test_is_made_for_is_kept_where_chance_could_explai
     (test,) = [one for one in found.quality.optional_terms if one.name == "accelerometer_asymmetry"]
     assert test.kept
     assert test.probability > test.limit
+    assert found.accelerometer is not None
     true = made.truth.terms(found.frame.name)["accelerometer.bias"]
     sigma = np.array(
         [p.standard_uncertainty for p in found.parameters if p.name.startswith("accelerometer bias")]
     )
     assert np.max(np.abs(np.array(found.accelerometer.bias) - true) / sigma) < 4.0
+
+
+def test_a_pose_that_two_holds_could_be_blamed_for_is_not_fit(tmp_path: Path) -> None:
+    """One of six is off by 1°, and the one that fits the rest worst is another: left out, all others were wrong."""
+    made = PROCEDURES["six-faces"](GRADES["automotive"], np.random.default_rng(80000), "pose-off")
+    file = tmp_path / "protocol.yaml"
+    file.write_text(made.protocol, encoding="utf-8")
+    said = against(
+        tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="100±0.005").calibration
+    )
+    assert "it would explain what was recorded about as well" in said
+
+
+def test_a_gravity_that_is_nowhere_at_that_latitude_is_refused() -> None:
+    made = PROCEDURES["by-hand"](GRADES["industrial"], np.random.default_rng(5), None, poses=12)
+    there = tumble.Site.from_latitude(made.place.stated_latitude, made.place.height)
+    with pytest.raises(tumble.TumbleError, match="contradicts the latitude"):
+        tumble.calibrate(
+            pl.DataFrame(made.columns()), site=replace(there, gravity=made.place.gravity + 0.006)
+        )

@@ -45,8 +45,14 @@ def given_site(site: object) -> Site | None:
     ------
     UsageError
         If it is something else, of which nobody knows whether it is in degrees or radians.
+    SiteError
+        If its gravity is not that of its latitude and height.
     """
-    if site is None or isinstance(site, Site):
+    if site is None:
+        return None
+    if isinstance(site, Site):
+        if site.latitude is not None:
+            site.with_gravity(site.gravity)
         return site
     raise UsageError(
         f"site is a {type(site).__name__}: give a tumble.Site, as tumble.Site.from_latitude(math.radians(48.1), 520.0) "

@@ -9,6 +9,7 @@ import numpy as np
 from tumble.arrays import Series
 from tumble.calibration.equations.rotation_equations import Links
 from tumble.calibration.equations.spin_readings import contradicting_rates
+from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.gauss_helmert import Prior
 from tumble.estimation.solve import solve
 
@@ -45,6 +46,7 @@ def contradictions(outcome: JointOutcome) -> list[str]:
     """
     return [
         *_of_poses(outcome),
+        *_of_pose_left_out(outcome),
         *_of_fixture_turns(outcome),
         *_of_earth(outcome),
         *_of_rates(outcome),
@@ -61,6 +63,32 @@ def _of_poses(outcome: JointOutcome) -> list[str]:
     said = (
         f"The poses scatter by {np.degrees(added):.2g}° beyond the {np.degrees(stated):.2g}° that the protocol "
         "promises: give the sigma that the fixture keeps, or place the unit better."
+    )
+    return [said]
+
+
+def _of_pose_left_out(outcome: JointOutcome) -> list[str]:
+    """A pose that was left out where another one's error explains what was recorded about as well."""
+    poses, taking_part = outcome.data.poses, outcome.task.taking_part["pose"]
+    if poses is None or np.all(taking_part[poses.hold]):
+        return []
+    found: list[tuple[float, int, int]] = []
+    for left_out in poses.hold[~taking_part[poses.hold]].tolist():
+        for other in poses.hold[taking_part[poses.hold]].tolist():
+            task = outcome.task.copy()
+            task.taking_part["pose"][[left_out, other]] = True, False
+            try:
+                unlikely = solve(task).square_sum
+            except (ConvergenceError, ObservabilityError):
+                continue
+            found.append((unlikely, left_out, other))
+    if not found or min(found)[0] > outcome.balanced.solution.square_sum + EVIDENT:
+        return []
+    _, left_out, other = min(found)
+    said = (
+        f"The pose of hold {left_out + 1} contradicts the rest and was left out. Were that of hold {other + 1} wrong "
+        "instead, it would explain what was recorded about as well, and the result would be another. Place the unit in "
+        "both again, or in more poses."
     )
     return [said]
 

@@ -368,7 +368,7 @@ def _fit_gyro(
         pairs = replace(
             pairs, covariance=wander.over(pairs.covariance, pairs.response, covariance, poses.hold)
         )
-        share = np.sqrt(np.diag(pairs.covariance)[3:]) / np.abs(pairs.scale)
+        share = np.sqrt(np.diag(pairs.covariance)[3:]) / np.maximum(np.abs(pairs.scale), 1e-300)
         if float(np.max(share)) < WORST_SCALE and _is_earth(pairs.scale, factor):
             return _gyro_from_pairs(pairs, unit, factor, improved=improved)
         if float(np.max(share)) < WORST_SCALE:

@@ -53,6 +53,8 @@ from tumble.sensor import ImuModel, Triad
 # Converged where no error moves by more than this share of its standard uncertainty.
 SETTLED = 0.01
 LARGEST_PASSES = 8
+# A sensor that shows so much less of the motion than the others shows none.
+DEAD = 0.01
 # Chance of keeping a g-sensitivity that is not there.
 G_SENSITIVITY_FALSE_ALARM = 0.01
 
@@ -145,6 +147,12 @@ def _rough_model(sequences: list[RecordedSequence], site: Site) -> ImuModel:
         earth = np.array([s.earth_rate_start for s in sequences])
         bias = np.asarray(np.mean(rest - earth @ matrix.T, axis=0), dtype=np.float64)
     for what, found in (("accelerometer", force), ("gyro", matrix)):
+        sizes = np.linalg.norm(found, axis=1)
+        if np.min(sizes) < DEAD * np.max(sizes):
+            raise ObservabilityError(
+                f"The {what} {AXES[int(np.argmin(sizes))]} shows nothing of what the fixture did. Is the sensor dead, "
+                "or its column another one (--columns)?"
+            )
         wrong = _mistaken_axes(found)
         if wrong:
             listed = ", ".join(f"{what} {axis} senses {sensed}" for axis, sensed in wrong)
