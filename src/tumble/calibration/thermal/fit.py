@@ -124,7 +124,7 @@ def fit_thermal(
     kinds += [Kind("rate", _RATE)] if points.rate is not None else []
     balanced = balance(solve, kinds, active, extra={"force": 0.0, "rate": 0.0})
     conditions.active = active
-    found = find_levels(conditions, balanced.adjustment.parameters, prior, balanced.extra)
+    found = find_levels(conditions, balanced.adjustment.parameters, prior)
     fit = _wandering(conditions, balanced.adjustment.parameters, prior, found)
     return replace(fit, alone=alone, outliers=balanced.outliers)
 

@@ -285,7 +285,8 @@ def _with_path(
             richer = _adjusted(points, replace(terms, rate=True), where)
         except (ObservabilityError, ConvergenceError):
             return fit, tests
-        test = _tested(richer, "rate of temperature", ("r", "gr"))
+        # As a bend of the matrix: left out, it would be in the lag and the loop, and in none of their uncertainties.
+        test = _tested(richer, "rate of temperature", ("r", "gr"), limit=EASY_ALARM)
         tests.append(test)
         if test.kept:
             fit = richer

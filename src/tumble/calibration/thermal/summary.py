@@ -221,12 +221,25 @@ def thermal_estimate(
         said=said_of(
             remarks=[*thermal_remarks(fit, solution, coverage, evidence, turned), *coverage.remarks],
             cautions=coverage.cautions,
-            objections=_on_left_out(fit, kept),
+            objections=[*_on_untested(evidence), *_on_left_out(fit, kept)],
             not_determined=not_determined_words(terms, layout, coverage, recording, turned, doubts),
         ),
         evidence=[Holds(norms, sigmas), evidence] if norms.size else [evidence],
         thermal=OverTemperature(solution.model, solution.names, solution.covariance),
     )
+
+
+def _on_untested(evidence: ThermalCurves) -> list[str]:
+    """Object to functions of temperature that predicted nothing that was left out."""
+    if evidence.candidates:
+        return []
+    left = "soak" if evidence.kind == "soak" else "band of temperature"
+    said = (
+        f"Without one {left} the other rests do not determine the functions of temperature. "
+        f"So nothing shows whether a {evidence.basis} is enough. "
+        "Record more temperatures, or more poses at each, and let each temperature settle."
+    )
+    return [said]
 
 
 def _on_left_out(fit: ThermalFit, kept: ThermalPoints) -> list[str]:

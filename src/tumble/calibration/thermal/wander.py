@@ -6,8 +6,10 @@ different. Over a thermal test, which takes hours, it is the largest of all erro
     F / (2 ln 2) mean of ln(T / |t - t'|) over both,
 
 F the floor of the Allan variance (IEEE Std 952: F = (2 ln 2 / π) B²) and T the length of the test. It goes into the
-adjustment in full. How large F is, and what single rests have beside it, restricted maximum likelihood tells
+adjustment in full. How large F is, and what single rests have beside it, the restricted likelihood determines
 (Patterson and Thompson 1971): the likelihood of what the unknowns leave, so that what they take up is not missed.
+Means over it are taken and not its maximum, which is at zero now and then though the biases do wander. The biases
+would then be stated as if they were still.
 """
 
 from __future__ import annotations
@@ -21,12 +23,11 @@ from tumble.calibration.thermal.conditions import ThermalConditions
 from tumble.estimation import Linearisation, Prior
 
 TRIADS = {"force": slice(0, 3), "rate": slice(3, 6)}
-# Start of the search, the share of what either alone would be that is taken for scatter from rest to rest.
-SHARE = 0.3
-# Either side of the most likely logarithm, to tell how it bends.
-BENT = 0.5
-# In twice the log likelihood, what one more level has to bring (Akaike 1974).
-ONE_MORE = 2.0
+# Shares of the variance of a rest that single rests have for themselves, the remainder flicker. Sensors have flicker:
+# in the logarithm of the likelihood, scatter has to bring so much more (Akaike 1974).
+SHARES = {0.0: 0.0, 0.5: 1.0, 1.0: 1.0}
+# Sizes that are tried, in the rests' own noise; a root of them is believed as a half-Cauchy has it (Gelman 2006).
+SIZES: Series = np.geomspace(1e-5, 1e8, 700)
 # Rounding of a singular kernel: two rests at the same time are never given.
 JITTER = 1e-9
 
@@ -194,17 +195,14 @@ def wander_variance(conditions: ThermalConditions, levels: Levels) -> AnyArray:
     return np.concatenate([own * force, own * rate], axis=1)
 
 
-def find_levels(
-    conditions: ThermalConditions, values: Series, prior: Prior, start: dict[str, float]
-) -> Levels:
-    """Return how much biases wander, by restricted maximum likelihood.
+def find_levels(conditions: ThermalConditions, values: Series, prior: Prior) -> Levels:
+    """Return how much biases wander, as the restricted likelihood lets one expect.
 
     Parameters
     ----------
     conditions : with the rows that take part.
     values : of the unknowns, near the estimate.
     prior : of the unknowns; those that it knows are random, with its variance.
-    start : variance of single rests beyond their noise, by triad, if neighbours had nothing in common.
     """
     extra = conditions.extra
     conditions.extra = {"force": 0.0, "rate": 0.0}
@@ -214,85 +212,51 @@ def find_levels(
         conditions.extra = extra
     found = Levels()
     for name in TRIADS:
-        if start.get(name, 0.0) > 0.0 and (blocks := blocks_of(conditions, linear, name)):
-            levels = _most_likely(blocks, linear, values, prior, start[name])
-            found.single[name], found.flicker[name], found.freedom[name] = levels
+        if blocks := blocks_of(conditions, linear, name):
+            parts = [_prepared(block, linear, values, prior) for block in blocks]
+            if not (parts := [part for part in parts if part.misclosure.size]):
+                continue
+            found.single[name], found.flicker[name], found.freedom[name] = _expected(parts)
     return found
 
 
-def _most_likely(
-    blocks: list[Block], linear: Linearisation, values: Series, prior: Prior, excess: float
-) -> tuple[float, float, float]:
-    """Return (single, flicker, degrees of freedom), the most likely; one zero where two bring too little more."""
-    from scipy.optimize import minimize, minimize_scalar
-
-    parts = [_prepared(block, linear, values, prior) for block in blocks]
-    spread = float(np.mean([np.mean(np.diag(b.flicker)) for b in blocks]))
-
-    def cost(single: float, flicker: float) -> float:
-        try:
-            return sum(part.cost(single, flicker) for part in parts)
-        except np.linalg.LinAlgError:
-            return np.inf
-
-    def least(single: float, flicker: float) -> tuple[float, float]:
-        """Return (cost, factor) of the most likely multiple of a pair."""
-        found = minimize_scalar(
-            lambda x: cost(single * float(np.exp(x)), flicker * float(np.exp(x))),
-            bounds=(-4.0, 4.0),
-            method="bounded",
-            options={"xatol": 0.05, "maxiter": 16},
-        )
-        return float(found.fun), float(np.exp(found.x))
-
-    scattered, by_rest = least(excess, 0.0)
-    wandering, by_flicker = least(0.0, excess / spread)
-    # Sensors have flicker: of scatter alone it is believed where it is plainly likelier.
-    if scattered < wandering - ONE_MORE:
-        best = (scattered, by_rest * excess, 0.0)
-    else:
-        best = (wandering, 0.0, by_flicker * excess / spread)
-    if cost(0.0, 0.0) < best[0] + ONE_MORE:
-        return 0.0, 0.0, np.inf
-    begin = np.log([SHARE * by_rest * excess, (1.0 - SHARE) * by_flicker * excess / spread])
-    both = minimize(
-        lambda x: cost(float(np.exp(x[0])), float(np.exp(x[1]))),
-        begin,
-        method="Nelder-Mead",
-        options={"xatol": 0.05, "fatol": 0.02, "maxfev": 40, "initial_simplex": begin + _SIMPLEX},
+def _expected(parts: list[_Part]) -> tuple[float, float, float]:
+    """Return (single, flicker, degrees of freedom), means over all mixtures and sizes by their likelihood."""
+    white = sum(float(np.trace(part.white)) for part in parts)
+    own = sum(float(np.trace(part.own)) for part in parts) / white
+    flicker = own * white / sum(float(np.trace(part.flicker)) for part in parts)
+    mixtures = [(share * own, (1.0 - share) * flicker) for share in SHARES]
+    cost = np.array([sum(part.cost(*mixture) for part in parts) for mixture in mixtures])
+    # Flat in the logarithm of the size, times the half-Cauchy of its root.
+    log_weight = (
+        -0.5 * cost + 0.5 * np.log(SIZES) - np.log1p(SIZES) - np.array(list(SHARES.values()))[:, None]
     )
-    # Two levels where they are more likely by what a level costs: else a chance would halve the flicker.
-    if float(both.fun) < best[0] - ONE_MORE:
-        best = (float(both.fun), *(float(value) for value in np.exp(both.x)))
-    # Twice the log likelihood of a variance bends by its degrees of freedom over its logarithm.
-    aside = cost(best[1] * np.exp(BENT), best[2] * np.exp(BENT)) + cost(
-        best[1] * np.exp(-BENT), best[2] * np.exp(-BENT)
-    )
-    return best[1], best[2], max((aside - 2.0 * best[0]) / BENT**2, 1.0)
-
-
-_SIMPLEX = np.array([[0.0, 0.0], [-1.5, 0.0], [0.0, -1.0]])
+    weight = np.exp(log_weight - log_weight.max())
+    weight /= weight.sum()
+    by_size, by_mixture = weight.sum(axis=0), weight @ SIZES
+    mean = float(by_mixture.sum())
+    spread = float(by_size @ SIZES**2) - mean**2
+    levels = by_mixture @ np.array(mixtures)
+    return float(levels[0]), float(levels[1]), max(2.0 * mean**2 / spread, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """A block's misclosure, the design of what is not known beforehand, and its covariances."""
+    """What a block shows beside its unknowns: misclosure, and covariance of each cause (Patterson, Thompson)."""
 
-    misclosure: AnyArray
-    design: AnyArray
-    known: AnyArray
-    block: Block
+    misclosure: Series
+    own: Square
+    white: Square
+    flicker: Square
 
-    def cost(self, single: float, flicker: float) -> float:
-        """Return minus twice the restricted log likelihood, without its constant."""
-        covariance = self.known + single * np.diag(self.block.white) + flicker * self.block.flicker
-        root = _root(covariance)
-        both = _solved(root, np.column_stack([self.misclosure, self.design]))
-        w, A = both[:, 0], both[:, 1:]
-        total = 2.0 * float(np.sum(np.log(np.diag(root)))) + float(w @ w)
-        if A.shape[1]:
-            q, r = np.linalg.qr(A)
-            total += 2.0 * float(np.sum(np.log(np.abs(np.diag(r))))) - float(np.sum((q.T @ w) ** 2))
+    def cost(self, single: float, flicker: float) -> Series:
+        """Return (sizes,) minus twice the log likelihood of each multiple of a pair, without its constant."""
+        from scipy.linalg import eigh
+
+        share, axes = eigh(single * self.white + flicker * self.flicker, self.own)
+        grown = 1.0 + np.maximum(share, 0.0)[:, None] * SIZES
+        seen = axes.T @ self.misclosure
+        total: Series = np.sum(np.log(grown) + (seen**2)[:, None] / grown, axis=0)
         return total
 
 
@@ -305,7 +269,14 @@ def _prepared(block: Block, linear: Linearisation, values: Series, prior: Prior)
     random = design[:, known]
     misclosure = misclosure + random @ (prior.mean - values)[known]
     covariance = block.own + (random / precision[known]) @ random.T
-    return _Part(misclosure, _independent(design[:, ~known]), covariance, block)
+    seen = _independent(design[:, ~known])
+    beside = np.linalg.qr(seen, mode="complete")[0][:, seen.shape[1] :]
+    return _Part(
+        beside.T @ misclosure,
+        beside.T @ covariance @ beside,
+        (beside.T * block.white) @ beside,
+        beside.T @ block.flicker @ beside,
+    )
 
 
 def _independent(design: AnyArray) -> AnyArray:
@@ -320,9 +291,3 @@ def _independent(design: AnyArray) -> AnyArray:
 
 def _root(covariance: AnyArray) -> AnyArray:
     return np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
-
-
-def _solved(root: AnyArray, right: AnyArray) -> AnyArray:
-    from scipy.linalg import solve_triangular
-
-    return np.asarray(solve_triangular(root, right, lower=True, check_finite=False), dtype=np.float64)
