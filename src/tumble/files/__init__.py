@@ -13,7 +13,7 @@ from tumble.files.appending import GrowingFile
 from tumble.files.documents import read_json, read_yaml
 from tumble.files.numbers import number_of
 from tumble.files.opening import opened, read_text, size_of
-from tumble.files.text import HIDDEN, lines_of, shown
+from tumble.files.text import HIDDEN, lines_of, shown, without_password
 from tumble.files.writing import (
     check_target,
     filled_folder,
@@ -45,6 +45,7 @@ __all__ = [
     "size_of",
     "temporary_folder",
     "uninterrupted",
+    "without_password",
     "write_text",
     "write_texts",
     "written_beside",

@@ -6,6 +6,8 @@ import re
 
 HIDDEN = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """Control characters, separators of lines, marks that turn the direction of writing, halves of characters."""
+# A user with a password, as a URL has them: also where its scheme was left out.
+_SECRET = re.compile(r"(?<=://)[^\s/'\"@]+@|[^\s/'\"@:]+:[^\s/'\"@]+@")
 
 
 def shown(text: str) -> str:
@@ -19,6 +21,17 @@ def shown(text: str) -> str:
     'a<U+000A>b'
     """
     return HIDDEN.sub(lambda match: f"<U+{ord(match[0]):04X}>", text)
+
+
+def without_password(text: str) -> str:
+    """Return a text whose URLs have no user and password.
+
+    Examples
+    --------
+    >>> without_password("tcp://me:secret@host:8786 does not answer")
+    'tcp://***@host:8786 does not answer'
+    """
+    return _SECRET.sub("***@", text)
 
 
 def lines_of(text: str) -> list[str]:

@@ -93,13 +93,10 @@ def between_units(values: Table, covariances: np.ndarray) -> Between:
 def _round(x: Table, own: np.ndarray, inside: Square) -> tuple[Series, Square, Square]:
     weights: np.ndarray = np.linalg.inv(inside + own)
     mean_covariance = inverted(np.sum(weights, axis=0))
-    mean: Series = mean_covariance @ np.einsum("ijk,ik->j", weights, x)
-    pulled = np.einsum("ijk,ik->ij", weights, x - mean)
-    middle = (
-        np.einsum("ij,ik->jk", pulled, pulled)
-        + np.einsum("ijk,kl,ilm->jm", weights, mean_covariance, weights, optimize=True)
-        - np.sum(weights, axis=0)
-    ) / len(x)
+    mean: Series = mean_covariance @ np.sum(weights @ x[:, :, None], axis=0)[:, 0]
+    pulled = (weights @ (x - mean)[:, :, None])[:, :, 0]
+    known = np.sum(weights @ mean_covariance @ weights, axis=0)
+    middle = (pulled.T @ pulled + known - np.sum(weights, axis=0)) / len(x)
     updated = inside + inside @ middle @ inside
     symmetric: Square = 0.5 * (updated + updated.T)
     return mean, mean_covariance, symmetric

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
@@ -41,9 +42,10 @@ def fleet_document(calibrations: Sequence[Calibration]) -> tuple[Calibration, Be
         if one.frame.name in FRAMES and one.composed_with is None and one.covariance_parameters
     ]
     kinds = [
-        (one.raw_units, one.gyroscope is not None and one.gyroscope.matrix is not None) for one in chosen
+        (str(one.raw_units), one.gyroscope is not None and one.gyroscope.matrix is not None) for one in chosen
     ]
-    chosen = [one for one, kind in zip(chosen, kinds, strict=True) if kind == max(kinds, key=kinds.count)]
+    usual = max(Counter(kinds).items(), key=lambda item: item[1], default=(None, 0))[0]
+    chosen = [one for one, kind in zip(chosen, kinds, strict=True) if kind == usual]
     if len(chosen) < FEWEST:
         raise UsageError(
             f"{len(chosen)} calibrations with a covariance, in the same raw units, can be compared: a fleet takes "

@@ -44,8 +44,8 @@ def _lines(registry: Registry) -> Iterator[dict[str, Any]]:
     from sqlalchemy import select
 
     table = schema.calibrations
-    columns = (schema.units.c.name, *(table.c[key] for key in _ABOUT), table.c.document)
-    query = select(*columns).join(schema.units, table.c.unit_id == schema.units.c.id).order_by(table.c.id)
+    columns = (schema.units.c.name, *(table.c[key] for key in _ABOUT), schema.documents.c.document)
+    query = select(*columns).select_from(table).join(schema.units).join(schema.documents).order_by(table.c.id)
     with registry.reading() as connection:
         for row in connection.execute(query):
             told: list[Any] = list(row)

@@ -18,10 +18,14 @@ if TYPE_CHECKING:
 VARIABLE = "TUMBLE_REGISTRY"
 """Environment variable that names the registry where nobody else does."""
 DEFAULT = "tumble-registry.sqlite"
+NEWEST = "0002"
+"""Version of the tables, that of the last of the migrations."""
 WAIT = 30.0
 """Seconds that a writer waits for another one."""
 # Any number that all programs agree on: writers of one database wait for one another while tables are made.
 _LOCK = 7_241_011
+# A URL whose colon or slashes were forgotten is no file: its name would be shown with the password.
+_LIKE_URL = re.compile(r"(postgres|mysql|mariadb|sqlite)\w*(:|//)")
 
 
 class RegistryError(TumbleError):
@@ -161,8 +165,12 @@ def _url(name: str) -> URL:
     from sqlalchemy import make_url
     from sqlalchemy.exc import ArgumentError
 
-    if "://" not in name:
+    if "://" not in name and not _LIKE_URL.match(name):
         return make_url("sqlite:///").set(database=str(Path(name)))
+    if name.count("@") > 1:
+        raise UsageError(
+            f"{_masked(name)} has more than one @: in a user's name or password it is written %40, a colon %3A."
+        )
     try:
         url = make_url(name)
     except (ArgumentError, ValueError):
@@ -185,8 +193,9 @@ def _hidden(url: URL) -> str:
 
 def _masked(name: str) -> str:
     """A name that may be a URL with a password, without it."""
-    scheme, mark, rest = name.partition("://")
-    return shown(f"{scheme}{mark}{'***@' if '@' in rest else ''}{rest.rpartition('@')[2]}")[:160]
+    before, mark, rest = name.rpartition("@")
+    scheme = re.match(r"\w*", before)
+    return shown(f"{scheme[0]}://***@{rest}" if mark and scheme else name)[:160]
 
 
 def _first_line(text: str, secret: str | None) -> str:
@@ -244,7 +253,19 @@ def _begin_as_said(engine: Engine) -> None:
     event.listen(engine, "begin", begun)
 
 
+def _is_newest(registry: Registry) -> bool:
+    """Whether the tables are of this version: the library that makes them takes longer to import than most answers."""
+    from sqlalchemy import inspect
+
+    with registry.engine.connect() as connection:
+        if not inspect(connection).has_table("alembic_version"):
+            return False
+        return connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalar() == NEWEST
+
+
 def _bring_up_to_date(registry: Registry) -> None:
+    if _is_newest(registry):
+        return
     from alembic.config import Config
     from alembic.runtime.environment import EnvironmentContext
     from alembic.runtime.migration import MigrationContext

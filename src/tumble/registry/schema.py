@@ -54,8 +54,15 @@ calibrations = Table(
     Column("layout_id", Integer, ForeignKey("layouts.id"), nullable=False),
     # 64-bit floats, little endian: values, then standard uncertainties.
     Column("numbers", LargeBinary, nullable=False),
-    Column("document", Text, nullable=False),
     Index("calibrations_of_unit", "unit_id", "created"),
+    Index("calibrations_by_time", "created"),
+)
+# A table of its own, so that questions over all calibrations do not read past them.
+documents = Table(
+    "documents",
+    metadata,
+    Column("calibration_id", Integer, ForeignKey("calibrations.id"), primary_key=True),
+    Column("document", Text, nullable=False),
 )
 recordings = Table(
     "recordings",

@@ -154,10 +154,10 @@ def _insert(connection: Connection, entry: Entry, calibration: Calibration, text
         "unit_id": unit_id,
         "layout_id": layout_id,
         "numbers": numbers.tobytes(),
-        "document": text,
     }
     made = connection.execute(table.insert().values(**told)).inserted_primary_key
     assert made is not None
+    connection.execute(schema.documents.insert().values(calibration_id=made[0], document=text))
     rows = [{"calibration_id": made[0], "name": r.name, "sha256": r.sha256} for r in calibration.recordings]
     if rows:
         unique = {(row["name"], row["sha256"]): row for row in rows}
@@ -273,9 +273,10 @@ def find(registry: Registry, which: str) -> tuple[Entry, Calibration]:
         found = [one for sha256 in hashes for one in entries(registry, sha256=str(sha256))]
     if not found:
         raise UsageError(f"The registry {registry.name} has no unit and no calibration {which}.")
-    table = schema.calibrations
+    table, kept = schema.calibrations, schema.documents
+    query = select(kept.c.document).join(table).where(table.c.sha256 == found[0].sha256)
     with registry.reading() as connection:
-        text = connection.execute(select(table.c.document).where(table.c.sha256 == found[0].sha256)).scalar()
+        text = connection.execute(query).scalar()
     try:
         return found[0], Calibration.model_validate_json(str(text))
     except ValidationError:
@@ -283,7 +284,7 @@ def find(registry: Registry, which: str) -> tuple[Entry, Calibration]:
 
 
 def documents(
-    registry: Registry, *, newest_only: bool = True, fit_only: bool = True
+    registry: Registry, *, newest_only: bool = True, fit_only: bool = True, most: int | None = None
 ) -> list[tuple[str, Calibration]]:
     """Return documents with their units' names, in the order of units and time.
 
@@ -292,28 +293,37 @@ def documents(
     registry : to look in.
     newest_only : of each unit the newest.
     fit_only : those whose verdict is fit.
+    most : of so many units at most, those that were calibrated last; with `newest_only`.
 
     Raises
     ------
     RegistryError
         If the database fails.
     """
-    from sqlalchemy import select
+    from sqlalchemy import and_, func, select
 
     table = schema.calibrations
-    query = select(schema.units.c.name, table.c.document).join(
-        schema.units, table.c.unit_id == schema.units.c.id
-    )
+    query = select(schema.units.c.name, schema.documents.c.document).select_from(table)
+    query = query.join(schema.units).join(schema.documents)
+    if newest_only:
+        last = func.max(table.c.created).label("last")
+        newest = select(table.c.unit_id, last).group_by(table.c.unit_id).order_by(last.desc()).limit(most)
+        chosen = (newest.where(table.c.fit) if fit_only else newest).subquery()
+        query = query.join(
+            chosen, and_(table.c.unit_id == chosen.c.unit_id, table.c.created == chosen.c["last"])
+        )
     if fit_only:
         query = query.where(table.c.fit)
     with registry.reading() as connection:
         rows = connection.execute(query.order_by(schema.units.c.name, table.c.created, table.c.id)).all()
     pairs = [(str(name), str(text)) for name, text in rows]
-    chosen = dict(pairs).items() if newest_only else pairs
-    return [(name, Calibration.model_validate_json(text)) for name, text in chosen]
+    found = dict(pairs).items() if newest_only else pairs
+    return [(name, Calibration.model_validate_json(text)) for name, text in found]
 
 
-def series(registry: Registry, unit: str | None = None, *, fit_only: bool = True) -> list[ParameterSeries]:
+def series(
+    registry: Registry, unit: str | None = None, *, fit_only: bool = True, others: int = 0
+) -> list[ParameterSeries]:
     """Return parameters of all calibrations over time, those with the same parameters together, the most first.
 
     Parameters
@@ -321,6 +331,7 @@ def series(registry: Registry, unit: str | None = None, *, fit_only: bool = True
     registry : to look in.
     unit : only its own.
     fit_only : those whose verdict is fit.
+    others : beside the unit's, those of about so many other units, evenly chosen.
 
     Raises
     ------
@@ -333,8 +344,11 @@ def series(registry: Registry, unit: str | None = None, *, fit_only: bool = True
     query = select(
         table.c.layout_id, schema.units.c.name, table.c.created, table.c.numbers, table.c.operator
     ).join(schema.units, table.c.unit_id == schema.units.c.id)
-    if unit is not None:
+    if unit is not None and not others:
         query = query.where(schema.units.c.name == unit)
+    elif unit is not None:
+        every = max(counted(registry)[0] // others, 1)
+        query = query.where((schema.units.c.name == unit) | (schema.units.c.id % every == 0))
     if fit_only:
         query = query.where(table.c.fit)
     with registry.reading() as connection:

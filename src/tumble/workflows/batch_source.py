@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from tumble.errors import UsageError
-from tumble.files import HIDDEN, number_of, read_text, shown
+from tumble.files import HIDDEN, number_of, read_text, shown, without_password
 
 MANIFEST = "manifest.csv"
 """In a folder it says what the units are."""
@@ -132,7 +132,9 @@ def _of_url(source: str) -> list[UnitTask]:
             text = system.cat_file(path).decode("utf-8-sig")
             if not _names_units(text):
                 raise UsageError(
-                    f"{source} is no manifest: its first line names no columns `unit` and `files`."
+                    without_password(
+                        f"{source} is no manifest: its first line names no columns `unit` and `files`."
+                    )
                 )
             return _rows(text, source, source.rpartition("/")[0])
         pattern = path if any(sign in path for sign in "*?[") else path.rstrip("/") + "/*"
@@ -140,9 +142,8 @@ def _of_url(source: str) -> list[UnitTask]:
     except UsageError:
         raise
     except Exception as error:  # noqa: BLE001 (each of fsspec's systems has errors of its own)
-        raise UsageError(
-            f"{source} cannot be listed: {shown(str(error))[:200] or type(error).__name__}."
-        ) from None
+        words = shown(str(error))[:200] or type(error).__name__
+        raise UsageError(without_password(f"{source} cannot be listed: {words}.")) from None
     return [_of_file(system.unstrip_protocol(one)) for one in found]
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import tumble
 from tumble.errors import TumbleError
-from tumble.files import shown
+from tumble.files import shown, without_password
 from tumble.fleet.outcome import ACCELEROMETER, GYRO, UnitOutcome
 from tumble.workflows.batch_source import UnitTask, imported_fsspec, is_url
 from tumble.workflows.magnetometer import field_reasons
@@ -73,7 +73,8 @@ def failed(task: UnitTask, reason: str, key: str = "") -> UnitOutcome:
     ----------
     task, reason, key : the unit, a sentence, and the key of its inputs.
     """
-    return UnitOutcome(task.unit, list(task.files), key, "error", reasons=[reason], more=dict(task.more))
+    files, reason = [without_password(one) for one in task.files], without_password(reason)
+    return UnitOutcome(task.unit, files, key, "error", reasons=[reason], more=dict(task.more))
 
 
 def calibrate_unit(job: Job) -> UnitOutcome:
@@ -194,7 +195,7 @@ def _outcome(task: UnitTask, options: BatchOptions, key: str, asked: UnitTask) -
     vector = unit_vector(document)
     made = UnitOutcome(
         task.unit,
-        list(asked.files) or [one.name for one in document.recordings],
+        [without_password(one) for one in asked.files] or [one.name for one in document.recordings],
         key,
         "fit" if document.verdict.fit else "not fit",
         limits="" if document.limits is None else document.limits.decision,

@@ -12,6 +12,7 @@ from itertools import islice
 from typing import Any, TypeVar
 
 from tumble.errors import UsageError
+from tumble.files import without_password
 
 Task = TypeVar("Task")
 Outcome = TypeVar("Outcome")
@@ -78,17 +79,12 @@ def dask_cluster(address: str) -> Generator[tuple[Executor, int], None, None]:
         client = known(address, timeout=10, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         words = str(error).partition("\n")[0][:160].rstrip(".")
-        raise UsageError(f"No Dask scheduler answers at {_without_password(address)}: {words}.") from None
+        raise UsageError(without_password(f"No Dask scheduler answers at {address}: {words}.")) from None
     try:
         threads = sum(int(count) for count in client.nthreads().values())
         yield client.get_executor(pure=False), max(threads, 1)
     finally:
         client.close()
-
-
-def _without_password(address: str) -> str:
-    scheme, mark, rest = address.partition("://")
-    return f"{scheme}{mark}{rest.rpartition('@')[2]}"
 
 
 class Hands:

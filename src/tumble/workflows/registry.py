@@ -28,6 +28,10 @@ SHORTEST_HISTORY = 14
 """Days from the first calibration to the newest from which a rate a year is stated: what a unit did within minutes,
 its warm-up, is no drift of years."""
 
+MOST_UNITS = 200
+"""Units by whose newest calibrations a fleet is known, and other units by which a check unit's scatter is: more would
+not tell a standard deviation better than to 5 %, which they themselves change by over the years."""
+
 
 @contextmanager
 def registry_at(name: str | None, *, make: bool = False) -> Generator[Registry, None, None]:
@@ -229,6 +233,8 @@ def due(name: str | None, tolerances: Path) -> list[Due]:
 def fleet(name: str | None, output: Path | None = None) -> tuple[Calibration, Between]:
     """Return the mean unit as a document, and how units differ; write the document.
 
+    Of more units than `MOST_UNITS` those count that were calibrated last.
+
     Parameters
     ----------
     name : of the registry.
@@ -245,7 +251,7 @@ def fleet(name: str | None, output: Path | None = None) -> tuple[Calibration, Be
     from tumble.registry.store import documents
 
     with registry_at(name) as registry:
-        found = documents(registry)
+        found = documents(registry, most=MOST_UNITS)
     document, between = fleet_document([calibration for _, calibration in found])
     if output is not None:
         document.write(output)
@@ -273,7 +279,7 @@ def chart(name: str | None, unit: str, baseline: int = 5) -> tuple[ParameterSeri
     if baseline < 2:
         raise UsageError(f"--baseline {baseline}: give two calibrations or more.")
     with registry_at(name) as registry:
-        found = [one for one in series(registry) if unit in one.unit_names]
+        found = [one for one in series(registry, unit, others=MOST_UNITS) if unit in one.unit_names]
     if not found:
         raise UsageError(f"The registry has no calibration of unit {unit} that is fit for use.")
     group = found[0]

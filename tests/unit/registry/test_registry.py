@@ -17,6 +17,7 @@ from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.registry import Registry, RegistryError, open_registry
 from tumble.registry.exchange import export, import_lines
+from tumble.registry.opening import NEWEST
 from tumble.registry.store import add, counted, documents, entries, find, series
 
 SIGMAS = np.array([1e-3, 2e-4, 3e-5])
@@ -192,6 +193,9 @@ def test_a_file_that_is_not_there_is_made_by_add_alone(tmp_path: Path) -> None:
     [
         "mysql://me:secret@host/x",
         "postgresql://me:secret@127.0.0.1:1/x",
+        "postgresql://me:very@secret@127.0.0.1:1/x",
+        "postgresql//me:secret@127.0.0.1/x",
+        "postgres:me:secret@127.0.0.1/x",
         "nonsense://a:secret@b",
         "://secret@x",
     ],
@@ -217,5 +221,33 @@ def test_the_tables_are_those_that_the_migrations_make(registry: Registry) -> No
     from tumble.registry.schema import metadata
 
     with registry.reading() as connection:
-        differences = compare_metadata(MigrationContext.configure(connection), metadata)
+        context = MigrationContext.configure(connection)
+        assert context.get_current_revision() == NEWEST
+        differences = compare_metadata(context, metadata)
     assert differences == []
+
+
+def test_an_earlier_version_s_documents_are_moved_whole(
+    registry: Registry, address: str, document: Document
+) -> None:
+    """Tables as version 0001 had them, with documents among the columns."""
+    made = [document(unit, year, VALUES + year, SIGMAS) for unit in "AB" for year in (1.0, 2.0)]
+    for one in made:
+        add(registry, one)
+    with registry.writing() as connection:
+        for line in (
+            "DROP INDEX calibrations_by_time",
+            "ALTER TABLE calibrations ADD COLUMN document TEXT NOT NULL DEFAULT ''",
+            "UPDATE calibrations SET document = (SELECT document FROM documents WHERE calibration_id = id)",
+            "DROP TABLE documents",
+            "UPDATE alembic_version SET version_num = '0001'",
+        ):
+            connection.exec_driver_sql(line)
+    again = open_registry(address)
+    try:
+        assert [one for _, one in documents(again, newest_only=False)] == made
+        assert [one for _, one in documents(again)] == [made[1], made[3]]
+        assert [name for name, _ in documents(again, most=1)] in (["A"], ["B"])
+        assert add(again, made[0])[1] is False
+    finally:
+        again.close()
