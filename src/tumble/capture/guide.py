@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.arrays import Series, Vectors
+from tumble.arrays import Series, Vector, Vectors
+from tumble.attitude.directions import twenty_six_directions
 from tumble.capture.coach import Advice, Progress
 from tumble.capture.live_blocks import MOST_BLOCKS, LiveBlocks
 from tumble.capture.live_holds import LiveHold
@@ -68,7 +69,7 @@ class Guide:
         self.blocks, self._waiting = MOST_BLOCKS, False
         self._grade, self._patient = grade, patient
         self._limits = limits_of(targets)
-        self._candidates: Future[list[StepCandidate]] | None = None
+        self._candidates: dict[int, Future[list[StepCandidate]]] = {}
         self._task: PlanTask | None = None
         self._beyond: JointInformation | None = None
         self._latest: tuple[int, JointInformation] | None = None
@@ -186,11 +187,15 @@ class Guide:
         named: dict[str, float | None] = {
             NAMES[i]: float(sigmas[i]) if told[i] else None for i in map(int, task.parameters())
         }
-        candidates = self._of_candidates(task)
+        candidates = self._of_candidates(task, up_b[-1])
         self._waiting = candidates is None
         if candidates is None:
             return Progress(named, up_b, words=("Computing which step would determine most.",))
-        following = tuple(find_next_steps(task, known, candidates, 1))
+        # What has reached its target need not become better.
+        wanted = task.parameters()
+        if self._limits is not None:
+            wanted = wanted[(sigmas > np.minimum(self._limits, TOLD * task.sizes))[wanted]]
+        following = tuple(find_next_steps(task, known, candidates, 1, wanted if len(wanted) else None))
         enough, words = judge_stop(task, known, following, self._limits, sigmas)
         if self._limits is not None and not enough and following and "hardly worth" in " ".join(words):
             enough = True
@@ -207,17 +212,20 @@ class Guide:
             words = [_untold_words([name for name, sigma in named.items() if sigma is None])]
         return Progress(named, up_b, _advice(following), enough, tuple(words))
 
-    def _of_candidates(self, task: PlanTask) -> list[StepCandidate] | None:
-        """What may come next, reckoned once, beside the samples that come in; None while that goes on."""
+    def _of_candidates(self, task: PlanTask, start_b: Vector) -> list[StepCandidate] | None:
+        """What may come next from a pose, computed once beside the samples that come in; None while that goes on."""
         from tumble.design.next_step import step_candidates
 
-        if self._candidates is None:
+        directions = twenty_six_directions()
+        near = int(np.argmax(directions @ start_b))
+        if near not in self._candidates:
             pool = ThreadPoolExecutor(1, thread_name_prefix="candidates")
-            self._candidates = pool.submit(step_candidates, task, table=False, span=SESSION)
+            self._candidates[near] = pool.submit(
+                step_candidates, task, table=False, span=SESSION, start_b=directions[near]
+            )
             pool.shutdown(wait=False)
-        if not self._patient and not self._candidates.done():
-            return None
-        return self._candidates.result()
+        found = self._candidates[near]
+        return found.result() if self._patient or found.done() else None
 
     def _poses_alone(self, means: HoldMeans, up_b: Vectors) -> Progress:
         """What the norms of gravity tell of accelerometers that come without a gyro."""

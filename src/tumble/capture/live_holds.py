@@ -82,6 +82,7 @@ class LiveHolds:
         self._blocks = blocks
         self._numbers = 0
         self._said: list[tuple[int, int]] = []
+        self._judged: list[Rejection] = []
         self._closed: set[int] = set()
         self._next_activity = FEWEST_BLOCKS
 
@@ -157,8 +158,11 @@ class LiveHolds:
         )
         holds = [_moved(hold, offset) for hold in found]
         refused = [Rejection(r.start + offset, r.stop + offset, r.reason) for r in rejections]
+        whole = start == live.first
+        if whole:
+            self._judged = refused
         # What begins where the search begins may have begun before.
-        lost = {h.number: h for h in self.holds if h.hold.start >= offset or start == live.first}
+        lost = {h.number: h for h in self.holds if h.hold.start >= offset or whole}
         kept = [h for h in self.holds if h.number not in lost]
         changes: list[Change] = []
         known: list[LiveHold] = []
@@ -168,7 +172,7 @@ class LiveHolds:
                 if match.number in lost:
                     del lost[match.number]
                     known.append(self._timed(match, hold))
-            elif last or self._is_sure(hold):
+            elif last or (self._is_sure(hold) and (whole or not self._was_refused(hold))):
                 self._numbers += 1
                 made = self._timed(LiveHold(self._numbers, hold, 0.0, 0.0), hold)
                 known.append(made)
@@ -183,6 +187,15 @@ class LiveHolds:
         """Whether a rest that was a hold, and looks too short now, still goes on: then it may be one again."""
         late = self._blocks.samples - CLOSED * self._blocks.channels.rate
         return any(_overlap(r, hold.hold) > 0 and r.stop > late for r in refused)
+
+    def _was_refused(self, hold: Hold) -> bool:
+        """Whether the search of all of it has refused a rest that a search of its end takes for a hold again."""
+        late = CLOSED * self._blocks.channels.rate
+        return any(
+            2 * _overlap(one, hold) > min(one.stop - one.start, hold.stop - hold.start)
+            and hold.stop <= one.stop + late
+            for one in self._judged
+        )
 
     def _is_sure(self, hold: Hold) -> bool:
         """Whether a new rest is long enough to be told; one that has ended is, if the search says so."""

@@ -44,7 +44,7 @@ def serve(person: SimulatedPerson, where: str, guide: Path | None, tell: Callabl
     UsageError
         If it cannot be served there.
     """
-    heard = None if guide is None else _Guide(guide)
+    heard = None if guide is None else GuideFolder(guide)
     with _sender(where) as (address, send):
         tell(address)
         head, said = b"", -AGAIN
@@ -60,8 +60,13 @@ def serve(person: SimulatedPerson, where: str, guide: Path | None, tell: Callabl
                 person.hear(heard.events())
 
 
-class _Guide:
-    """The events of a capture, read from its folder as they are written."""
+class GuideFolder:
+    """The events of a capture, read from its folder as they are written.
+
+    Parameters
+    ----------
+    folder : of the capture; it may not be there yet.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._file, self._at = folder / JOURNAL, 0

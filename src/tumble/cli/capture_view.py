@@ -90,7 +90,7 @@ class LiveView:
             ),
         ]
         held = 0.0 if resting is None else resting.duration
-        words = "turn, then keep still" if resting is None else f"{held:.1f} of {capture.hold_seconds:g} s"
+        words = "turn, then keep still" if resting is None else _held_words(held, capture.hold_seconds)
         parts.append(_bar("this hold", min(held / capture.hold_seconds, 1.0), words, "cyan"))
         parts += [Text(plain(self._next), "bold yellow"), self._table(capture)]
         parts += [Text(f"{e.time:7.1f} s  {plain(e.words)}", _STYLES.get(e.kind, "")) for e in self._said]
@@ -123,3 +123,7 @@ class LiveView:
 def _bar(name: str, share: float, words: str, style: str) -> Text:
     full = round(BAR * max(min(share, 1.0), 0.0))
     return Text.assemble(f"{name:<10}", ("█" * full + "░" * (BAR - full), style), f"  {words}")
+
+
+def _held_words(held: float, wanted: float) -> str:
+    return f"{held:.1f} of {wanted:g} s" if wanted < float("inf") else f"{held:.0f} s"

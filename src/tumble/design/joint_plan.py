@@ -265,7 +265,7 @@ def find_weaknesses(task: PlanTask, information: JointInformation) -> list[Weakn
     ]
 
 
-def mean_log_sigma(task: PlanTask, covariance: Square) -> float:
+def mean_log_sigma(task: PlanTask, covariance: Square, at: np.ndarray | None = None) -> float:
     """Return the mean of the logarithms of all parameters' joint uncertainty: what steps are judged by.
 
     It is ``ln det C / 2p``, which does not depend on units, and goes down by ln 2 where the time (of white
@@ -275,7 +275,8 @@ def mean_log_sigma(task: PlanTask, covariance: Square) -> float:
     ----------
     task : which parameters there are.
     covariance : (30, 30).
+    at : indices of the parameters that count; None for all.
     """
-    at = task.parameters()
+    at = task.parameters() if at is None else at
     scaled = covariance[np.ix_(at, at)] / np.outer(task.sizes[at], task.sizes[at])
     return float(np.linalg.slogdet(scaled)[1]) / (2.0 * at.size)

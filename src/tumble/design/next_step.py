@@ -13,7 +13,7 @@ import numpy as np
 
 from tumble.arrays import Series, Vector
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration.poses import describe_direction
+from tumble.calibration.poses import SAME_POSE, describe_direction
 from tumble.design.joint_information import GROUPS, NAMES, TOLD, JointInformation, planned_problem
 from tumble.design.joint_plan import PlanTask, Weakness, mean_log_sigma
 from tumble.design.planned_motion import planned_data, play_plan
@@ -24,6 +24,8 @@ from tumble.protocol.steps import HoldStep, Pose, Protocol, SpinStep, Step, Turn
 HOLD, TURN, REST = 10.0, 3.0, 4.0
 # A hand's turn by an angle of which nobody reads anything.
 HAND_ANGLE = 30.0 * np.pi / 180.0
+# s of the shortest turn by hand from one pose to another.
+SHORTEST_TURN = 1.0
 # One more step that takes less than this off every sigma is not worth its time.
 WORTH = 0.02
 _AXES = (
@@ -75,7 +77,9 @@ class NextStep:
     open_left: int
 
 
-def step_candidates(task: PlanTask, *, table: bool, span: float) -> list[StepCandidate]:
+def step_candidates(
+    task: PlanTask, *, table: bool, span: float, start_b: Vector | None = None
+) -> list[StepCandidate]:
     """Return holds in all 26 directions, turns by hand about six axes, and a table's rotations about them.
 
     Parameters
@@ -83,14 +87,18 @@ def step_candidates(task: PlanTask, *, table: bool, span: float) -> list[StepCan
     task : unit, place, and the protocol whose times and table are taken.
     table : whether there is a table whose angles are read.
     span : s over which biases wander.
+    start_b : (3,) unit vector that points up in b before the step. The turns that lead from there to the holds then
+        count, with what the gyros see of them and the time that they take; None leaves them out.
     """
     holds = [step.duration for step in task.protocol.steps if isinstance(step, HoldStep)]
     turns = [step.duration for step in task.protocol.steps if isinstance(step, TurnStep)]
     hold = float(np.median(holds)) if holds else HOLD
     turn = float(np.median(turns)) if turns else TURN
+    led = [] if start_b is None else _led_holds(task, start_b, hold, turn, span)
     plans: list[tuple[str, tuple[Step, ...]]] = [
-        (f"hold {describe_direction(up)} for {hold:.0f} s", (HoldStep(hold, Pose(up, None, BY_HAND)),))
+        (_hold_words(up, hold), (HoldStep(hold, Pose(up, None, BY_HAND)),))
         for up in twenty_six_directions()
+        if start_b is None
     ]
     for name, axis, up in _AXES:
         for degrees in (180, 360):
@@ -101,7 +109,35 @@ def step_candidates(task: PlanTask, *, table: bool, span: float) -> list[StepCan
     if table:
         for name, axis, up in _AXES:
             plans += _rotations(task.protocol, name, _unit(axis), _unit(up))
-    return [_candidate(task, name, steps, turn, span) for name, steps in plans]
+    return led + [_candidate(task, name, steps, turn, span) for name, steps in plans]
+
+
+def _hold_words(up_b: Vector, hold: float) -> str:
+    return f"hold {describe_direction(up_b)} for {hold:.0f} s"
+
+
+def _led_holds(task: PlanTask, start_b: Vector, hold: float, turn: float, span: float) -> list[StepCandidate]:
+    """Holds in all 26 directions, each with the shortest turn that leads there from a rest that is there already."""
+    rest = HoldStep(hold, Pose(start_b, None, BY_HAND))
+    known = _candidate(task, "", (rest,), turn, span).information.matrix
+    found: list[StepCandidate] = []
+    for up in twenty_six_directions():
+        across = np.cross(up, start_b)
+        angle = float(np.arctan2(np.linalg.norm(across), up @ start_b))
+        if angle < SAME_POSE:
+            continue
+        if np.linalg.norm(across) < 1e-6:
+            across = np.cross(up, np.roll(up, 1) + np.array([0.0, 0.0, 0.5]))
+        axis = np.asarray(across / np.linalg.norm(across), dtype=np.float64)
+        slow = max(SHORTEST_TURN, turn * angle / np.pi)
+        there = HoldStep(hold, Pose(up, None, BY_HAND))
+        made = _candidate(
+            task, _hold_words(up, hold), (rest, TurnStep(slow, axis, angle, HAND_ANGLE), there), turn, span
+        )
+        # The rest before is known already.
+        added = JointInformation(made.information.matrix - known)
+        found.append(StepCandidate(made.name, slow + hold, added, (there,)))
+    return found
 
 
 def _unit(direction: tuple[int, int, int]) -> Vector:
@@ -154,7 +190,11 @@ def _candidate(task: PlanTask, name: str, steps: tuple[Step, ...], turn: float, 
 
 
 def find_next_steps(
-    task: PlanTask, known: JointInformation, candidates: Sequence[StepCandidate], count: int = 3
+    task: PlanTask,
+    known: JointInformation,
+    candidates: Sequence[StepCandidate],
+    count: int = 3,
+    wanted: np.ndarray | None = None,
 ) -> list[NextStep]:
     """Return the steps that tell most for their time, one after the other.
 
@@ -164,14 +204,15 @@ def find_next_steps(
     known : information so far.
     candidates : to choose from.
     count : how many.
+    wanted : indices of the parameters that are still to become better known; None for all.
     """
     found: list[NextStep] = []
-    at = task.parameters()
+    at = task.parameters() if wanted is None else wanted
     for _ in range(count):
         covariance = task.covariance(known)
-        before, sigma = mean_log_sigma(task, covariance), np.sqrt(np.diag(covariance))
+        before, sigma = mean_log_sigma(task, covariance, at), np.sqrt(np.diag(covariance))
         after = [task.covariance(known.plus(one.information)) for one in candidates]
-        gains = np.array([before - mean_log_sigma(task, one) for one in after])
+        gains = np.array([before - mean_log_sigma(task, one, at) for one in after])
         best = int(np.argmax(gains / np.array([one.seconds for one in candidates])))
         known = known.plus(candidates[best].information)
         sigmas = np.sqrt(np.diag(after[best]))

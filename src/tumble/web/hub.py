@@ -145,7 +145,8 @@ def _state_of(capture: Capture, targets: dict[str, float]) -> dict[str, Any]:
         "resting": None
         if resting is None
         else {"hold": resting.number, "seconds": round(resting.duration, 2)},
-        "hold_seconds": capture.hold_seconds,
+        # A unit at rest for its noise has no hold that is long enough.
+        "hold_seconds": capture.hold_seconds if np.isfinite(capture.hold_seconds) else None,
         "holds": [
             {
                 "hold": told.hold.number,

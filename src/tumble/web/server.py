@@ -18,6 +18,8 @@ from typing import Any, cast
 from tumble.errors import UsageError
 from tumble.web.hub import Hub
 
+# What a capture ends with: of a calibration, or of noise.
+REPORTS = ("report.html", "noise.html")
 # Hz of frames to a viewer; most viewers; bytes of a message from one.
 RATE, MOST_VIEWERS, LONGEST = 30.0, 64, 1024
 _TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
@@ -119,6 +121,8 @@ class PageServer:
                 return PlainTextResponse(refusal, 403)
             if refusal and not self._host_is_ours(request.headers.get("host", "")):
                 return PlainTextResponse(refusal, 403)
+            if name == "favicon.ico":
+                return Response(status_code=204)
             content = _page_files().get(name)
             if content is None:
                 return PlainTextResponse("There is no such page.", 404)
@@ -131,8 +135,9 @@ class PageServer:
             )
             if refusal:
                 return PlainTextResponse(refusal, 403)
-            file = self._folder / "report.html"
-            if not file.is_file():
+            pages = [self._folder / name for name in REPORTS]
+            file = next((page for page in pages if page.is_file()), None)
+            if file is None:
                 return PlainTextResponse("There is no report yet.", 404)
             content = await asyncio.to_thread(file.read_bytes)
             return Response(content, media_type="text/html", headers=_headers(_REPORT_POLICY))

@@ -10,10 +10,13 @@ from tests.unit.capture.recordings import by_hand, channels_of, pieces_of
 
 from tumble.capture.live_blocks import LiveBlocks
 from tumble.capture.live_holds import LiveHolds
-from tumble.capture.samples import Samples
+from tumble.capture.machine import Capture
+from tumble.capture.samples import Channels, Samples
+from tumble.capture.simulated_person import Flaws, SimulatedPerson, twenty_six_in_order
 from tumble.recording import Recording, read_recording
 from tumble.segmentation import find_timeline
 from tumble.segmentation.blocks import cut_blocks
+from tumble.simulation.grades import find_grade
 
 DEMO = Path(__file__).resolve().parents[3] / "src" / "tumble" / "data" / "mpu9150-imu0.csv.gz"
 
@@ -110,3 +113,20 @@ def test_no_hold_goes_across_missing_samples() -> None:
     search.finish()
     assert not [h for h in search.holds if h.hold.start < cut < h.hold.stop]
     assert len(search.holds) == 5
+
+
+@pytest.mark.slow
+def test_a_rest_that_creeps_is_refused_and_not_taken_for_a_hold_again_and_again() -> None:
+    order = np.random.default_rng([5, 5]).permutation(26)
+    flaws = Flaws(creeping=0.4, too_short=0.1)
+    person = SimulatedPerson(find_grade("consumer-mems"), 5, poses=twenty_six_in_order()[order], flaws=flaws)
+    capture: Capture | None = None
+    times: list[float] = []
+    for piece in person:
+        if isinstance(piece, Channels):
+            capture = Capture(piece, None, 3.0)
+        elif isinstance(piece, Samples) and capture is not None:
+            times += [float(e.facts["start"]) for e in capture.feed(piece) if e.kind == "hold_accepted"]
+    # A rest may be told twice, because what follows shows more of it; it was told a hundred times.
+    assert len(times) < 1.5 * 26
+    assert max(np.count_nonzero(np.abs(np.array(times) - one) < 0.5) for one in times) <= 3

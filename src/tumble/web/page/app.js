@@ -45,19 +45,19 @@ function event(one) {
   if (one.event !== "sigma") said.prepend(line);
   while (said.childElementCount > 200) said.lastChild.remove();
   beep(one.event);
-  if (one.event === "next_pose") { next = one; show("next", one.words); show("next-caption", one.turn_axis ? `Next: turn from here, ${one.pose}` : `Next: ${one.pose}`); }
+  if (one.event === "next_pose") { next = one; show("next", one.words); show("next-caption", one.turn_axis ? `Next: turn from here, ${one.pose ?? ""}` : one.pose ? `Next: ${one.pose}` : "Next: as it lies"); }
   if (one.event === "hold_refused") { refused.push(one); headline(one.words, "bad"); }
   if (one.event === "silence") headline(one.words, "bad");
   if (one.event === "enough") headline("It is enough. " + one.words, "good");
-  if (one.event === "calibrated" || one.event === "not_calibrated") finish(one);
+  if (["calibrated", "not_calibrated", "characterised"].includes(one.event)) finish(one);
   holds();
 }
 let until = 0;
 function headline(words, kind, seconds = 4) { show("now", words); $("now").className = kind; until = performance.now() + 1000 * seconds; }
 function finish(one) {
   over = true; buttons();
-  headline(one.words, one.fit ? "good" : "bad", 1e6);
-  if (one.event === "calibrated") {
+  headline(one.event === "characterised" ? "The noise is characterised." : one.words, one.fit || one.event === "characterised" ? "good" : "bad", 1e6);
+  if (one.event !== "not_calibrated") {
     const link = document.createElement("a");
     link.href = "/report" + location.search; link.textContent = "Open the report";
     $("next").replaceChildren(link);
@@ -66,17 +66,18 @@ function finish(one) {
 function now() {
   const still = state.stillness, rest = state.resting;
   if (still !== null && still !== undefined) { $("still").value = Math.min(still, 2); show("still-words", still < 1 ? `still (${still.toFixed(2)})` : `moving (${still.toFixed(1)})`); }
-  $("held").max = state.hold_seconds; $("held").value = rest ? Math.min(rest.seconds, state.hold_seconds) : 0;
-  show("held-words", rest ? `${rest.seconds.toFixed(1)} of ${state.hold_seconds} s` : "");
+  const wanted = state.hold_seconds ?? Infinity;
+  $("held").max = state.hold_seconds ?? 1; $("held").value = rest ? Math.min(rest.seconds, $("held").max) : 0;
+  show("held-words", rest ? `${rest.seconds.toFixed(1)}${wanted < Infinity ? ` of ${wanted}` : ""} s` : "");
   show("force-unit", `(${state.units[0] ?? "none"})`); show("rate-unit", `(${state.units[1] ?? "none"})`);
   if (performance.now() < until || over) return;
-  $("now").className = rest && rest.seconds >= state.hold_seconds ? "good" : "";
-  show("now", rest ? (rest.seconds >= state.hold_seconds ? "Long enough: turn to the next pose." : `Hold ${rest.hold}: keep it still.`) : still < 1 ? "Keep it still." : "Turn, then keep it still.");
+  $("now").className = rest && rest.seconds >= wanted ? "good" : "";
+  show("now", rest ? (rest.seconds >= wanted ? "Long enough: turn to the next pose." : `Hold ${rest.hold}: keep it still.`) : still < 1 ? "Keep it still." : "Turn, then keep it still.");
 }
 function table() {
   $("groups").replaceChildren(...(state.groups ?? []).map((row) => {
     const line = document.createElement("tr");
-    const cells = [row.group, row.sigma === null ? `${row.told} of ${row.of} told` : `${row.sigma} ${row.unit}`, row.target === null ? "" : `${row.target} ${row.unit}`, row.target === null ? "" : row.reached ? "✓" : "…"];
+    const cells = [row.group, row.sigma === null ? `${row.told} of ${row.of} known` : `${row.sigma} ${row.unit}`, row.target === null ? "" : `${row.target} ${row.unit}`, row.target === null ? "" : row.reached ? "✓" : "…"];
     cells.forEach((words) => { const cell = document.createElement("td"); cell.textContent = words; line.append(cell); });
     line.lastChild.className = row.reached ? "reached" : "open"; line.lastChild.title = row.target === null ? "" : row.reached ? "reached" : "not yet";
     return line;
