@@ -128,20 +128,30 @@ def without_rotation(made: FieldCorrection, title: str) -> tuple[FieldCorrection
     return symmetric, [Loss(text, size)]
 
 
-def too_turned(lost: Sequence[Loss], limit: float) -> list[Loss]:
-    """Return the loss of a magnetometer that is left out for its rotation; nothing where that is within the limit.
+def for_autopilot(
+    made: FieldCorrection | None, unit: str, title: str, limit: float
+) -> tuple[FieldCorrection | None, list[Loss]]:
+    """Return the correction as an autopilot takes it, or None, and what is lost: the rotation, or all of it.
 
-    What else a file holds is no worse for it.
+    A magnetometer that is turned by more than the limit is left out. What else a file holds is no worse for it.
 
     Parameters
     ----------
-    lost : as `without_rotation` states it.
-    limit : of the true vector's length.
+    made : with any matrix; None where there is no magnetometer.
+    unit : that the autopilot works in, "gauss" or "mgauss".
+    title : of the tool.
+    limit : of a rotation's effect, of the true vector's length.
     """
+    if made is None:
+        return None, []
+    field = made.in_units(unit, unit)
+    if field is None:
+        return None, [Loss(NOT_WRITTEN.format(title=title, unit=unit.replace("mgauss", "milligauss")))]
+    field, lost = without_rotation(field, title)
     beyond = [loss for loss in lost if loss.size is not None and loss.size > limit]
-    if not beyond:
-        return []
-    return [Loss(f"the magnetometer is left out (--largest-loss PPM writes it): {beyond[0].text}")]
+    if beyond:
+        return None, [Loss(f"the magnetometer is left out (--largest-loss PPM writes it): {beyond[0].text}")]
+    return field, lost
 
 
 def field_lines(made: FieldCorrection, formula: str) -> list[str]:

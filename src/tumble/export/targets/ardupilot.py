@@ -18,7 +18,7 @@ from tumble.errors import CalibrationFileError, UsageError
 from tumble.export.autopilots import Found, diagonal, entries_of, from_parameters
 from tumble.export.curves import Curve
 from tumble.export.losses import Loss
-from tumble.export.magnetometer import NOT_WRITTEN, field_lines, too_turned, without_rotation
+from tumble.export.magnetometer import field_lines, for_autopilot
 from tumble.export.polynomials import Polynomials, polynomials_of
 from tumble.export.reading import text_of
 from tumble.export.subject import Subject, with_losses
@@ -69,14 +69,9 @@ def write(subject: Subject) -> dict[str, str]:
 
 def _field_rows(subject: Subject, unit: str) -> tuple[list[tuple[str, float]], list[str], list[Loss]]:
     """Rows of COMPASS, what the comments say of them, and what they lose."""
-    if subject.magnetometer is None:
-        return [], [], []
-    field = subject.magnetometer.in_units("mgauss", "mgauss")
+    field, lost = for_autopilot(subject.magnetometer, "mgauss", "ArduPilot", subject.wishes.largest_loss)
     if field is None:
-        return [], [], [Loss(NOT_WRITTEN.format(title="ArduPilot", unit="milligauss"))]
-    field, lost = without_rotation(field, "ArduPilot")
-    if gone := too_turned(lost, subject.wishes.largest_loss):
-        return [], [], gone
+        return [], [], lost
     S = field.soft_iron
     # The offset is added there.
     rows = [(f"COMPASS_OFS{unit}_{axis}", -float(field.hard_iron[i])) for i, axis in enumerate("XYZ")]

@@ -18,7 +18,7 @@ from tumble.errors import CalibrationFileError, UsageError
 from tumble.export.autopilots import Found, diagonal, entries_of, from_parameters
 from tumble.export.curves import Curve
 from tumble.export.losses import Loss
-from tumble.export.magnetometer import NOT_WRITTEN, field_lines, too_turned, without_rotation
+from tumble.export.magnetometer import field_lines, for_autopilot
 from tumble.export.polynomials import Polynomials, polynomials_of
 from tumble.export.reading import text_of
 from tumble.export.subject import Subject, with_losses
@@ -72,14 +72,9 @@ def write(subject: Subject) -> dict[str, str]:
 
 def _field_rows(subject: Subject, n: int) -> tuple[list[tuple[str, float, int]], list[str], list[Loss]]:
     """Rows of CAL_MAG, what the comments say of them, and what they lose."""
-    if subject.magnetometer is None:
-        return [], [], []
-    field = subject.magnetometer.in_units("gauss", "gauss")
+    field, lost = for_autopilot(subject.magnetometer, "gauss", "PX4", subject.wishes.largest_loss)
     if field is None:
-        return [], [], [Loss(NOT_WRITTEN.format(title="PX4", unit="gauss"))]
-    field, lost = without_rotation(field, "PX4")
-    if gone := too_turned(lost, subject.wishes.largest_loss):
-        return [], [], gone
+        return [], [], lost
     S = field.soft_iron
     rows = [(f"CAL_MAG{n}_{axis}OFF", float(field.hard_iron[i]), REAL) for i, axis in enumerate("XYZ")]
     rows += [(f"CAL_MAG{n}_{axis}SCALE", float(S[i, i]), REAL) for i, axis in enumerate("XYZ")]
