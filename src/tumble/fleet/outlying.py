@@ -77,10 +77,13 @@ def find_outlying(units: Units, false_alarm: float = FALSE_ALARM) -> list[Outlyi
 
 
 def _outlying(units: Units, what: str, at: list[int], level: float) -> list[Outlying]:
+    # A parameter that most units have the very same number of, as copies of one recording do, compares nothing.
+    at = [one for one in at if robust_scale(units.values[:, one]) > 0.0]
+    if not at:
+        return []
     values = units.values[:, at]
     own = units.covariances[:, at][:, :, at]
     scale = np.array([robust_scale(column) for column in values.T])
-    scale[scale == 0.0] = 1.0
     x, own = values / scale, own / np.outer(scale, scale)
     keep = _start(x)
     chances = distances = np.zeros(len(x))

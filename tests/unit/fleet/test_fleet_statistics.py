@@ -45,6 +45,13 @@ def test_faulty_units_are_named_by_what_is_wrong_with_them() -> None:
     assert named[80].sigmas < -4.0
 
 
+@pytest.mark.parametrize("copies", [20, 16])
+def test_copies_of_one_recording_compare_nothing(copies: int) -> None:
+    units = fleet(np.random.default_rng(8), 20)
+    units.values[:copies] = units.values[0]
+    assert find_outlying(units) == []
+
+
 def test_a_third_of_the_fleet_cannot_hide_itself() -> None:
     rng = np.random.default_rng(4)
     units = fleet(rng, 60)
