@@ -65,7 +65,10 @@ COMMANDS = {
         "algebra",
         "Make one calibration of two that follow one another: the first's output is the second's input.",
     ),
-    "diff": ("algebra", "Say what changed between two calibrations, in sigmas, and whether it matters."),
+    "diff": (
+        "algebra",
+        "Say what changed between two calibrations or more, in sigmas, and whether it matters.",
+    ),
     "invert": (
         "algebra",
         "Make the calibration that undoes another: from corrected numbers to raw ones in m/s² and rad/s.",
