@@ -10,15 +10,22 @@ import numpy as np
 import pytest
 
 from tumble.document.imported import calibration_from_model
+from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.recording import read_recording
 from tumble.recording.corrections import corrections_of
-from tumble.recording.formats.logs.own_parameters import active, parameters_of
+from tumble.recording.formats.logs.own_parameters import (
+    active,
+    active_on_field,
+    field_identity_of,
+    parameters_of,
+)
 from tumble.sensor import ImuModel, Triad
 from tumble.workflows.apply import apply
 from tumble.workflows.calibrate import corrected_by_before
 from tumble.workflows.convert import convert_to
+from tumble.workflows.magnetometer import with_own_parameters
 
 RNG = np.random.default_rng(2)
 STAMPS = 1_000_000 + 4000 * np.arange(300)
@@ -194,6 +201,44 @@ def test_the_autopilot_s_own_numbers_are_not_replaced(tmp_path: Path, target: st
         convert_to(on_top, target, output=tmp_path / "out", largest_loss=0.1)
     assert not (tmp_path / "out").exists()
     assert convert_to(document(), target, output=tmp_path / "out", largest_loss=0.1).files
+
+
+COMPASS = {"COMPASS_OFS_X": -41.0, "COMPASS_DIA2_Y": 1.02, "COMPASS_ODI_Z": 0.01, "COMPASS_DEV_ID": 97539.0}
+
+
+def test_an_autopilots_own_compass_parameters_are_not_replaced(tmp_path: Path) -> None:
+    path = dataflash(tmp_path / "a.bin", COMPASS)
+    assert active_on_field(parameters_of(path)) == pytest.approx(
+        {"COMPASS_OFS_X": -41.0, "COMPASS_DIA2_Y": 1.02, "COMPASS_ODI_Z": 0.01}
+    )
+    said = texts(read_recording(path))
+    assert "COMPASS_OFS_X = -41" in said
+    assert "COMPASS_DEV_ID = 97539" in said
+    # The other triads are as the sensors gave them.
+    assert corrections_of([path]) == ()
+    (mark,) = field_identity_of(path)
+    assert field_identity_of(dataflash(tmp_path / "b.bin", {**COMPASS, "COMPASS_ODI_Z": 0.02})) != (mark,)
+    defaults = {"COMPASS_OFS_X": 0.0, "COMPASS_DIA2_Y": 1.0, "COMPASS_DEV_ID": 97539.0}
+    plain = dataflash(tmp_path / "c.bin", defaults)
+    assert field_identity_of(plain) == ()
+    block = MagnetometerBlock(
+        raw_unit="mgauss",
+        unit="T",
+        frame="b",
+        method="holds and turns",
+        matrix=((1.01e7, 1e5, -2e5), (1e5, 0.99e7, 3e5), (-2e5, 3e5, 1.02e7)),
+        bias=(12.0, -30.0, 7.0),
+    )
+    made = document().model_copy(update={"magnetometer": block})
+    on_top = with_own_parameters(made, [path])
+    assert on_top.magnetometer is not None
+    assert on_top.magnetometer.input_corrected_by == [mark]
+    assert with_own_parameters(made, [plain]) is made
+    for one, written in ((made, True), (on_top, False)):
+        found = convert_to(one, "ardupilot", output=tmp_path / "out", largest_loss=0.1)
+        text = "".join(file.read_text("utf-8") for file in found.files)
+        assert ("COMPASS_OFS_X" in text) == written
+        assert any("on top of the autopilot's own parameters" in r for r in found.remarks) != written
 
 
 def test_a_log_that_is_cut_anywhere_has_the_parameters_that_are_whole(tmp_path: Path) -> None:

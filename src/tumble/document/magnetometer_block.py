@@ -98,6 +98,7 @@ class MagnetometerBlock(_Strict):
     unit : of the corrected field: "T", or "local field" where nobody knows the norm: then the norm is one.
     frame : "b" for the frame of the calibration, or "magnetometer" where nothing tells how the axes lie against it.
     method : "holds and turns", "holds", "ellipsoid" (the magnetometer alone), or "imported".
+    input_corrected_by : identities of an autopilot's own parameters that its numbers were corrected by already.
     """
 
     raw_unit: str
@@ -115,6 +116,7 @@ class MagnetometerBlock(_Strict):
     verdict: FieldVerdictBlock | None = None
     not_determined: list[str] = Field(default_factory=list[str])
     remarks: list[str] = Field(default_factory=list[str])
+    input_corrected_by: list[str] = Field(default_factory=list[str])
     test_vectors: list[FieldVector] = Field(default_factory=list[FieldVector])
 
     @property

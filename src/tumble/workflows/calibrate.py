@@ -28,6 +28,7 @@ from tumble.workflows.magnetometer import (
     given_field,
     no_holds,
     refuse_field_of_none,
+    with_own_parameters,
 )
 from tumble.workflows.noise_models import NoiseOfHolds
 from tumble.workflows.notes import Notes, notes_of
@@ -244,6 +245,7 @@ def calibrate(
     earlier = corrected_by_before(paths, given, topics)
     if earlier:
         calibration = calibration.model_copy(update={"input_corrected_by": earlier})
+    calibration = with_own_parameters(calibration, _files_of(paths, given))
     if acceptance is not None:
         calibration = with_limits(calibration, acceptance)
     run = CalibrationRun(
@@ -338,7 +340,7 @@ def read_as_told(
     return recording, given.on_clock_of(recordings, spans), named_spans(recordings, spans)
 
 
-def _listed(paths: Paths) -> list[Path | Frame]:
+def _listed(paths: Paths) -> Sequence[Path | Frame]:
     """Nothing may be named where a protocol names it."""
     return [] if isinstance(paths, list | tuple) and not paths else recording_inputs(paths)
 
@@ -352,6 +354,13 @@ def _already_read(
         )
     joined, spans = join_recordings([recording])
     return joined, None if given is None else given.on_clock_of([recording], spans)
+
+
+def _files_of(paths: Given, given: GivenProtocol | None) -> Sequence[Path | Frame]:
+    """What was named, or the protocol's own files; nothing of a recording that was read before."""
+    if not isinstance(paths, Recording) and (named := _listed(paths)):
+        return named
+    return [] if given is None else [Path(path) for path in given.files()]
 
 
 def corrected_by_before(
@@ -371,10 +380,7 @@ def corrected_by_before(
     """
     from tumble.recording.corrections import corrections_of
 
-    named = [] if isinstance(paths, Recording) else _listed(paths)
-    if not named and given is not None:
-        named = [Path(path) for path in given.files()]
-    marks = {corrections_of([one], topics) for one in named}
+    marks = {corrections_of([one], topics) for one in _files_of(paths, given)}
     if len(marks) > 1:
         words = "; ".join(", ".join(mark) or "none" for mark in sorted(marks))
         raise UsageError(

@@ -122,8 +122,9 @@ def convert_to(
     document = calibration
     if document is not None and not isinstance(document, Calibration):
         document = read_calibration(document)
+    left_out: list[str] = []
     if document is not None and chosen.replaces:
-        _refuse_corrected_before(document, chosen)
+        document, left_out = _without_corrected_before(document, chosen)
     coefficients = None if noise is None else read_noise(Path(noise), inflate=inflate, rate=rate)
     own = {
         "largest_loss": largest_loss,
@@ -139,11 +140,14 @@ def convert_to(
         texts, chosen, output, [p for p in (calibration, noise) if isinstance(p, str | os.PathLike)]
     )
     write_texts(dict(zip(files, texts.values(), strict=True)))
-    return Converted(files, _remarks(subject, chosen, texts))
+    return Converted(files, [*left_out, *_remarks(subject, chosen, texts)])
 
 
-def _refuse_corrected_before(document: Calibration, target: Target) -> None:
-    """Refuse a calibration that holds on top of others, for a tool that would put it in their place."""
+def _without_corrected_before(document: Calibration, target: Target) -> tuple[Calibration, list[str]]:
+    """Refuse what holds on top of other corrections, for a tool that would put it in their place.
+
+    Where that is the magnetometer alone it is left out, and said.
+    """
     before = document.stages[0].input_corrected_by
     if before:
         raise UsageError(
@@ -151,6 +155,14 @@ def _refuse_corrected_before(document: Calibration, target: Target) -> None:
             f"own parameters or by a calibration. {target.title} would put it in their place, and lose them. Set the "
             "parameters to their defaults and record again, or compose the calibrations (tumble compose)."
         )
+    field = document.magnetometer
+    if field is None or not field.input_corrected_by or MAGNETOMETER not in target.holds:
+        return document, []
+    said = (
+        f"The magnetometer is left out: it was calibrated on top of the autopilot's own parameters, and {target.title} "
+        "would put it in their place. Set them to their defaults and record again."
+    )
+    return document.model_copy(update={"magnetometer": None}), [said]
 
 
 def _places(

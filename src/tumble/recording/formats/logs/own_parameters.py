@@ -24,7 +24,9 @@ _OFFSET = re.compile(r"CAL_(ACC|GYRO)\d_[XYZ]OFF|INS_(ACC|GYR)\d?OFFS_[XYZ]|INS_
 _SCALE = re.compile(r"CAL_ACC\d_[XYZ]SCALE|INS_ACC\d?SCAL_[XYZ]")
 _SWITCH = re.compile(r"TC_[AG]_ENABLE|INS_TCAL\d_ENABLE")
 _CURVE = re.compile(r"TC_[AG]\d_\w+|INS_TCAL\d_\w+")
-_DEVICE = re.compile(r"CAL_(ACC|GYRO)\d_ID|INS_(ACC|GYR)\d?_ID")
+_DEVICE = re.compile(r"CAL_(ACC|GYRO|MAG)\d_ID|INS_(ACC|GYR)\d?_ID|COMPASS_DEV_ID\d?")
+_FIELD_OFFSET = re.compile(r"CAL_MAG\d_[XYZ](OFF|ODIAG)|COMPASS_(OFS|ODI|MOT)\d?_[XYZ]")
+_FIELD_SCALE = re.compile(r"CAL_MAG\d_[XYZ]SCALE|COMPASS_DIA\d?_[XYZ]|COMPASS_SCALE\d?")
 _HEADER = 16  # bytes of a ULog
 _SHOWN = 6
 _FAR = 16 << 20  # bytes behind the last parameter of a DataFlash log, which begins with them
@@ -50,7 +52,7 @@ def parameters_of(path: Path) -> dict[str, float]:
         found = _of_dataflash(path)
     else:
         return {}
-    kinds = (_OFFSET, _SCALE, _SWITCH, _CURVE, _DEVICE)
+    kinds = (_OFFSET, _SCALE, _SWITCH, _CURVE, _DEVICE, _FIELD_OFFSET, _FIELD_SCALE)
     return {name: value for name, value in found.items() if any(k.fullmatch(name) for k in kinds)}
 
 
@@ -134,6 +136,17 @@ def active(parameters: dict[str, float]) -> dict[str, float]:
     return found | switches
 
 
+def active_on_field(parameters: dict[str, float]) -> dict[str, float]:
+    """Return the parameters that change a magnetometer's numbers.
+
+    Parameters
+    ----------
+    parameters : as `parameters_of` gives them.
+    """
+    found = {n: v for n, v in parameters.items() if _FIELD_OFFSET.fullmatch(n) and v != 0.0}
+    return found | {n: v for n, v in parameters.items() if _FIELD_SCALE.fullmatch(n) and v not in (0.0, 1.0)}
+
+
 def identity_of(path: Path) -> tuple[str, ...]:
     """Return what tells the active parameters of a log from others: twelve hexadecimal digits; none without any.
 
@@ -146,11 +159,32 @@ def identity_of(path: Path) -> tuple[str, ...]:
     OSError
         If it cannot be read.
     """
-    found = active(parameters_of(path))
-    if not found:
+    return _identity(active(parameters_of(path)))
+
+
+def field_identity_of(path: Path) -> tuple[str, ...]:
+    """Return the same of the parameters that have corrected the magnetometer that is read of a log.
+
+    ArduPilot logs its magnetometer corrected; PX4 does in `vehicle_magnetometer`, and not in `sensor_mag`.
+
+    Parameters
+    ----------
+    path : of a file; what is no log has none.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    """
+    found = active_on_field(parameters_of(path))
+    if found and any(name.startswith("CAL_") for name in found) and mapped(path).find(b"sensor_mag:") >= 0:
         return ()
+    return _identity(found)
+
+
+def _identity(found: dict[str, float]) -> tuple[str, ...]:
     text = "\n".join(f"{name}={found[name]:.9g}" for name in sorted(found))
-    return (hashlib.sha256(text.encode()).hexdigest()[:12],)
+    return (hashlib.sha256(text.encode()).hexdigest()[:12],) if found else ()
 
 
 def about_parameters(path: Path) -> list[Remark]:
@@ -161,7 +195,7 @@ def about_parameters(path: Path) -> list[Remark]:
     path : of the log.
     """
     known = parameters_of(path)
-    found = active(known)
+    found = active(known) | active_on_field(known)
     if not found:
         return []
     told = [f"{name} = {value:.6g}" for name, value in found.items()]
