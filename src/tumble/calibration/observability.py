@@ -54,7 +54,7 @@ def find_untold(normal: Square, u: Unknowns) -> Untold | None:
     sizes = name_plate(u)[free]
     scaled = normal * np.outer(sizes, sizes)
     posterior = np.diag(np.linalg.inv(scaled + np.eye(free.size)))
-    # sigma² / (sigma² + size²) of what the motion alone tells
+    # sigma² / (sigma² + size²) of what the motion alone determines
     without = posterior > TOLD**2 / (1.0 + TOLD**2)
     directions = find_weak_directions(normal, sizes, TOLD)
     if not np.any(without) and not directions:

@@ -203,7 +203,7 @@ def implausible_words(tests: list[TermTest]) -> list[str]:
 
 
 def _checks_of(name: str, task: JointAdjustment, balanced: Balanced) -> tuple[int, float]:
-    """Return what tells the noise that a term is tested against: its degrees of freedom, and its excess over that.
+    """Return what determines the noise that a term is tested against: its degrees of freedom, and its excess over that.
 
     By hand that is what holds or turns show of their own kind: some sixty checks of forty holds tell by how much
     accelerometers wander from one to the next, and the hundreds of others know nothing of it.
@@ -221,7 +221,7 @@ def _checks_of(name: str, task: JointAdjustment, balanced: Balanced) -> tuple[in
 
 
 def term_test(name: str, estimates: Series, covariance: Square, freedom: int, limit: float) -> TermTest:
-    """Test a term against zero, lever arms in what the motion tells of them; see `wald_test`.
+    """Test a term against zero, lever arms in what the motion determines of them; see `wald_test`.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ def stable_knowledge(matrix: np.ndarray, covariance: Square) -> StableKnowledge:
     Raises
     ------
     CalibrationFileError
-        If the covariance tells nothing of the angles.
+        If the covariance determines nothing of the angles.
     """
     angles, spread = propagate(
         lambda x: shin_from_matrix(lower_factor(x.reshape(3, 3)))[1], matrix.ravel(), covariance

@@ -63,7 +63,7 @@ class Procedure:
     seeks : optional terms of the joint estimator that its protocol is made to find, which are then kept.
     by_temperature : temperatures tell the steps of its protocols, and not poses.
     gyros_from : what the gyros' scale factors are from: ``turns`` whose angles gravity tells, a ``table`` that shows
-        angles or keeps rates, known ``rates`` alone; empty where it tells none, or the Earth's rotation does.
+        angles or keeps rates, known ``rates`` alone; empty where it determines none, or the Earth's rotation does.
     """
 
     name: str

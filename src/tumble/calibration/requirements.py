@@ -43,7 +43,7 @@ def require_poses(
     Raises
     ------
     ObservabilityError
-        With the number of poses found and needed, or the combination that no pose tells.
+        With the number of poses found and needed, or the combination that no pose determines.
     """
     needed = min(6, unknowns) if has_prior else unknowns
     up = _directions(means, force_unknowns, factor)

@@ -49,7 +49,7 @@ GROUPS = ("the biases", "the scale factors", "the non-orthogonalities")
 
 @dataclass(frozen=True, slots=True)
 class UntoldCombination:
-    """A combination of unknowns that no pose of a set tells.
+    """A combination of unknowns that no pose of a set determines.
 
     Attributes
     ----------

@@ -132,7 +132,7 @@ def _settle(
 
 
 def _explained_by_chance(adjustment: Adjustment, kind: Kind) -> bool:
-    """Tell whether the residuals of a kind are no larger than noise makes them in 97.5 % of cases."""
+    """Return whether the residuals of a kind are no larger than noise makes them in 97.5 % of cases."""
     from scipy.special import chdtrc
 
     reliability = Reliability.of(adjustment)

@@ -130,7 +130,7 @@ def rough_start(recording: Recording, timeline: Timeline, means: HoldMeans, site
     Raises
     ------
     ObservabilityError
-        If there is no accelerometer, or a gyro in counts that no turn tells the scale of.
+        If there is no accelerometer, or a gyro in counts that no turn determines the scale of.
     """
     if recording.specific_force is None or means.specific_force is None:
         raise ObservabilityError(

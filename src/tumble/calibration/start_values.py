@@ -63,7 +63,7 @@ def rough_gyro_matrix(
     Raises
     ------
     ValueError
-        If there are fewer than nine windows of motion, or no turn tells one of the gyro's axes.
+        If there are fewer than nine windows of motion, or no turn determines one of the gyro's axes.
     """
     designs: list[AnyArray] = []
     changes: list[AnyArray] = []
@@ -95,7 +95,7 @@ def rough_gyro_matrix(
     return solution.reshape(3, 3), np.asarray(inverse * variance, dtype=np.float64)
 
 
-# Of the information that equally spread turns would give, the least that still tells an axis: turns
+# Of the information that equally spread turns would give, the least that still determines an axis: turns
 # that go astray by 3 degrees from a single axis give 1/400.
 SMALLEST_EXCITATION = 3e-3
 

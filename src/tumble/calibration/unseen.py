@@ -92,7 +92,7 @@ def state_unseen(session: Session, estimate: Estimate) -> None:
     table = None if session.protocol is None else unseen_table(session.protocol)
     within = _within(estimate)
     if within is not None:
-        # Where the recording itself tells the clock, or checks the table, little is left of what was believed.
+        # Where the recording itself determines the clock, or checks the table, little is left of what was believed.
         found = [one for one in (clock, table) if one is not None and one.source in within]
         shares = [within[one.source] for one in found]
     else:

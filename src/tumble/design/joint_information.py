@@ -172,7 +172,7 @@ class PlannedProblem:
         data: Observed | None = None,
         without: int | None = None,
     ) -> JointInformation:
-        """Return what it tells.
+        """Return what it determines.
 
         Parameters
         ----------

@@ -157,12 +157,12 @@ class JointPlan:
 
 
 def plan_protocol(task: PlanTask, say: Callable[[str], None] | None = None) -> JointPlan:
-    """Foretell what a protocol tells.
+    """Foretell what a protocol determines.
 
     Parameters
     ----------
     task : what is planned.
-    say : is told what is being done.
+    say : is given what is being done.
 
     Raises
     ------
@@ -214,7 +214,7 @@ def _plan(
         np.asarray(bare, dtype=np.float64),
         np.asarray(full[GROUPS["g-sensitivity"]], dtype=np.float64),
     )
-    # Of several performances the one that tells least says what may stay open.
+    # Of several performances the one that determines least says what may stay open.
     least = int(np.argmax(np.max(np.sqrt(variances) / task.sizes, axis=1)))
     plan.weak = find_weaknesses(task, made[least][2])
     return plan

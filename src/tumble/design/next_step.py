@@ -46,7 +46,7 @@ class StepCandidate:
     ----------
     name : as an operator is told.
     seconds : that it takes, getting there included.
-    information : what it tells.
+    information : what it determines.
     steps : of a protocol.
     """
 

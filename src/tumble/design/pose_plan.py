@@ -194,7 +194,7 @@ def require_seen(
     Raises
     ------
     ObservabilityError
-        With the combination that no pose tells, and the poses that would.
+        With the combination that no pose determines, and the poses that would.
     """
     rows = pose_rows(directions)
     total = rows.T @ rows
@@ -287,7 +287,7 @@ def plan_time(
     ----------
     task, reach, rng : as of `plan_poses`.
     seconds : of the whole test.
-    say : is told what is tried.
+    say : is given what is tried.
 
     Raises
     ------

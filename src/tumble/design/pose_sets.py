@@ -163,7 +163,7 @@ def predict_sigma(
 
 
 def explain_pose_set(directions: Vectors) -> str:
-    """Return, in sentences, what a set does not tell and which poses would mend it; nothing if it tells all.
+    """Return, in sentences, what a set does not tell and which poses would mend it; nothing if it determines all.
 
     Parameters
     ----------

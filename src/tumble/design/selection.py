@@ -32,7 +32,7 @@ MOST_ITERATIONS = 5000
 SHARPER = (12.0, 48.0, 200.0, 800.0)
 # A share of the time below this is round-off of the iteration, and goes to the others.
 LEAST_SHARE = 1e-5
-# Of the starts, the shares of visits that are drawn, in turn; the rest of a start is what tells most.
+# Of the starts, the shares of visits that are drawn, in turn; the rest of a start is what determines most.
 DRAWN = (1.0, 1.0, 0.5)
 # So many candidates are tried in every exchange; those that the continuous design likes least are left out
 # until the end, when all are tried once more.

@@ -72,7 +72,7 @@ def squared_norm(
 def norm_sensitivity(
     directions: Vectors, scale: Vector, angles: Vector, norm: float = 1.0
 ) -> NormSensitivity:
-    """Return what the squared norm of specific force tells in each pose, exactly: (29) to (32).
+    """Return what the squared norm of specific force determines in each pose, exactly: (29) to (32).
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def approximate_norm_sensitivity(
 def rotation_sensitivity(
     axes: Vectors, scale: Vector, angles: Vector, angle: float = 1.0, *, exact: bool = False
 ) -> NormSensitivity:
-    """Return what the squared norm of a rotation's integral tells about each axis: (37), (38).
+    """Return what the squared norm of a rotation's integral determines about each axis: (37), (38).
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def rotation_sensitivity(
 
 
 def most_sensitive_directions(scale: Vector, angles: Vector, group: str, index: int) -> Vectors:
-    """Return the directions in which the squared norm tells most of one parameter, found by search.
+    """Return the directions in which the squared norm determines most of one parameter, found by search.
 
     Parameters
     ----------

@@ -144,7 +144,7 @@ def _turned(axis: int, angle: float) -> Table:
     """(3, 9): the attitude error after so much of a rotation, by κ, κ asymmetry and υ (3)."""
     unit_model = sequence_model([(axis, angle)], np.array([0.0, 0.0, 1.0]), 1.0)
     across = sequence_model([(axis, angle)], np.array([1.0, 0.0, 0.0]), 1.0)
-    # u x φ of two directions u tells all of φ: z x φ = (-φy, φx, 0), x x φ = (0, -φz, φy)
+    # u x φ of two directions u determines all of φ: z x φ = (-φy, φx, 0), x x φ = (0, -φz, φy)
     one, other = unit_model.coefficients[:3, :_GYRO_ERRORS], across.coefficients[:3, :_GYRO_ERRORS]
     return np.array([one[1], -one[0], -other[1]])
 

@@ -55,7 +55,7 @@ class BiasBlock(_Strict):
 
 
 class StableBlock(_Strict):
-    """A parameter that all recordings share, as each tells it by itself; null where one does not tell it.
+    """A parameter that all recordings share, as each determines it by itself; null where one does not tell it.
 
     It agrees if the `probability` of such differences by chance is not below `limit`; if it does not, its standard
     uncertainty is `enlarged_by` this factor in the list of parameters.

@@ -194,7 +194,7 @@ def align_in_motion(
     start : s, when the rest begins.
     rest : s of it.
     seconds : of motion that are compared.
-    tilt_sigma : rad, how well the rest tells the level: accelerometer bias over gravity.
+    tilt_sigma : rad, how well the rest determines the level: accelerometer bias over gravity.
 
     Raises
     ------

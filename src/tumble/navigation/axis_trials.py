@@ -24,7 +24,7 @@ _LONGEST = 180.0
 def swapped_axes(samples: InertialSamples, track: GnssTrack, setup: FilterSetup) -> str:
     """Return which level axes are swapped or reversed, in a sentence, or "" where the drive does not tell.
 
-    On a flat road the level gyros see little: their axes are told by how the body rolls and pitches, if it does.
+    On a flat road the level gyros see little: their axes are determined by how the body rolls and pitches, if it does.
 
     Parameters
     ----------

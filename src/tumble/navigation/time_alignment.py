@@ -54,7 +54,7 @@ class TimeAlignment:
     second_best : highest correlation further than five seconds from it; near the first, the offset is a guess.
     seconds : of motion that both saw and that was compared.
     note : what else was done, appended to the sentence.
-    moved : s, by how much a filter moved the offset that the course tells.
+    moved : s, by how much a filter moved the offset that the course determines.
     """
 
     offset: float

@@ -84,7 +84,7 @@ def exact_clock(rate: float) -> Clock:
 
 
 def clock_without_stamps(rate: float) -> Clock:
-    """Return the clock of samples that only a rate tells the times of.
+    """Return the clock of samples that only a rate determines the times of.
 
     Parameters
     ----------

@@ -85,7 +85,7 @@ def _names(one: Path | Frame) -> list[str]:
 
 
 def temperature_in_counts(inputs: Iterable[Path | Frame]) -> bool:
-    """Tell whether a header says that the temperature is in raw counts (other units are converted on reading)."""
+    """Return whether a header says that the temperature is in raw counts (other units are converted on reading)."""
     for one in inputs:
         for name in _names(one):
             role = role_of(name)

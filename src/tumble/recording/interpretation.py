@@ -53,7 +53,7 @@ def choose_columns(
     UsageError
         If the option does not fit the table.
     RecordingError
-        If neither header nor content tells the columns, or the header names a part of a triad.
+        If neither header nor content determines the columns, or the header names a part of a triad.
     """
     name = table.path.name
     if option is not None:

@@ -20,7 +20,7 @@ _RATE_RATIOS = (
     1000.0 * np.pi / 180.0,
 )  # deg/s, mrad/s and mdeg/s against rad/s and deg/s
 _WINDOW = 0.3  # s
-_LEAST_TURN = 0.1  # rad that gravity turns over a window that tells
+_LEAST_TURN = 0.1  # rad that gravity turns over a window that determines
 _LEAST_WINDOWS = 6  # on either side
 _SAME_AXIS = 0.8  # cosine between the axes that gyro and gravity turn about, in either unit
 _TURN_SPREAD = 0.6  # of logarithms: turns about inclined axes turn gravity less than themselves

@@ -120,7 +120,7 @@ def si_unit(channel: Channel, name: str) -> str:
 
     Parameters
     ----------
-    channel : tells the kind of sensor, and whether it is in counts.
+    channel : determines the kind of sensor, and whether it is in counts.
     name : of the term.
     """
     letter = letter_of(name)
@@ -136,7 +136,7 @@ def practical_unit(channel: Channel, name: str) -> tuple[float, str]:
 
     Parameters
     ----------
-    channel : tells the kind of sensor, and whether it is in counts.
+    channel : determines the kind of sensor, and whether it is in counts.
     name : of the term.
     """
     letter = letter_of(name)

@@ -312,7 +312,7 @@ def _biases(
 
 
 def calibration_in_counts(calibration: Calibration, *, force: bool) -> bool:
-    """Tell whether a triad's raw unit is counts."""
+    """Return whether a triad's raw unit is counts."""
     units = calibration.raw_units
     return (
         specific_force_factor(units.specific_force) if force else angular_rate_factor(units.angular_rate)

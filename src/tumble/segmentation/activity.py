@@ -27,7 +27,7 @@ SAME_LEVEL = 0.02
 SHORTEST_VISIT_SECONDS = 0.5
 # A knock spoils a piece of a hold of so many samples.
 PIECE_SAMPLES = 100
-# A typical turn by hand, used only where nothing in the recording tells the gyro's scale.
+# A typical turn by hand, used only where nothing in the recording determines the gyro's scale.
 TYPICAL_TURN_RATE = 1.0
 
 

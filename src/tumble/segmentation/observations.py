@@ -28,7 +28,7 @@ class HoldMeans:
     count : (holds,) samples averaged.
     temperature : (holds,) degrees Celsius, or None.
     specific_force_between, angular_rate_between : (3, holds, holds) covariance of the means of different
-        holds for each axis, where a noise model tells it (`tumble.segmentation.modelled_means`), or None.
+        holds for each axis, where a noise model determines it (`tumble.segmentation.modelled_means`), or None.
     parts : means of the parts of the holds, which show how biases wander; None where that is not asked for.
     """
 

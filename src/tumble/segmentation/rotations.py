@@ -93,7 +93,7 @@ def observe_rotations(
 
     Notes
     -----
-    Zhang et al. 2010, (15) to (17): the integral, not the rate, is what the table's angle tells. The
+    Zhang et al. 2010, (15) to (17): the integral, not the rate, is what the table's angle determines. The
     Earth rate's part goes out of the difference of two directions only if both took the same time and
     turned through whole revolutions; `seconds`, `cosine` and `sine` take it out of any.
     """

@@ -26,7 +26,7 @@ class TemperatureBasis:
       node k is its hat h_k(T) - h_k(reference).
     - ``spline``: the natural cubic spline through the nodes in the same way; straight beyond the ends.
 
-    All hats add up to one, so that one of them tells nothing new: the node next to the reference has no
+    All hats add up to one, so that one of them determines nothing new: the node next to the reference has no
     function. Where the reference is a node, the coefficient of another node is what the quantity there
     differs by from the reference.
 

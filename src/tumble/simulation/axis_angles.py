@@ -23,7 +23,7 @@ class FixtureAngles:
 
     Attributes
     ----------
-    azimuth : rad, of the outer axis, clockwise from north; None where no pose tells it.
+    azimuth : rad, of the outer axis, clockwise from north; None where no pose determines it.
     stops : for each step (inner, outer), rad, at its end; of a turn without an axis that of the hold after it.
     """
 

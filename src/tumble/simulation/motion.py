@@ -184,7 +184,7 @@ class Motion:
         Raises
         ------
         UsageError
-            If the unit turns by half a turn or more between two edges: no gyro sample tells that.
+            If the unit turns by half a turn or more between two edges: no gyro sample determines that.
         """
         path, step, share, *_ = self._progress(edges)
         _refuse_half_turns(path, edges, step, share)

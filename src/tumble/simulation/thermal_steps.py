@@ -41,7 +41,7 @@ class PlainSteps:
 
 
 def has_chamber(protocol: Protocol) -> bool:
-    """Tell whether a protocol has a soak or a ramp."""
+    """Return whether a protocol has a soak or a ramp."""
     return any(isinstance(step, SoakStep | RampStep) for step in protocol.steps)
 
 

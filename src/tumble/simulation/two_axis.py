@@ -166,9 +166,9 @@ def play_sequences(
     Parameters
     ----------
     protocol : holds and turns. The azimuth of the outer axis is that of its poses.
-    rng : source of the errors of execution, and of an azimuth that no pose tells.
+    rng : source of the errors of execution, and of an azimuth that no pose determines.
     errors : of the fixture.
-    heading : rad, the azimuth of the outer axis where no pose tells it; None draws it.
+    heading : rad, the azimuth of the outer axis where no pose determines it; None draws it.
     lever_arm_b : (3,) m, from where the axes meet to the unit, or (3, 3) with a row for each accelerometer.
 
     Raises

@@ -87,7 +87,7 @@ def apply(
         parameters of the span's end, or ``extrapolate``.
     shift_lag : whether the lag between the triads that the calibration states is taken out.
     noise : ``noise.json`` of the unit: of bags the covariances, of EuRoC's form the densities.
-    progress : is told the number of samples done.
+    progress : is given the number of samples done.
 
     Raises
     ------
@@ -276,7 +276,7 @@ def raw_factors(document: Calibration, recording: Recording) -> tuple[float, flo
 
 
 def _knows(block: TriadBlock | None) -> bool:
-    """Tell whether a triad of the calibration can be corrected."""
+    """Return whether a triad of the calibration can be corrected."""
     return block is not None and block.matrix is not None
 
 
@@ -336,5 +336,5 @@ def _inside(path: Path) -> list[Path]:
 
 
 def _same_file(one: Path, other: Path) -> bool:
-    """Tell whether both are one file, also by way of a link."""
+    """Return whether both are one file, also by way of a link."""
     return one.exists() and other.exists() and one.samefile(other)

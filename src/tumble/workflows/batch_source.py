@@ -64,7 +64,7 @@ class UnitTask:
 
 
 def is_url(text: str) -> bool:
-    """Tell whether a name is a URL, such as ``s3://bucket/unit.csv``.
+    """Return whether a name is a URL, such as ``s3://bucket/unit.csv``.
 
     Parameters
     ----------

@@ -163,7 +163,7 @@ def calibrate(
     notes : what else to note by name: operator, place, instrument, remarks.
     limits : file of acceptance limits, which the calibration is held against.
     field : the magnetic field at the site, see `given_field`; None where it is not known.
-    progress : is told in words what is being done.
+    progress : is given in words what is being done.
 
     Raises
     ------

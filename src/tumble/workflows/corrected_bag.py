@@ -37,7 +37,7 @@ class BagCorrection:
     densities : white noise of accelerometer and gyro, axis by axis, per √Hz, or None.
     rate : Hz, of the recording.
     marks : identities that the corrected topics get.
-    progress : is told the number of messages done.
+    progress : is given the number of messages done.
     told : sentences for the user.
     """
 

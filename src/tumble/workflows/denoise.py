@@ -117,7 +117,7 @@ def denoise(
     order : of the autoregression; None lets BIC choose.
     shrinkage : thresholds of the wavelet method.
     filter_motion : whether samples in motion are de-noised too (wavelets alone can).
-    progress : is told in words what is being done.
+    progress : is given in words what is being done.
 
     Raises
     ------

@@ -240,7 +240,7 @@ def _prepared(
 
 
 def _refuse_unit(part: CorrectedBy, track: GnssTrack, offset: float | None) -> None:
-    """Refuse gyros of another unit, whose course still tells the clock when nothing else fits."""
+    """Refuse gyros of another unit, whose course still determines the clock when nothing else fits."""
     try:
         shift = estimate_time_offset(part.samples, track).offset if offset is None else offset
     except RecordingError:
@@ -251,7 +251,7 @@ def _refuse_unit(part: CorrectedBy, track: GnssTrack, offset: float | None) -> N
 
 
 def _refuse_swapped(part: CorrectedBy, track: GnssTrack, arm: Series, cause: Exception | None = None) -> None:
-    """Refuse uncalibrated samples whose level axes are swapped or reversed, where the drive tells."""
+    """Refuse uncalibrated samples whose level axes are swapped or reversed, where the drive determines."""
     from tumble.navigation.axis_trials import swapped_axes
 
     first, last = find_rest(part.samples, track)
@@ -364,7 +364,7 @@ def _free_biases(setup: FilterSetup, grade: Grade) -> FilterSetup:
 
 
 def _departures(run: FilterRun, allowed: FilterSetup) -> dict[str, tuple[float, float]]:
-    """Sensor states that the drive tells, and how far they are from the calibration's in what both allow.
+    """Sensor states that the drive determines, and how far they are from the calibration's in what both allow.
 
     Parameters
     ----------
@@ -380,7 +380,7 @@ def _departures(run: FilterRun, allowed: FilterSetup) -> dict[str, tuple[float, 
         if known <= 0.0 or after > 0.5 * before:
             continue
         estimate = float(run.sensors[-1, at])
-        # a bias is told by the drive alone, a matrix by both: what its prior leaves is before less after
+        # a bias is determined by the drive alone, a matrix by both: what its prior leaves is before less after
         spread = known + after if state.column < 0 else before - after
         found[state.name] = (estimate, estimate / float(np.sqrt(spread)))
     return found

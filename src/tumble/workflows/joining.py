@@ -185,7 +185,7 @@ def _force_difference(session: Session, *holds: np.ndarray) -> str:
 
 
 def _means_of(means: HoldMeans, holds: np.ndarray) -> HoldMeans:
-    """Some of the holds, without what a noise model tells between them."""
+    """Some of the holds, without what a noise model determines between them."""
     parts = {f.name: getattr(means, f.name) for f in fields(means)}
     own = {
         name: None if value is None else value[holds]

@@ -131,7 +131,7 @@ def plan_budget(
     ----------
     order : what is asked.
     output : file for everything as JSON.
-    progress : is told what is being done.
+    progress : is given what is being done.
 
     Raises
     ------

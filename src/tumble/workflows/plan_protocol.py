@@ -95,7 +95,7 @@ def plan_any_protocol(
     output: str | os.PathLike[str] | None = None,
     progress: Callable[[str], None] = silent,
 ) -> ProtocolPlanned:
-    """Foretell what any protocol tells of both triads, and say what would be better.
+    """Foretell what any protocol determines of both triads, and say what would be better.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def plan_any_protocol(
     seed : of placement and hands.
     steps : judge every step, too.
     output : folder for protocol, document and sheet; None writes nothing.
-    progress : is told what is being done.
+    progress : is given what is being done.
 
     Raises
     ------

@@ -70,7 +70,7 @@ class Recovery:
 
 
 def is_truth(path: PathLike) -> bool:
-    """Tell whether a file is the truth.json of a simulation.
+    """Return whether a file is the truth.json of a simulation.
 
     Parameters
     ----------

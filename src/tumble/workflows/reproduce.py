@@ -17,7 +17,7 @@ from tumble.workflows.progress import silent
 if TYPE_CHECKING:
     from tumble.reproduction.outcome import Outcome
 
-# More than this takes hours, and tells no more.
+# More than this takes hours, and determines no more.
 MOST_REPETITIONS = 100_000
 
 
@@ -44,7 +44,7 @@ def reproduce(
     workers : processes that make items side by side; 1 makes one after the other in this one.
     scheduler : address of a Dask cluster that makes them instead.
     executor : any `concurrent.futures.Executor` instead; it is left open.
-    progress : is told in words what is being done.
+    progress : is given in words what is being done.
 
     Raises
     ------

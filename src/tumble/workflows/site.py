@@ -13,7 +13,7 @@ def choose_site(site: str | None, gravity: float | None) -> Site | None:
 
     None if neither is given.
 
-    With both, gravity is the one given and the latitude tells the Earth rate's direction.
+    With both, gravity is the one given and the latitude determines the Earth rate's direction.
 
     Raises
     ------

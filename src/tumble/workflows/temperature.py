@@ -26,7 +26,7 @@ LONGEST_GAP = 600.0  # s
 
 
 def needs_temperature(calibration: Calibration) -> bool:
-    """Tell whether a calibration, or one that it is composed with, changes with temperature."""
+    """Return whether a calibration, or one that it is composed with, changes with temperature."""
     return any(stage.thermal is not None for stage in calibration.stages)
 
 

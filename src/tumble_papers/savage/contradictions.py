@@ -33,7 +33,7 @@ from tumble_papers.savage.strapdown_simulation import (
 )
 
 RUNS = 100
-# Without noise and bias a second at rest tells as much as ten.
+# Without noise and bias a second at rest determines as much as ten.
 BRIEF = 1.0
 TENTH_OF_A_DEGREE = np.radians(0.1)
 SEQUENCE_ORDER = tuple(BY_NAME)

@@ -196,7 +196,7 @@ def matched_weights(setting: Setting) -> Series:
     """Return the weights of the average with the least noise of both triads before the rotations.
 
     The gyros' random walk turns the computed frame away while the accelerometers' noise is averaged: what lies
-    farther from the rotations than the one over the other tells less and less.
+    farther from the rotations than the one over the other determines less and less.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ _DESIGN_NOTES = (
 
 
 def reproduce_sensitivity(repetitions: int, seed: int) -> Outcome:
-    """Find the directions in which a squared norm tells most of each parameter, beside the paper's.
+    """Find the directions in which a squared norm determines most of each parameter, beside the paper's.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ def _refused_row(name: str, printed: Table, refusal: str) -> Row:
     least = float(printed[0].min())
     cells = (_mean_square(printed[0]), "refused", "refused")
     reason = f"{refusal} What the paper prints is round-off."
-    # No set that tells all has a scale factor worse than a tenth; the paper's are half of one.
+    # No set that determines all has a scale factor worse than a tenth; the paper's are half of one.
     return Row(f"{name}: scale factor", "ppm", cells, INSIDE if least > 1e5 else OUTSIDE, reason)
 
 

@@ -38,7 +38,7 @@ def triad_rotation(axes_o: AnyArray, axes_p: AnyArray) -> AnyArray:
     """Return the rotation that takes the first axis exactly, and the second as well as it can (TRIAD).
 
     Which comes first matters: an axis along x is seen by the x accelerometer alone, so that no error of
-    the accelerometers' misalignments moves it; then y tells only the turn about x. Zhang's choice, z and
+    the accelerometers' misalignments moves it; then y determines only the turn about x. Zhang's choice, z and
     then y, lets all three misalignments in.
 
     Parameters

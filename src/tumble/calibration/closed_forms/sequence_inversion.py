@@ -108,13 +108,13 @@ def solve_measurements(
     asymmetry: bool = True,
     believed: tuple[Series, float] | None = None,
 ) -> SequenceSolution:
-    """Solve for the errors that any set of sequences tells, each component weighed by its noise.
+    """Solve for the errors that any set of sequences determines, each component weighed by its noise.
 
     Parameters
     ----------
     models, measurements, covariances : of each sequence: its model, (5,) and (5, 5).
     asymmetry : estimate the gyros' asymmetry; without, it is none.
-    believed : (3,) the gyros' asymmetries as they are believed beforehand, and how well: what no sequence tells
+    believed : (3,) the gyros' asymmetries as they are believed beforehand, and how well: what no sequence determines
         of them then stands in the uncertainty of the scale factors. None for nothing.
 
     Raises

@@ -12,7 +12,7 @@ from tumble.segmentation.matching import Matching
 
 # An exact pose is one to a microradian: a fifth of an arcsecond, below any table's.
 LEAST_SIGMA = 1e-6  # rad
-# A box propped up by hand tells nothing that gravity does not tell a hundred times better.
+# A box propped up by hand determines nothing that gravity does not tell a hundred times better.
 LOOSEST = 0.05  # rad
 
 

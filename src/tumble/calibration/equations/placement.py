@@ -254,7 +254,7 @@ def _added_placement(readings: PlacedReadings, adjustment: Adjustment) -> float:
 
 
 def is_excessive(square_sum: float, redundancy: int) -> bool:
-    """Tell whether chance gives so large a square sum of residuals in fewer than 1 % of cases."""
+    """Return whether chance gives so large a square sum of residuals in fewer than 1 % of cases."""
     from scipy.special import chdtrc
 
     return redundancy > 0 and float(chdtrc(redundancy, square_sum)) < EXCESS_FALSE_ALARM

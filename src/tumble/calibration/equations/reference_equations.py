@@ -84,7 +84,7 @@ class EarthRate(Equations):
         return [Linear(residual[None], np.diag(sigma**2)[None], by_border, counted=3)]
 
     def views(self, state: JointAdjustment, linear: Linear) -> list[View]:
-        """Return the vertical part where a latitude tells it, however little the gyros check it."""
+        """Return the vertical part where a latitude determines it, however little the gyros check it."""
         if state.site.latitude is None:
             return []
         vertical = np.zeros((1, linear.residual.shape[1]))

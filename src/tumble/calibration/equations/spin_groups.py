@@ -90,7 +90,7 @@ def _begins(step: object, before: object, group: SpinGroup) -> bool:
 
 
 def _another_pose(one: Pose | None, other: Pose | None, axis_b: Vector | None) -> bool:
-    """Tell whether a hold is in another pose than the spins about an axis before it make of the first one."""
+    """Return whether a hold is in another pose than the spins about an axis before it make of the first one."""
     if one is None or other is None:
         return False
     apart = one.up_b - other.up_b

@@ -111,7 +111,7 @@ def calibrate_hand_held(
     optional_terms : try g-sensitivity and quadratic terms, keep what the data want.
     unused_holds : holds whose norm and mean rate are kept out of the estimate, for cross-validation;
         a turn is kept out by marking it unusable in the timeline.
-    progress : is told in words what is being done.
+    progress : is given in words what is being done.
 
     Raises
     ------
@@ -277,7 +277,7 @@ def _start(
 def _prior(
     data: HoldsAndTurns, site: Site, values: Series, free: np.ndarray, prior: StableKnowledge | None
 ) -> Prior:
-    """Return what is known beforehand: the Earth rate, as far as the site tells it, and the unit.
+    """Return what is known beforehand: the Earth rate, as far as the site determines it, and the unit.
 
     In a hold the Earth rate's vertical part looks like a g-sensitivity of the gyros, equal on all
     axes; a latitude tells the two apart.

@@ -93,7 +93,7 @@ def calibrate_turntable(
     means : of all holds: each serves the accelerometers.
     rotations : in the order of `matching.spins`.
     matching, protocol : which rotation is about which axis.
-    site : gravity; with a latitude the vertical Earth rate tells the gyros' biases.
+    site : gravity; with a latitude the vertical Earth rate determines the gyros' biases.
     prior : non-orthogonalities of the accelerometers from an earlier calibration.
 
     Returns

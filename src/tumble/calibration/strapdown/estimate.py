@@ -35,7 +35,7 @@ from tumble.sensor import ImuModel, change_frame
 from tumble.sensor.conventions.savage import GROUPS, NAMES, OFF_DIAGONAL, PAIRS
 from tumble.units import angular_rate_factor, specific_force_factor
 
-# What an error that no sequence tells is believed to be off from its rough value by.
+# What an error that no sequence determines is believed to be off from its rough value by.
 UNTOLD = {"lambda_bias": 0.1}
 UNTOLD_ELSE = 0.01
 # How far gyros are believed to be from no asymmetry where the sequences do not tell it from the scale factor.

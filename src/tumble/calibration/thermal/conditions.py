@@ -153,7 +153,7 @@ class ThermalConditions:
         """
         if self.terms.poses == 9 or self.main is None:
             return np.zeros(len(directions))
-        # In counts nobody knows what a g-sensitivity comes to: a pose then tells nothing of another's.
+        # In counts nobody knows what a g-sensitivity comes to: a pose then determines nothing of another's.
         usual = G_SENSITIVITY * self.gravity if self.earth[1] > 0.0 else 1e6
         apart = np.linalg.norm(directions - self.main, axis=1)
         pulled: Series = usual * np.where(apart > SAME_POSE, apart, 0.0)

@@ -271,7 +271,7 @@ def _kind(points: ThermalPoints, protocol: Protocol | None, settled: np.ndarray,
 
 
 def _both_branches(points: ThermalPoints, keep: np.ndarray, span: tuple[float, float]) -> bool:
-    """Tell whether enough of the span was passed (or come to) both from below and from above."""
+    """Return whether enough of the span was passed (or come to) both from below and from above."""
     up = points.celsius[keep & (points.hysteresis > 0.5)]
     down = points.celsius[keep & (points.hysteresis < -0.5)]
     if up.size < 2 or down.size < 2:

@@ -81,7 +81,7 @@ def calibrate_thermal(
     timeline : its rests.
     site : gravity and Earth rate.
     protocol : soaks and ramps, where somebody said; tells a soak test from a sweep.
-    progress : is told in words what is being done.
+    progress : is given in words what is being done.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def _told_by(points: ThermalPoints, poses: np.ndarray, count: int) -> int:
 
 
 def _require_changes(points: ThermalPoints, recording: Recording) -> None:
-    """Refuse counts and single rests where no pose tells scale factors."""
+    """Refuse counts and single rests where no pose determines scale factors."""
     if points.force is None:
         return
     if specific_force_factor(recording.specific_force_unit) is None:
@@ -219,7 +219,7 @@ def _reference(coverage: Coverage) -> float:
 
 
 def _earth(site: Site, recording: Recording) -> tuple[float, float, float]:
-    """Return the Earth rate's vertical part, a sigma of each part across, and one of what no latitude tells."""
+    """Return the Earth rate's vertical part, a sigma of each part across, and one of what no latitude determines."""
     if angular_rate_factor(recording.angular_rate_unit) is None:
         return 0.0, 0.0, 0.0
     if site.latitude is None:
@@ -268,7 +268,7 @@ def _with_doubts(fit: ThermalFit, where: Surroundings, coverage: Coverage) -> tu
 def _with_path(
     points: ThermalPoints, terms: ThermalTerms, where: Surroundings, coverage: Coverage
 ) -> tuple[ThermalFit, list[TermTest]]:
-    """Adjust with what the way of the temperature tells: hysteresis, lag, rate, as far as the data want them."""
+    """Adjust with what the way of the temperature determines: hysteresis, lag, rate, as far as the data want them."""
     swept = coverage.kind == "ramp" and coverage.both_branches
     terms = replace(terms, lag=swept, width=swept and terms.hysteresis)
     fit = _adjusted(points, terms, where)

@@ -23,7 +23,7 @@ class Agreement:
     Attributes
     ----------
     parameter, unit : as in the list of parameters.
-    values, sigmas : (recordings,) what each tells by itself; NaN where it does not tell it.
+    values, sigmas : (recordings,) what each determines by itself; NaN where it does not tell it.
     value, sigma : of all together, before it is enlarged.
     chi_square, degrees, probability : of the differences, and how rarely chance makes them so large.
     limit : below it they are no chance.
@@ -236,13 +236,13 @@ def disagreement(
 
     Parameters
     ----------
-    estimates, covariances : (unknowns,), (unknowns, unknowns) of each recording, finite where it tells nothing.
-    precisions : (unknowns, unknowns) what each tells, singular where it tells nothing.
+    estimates, covariances : (unknowns,), (unknowns, unknowns) of each recording, finite where it determines nothing.
+    precisions : (unknowns, unknowns) what each determines, singular where it determines nothing.
     value : (unknowns,) their weighted mean.
 
     Notes
     -----
-    A recording has as many degrees of freedom as it tells directions: the trace of covariance times precision.
+    A recording has as many degrees of freedom as it determines directions: the trace of covariance times precision.
     """
     from scipy.special import chdtrc
 

@@ -210,7 +210,7 @@ def _bias_places(biases: Sequence[BiasScatter]) -> list[int]:
 
 
 def _agreements(outcome: SeveralOutcome, named: _Named, covariance: Square) -> list[Agreement]:
-    """Each stable parameter as each recording tells it by itself."""
+    """Each stable parameter as each recording determines it by itself."""
     solution = outcome.solution
     rows = named.rows(biases=False)
     slope = named.slope[rows][:, solution.stable]

@@ -51,7 +51,7 @@ class SeveralOutcome:
     ----------
     solution : of all of them.
     terms : tests of the optional terms, on all recordings together.
-    own : (recordings, stable) what each recording tells by itself, and its covariance; an unknown that it does not
+    own : (recordings, stable) what each recording determines by itself, and its covariance; an unknown that it does not
         tell is as uncertain as a name plate leaves it.
     """
 
@@ -258,7 +258,7 @@ def _refuse_untold(parts: Sequence[TurnOn]) -> None:
 def _estimates(
     parts: Sequence[TurnOn], stable: np.ndarray, told: Sequence[Told]
 ) -> list[tuple[Series, Square]]:
-    """What each recording tells by itself, with its covariance, about where all are."""
+    """What each recording determines by itself, with its covariance, about where all are."""
     at = stable_values(parts, stable)
     made: list[tuple[Series, Square]] = []
     for part, own in zip(parts, told, strict=True):
@@ -270,12 +270,12 @@ def _estimates(
     return made
 
 
-# So little that it takes nothing from what a recording tells, and keeps finite what it does not.
+# So little that it takes nothing from what a recording determines, and keeps finite what it does not.
 NAME_PLATE_WEIGHT = 1e-4
 
 
 def tells(covariance: Square, part: TurnOn, stable: np.ndarray) -> np.ndarray:
-    """Return which of the stable unknowns a recording tells by itself, (stable,) of bool.
+    """Return which of the stable unknowns a recording determines by itself, (stable,) of bool.
 
     Parameters
     ----------

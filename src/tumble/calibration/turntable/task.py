@@ -86,7 +86,7 @@ class TurntableOutcome:
 
 
 def are_apart(axes: list[Vector]) -> bool:
-    """Tell whether two of the axes enclose an angle worth the name."""
+    """Return whether two of the axes enclose an angle worth the name."""
     spread = np.linalg.svd(np.array(axes), compute_uv=False)
     return bool(spread[1] > SMALLEST_SINE * spread[0])
 
@@ -99,6 +99,6 @@ def sees_earth(matrix: Matrix, covariance: AnyArray) -> bool:
 
 
 def shows_earth(matrix: Matrix, rest: Vectors, covariance: AnyArray) -> bool:
-    """Tell whether the rests differ by what the Earth rate makes of different attitudes."""
+    """Return whether the rests differ by what the Earth rate makes of different attitudes."""
     scatter = np.std(rest @ inverted(matrix).T, axis=0)
     return bool(np.linalg.norm(scatter) > SEEN * EARTH_RATE) and sees_earth(matrix, covariance)

@@ -105,7 +105,7 @@ def run_filter(
 def _state_after(
     before: Trajectory, lever_arm_b: Vector, guide: GnssTrack, begin: float, end: float
 ) -> NavigationState | None:
-    """The state at the first fix after missing samples that tells it, or None where none does."""
+    """The state at the first fix after missing samples that determines it, or None where none does."""
     velocity = track_velocities(guide)
     speed = np.sqrt(np.nansum(velocity[:, :2] ** 2, axis=1))
     inside = np.flatnonzero((guide.time >= begin) & (guide.time < end) & _fits_neighbours(guide, velocity))

@@ -148,7 +148,7 @@ def active_on_field(parameters: dict[str, float]) -> dict[str, float]:
 
 
 def identity_of(path: Path) -> tuple[str, ...]:
-    """Return what tells the active parameters of a log from others: twelve hexadecimal digits; none without any.
+    """Return what determines the active parameters of a log from others: twelve hexadecimal digits; none without any.
 
     Parameters
     ----------
