@@ -21,6 +21,7 @@ from tumble.capture.live_blocks import MOST_BLOCKS, LiveBlocks
 from tumble.capture.live_holds import LiveHold
 from tumble.capture.targets import limits_of
 from tumble.earth import Site
+from tumble.errors import ObservabilityError
 from tumble.recording.clock import CRYSTAL, clock_of_stamps
 from tumble.recording.recording import Recording
 from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline, observe_holds
@@ -127,7 +128,11 @@ class Guide:
         if recording.angular_rate is None:
             return self._poses_alone(means, up_b)
         task = self._task_of(timeline, recording.rate)
-        known = self._information(live, recording, timeline, means, task)
+        try:
+            known = self._information(live, recording, timeline, means, task)
+        except ObservabilityError as missing:
+            # Such as of numbers that never change: what is recorded is worth more than what can be said of it.
+            return Progress(up_b=up_b, words=(str(missing),))
         progress = self._both(task, known, up_b)
         missing = _missing_poses(means.specific_force) if progress.enough else ""
         # A calibration asks for as many different poses as unknowns, however well turns tell them.
@@ -259,7 +264,6 @@ def _missing_poses(means: Vectors) -> str:
     """What `tumble calibrate` will say against the poses so far; nothing if they suffice."""
     from tumble.calibration.equations.triad_unknowns import SCALE
     from tumble.calibration.requirements import require_poses
-    from tumble.errors import ObservabilityError
 
     unknowns = np.zeros(12)
     unknowns[SCALE] = 1.0

@@ -167,6 +167,9 @@ class _UnderWay:
             self._samples(piece, now)
         elif self._order.source.live and self._capture is not None:
             self._quiet(now)
+        self._flush(now)
+
+    def _flush(self, now: float) -> None:
         if self._files is not None and now - self._flushed > FLUSH:
             self._flushed = now
             self._files.flush()
@@ -222,6 +225,8 @@ class _UnderWay:
             events.append(self._event("clock_jumped", words, before=before, after=after))
         if len(samples):
             self._files.add(samples)
+            # Before anything is computed of them, which may take a moment.
+            self._flush(now)
             for tap in self._taps:
                 tap(samples)
             for part in samples.parts(LOOK):

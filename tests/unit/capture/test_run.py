@@ -299,3 +299,17 @@ def test_targets_are_read_in_their_units() -> None:
 def test_a_target_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(UsageError, match="--target"):
         read_targets([text])
+
+
+def test_a_unit_whose_numbers_never_change_does_not_end_the_capture(tmp_path: Path) -> None:
+    from tumble.capture.samples import Channels, Samples
+
+    time_of = np.arange(1000) / 100.0
+    force, rate = np.tile([0.1, -0.2, 9.8], (1000, 1)), np.tile([0.001, 0.002, 0.003], (1000, 1))
+    whole = Samples(time_of, force, rate)
+    pieces: list[Piece] = [Channels("m/s^2", "rad/s", 100.0), *whole.parts(0.1)]
+    run = run_capture(CaptureOrder(live_source(pieces), "", SourceOptions(), tmp_path / "out", hold=2.0))
+    assert rows_in(tmp_path / "out") == 1000
+    assert run.calibration is None
+    assert run.refusal
+    assert {"hold_complete", "not_calibrated"} <= set(kinds(tmp_path / "out"))
