@@ -30,6 +30,8 @@ from tumble.errors import TumbleError
 from tumble.recording import Recording
 from tumble.recording.magnetic_field import MagneticField
 
+# rad, of a place where the simulated dip of 66° may be.
+LATITUDE = 0.84
 KINDS = ("consumer", "industrial")
 DIRECTIONS = np.random.default_rng(1).standard_normal((200, 3))
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
@@ -208,7 +210,7 @@ def alarms(made: list[Run], name: str) -> None:
     moving = np.mean([run.found.moving is not None for run in made])
     named = np.mean([bool(run.found.left_out) for run in made])
     uneven = np.mean([run.found.scatter > UNEVEN for run in made])
-    not_fit = np.mean([judge_magnetometer(run.found).use != "fit" for run in made])
+    not_fit = np.mean([judge_magnetometer(run.found, LATITUDE).use != "fit" for run in made])
     inside = np.mean([np.abs(run.errors / run.sigmas) < 1.96 for run in made if run.found.triad is not None])
     print(
         f"{name}: moves {100 * moving:.1f} %, a hold named {100 * named:.1f} %, not uniform {100 * uneven:.1f} %, "

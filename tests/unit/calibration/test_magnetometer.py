@@ -206,7 +206,7 @@ def test_a_hold_beside_iron_is_named() -> None:
     made = estimated(seen(wrong=Disturbance(iron={11: np.array([4.0, -2.0, 1.0])})))
     assert [left.index for left in made.left_out] == [11]
     assert "iron" in made.left_out[0].reason
-    assert judge_magnetometer(made).use == "fit"
+    assert judge_magnetometer(made, 0.8).use == "fit"
 
 
 def test_a_current_that_is_switched_on_is_told_with_its_time_and_size() -> None:
@@ -287,8 +287,12 @@ def test_axes_that_are_swapped_are_said_and_mirrored_ones_are_not_fit() -> None:
     assert "mirrored" in judge_magnetometer(mirrored, 0.8).reasons[0]
     assert judge_magnetometer(estimated(replace(one, values=one.values * [1, -1, 1]), GIVEN)).use == "not fit"
     # Without a latitude or a dip nothing can show it, and that is said.
-    assert any("is not checked" in remark for remark in judge_magnetometer(mirrored).remarks)
-    assert not any("is not checked" in remark for remark in judge_magnetometer(mirrored, 0.8).remarks)
+    for nowhere in (None, 0.1):
+        unchecked = judge_magnetometer(made, nowhere)
+        assert unchecked.use == "fit with reservations"
+        assert "is not checked" in unchecked.reasons[0]
+    assert judge_magnetometer(made, 0.8).use == "fit"
+    assert judge_magnetometer(mirrored).use == "fit with reservations"
 
 
 def test_a_norm_that_is_no_fields_of_the_earth_is_not_fit() -> None:

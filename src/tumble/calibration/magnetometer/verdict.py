@@ -76,7 +76,7 @@ def judge_magnetometer(made: Magnetometer, latitude: float | None = None) -> Fie
     use: Use = "not fit" if against else "fit with reservations" if reserved else "fit"
     if against and made.triad is not None:
         against.append("So the magnetometer is not corrected: the file has no matrix of it.")
-    return FieldVerdict(use, (*against, *reserved, *_in_favour(made)), tuple(_remarks(made, latitude)))
+    return FieldVerdict(use, (*against, *reserved, *_in_favour(made)), tuple(_remarks(made)))
 
 
 def _against(made: Magnetometer, latitude: float | None) -> list[str]:
@@ -189,9 +189,17 @@ def _scale(made: Magnetometer) -> float:
 
 def _hemisphere(made: Magnetometer, latitude: float | None) -> list[str]:
     """That the sign of the field is a guess, where nobody says the place: in the north it points into the ground."""
-    unsaid = latitude is None and (made.given is None or made.given.dip is None)
-    if made.triad is None or not unsaid or not made.dip < 0.0:
+    known = (made.given is not None and made.given.dip is not None) or (
+        latitude is not None and abs(latitude) > SURE_DIP
+    )
+    if made.triad is None or made.method == "ellipsoid" or known:
         return []
+    said = (
+        "Whether the magnetometer's axes are mirrored against the accelerometers' is not checked: give --site, or the "
+        "dip with --field."
+    )
+    if latitude is not None or not made.dip < 0.0:
+        return [said]
     said = (
         f"A dip of {degrees(made.dip)} is that of the southern hemisphere. In the northern one an axis of the "
         "magnetometer counts the wrong way, and all headings are reversed: give --site or --field NORM,DIP."
@@ -256,7 +264,7 @@ def _in_favour(made: Magnetometer) -> list[str]:
     return said
 
 
-def _remarks(made: Magnetometer, latitude: float | None) -> list[str]:
+def _remarks(made: Magnetometer) -> list[str]:
     said: list[str] = []
     if made.field_unit == LOCAL:
         said.append(
@@ -279,14 +287,6 @@ def _remarks(made: Magnetometer, latitude: float | None) -> list[str]:
             said.append(
                 f"The magnetometer's axes are other ones than the accelerometers': its {named}. The matrix turns them."
             )
-    known = (made.given is not None and made.given.dip is not None) or (
-        latitude is not None and abs(latitude) > SURE_DIP
-    )
-    if made.method != "ellipsoid" and not known:
-        said.append(
-            "Whether the magnetometer's axes are mirrored against the accelerometers' is not checked: give --site, or "
-            "the dip with --field."
-        )
     if made.method != "ellipsoid" and UNEVEN < made.scatter <= GOOD:
         said.append(
             f"The field differs from hold to hold by {percent(made.scatter)} of its norm (one sigma): it is not quite "
