@@ -68,6 +68,15 @@ class OneOptions:
             "stated intervals hold.",
         ),
     ] = None
+    light: Annotated[
+        bool,
+        option(
+            ADVANCED,
+            "",
+            "The report uses plotly.min.js of its folder, or of the one around it, instead of holding 5 MB of it.",
+            "--light-report",
+        ),
+    ] = False
     noise_correction: Annotated[
         bool,
         detail(

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
     from tumble.report.page import Block, Page, Plot
 
+# What a page's plotting library is called that lies beside it.
+LIBRARY = "plotly.min.js"
 # The page may run what it holds and draw what it made, and fetch nothing.
 _RUNS = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "

@@ -36,7 +36,6 @@ from tumble.workflows.progress import silent
 
 FORMAT, VERSION = "tumble batch unit", 1
 UNITS = "units"
-LIBRARY = "plotly.min.js"
 REPORTS = ("none", "failed", "all")
 
 
@@ -185,7 +184,7 @@ def _write_unit(folder: Path, outcome: UnitOutcome) -> None:
 
 
 def _write_library(folder: Path) -> None:
-    from tumble.report.html import plotting_library
+    from tumble.report.html import LIBRARY, plotting_library
 
     text = plotting_library()
     place = folder / LIBRARY
@@ -272,7 +271,7 @@ def _say_noise(units: list[UnitOutcome], said: dict[str, list[str]]) -> None:
 
 def _write_tables(folder: Path, batch: Batch) -> None:
     from tumble.report.batch import batch_page
-    from tumble.report.html import render_page
+    from tumble.report.html import LIBRARY, render_page
     from tumble.workflows.batch_table import csv_text, rows_of, write_parquet
 
     heads, rows = rows_of(batch)

@@ -134,6 +134,7 @@ def calibrate(
     notes: Notes = None,
     limits: str | os.PathLike[str] | None = None,
     field: str | None = None,
+    light: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> CalibrationRun:
     """Calibrate the IMU of one or several recordings.
@@ -163,6 +164,7 @@ def calibrate(
     notes : what else to note by name: operator, place, instrument, remarks.
     limits : file of acceptance limits, which the calibration is held against.
     field : the magnetic field at the site, see `given_field`; None where it is not known.
+    light : let the report use ``plotly.min.js`` of its folder or of the one around it, instead of holding a copy.
     progress : is given in words what is being done.
 
     Raises
@@ -218,7 +220,7 @@ def calibrate(
         if not alone:
             raise
         try:
-            return _field_run(session, magnetic, str(error), imu, folder, clock)
+            return _field_run(session, magnetic, str(error), imu, folder, light, clock)
         except ObservabilityError as further:
             raise type(error)(
                 f"{error} The magnetometer does not serve by itself either. {further}"
@@ -255,7 +257,7 @@ def calibrate(
     run.predicted = {} if given is None else given.predicted()
     if folder is not None:
         say("writing the report")
-        write_run(run, folder)
+        write_run(run, folder, light=light)
         clock.lap("reporting")
     return run
 
@@ -266,6 +268,7 @@ def _field_run(
     why: str,
     imu: tuple[str | None, str | None],
     folder: Path | None,
+    light: bool,
     clock: Clock,
 ) -> CalibrationRun:
     """The magnetometer by itself, where the recording determines no other triad."""
@@ -276,7 +279,7 @@ def _field_run(
     run.seconds = clock.seconds
     if folder is not None:
         session.say("writing the report")
-        write_run(run, folder)
+        write_run(run, folder, light=light)
         clock.lap("reporting")
     return run
 
@@ -492,7 +495,7 @@ def read_prior(prior: str | os.PathLike[str], serial: str | None = None) -> Stab
     return replace(known, of_fleet=earlier.procedure == PROCEDURE)
 
 
-def write_run(run: CalibrationRun, folder: Path) -> None:
+def write_run(run: CalibrationRun, folder: Path, *, light: bool = False) -> None:
     """Write both files beside their places, then rename both.
 
     An earlier calibration there, of other recordings, is kept as ``calibration-before-IDENTITY.json``.
@@ -500,6 +503,7 @@ def write_run(run: CalibrationRun, folder: Path) -> None:
     Parameters
     ----------
     run, folder : what was made, and where it goes; the run is told its files.
+    light : let the report use a plotting library that lies in the folder, or in the one around it.
 
     Raises
     ------
@@ -507,11 +511,18 @@ def write_run(run: CalibrationRun, folder: Path) -> None:
         If the folder cannot be made or written to.
     """
     from tumble.files import write_texts
+    from tumble.report.html import LIBRARY, plotting_library
 
     kept = _of_other_recordings(folder / "calibration.json", run.calibration)
+    library = None
+    if light:
+        own, shared = folder / LIBRARY, folder.parent / LIBRARY
+        library = LIBRARY if own.is_file() or not shared.is_file() else f"../{LIBRARY}"
+        if library == LIBRARY and not own.is_file():
+            kept[own] = plotting_library()
+    report = report_of(run, library)
     run.files = write_texts(
-        {folder / "calibration.json": run.calibration.to_json(), folder / "report.html": report_of(run)}
-        | kept
+        {folder / "calibration.json": run.calibration.to_json(), folder / "report.html": report} | kept
     )
 
 
