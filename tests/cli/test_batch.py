@@ -138,8 +138,7 @@ def test_unreadable_limits_and_a_wrong_source_are_one_sentence(
         ("--scheduler", "tcp://127.0.0.1:1"),
     ):
         if extra[0] == "--scheduler":
-            pytest.importorskip("distributed")
-            continue  # a cluster that does not answer takes its time: see the statistics
+            continue  # a cluster that does not answer takes ten seconds
         answer = tumble("batch", lot, "-o", tmp_path / "out", *extra)
         assert answer.status == 2
         assert answer.err.count("\n") == 1
@@ -161,3 +160,59 @@ def test_killed_and_run_again_it_is_as_if_nothing_had_happened(
     assert tumble(*call).status == 1
     assert table_of(out) == table_of(done[0])
     assert not list(out.rglob("*.part"))
+
+
+@pytest.mark.slow
+def test_a_cluster_that_loses_a_worker_in_the_middle_does_all_units(
+    tumble: Any, lot: Path, done: tuple[Path, Any], tmp_path: Path
+) -> None:
+    """Two workers of Dask as processes of their own, of which one is killed when the first unit is there."""
+    distributed = pytest.importorskip("distributed", reason="the extra fleet is not installed")
+    from tumble.workflows.batch import run_batch
+    from tumble.workflows.batch_unit import BatchOptions
+
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=str(tmp_path / "dask")
+    ) as cluster:
+        killed: list[int] = []
+
+        def kill_once(words: str) -> None:
+            if words.startswith("1 of") and not killed:
+                killed.append(next(iter(cluster.workers.values())).pid)
+                os.kill(killed[0], signal.SIGKILL)
+
+        batch = run_batch(
+            str(lot),
+            tmp_path / "out",
+            BatchOptions(gravity=GRAVITY),
+            scheduler=cluster.scheduler_address,
+            progress=kill_once,
+        )
+    assert len(killed) == 1
+    assert batch.accepted == 3
+    assert table_of(tmp_path / "out") == table_of(done[0])
+
+
+@pytest.mark.slow
+def test_nobody_who_answers_as_a_scheduler_is_one_sentence_without_the_password(
+    tumble: Any, lot: Path, tmp_path: Path
+) -> None:
+    pytest.importorskip("distributed", reason="the extra fleet is not installed")
+    for address in ("tcp://127.0.0.1:1", "tcp://me:secret@127.0.0.1:1"):
+        answer = tumble("batch", lot, "-o", tmp_path / "out", "--scheduler", address)
+        assert answer.status == 2
+        assert answer.err.count("\n") == 1
+        assert "secret" not in answer.err
+
+
+def test_a_url_s_password_is_neither_printed_nor_in_the_table(tumble: Any, tmp_path: Path) -> None:
+    manifest, out = tmp_path / "lot.csv", tmp_path / "out"
+    manifest.write_text("unit,files\nA,ftp://me:secret@127.0.0.1:1/a.csv\n", encoding="utf-8")
+    answer = tumble("batch", manifest, "-o", out, "--workers", 1)
+    assert answer.status == 1
+    assert table_of(out)["A"]["files"] == "ftp://***@127.0.0.1:1/a.csv"
+    said = answer.out + answer.err + "".join(one.read_text("utf-8") for one in out.rglob("*.json"))
+    assert "secret" not in said + (out / "table.csv").read_text("utf-8") + (out / "table.html").read_text(
+        "utf-8"
+    )
+    assert "secret" not in tumble("batch", "http://me:secret@127.0.0.1:1/a.csv", "-o", tmp_path / "o").err
