@@ -232,6 +232,7 @@ def study_prior(folder: Path) -> None:
     from tumble.recording import read_recordings
     from tumble.registry import open_registry
     from tumble.segmentation import find_timeline, observe_holds
+    from tumble.sensor import change_frame
     from tumble.workflows.data_sheet import find_sheet
     from tumble.workflows.registry import fleet
 
@@ -258,11 +259,8 @@ def study_prior(folder: Path) -> None:
                     )
                 except ObservabilityError:
                     continue
-                true = (
-                    find_grade("consumer-mems")
-                    .simulate_model(np.random.default_rng([3, unit]))
-                    .turned(np.eye(3))
-                )
+                drawn = find_grade("consumer-mems").simulate_model(np.random.default_rng([3, unit]))
+                true = change_frame(drawn, "accelerometer-x")
                 assert estimate.model.accelerometer is not None
                 assert true.accelerometer is not None
                 rows, columns = np.tril_indices(3)

@@ -14,6 +14,8 @@ from tumble.report.page import Block, Facts, Figure, Figures, Page, Sentences, T
 MOST_ROWS = 2000
 """Units that the page lists; the table's other forms have them all."""
 _BINS = 30
+# Three angles between axes, three colours.
+_COLOURS = AXIS_COLOURS | dict(zip(("yz", "zx", "zy"), AXIS_COLOURS.values(), strict=True))
 
 
 def batch_page(batch: Batch) -> Page:
@@ -87,7 +89,7 @@ def _histogram(
             "name": member.rpartition(" ")[2],
             "x": middles,
             "y": np.histogram(columns[member], edges)[0].tolist(),
-            "marker": {"color": AXIS_COLOURS.get(member.rpartition(" ")[2], BLUE)},
+            "marker": {"color": _COLOURS.get(member.rpartition(" ")[2], BLUE)},
             "opacity": 0.75,
         }
         for member in members
