@@ -48,6 +48,7 @@ function event(one) {
   if (one.event === "next_pose") { next = one; show("next", one.words); show("next-caption", one.turn_axis ? `Next: turn from here, ${one.pose ?? ""}` : one.pose ? `Next: ${one.pose}` : "Next: as it lies"); }
   if (one.event === "hold_refused") { refused.push(one); headline(one.words, "bad"); }
   if (one.event === "silence") headline(one.words, "bad");
+  if (one.event === "back") until = 0;
   if (one.event === "enough") headline("It is enough. " + one.words, "good");
   if (["calibrated", "not_calibrated", "characterised"].includes(one.event)) finish(one);
   holds();
