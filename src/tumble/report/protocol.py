@@ -57,8 +57,9 @@ def step_words(step: Step) -> str:
 
     Examples
     --------
+    >>> import numpy as np
     >>> from tumble.protocol import HoldStep, SpinStep
-    >>> step_words(HoldStep(5.0, None, "on its back")), step_words(SpinStep(8.0, -0.7854))
+    >>> step_words(HoldStep(5.0, None, "on its back")), step_words(SpinStep(8.0, -np.pi / 4))
     ('hold: on its back', 'spin: -45°/s about up')
     """
     from tumble.protocol import SpinStep

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from tumble.report.calibration import parameter_table
@@ -92,8 +93,23 @@ def _in_lines(rows: Sequence[ParameterRow], width: int) -> list[str]:
     widths = [max(len(row[place]) for row in cells if len(row) > 1) for place in range(5)]
     gap = next((gap for gap in (2, 1) if sum(widths) + gap * (len(widths) - 1) <= width), 0)
     if not gap:
-        return _one_each(rows)
+        return _joined(cells, rows, width)
     return [(" " * gap).join(map(str.ljust, row, widths)).rstrip() for row in cells]
+
+
+def _joined(cells: Sequence[tuple[str, ...]], rows: Sequence[ParameterRow], width: int) -> list[str]:
+    """A family a line without columns, where columns are too wide; a parameter a line where that is, too."""
+    lines = ["value ± standard uncertainty, of x, y and z"]
+    for cell in cells[2:]:
+        if len(cell) == 1:
+            lines.append(cell[0])
+            continue
+        name, *texts, unit = cell
+        # A value, its ± and its uncertainty stay in one line.
+        joined = ", ".join(text.replace(" ", "\N{NO-BREAK SPACE}") for text in texts if text)
+        broken = wrap(f"{name.strip()}: {joined} {unit}", width - 1, subsequent_indent="  ")
+        lines += [f" {one}".replace("\N{NO-BREAK SPACE}", " ") for one in broken]
+    return lines if max(map(len, lines)) <= width else _one_each(rows)
 
 
 def _one_each(rows: Sequence[ParameterRow]) -> list[str]:

@@ -113,3 +113,20 @@ def test_a_narrow_terminal_folds_and_cuts_nothing_off(
     text = printed(calibration, width=width, verbose=verbose)
     assert "…" not in text
     assert all(len(line) <= width for line in text.splitlines())
+
+
+def test_wide_numbers_stand_a_family_a_line_and_no_number_is_torn_apart() -> None:
+    from tumble.report.summary import _joined
+
+    cells: list[tuple[str, ...]] = [
+        ("value ± standard uncertainty",),
+        ("", "x", "y", "z", ""),
+        ("Accelerometer",),
+        (" scale factor", "847.069 ± 0.061", "826.574 ± 0.060", "836.137 ± 0.063", "counts/(m/s²)"),
+    ]
+    assert _joined(cells, [], 80)[2:] == [
+        " scale factor: 847.069 ± 0.061, 826.574 ± 0.060, 836.137 ± 0.063 counts/(m/s²)"
+    ]
+    narrow = _joined(cells, [], 50)[2:]
+    assert max(map(len, narrow)) <= 50
+    assert "826.574 ± 0.060" in " ".join(narrow)
