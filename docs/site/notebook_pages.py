@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 from command_pages import write_page
@@ -16,6 +17,6 @@ def write_notebook_page(notebook: Path, page: Path) -> None:
         else f"```python\n{''.join(cell['source'])}\n```"
         for cell in json.loads(notebook.read_text(encoding="utf-8"))["cells"]
     ]
-    write_page(
-        page, "\n\n".join(parts) + f"\n\nThe notebook: {{download}}`{notebook.name} <../{notebook.name}>`.\n"
-    )
+    # Links of a notebook are to the pages beside it; its page stands in another folder.
+    text = re.sub(r"\]\((\w[\w/-]*\.md)", r"](/\1", "\n\n".join(parts))
+    write_page(page, text + f"\n\nThe notebook: {{download}}`{notebook.name} <../{notebook.name}>`.\n")
