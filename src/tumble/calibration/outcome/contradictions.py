@@ -8,7 +8,7 @@ import numpy as np
 
 from tumble.arrays import Series
 from tumble.calibration.equations.rotation_equations import Links
-from tumble.calibration.equations.spin_readings import contradicting_rates
+from tumble.calibration.equations.spin_readings import LEAST_CONTRADICTION, contradicting_rates
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.gauss_helmert import Prior
 from tumble.estimation.solve import solve
@@ -133,6 +133,8 @@ def _of_rates(outcome: JointOutcome) -> list[str]:
     """Believed rates of a table, against what the corrected gyros show while it turns."""
     rates: list[float] = []
     errors: list[float] = []
+    sigmas: list[float] = []
+    names: list[str] = []
     for found in outcome.balanced.solution.chains():
         kinds = {term.equations.kind: term.equations for term in found.chain.terms}
         links = kinds.get("links")
@@ -141,7 +143,21 @@ def _of_rates(outcome: JointOutcome) -> list[str]:
         shown = links.mean_rate(outcome.task.unknowns)
         rates.append(abs(links.spin.turn_rate))
         errors.append(shown - abs(links.spin.turn_rate))
-    return contradicting_rates(np.array(rates), np.array(errors)) if rates else []
+        sigmas.append(float(np.hypot(links.mean_rate_sigma(outcome.task), links.spin.rate_sigma)))
+        names.append(links.spin.name)
+    if not rates:
+        return []
+    said = contradicting_rates(np.array(rates), np.array(errors))
+    times = np.abs(errors) / np.array(sigmas)
+    worst = int(np.argmax(times))
+    if not said and times[worst] > CONTRADICTION and abs(errors[worst]) > LEAST_CONTRADICTION * rates[worst]:
+        off = 100.0 * errors[worst] / rates[worst]
+        sentence = (
+            f"In {names[worst]} the gyros show {off:+.2g} % more than the rate that the protocol states, "
+            f"{times[worst]:.2g} times what noise explains. Look at the table's rate there."
+        )
+        return [sentence]
+    return said
 
 
 def _of_belief(outcome: JointOutcome) -> list[str]:
