@@ -212,6 +212,7 @@ def test_split_topics_are_merged(tmp_path: Path) -> None:
     assert np.array_equal(recording.specific_force, [f for _, f, _ in samples()])
     assert np.array_equal(recording.angular_rate, [w for _, _, w in samples()])
     assert "/accel/sample as the accelerometer and /gyro/sample as the gyro" in texts(recording)
+    assert recording.sources[0].topic is None
 
 
 def test_topics_are_listed_with_type_number_and_rate(tmp_path: Path) -> None:
@@ -225,7 +226,9 @@ def test_two_sensors_are_not_mixed_unless_one_is_named(tmp_path: Path) -> None:
         RecordingError, match=r"several sensors: /left .*, /right .*; name one of them with --topic"
     ):
         read_recording(tmp_path / "a.bag")
-    assert len(read_recording(tmp_path / "a.bag", topics=["right"])) == 300
+    right = read_recording(tmp_path / "a.bag", topics=["right"])
+    assert len(right) == 300
+    assert right.sources[0].topic == "/right"
     with pytest.raises(RecordingError, match="name one of them"):
         read_recording(tmp_path / "a.bag", topics=["/left", "/right"])
 

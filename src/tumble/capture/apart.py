@@ -122,7 +122,7 @@ class ApartSensors:
         """Choose of each kind the best sensor that shows anything but zeros."""
         chosen: dict[str, tuple[str, int]] = {}
         for key in sorted(self._sensors):
-            if key[0] not in chosen and np.any(self._sensors[key].values):
+            if key[0] not in chosen and np.array(self._sensors[key].values).any():
                 chosen[key[0]] = key
         base = self._sensors.get(chosen.get("rate") or chosen.get("force") or ("", 0))
         if base is None or len(base.time) < 2:
@@ -131,7 +131,7 @@ class ApartSensors:
         said = read_units_option(self._options.units)
         force = said.specific_force or self._force_unit
         if not force and "force" in chosen:
-            sizes = np.linalg.norm(self._sensors[chosen["force"]].values, axis=1)
+            sizes = np.linalg.norm(np.array(self._sensors[chosen["force"]].values), axis=1)
             force = "g" if float(np.median(sizes)) < _LARGEST_IN_G else "m/s^2"
         step = float(np.median(np.diff(base.time)))
         return Channels(

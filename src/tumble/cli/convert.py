@@ -48,8 +48,8 @@ class FormOptions:
         detail(_NOISE, "S", "Of consumers with Gauss-Markov biases (KF-GINS, OKVIS).", show_default=True),
     ] = 3600.0
     ros_topic: Annotated[
-        str, option(ADVANCED, "NAME", "ROS topic, for forms that name one.", show_default=True)
-    ] = "/imu0"
+        str | None, option(ADVANCED, "NAME", "ROS topic, for forms that name one (the bag's, else /imu0).")
+    ] = None
 
 
 @dataclass(frozen=True)

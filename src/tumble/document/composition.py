@@ -88,7 +88,7 @@ def calibration_from_estimate(
         imu=Imu(model=_name(imu[0]), serial_number=_name(imu[1])),
         notes=dict(notes or {}),
         procedure=estimate.procedure,
-        recordings=[RecordingName(name=s.name, sha256=s.sha256) for s in recording.sources],
+        recordings=[RecordingName(name=s.name, sha256=s.sha256, topic=s.topic) for s in recording.sources],
         site=site_block(site),
         temperature_celsius=temperature,
         frame=FrameBlock(name=estimate.frame, description=FRAME_WORDS[estimate.frame]),

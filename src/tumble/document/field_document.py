@@ -57,7 +57,7 @@ def field_document(
         software=f"tumble {tumble.__version__}",
         imu=Imu(model=_name(imu[0]), serial_number=_name(imu[1])),
         procedure=FIELD_ALONE,
-        recordings=[RecordingName(name=s.name, sha256=s.sha256) for s in recording.sources],
+        recordings=[RecordingName(name=s.name, sha256=s.sha256, topic=s.topic) for s in recording.sources],
         site=site_block(site),
         temperature_celsius=mean_celsius(recording.temperature),
         frame=FrameBlock(name=FIELD_ALONE, description=_FRAME),

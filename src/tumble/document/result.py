@@ -59,10 +59,11 @@ class Imu(_Strict):
 
 
 class RecordingName(_Strict):
-    """A recording that the calibration was made from."""
+    """A recording that the calibration was made from; of a bag with the topic that has both triads."""
 
     name: str
     sha256: str
+    topic: str | None = None
 
 
 class SiteBlock(_Strict):

@@ -45,7 +45,7 @@ class Wishes:
     instance : which IMU of the vehicle, from 0.
     per_count : m/s² and rad/s that the driver makes of one count, for calibrations in counts.
     correlation_time : s, of consumers whose biases are Gauss-Markov processes.
-    topic : name of the ROS topic.
+    topic : name of the ROS topic, or None for the one that the recording was made from, or else /imu0.
     """
 
     frame: str | None = None
@@ -54,7 +54,7 @@ class Wishes:
     instance: int = 0
     per_count: tuple[float, float] | None = None
     correlation_time: float = 3600.0
-    topic: str = "/imu0"
+    topic: str | None = None
 
     def __post_init__(self) -> None:
         """Check the numbers.
@@ -97,6 +97,15 @@ class Subject:
     losses: tuple[Loss, ...] = ()
     remarks: tuple[str, ...] = field(default=())
     magnetometer: FieldCorrection | None = None
+
+    @property
+    def topic(self) -> str:
+        """The ROS topic: the user's, or that of the recordings if they have one, or /imu0."""
+        recorded = (
+            {r.topic for r in self.calibration.recordings} if self.calibration is not None else set[None]()
+        )
+        alone = recorded.pop() if len(recorded) == 1 else None
+        return self.wishes.topic or alone or "/imu0"
 
     @property
     def accelerometer(self) -> Triad:

@@ -251,6 +251,8 @@ def read_blocks(
         table = table if field is None else replace(table, field=field)
         if decided is None:
             sources = tuple(source_of(p) if isinstance(p, Path) else frame_table(p).source for p in listed)
+            if len(sources) == 1:
+                sources = (replace(sources[0], topic=table.source.topic),)
             decided, _ = interpret(table, plan, declared, rate, sources, remarks, parted=parted)
             block = interpret_block(table, decided, state, sources, parted=parted)
             block = None if block is None else replace(block, remarks=decided.remarks)

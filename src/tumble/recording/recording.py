@@ -19,10 +19,11 @@ from tumble.recording.magnetic_field import MagneticField
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """One file that a recording was read from."""
+    """One file that a recording was read from, and the topic where it is a bag and one topic has both triads."""
 
     name: str
     sha256: str
+    topic: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

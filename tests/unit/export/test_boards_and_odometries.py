@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from tumble.document.imported import calibration_from_model
-from tumble.document.result import Calibration
+from tumble.document.result import Calibration, RecordingName
 from tumble.errors import UsageError
 from tumble.export.noise import SensorNoise, TriadNoise
 from tumble.export.registry import TARGETS
@@ -62,6 +62,20 @@ def test_dlio_says_that_it_loses_the_gyros_matrix() -> None:
     assert "g-sensitivity is left out" in text
     with pytest.raises(UsageError, match="--largest-loss"):
         text_of("dlio", model, largest_loss=0.9 * size)
+
+
+def test_the_topic_is_the_recording_s_unless_another_is_asked_for() -> None:
+    """Of recordings of two topics neither is."""
+    model = ImuModel(Triad(M_A, B_A), Triad(M_G, B_G), G)
+
+    def topic_of(*recorded: str | None, asked: str | None = None) -> str:
+        names = [RecordingName(name="a.bag", sha256="0" * 64, topic=topic) for topic in recorded]
+        made = document(model).model_copy(update={"recordings": names})
+        return prepare(made, TARGETS["python"], Wishes(topic=asked)).topic
+
+    assert topic_of("/left/imu") == topic_of("/left/imu", "/left/imu") == "/left/imu"
+    assert topic_of() == topic_of(None) == topic_of("/left/imu", "/right/imu") == "/imu0"
+    assert topic_of("/left/imu", asked="/mine") == "/mine"
 
 
 def numbers(text: str, name: str) -> np.ndarray:

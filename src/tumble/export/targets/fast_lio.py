@@ -26,7 +26,7 @@ def write(subject: Subject) -> dict[str, str]:
     rate = noise.rate
     lines = [
         "common:",
-        f"  imu_topic: {quoted(subject.wishes.topic)}",
+        f"  imu_topic: {quoted(subject.topic)}",
         "mapping:",
         f"  acc_cov: {number(noise.accelerometer.density**2 * rate)}  # (m/s^2)^2, one sample",
         f"  gyr_cov: {number(noise.gyroscope.density**2 * rate)}  # (rad/s)^2, one sample",

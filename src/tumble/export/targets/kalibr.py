@@ -61,7 +61,7 @@ def write(subject: Subject) -> dict[str, str]:
     if subject.noise is not None:
         lines += noise_lines(subject.noise, 2)
         lines.append(f"  update_rate: {number(subject.noise.rate)}")
-    lines += [f"  rostopic: {yaml_text(subject.wishes.topic)}", "  time_offset: 0.0"]
+    lines += [f"  rostopic: {yaml_text(subject.topic)}", "  time_offset: 0.0"]
     return {"imu-intrinsics.yaml": commented(head(subject, TARGET.title, FORMULA)) + "\n".join(lines) + "\n"}
 
 

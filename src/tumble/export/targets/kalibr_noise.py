@@ -16,7 +16,7 @@ def write(subject: Subject) -> dict[str, str]:
     )
     lines = [
         *noise_lines(subject.noise),
-        f"rostopic: {yaml_text(subject.wishes.topic)}",
+        f"rostopic: {yaml_text(subject.topic)}",
         f"update_rate: {number(subject.noise.rate)}  # Hz",
     ]
     return {"imu.yaml": commented(said) + "\n".join(lines) + "\n"}

@@ -24,7 +24,7 @@ def write(subject: Subject) -> dict[str, str]:
     )
     lines = [
         "lio_sam:",
-        f"  imuTopic: {yaml_text(subject.wishes.topic)}",
+        f"  imuTopic: {yaml_text(subject.topic)}",
         f"  imuAccNoise: {number(noise.accelerometer.density)}  # m/s^2/sqrt(Hz)",
         f"  imuGyrNoise: {number(noise.gyroscope.density)}  # rad/s/sqrt(Hz)",
         f"  imuAccBiasN: {number(noise.accelerometer.walk)}  # m/s^3/sqrt(Hz)",

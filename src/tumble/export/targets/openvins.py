@@ -38,7 +38,7 @@ def write(subject: Subject) -> dict[str, str]:
         lines += noise_lines(subject.noise, 2)
         lines.append(f"  update_rate: {number(subject.noise.rate)}")
     lines += [
-        f"  rostopic: {yaml_text(subject.wishes.topic)}",
+        f"  rostopic: {yaml_text(subject.topic)}",
         "  time_offset: 0.0",
         '  model: "kalibr"',
         f"  bias_acc: {row(subject.accelerometer.bias)}",

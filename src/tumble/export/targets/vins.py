@@ -31,7 +31,7 @@ def write(subject: Subject) -> dict[str, str]:
         f"acc_w: {number(noise.accelerometer.walk * root)}",
         f"gyr_w: {number(noise.gyroscope.walk * root)}",
         f"g_norm: {number(gravity_of(subject))}  # m/s^2",
-        f"imu_topic: {quoted(subject.wishes.topic)}",
+        f"imu_topic: {quoted(subject.topic)}",
     ]
     text = commented(head(subject, TARGET.title, formula, _NO_VECTOR)) + "\n".join(lines) + "\n"
     return {"vins_imu.yaml": "%YAML:1.0\n" + text}

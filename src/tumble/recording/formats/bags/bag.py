@@ -312,6 +312,7 @@ def bag_blocks(bag: Bag, wanted: Sequence[str], source: Source) -> Iterator[RawT
     ]
     split = choice.force is not None and choice.rates is not None and choice.force != choice.rates
     merging = Merging(bag.path.name, choice.force or "", choice.rates or "") if split else None
+    source = source if split else replace(source, topic=choice.names()[0])
     held: Samples | None = None
     gathered = _merged(batches.pieces(bag), merging) if merging else _single(batches.pieces(bag))
     for samples in gathered:
@@ -378,7 +379,7 @@ def bag_table(bag: Bag, wanted: Sequence[str], source: Source) -> RawTable:
     if len(tables) == 1:
         return replace(tables[0], remarks=remarks, field=magnetic)
     columns = [np.concatenate([t.columns[i] for t in tables]) for i in range(len(tables[0].columns))]
-    return RawTable(tables[0].path, tables[0].names, columns, source, remarks, field=magnetic)
+    return RawTable(tables[0].path, tables[0].names, columns, tables[0].source, remarks, field=magnetic)
 
 
 def _field_table(bag: Bag, magnetic: FieldStream, source: Source, said: list[Remark]) -> RawTable:
