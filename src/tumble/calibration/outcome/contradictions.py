@@ -28,8 +28,8 @@ CONTRADICTION, SMALLEST_VERTICAL = 5.0, 5e-7  # rad/s
 LEAST_MISSED = 5e-4  # rad
 # Gravity that goes round with a table, against the gyros: no table shakes by so much for seconds.
 LARGEST_TABLE_MISFIT = 1e-3  # rad
-# A share that is believed is asked for anew where the first order has it off by so many standard uncertainties; then
-# next to nothing is believed of it.
+# A share that is believed is looked at closer where it is off by so many standard uncertainties; next to nothing is
+# believed of it then.
 SUSPECTED, UNBELIEVED = 1.5, 1.0
 # Twice the log-likelihood that it has to gain: of five turns chance does it in one of thirty thousand recordings.
 EVIDENT = 20.0
@@ -168,10 +168,15 @@ def _of_belief(outcome: JointOutcome) -> list[str]:
     believed, rotations = outcome.table_sigma, outcome.data.rotations.values()
     if believed is None or all(rotation.turn_rate is None for rotation in rotations):
         return []
-    off, sigma, _ = _released(outcome, float(outcome.task.noise["turn"]))
-    if abs(off) < SUSPECTED * np.hypot(sigma, believed):
-        return []
-    off, sigma, evidence = _unbelieved(outcome)
+    try:
+        off, sigma, _ = _released(outcome, float(outcome.task.noise["turn"]))
+        if abs(off) < SUSPECTED * np.hypot(sigma, believed):
+            return []
+        off, sigma, evidence = _unbelieved(outcome)
+    except (ConvergenceError, ObservabilityError) as error:
+        return [
+            f"Whether the turns between the holds agree with the table's rates could not be found: {error}"
+        ]
     if evidence < EVIDENT or abs(off) < CONTRADICTION * np.hypot(sigma, believed):
         return []
     way = "faster" if off > 0.0 else "slower"
@@ -187,7 +192,7 @@ def _unbelieved(outcome: JointOutcome) -> tuple[float, float, float]:
     """The table's share as all but the belief in it shows it, its standard uncertainty, and the log-likelihood gained.
 
     Twice that, to be exact. The turns' noise was raised until the belief was no contradiction, which hides it. So it
-    is the one that is most likely without the belief, to first order.
+    is the one that is most likely without the belief.
     """
     turn, floors = float(outcome.task.noise["turn"]), _turn_variances(outcome)
 
@@ -217,7 +222,7 @@ def _turn_variances(outcome: JointOutcome) -> Series:
 
 
 def _released(outcome: JointOutcome, variance: float) -> tuple[float, float, float]:
-    """The table's share after one step with nothing believed of it, its standard uncertainty, and the square sum.
+    """The table's share with nothing believed of it, its standard uncertainty, and the square sum.
 
     The turns have another variance.
     """
@@ -233,7 +238,8 @@ def _released(outcome: JointOutcome, variance: float) -> tuple[float, float, flo
     mean[place] = 0.0
     task.prior = Prior(mean, precision)
     task.noise.set("turn", variance)
-    made = solve(task, once=True)
+    # One step is not enough: the estimate has gone far to fit a wrong rate, where axes lean by degrees farthest.
+    made = solve(task)
     (at,) = task.unknowns.places(["table_rate"])
     return float(task.unknowns.values[place]), float(np.sqrt(made.cofactor[at, at])), made.square_sum
 
