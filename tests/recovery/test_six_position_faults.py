@@ -58,7 +58,14 @@ def test_the_improved_test_does_not_go_by_a_pose_that_few_checks_contradict(tmp_
     ]
 
 
-@pytest.mark.parametrize("grade", list(GRADES))
+@pytest.mark.parametrize("grade", [name for name in GRADES if name != "hobby"])
 def test_right_recordings_are_fit(grade: str, tmp_path: Path) -> None:
     for seed in range(6100, 6104):
         assert calibrated(seed, grade, None, tmp_path)["verdict"]["fit"]
+
+
+def test_axes_that_lean_by_degrees_are_too_much_for_a_test_without_them(tmp_path: Path) -> None:
+    """The test leaves misalignments in: gravity is missed by 35 mm/s², which is what the verdict is for."""
+    document = calibrated(6101, "hobby", None, tmp_path)
+    assert not document["verdict"]["fit"]
+    assert "does not describe these holds" in document["verdict"]["reasons"][0]
