@@ -203,7 +203,7 @@ def test_what_the_contract_promises_stands_in_the_file(example: Calibration) -> 
         assert key in document, key
     assert (document["format"], document["version"]) == ("tumble calibration", 1)
     assert {"latitude_deg", "height_m", "gravity", "earth_rate"} <= set(document["site"])
-    assert document["recordings"] == [{"name": "tumbled.csv", "sha256": "0" * 64}]
+    assert document["recordings"] == [{"name": "tumbled.csv", "sha256": "0" * 64, "topic": None}]
     assert set(document["parameters"][0]) == {
         "name",
         "value",
