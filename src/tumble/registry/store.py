@@ -326,6 +326,8 @@ def series(
 ) -> list[ParameterSeries]:
     """Return parameters of all calibrations over time, those with the same parameters together, the most first.
 
+    A unit's calibrations whose numbers are all equal are one, the first.
+
     Parameters
     ----------
     registry : to look in.
@@ -355,8 +357,12 @@ def series(
         rows = connection.execute(query.order_by(schema.units.c.name, table.c.created, table.c.id)).all()
         named = connection.execute(select(schema.layouts.c.id, schema.layouts.c.names)).all()
     layouts = {int(number): str(names) for number, names in named}
-    by_layout: dict[int, list[Any]] = {}
+    # One estimate that was judged by other limits is another document, and no other measurement.
+    first: dict[tuple[str, bytes], Any] = {}
     for row in rows:
+        first.setdefault((row[1], row[3]), row)
+    by_layout: dict[int, list[Any]] = {}
+    for row in first.values():
         by_layout.setdefault(row[0], []).append(row)
     made = [_series(json.loads(layouts[number]), members) for number, members in by_layout.items()]
     return sorted(made, key=lambda one: -len(one.created))

@@ -65,6 +65,17 @@ def test_numbers_come_out_to_the_last_digit_in_the_order_of_time(
     assert [entry.unit for entry in entries(registry)] == ["B", "A", "B", "A"]
 
 
+def test_an_estimate_that_was_judged_twice_is_one_measurement(registry: Registry, document: Document) -> None:
+    """By other limits it is another document; two of them would look like a perfect repetition."""
+    made = document("A", 1.0, VALUES, SIGMAS)
+    add(registry, made)
+    add(registry, made.model_copy(update={"remarks": ["judged by other limits"]}))
+    add(registry, document("A", 1.0, VALUES + 1e-9, SIGMAS))
+    assert counted(registry) == (1, 3)
+    (found,) = series(registry)
+    assert np.array_equal(found.values, [VALUES, VALUES + 1e-9])
+
+
 def test_a_unit_without_a_name_and_a_document_of_another_unit_are_refused(
     registry: Registry, document: Document
 ) -> None:
