@@ -168,6 +168,9 @@ def _of_belief(outcome: JointOutcome) -> list[str]:
     believed, rotations = outcome.table_sigma, outcome.data.rotations.values()
     if believed is None or all(rotation.turn_rate is None for rotation in rotations):
         return []
+    # Without turns nothing shows the share.
+    if not np.any(outcome.task.taking_part["turn"]):
+        return []
     try:
         off, sigma, _ = _released(outcome, float(outcome.task.noise["turn"]))
         if abs(off) < SUSPECTED * np.hypot(sigma, believed):
