@@ -22,9 +22,9 @@ STANDARD_GRAVITY = 9.80665
 """Standard acceleration of gravity g_n, m/s², exact by definition (3rd CGPM, 1901)."""
 
 COUNTS = "counts"
+"""Name of the unit of raw converter output, which has no factor."""
 LSB = " LSB/"
 """In the name of a sensitivity, such as ``16384 LSB/g``."""
-"""Name of the unit of raw converter output, which has no factor."""
 
 _DEGREE = pi / 180.0  # SI Brochure, table 8
 _HOUR = 3600.0  # SI Brochure, table 8

@@ -196,7 +196,7 @@ class Budget(Evidence):
     Attributes
     ----------
     shares : what each source adds to the standard uncertainties of an estimate's parameters, in their order and units.
-    statement : tests, degrees of freedom, reliability and what is not included, where the procedure determines them.
+    statement : tests, degrees of freedom, reliability and what is not included, where the procedure has them.
     """
 
     shares: dict[str, Series]

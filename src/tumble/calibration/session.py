@@ -63,7 +63,7 @@ class Session:
     by_temperature : temperatures tell the steps of the protocol, and not poses.
     prior : what an earlier calibration knows.
     options : of the estimate.
-    say : is given in words what is being done.
+    say : called with a sentence on what is being done.
     joint : the settled joint estimate with everything behind it, from where a magnetometer goes on; None before.
     """
 

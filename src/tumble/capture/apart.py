@@ -108,7 +108,7 @@ class ApartSensors:
         """
         made: list[Piece] = []
         if self._chosen is None:
-            times = [t for one in self._sensors.values() for t in (one.time[0], one.time[-1]) if one.time]
+            times = [t for one in self._sensors.values() if one.time for t in (one.time[0], one.time[-1])]
             if not times or (not last and max(times) - min(times) < LONG_ENOUGH):
                 return []
             channels = self._decide()

@@ -126,9 +126,9 @@ def diff_command(
 
 
 def _labels(calibrations: list[Path]) -> list[str]:
-    """What each is called: its file's or its folder's name, numbered where two are alike."""
+    """What each is called: its file's or its folder's name, its path where two are alike."""
     names = [one.stem if one.suffix == ".json" else one.name for one in calibrations]
-    return names if len(set(names)) == len(names) else [f"{k}: {name}" for k, name in enumerate(names, 1)]
+    return names if len(set(names)) == len(names) else [str(one) for one in calibrations]
 
 
 def _draw(output: Path, calibrations: list[Path], found: list[Difference], sentences: list[str]) -> None:

@@ -161,7 +161,7 @@ class _Program(Group):
 
     def __init__(self, **given: Any) -> None:
         super().__init__(**given)
-        self.commands = _Commands()  # type: ignore[assignment]
+        self.commands = _Commands()  # type: ignore[assignment]  # only looked at: no command is added
 
     def panels(self) -> dict[str, dict[str, str]]:
         return {title: {name: COMMANDS[name][1] for name in names} for title, names in PANELS.items()}

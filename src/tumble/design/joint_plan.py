@@ -162,7 +162,7 @@ def plan_protocol(task: PlanTask, say: Callable[[str], None] | None = None) -> J
     Parameters
     ----------
     task : what is planned.
-    say : is given what is being done.
+    say : called with a sentence on what is being done.
 
     Raises
     ------

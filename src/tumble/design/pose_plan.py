@@ -287,7 +287,7 @@ def plan_time(
     ----------
     task, reach, rng : as of `plan_poses`.
     seconds : of the whole test.
-    say : is given what is tried.
+    say : called with a sentence on what is tried.
 
     Raises
     ------

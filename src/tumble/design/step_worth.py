@@ -62,7 +62,7 @@ def find_step_worths(plan: JointPlan, say: Callable[[str], None] | None = None) 
     Parameters
     ----------
     plan : of the whole protocol; its first performance is looked at.
-    say : is given what is being done.
+    say : called with a sentence on what is being done.
     """
     task, data = plan.task, plan.problem.task.data
     base = plan.information

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from tumble.simulation import Grade
 
 SECONDS = (10.0, 60.0)
-"""s of free inertial navigation that a report determines."""
+"""s of free inertial navigation that a report states."""
 TURN, TURN_RATE = float(np.radians(90.0)), float(np.radians(30.0))
-"""rad and rad/s of the turns that a report determines."""
+"""rad and rad/s of the turns that a report states."""
 
 
 LOST = 0.5

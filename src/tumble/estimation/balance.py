@@ -239,7 +239,7 @@ def _without_chance(task: Balanceable, component: Component, solution: Settled) 
     back = task.aside()
     task.noise.set(component.name, nothing)
     try:
-        # One step determines almost always: what it refuses need not settle.
+        # One step is enough almost always: what it refuses need not settle.
         for once in (True, False):
             trial = solve(task, once=once)
             tests = trial.tests(witnesses)

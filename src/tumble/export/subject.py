@@ -101,9 +101,8 @@ class Subject:
     @property
     def topic(self) -> str:
         """The ROS topic: the user's, or that of the recordings if they have one, or /imu0."""
-        recorded = (
-            {r.topic for r in self.calibration.recordings} if self.calibration is not None else set[None]()
-        )
+        recordings = self.calibration.recordings if self.calibration is not None else ()
+        recorded = {one.topic for one in recordings}
         alone = recorded.pop() if len(recorded) == 1 else None
         return self.wishes.topic or alone or "/imu0"
 

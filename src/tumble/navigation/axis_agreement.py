@@ -101,7 +101,7 @@ def course_rate_slope(samples: InertialSamples, track: GnssTrack, *, either: boo
 
 
 def _too_little(course_rate: Series, interval: float) -> str:
-    """Why the motion determines nothing of axes, or ""; in little of it anything goes with the course by chance."""
+    """Why the motion shows nothing of axes, or ""; in little of it anything goes with the course by chance."""
     seconds = len(course_rate) * interval
     turns = float(np.abs(course_rate - course_rate.mean()).sum()) * interval if len(course_rate) else 0.0
     if seconds >= _SHORT and turns >= _FEW_TURNS:

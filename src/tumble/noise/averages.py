@@ -197,7 +197,7 @@ def survey_blocks(blocks: BridgedBlocks, say: Callable[[str], None]) -> tuple[Su
 
     Parameters
     ----------
-    blocks, say : of the recording; is given in words how far it is.
+    blocks, say : of the recording; the latter is called with a sentence on how far it is.
 
     Raises
     ------
@@ -253,7 +253,7 @@ def average_blocks(
     factors : of its channels, to SI.
     slopes : over temperature, to be taken off, or None.
     kind, taus : of the curves.
-    say : is given in words how far it is.
+    say : called with a sentence on how far it is.
     """
     names = suitability.channels
     columns = [survey.names.index(name) for name in names]

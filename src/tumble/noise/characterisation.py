@@ -157,7 +157,7 @@ def characterise_blocks(
     read : begins a reading; gives consecutive blocks.
     skip, remove_temperature, kind, taus, method : as for `characterise`, without the modified deviation and without
         all averaging times.
-    progress : is given in words how far it is.
+    progress : called with a sentence on how far it is.
 
     Raises
     ------

@@ -224,7 +224,7 @@ def find_pieces(signal: AnyArray, gaps: Sequence[int] = ()) -> list[tuple[int, i
     """
     length = signal.shape[0]
     edges = np.unique(np.clip(np.asarray([0, *gaps, length], dtype=np.int64), 0, length))
-    # One number determines of all that they are finite, without a mask as long as the signal.
+    # One number shows that all are finite, without a mask as long as the signal.
     with np.errstate(invalid="ignore"):
         total = np.sum(signal)
     if np.isfinite(total):

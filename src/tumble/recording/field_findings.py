@@ -163,7 +163,7 @@ class _Angle:
     second: float  # with the next ones
 
     def names(self) -> tuple[str, str, str] | None:
-        """Return what to call the columns so that the axes agree, None if they do or nothing determines."""
+        """Return what to call the columns so that the axes agree, None if they do or nothing shows it."""
         wrong = self.own > max(_AXES_WRONG[0], _AXES_WRONG[1] * self.least)
         if not wrong or self.least > _AXES_RIGHT or self.second < _SECOND * self.least:
             return None

@@ -30,7 +30,7 @@ from tumble.segmentation.averages import batch_length, mean_covariance
 # Of a revolution, the least at which the harmonic and the mean are told apart: their fit has there
 # 5.3 times the variance of a plain mean, and 110 times at a quarter.
 LEAST_REVOLUTION = 0.5
-# A rate is mended where the phase determines so beyond this many of its own sigmas.
+# A rate is mended where the phase shows it beyond this many of its own sigmas.
 PHASE_SIGMAS = 4.0
 
 

@@ -37,7 +37,7 @@ def motion_from_protocol(
     table_tilt: float = 0.0,
     table: TableErrors | None = None,
 ) -> Motion:
-    """Return the motion alone of `play_protocol`, which also determines which step is which part of it.
+    """Return the motion alone of `play_protocol`, which also says which step is which part of it.
 
     Parameters
     ----------

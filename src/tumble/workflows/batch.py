@@ -61,7 +61,7 @@ def run_batch(
     scheduler : address of a Dask cluster that does the work instead.
     executor : any `concurrent.futures.Executor` instead; it is left open.
     registry : URL or file of a registry that the calibrations are added to.
-    progress : is given in words what is being done.
+    progress : called with a sentence on what is being done.
 
     Raises
     ------

@@ -165,7 +165,7 @@ def calibrate(
     limits : file of acceptance limits, which the calibration is held against.
     field : the magnetic field at the site, see `given_field`; None where it is not known.
     light : let the report use ``plotly.min.js`` of its folder or of the one around it, instead of holding a copy.
-    progress : is given in words what is being done.
+    progress : called with a sentence on what is being done.
 
     Raises
     ------

@@ -117,7 +117,7 @@ def denoise(
     order : of the autoregression; None lets BIC choose.
     shrinkage : thresholds of the wavelet method.
     filter_motion : whether samples in motion are de-noised too (wavelets alone can).
-    progress : is given in words what is being done.
+    progress : called with a sentence on what is being done.
 
     Raises
     ------

@@ -251,7 +251,7 @@ def _refuse_unit(part: CorrectedBy, track: GnssTrack, offset: float | None) -> N
 
 
 def _refuse_swapped(part: CorrectedBy, track: GnssTrack, arm: Series, cause: Exception | None = None) -> None:
-    """Refuse uncalibrated samples whose level axes are swapped or reversed, where the drive determines."""
+    """Refuse uncalibrated samples whose level axes are swapped or reversed, where the drive shows it."""
     from tumble.navigation.axis_trials import swapped_axes
 
     first, last = find_rest(part.samples, track)

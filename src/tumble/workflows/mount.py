@@ -93,7 +93,7 @@ def mount(
     mount_sigma : rad, how well the mount was levelled, and turned about its y; one sigma of each angle.
     site : for its gravity, which is a check alone; by default the calibration's own.
     columns, units, rate, topics : of both recordings, as for `tumble.read_recording`.
-    progress : is given what is being done.
+    progress : called with a sentence on what is being done.
 
     Raises
     ------

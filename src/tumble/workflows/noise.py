@@ -72,7 +72,7 @@ def analyse_noise(
     fit : "curve", weighted fit of the logarithm of the whole curve, or "moments", the generalized method of wavelet
         moments.
     stream : whether to read block by block; None where the file is larger than half a gigabyte.
-    progress : is given in words what is being done.
+    progress : called with a sentence on what is being done.
 
     Raises
     ------

@@ -131,7 +131,7 @@ def plan_budget(
     ----------
     order : what is asked.
     output : file for everything as JSON.
-    progress : is given what is being done.
+    progress : called with a sentence on what is being done.
 
     Raises
     ------

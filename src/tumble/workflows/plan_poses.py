@@ -111,7 +111,7 @@ def plan_poses(
     ----------
     order : what is asked.
     output : folder for protocol, plan and sheets; None writes nothing.
-    progress : is given what is being done.
+    progress : called with a sentence on what is being done.
 
     Raises
     ------

@@ -111,7 +111,7 @@ def plan_any_protocol(
     seed : of placement and hands.
     steps : judge every step, too.
     output : folder for protocol, document and sheet; None writes nothing.
-    progress : is given what is being done.
+    progress : called with a sentence on what is being done.
 
     Raises
     ------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import json
 import math
 import os
 from dataclasses import dataclass, replace
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tumble.errors import UsageError
+from tumble.files import read_json
 from tumble.recording import Recording
 
 if TYPE_CHECKING:
@@ -38,14 +38,14 @@ class GivenProtocol:
         if self.folder is None:
             return {}
         try:
-            plan: Any = json.loads((self.folder / "plan.json").read_text(encoding="utf-8"))
+            plan: Any = read_json(self.folder / "plan.json")
             if plan["format"] == "tumble plan of a protocol" and plan["protocol"] != self.protocol.name:
                 return {}
             parameters: Any = plan.get("both_triads") or plan["parameters"]
             return {
                 one["name"]: float(one["standard_uncertainty"])
                 for one in parameters
-                if one["standard_uncertainty"]
+                if one["standard_uncertainty"] and float(one["standard_uncertainty"]) > 0.0
             }
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return {}

@@ -44,7 +44,7 @@ def reproduce(
     workers : processes that make items side by side; 1 makes one after the other in this one.
     scheduler : address of a Dask cluster that makes them instead.
     executor : any `concurrent.futures.Executor` instead; it is left open.
-    progress : is given in words what is being done.
+    progress : called with a sentence on what is being done.
 
     Raises
     ------

@@ -128,7 +128,7 @@ def simulate(
     magnetometer : name of one of `tumble.simulation.magnetometer.MAGNETOMETER_GRADES`; None for a unit without one.
     magnetic_field : norm (T), dip and declination (rad) of the field there.
     field_change : T and s: a current that is switched on, by how much it changes the field, and when.
-    progress : is given in words what is being done.
+    progress : called with a sentence on what is being done.
 
     Raises
     ------

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from tests.unit.capture.test_links import collected
 
+from tumble.capture.apart import ApartSensors
 from tumble.capture.link import formats
 from tumble.capture.samples import Channels, Samples, joined
 from tumble.capture.source import Notice, Piece, SourceOptions, find_source
@@ -456,3 +457,19 @@ def test_ublox_frames_give_what_was_put_in(name: str) -> None:
     expected = np.degrees([turn_at(k / RATE) for k in range(60)])
     np.testing.assert_allclose(samples.angular_rate[:60], expected, atol=0.51 / 4096)
     assert set(samples.temperature) == {26.5}
+
+
+def test_a_clock_that_jumps_in_the_first_second_is_taken_from_there_on() -> None:
+    sensors = ApartSensors(SourceOptions(), "a phone")
+    sensors.add("force", 0, 50.0, (0.0, 0.0, 9.8))
+    sensors.add("rate", 0, 50.0, (0.1, 0.0, 0.0))
+    sensors.add("rate", 0, 3.0, (0.1, 0.0, 0.0))  # of the force, nothing waits any more
+    assert sensors.pieces() == []
+    for k in range(1, 300):
+        sensors.add("force", 0, 3.0 + k / RATE, (0.0, 0.0, 9.8))
+        sensors.add("rate", 0, 3.0 + k / RATE, (0.1, 0.0, 0.0))
+    channels, *samples = sensors.pieces()
+    assert isinstance(channels, Channels)
+    taken = joined([one for one in samples if isinstance(one, Samples)])
+    assert len(taken) > 250
+    assert taken.time.max() < 10.0

@@ -151,9 +151,9 @@ def _of_rates(outcome: JointOutcome) -> list[str]:
     times = np.abs(errors) / np.array(sigmas)
     worst = int(np.argmax(times))
     if not said and times[worst] > CONTRADICTION and abs(errors[worst]) > LEAST_CONTRADICTION * rates[worst]:
-        off = 100.0 * errors[worst] / rates[worst]
+        off, way = 100.0 * abs(errors[worst]) / rates[worst], "more" if errors[worst] > 0.0 else "less"
         sentence = (
-            f"In {names[worst]} the gyros show {off:+.2g} % more than the rate that the protocol states, "
+            f"In {names[worst]} the gyros show {off:.2g} % {way} than the rate that the protocol states, "
             f"{times[worst]:.2g} times what noise explains. Look at the table's rate there."
         )
         return [sentence]

@@ -62,7 +62,7 @@ def draw_distributions(
     estimate : with a statement of uncertainty that has an outcome; its `drawn` is set, and a remark added.
     runs : draws, a thousand at least.
     rng : random numbers.
-    progress : is given how far it is.
+    progress : called with a sentence on how far it is.
 
     Raises
     ------

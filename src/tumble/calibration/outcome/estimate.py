@@ -77,7 +77,7 @@ class JointOutcome:
     task, balanced : observations with their noise, all unknowns, solution and tests.
     terms : tests of optional terms.
     start : the other procedure's estimate that it started from; None if there was none.
-    untold : what the motion does not tell; None if it determines everything.
+    untold : what the motion does not tell; None if it shows everything.
     frame : in which the result is asked for.
     has_gyro : whether the recording has one.
     knowledge : of the accelerometers' angles, from an earlier calibration; None for none.

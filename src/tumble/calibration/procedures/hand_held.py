@@ -111,7 +111,7 @@ def calibrate_hand_held(
     optional_terms : try g-sensitivity and quadratic terms, keep what the data want.
     unused_holds : holds whose norm and mean rate are kept out of the estimate, for cross-validation;
         a turn is kept out by marking it unusable in the timeline.
-    progress : is given in words what is being done.
+    progress : called with a sentence on what is being done.
 
     Raises
     ------

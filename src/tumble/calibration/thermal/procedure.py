@@ -81,7 +81,7 @@ def calibrate_thermal(
     timeline : its rests.
     site : gravity and Earth rate.
     protocol : soaks and ramps, where somebody said; tells a soak test from a sweep.
-    progress : is given in words what is being done.
+    progress : called with a sentence on what is being done.
 
     Raises
     ------

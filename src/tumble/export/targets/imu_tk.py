@@ -35,7 +35,7 @@ def write(subject: Subject) -> dict[str, str]:
 
 
 def read(path: Path) -> Imported:
-    """Read both triads' files of a folder, or one file, of the triad that its name determines.
+    """Read both triads' files of a folder, or one file, of the triad that its name says.
 
     Raises
     ------

@@ -36,7 +36,7 @@ class SmoothedRun:
 def smooth(run: FilterRun) -> SmoothedRun:
     """Return the Rauch-Tung-Striebel smoother's result for a filter's run.
 
-    The filter takes its errors out at every fix, so that they are zero after it: what the future determines of them
+    The filter takes its errors out at every fix, so that they are zero after it: what the future says of them
     is carried back and taken out of each event's state once.
 
     Parameters

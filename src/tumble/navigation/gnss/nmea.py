@@ -42,7 +42,7 @@ def read_nmea(path: Path) -> GnssTrack:
     """Return the track of a file of NMEA sentences, on GPS time.
 
     Heights are the sum of GGA's altitude and its separation of the geoid, above the ellipsoid. UTC is brought to
-    GPS time by the leap seconds of the date, which RMC or ZDA determines. Without GST the accuracies are GGA's
+    GPS time by the leap seconds of the date, which RMC or ZDA has. Without GST the accuracies are GGA's
     dilution times a usual range error. RMC's velocity is horizontal: down is set to zero with 1 m/s.
 
     Parameters
@@ -118,7 +118,7 @@ def _epochs(text: str) -> tuple[dict[float, _Epoch], int, float | None]:
 
 
 def _dated(kind: str, words: list[str]) -> tuple[float, float] | None:
-    """Return the day that a sentence determines (s since 1980) and its second of the day, or None."""
+    """Return the day that a sentence has (s since 1980) and its second of the day, or None."""
     if kind == "ZDA" and len(words) > 4 and words[2] and words[4]:
         return seconds_of_date(f"{words[4]}/{words[3]}/{words[2]} 00:00:00"), _seconds(words[1])
     if kind == "RMC" and len(words) > 9 and words[9]:

@@ -24,7 +24,7 @@ _HALF_WEEK = 0.5 * WEEK
 def read_ubx(path: Path) -> GnssTrack:
     """Return the track of a file of UBX messages, on GPS time.
 
-    NAV-PVT determines time of week (GPS), position, velocity and their accuracies (horizontal and vertical, one
+    NAV-PVT has time of week (GPS), position, velocity and their accuracies (horizontal and vertical, one
     sigma); NAV-COV, where it is, their covariances. Other messages are passed over.
 
     Parameters

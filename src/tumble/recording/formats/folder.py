@@ -43,7 +43,7 @@ def recognises(head: bytes) -> bool:
 
 
 def recognises_folder(folder: Path) -> bool:
-    """Say whether a folder exists: what is in it, reading it determines."""
+    """Say whether a folder exists: what is in it, the reading shows."""
     return folder.is_dir()
 
 
