@@ -1,4 +1,4 @@
-"""The map of the house, made from the openings of its modules, so that it cannot leave one out.
+"""The map of the house, made from the openings of its modules and from the contract of its floors.
 
 `python docs/site/map_page.py` (or `make map`) writes it anew into `docs/architecture.md`, between two marks; a test
 fails when the page is behind the source.
@@ -7,12 +7,12 @@ fails when the page is behind the source.
 from __future__ import annotations
 
 import ast
+import tomllib
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.parent / "architecture.md"
 SOURCE = HERE.parents[1] / "src"
-BEGIN, END = "<!-- map: made by `make map` -->\n", "<!-- /map -->\n"
 
 
 def opening(path: Path) -> str:
@@ -41,16 +41,27 @@ def map_of(source: Path = SOURCE) -> str:
     return "\n".join(lines)
 
 
+def floors() -> str:
+    """Return the contract that imports point down, a floor a line, from the top."""
+    settings = tomllib.loads((SOURCE.parent / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts = settings["tool"]["importlinter"]["contracts"]
+    (layers,) = (one["layers"] for one in contracts if one["id"] == "floors")
+    return "\n".join(["```", *layers, "```", ""])
+
+
 def page_with_map(text: str) -> str:
-    """Return the page with the map of today between its marks.
+    """Return the page with what is made of the source, between its marks.
 
     Raises
     ------
     ValueError
         If the marks are not there.
     """
-    begin, end = text.index(BEGIN) + len(BEGIN), text.index(END)
-    return f"{text[:begin]}\n{map_of()}\n{text[end:]}"
+    for mark, made in (("map", map_of), ("floors", floors)):
+        begin, end = f"<!-- {mark}: made by `make map` -->\n", f"<!-- /{mark} -->\n"
+        start = text.index(begin) + len(begin)
+        text = f"{text[:start]}\n{made()}\n{text[text.index(end) :]}"
+    return text
 
 
 if __name__ == "__main__":
