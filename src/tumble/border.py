@@ -74,6 +74,3 @@ def _is(value: object, kind: Any) -> bool:
     if isinstance(kind, str):
         return any(one.__name__ == kind for one in type(value).__mro__)
     return isinstance(value, kind)
-
-
-__all__ = ["border"]

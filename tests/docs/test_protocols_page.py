@@ -18,7 +18,7 @@ import pytest
 from tumble.errors import ProtocolError
 from tumble.protocol import PROTOCOLS, HoldStep, SpinStep, named_protocol, protocol_schema, read_protocol
 from tumble.protocol.keys import KINDS, PROTOCOL, SITE, Key
-from tumble.simulation import motion_from_protocol
+from tumble.simulation import play_protocol
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "protocols.md"
@@ -118,7 +118,7 @@ def test_the_examples_of_the_page_run(tmp_path: Path, monkeypatch: pytest.Monkey
         line = text.count("\n", 0, block.start(1))
         exec(compile("\n" * line + block[1], str(PAGE), "exec"), names)
     for path in paths:
-        motion_from_protocol(read_protocol(path), np.random.default_rng(1))
+        play_protocol(read_protocol(path), np.random.default_rng(1))
 
 
 def test_the_published_schema_is_the_reader_s() -> None:

@@ -66,11 +66,3 @@ def angles_from_matrices(C: Matrices) -> Vectors:
     roll = np.where(upright, 0.0, roll)
     yaw = np.where(upright, np.arctan2(-C[:, 0, 1], C[:, 1, 1]), yaw)
     return np.column_stack([roll, pitch, yaw])
-
-
-__all__ = [
-    "angles_from_matrices",
-    "matrices_from_quaternions",
-    "matrix_from_angles",
-    "quaternion_from_matrix",
-]

@@ -162,6 +162,3 @@ def count_departure(estimate: Estimate, axis: int, left: float) -> None:
     if budget is not None:
         share = budget.shares.setdefault(CAUSE, np.zeros(len(estimate.parameters)))
         share[row] = np.hypot(share[row], added)
-
-
-__all__ = ["CAUSE", "FALSE_ALARM", "BiasDrift", "add_bias_drift", "count_departure", "find_bias_drift"]

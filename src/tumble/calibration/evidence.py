@@ -201,18 +201,3 @@ class Budget(Evidence):
 
     shares: dict[str, Series]
     statement: UncertaintyStatement | None = None
-
-
-__all__ = [
-    "Budget",
-    "Evidence",
-    "Holds",
-    "RestlessHold",
-    "RotationFit",
-    "Rotations",
-    "SequenceFit",
-    "Sequences",
-    "Spins",
-    "TurnedAngle",
-    "Turns",
-]

@@ -259,14 +259,3 @@ def sheet_unit(
         variances += [bias[at] ** 2] * 3
     ideal = ImuModel(Triad(np.eye(3), np.zeros(3)), Triad(np.eye(3), np.zeros(3)))
     return CalibratedUnit(ideal, tuple(names), np.diag(variances), gravity)
-
-
-__all__ = [
-    "LONGEST",
-    "CalibratedUnit",
-    "Predicted",
-    "carried_through",
-    "nominal_errors",
-    "position_from",
-    "sheet_unit",
-]

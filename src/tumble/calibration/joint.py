@@ -476,6 +476,3 @@ def _determined(task: JointAdjustment, plain: np.ndarray, names: list[str]) -> l
 
 def _silent(_: str) -> None:
     """Tell nobody."""
-
-
-__all__ = ["calibrate_joint"]

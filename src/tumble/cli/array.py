@@ -51,6 +51,3 @@ def default_folder(recordings: list[Path]) -> Path:
     recordings : as typed.
     """
     return Path(f"{recordings[0].stem}-array" if recordings else "array")
-
-
-__all__ = ["default_folder", "print_array"]

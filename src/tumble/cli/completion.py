@@ -67,6 +67,3 @@ def complete_study(incomplete: str) -> list[str]:
     from tumble.reproduction.items import all_items
 
     return _beginning(all_items(), incomplete)
-
-
-__all__ = ["complete_grade", "complete_procedure", "complete_protocol", "complete_study", "complete_target"]

@@ -374,24 +374,3 @@ def command_class(former: dict[str, str]) -> type[Command]:
     former : former spelling -> spelling of today.
     """
     return type("Command", (Command,), {"former": former})
-
-
-__all__ = [
-    "ADVANCED",
-    "FILE",
-    "FIRST",
-    "PLACE",
-    "PRINTED",
-    "RECORD",
-    "Command",
-    "Group",
-    "Range",
-    "command_class",
-    "detail",
-    "flowing",
-    "grouped",
-    "in_si",
-    "numbers",
-    "option",
-    "refuse_given",
-]

@@ -116,6 +116,3 @@ def _print_row(screen: Any, left: str, words: str) -> None:
     row.add_column(ratio=1)
     row.add_row(Text(left, "cyan"), Text(words))
     screen.print(row)
-
-
-__all__ = ["print_details", "print_help"]

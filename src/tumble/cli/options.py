@@ -274,28 +274,3 @@ class LongPrintOptions(PrintOptions):
     """How an answer with details is printed."""
 
     verbose: Verbose = False
-
-
-__all__ = [
-    "GRADES",
-    "CalibrationArgument",
-    "DataSheet",
-    "FileOptions",
-    "Imu",
-    "Intervals",
-    "Json",
-    "Limits",
-    "LongPrintOptions",
-    "NoiseFile",
-    "NoteOption",
-    "OptionalRecordings",
-    "PrintOptions",
-    "Protocol",
-    "Recordings",
-    "RegistryName",
-    "Seed",
-    "SiteOptions",
-    "TemperatureOptions",
-    "TurnOnBias",
-    "output_option",
-]

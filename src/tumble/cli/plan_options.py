@@ -232,6 +232,3 @@ class BudgetOptions:
         ),
     ] = True
     monte_carlo: Annotated[int, option(BUDGET, "N", "Also draw so many tests, with all errors at once.")] = 0
-
-
-__all__ = ["BudgetOptions", "PlanOptions", "PoseOptions", "ProtocolOptions", "RestOptions", "WishOptions"]

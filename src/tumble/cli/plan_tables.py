@@ -200,6 +200,3 @@ def _shown(value: float) -> str:
         return "–"
     digits = max(0, 1 - math.floor(math.log10(abs(value))))
     return f"{value:.{min(digits, 3)}f}"
-
-
-__all__ = ["print_budget", "print_poses", "print_protocol"]

@@ -180,6 +180,3 @@ def _practical(state: StateAdvice, digits: Callable[[float], str]) -> str:
     if state.kind == "accelerometer":
         return f"{digits(sigma / 9.80665e-3)} mg"
     return f"{digits(math.degrees(sigma) * 3600.0)} °/h"
-
-
-__all__ = ["show_navigation"]

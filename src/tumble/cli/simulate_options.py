@@ -395,6 +395,3 @@ class FixtureOptions:
             pause=si.get("fixture_pause_s", usual.pause),
         )
         return quality, si.get("fixture_azimuth_deg")
-
-
-__all__ = ["ChainOptions", "ErrorOptions", "FixtureOptions", "TableOptions"]

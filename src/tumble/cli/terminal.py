@@ -295,21 +295,3 @@ def results_stand() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     state["results stand"] = True
-
-
-__all__ = [
-    "StreamError",
-    "console",
-    "plain",
-    "progress",
-    "results_stand",
-    "say",
-    "say_aside",
-    "say_json",
-    "say_json_text",
-    "say_written",
-    "shortened",
-    "state",
-    "streams",
-    "table",
-]

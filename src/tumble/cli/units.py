@@ -69,6 +69,3 @@ def _value_and_unit(words: list[str]) -> tuple[float, str]:
     if not rest:
         raise UsageError(f"{first} has no unit: it is `tumble units VALUE UNIT`, as 0.3 deg/√h.")
     return value, "".join(rest)
-
-
-__all__ = ["units_command"]

@@ -100,6 +100,3 @@ def _errors_table(variants: list[dict[str, Any]], title: str, key: str) -> objec
         for variant, row in zip(variants, rows, strict=True)
     ]
     return table(heads, cells, right=range(1, len(heads)), title=title, box=None)
-
-
-__all__ = ["show_drive", "turn_on_of"]

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Square, Table, inverted
+from tumble.arrays import AnyArray, Series, Square, inverted
 
 CRITERIA = ("A", "D", "E", "minimax", "I")
 # E and minimax have corners; the search runs down this norm of the eigenvalues or variances instead. Of sigmas it
@@ -148,24 +148,3 @@ class Criterion:
     def _weights(self) -> Square:
         assert self.weights is not None
         return self.weights
-
-
-def eliminate_nuisances(information: Table, wanted: np.ndarray) -> Square:
-    """Return the information about some parameters when the others are unknown: the Schur complement.
-
-    What the nuisances themselves are not told of takes nothing away.
-
-    Parameters
-    ----------
-    information : (p, p) symmetric, positive semi-definite.
-    wanted : indices.
-    """
-    other = np.ones(information.shape[0], dtype=bool)
-    other[wanted] = False
-    others = np.flatnonzero(other)
-    kept = information[np.ix_(wanted, wanted)]
-    if others.size == 0:
-        return kept
-    across = information[np.ix_(wanted, others)]
-    inner = np.linalg.pinv(information[np.ix_(others, others)], rcond=1e-12, hermitian=True)
-    return np.asarray(kept - across @ inner @ across.T, dtype=np.float64)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tumble.arrays import Series, Square, Vector, Vectors, inverted
+from tumble.arrays import Series, Square, Vectors, inverted
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.singular_poses import describe_mending, describe_untold
 from tumble.design.candidates import PARAMETERS, pose_candidates, pose_rows, prediction_weights
@@ -453,13 +453,3 @@ def _independent_value(task: PoseTask, directions: Vectors, variances: Series) -
     floor = _with_floor(task, float(np.sqrt(np.median(variances))))
     total = rows.T @ rows + (0.0 if floor is None else floor)
     return float(task.criterion.value(inverted(total)))
-
-
-def axis_elevations(up_b: Vector) -> Series:
-    """Return how far each axis of the unit points above the horizon, rad, (3,).
-
-    Parameters
-    ----------
-    up_b : (3,) unit vector up.
-    """
-    return np.asarray(np.arcsin(np.clip(up_b, -1.0, 1.0)), dtype=np.float64)

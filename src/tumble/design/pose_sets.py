@@ -11,7 +11,6 @@ is worth is in the inverse of the sum of the squares of these rows, before anyth
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,25 +98,6 @@ def paper_nine(edge_signs: tuple[int, int, int] = (1, 1, 1)) -> Vectors:
     return chatfield_orientations(edge_signs)[[number - 1 for number in NINE_NUMBERS]]
 
 
-def edge_product(left_out: Vectors) -> int:
-    """Return the product over three edges of the signs of their two parts, which decides about the other nine.
-
-    Parameters
-    ----------
-    left_out : (3, 3) one edge in each plane.
-
-    Notes
-    -----
-    The nine edges that remain tell nine unknowns only if it is -1. If it is +1 there is a corner σ with
-    σ_i σ_j = s_i s_j on all three, so that none of them is at right angles to it: the six edges that are
-    (they form a hexagon in the plane σ . u = 0) all remain. Three more directions always lie in some
-    plane m . u = c, and (σ . u)(m . u - c) vanishes in all nine: with the constant absorbed by u . u = 1
-    it is a combination of scale factors, misalignments and biases that no pose shows.
-    """
-    signs = np.where(np.abs(left_out) > 0.1, np.sign(left_out), 1.0)
-    return int(np.prod(signs))
-
-
 def information(
     directions: Vectors, sigma: float | Series = 1.0, gravity: float = STANDARD_GRAVITY
 ) -> Square:
@@ -175,8 +155,3 @@ def explain_pose_set(directions: Vectors) -> str:
     poses = "pose does" if len(directions) == 1 else "poses do"
     untold = untold.removeprefix("do")
     return f"The {len(directions)} {poses}{untold}. Add {describe_mending(directions)}."
-
-
-def all_edge_signs() -> list[tuple[int, int, int]]:
-    """Return the eight choices of `edge_signs`."""
-    return list(itertools.product((1, -1), (1, -1), (1, -1)))

@@ -109,25 +109,6 @@ def approximate_norm_sensitivity(
     return NormSensitivity(bias * seen, misalignment, bias)
 
 
-def rotation_sensitivity(
-    axes: Vectors, scale: Vector, angles: Vector, angle: float = 1.0, *, exact: bool = False
-) -> NormSensitivity:
-    """Return what the squared norm of a rotation's integral determines about each axis: (37), (38).
-
-    Parameters
-    ----------
-    axes : (n, 3) unit vectors along the rotation axes, in the gyros' frame o.
-    scale : (3,) raw per rad/s.
-    angles : (3,) yz, zy, zx, rad, as printed in (5).
-    angle : rad, of the counter-clockwise rotation minus that of the clockwise one: σ^o of (36) is this
-        long.
-    exact : with the misalignments in every term, which the paper leaves out.
-    """
-    sensitivity = norm_sensitivity if exact else approximate_norm_sensitivity
-    found = sensitivity(axes, scale, angles, angle)
-    return NormSensitivity(found.scale, found.misalignment)
-
-
 def most_sensitive_directions(scale: Vector, angles: Vector, group: str, index: int) -> Vectors:
     """Return the directions in which the squared norm determines most of one parameter, found by search.
 

@@ -64,6 +64,3 @@ def value_with_uncertainty(value: float, uncertainty: float) -> str:
 
 
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
-
-
-__all__ = ["calibration_html", "value_with_uncertainty"]

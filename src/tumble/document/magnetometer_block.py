@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from tumble.arrays import Matrix, Vectors
+from tumble.arrays import Matrix
 from tumble.sensor import Triad
 from tumble.units import magnetic_field_factor
 
@@ -274,19 +274,6 @@ def _vectors(triad: Triad, norm: float) -> list[FieldVector]:
         FieldVector(raw_magnetic_field=_row(one), magnetic_field=_row(true))
         for one, true in zip(raw, triad.correct(raw), strict=True)
     ]
-
-
-def corrected_field(block: MagnetometerBlock, values: Vectors, factor: float = 1.0) -> Vectors | None:
-    """Return the corrected field in the block's unit; None where it is not determined.
-
-    Parameters
-    ----------
-    block : of the magnetometer.
-    values : (samples, 3) raw.
-    factor : to the block's raw unit.
-    """
-    triad = block.triad
-    return None if triad is None else triad.correct(factor * values)
 
 
 def _finite(value: float) -> float | None:

@@ -153,6 +153,3 @@ def _stable(agreement: Agreement) -> StableBlock:
 
 def _each(values: Series) -> Each:
     return [float(value) if np.isfinite(value) else None for value in values]
-
-
-__all__ = ["BiasBlock", "StableBlock", "TurnOnBlock", "TurnOnsBlock", "turn_ons_block"]

@@ -3,7 +3,6 @@
 from tumble.earth.ellipsoid import (
     curvature_radii,
     geodetic_position,
-    north_east_down,
     position_in_earth_frame,
     rotation_to_earth_frame,
     rotations_to_earth_frame,
@@ -19,7 +18,6 @@ __all__ = [
     "geodetic_position",
     "gravity_vectors_n",
     "normal_gravity",
-    "north_east_down",
     "position_in_earth_frame",
     "rotation_to_earth_frame",
     "rotations_to_earth_frame",

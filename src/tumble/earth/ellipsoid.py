@@ -78,25 +78,3 @@ def rotations_to_earth_frame(latitude: Series, longitude: Series) -> Matrices:
 def rotation_to_earth_frame(latitude: float, longitude: float) -> Matrix:
     """Return C_en, from north, east, down at one point to e."""
     return rotations_to_earth_frame(np.array([latitude]), np.array([longitude]))[0]
-
-
-def north_east_down(
-    latitude: Series, longitude: Series, height: Series, origin: tuple[float, float, float]
-) -> Vectors:
-    """Return (points, 3) m from `origin` (latitude, longitude, height), in its own north, east, down.
-
-    Cartesian: a point on the horizon of the origin, 1 km away, is 8 cm below it.
-    """
-    at = position_in_earth_frame(*(np.array([value]) for value in origin))
-    away = position_in_earth_frame(latitude, longitude, height) - at
-    return np.asarray(away @ rotation_to_earth_frame(origin[0], origin[1]), dtype=np.float64)
-
-
-__all__ = [
-    "curvature_radii",
-    "geodetic_position",
-    "north_east_down",
-    "position_in_earth_frame",
-    "rotation_to_earth_frame",
-    "rotations_to_earth_frame",
-]

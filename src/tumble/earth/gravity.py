@@ -13,7 +13,6 @@ SEMI_MAJOR_AXIS = 6378137.0  # m, defining
 FLATTENING = 1.0 / 298.257223563  # 1, defining
 ECCENTRICITY_SQUARED = FLATTENING * (2.0 - FLATTENING)  # 1
 GRAVITY_AT_EQUATOR = 9.7803253359  # m/s², gamma_e
-GRAVITY_AT_POLE = 9.8321849379  # m/s², gamma_p
 SOMIGLIANA_CONSTANT = 1.931852652458e-3  # k = b gamma_p / (a gamma_e) - 1
 GRAVITY_RATIO = 3.449786506841e-3  # m = omega² a² b / GM
 # The plumb line's curvature: normal gravity above the ellipsoid leans to the equator, 1/s².

@@ -59,6 +59,3 @@ def notebook_progress(stage: str, seconds: float, *, busy: bool) -> str:
     return (
         templates().get_template("progress.html").render({"stage": stage, "seconds": seconds, "busy": busy})
     )
-
-
-__all__ = ["notebook_html", "notebook_progress", "templates"]

@@ -341,6 +341,3 @@ def _turn_between(free: np.ndarray, seen: np.ndarray) -> tuple[float, float]:
     # neighbouring steps overlap and drift together: five of them count as one
     variance = 5.0 * float(np.sum(np.abs(left) ** 2)) / (2.0 * len(left) * strength)
     return turn, float(np.sqrt(variance) + np.radians(0.5))
-
-
-__all__ = ["WORST_HEADING", "Alignment", "align_coarse", "align_fine", "align_in_motion", "find_rest"]

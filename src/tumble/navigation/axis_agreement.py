@@ -131,6 +131,3 @@ def _axis_problem(correlations: Vector, about: float, down: Vector) -> str:
         "clocks are apart, the positions scatter too much for a course, or the files do not belong "
         "together."
     )
-
-
-__all__ = ["AxisAgreement", "check_axes", "course_rate_slope"]

@@ -83,6 +83,3 @@ def _misfit(samples: InertialSamples, track: GnssTrack, setup: FilterSetup) -> f
     except (RecordingError, ConvergenceError):
         return _MOST
     return float(np.nanmean(np.minimum(run.distances[:, 0], _MOST)))
-
-
-__all__ = ["swapped_axes"]

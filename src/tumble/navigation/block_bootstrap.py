@@ -78,6 +78,3 @@ def ratio_of(squares: Series, reference: Series, block: int, rng: np.random.Gene
     at = rows.astype(int)
     spread = np.sqrt(squares[at].mean(axis=1) / np.maximum(reference[at].mean(axis=1), 1e-300))
     return Statistic(value, float(np.std(spread, ddof=1)))
-
-
-__all__ = ["Statistic", "drawn_blocks", "ratio_of", "rms_of"]

@@ -129,18 +129,3 @@ def correlate(grid: Series, yaw_rate: Series, times: Series, course_rate: Series
 
 def _cosine(one: Series, other: Series) -> float:
     return float((one @ other) / np.sqrt((one @ one) * (other @ other) + 1e-30))
-
-
-__all__ = [
-    "FEWEST",
-    "STEP",
-    "WINDOW",
-    "averaged",
-    "correlate",
-    "find_course_rate",
-    "find_down",
-    "rate_about_down",
-    "seen_by",
-    "slowest_course",
-    "track_velocities",
-]

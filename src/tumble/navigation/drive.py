@@ -305,6 +305,3 @@ def _aligned(samples: InertialSamples, track: GnssTrack, rest: float) -> tuple[N
     latitude, longitude, height = (float(np.median(column[still])) for column in track.position)
     at = (latitude, longitude, height)
     return NavigationState(begin, *at, np.zeros(3), alignment.C_nb), alignment
-
-
-__all__ = ["Drive", "prepare_drive", "wide_setup"]

@@ -112,6 +112,3 @@ def _errors(
         (free.latitude, free.longitude, free.height), (seen.latitude, seen.longitude, seen.height)
     )
     return errors
-
-
-__all__ = ["FreeDrift", "free_drift"]

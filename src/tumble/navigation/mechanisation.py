@@ -75,6 +75,3 @@ def navigate(
     )
     time = part.time if every == 1 else part.time[np.append(np.arange(0, steps, every), steps)]
     return Trajectory(time, position[:, 0], position[:, 1], position[:, 2], velocity_n, quaternion)
-
-
-__all__ = ["FRAMES", "navigate"]

@@ -259,6 +259,3 @@ def _bootstrap(squares: Series, block: int, rng: np.random.Generator, resamples:
     starts = rng.integers(0, count - block + 1, (resamples, blocks))
     rows = (starts[:, :, None] + np.arange(block)).reshape(resamples, -1)[:, :count]
     return float(np.std(np.sqrt(squares[rows].mean(axis=1)), ddof=1))
-
-
-__all__ = ["OutageErrors", "corrected_samples", "outages"]

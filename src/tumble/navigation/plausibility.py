@@ -282,12 +282,3 @@ def _level_attitude(down: np.ndarray) -> np.ndarray:
     north = helper - down * float(down @ helper)
     north /= np.sqrt(north @ north)
     return np.vstack([north, np.cross(down, north), down])
-
-
-__all__ = [
-    "about_clocks",
-    "refuse_mirrored",
-    "refuse_no_overlap",
-    "refuse_wrong_scale",
-    "why_no_agreement",
-]

@@ -251,6 +251,3 @@ def _navigated(
     force, rate = model.correct(*raw)
     run = navigate(InertialSamples(samples.time, force, rate, samples.means), start)
     return run.rows(np.array([int(np.argmin(np.abs(run.time - start.time - t))) for t in seconds]))
-
-
-__all__ = ["PredictedErrors", "StateAdvice", "advise_states", "moved", "predict_errors", "propagated_noise"]

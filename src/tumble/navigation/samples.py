@@ -174,6 +174,3 @@ def _between_rows(time: Series, signal: Vectors, instant: float) -> Vectors:
     row = min(max(int(np.searchsorted(time, instant)), 1), len(time) - 1)
     share = (instant - time[row - 1]) / (time[row] - time[row - 1])
     return (1.0 - share) * signal[row - 1 : row] + share * signal[row : row + 1]
-
-
-__all__ = ["InertialSamples"]

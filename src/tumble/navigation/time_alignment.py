@@ -301,6 +301,3 @@ def _refined(
         if abs(step) < 1e-5:
             break
     return offset, sigma
-
-
-__all__ = ["TimeAlignment", "best_correlation", "estimate_time_offset", "spans_in_words"]

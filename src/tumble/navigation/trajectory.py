@@ -208,6 +208,3 @@ def position_differences(
             reference[2] - position[2],
         ]
     )
-
-
-__all__ = ["HIGHEST_LATITUDE", "NavigationState", "Trajectory", "position_differences"]

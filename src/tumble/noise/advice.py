@@ -179,6 +179,3 @@ def _words(seconds: float) -> str:
     if seconds < 120.0:
         return f"{seconds:.3g} s"
     return f"{seconds / 60.0:.3g} min" if seconds < 7200.0 else f"{seconds / 3600.0:.3g} h"
-
-
-__all__ = ["advise"]

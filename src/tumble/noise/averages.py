@@ -302,15 +302,3 @@ def _levels_of(
     levels = means[:, columns] * factors
     levels[~at_rest] = np.nan
     return _levels(others[:, 1], levels)
-
-
-__all__ = [
-    "Averages",
-    "average_blocks",
-    "average_whole",
-    "factors_of",
-    "slopes_over_temperature",
-    "survey_blocks",
-    "told",
-    "without_temperature",
-]

@@ -154,6 +154,3 @@ def _joined(before: Recording | None, block: Recording) -> tuple[bool, Recording
         gaps=(1, *(i + 1 for i in block.gaps)),
     )
     return True, joined
-
-
-__all__ = ["BRIDGED", "BridgedBlocks", "bridge", "lost_samples", "say_bridged"]

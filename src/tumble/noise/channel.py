@@ -173,6 +173,3 @@ def _terms(fit: NoiseFit) -> tuple[Term, ...]:
         Term(term.name, term.value, float(sigma), term.low, term.high)
         for term, sigma in zip(fit.terms, sigmas, strict=True)
     )
-
-
-__all__ = ["FLOOR", "Channel", "Term", "characterise_channel"]

@@ -393,15 +393,3 @@ def _freedom(
             each = [degrees_of_freedom(int(alpha), int(m), int(n), order, modified, stride) for n in alike]
             result[k, exponent[k] == alpha] = float(repeats @ np.array(each))
     return result
-
-
-__all__ = [
-    "KINDS",
-    "NAMED_TAUS",
-    "ONE_SIGMA",
-    "Deviation",
-    "allan_deviation",
-    "choose_averaging",
-    "find_pieces",
-    "finish",
-]

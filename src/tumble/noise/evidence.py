@@ -334,6 +334,3 @@ def _jitter(parts: list[Table]) -> Series:
     if not len(changes):
         return np.zeros((parts[0].shape[1],), dtype=np.float64)
     return np.asarray(np.std(changes, axis=0) / np.sqrt(2.0), dtype=np.float64)
-
-
-__all__ = ["Blocks", "Piece", "RestEvidence", "Survey", "WholeEvidence", "units_of"]

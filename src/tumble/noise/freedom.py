@@ -143,6 +143,3 @@ def chi_square_interval(variance: AnyArray, edf: AnyArray, confidence: float) ->
     low = half * variance / gammaincinv(half, 0.5 + 0.5 * confidence)
     high = half * variance / gammaincinv(half, 0.5 - 0.5 * confidence)
     return np.where(known, low, 0.0), np.where(known, high, np.inf)
-
-
-__all__ = ["EXPONENTS", "chi_square_interval", "degrees_of_freedom"]

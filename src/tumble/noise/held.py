@@ -222,15 +222,3 @@ def _even(time: Series, gaps: tuple[int, ...]) -> Series:
     for a, b in pairwise([0, *gaps, len(time)]):
         even[a:b] = np.linspace(time[a], time[b - 1], b - a)
     return even
-
-
-__all__ = [
-    "REPEATS",
-    "Held",
-    "beyond_chance",
-    "blocks_without_repeats",
-    "equal_rows",
-    "find_held",
-    "say_held",
-    "without_repeats",
-]

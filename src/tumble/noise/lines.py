@@ -384,6 +384,3 @@ def allan_variance_of_lines(
         rest = 0.5 / np.maximum(counts * abs(np.sin(2.0 * np.pi * line.frequency / rate)), 0.5)
         covariance += np.diag((line.amplitude**2 * column * rest) ** 2)
     return total, covariance
-
-
-__all__ = ["LINE_FALSE_ALARM", "FoundLine", "allan_variance_of_lines", "find_lines"]

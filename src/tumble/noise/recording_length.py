@@ -117,6 +117,3 @@ def _length(seconds: float) -> str:
     if seconds < 120.0:
         return f"{seconds:.0f} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.2g} h"
-
-
-__all__ = ["relative_uncertainty", "seconds_for", "too_short_to_see"]

@@ -205,6 +205,3 @@ def _binned(
         density, np.broadcast_to(freedom[:, None], density.shape).copy(), confidence
     )
     return PowerSpectrum(frequency, density, freedom, low, high, size, count, resolution, confidence)
-
-
-__all__ = ["PowerSpectrum", "StreamedSpectrum", "power_spectrum", "segment_of"]

@@ -166,6 +166,3 @@ def _diagonal(blocks: list[AnyArray]) -> Square:
         matrix[at : at + len(block), at : at + len(block)] = block
         at += len(block)
     return matrix
-
-
-__all__ = ["ContinuousNoise", "DiscreteNoise", "continuous_noise", "discrete_noise"]

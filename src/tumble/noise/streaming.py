@@ -211,6 +211,3 @@ def average_blocks(signal: Table, size: int) -> Table:
     """
     count = signal.shape[0] // size
     return signal[: count * size].reshape(count, size, signal.shape[1]).mean(axis=1)
-
-
-__all__ = ["PLACES", "StreamedDeviation", "average_blocks"]

@@ -346,6 +346,3 @@ def _say_resolution(task: _Judgement) -> None:
             f"{', '.join(coarse)} scatter over less than one step of the converter: rounding is then "
             "no white noise, and short averaging times show the step, not the sensor."
         )
-
-
-__all__ = ["Ranges", "Suitability", "judge_rest"]

@@ -303,6 +303,3 @@ def _recursion(memory: float, drive: Series, state: float) -> Series:
 
     values, _ = lfilter([1.0], [1.0, -memory], drive, zi=np.array([memory * state]))
     return np.asarray(values)
-
-
-__all__ = ["GaussMarkov", "Line", "NoiseModel"]

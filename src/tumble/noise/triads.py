@@ -94,6 +94,3 @@ def _limit(channel: Channel, letter: str) -> float:
 
 def _term(channel: Channel, letter: str) -> Term | None:
     return channel.random_walk if letter == "N" else channel.term(letter)
-
-
-__all__ = ["COLLAPSE", "TriadTerm", "triad_terms"]

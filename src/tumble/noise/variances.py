@@ -174,17 +174,3 @@ def mean_variance_of(letter: str, seconds: Series) -> Series:
         * (phase_covariance_of(letter, seconds) - phase_covariance_of(letter, 0.0 * seconds))
         / seconds**2
     )
-
-
-__all__ = [
-    "FLOOR",
-    "LETTERS",
-    "allan_variance_of",
-    "density_of",
-    "line_allan_variance",
-    "markov_allan_variance",
-    "markov_density",
-    "markov_phase_covariance",
-    "mean_variance_of",
-    "phase_covariance_of",
-]

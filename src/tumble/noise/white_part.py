@@ -135,6 +135,3 @@ def _density(process: GaussMarkov, rate: float) -> tuple[float, float, float]:
 def _with_limits(value: float, sigma: float, times: list[float]) -> WhitePart:
     factor = float(np.exp(min(_NORMAL * sigma / value, 50.0)))
     return WhitePart(value, sigma, value / factor, value * factor, tuple(times))
-
-
-__all__ = ["SHORT", "WhitePart", "shortest_time", "slower_part", "white_beyond", "white_part"]

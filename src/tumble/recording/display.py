@@ -32,6 +32,3 @@ def _signal(there: bool, unit: str) -> str:
 def _field(recording: Recording) -> str:
     field = recording.magnetic_field
     return "none" if field is None else f"three axes, {field.unit}, {len(field):,} at {field.rate:.4g} Hz"
-
-
-__all__ = ["recording_html"]

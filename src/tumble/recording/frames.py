@@ -98,6 +98,3 @@ def _pandas_columns(frame: Any) -> tuple[tuple[str, ...], list[Series]]:
         names.append(name)
         columns.append(np.asarray(column, dtype=np.float64))
     return tuple(names), columns
-
-
-__all__ = ["Frame", "frame_names", "frame_table", "input_name"]

@@ -171,6 +171,3 @@ def _line(row: ParameterRow, change: ParameterChange) -> list[str]:
     sigmas = "–" if math.isnan(change.sigmas) else f"{change.sigmas:+.1f}"
     first = with_uncertainty(measure.value, measure.sigma).partition(" ")[0].lstrip("(")
     return [row.label, f"{measure.value:.6g}" if "×" in first else first, moved, sigmas, measure.unit]
-
-
-__all__ = ["change_table", "changes_table", "difference_page"]

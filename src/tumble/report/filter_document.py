@@ -51,6 +51,3 @@ class FilterDocument(_Strict):
 def filter_schema() -> dict[str, Any]:
     """Return the JSON schema of the document."""
     return FilterDocument.model_json_schema()
-
-
-__all__ = ["FORMAT", "MODEL", "VERSION", "FilterDocument", "StateBlock", "filter_schema"]

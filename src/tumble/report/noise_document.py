@@ -412,6 +412,3 @@ def _number(value: float) -> float | None:
 
 def _numbers(values: Any) -> Numbers:
     return [_number(v) for v in np.asarray(values, dtype=float)]
-
-
-__all__ = ["FORMAT", "VERSION", "NoiseDocument", "document_text", "noise_document", "noise_schema"]

@@ -297,21 +297,3 @@ def _rounded(value: float, spread: float) -> str:
     power = math.floor(math.log10(abs(value)))
     decimals = decimals_of(spread * 10.0**-power)
     return f"({fixed(value * 10.0**-power, decimals)} ± {fixed(spread * 10.0**-power, decimals)})e{power}"
-
-
-__all__ = [
-    "CURVES",
-    "DEFINITIONS",
-    "FORMULA",
-    "KINDS",
-    "NAMES",
-    "NoiseRow",
-    "curve_lines",
-    "definition_of",
-    "letter_of",
-    "noise_lines",
-    "noise_rows",
-    "practical_unit",
-    "si_unit",
-    "triad_lines",
-]

@@ -57,6 +57,3 @@ def planned_sentence(calibration: Calibration, predicted: Mapping[str, float]) -
         f"Beside the plan: the median uncertainty is {middle:.2g} times the predicted one. Least for "
         f"{ratios[0][1]} ({ratios[0][0]:.2g} times), most for {ratios[-1][1]} ({ratios[-1][0]:.2g} times)."
     )
-
-
-__all__ = ["planned", "planned_sentence"]

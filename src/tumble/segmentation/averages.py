@@ -104,23 +104,6 @@ def mean_covariance(
     return MeanCovariance(means, covariance, dof)
 
 
-def flicker_floor(signal: Vectors, items: list[list[tuple[int, int]]]) -> Vector:
-    """Return the floor of the Allan variance that items show, (3,) raw units squared; zero if none.
-
-    Parameters
-    ----------
-    signal, items : as for `mean_covariance`; items of fewer than two samples tell nothing.
-    """
-    items = [item for item in items if sum(b - a for a, b in item) >= 2]
-    if not items:
-        return np.zeros(3)
-    signal = np.asarray(signal, dtype=float)
-    counts = [sum(b - a for a, b in item) for item in items]
-    base = _shortest_batch(min(counts))
-    parts = [[_batches(signal, a, b, base) for a, b in item] for item in items]
-    return _flicker_floor(parts, int(np.median([_level(count, base) for count in counts])))
-
-
 def batch_length(count: int, least: int) -> int:
     """Return the samples of a batch that `mean_covariance` cuts an item into.
 

@@ -316,13 +316,3 @@ def refuse_reversed_turns(case: Case, chosen: list[tuple[int, int]]) -> None:
             f"protocol, but the gyro saw {turns} go the other way round. "
             + (_by_gravity(case) or "The gyro's signs are reversed: give --columns with -gx,-gy,-gz.")
         )
-
-
-__all__ = [
-    "describe",
-    "find_reversed_turns",
-    "refuse_misfit",
-    "refuse_reversed_turns",
-    "refuse_without_spins",
-    "refuse_wrong_units",
-]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Matrices, Series
+from tumble.arrays import AnyArray, Matrices
 from tumble.noise.terms import NoiseModel
 from tumble.recording.recording import Recording
 from tumble.segmentation.averages import EXCESS_FALSE_ALARM
@@ -105,20 +105,3 @@ def _in_words(name: str, disturbed: np.ndarray, ratio: float) -> list[str]:
     more = " and more" if np.count_nonzero(disturbed) > 8 else ""
     found = f"Hold {which}{more}: the {name} scatters more than the noise model can make by chance; "
     return [found + "its own scatter counts."]
-
-
-def correlation_between(between: AnyArray) -> Series:
-    """Return the mean correlation of neighbouring holds for each axis, (3,).
-
-    Parameters
-    ----------
-    between : (3, holds, holds) covariances.
-    """
-    sigma = np.sqrt(np.diagonal(between, axis1=1, axis2=2))
-    neighbours = np.diagonal(between, offset=1, axis1=1, axis2=2)
-    if neighbours.shape[1] == 0:
-        return np.zeros(len(between))
-    return np.asarray(np.mean(neighbours / (sigma[:, 1:] * sigma[:, :-1]), axis=1))
-
-
-__all__ = ["ModelledMeans", "correlation_between", "model_means"]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tumble.simulation.motion import Motion
     from tumble.simulation.noise import TriadNoise, convert_to_digital, simulate_noise
     from tumble.simulation.poses import poses_26, simulate_hand_poses
-    from tumble.simulation.protocols import motion_from_protocol, simulate_protocol
+    from tumble.simulation.protocols import simulate_protocol
     from tumble.simulation.recordings import Distort, Truth, simulate_recording
     from tumble.simulation.sampling import Imperfections
     from tumble.simulation.table import TableErrors
@@ -56,7 +56,6 @@ __all__ = [
     "find_grade",
     "find_thermal_grade",
     "fixture_angles",
-    "motion_from_protocol",
     "play_protocol",
     "play_sequences",
     "poses_26",
@@ -99,7 +98,6 @@ _MODULES = {
     "find_grade": "grades",
     "find_thermal_grade": "thermal_grades",
     "fixture_angles": "axis_angles",
-    "motion_from_protocol": "protocols",
     "play_protocol": "fixtures",
     "play_sequences": "two_axis",
     "poses_26": "poses",

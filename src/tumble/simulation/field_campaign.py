@@ -89,6 +89,3 @@ def smoothed(white: Vectors, width: int) -> Vectors:
     kernel = np.ones(2 * width + 1) / np.sqrt(2.0 * width + 1.0)
     columns: list[Series] = [np.convolve(column, kernel, mode="same") for column in white.T]
     return np.column_stack(columns)
-
-
-__all__ = ["cart_trajectory", "pose_motion", "warming"]

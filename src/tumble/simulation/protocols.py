@@ -16,7 +16,6 @@ from tumble.simulation.disturbances import Disturbance
 from tumble.simulation.fixtures import PlayedProtocol, TrueSpin, play_protocol
 from tumble.simulation.grades import Grade
 from tumble.simulation.magnetometer import SimulatedMagnetometer
-from tumble.simulation.motion import Motion
 from tumble.simulation.recordings import Distort, Truth, simulate_recording
 from tumble.simulation.sampling import Imperfections
 from tumble.simulation.table import TableErrors
@@ -25,34 +24,6 @@ from tumble.simulation.two_axis import FixtureErrors, play_sequences
 # Raw counts per m/s² and per rad/s of a unit of no grade: 0.1 mm/s² and 0.2 "/s a count.
 COUNTS_PER_SI = (1e4, 1e6)
 UNITS = ("SI", "counts")
-
-
-def motion_from_protocol(
-    protocol: Protocol,
-    rng: np.random.Generator,
-    *,
-    placement: bool = True,
-    heading: float | Series | None = None,
-    lever_arm_b: AnyArray | None = None,
-    table_tilt: float = 0.0,
-    table: TableErrors | None = None,
-) -> Motion:
-    """Return the motion alone of `play_protocol`, which also says which step is which part of it.
-
-    Parameters
-    ----------
-    protocol, rng, placement, heading, lever_arm_b, table_tilt, table : as for `play_protocol`.
-    """
-    played = play_protocol(
-        protocol,
-        rng,
-        placement=placement,
-        heading=heading,
-        lever_arm_b=lever_arm_b,
-        table_tilt=table_tilt,
-        table=table,
-    )
-    return played.motion
 
 
 def simulate_protocol(
@@ -196,4 +167,4 @@ def _in_counts(model: ImuModel, force: float, rate: float) -> ImuModel:
     )
 
 
-__all__ = ["PlayedProtocol", "TrueSpin", "motion_from_protocol", "play_protocol", "simulate_protocol"]
+__all__ = ["PlayedProtocol", "TrueSpin", "play_protocol", "simulate_protocol"]

@@ -99,6 +99,3 @@ def _smooth_step(x: Series) -> Series:
     """From 0 to 1 over 0 to 1, with slope and bend zero at both ends."""
     y = np.clip(x, 0.0, 1.0)
     return y**3 * (10.0 - 15.0 * y + 6.0 * y**2)
-
-
-__all__ = ["STANDARD", "standard_trajectory", "trajectory_of_track"]

@@ -335,6 +335,3 @@ def _euler_rate(angles: Vectors, slopes: Vectors) -> Vectors:
             -tilted * np.sin(roll) + turned * np.cos(pitch) * np.cos(roll),
         ]
     )
-
-
-__all__ = ["SplineTrajectory", "TravelledStates", "drive_along", "simulate_drive"]

@@ -330,6 +330,3 @@ def _write(done: ArrayRun, folder: Path) -> None:
     table = folder / "array.json"
     write_text(table, json.dumps(done.document, indent=1, ensure_ascii=False) + "\n")
     done.files.append(table)
-
-
-__all__ = ["ArrayRun", "calibrate_array"]

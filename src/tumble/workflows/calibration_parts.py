@@ -237,18 +237,3 @@ def scatter(signal: np.ndarray, interval: float) -> Series:
     """
     steps = np.abs(np.diff(signal, axis=0))
     return 1.4826 * np.median(steps, axis=0) / np.sqrt(2.0) * np.sqrt(interval)
-
-
-__all__ = [
-    "ACCELEROMETERS",
-    "AT_REST",
-    "GYRO_BIASES",
-    "UNCALIBRATED",
-    "WHOLE",
-    "CorrectedBy",
-    "corrected_by_parts",
-    "in_b",
-    "scatter",
-    "start_covariance",
-    "without_rest_rate",
-]

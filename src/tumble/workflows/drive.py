@@ -413,6 +413,3 @@ def _refuse_bad_numbers(
         raise UsageError("--outages takes lengths in seconds from 0.5 to 600, as 2,10,30,60.")
     if turn_on is not None and not (turn_on[0] >= 0.0 and turn_on[1] >= 0.0):
         raise UsageError("--turn-on-bias takes two numbers that are not negative: mg and °/h.")
-
-
-__all__ = ["OUTAGES", "verify_drive"]

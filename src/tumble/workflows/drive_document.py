@@ -111,6 +111,3 @@ def _number(number: Statistic) -> dict[str, float | None]:
         "value": number.value if math.isfinite(number.value) else None,
         "standard_uncertainty": number.sigma if math.isfinite(number.sigma) else None,
     }
-
-
-__all__ = ["drive_document", "write_drive"]

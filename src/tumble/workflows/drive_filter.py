@@ -114,6 +114,3 @@ def _louder(model: NoiseModel, floor: float) -> NoiseModel:
     """White noise no less than the drive's own, and a bias walk for an instability."""
     walk = max(model.rate_random_walk, model.bias_instability / np.sqrt(_WANDER))
     return NoiseModel(random_walk=max(model.random_walk, floor), rate_random_walk=float(walk))
-
-
-__all__ = ["drive_filter", "noise_of_document", "sheet_noise"]

@@ -110,6 +110,3 @@ def _vibration(drive: Drive) -> str:
         "(angular rate) as much as their half-second means suggest, so that vibration counts as "
         "white noise"
     )
-
-
-__all__ = ["about_innovations"]

@@ -368,14 +368,3 @@ def _plain(name: str) -> str:
 
 def _signed(value: float) -> str:
     return f"{'−' if value < 0.0 else ''}{two_digits(abs(value))}"
-
-
-__all__ = [
-    "DriveVerification",
-    "PartResult",
-    "accuracy_class",
-    "far",
-    "hourly_drift",
-    "judge_drive",
-    "said",
-]

@@ -208,6 +208,3 @@ class NoiseOfHolds:
             f"How well the means of holds are known comes from the noise models in {self.source}; {counted}.",
             *self.remarks,
         ]
-
-
-__all__ = ["NoiseModels", "NoiseOfHolds", "models_of_recording", "read_noise_models"]

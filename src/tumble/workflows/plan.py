@@ -192,19 +192,3 @@ def finite(value: float) -> float | None:
     value : of any size.
     """
     return value if math.isfinite(value) else None
-
-
-__all__ = [
-    "BUDGETED",
-    "SEARCHED",
-    "Kind",
-    "check_seed",
-    "document_text",
-    "find_protocol",
-    "finite",
-    "kind_of_plan",
-    "plan_folder",
-    "planned_grade",
-    "planned_place",
-    "read_targets",
-]

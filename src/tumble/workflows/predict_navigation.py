@@ -247,12 +247,3 @@ def _travelled(path: SplineTrajectory, duration: float) -> tuple[InertialSamples
         C_nb,
     )
     return InertialSamples(time, states.specific_force_b, states.angular_rate_ib_b), start
-
-
-__all__ = [
-    "NavigationPrediction",
-    "predict_navigation",
-    "states_document",
-    "with_turn_on",
-    "write_states",
-]

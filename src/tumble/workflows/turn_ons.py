@@ -299,6 +299,3 @@ def _document(
 
 def _saying(say: Callable[[str], None], name: str) -> Callable[[str], None]:
     return lambda words: say(f"{name}: {words}")
-
-
-__all__ = ["calibrate_turn_ons", "labels_of"]

@@ -302,6 +302,3 @@ def _refusals(letter: str, rate: float | None) -> list[str]:
     if letter in "QNR":
         refused.append(f"Nothing about the bias's wander (B, K) follows from {letter}: it is another term.")
     return refused
-
-
-__all__ = ["Equal", "UnitExplanation", "explain_unit"]

@@ -41,7 +41,6 @@ BY_CHANCE = 6.3e-5
 EXPANDED = 2.0
 # A unit keeps its bias within this from one power cycle to the next (consumer data sheets).
 TURN_ON_FORCE_BIAS = 0.05  # m/s²
-TURN_ON_RATE_BIAS = 0.005  # rad/s
 # Fewer different poses than this leave too much of the accelerometers untouched to judge them.
 SMALLEST_POSES = 3
 # Turns are off by more than this only with a gyro that is not, or no longer, calibrated.

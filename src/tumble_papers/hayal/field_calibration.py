@@ -182,15 +182,3 @@ def _rate_start(observed: Vectors) -> Vector:
     start = np.zeros(COUNT)
     start[BIAS], start[SCALE] = observed.mean(axis=0), 1.0
     return start
-
-
-__all__ = [
-    "SITE",
-    "FieldUnit",
-    "TriadResult",
-    "average_poses",
-    "calibrate_triad",
-    "draw_unit",
-    "record_poses",
-    "sheet_sigmas",
-]

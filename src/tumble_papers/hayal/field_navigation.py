@@ -224,15 +224,3 @@ def mean_error(errors_n: Vectors) -> float:
     """
     mean: Vector = np.mean(errors_n, axis=0)
     return float(np.linalg.norm(mean))
-
-
-__all__ = [
-    "Calibrated",
-    "CartDrive",
-    "calibrated",
-    "filter_setup",
-    "mean_error",
-    "outage_errors",
-    "position_sigma",
-    "record_cart",
-]

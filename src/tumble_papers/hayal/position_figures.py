@@ -232,6 +232,3 @@ def _outage_plot(imu: str, protocol: str, said: AnyArray, found: Found) -> Plot:
         line="median",
         band="all campaigns",
     )
-
-
-__all__ = ["reproduce_outage_figure", "reproduce_scenario_figure"]

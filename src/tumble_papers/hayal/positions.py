@@ -274,13 +274,3 @@ def printed_outages(imu: str) -> dict[str, list[dict[str, Any]]]:
     imu : "HG1700" or "HG1900".
     """
     return hayal()["position_tables"]["5.7"]["outages"][imu]
-
-
-__all__ = [
-    "TABLES",
-    "printed_outages",
-    "reproduce_scenario_positions",
-    "reproduce_sub_scenarios",
-    "scenario_positions",
-    "sub_scenario_positions",
-]

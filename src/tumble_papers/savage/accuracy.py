@@ -199,6 +199,3 @@ def _notes(
             f"{grade}: the mean of no error is more than {off:.1f} of its standard deviations off zero."
         )
     return notes
-
-
-__all__ = ["reproduce_accuracy", "resampled"]

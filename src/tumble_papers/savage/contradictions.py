@@ -396,6 +396,3 @@ def _nominal_vertical(rng: np.random.Generator) -> list[Row]:
             )
         )
     return rows
-
-
-__all__ = ["reproduce_contradictions"]

@@ -342,17 +342,3 @@ def reproduce_table_2(repetitions: int, seed: int) -> Outcome:
         "inside: the printed H is that of (12), and so are all that are simulated",
         seed=seed,
     )
-
-
-__all__ = [
-    "BY_NAME",
-    "COMPONENTS",
-    "evaluated",
-    "measurement_name",
-    "model_coefficients",
-    "reproduce_equation_12",
-    "reproduce_table_1",
-    "reproduce_table_2",
-    "simulated_coefficients",
-    "start_axes",
-]

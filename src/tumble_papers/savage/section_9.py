@@ -594,17 +594,3 @@ def _independence(repetitions: int, seed: int) -> list[Row]:
             )
         )
     return [replace(row, cells=(row.cells[0], None, row.cells[1])) for row in rows]
-
-
-__all__ = [
-    "bias_errors",
-    "changes_by_kind",
-    "designated",
-    "expected_by_kind",
-    "reproduce_accelerometer_noise",
-    "reproduce_earth_rate",
-    "reproduce_gyro_bias",
-    "reproduce_random_noise",
-    "to_digits",
-    "unit",
-]

@@ -697,31 +697,3 @@ def exact_unit(grade: Grade | None = None) -> Grade:
     return Grade(
         "exact", 0.0, 0.0, scale=like.scale, asymmetry=like.asymmetry, angle=like.angle, bias=like.bias
     )
-
-
-__all__ = [
-    "ARCSECOND",
-    "AS_PRINTED",
-    "DEGREE_PER_HOUR",
-    "DEGREE_PER_ROOT_HOUR",
-    "GRADES",
-    "MICRO_G",
-    "STANDARD",
-    "START_NORM",
-    "VARIANTS",
-    "Evaluation",
-    "Grade",
-    "Models",
-    "Recordings",
-    "Setting",
-    "Variant",
-    "composed",
-    "draw_truth",
-    "evaluate_run",
-    "exact_unit",
-    "group_rms",
-    "measure_run",
-    "model_sequences",
-    "run_study",
-    "simulate_run",
-]

@@ -305,12 +305,3 @@ def _plot(figure: str, unit: str, picture: _Picture) -> Plot:
         linear=True,
         line="one run",
     )
-
-
-__all__ = [
-    "gyro_directions",
-    "gyros_apart",
-    "norm_shift",
-    "reproduce_figure",
-    "reproduce_table_6",
-]

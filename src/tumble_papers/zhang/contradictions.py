@@ -385,6 +385,3 @@ def _turntable_errors(rng: np.random.Generator) -> Row:
         "less than 1e-6" if max(worst) < 1e-6 else f"{max(worst):.2g}",
         bool(max(worst) < 1e-3),
     )
-
-
-__all__ = ["reproduce_contradictions"]

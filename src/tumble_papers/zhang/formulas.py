@@ -449,15 +449,3 @@ def _singular_sets() -> Row:
         f"nine edges are so for {len(singular)} of 8 choices of the three left out, each with a product of signs of "
         f"{'+1' if set(singular) == {1} else singular}",
     )
-
-
-__all__ = [
-    "exact_setting",
-    "formula_rows",
-    "pair_bias",
-    "printed_derivatives",
-    "printed_design",
-    "smallest_share",
-    "squared_norm",
-    "stepped_derivatives",
-]

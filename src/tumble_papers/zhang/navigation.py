@@ -292,13 +292,3 @@ def _measurements_plot(title: str, unit: str, edges: Series, signal: AnyArray) -
         line=f"mean of {_BLOCK:g} s",
         band="all samples",
     )
-
-
-__all__ = [
-    "NavigatedUnits",
-    "calibrate_units",
-    "reproduce_measurements",
-    "reproduce_positions",
-    "run_test",
-    "which_test",
-]

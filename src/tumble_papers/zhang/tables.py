@@ -368,15 +368,3 @@ def _product() -> int:
     """Return the product of the signs of the three edges that only the nine have."""
     edges = [ORIENTATIONS[number - 1] for number in NINE if np.max(np.abs(ORIENTATIONS[number - 1])) < 0.9]
     return int(np.prod([np.sign(edge[np.nonzero(edge)]).prod() for edge in edges]))
-
-
-__all__ = [
-    "COLUMN_DIGITS",
-    "as_printed",
-    "leaked",
-    "refusal",
-    "reproduce_scatter_table",
-    "reproduce_table_2",
-    "reproduce_table_5",
-    "theory_of_nine",
-]

@@ -167,6 +167,3 @@ def navigate_test(raw: InertialSamples, model: ImuModel) -> tuple[Series, Vector
     here = tuple(np.full(len(times), value) for value in PLACE)
     errors = position_differences((latitude, longitude, here[2]), (here[0], here[1], here[2]))
     return np.array(times), errors
-
-
-__all__ = ["TrueTest", "measured", "model_of", "navigate_test", "table_motion", "true_test"]

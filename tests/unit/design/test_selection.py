@@ -18,7 +18,7 @@ from tumble.design.candidates import (
     two_axis_poses,
     up_of_angles,
 )
-from tumble.design.criteria import CRITERIA, Criterion, eliminate_nuisances
+from tumble.design.criteria import CRITERIA, Criterion
 from tumble.design.pose_plan import criterion_of
 from tumble.design.pose_sets import paper_nine, predict_sigma
 from tumble.design.selection import find_approximate, find_exact, find_on_sphere, refine_on_sphere
@@ -117,15 +117,6 @@ def test_i_is_the_mean_error_of_a_corrected_force_over_all_directions() -> None:
     covariance = some_covariance()
     mean = np.mean(force_sigmas(covariance, sphere_grid(4000)[26:]) ** 2)
     assert np.trace(prediction_weights() @ covariance) == pytest.approx(mean, rel=1e-3)
-
-
-def test_nuisances_are_eliminated_as_the_inverse_does() -> None:
-    information, wanted = np.linalg.inv(some_covariance()), np.array([3, 0, 7])
-    np.testing.assert_allclose(
-        np.linalg.inv(eliminate_nuisances(information, wanted)),
-        some_covariance()[np.ix_(wanted, wanted)],
-        rtol=1e-9,
-    )
 
 
 @pytest.mark.parametrize("name", CRITERIA)

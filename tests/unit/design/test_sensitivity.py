@@ -11,7 +11,6 @@ from tumble.design.sensitivity import (
     approximate_norm_sensitivity,
     most_sensitive_directions,
     norm_sensitivity,
-    rotation_sensitivity,
     squared_norm,
 )
 from tumble.sensor.conventions.zhang import matrix_from_zhang
@@ -61,20 +60,6 @@ def test_the_formulas_without_small_terms_miss_by_the_order_of_the_angles() -> N
         missed = np.max(np.abs(rough - exact) / unit)
         # The largest neglected term is one angle, and two stand in a row.
         assert 0.1 * np.max(np.abs(small)) < missed < 2.0 * np.max(np.abs(small))
-
-
-def test_of_a_rotation_the_norm_tells_scale_and_misalignment_as_of_gravity_and_no_bias() -> None:
-    """The integral's difference is the table's angle, here 10π each way, times K T."""
-    axes, turned = some_directions(), 20.0 * np.pi
-    exact = rotation_sensitivity(axes, SCALE, ANGLES, turned, exact=True)
-    assert exact.bias is None
-    np.testing.assert_allclose(exact.columns(), differentiated(axes, turned)[:, :6], atol=1e-12 * turned**2)
-    rough = rotation_sensitivity(axes, SCALE, 1e-5 * ANGLES, turned).columns()
-    x, y, z = turned * axes.T
-    printed = np.column_stack([x * x, y * y, z * z, x * y, x * z, y * z])
-    factors = -2.0 * np.concatenate([1.0 / SCALE, [1.0, -1.0, 1.0]])
-    # The angles, 1e-6, are still in σ^g.
-    np.testing.assert_allclose(rough, factors * printed, atol=1e-5 * turned**2)
 
 
 @pytest.mark.parametrize(("group", "index"), [(g, i) for g in GROUPS for i in range(3)])

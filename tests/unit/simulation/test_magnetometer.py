@@ -13,7 +13,7 @@ from tumble.errors import UsageError
 from tumble.protocol import named_protocol
 from tumble.sensor import Triad
 from tumble.simulation.magnetometer import SimulatedMagnetometer, find_magnetometer
-from tumble.simulation.protocols import motion_from_protocol
+from tumble.simulation.protocols import play_protocol
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.simulate import simulate
 
@@ -23,7 +23,7 @@ SITE = tumble.Site.from_latitude(np.radians(48.0))
 
 
 def test_raw_numbers_are_those_of_the_formula() -> None:
-    motion = motion_from_protocol(named_protocol("multi-position-9"), np.random.default_rng(3))
+    motion = play_protocol(named_protocol("multi-position-9"), np.random.default_rng(3)).motion
     dip, east = np.radians(65.0), np.radians(4.0)
     current = np.array([1e-6, -2e-6, 0.5e-6])
     compass = SimulatedMagnetometer(

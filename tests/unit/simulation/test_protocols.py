@@ -27,7 +27,6 @@ from tumble.simulation import (
     Imperfections,
     PlayedProtocol,
     find_grade,
-    motion_from_protocol,
     play_protocol,
     simulate_protocol,
 )
@@ -441,14 +440,6 @@ def test_a_protocol_may_begin_and_end_with_anything() -> None:
     assert np.all(np.diff(played.step_edges.reshape(-1)) > 0.0)
     assert played.hold_steps == (None,) * 5
     np.testing.assert_allclose(played.spins[0].axis_n, UP_N, atol=1e-14)
-
-
-def test_motion_from_protocol_is_the_motion_that_was_played() -> None:
-    given = named_protocol("six-position")
-    motion = motion_from_protocol(given, np.random.default_rng(8))
-    same = play_protocol(given, np.random.default_rng(8)).motion
-    time = np.linspace(0.0, motion.duration, 40)
-    np.testing.assert_array_equal(motion.rotation_nb(time).as_quat(), same.rotation_nb(time).as_quat())
 
 
 @pytest.mark.parametrize(

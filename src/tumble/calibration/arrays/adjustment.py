@@ -322,6 +322,3 @@ def _solution(units: list[ArrayUnit], sections: Sequence[_Common], covariance: S
         squares,
         sum(s.redundancy for s in alone),
     )
-
-
-__all__ = ["ArraySolution", "ArrayUnit", "solve_array"]

@@ -231,6 +231,3 @@ def _of_gain(count: int, unit: MountedUnit) -> str:
         f"{told}: standard uncertainties are {mean:.2f} times (geometric mean over the groups) those of the unit "
         f"alone, of {best} {unit.gain[best]:.2f} times."
     )
-
-
-__all__ = ["ArrayEstimate", "MountedUnit", "array_estimate"]

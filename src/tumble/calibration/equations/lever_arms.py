@@ -77,6 +77,3 @@ class LeverArms:
         change = np.diff(rate, axis=0, prepend=before[1][None])
         usable = (step > 0.0) & (step <= LONGEST_STEP)
         return np.where(usable[:, None], change / np.where(usable, step, 1.0)[:, None], 0.0)
-
-
-__all__ = ["LeverArms"]

@@ -104,14 +104,6 @@ class ExtraVariances:
     turn: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class TurnMismatch:
-    """How each turn's carried and seen directions of gravity differ, and what each depends on."""
-
-    angle: Series
-    turned: Series
-
-
 class TurnConditions:
     """`Conditions` of holds and turns for an adjustment of both triads.
 

@@ -284,13 +284,3 @@ def _spread_ratio(unknowns: Table, outcome: JointOutcome, named: NamedParameters
     centre = named.at(outcome.values)
     off = np.array([named.at(drawn) - centre for drawn in unknowns])
     return np.sqrt(np.mean(off**2, axis=0) / np.maximum(linear, 1e-300))
-
-
-__all__ = [
-    "draw_distributions",
-    "draw_gravity",
-    "draw_unknowns",
-    "numerical_tolerance",
-    "redrawn",
-    "shortest_intervals",
-]

@@ -74,6 +74,3 @@ def restless_words(one: RestlessHold) -> str:
         f"hold {one.hold + 1} ({one.start:.1f} to {one.stop:.1f} s) sways by {1e3 * one.sway:.2g} mrad (one sigma), "
         f"{beside}"
     )
-
-
-__all__ = ["find_restless", "restless_remarks", "restless_words"]

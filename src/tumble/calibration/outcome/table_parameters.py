@@ -124,13 +124,3 @@ def table_remarks(terms: frozenset[str], named: dict[str, tuple[float, float]]) 
             "out what they feel while the unit turns."
         )
     return told
-
-
-__all__ = [
-    "LAG_NAME",
-    "WORTH_NAMING",
-    "lever_arms_of",
-    "table_parameters",
-    "table_remarks",
-    "told_table_parameters",
-]

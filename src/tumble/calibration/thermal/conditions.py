@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Series, Square, Table, Vectors
+from tumble.arrays import AnyArray, Series, Table, Vectors
 from tumble.calibration.thermal.layout import ENTRIES, Layout, ThermalTerms
 from tumble.calibration.thermal.points import ThermalPoints
 from tumble.estimation import Linearisation, Prior
@@ -409,8 +409,3 @@ class ThermalConditions:
         if up is not None:
             spread[alone] += self._pulled(up[alone])[:, None, None] ** 2 * np.eye(3)
         covariance[:, 3:, 3:] = spread
-
-
-def shared_covariance(cofactor: Square, layout: Layout) -> Square:
-    """Return the part of a cofactor that is of no placement's own unknowns."""
-    return cofactor[: layout.shared, : layout.shared]

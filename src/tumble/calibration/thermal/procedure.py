@@ -370,6 +370,3 @@ def _tested(
 
 def _silent(_: str) -> None:
     """Tell nobody."""
-
-
-__all__ = ["calibrate_thermal"]

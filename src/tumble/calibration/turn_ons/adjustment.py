@@ -372,18 +372,3 @@ def _sum(told: Sequence[Told]) -> Told:
     for more in told[1:]:
         total = total + more
     return total
-
-
-__all__ = [
-    "OWN",
-    "SeveralSolution",
-    "Told",
-    "TurnOn",
-    "balance_several",
-    "others_prior",
-    "own_equations",
-    "solve_several",
-    "stable_values",
-    "tell",
-    "with_free",
-]

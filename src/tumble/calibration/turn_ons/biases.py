@@ -252,14 +252,3 @@ def disagreement(
         told += float(np.sum(covariance * precision))
     degrees = round(told) - value.size
     return squares, max(degrees, 0), float(chdtrc(degrees, squares)) if degrees > 0 else 1.0
-
-
-__all__ = [
-    "Agreement",
-    "BiasScatter",
-    "RecordingOfUnit",
-    "TurnOns",
-    "agreement_of",
-    "bias_scatter",
-    "disagreement",
-]

@@ -328,6 +328,3 @@ def _left_out(outcome: SeveralOutcome, parts: Sequence[Estimate]) -> list[LeftOu
         before["turn"] += own.turns.angles.size
         before["spin"] += own.holds.norms.size
     return made
-
-
-__all__ = ["SeveralEstimate", "several_estimate"]

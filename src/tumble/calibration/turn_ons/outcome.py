@@ -340,13 +340,3 @@ def settled_outcome(outcome: SeveralOutcome, index: int) -> JointOutcome:
         untold=None,
         frame="accelerometer-x",
     )
-
-
-__all__ = [
-    "SeveralOutcome",
-    "adjust_several",
-    "refuse_another_unit",
-    "settled_outcome",
-    "tells",
-    "whole_disagreement",
-]

@@ -144,6 +144,3 @@ def amount(value: float, unit: str) -> str:
 
 def _p(probability: float) -> str:
     return "below 1e-12" if probability < 1e-12 else f"{probability:.2g}"
-
-
-__all__ = ["amount", "turn_on_cautions", "turn_on_sentences"]

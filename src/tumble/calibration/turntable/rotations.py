@@ -59,6 +59,3 @@ def turned_angles(
         residual = turned - abs(r.angle)
         angles.append(TurnedAngle(r.row, sign * abs(r.angle), residual, sigma, r.seconds, r.is_from_rest))
     return tuple(angles)
-
-
-__all__ = ["spins_evidence", "turned_angles"]

@@ -265,6 +265,3 @@ def _unseen(samples: InertialSamples) -> Series:
     """What rate and force may do in a gap, (6,): the rms of rate and of force about its mean in the recording."""
     rate: Vectors = samples.angular_rate_ib_b
     return np.concatenate([np.sqrt(np.mean(rate**2, axis=0)), np.std(samples.specific_force_b, axis=0)])
-
-
-__all__ = ["FilterRun", "run_stretch", "unpacked"]

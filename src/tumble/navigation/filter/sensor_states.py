@@ -210,13 +210,3 @@ def _markov_parts(noise: NoiseModel, flicker_span: float) -> list[tuple[float, f
             for k in range(len(system.states))
         ]
     return parts
-
-
-__all__ = [
-    "KINDS",
-    "SensorState",
-    "TriadSpread",
-    "covariance_from_calibration",
-    "covariance_of",
-    "sensor_states",
-]

@@ -147,6 +147,3 @@ def plan_filter(
         velocity_random_walk=np.array([model.random_walk for model in forces]),
         lever_arm_b=np.zeros(3) if lever_arm_b is None else lever_arm_b,
     )
-
-
-__all__ = ["FilterSetup", "Noise", "plan_filter"]

@@ -76,6 +76,3 @@ def _smoothing_gain(covariance: AnyArray, transition: AnyArray, predicted: AnyAr
     normal[np.diag_indices_from(normal)] += np.where(np.diag(predicted) > 0.0, 1e-14, 1.0)
     solved = np.linalg.solve(normal, (transition @ covariance) / scale[:, None])
     return (solved / scale[:, None]).T
-
-
-__all__ = ["SmoothedRun", "smooth"]

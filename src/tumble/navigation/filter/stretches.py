@@ -226,6 +226,3 @@ def _joined(before: FilterRun, after: FilterRun, carried: Series) -> FilterRun:
 def _columns(run: FilterRun) -> tuple[Series | Table, ...]:
     own = run.trajectory
     return own.time, own.latitude, own.longitude, own.height, own.velocity_n, own.quaternion_nb
-
-
-__all__ = ["LONGEST_BRIDGED", "run_filter"]

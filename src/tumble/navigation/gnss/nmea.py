@@ -194,6 +194,3 @@ def _track(rows: list[tuple[float, _Epoch]], name: str, remarks: tuple[Remark, .
 def _kinds(text: str) -> str:
     found = {line[line.find("$") + 3 :][:3] for line in lines_of(text) if "$" in line}
     return ", ".join(sorted(found)) or "none"
-
-
-__all__ = ["read_nmea"]

@@ -80,6 +80,3 @@ def _fit(
     return np.asarray(
         apart <= _SLACK * (time[j] - time[i]) + _LATE * change + _SIGMAS * np.hypot(sigma[i], sigma[j])
     )
-
-
-__all__ = ["fit_velocities"]

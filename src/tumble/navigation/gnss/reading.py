@@ -60,6 +60,3 @@ def _kind(head: bytes) -> str:
     if nmea:
         return "nmea"
     return "rtklib" if head.lstrip().startswith(b"%") else "csv"
-
-
-__all__ = ["FORMATS", "read_track"]

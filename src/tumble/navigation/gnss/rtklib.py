@@ -162,6 +162,3 @@ def _down(covariance_up: Matrices) -> Matrices:
     """Of north, east, up to north, east, down."""
     sign: Vectors = np.array([[1.0, 1.0, -1.0]])
     return covariance_up * sign[:, :, None] * sign[:, None, :]
-
-
-__all__ = ["read_rtklib"]

@@ -254,6 +254,3 @@ def _accuracies(value: dict[str, Series], count: int) -> tuple[Vectors, Vectors 
     vertical = speed if "down" in value or "up" in value else np.ones(count)
     velocity = np.column_stack([value["north"], value["east"], down])
     return sigmas, velocity, np.column_stack([speed, speed, vertical]), assumed
-
-
-__all__ = ["read_text_track"]

@@ -77,15 +77,3 @@ def date_of_seconds(seconds: float) -> str:
     """Return the date and time, to the millisecond, of s since 6 January 1980, in the same scale."""
     rounded = math.floor(seconds * 1e3 + 0.5) / 1e3
     return (GPS_EPOCH + timedelta(seconds=rounded)).strftime("%Y-%m-%d %H:%M:%S.%f")[:-3]
-
-
-__all__ = [
-    "GPS_EPOCH",
-    "UNIX_TO_GPS",
-    "WEEK",
-    "date_of_seconds",
-    "gps_from_unix",
-    "gps_from_utc",
-    "leap_seconds",
-    "seconds_of_date",
-]

@@ -225,6 +225,3 @@ def _refuse_impossible(track: GnssTrack) -> None:
         raise RecordingError(
             f"Fix {row + 1} of {track.name} has no positive standard uncertainty of its position: give one."
         )
-
-
-__all__ = ["QUALITIES", "GnssTrack", "diagonal_covariances", "in_order", "make_track"]

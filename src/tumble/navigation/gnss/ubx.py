@@ -120,6 +120,3 @@ def _quality(message: Any) -> int:
     if carrier:
         return 1 if carrier == 2 else 2
     return 4 if message.diffSoln else 5
-
-
-__all__ = ["read_ubx"]

@@ -372,17 +372,3 @@ def _criterion(model: Autoregression, criterion: str) -> float:
     if criterion == "fpe":
         return misfit + n * float(np.log((n + p + 1.0) / (n - p - 1.0)))
     raise UsageError(f"{criterion!r} is no criterion: bic, aicc or fpe.")
-
-
-__all__ = [
-    "Autoregression",
-    "ChosenOrder",
-    "Criterion",
-    "Method",
-    "Whiteness",
-    "burg",
-    "burg_ladder",
-    "choose_order",
-    "whiteness",
-    "yule_walker",
-]

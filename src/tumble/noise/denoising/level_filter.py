@@ -141,6 +141,3 @@ def _smoothed(white: Series, gain: float) -> Series:
         state = [(1.0 - gain) * result[start - 1]]
         result[start:] = lfilter([gain], [1.0, gain - 1.0], white[start:], zi=state)[0]
     return result
-
-
-__all__ = ["LevelFilter", "fit_level_filter"]

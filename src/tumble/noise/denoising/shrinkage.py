@@ -341,18 +341,3 @@ def _with_gaps(signal: Series, rate: float, ranges: Ranges) -> tuple[Series, flo
     for first, last in ranges:
         masked[first:last] = signal[first:last]
     return masked, rate
-
-
-__all__ = [
-    "ChosenLevel",
-    "DenoisedSignal",
-    "Rule",
-    "Shape",
-    "Shrinkage",
-    "choose_level",
-    "denoise_signal",
-    "level_above",
-    "level_noise",
-    "motion_bandwidth",
-    "sure_threshold",
-]

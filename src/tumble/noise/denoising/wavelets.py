@@ -227,14 +227,3 @@ def haar_wavelet_variance(
         high=0.5 * allan.high**2,
         confidence=confidence,
     )
-
-
-__all__ = [
-    "USUAL",
-    "Coefficients",
-    "Transform",
-    "WaveletVariance",
-    "deepest_level",
-    "filter_length",
-    "haar_wavelet_variance",
-]

@@ -169,6 +169,3 @@ def _weights(lag: AnyArray, m: int, n: int, lengths: AnyArray, repeats: AnyArray
     reach[0] = 0.5 + 0.5 * (lag[1] - lag[0])
     reach[-1] = 0.5 + 0.5 * (lag[-1] - lag[-2])
     return pairs * reach
-
-
-__all__ = ["AllanCovariance", "allan_covariance"]

@@ -96,6 +96,3 @@ def _words(name: str, solution: Solution) -> str:
         return name
     place = int(name[5:] or 1) - 1
     return f"the Gauss-Markov process of {solution.times[place]:.3g} s"
-
-
-__all__ = ["remarks_on", "stand_ins"]

@@ -172,6 +172,3 @@ def _least(root: Square, design: Table, observed: Series) -> tuple[Series, float
     size = np.maximum(np.max(np.abs(weighed), axis=0), _TINY)
     found, left = nnls(weighed / size, root @ observed)
     return found / size, float(left) ** 2
-
-
-__all__ = ["letter_interval", "process_interval"]

@@ -192,6 +192,3 @@ def _polished(
         found.append((float(result.fun), np.asarray(result.x, dtype=np.float64)))
     logs = min(found, key=lambda end: end[0])[1]
     return tuple(sorted(np.exp(np.clip(logs, low, high)).tolist()))
-
-
-__all__ = ["FALSE_ALARM", "MOST_PROCESSES", "with_processes", "without_the_unseen"]

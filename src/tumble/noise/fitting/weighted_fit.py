@@ -251,14 +251,3 @@ def _half_freedom(log_variance: Series) -> Series:
     for _ in range(8):
         half = np.maximum(half - (polygamma(1, half) - log_variance) / polygamma(2, half), 0.25)
     return np.asarray(half)
-
-
-__all__ = [
-    "AllanTask",
-    "Method",
-    "Solution",
-    "covariance_of_logarithms",
-    "misfit_of_scores",
-    "normal_scores",
-    "root_of_weights",
-]

@@ -174,6 +174,3 @@ def _flatten(name: str, value: Any, flat: dict[str, float], depth: int) -> None:
     else:
         with suppress(ValueError):
             flat[name] = number_of(cast("object", value))
-
-
-__all__ = ["COMMENTS", "LONGEST_LINE", "Row", "flattened", "row_of", "without_clock", "words_of"]

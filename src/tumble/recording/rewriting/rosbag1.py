@@ -203,6 +203,3 @@ def _marked(header: dict[bytes, bytes], data: bytes, exchange: Exchange) -> byte
     if not marks:
         return data
     return _record(header_fields(data) | {FIELD: " ".join(marks).encode()})[4:]
-
-
-__all__ = ["corrections", "rewrite"]

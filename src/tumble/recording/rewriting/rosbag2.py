@@ -170,6 +170,3 @@ def _exchanged(part: Database, topic: str, data: bytes, exchange: Exchange) -> b
         exchange.of(topic, decompress_zstd(data, part.path.name))
     )
     return packed
-
-
-__all__ = ["corrections", "rewrite_database", "rewrite_folder"]
