@@ -68,15 +68,15 @@ class OneOptions:
             "stated intervals hold.",
         ),
     ] = None
-    light: Annotated[
-        bool,
+    report: Annotated[
+        str,
         option(
             ADVANCED,
-            "",
-            "The report uses plotly.min.js of its folder, or of the one around it, instead of holding 5 MB of it.",
-            "--light-report",
+            "full|light",
+            "light: the report uses plotly.min.js of its folder, or of the one around it, instead of holding 5 MB of "
+            "it.",
         ),
-    ] = False
+    ] = "full"
     noise_correction: Annotated[
         bool,
         detail(

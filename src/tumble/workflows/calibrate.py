@@ -134,7 +134,7 @@ def calibrate(
     notes: Notes = None,
     limits: str | os.PathLike[str] | None = None,
     field: str | None = None,
-    light: bool = False,
+    report: str = "full",
     progress: Callable[[str], None] | None = None,
 ) -> CalibrationRun:
     """Calibrate the IMU of one or several recordings.
@@ -164,7 +164,7 @@ def calibrate(
     notes : what else to note by name: operator, place, instrument, remarks.
     limits : file of acceptance limits, which the calibration is held against.
     field : the magnetic field at the site, see `given_field`; None where it is not known.
-    light : let the report use ``plotly.min.js`` of its folder or of the one around it, instead of holding a copy.
+    report : "full"; "light" lets it use ``plotly.min.js`` of its folder or of the one around it instead of a copy.
     progress : called with a sentence on what is being done.
 
     Raises
@@ -185,6 +185,8 @@ def calibrate(
         raise UsageError(
             f"--monte-carlo {monte_carlo}: give a number of draws from {FEWEST_DRAWS} to {MOST_DRAWS}."
         )
+    if report not in ("full", "light"):
+        raise UsageError(f"--report {report}: give full or light.")
     folder = None if output is None else Path(output)
     if folder is not None:
         require_writable(folder)
@@ -220,7 +222,7 @@ def calibrate(
         if not alone:
             raise
         try:
-            return _field_run(session, magnetic, str(error), imu, folder, light, clock)
+            return _field_run(session, magnetic, str(error), imu, folder, report, clock)
         except ObservabilityError as further:
             raise type(error)(
                 f"{error} The magnetometer does not serve by itself either. {further}"
@@ -257,7 +259,7 @@ def calibrate(
     run.predicted = {} if given is None else given.predicted()
     if folder is not None:
         say("writing the report")
-        write_run(run, folder, light=light)
+        write_run(run, folder, report)
         clock.lap("reporting")
     return run
 
@@ -268,7 +270,7 @@ def _field_run(
     why: str,
     imu: tuple[str | None, str | None],
     folder: Path | None,
-    light: bool,
+    report: str,
     clock: Clock,
 ) -> CalibrationRun:
     """The magnetometer by itself, where the recording determines no other triad."""
@@ -279,7 +281,7 @@ def _field_run(
     run.seconds = clock.seconds
     if folder is not None:
         session.say("writing the report")
-        write_run(run, folder, light=light)
+        write_run(run, folder, report)
         clock.lap("reporting")
     return run
 
@@ -495,7 +497,7 @@ def read_prior(prior: str | os.PathLike[str], serial: str | None = None) -> Stab
     return replace(known, of_fleet=earlier.procedure == PROCEDURE)
 
 
-def write_run(run: CalibrationRun, folder: Path, *, light: bool = False) -> None:
+def write_run(run: CalibrationRun, folder: Path, form: str = "full") -> None:
     """Write both files beside their places, then rename both.
 
     An earlier calibration there, of other recordings, is kept as ``calibration-before-IDENTITY.json``.
@@ -503,7 +505,7 @@ def write_run(run: CalibrationRun, folder: Path, *, light: bool = False) -> None
     Parameters
     ----------
     run, folder : what was made, and where it goes; the run is told its files.
-    light : let the report use a plotting library that lies in the folder, or in the one around it.
+    form : "full"; "light" lets the report use a plotting library that lies in the folder, or in the one around it.
 
     Raises
     ------
@@ -515,7 +517,7 @@ def write_run(run: CalibrationRun, folder: Path, *, light: bool = False) -> None
 
     kept = _of_other_recordings(folder / "calibration.json", run.calibration)
     library = None
-    if light:
+    if form == "light":
         own, shared = folder / LIBRARY, folder.parent / LIBRARY
         library = LIBRARY if own.is_file() or not shared.is_file() else f"../{LIBRARY}"
         if library == LIBRARY and not own.is_file():

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from tumble.errors import UsageError
 from tumble.report.html import LIBRARY
 from tumble.workflows import calibrate
 from tumble.workflows.calibrate import write_run
@@ -20,14 +21,19 @@ def test_a_library_is_written_once_and_shared(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(calibrate, "report_of", named)
     run: Any = SimpleNamespace(calibration=SimpleNamespace(to_json=lambda: "{}"), files=[])
 
-    def written(name: str, light: bool) -> tuple[str, bool]:
-        write_run(run, tmp_path / name, light=light)
+    def written(name: str, form: str) -> tuple[str, bool]:
+        write_run(run, tmp_path / name, form)
         return (tmp_path / name / "report.html").read_text(), (tmp_path / name / LIBRARY).exists()
 
-    assert written("whole", light=False) == ("with None", False)
-    assert written("alone", light=True) == (f"with {LIBRARY}", True)
+    assert written("whole", "full") == ("with None", False)
+    assert written("alone", "light") == (f"with {LIBRARY}", True)
     before = (tmp_path / "alone" / LIBRARY).stat().st_mtime_ns
-    assert written("alone", light=True) == (f"with {LIBRARY}", True)
+    assert written("alone", "light") == (f"with {LIBRARY}", True)
     assert (tmp_path / "alone" / LIBRARY).stat().st_mtime_ns == before
     (tmp_path / "alone" / LIBRARY).rename(tmp_path / LIBRARY)
-    assert written("beside", light=True) == (f"with ../{LIBRARY}", False)
+    assert written("beside", "light") == (f"with ../{LIBRARY}", False)
+
+
+def test_another_form_is_refused_before_any_work(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--report heavy: give full or light"):
+        calibrate.calibrate(tmp_path / "none.csv", report="heavy")
