@@ -71,7 +71,9 @@ def mistakes() -> str:
 
 
 # Keys that every step has stand in one table.
-SHARED = {name for name, key in KINDS["hold"].items() if all(keys.get(name) == key for keys in KINDS.values())}
+SHARED = {
+    name for name, key in KINDS["hold"].items() if all(keys.get(name) == key for keys in KINDS.values())
+}
 
 TABLES = {
     "file": lambda: key_table(PROTOCOL),
