@@ -17,6 +17,7 @@ import json
 import os
 import random
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -121,12 +122,15 @@ def study_faulty(folder: Path, count: int) -> None:
 
 
 def study_speed(folder: Path, counts: list[int]) -> None:
-    """Units a second from processor time, which other work on the machine hardly changes; wall clock for comparison."""
-    make(folder / "units", 20, faulty=False)
+    """Units a second from processor time, which other work on the machine hardly changes; wall clock for comparison.
+
+    Each unit has a recording of its own, of 0.3 MB.
+    """
+    make(folder / "units", max(counts), faulty=False)
     rates: list[float] = []
     for number in counts:
         manifest = folder / f"{number}.csv"
-        lines = [f"v{k:05d},units/u{k % 20:04d}.csv" for k in range(number)]
+        lines = [f"v{k:05d},units/u{k:04d}.csv" for k in range(number)]
         manifest.write_text("unit,files\n" + "\n".join(lines) + "\n", encoding="utf-8")
         begun, before = time.perf_counter(), cpu()
         # In a process of its own: what the largest batch takes is not hidden by what came before.
@@ -139,8 +143,10 @@ def study_speed(folder: Path, counts: list[int]) -> None:
         seconds, wall = cpu() - before, time.perf_counter() - begun
         rates.append(number / seconds)
         print(
-            f"{number} units: {number / seconds:.2f} a second of a core, {number / wall:.2f}/s; {made.stdout.strip()}"
+            f"{number} units: {number / seconds:.2f} a second of a core, {number / wall:.2f}/s; {made.stdout.strip()}",
+            flush=True,
         )
+        shutil.rmtree(folder / f"out-{number}")
     spread = max(rates) / min(rates) - 1.0
     print(f"units a second of a core over sizes of {counts[0]} to {counts[-1]}: within {100 * spread:.0f} %")
 
@@ -152,10 +158,13 @@ def cpu() -> float:
 
 def one_batch(manifest: str, out: str) -> None:
     """A batch, and the memory of the process that collects it and of the largest worker."""
-    run_batch(manifest, out, options(Path(out).parent))
+    batch = run_batch(manifest, out, options(Path(out).parent))
     own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     worker = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    print(f"{own:.0f} MB at most here, {worker:.0f} MB in a worker")
+    print(
+        f"{own:.0f} MB at most here, {worker:.0f} MB in a worker; {batch.accepted} accepted, "
+        f"{len(batch.stand_out)} stand out"
+    )
 
 
 def study_registry(folder: Path, count: int) -> None:

@@ -94,15 +94,14 @@ def _near(x: np.ndarray, own: np.ndarray, limit: float) -> list[tuple[int, int]]
     first = int(np.argmin(np.median(sigma, axis=0)))
     order = np.argsort(x[:, first])
     reach = np.sqrt(limit) * 2.0 * np.max(sigma[:, first])
+    sorted_values = x[order, first]
+    beyond = np.searchsorted(sorted_values, sorted_values + reach, side="right")
     found: list[tuple[int, int]] = []
     for place, a in enumerate(order):
-        for b in order[place + 1 :]:
-            if x[b, first] - x[a, first] > reach:
-                break
-            both = np.sqrt(sigma[a] ** 2 + sigma[b] ** 2)
+        near = order[place + 1 : beyond[place]]
+        both = np.sqrt(sigma[near] ** 2 + sigma[a] ** 2)
+        for b in near[np.all(np.abs(x[near] - x[a]) <= np.sqrt(limit) * both, axis=1)]:
             difference = x[a] - x[b]
-            if np.any(np.abs(difference) > np.sqrt(limit) * both):
-                continue
             if difference @ np.linalg.solve(own[a] + own[b], difference) < limit:
                 found.append((min(int(a), int(b)), max(int(a), int(b))))
     return sorted(found)

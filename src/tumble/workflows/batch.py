@@ -82,7 +82,7 @@ def run_batch(
     make_folder(folder / UNITS)
     if options.reports != "none":
         _write_library(folder)
-    known = {task.unit: earlier for task in tasks if (earlier := _earlier(folder, task)) is not None}
+    known = {task.unit: _lean(earlier) for task in tasks if (earlier := _earlier(folder, task)) is not None}
     done: dict[str, UnitOutcome] = {}
     kept = 0
     with _registry(registry) as store, hands(workers, scheduler, executor) as crew:
@@ -97,7 +97,7 @@ def run_batch(
             else:
                 _write_unit(folder, outcome)
                 store(outcome)
-                done[outcome.unit] = replace(outcome, calibration=None, report=None)
+                done[outcome.unit] = _lean(outcome)
             say(f"{len(done)} of {len(tasks)} units")
     say("the table")
     batch = summarised([done[task.unit] for task in tasks])
@@ -150,6 +150,13 @@ def _earlier(folder: Path, task: UnitTask) -> UnitOutcome | None:
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return None
     return outcome if whole and outcome.key else None
+
+
+def _lean(outcome: UnitOutcome) -> UnitOutcome:
+    """What stays in memory of each of thousands of units."""
+    told = outcome.vector
+    vector = None if told is None else told | {"covariance": np.array(told["covariance"])}
+    return replace(outcome, calibration=None, report=None, vector=vector)
 
 
 def _hash(text: str) -> str:
