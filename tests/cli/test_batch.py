@@ -103,6 +103,32 @@ def test_a_second_run_does_nothing_anew_and_a_third_what_is_new(
     assert (third["worked"], third["kept"]) == (2, 0)
 
 
+def test_a_wrong_option_and_a_file_that_is_gone_leave_earlier_results(
+    tumble: Any, lot: Path, tmp_path: Path
+) -> None:
+    units = tmp_path / "units"
+    units.mkdir()
+    (units / "u0.csv").write_bytes((lot / "u0.csv").read_bytes())
+    (tmp_path / "lot.csv").write_text("unit,files\nu0,units/u0.csv\n", encoding="utf-8")
+    call = ("batch", tmp_path / "lot.csv", "-o", tmp_path / "out", "--workers", 1, "--reports", "none")
+    assert tumble(*call, "--gravity", GRAVITY).status == 0
+    written = {path: path.read_bytes() for path in (tmp_path / "out").rglob("*.*")}
+    for wrong in (("--gravity", 42), ("--procedure", "nope"), ("--protocol", "nope"), ("--units", "furlong")):
+        answer = tumble(*call, *(() if "--gravity" in wrong else ("--gravity", GRAVITY)), *wrong)
+        assert answer.status == 2
+        assert answer.err.count("\n") == 1
+    assert written == {path: path.read_bytes() for path in (tmp_path / "out").rglob("*.*")}
+    (units / "u0.csv").rename(units / "gone")
+    answer = tumble(*call, "--gravity", GRAVITY)
+    assert answer.status == 1
+    assert "There is no file" in answer.out
+    assert "The calibration of an earlier run is left as it is." in answer.out
+    place = tmp_path / "out" / "units" / "u0" / "calibration.json"
+    assert place.read_bytes() == written[place]
+    (units / "gone").rename(units / "u0.csv")
+    assert json.loads(tumble(*call, "--gravity", GRAVITY, "--json").out)["kept"] == 1
+
+
 def test_a_manifest_with_a_missing_file_does_the_others(tumble: Any, lot: Path, tmp_path: Path) -> None:
     manifest = tmp_path / "lot.csv"
     lines = [

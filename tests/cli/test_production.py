@@ -36,6 +36,8 @@ def test_a_unit_goes_into_the_registry_and_gets_a_certificate(
     assert due.status == 1
     assert "A-1" in due.out
     assert "nothing is known of the drift" in due.out
+    assert "no calibration of unit NOPE" in tumble("registry", "list", "--unit", "NOPE").out
+    assert "--most -3: give one or more" in tumble("registry", "list", "--most", -3).err
     again = tumble("registry", "add", made)
     assert "was there" in again.out
     assert "gyro bias z" in tumble("registry", "history", "A-1", "-o", tmp_path / "a.html").out
@@ -57,6 +59,10 @@ def test_a_unit_goes_into_the_registry_and_gets_a_certificate(
     assert "asks for more than the profile says" in answer.out
     for file in (pdf, xml):
         assert tumble("certificate", "--check", file, made).status == 0
+    (tmp_path / "cut.pdf").write_bytes(pdf.read_bytes()[:2000])
+    cut = tumble("certificate", "--check", tmp_path / "cut.pdf")
+    assert cut.status == 2
+    assert cut.err.count("\n") == 1, cut.err
     (made / "calibration.json").write_text("{}", encoding="utf-8")
     assert tumble("certificate", "--check", pdf, made).status == 1
 

@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import hashlib
 import io
+import logging
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from tumble.certificate.content import certificate_content
+from tumble.certificate.content import CertificateContent, certificate_content
 from tumble.certificate.languages import LANGUAGES, phrases
 from tumble.certificate.profile import Laboratory, Profile
 from tumble.document.result import Calibration
@@ -82,14 +84,49 @@ def check_certificate(path: Path, document: Path | None = None) -> CertificateCh
     profile = Profile(laboratory=Laboratory(name="–"))
     content = certificate_content(calibration, profile, "–", "2000-01-01", found[0])
     rows = [row for _, members in content.groups for row in members]
-    wrong = [row for row in rows if re.sub(r"\s+", "", "".join(row[1:4])) not in plain]
+    # With the name in front: a digit or a sign before a number makes it another one.
     problems += [
         f"{row[0]}: {row[1]} ± {row[2]} {row[4]} of the document is not what the certificate says."
-        for row in wrong
+        for row in rows
+        if not _is_on(plain, row)
     ]
-    if content.conformity is not None and content.conformity["decision"] not in text:
-        problems.append("The decision on conformity is not the document's.")
+    problems += [
+        f"{name}: {said} of the document is not what the certificate says."
+        for name, said in content.facts
+        if name in _of_document(content.phrases, calibration) and not _is_on(plain, [name, said])
+    ]
+    problems += _wrong_conformity(plain, content)
     return CertificateCheck(digest, found[0], problems, len(rows))
+
+
+def _is_on(plain: str, words: Sequence[str]) -> bool:
+    """Whether words stand on the pages, one after the other."""
+    return re.sub(r"\s+", "", "".join(words)) in plain
+
+
+def _of_document(words: dict[str, str], calibration: Calibration) -> set[str]:
+    """The facts that the document states, and not the profile."""
+    known = ["calibrated", "gravity", "software"]
+    known += ["temperature"] if calibration.temperature_celsius is not None else []
+    known += ["serial"] if calibration.imu.serial_number is not None else []
+    return {words[name] for name in known}
+
+
+def _wrong_conformity(plain: str, content: CertificateContent) -> list[str]:
+    told = content.conformity
+    if told is None:
+        return []
+    heading = [content.phrases["conformity"], ": ", told["name"], " – ", told["decision"]]
+    if not (_is_on(plain, heading) and _is_on(plain, [told["rule"]])):
+        return ["The decision on conformity, or its rule, is not the document's."]
+    head = [content.phrases[word] for word in ("quantity", "limits", "decision")]
+    if not _is_on(plain, head):  # one page has no rows
+        return []
+    return [
+        f"{name}: {limits}, {decision} of the document is not what the certificate says of conformity."
+        for name, limits, decision in told["rows"]
+        if not _is_on(plain, [name, limits, decision])
+    ]
 
 
 def _text_and_attachment(path: Path) -> tuple[str, bytes]:
@@ -105,6 +142,7 @@ def _text_and_attachment(path: Path) -> tuple[str, bytes]:
         raise UsageError(f"{path} cannot be read: {error.strerror or error}.") from error
     if not content.startswith(b"%PDF") or len(content) > LARGEST:
         raise UsageError(f"{path} is no PDF of a certificate.")
+    logging.getLogger("pypdf").setLevel(logging.CRITICAL)  # what is wrong is said below, in one sentence
     try:
         reader: Any = pypdf.PdfReader(io.BytesIO(content))
         text = "\n".join(page.extract_text() for page in reader.pages)

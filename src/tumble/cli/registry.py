@@ -63,13 +63,19 @@ def list_command(
     most: Annotated[int, option(FIRST, "N", "As many at most, the newest first.", show_default=True)] = 50,
 ) -> None:
     """List calibrations, the newest first."""
+    from tumble.errors import UsageError
     from tumble.registry.store import counted, entries
     from tumble.workflows.registry import date_words, registry_at
 
+    if most < 1:
+        raise UsageError(f"--most {most}: give one or more.")
     with registry_at(registry) as opened:
-        found, (units, total) = entries(opened, unit, most=max(most, 1)), counted(opened)
+        found, (units, total) = entries(opened, unit, most=most), counted(opened)
     if printed.as_json:
         say_json([asdict(entry) for entry in found], indent=1)
+        return
+    if unit is not None and not found:
+        say(f"The registry has no calibration of unit {unit}; it has {total} of {units} units.")
         return
     words = {True: "fit", False: "not fit"}
     rows = [

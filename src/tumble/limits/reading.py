@@ -148,7 +148,7 @@ class Limit:
         if self.within is not None:
             middle = 0.0 if self.nominal is None else self.nominal.in_unit(unit)
             half = self.within.in_unit(unit)
-            if half is None and middle is not None and self.within.unit in _RATIOS:
+            if half is None and middle and self.within.unit in _RATIOS:  # of nothing it is no share
                 half = abs(middle) * self.within.number * _RATIOS[self.within.unit]
             return None if middle is None or half is None else (middle - half, middle + half, largest)
         lower = -math.inf if self.lower is None else self.lower.in_unit(unit)
@@ -241,6 +241,8 @@ def _limits(document: dict[Any, Any], path: Path, digest: str) -> Limits:
         raise _LimitError(f"the rule {rule!r:.60} is none of simple, guarded, risk")
     risk = None
     if rule == "risk":
+        if "risk" not in document:
+            raise _LimitError("`rule: risk` needs `risk:` with a probability, such as 2.5 %")
         risk = _amount(document.get("risk"), "risk")
         share = _RATIOS.get(risk.unit)
         if share is None or not 0.0 < risk.number * share < 0.5:

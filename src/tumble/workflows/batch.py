@@ -17,17 +17,16 @@ from typing import Any
 
 import numpy as np
 
-from tumble.errors import UsageError
 from tumble.files import make_folder, read_json, read_text, write_text, write_texts
 from tumble.fleet import UnitVector, find_outlying, find_shared, find_twins, stack
 from tumble.fleet.outcome import ACCELEROMETER, GYRO, Batch, UnitOutcome
 from tumble.fleet.outlying import FALSE_ALARM, loud_or_dead
-from tumble.limits import read_limits
 from tumble.workflows.batch_source import UnitTask, read_source
 from tumble.workflows.batch_unit import (
     BatchOptions,
     Job,
     calibrate_unit,
+    check_options,
     failed,
 )
 from tumble.workflows.calibrate import require_writable
@@ -36,7 +35,6 @@ from tumble.workflows.progress import silent
 
 FORMAT, VERSION = "tumble batch unit", 1
 UNITS = "units"
-REPORTS = ("none", "failed", "all")
 
 
 def run_batch(
@@ -66,17 +64,14 @@ def run_batch(
     Raises
     ------
     UsageError
-        If the source, a limit or an option is wrong.
+        If the source, a limit or an option is wrong; nothing is done then.
     OutputError
         If results cannot be written; what was there is intact.
     """
     say = progress or silent
     options = options or BatchOptions()
     folder = Path(output)
-    if options.reports not in REPORTS:
-        raise UsageError(f"--reports {options.reports}: give none, failed or all.")
-    if options.limits is not None:
-        read_limits(Path(options.limits))
+    check_options(options)
     tasks = read_source([sources] if isinstance(sources, str) else list(sources))
     require_writable(folder)
     make_folder(folder / UNITS)
@@ -94,6 +89,9 @@ def run_batch(
                 kept += 1
                 store(replace(outcome, calibration=_document_of(folder, outcome.unit)))
                 done[outcome.unit] = known[outcome.unit]
+            elif outcome.verdict == "error" and not outcome.key and outcome.unit in known:
+                outcome.reasons.append("The calibration of an earlier run is left as it is.")
+                done[outcome.unit] = outcome
             else:
                 _write_unit(folder, outcome)
                 store(outcome)

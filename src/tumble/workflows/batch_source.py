@@ -10,6 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,8 @@ TOLD = (
     ),
     *("noise", "model", "intervals"),
 )
+KNOWN = ("unit", "files", *TOLD)
+OUTCOME = ("verdict", "limits", "reasons")
 _NO_RECORDING = {
     *(".yaml", ".yml", ".json", ".html", ".htm", ".md", ".pdf", ".png", ".svg", ".py", ".xml", ".log.txt"),
     *(".part", ".js", ".css"),
@@ -252,6 +255,8 @@ def _rows(text: str, name: str, base: str) -> list[UnitTask]:
     twice = [head for head, count in Counter(heads).items() if count > 1]
     if twice:
         raise UsageError(f"The manifest {name} has the column {twice[0]!r} twice.")
+    for head in heads:
+        _check_head(head, name)
     tasks = [
         _row(heads, row, f"{name}, line {number}", base, separator) for number, row in enumerate(rows[1:], 2)
     ]
@@ -296,6 +301,17 @@ def _placed(name: str, base: str) -> str:
     return f"{base}/{name}" if is_url(base) else str(Path(base) / name)
 
 
+def _check_head(head: str, manifest: str) -> None:
+    """Any column is kept for the table but those that the table has itself, and those that were meant to be known."""
+    where = f"The manifest {manifest} has the column {shown(head)[:40]!r}"
+    if head in OUTCOME:
+        hint = "give limits for all units by --limits" if head == "limits" else "rename it"
+        raise UsageError(f"{where}, which a batch's table has itself: {hint}.")
+    meant = [] if head in KNOWN else get_close_matches(head, KNOWN, 1, 0.85)
+    if meant:
+        raise UsageError(f"{where}: is {meant[0]!r} meant? Else rename it.")
+
+
 def _check_number(told: dict[str, str], key: str, where: str) -> None:
     if key in told:
         try:
@@ -306,13 +322,11 @@ def _check_number(told: dict[str, str], key: str, where: str) -> None:
 
 
 def _check_name(unit: str, where: str) -> None:
-    if (
-        _NAME.search(unit)
-        or HIDDEN.search(unit)
-        or unit in (".", "..")
-        or len(unit) > _LONGEST
-        or unit[0] == "."
-    ):
+    if len(unit.encode()) > _LONGEST:
+        raise UsageError(
+            f"{where}: the unit's name {unit[:40]}… is longer than {_LONGEST} bytes, the most for a folder."
+        )
+    if _NAME.search(unit) or HIDDEN.search(unit) or unit[0] == ".":
         raise UsageError(
             f'{where}: {shown(unit)[:60]!r} is no name for a folder: leave out / \\ : * ? " < > | and a dot in front.'
         )

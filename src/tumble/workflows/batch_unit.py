@@ -8,14 +8,21 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import tumble
-from tumble.errors import TumbleError
+from tumble.errors import (
+    ConvergenceError,
+    ObservabilityError,
+    RecordingError,
+    SegmentationError,
+    TumbleError,
+    UsageError,
+)
 from tumble.files import shown, without_password
 from tumble.fleet.outcome import ACCELEROMETER, GYRO, UnitOutcome
 from tumble.workflows.batch_source import UnitTask, imported_fsspec, is_url
@@ -26,6 +33,9 @@ if TYPE_CHECKING:
     from tumble.workflows.calibrate import CalibrationRun
 
 VERSION = 1
+REPORTS = ("none", "failed", "all")
+# What a recording is found to be. Any other error says nothing of it.
+_OF_RECORDING = (RecordingError, SegmentationError, ObservabilityError, ConvergenceError)
 _BLOCK = 1 << 20
 LIBRARY = "../../plotly.min.js"
 """Where a unit's report finds the plotting library, which its folder shares."""
@@ -66,12 +76,51 @@ class Job:
     known: str | None = None
 
 
+def check_options(options: BatchOptions) -> None:
+    """Refuse options of a whole batch that are wrong whatever its units are.
+
+    Parameters
+    ----------
+    options : as given for all units.
+
+    Raises
+    ------
+    UsageError, ProtocolError, CalibrationFileError
+        If one of them is wrong; the sentence says which.
+    """
+    from tumble.calibration.procedure import find_procedure
+    from tumble.limits import read_limits
+    from tumble.recording.declared import read_units_option
+    from tumble.workflows.calibrate import read_prior
+    from tumble.workflows.data_sheet import find_sheet
+    from tumble.workflows.noise_models import read_noise_models
+    from tumble.workflows.protocols import read_given_protocol
+    from tumble.workflows.site import choose_site
+
+    if options.reports not in REPORTS:
+        raise UsageError(f"--reports {options.reports}: give none, failed or all.")
+    choose_site(options.site, options.gravity)
+    checks: tuple[tuple[str | None, Callable[[str], object]], ...] = (
+        (options.procedure, find_procedure),
+        (options.protocol, read_given_protocol),
+        (options.limits, lambda name: read_limits(Path(name))),
+        (options.data_sheet, find_sheet),
+        (options.prior, read_prior),
+        (options.units, read_units_option),
+        (options.noise, lambda name: read_noise_models(Path(name))),
+    )
+    for given, read in checks:
+        if given is not None and not is_url(given):
+            read(given)
+
+
 def failed(task: UnitTask, reason: str, key: str = "") -> UnitOutcome:
     """Return the outcome of a unit that gave no calibration.
 
     Parameters
     ----------
-    task, reason, key : the unit, a sentence, and the key of its inputs.
+    task, reason : the unit, and a sentence.
+    key : of its inputs where the recording is the reason; empty where a file or an option is.
     """
     files, reason = [without_password(one) for one in task.files], without_password(reason)
     return UnitOutcome(task.unit, files, key, "error", reasons=[reason], more=dict(task.more))
@@ -97,15 +146,15 @@ def calibrate_unit(job: Job) -> UnitOutcome:
                 return UnitOutcome(task.unit, list(task.files), key, "", unchanged=True)
             return _outcome(here, job.options, key, task)
     except TumbleError as error:
-        return failed(task, str(error), key)
+        return failed(task, str(error), key if isinstance(error, _OF_RECORDING) else "")
     except MemoryError:
-        return failed(task, "The recording does not fit into memory.", key)
+        return failed(task, "The recording does not fit into memory.")
     except OSError as error:
-        return failed(task, f"{error.strerror or error} ({error.filename or task.unit}).", key)
+        return failed(task, f"{error.strerror or error} ({error.filename or task.unit}).")
     except Exception as error:  # noqa: BLE001 (one bad unit never stops the batch)
         words = shown(str(error))[:200]
         return failed(
-            task, f"This is a fault of tumble, not of the recording: {type(error).__name__}: {words}.", key
+            task, f"This is a fault of tumble, not of the recording: {type(error).__name__}: {words}."
         )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from tumble.certificate.dcc import check_dcc, dcc_text, entries_in_si, read_dcc
 from tumble.certificate.languages import LANGUAGES, PHRASES
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
+from tumble.limits import read_limits, with_limits
 
 ROOT = Path(__file__).resolve().parents[3]
 SCHEMA = ROOT / "tests" / "reference" / "dcc" / "dcc" / "dcc.xsd"
@@ -194,6 +196,46 @@ def test_a_changed_number_and_a_changed_document_are_noticed(tmp_path: Path) -> 
     )
     (tmp_path / "b.pdf").write_bytes(certificate_pdf(forged))
     assert "hash" in check_certificate(tmp_path / "b.pdf").problems[0]
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+@pytest.mark.parametrize("short", [False, True])
+def test_a_sign_in_front_and_a_changed_serial_number_are_noticed(
+    tmp_path: Path, language: str, *, short: bool
+) -> None:
+    path = tmp_path / "a.pdf"
+    content = certificate_content(document(), PROFILE, NUMBER, DATE, language)
+    rows = content.groups[0][1]
+    rows[0][1] = "−" + rows[0][1]
+    rows[1][1] = rows[1][1].replace("−", "−1")
+    content.facts[:] = [(name, said.replace("0042", "0043")) for name, said in content.facts]
+    path.write_bytes(certificate_pdf(content, short=short))
+    problems = check_certificate(path).problems
+    assert len(problems) == 3
+    assert "0042" in problems[2]
+
+
+@pytest.mark.parametrize("short", [False, True])
+def test_a_changed_decision_is_noticed(tmp_path: Path, *, short: bool) -> None:
+    limits = tmp_path / "limits.yaml"
+    limits.write_text("name: incoming\nlimits: {accelerometer bias: 20 mg}\n", encoding="utf-8")
+    held = with_limits(document(), read_limits(limits))
+    path, content = tmp_path / "a.pdf", certificate_content(held, PROFILE, NUMBER, DATE, "en")
+    path.write_bytes(certificate_pdf(content, short=short))
+    assert check_certificate(path).problems == []
+    assert content.conformity is not None
+    assert content.conformity["decision"] == "failed"
+    path.write_bytes(
+        certificate_pdf(replace(content, conformity=content.conformity | {"decision": "passed"}), short=short)
+    )
+    (problem,) = check_certificate(path).problems
+    assert "conformity" in problem
+    if not short:
+        row = next(row for row in content.conformity["rows"] if row[2] == "failed")
+        row[2] = "passed"
+        path.write_bytes(certificate_pdf(content))
+        (problem,) = check_certificate(path).problems
+        assert row[0] in problem
 
 
 def test_chinese_says_what_it_needs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -168,6 +168,15 @@ def test_a_data_sheet_gives_three_of_its_sigmas(document: Calibration, tmp_path:
     )
 
 
+@pytest.mark.parametrize("share", ["1", "3 %"])
+def test_a_share_of_nothing_is_not_compared(document: Calibration, tmp_path: Path, share: str) -> None:
+    limits = read_limits(file_of(tmp_path, f"limits:\n  gyro bias: {share}\n"))
+    seen = with_limits(with_parameters(document, ("gyro bias x", 0.1, 0.0, "rad/s")), limits)
+    assert seen.limits is not None
+    assert seen.limits.decision == "undecided"
+    assert "in another kind of unit" in seen.limits.reasons[0]
+
+
 def test_the_verdict_is_left_as_it_is(document: Calibration, tmp_path: Path) -> None:
     limits = read_limits(file_of(tmp_path, "limits:\n  gyro bias: 1 deg/s\n"))
     seen = with_limits(with_parameters(document, ("gyro bias x", 5.0, 0.0, "rad/s")), limits)
@@ -201,7 +210,7 @@ def test_the_verdict_is_left_as_it_is(document: Calibration, tmp_path: Path) -> 
         ("- 1", "holds no limits"),
         ("limit: {}", "no entry of limits"),
         ("risk: 1 %\nlimits: {gyro bias: 1 deg/s}", "goes with `rule: risk`"),
-        ("rule: risk\nlimits: {gyro bias: 1 deg/s}", "risk: None is no number"),
+        ("rule: risk\nlimits: {gyro bias: 1 deg/s}", "needs `risk:` with a probability"),
         ("rule: risk\nrisk: 80 %\nlimits: {gyro bias: 1 deg/s}", "no share between"),
         ("limits: {gyro bias: [1", "it is no YAML"),
     ],
