@@ -24,7 +24,7 @@ from tumble.workflows.calibrate import (
     corrected_by_before,
     read_as_told,
     read_prior,
-    require_writable,
+    writable_folder,
     write_run,
 )
 from tumble.workflows.joining import require_different_samples
@@ -98,9 +98,7 @@ def calibrate_array(
         If the results cannot be written.
     """
     say, noted = progress or silent, notes_of(notes)
-    folder = None if output is None else Path(output)
-    if folder is not None:
-        require_writable(folder)
+    folder = writable_folder(output)
     if len(recordings) < 2:
         raise UsageError("--array takes the recordings of two units or more that were tumbled together.")
     acceptance = None if limits is None else read_limits(Path(limits))

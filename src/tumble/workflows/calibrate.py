@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -15,7 +15,14 @@ from tumble.calibration.procedure import find_procedure
 from tumble.calibration.session import Options, Session
 from tumble.document.display import calibration_html
 from tumble.earth import Site
-from tumble.errors import CalibrationFileError, ObservabilityError, OutputError, SegmentationError, UsageError
+from tumble.errors import (
+    CalibrationFileError,
+    ObservabilityError,
+    OutputError,
+    SegmentationError,
+    TumbleError,
+    UsageError,
+)
 from tumble.limits import read_limits, with_limits
 from tumble.recording import Recording, read_recordings
 from tumble.recording.frames import Frame
@@ -47,6 +54,7 @@ if TYPE_CHECKING:
     from tumble.calibration.magnetometer.estimate import GivenField
     from tumble.calibration.prior import StableKnowledge
     from tumble.document import Calibration
+    from tumble.limits.reading import Limits
     from tumble.protocol import Protocol
     from tumble.segmentation import HoldMeans, Timeline
     from tumble.segmentation.matching import Matching
@@ -181,82 +189,143 @@ def calibrate(
     sheet = None if data_sheet is None else find_sheet(data_sheet)
     options = Options(optional_terms, noise_correction, sheet, unknowns, confirm_scale)
     check_procedure(procedure, options, has_protocol=protocol is not None)
-    if monte_carlo is not None and not FEWEST_DRAWS <= monte_carlo <= MOST_DRAWS:
-        raise UsageError(
-            f"--monte-carlo {monte_carlo}: give a number of draws from {FEWEST_DRAWS} to {MOST_DRAWS}."
-        )
-    if report not in ("full", "light"):
-        raise UsageError(f"--report {report}: give full or light.")
-    folder = None if output is None else Path(output)
-    if folder is not None:
-        require_writable(folder)
+    _refuse_odd(monte_carlo, report)
+    folder = writable_folder(output)
     acceptance = None if limits is None else read_limits(Path(limits))
     clock = Clock()
     say("reading")
-    given = None if protocol is None else read_given_protocol(protocol)
-    if given is not None:
-        from tumble.protocol.consistency import refuse_contradicting_turns
-
-        # What the protocol says against itself would else look like a fault of the recording.
-        refuse_contradicting_turns(given.protocol)
+    given = None if protocol is None else _read_consistent(protocol)
     magnetic = given_field(field, site or (given and given.protocol.site))
     recording, told, files = read_as_told(paths, given, columns, units, rate, topics)
     refuse_field_of_none(recording, magnetic)
-    knowledge = None if prior is None else read_prior(prior, imu[1])
+    session = _session(recording, told, site, procedure, options, say)
+    session.prior = None if prior is None else read_prior(prior, imu[1])
     modelled = None if noise is None else NoiseOfHolds.read(noise, recording)
     clock.lap("reading")
+    try:
+        estimate, reason = _estimated(session, procedure, intervals, files, modelled, clock)
+    except (SegmentationError, ObservabilityError) as error:
+        if recording.magnetic_field is None or procedure is not None or told is not None or intervals:
+            raise
+        return finish_run(_field_run(session, magnetic, error, imu, clock), folder, clock, say, report)
+    add_magnetometer(session, estimate, magnetic)
+    _draw(estimate, monte_carlo, say)
+    clock.lap("solving")
+    made = with_own_parameters(_document(session, estimate, reason, imu, noted), _files_of(paths, given))
+    made = completed(made, corrected_by_before(paths, given, topics), acceptance)
+    run = CalibrationRun(made, estimate, recording, session.timeline, session.means, reason)
+    run.protocol, run.matching = told, session.matching
+    run.predicted = {} if given is None else given.predicted()
+    return finish_run(run, folder, clock, say, report)
 
+
+def _read_consistent(protocol: str | os.PathLike[str]) -> GivenProtocol:
+    """The protocol; what it says against itself would else look like a fault of the recording."""
+    from tumble.protocol.consistency import refuse_contradicting_turns
+
+    given = read_given_protocol(protocol)
+    refuse_contradicting_turns(given.protocol)
+    return given
+
+
+def _session(
+    recording: Recording,
+    told: Protocol | None,
+    site: Site | None,
+    procedure: str | None,
+    options: Options,
+    say: Callable[[str], None],
+) -> Session:
     chosen = procedure if procedure is not None or told is None else told.procedure
     by_temperature = chosen is not None and find_procedure(chosen).by_temperature
-    session = Session(
-        recording, told, site, by_temperature=by_temperature, prior=knowledge, options=options, say=say
-    )
-    alone = recording.magnetic_field is not None and procedure is None and told is None and not intervals
-    try:
-        find_holds(session, intervals, clock)
-        if modelled is not None:
-            session.means = modelled.means_of(session)
-        without_holds = check_files(session, files) if told is None else []
-        estimate, reason = run_procedure(session, procedure)
-    except (SegmentationError, ObservabilityError) as error:
-        if not alone:
-            raise
-        try:
-            return _field_run(session, magnetic, str(error), imu, folder, report, clock)
-        except ObservabilityError as further:
-            raise type(error)(
-                f"{error} The magnetometer does not serve by itself either. {further}"
-            ) from error
+    return Session(recording, told, site, by_temperature=by_temperature, options=options, say=say)
+
+
+def _estimated(
+    session: Session,
+    procedure: str | None,
+    intervals: str | os.PathLike[str] | None,
+    files: Sequence[NamedSpan],
+    modelled: NoiseOfHolds | None,
+    clock: Clock,
+) -> tuple[Estimate, str]:
+    """What the procedure finds, with what is to be said of its holds, noise, prior and site; and why it was chosen."""
+    find_holds(session, intervals, clock)
+    if modelled is not None:
+        session.means = modelled.means_of(session)
+    without_holds = check_files(session, files) if session.protocol is None else []
+    estimate, reason = run_procedure(session, procedure)
     estimate.say("objection", *without_holds)
     add_objections(session, estimate, procedure, reason)
     if modelled is not None:
         estimate.say("remark", *modelled.said(estimate.procedure))
-    if knowledge is not None:
-        check_prior([session], knowledge, estimate)
-    if site is None and (told is None or told.site is None):
-        estimate.say("remark", about_gravity(session.site))
-    add_magnetometer(session, estimate, magnetic)
-    if monte_carlo is not None:
-        _draw(estimate, monte_carlo, say)
-    clock.lap("solving")
+    if session.prior is not None:
+        check_prior([session], session.prior, estimate)
+    say_gravity([session], estimate)
+    return estimate, reason
 
+
+def say_gravity(sessions: Sequence[Session], estimate: Estimate) -> None:
+    """Say what it costs that nobody said where the recordings were made, if nobody did.
+
+    Parameters
+    ----------
+    sessions : of the recordings.
+    estimate : is told.
+    """
+    if all(
+        one.given_site is None and (one.protocol is None or one.protocol.site is None) for one in sessions
+    ):
+        estimate.say("remark", about_gravity(sessions[0].site))
+
+
+def _document(
+    session: Session,
+    estimate: Estimate,
+    reason: str,
+    imu: tuple[str | None, str | None],
+    notes: Mapping[str, str],
+) -> Calibration:
     from tumble.document import calibration_from_estimate
 
+    recording, confirm_scale = session.recording, session.options.confirm_scale
     remarks = (reason, *(r.text for r in recording.remarks))
-    calibration = calibration_from_estimate(
-        estimate, recording, session.site, remarks=remarks, imu=imu, notes=noted, confirm_scale=confirm_scale
+    return calibration_from_estimate(
+        estimate, recording, session.site, remarks=remarks, imu=imu, notes=notes, confirm_scale=confirm_scale
     )
-    earlier = corrected_by_before(paths, given, topics)
-    if earlier:
-        calibration = calibration.model_copy(update={"input_corrected_by": earlier})
-    calibration = with_own_parameters(calibration, _files_of(paths, given))
-    if acceptance is not None:
-        calibration = with_limits(calibration, acceptance)
-    run = CalibrationRun(
-        calibration, estimate, recording, session.timeline, session.means, reason, told, session.matching
-    )
+
+
+def completed(calibration: Calibration, before: list[str], acceptance: Limits | None) -> Calibration:
+    """Return the document with what its recordings were corrected by before, held against limits if there are any.
+
+    Parameters
+    ----------
+    calibration : as it was made.
+    before : of `corrected_by_before`.
+    acceptance : the limits.
+    """
+    if before:
+        calibration = calibration.model_copy(update={"input_corrected_by": before})
+    return calibration if acceptance is None else with_limits(calibration, acceptance)
+
+
+def finish_run(
+    run: CalibrationRun,
+    folder: Path | None,
+    clock: Clock,
+    say: Callable[[str], None],
+    report: str = "full",
+) -> CalibrationRun:
+    """Write the files of a run, if a folder is named, and return it with what each stage took.
+
+    Parameters
+    ----------
+    run, folder : what was made, and where it goes; None writes nothing.
+    clock : of the stages.
+    say : is told what is done.
+    report : as for `calibrate`.
+    """
     run.seconds = clock.seconds
-    run.predicted = {} if given is None else given.predicted()
     if folder is not None:
         say("writing the report")
         write_run(run, folder, report)
@@ -267,27 +336,31 @@ def calibrate(
 def _field_run(
     session: Session,
     given: GivenField | None,
-    why: str,
+    why: TumbleError,
     imu: tuple[str | None, str | None],
-    folder: Path | None,
-    report: str,
     clock: Clock,
 ) -> CalibrationRun:
     """The magnetometer by itself, where the recording determines no other triad."""
-    document, estimate = field_alone(session, given, why, imu)
+    try:
+        document, estimate = field_alone(session, given, str(why), imu)
+    except ObservabilityError as further:
+        raise type(why)(f"{why} The magnetometer does not serve by itself either. {further}") from why
     clock.lap("solving")
     reason = "The magnetometer alone, by the norm of its field: the recording determines no other triad."
-    run = CalibrationRun(document, estimate, session.recording, *no_holds(), reason)
-    run.seconds = clock.seconds
-    if folder is not None:
-        session.say("writing the report")
-        write_run(run, folder, report)
-        clock.lap("reporting")
-    return run
+    return CalibrationRun(document, estimate, session.recording, *no_holds(), reason)
 
 
-def _draw(estimate: Estimate, runs: int, say: Callable[[str], None]) -> None:
+def _refuse_odd(runs: int | None, report: str) -> None:
+    if runs is not None and not FEWEST_DRAWS <= runs <= MOST_DRAWS:
+        raise UsageError(f"--monte-carlo {runs}: give a number of draws from {FEWEST_DRAWS} to {MOST_DRAWS}.")
+    if report not in ("full", "light"):
+        raise UsageError(f"--report {report}: give full or light.")
+
+
+def _draw(estimate: Estimate, runs: int | None, say: Callable[[str], None]) -> None:
     """Draw the distributions of the parameters; the seed is fixed, so that the same call says the same."""
+    if runs is None:
+        return
     from tumble.calibration.outcome.draws import draw_distributions
 
     draw_distributions(estimate, runs, np.random.default_rng(101), say)
@@ -430,6 +503,24 @@ def about_gravity(place: Site) -> str:
         f"every accelerometer scale factor uncertain by {100 * place.gravity_sigma / place.gravity:.2f} %: "
         "give --site LATITUDE[,HEIGHT] or --gravity."
     )
+
+
+def writable_folder(output: str | os.PathLike[str] | None) -> Path | None:
+    """Return the folder for the results, which can be written; None where nothing is to be.
+
+    Parameters
+    ----------
+    output : as it was named.
+
+    Raises
+    ------
+    UsageError, OutputError
+        As `require_writable` does.
+    """
+    if output is None:
+        return None
+    require_writable(Path(output))
+    return Path(output)
 
 
 def require_writable(folder: Path) -> None:

@@ -105,24 +105,20 @@ def corrected_by_parts(
     plain_force, force_words = _nominal(
         model.accelerometer.matrix, document.raw_units.specific_force, "accelerometers"
     )
-    gyroscope, unknown_matrix = model.gyroscope, model.gyroscope is None
-    rate_matrix = model.accelerometer.matrix if gyroscope is None else gyroscope.matrix
-    if gyroscope is None and angular_rate_factor(document.raw_units.angular_rate) is None:
+    rate_matrix = (model.gyroscope or model.accelerometer).matrix
+    if model.gyroscope is None and angular_rate_factor(document.raw_units.angular_rate) is None:
         raise CalibrationFileError(
             "The calibration knows the gyros' bias in counts and no scale: navigation takes the scale too. Calibrate "
             "the gyros by turns, or declare the units when you calibrate."
         )
     plain_rate, rate_words = _nominal(rate_matrix, document.raw_units.angular_rate, "gyros")
-    bias = np.array(document.gyroscope.bias, dtype=float)
-    by_bias = Triad(plain_rate.matrix, bias)
-    if gyroscope is None:
-        gyroscope = by_bias
-    full = ImuModel(model.accelerometer, gyroscope, model.g_sensitivity)
+    by_bias = Triad(plain_rate.matrix, np.array(document.gyroscope.bias, dtype=float))
+    full = ImuModel(model.accelerometer, model.gyroscope or by_bias, model.g_sensitivity)
     names = tuple(document.covariance_parameters)
     of_force = tuple(name for name in names if name.startswith("accelerometer."))
     of_bias = tuple(name for name in names if name.startswith("gyroscope.bias"))
     remarks = [words for words in (force_words, rate_words) if words]
-    if unknown_matrix:
+    if model.gyroscope is None:
         remarks.append(
             "Of the gyros the calibration knows the bias alone: their axes and scale are nominal in every variant."
         )
@@ -131,15 +127,12 @@ def corrected_by_parts(
         corrected, _, words = corrected_whole(document, recording, files, temperature, outside)
         remarks += words
         assert corrected.specific_force is not None
-        wholes = (
-            corrected.specific_force,
-            wholes[1] if corrected.angular_rate is None else corrected.angular_rate,
-        )
-    time = recording.time
+        seen = corrected.angular_rate
+        wholes = (corrected.specific_force, wholes[1] if seen is None else seen)
     raw_force, raw_rate = plain_force.correct(force), plain_rate.correct(rate)
 
     def samples(f: np.ndarray, w: np.ndarray) -> InertialSamples:
-        return InertialSamples(time, np.ascontiguousarray(f), np.ascontiguousarray(w))
+        return InertialSamples(recording.time, np.ascontiguousarray(f), np.ascontiguousarray(w))
 
     return [
         CorrectedBy(UNCALIBRATED, samples(raw_force, raw_rate), ImuModel(plain_force, plain_rate), ()),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,7 @@ from tumble.navigation.plausibility import (
     refuse_wrong_scale,
     why_no_agreement,
 )
-from tumble.recording import read_recordings
+from tumble.recording import Recording, read_recordings
 from tumble.recording.corrections import corrections_of
 from tumble.simulation.grades import Grade, find_grade
 from tumble.workflows.apply import in_calibration_units, raw_factors
@@ -112,98 +113,135 @@ def verify_drive(
     say = progress or silent
     document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
     grade = find_grade(data_sheet)
-    files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
     beyond = check_outside(outside)
     known = lever_arm_b is not None
     arm = np.array(lever_arm_b if known else (0.0, 0.0, 0.0), dtype=float)
     _refuse_bad_numbers(arm.tolist(), durations, turn_on)
+    files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
     for file in files:
         refuse_twice(document, corrections_of([file], topics))
     say("reading")
-    recordings = read_recordings(paths, columns=columns, units=units, rate=rate, topics=topics)
+    read = _one(read_recordings(paths, columns=columns, units=units, rate=rate, topics=topics))
+    recording = in_calibration_units(read, raw_factors(document, read))
+    track, left_out, about_fixes = _plausible_fixes(Path(gnss))
+    parts, remarks = corrected_by_parts(document, recording, files, temperature=temperature, outside=beyond)
+    given = [remark.text for remark in (*read.remarks, *track.remarks) if remark.kind != "unchecked"]
+    say("comparing the clocks")
+    drive, words = _prepared(parts, track, offset, arm)
+    remarks = [*given, *remarks, *words, *about_fixes]
+    setup, setting = drive_filter(parts[-1], grade, noise, arm)
+    moved, words = _moved(turn_on, grade)
+    setting.append(words)
+    task = _Task(document, parts, drive, setup, grade, moved, arm)
+    if offset is None and known:
+        task.drive = sharpen_clock(drive, _free_biases(task.knowing(parts[-1]), grade))
+    found = _navigated(task, durations, say)
+    found.track, found.setting, found.left_out = track.name, setting, left_out
+    found.recording = ", ".join(source.name for source in recording.sources)
+    found.remarks = remarks + found.remarks
+    hashes = {name.sha256 for name in document.recordings}
+    judge_drive(found, any(source.sha256 in hashes for source in recording.sources))
+    return found
+
+
+@dataclass(slots=True)
+class _Task:
+    """What every part of a calibration has in common: the drive, the filter, and how far biases may have moved."""
+
+    document: Calibration
+    parts: list[CorrectedBy]
+    drive: Drive
+    setup: FilterSetup
+    grade: Grade
+    moved: tuple[float, float]
+    arm: Series
+
+    def knowing(self, part: CorrectedBy, moved: tuple[float, float] | None = None) -> FilterSetup:
+        """The filter that starts from what a part of the calibration knows of the sensors."""
+        given = start_covariance(part, self.setup.states, self.document, moved or self.moved)
+        return self.setup.with_sensor_covariance(given)
+
+
+def _navigated(
+    task: _Task, durations: Sequence[float] | None, say: Callable[[str], None]
+) -> DriveVerification:
+    """What navigation is with each part, and what a filter that may find the biases says of them."""
+    parts, drive = task.parts, task.drive
+    whole, own = parts[-1], task.knowing(parts[-1])
+    gaps = whole.samples.missing()
+    lengths = _lengths(drive, durations)
+    parts.insert(1, without_rest_rate(parts[0], *find_rest(parts[0].samples, drive.track)))
+    say("smoothing")
+    reference = smooth(drive.run(own, keep_covariances=True)).trajectory
+    seconds = _seconds(lengths, float(reference.time[-1] - reference.time[0]))
+    results: list[PartResult] = []
+    why = ""
+    for part in parts:
+        say(part.part)
+        told = task.knowing(part)
+        mine = drive if part.part == WHOLE else drive.with_samples(part.samples)
+        run = mine.run(told, interval=1.0)
+        drift = free_drift(part.samples, reference, seconds.tolist(), every=_every(drive), gaps=gaps)
+        results.append(_result(part.part, mine, told, run, drift, lengths))
+        why = about_innovations(mine, run)
+    free = drive.run(_free_biases(own, task.grade), interval=1.0)
+    lost = no_proof(free) and next(result for result in results if result.part == AT_REST).no_proof
+    if lost:
+        _refuse_swapped(parts[0], drive.track, task.arm)
+    strict = _departures(free, task.knowing(whole, (0.0, 0.0)))
+    return DriveVerification(
+        offset=drive.clock.offset,
+        offset_sigma=drive.clock.sigma,
+        clock=str(drive.clock),
+        alignment=str(drive.alignment),
+        parts=results,
+        contradictions=_departures(free, own),
+        moved={name: far for name, far in strict.items() if "bias" in name},
+        no_proof=lost,
+        why_innovations=why,
+        refused_free=len(free.refused),
+        turn_on=task.moved,
+        seconds=seconds,
+        duration=float(drive.track.time[-1] - drive.start.time),
+        remarks=[_gap_words(gaps)] if gaps else [],
+    )
+
+
+def _one(recordings: Sequence[Recording]) -> Recording:
     if len(recordings) != 1:
         raise UsageError(
             f"A drive is one recording, and {len(recordings)} were given: verify them one by one."
         )
-    recording = in_calibration_units(recordings[0], raw_factors(document, recordings[0]))
-    track = read_track(Path(gnss))
+    return recordings[0]
+
+
+def _plausible_fixes(path: Path) -> tuple[GnssTrack, int, list[str]]:
+    """Fixes that fit the receiver's own velocities, how many do not, and what is to be said of those."""
+    track = read_track(path)
     if len(track) < _FEWEST_FIXES:
         raise RecordingError(
             f"{track.name} has {len(track)} position{'s' if len(track) != 1 else ''}: a drive takes some minutes of "
             "them, one a second or more."
         )
     fitting = fit_velocities(track)
-    track, left_out = track.rows(fitting), int(np.count_nonzero(~fitting))
-    parts, remarks = corrected_by_parts(document, recording, files, temperature=temperature, outside=beyond)
-    remarks = [
-        remark.text for remark in (*recordings[0].remarks, *track.remarks) if remark.kind != "unchecked"
-    ] + remarks
-    say("comparing the clocks")
-    drive, words = _prepared(parts, track, offset, arm)
-    remarks += words
-    if left_out:
-        remarks.append(
-            f"{left_out} of {len(fitting)} positions do not fit the receiver's own velocities between them and were "
-            "left out as outliers."
-        )
-    setup, setting = drive_filter(parts[-1], grade, noise, arm)
+    left_out = int(np.count_nonzero(~fitting))
+    words = (
+        f"{left_out} of {len(fitting)} positions do not fit the receiver's own velocities between them and were "
+        "left out as outliers."
+    )
+    return track.rows(fitting), left_out, [words] if left_out else []
+
+
+def _moved(turn_on: tuple[float, float] | None, grade: Grade) -> tuple[tuple[float, float], str]:
+    """By how much biases may have moved since the calibration, m/s² and rad/s, and this in words."""
     moved = turn_on or (
         min(TURN_ON[0], grade.accelerometer.bias / 4.0),
         min(TURN_ON[1], grade.gyroscope.bias / 4.0),
     )
-    setting.append(
+    return moved, (
         f"Biases may have moved since the calibration by {two_digits(moved[0] / 9.80665e-3)} mg and "
         f"{two_digits(float(np.degrees(moved[1])) * 3600.0)} °/h (one sigma; --turn-on-bias says otherwise)."
     )
-    own = setup.with_sensor_covariance(start_covariance(parts[-1], setup.states, document, moved))
-    freely = _free_biases(own, grade)
-    if offset is None and known:
-        drive = sharpen_clock(drive, freely)
-    gaps = parts[-1].samples.missing()
-    remarks += [_gap_words(gaps)] if gaps else []
-    lengths = _lengths(drive, durations)
-    parts.insert(1, without_rest_rate(parts[0], *find_rest(parts[0].samples, drive.track)))
-    results: list[PartResult] = []
-    why = ""
-    say("smoothing")
-    reference = smooth(drive.run(own, keep_covariances=True)).trajectory
-    seconds = _seconds(lengths, float(reference.time[-1] - reference.time[0]))
-    for part in parts:
-        say(part.part)
-        told = setup.with_sensor_covariance(start_covariance(part, setup.states, document, moved))
-        mine = drive if part.part == WHOLE else drive.with_samples(part.samples)
-        run = mine.run(told, interval=1.0)
-        drift = free_drift(part.samples, reference, seconds.tolist(), every=_every(drive), gaps=gaps)
-        results.append(_result(part.part, mine, told, run, drift, lengths))
-        why = about_innovations(mine, run)
-    raw = next(result for result in results if result.part == AT_REST)
-    free = drive.run(freely, interval=1.0)
-    if no_proof(free) and raw.no_proof:
-        _refuse_swapped(parts[0], drive.track, arm)
-    strict = setup.with_sensor_covariance(start_covariance(parts[-1], setup.states, document, (0.0, 0.0)))
-    found = DriveVerification(
-        recording=", ".join(source.name for source in recording.sources),
-        track=track.name,
-        offset=drive.clock.offset,
-        offset_sigma=drive.clock.sigma,
-        clock=str(drive.clock),
-        alignment=str(drive.alignment),
-        setting=setting,
-        parts=results,
-        contradictions=_departures(free, own),
-        moved={name: far for name, far in _departures(free, strict).items() if "bias" in name},
-        no_proof=no_proof(free) and raw.no_proof,
-        left_out=left_out,
-        why_innovations=why,
-        refused_free=len(free.refused),
-        turn_on=moved,
-        seconds=seconds,
-        duration=float(drive.track.time[-1] - drive.start.time),
-        remarks=remarks,
-    )
-    hashes = {name.sha256 for name in document.recordings}
-    judge_drive(found, any(source.sha256 in hashes for source in recording.sources))
-    return found
 
 
 def _prepared(

@@ -74,17 +74,17 @@ class DriveVerification:
     fit, reasons, remarks : the verdict, and sentences.
     """
 
-    recording: str
-    track: str
     offset: float
     offset_sigma: float
     clock: str
     alignment: str
-    setting: list[str]
     parts: list[PartResult]
     contradictions: dict[str, tuple[float, float]]
     seconds: Series
     duration: float
+    recording: str = ""
+    track: str = ""
+    setting: list[str] = field(default_factory=list[str])
     moved: dict[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
     turn_on: tuple[float, float] = (0.0, 0.0)
     refused_free: int = 0

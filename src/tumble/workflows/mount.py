@@ -117,13 +117,8 @@ def mount(
             "The calibration is of the gyro alone: gravity shows how a unit lies on its mount, and "
             "that takes the accelerometers' calibration."
         )
-    target = Path("mount.json") if output is None else Path(output)
-    if target.is_dir():
-        target = target / "mount.json"
     named = [Path(level), Path(pitched)]
-    named += [] if isinstance(calibration, Calibration) else [Path(calibration)]
-    if any(target.exists() and path.exists() and target.samefile(path) for path in named):
-        raise UsageError(f"{target} is one of the inputs: give another file with -o.")
+    target = _target(output, named + ([] if isinstance(calibration, Calibration) else [Path(calibration)]))
     rests: list[_Rest] = []
     remarks: list[str] = []
     for path in (level, pitched):
@@ -133,15 +128,9 @@ def mount(
     assert triad is not None
     forces = [np.asarray(triad.correct(rest.mean[None, :])[0], dtype=np.float64) for rest in rests]
     place = given_site(site)
-    gravity = document.site.gravity if place is None else place.gravity
-    norms = [float(np.linalg.norm(force) - gravity) for force in forces]
-    for path, norm in zip((level, pitched), norms, strict=True):
-        if abs(norm) > LARGEST_NORM_ERROR * gravity:
-            raise RecordingError(
-                f"{Path(path).name}: the corrected specific force at rest is {norm:+.2f} m/s² off gravity: "
-                "this is another unit than the calibration's, or its units are not those that were taken (--units)."
-            )
-    check_poses(forces[0], forces[1], (Path(level).name, Path(pitched).name))
+    names = named[0].name, named[1].name
+    norms = _norm_errors(forces, document.site.gravity if place is None else place.gravity, names)
+    check_poses(forces[0], forces[1], names)
     covariance = mean_covariances(
         triad,
         forces,
@@ -153,9 +142,31 @@ def mount(
     found = align_to_mount(forces[0], forces[1], covariance)
     found = replace(found, covariance=found.covariance + mount_sigma**2 * np.eye(3))
     remarks += _remarks(found, mount_sigma)
-    text = _document(found, document, rests, (Path(level).name, Path(pitched).name), mount_sigma, remarks)
+    text = _document(found, document, rests, names, mount_sigma, remarks)
     write_text(target, json.dumps(text, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
     return Mounted(found, (rests[0].seconds, rests[1].seconds), (norms[0], norms[1]), remarks, target)
+
+
+def _target(output: str | os.PathLike[str] | None, inputs: Sequence[Path]) -> Path:
+    """The file that is written, which is none of the inputs."""
+    target = Path("mount.json") if output is None else Path(output)
+    if target.is_dir():
+        target = target / "mount.json"
+    if any(target.exists() and path.exists() and target.samefile(path) for path in inputs):
+        raise UsageError(f"{target} is one of the inputs: give another file with -o.")
+    return target
+
+
+def _norm_errors(forces: Sequence[Vector], gravity: float, names: tuple[str, str]) -> list[float]:
+    """By how much the corrected force of each rest is off gravity, m/s²; refused where it is another unit's."""
+    norms = [float(np.linalg.norm(force) - gravity) for force in forces]
+    for name, norm in zip(names, norms, strict=True):
+        if abs(norm) > LARGEST_NORM_ERROR * gravity:
+            raise RecordingError(
+                f"{name}: the corrected specific force at rest is {norm:+.2f} m/s² off gravity: "
+                "this is another unit than the calibration's, or its units are not those that were taken (--units)."
+            )
+    return norms
 
 
 def _rest(

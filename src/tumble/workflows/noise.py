@@ -90,7 +90,16 @@ def analyse_noise(
     folder = None if output is None else Path(output)
     if folder is not None and folder.exists() and not folder.is_dir():
         raise UsageError(f"-o {folder} is a file: give a folder.")
-    which, wanted, method = _kind(kind), _taus(taus), _method(fit)
+    method = _method(fit)
+    how: dict[str, Any] = {"skip": skip, "remove_temperature": remove_temperature, "method": method}
+    how |= {"kind": _kind(kind), "taus": _taus(taus)}
+    said: dict[str, Any] = {
+        "columns": columns,
+        "units": units,
+        "rate": rate,
+        "topics": topics,
+        "parted": True,
+    }
     say = progress or silent
     if isinstance(paths, Recording) and (columns or units or rate or topics or stream):
         raise UsageError(
@@ -98,31 +107,12 @@ def analyse_noise(
         )
     listed = [] if isinstance(paths, Recording) else recording_inputs(paths)
     if stream or (stream is None and sum(map(_numbers_in, listed)) > STREAMED_ABOVE):
-        noise = characterise_blocks(
-            lambda: read_blocks(listed, columns=columns, units=units, rate=rate, topics=topics, parted=True),
-            skip=skip,
-            remove_temperature=remove_temperature,
-            kind=which,
-            taus=wanted,
-            method=method,
-            progress=say,
-        )
+        noise = characterise_blocks(lambda: read_blocks(listed, **said), **how, progress=say)
     else:
         say("reading")
-        recording = (
-            paths
-            if isinstance(paths, Recording)
-            else read_recording(listed, columns=columns, units=units, rate=rate, topics=topics, parted=True)
-        )
+        recording = paths if isinstance(paths, Recording) else read_recording(listed, **said)
         say("averaging")
-        noise = characterise(
-            recording,
-            skip=skip,
-            remove_temperature=remove_temperature,
-            kind=which,
-            taus=wanted,
-            method=method,
-        )
+        noise = characterise(recording, **how)
     from tumble.report.noise_document import noise_document
 
     document = noise_document(noise)

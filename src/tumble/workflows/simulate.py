@@ -141,8 +141,7 @@ def simulate(
     from tumble.simulation.thermal_steps import has_chamber
 
     say, began = progress or silent, time.perf_counter()
-    given = read_played(protocol, duration)
-    chosen = find_grade(grade)
+    given, chosen = read_played(protocol, duration), find_grade(grade)
     remarks = _check_terms(chosen.name, nonlinear=nonlinear, wander=wander, axes=axes)
     place = _place(given, site, table, remarks)
     hertz = rate if rate is not None else given.rate or (CHAMBER_RATE if has_chamber(given) else chosen.rate)
@@ -151,38 +150,22 @@ def simulate(
     _check(units, seed, unit, hertz, given, per_step)
     folder = Path(output) if output is not None else Path(f"{given.name}-simulated")
     require_place(folder)
-
     say("playing the protocol")
+    drawn, own_seed = chosen.with_wandering_biases() if wander else chosen, seed if unit is None else unit
     settings = Settings(
-        chosen.with_wandering_biases() if wander else chosen,
-        seed,
-        seed if unit is None else unit,
-        noise,
-        placement,
-        axes,
-        imperfections or Imperfections(),
-        table,
-        lever_arm_b,
+        drawn, seed, own_seed, noise, placement, axes, imperfections or Imperfections(), table, lever_arm_b
     )
-    model = chosen.simulate_model(
-        _generator(settings.unit, "unit"),
-        nonlinear=nonlinear,
-        case_axes=axes == "case",
-        asymmetry=asymmetry,
-    )
-    model = _switched_on(model, turn_on, _generator(seed, "turn-on"))
-    if fixture is None:
-        fixture_azimuth = None
-    else:
-        given, fixture = _aimed(given, fixture_azimuth), fixture.drawn(_generator(seed, "fixture"))
+    model = _drawn_unit(chosen, settings, turn_on, nonlinear=nonlinear, asymmetry=asymmetry)
     compass = _magnetometer(magnetometer, magnetic_field, field_change, settings)
-    played = _Played(given, hertz, place, units, fixture, fixture_azimuth, compass)
+    played = _Played(given, hertz, place, units, None, None, compass)
+    if fixture is not None:
+        aimed, fixture = _aimed(given, fixture_azimuth), fixture.drawn(_generator(seed, "fixture"))
+        played = replace(played, protocol=aimed, fixture=fixture, azimuth=fixture_azimuth)
     recording, truth, document = _play(played, model, chosen, settings)
     simulated = time.perf_counter()
     say("writing")
-    files = write_simulation(
-        folder, _as_played(played, truth, chosen, axes), recording, truth, document, per_step
-    )
+    shown = _as_played(played, truth, chosen, axes)
+    files = write_simulation(folder, shown, recording, truth, document, per_step)
     seconds = {"simulating": simulated - began, "writing": time.perf_counter() - simulated}
     return Simulated(folder, files, document, remarks, seconds)
 
@@ -341,6 +324,18 @@ def _generator(seed: int, what: str) -> np.random.Generator:
     """A stream of its own for unit, session and fixture; SFC64 is the fastest that numpy has."""
     number = _STREAMS.index(what)
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(number,))))
+
+
+def _drawn_unit(
+    grade: Grade, settings: Settings, turn_on: tuple[float, float], *, nonlinear: bool, asymmetry: float
+) -> ImuModel:
+    model = grade.simulate_model(
+        _generator(settings.unit, "unit"),
+        nonlinear=nonlinear,
+        case_axes=settings.axes == "case",
+        asymmetry=asymmetry,
+    )
+    return _switched_on(model, turn_on, _generator(settings.seed, "turn-on"))
 
 
 def _switched_on(model: ImuModel, sigmas: tuple[float, float], rng: np.random.Generator) -> ImuModel:

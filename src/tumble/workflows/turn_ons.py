@@ -15,18 +15,19 @@ from tumble.calibration.session import Options, Session
 from tumble.calibration.unseen import state_unseen_clock
 from tumble.earth import Site
 from tumble.errors import TumbleError, UsageError
-from tumble.limits import read_limits, with_limits
+from tumble.limits import read_limits
 from tumble.recording import Recording
 from tumble.workflows.calibrate import (
     CalibrationRun,
     Clock,
-    about_gravity,
+    completed,
     corrected_by_before,
     find_holds,
+    finish_run,
     read_as_told,
     read_prior,
-    require_writable,
-    write_run,
+    say_gravity,
+    writable_folder,
 )
 from tumble.workflows.joining import join_recordings, join_timelines, require_one_unit
 from tumble.workflows.magnetometer import left_out_of
@@ -101,9 +102,7 @@ def calibrate_turn_ons(
         If the results cannot be written; earlier ones are intact.
     """
     say, noted = progress or silent, notes_of(notes)
-    folder = None if output is None else Path(output)
-    if folder is not None:
-        require_writable(folder)
+    folder = writable_folder(output)
     acceptance = None if limits is None else read_limits(Path(limits))
     named = _named(recordings, protocol)
     knowledge = None if prior is None else read_prior(prior, imu[1])
@@ -111,20 +110,14 @@ def calibrate_turn_ons(
     read = [(one, *_read(one, columns, units, rate, topics)) for one in named]
     require_one_unit([recording for _, recording, _ in read])
     clock.lap("reading")
+    options = Options(optional_terms=optional_terms, confirm_scale=confirm_scale)
     sessions: list[Session] = []
     settled: list[tuple[Estimate, JointOutcome]] = []
     for one, recording, told in read:
-        with_name = _saying(say, one.name)
-        with_name("reading")
+        session = Session(recording, told, site, options=options, say=_saying(say, one.name))
+        session.prior = None if sessions else knowledge
+        session.say("reading")
         try:
-            session = Session(
-                recording,
-                told,
-                site,
-                prior=None if sessions else knowledge,
-                options=Options(optional_terms=optional_terms, confirm_scale=confirm_scale),
-                say=with_name,
-            )
             find_holds(session, None, clock)
             settled.append(_settle(session))
         except TumbleError as error:
@@ -139,25 +132,14 @@ def calibrate_turn_ons(
     state_unseen_clock(max((s.clock for s in sessions), key=lambda one: one.sigma), several.estimate)
     if knowledge is not None:
         check_prior(sessions, knowledge, several.estimate)
-    if site is None and all(
-        session.protocol is None or session.protocol.site is None for session in sessions
-    ):
-        several.estimate.say("remark", about_gravity(sessions[0].site))
+    say_gravity(sessions, several.estimate)
     several.estimate.say("remark", *left_out_of([s.recording for s in sessions], "several turn-ons"))
     clock.lap("solving")
     run = _run(sessions, several, imu)
     run.calibration = run.calibration.model_copy(update={"notes": noted})
     before = corrected_by_before([file for one in named for file in one.files], None)
-    if before:
-        run.calibration = run.calibration.model_copy(update={"input_corrected_by": before})
-    if acceptance is not None:
-        run.calibration = with_limits(run.calibration, acceptance)
-    run.seconds = clock.seconds
-    if folder is not None:
-        say("writing the report")
-        write_run(run, folder)
-        clock.lap("reporting")
-    return run
+    run.calibration = completed(run.calibration, before, acceptance)
+    return finish_run(run, folder, clock, say)
 
 
 def _named(recordings: Sequence[str | os.PathLike[str]], protocol: ProtocolName) -> list[_Named]:

@@ -21,7 +21,7 @@ from tumble.recording import Recording, read_recordings
 from tumble.recording.corrections import corrections_of
 from tumble.recording.range_check import find_steps_of_two
 from tumble.recording.reading import Paths, recording_inputs
-from tumble.segmentation import find_timeline, observe_holds, read_intervals
+from tumble.segmentation import Timeline, find_timeline, observe_holds, read_intervals
 from tumble.sensor import ImuModel
 from tumble.workflows.apply import in_calibration_units, raw_factors
 from tumble.workflows.expected_norms import conditions, corrected_whole, hold_noise, norm_covariance
@@ -145,47 +145,60 @@ def verify(
         say("finding holds and turns")
         given = None if intervals is None else read_intervals(Path(intervals))
         timeline = find_timeline(scaled, intervals=given)
-        means = observe_holds(scaled, timeline)
-        if means.specific_force is None or means.specific_force_covariance is None:
-            raise RecordingError("The recording has no accelerometer: there is nothing to verify by.")
-        assert model.accelerometer is not None
-        norms = hold_norm_errors(model, means.specific_force, place.gravity)
-        noise = hold_noise(model.accelerometer, means.specific_force, means.specific_force_covariance)
-        force = model.accelerometer.correct(means.specific_force)
-        expected = norm_covariance(
-            document, force, noise, place, conditions(document, scaled, timeline, temperature)
-        )
-        sigmas = np.sqrt(np.diag(expected))
-        none = np.full(norms.size, np.nan)
-        angles, sizes, durations, change = none, none.copy(), none.copy(), np.full(3, np.nan)
-        if model.gyroscope is not None and scaled.angular_rate is not None:
-            scores = score_turns(model, gather(scaled, timeline, means))
-            angles, sizes, durations = scores.angle, scores.size, scores.duration
-            assert means.angular_rate is not None
-            resting = means.angular_rate
-            if model.g_sensitivity is not None:
-                resting = resting - model.accelerometer.correct(means.specific_force) @ model.g_sensitivity.T
-            change = np.median(resting, axis=0) - model.gyroscope.bias
-        result = Verification(
-            recording=", ".join(source.name for source in recording.sources),
-            norms=norms,
-            norm_sigmas=sigmas,
-            norm_freedom=float(norms.size**2 / np.sum((expected / np.outer(sigmas, sigmas)) ** 2)),
-            angles=angles,
-            sizes=sizes,
-            durations=durations,
-            rate_bias_change=change,
-            fit=True,
-            remarks=[remark.text for remark in recording.remarks],
-        )
+        result = _verification(document, model, place, scaled, timeline, temperature)
         steps = find_steps_of_two(_corrected(model, scaled))
-        hashes = {name.sha256 for name in document.recordings}
-        poses = len(distinct_poses(force))
-        _judge(result, document, poses, any(source.sha256 in hashes for source in recording.sources))
         result.fit = result.fit and not steps
         result.reasons = [*steps, *result.reasons, *words]
         results.append(result)
     return results
+
+
+def _verification(
+    document: Calibration,
+    model: ImuModel,
+    place: Site,
+    recording: Recording,
+    timeline: Timeline,
+    temperature: float | None,
+) -> Verification:
+    """What holds and turns of one recording, in the calibration's units, say of it."""
+    means = observe_holds(recording, timeline)
+    if means.specific_force is None or means.specific_force_covariance is None:
+        raise RecordingError("The recording has no accelerometer: there is nothing to verify by.")
+    assert model.accelerometer is not None
+    norms = hold_norm_errors(model, means.specific_force, place.gravity)
+    noise = hold_noise(model.accelerometer, means.specific_force, means.specific_force_covariance)
+    force = model.accelerometer.correct(means.specific_force)
+    expected = norm_covariance(
+        document, force, noise, place, conditions(document, recording, timeline, temperature)
+    )
+    sigmas = np.sqrt(np.diag(expected))
+    none = np.full(norms.size, np.nan)
+    angles, sizes, durations, change = none, none.copy(), none.copy(), np.full(3, np.nan)
+    if model.gyroscope is not None and recording.angular_rate is not None:
+        scores = score_turns(model, gather(recording, timeline, means))
+        angles, sizes, durations = scores.angle, scores.size, scores.duration
+        assert means.angular_rate is not None
+        resting = means.angular_rate
+        if model.g_sensitivity is not None:
+            resting = resting - force @ model.g_sensitivity.T
+        change = np.median(resting, axis=0) - model.gyroscope.bias
+    result = Verification(
+        recording=", ".join(source.name for source in recording.sources),
+        norms=norms,
+        norm_sigmas=sigmas,
+        norm_freedom=float(norms.size**2 / np.sum((expected / np.outer(sigmas, sigmas)) ** 2)),
+        angles=angles,
+        sizes=sizes,
+        durations=durations,
+        rate_bias_change=change,
+        fit=True,
+        remarks=[remark.text for remark in recording.remarks],
+    )
+    hashes = {name.sha256 for name in document.recordings}
+    own = any(source.sha256 in hashes for source in recording.sources)
+    _judge(result, document, len(distinct_poses(force)), own)
+    return result
 
 
 def _corrected(model: ImuModel, recording: Recording) -> Recording:
