@@ -17,13 +17,15 @@ from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import UsageError
 from tumble.report.parameters import plain_unit
 from tumble.report.rounding import decimals_of, fixed
+from tumble.units import magnetic_field_factor
 
 PROBABILITY = 0.95
 # Of raw units and SI, what people compare data sheets in.
 _PRACTICAL = {"1": ("%", 100.0), "rad": ("mrad", 1e3), "s": ("ms", 1e3)}
 # Notes of the calibration whose names the certificate has in its languages.
 _NOTED = ("operator", "instrument", "remarks")
-_GROUPS = ("accelerometer", "gyro", "other")
+_MOST_NAMED = 6
+_GROUPS = ("accelerometer", "gyro", "magnetometer", "other")
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +84,7 @@ def certificate_content(
     """
     if language not in LANGUAGES:
         raise UsageError(f"--language {language}: there are {', '.join(LANGUAGES)}.")
-    words = phrases(language)
+    words, field_block = phrases(language), calibration.magnetometer
     text = calibration.to_json() if text is None else text
     comma = language in DECIMAL_COMMA
     return CertificateContent(
@@ -104,7 +106,10 @@ def certificate_content(
         authorised=profile.authorised_by,
         frame=calibration.frame.description,
         model=_model(calibration, words),
-        not_determined=list(calibration.not_determined),
+        not_determined=[
+            *calibration.not_determined,
+            *([] if field_block is None else field_block.reasons_against),
+        ],
     )
 
 
@@ -147,11 +152,23 @@ def _facts(
         (words["traceability"], profile.traceability or "–"),
         (
             words["recordings"],
-            ", ".join(f"{one.name} ({one.sha256[:12]}…)" for one in calibration.recordings[:6]),
+            ", ".join(f"{one.name} ({one.sha256[:12]}…)" for one in calibration.recordings[:_MOST_NAMED])
+            + (f" + {more}" if (more := len(calibration.recordings) - _MOST_NAMED) > 0 else ""),
         ),
         (words["software"], calibration.software),
     ]
     return [(name, value) for name, value in parts if value]
+
+
+def _practical(unit: str) -> tuple[str, float]:
+    """What a parameter's unit is shown as, and the factor to it."""
+    if unit.endswith("/(T)"):
+        raw = unit.removesuffix("/(T)")
+        factor = magnetic_field_factor(raw)
+        return (f"{raw}/µT", 1e-6) if factor is None else ("1", factor)
+    return _PRACTICAL.get(
+        unit, (plain_unit(unit).replace("uT", "µT").replace("(local field)", "local field"), 1.0)
+    )
 
 
 def shown_numbers(parameter: ParameterBlock, factor: float) -> tuple[float, float, float, str, int]:
@@ -162,7 +179,7 @@ def shown_numbers(parameter: ParameterBlock, factor: float) -> tuple[float, floa
     parameter, factor : of the document, and its coverage factor where the parameter has none.
     """
     k = parameter.coverage_factor or factor
-    unit, times = _PRACTICAL.get(parameter.unit, (plain_unit(parameter.unit), 1.0))
+    unit, times = _practical(parameter.unit)
     value, expanded = times * parameter.value, times * k * parameter.standard_uncertainty
     decimals = decimals_of(expanded) if expanded > 0.0 and math.isfinite(expanded) else 6
     return value, expanded, k, unit, max(decimals, 0)
@@ -170,7 +187,7 @@ def shown_numbers(parameter: ParameterBlock, factor: float) -> tuple[float, floa
 
 def _results(calibration: Calibration, language: str, *, comma: bool) -> list[tuple[str, list[list[str]]]]:
     groups: dict[str, list[list[str]]] = {name: [] for name in _GROUPS}
-    for parameter in calibration.parameters:
+    for parameter in calibration.every_parameter:
         group, _, rest = parameter.name.partition(" ")
         if group not in groups:
             group, rest = "other", parameter.name
@@ -197,9 +214,9 @@ def _conformity(
     for one in block.parameters:
         group, _, rest = one.name.partition(" ")
         name = f"{words[group]}: {parameter_words(rest, language)}" if group in words else one.name
-        unit, times = _PRACTICAL.get(one.unit, (plain_unit(one.unit), 1.0))
-        ends = ["" if end is None else f"{times * end:.4g}" for end in (one.lower, one.upper)]
-        text = f"{ends[0]} … {ends[1]} {unit}".replace("-", "−")
+        unit, times = _practical(one.unit)
+        ends = ["" if end is None else f"{times * end:.6g}" for end in (one.lower, one.upper)]
+        text = f"{ends[0]} … {ends[1]} {unit}".replace("-", "−") if any(ends) else "–"
         rows.append([name, text.replace(".", ",") if comma else text, words[one.decision]])
     rule = words[f"rule_{block.rule}"] + (
         f": {100 * (block.risk or 0.0):.3g} %" if block.rule == "risk" else ""
@@ -214,7 +231,7 @@ def _conformity(
 
 def _model(calibration: Calibration, words: dict[str, str]) -> list[str]:
     """The formula with the terms that the results have, and sentences for its letters."""
-    named = [parameter.name for parameter in calibration.parameters]
+    named = [parameter.name for parameter in calibration.every_parameter]
     there = {
         term: any(word in name for name in named)
         for term, word in (
@@ -234,6 +251,7 @@ def _model(calibration: Calibration, words: dict[str, str]) -> list[str]:
     ]
     formula = f"{words['raw']} = {' + '.join(terms)}" + (f", u = {u}" if bent else "")
     letters = [words[f"{term}_words"] for term, seen in there.items() if seen]
+    letters += [words["field_words"]] if any("magnetometer" in name for name in named) else []
     return [f"{formula}.", words["model_words"], *letters, words["definitions"]]
 
 

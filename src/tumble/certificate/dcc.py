@@ -26,7 +26,7 @@ from tumble.document.entries import entry_names, vector_of_model
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.files import opened, shown
-from tumble.units import angular_rate_factor, specific_force_factor
+from tumble.units import angular_rate_factor, magnetic_field_factor, specific_force_factor
 
 VERSION = "3.3.0"
 DCC, SI = "https://ptb.de/dcc", "https://ptb.de/si"
@@ -202,7 +202,17 @@ def in_si(unit: str) -> tuple[str, float] | None:
     """
     if unit in _UNITS:
         return _UNITS[unit], 1.0
-    for factor_of, name in ((specific_force_factor, _FORCE), (angular_rate_factor, _RATE)):
+    raw, _, per = unit.removesuffix(")").partition("/(")
+    if per in ("T", "local field"):
+        factor = magnetic_field_factor(raw)
+        if factor is None:
+            return (r"\tesla\tothe{-1}" if per == "T" else r"\one"), 1.0
+        return (r"\one" if per == "T" else r"\tesla"), factor
+    for factor_of, name in (
+        (specific_force_factor, _FORCE),
+        (angular_rate_factor, _RATE),
+        (magnetic_field_factor, r"\tesla"),
+    ):
         try:
             factor = factor_of(unit)
         except UsageError:
@@ -213,7 +223,7 @@ def in_si(unit: str) -> tuple[str, float] | None:
 
 def _parameters(results: ET.Element, calibration: Calibration, language: str) -> None:
     rows: list[tuple[str, float, str, float, float]] = []
-    for one in calibration.parameters:
+    for one in calibration.every_parameter:
         told = in_si(one.unit)
         if told is not None:
             k = one.coverage_factor or calibration.quality.coverage_factor
@@ -345,16 +355,7 @@ def read_dcc(path: Path) -> tuple[str, bytes, dict[str, np.ndarray]]:
         If it is none.
     """
     try:
-        with opened(path) as file:
-            content = file.read(LARGEST + 1)
-    except OSError as error:
-        raise UsageError(f"{path} cannot be read: {error.strerror or error}.") from error
-    if b"<!DOCTYPE" in content[:4096] or b"<!ENTITY" in content or len(content) > LARGEST:
-        raise UsageError(
-            f"{path} is no digital calibration certificate: it declares entities, or is too long."
-        )
-    try:
-        root = ET.fromstring(content)
+        root = ET.fromstring(_content_of(path))
         number = root.findtext(f".//{{{DCC}}}uniqueIdentifier") or ""
         attached = base64.b64decode(
             root.findtext(f".//{{{DCC}}}byteData/{{{DCC}}}dataBase64") or "", validate=True
@@ -367,6 +368,32 @@ def read_dcc(path: Path) -> tuple[str, bytes, dict[str, np.ndarray]]:
     if not attached:
         raise UsageError(f"{path} carries no calibration.json: it is no certificate of tumble.")
     return number, attached, numbers
+
+
+def _content_of(path: Path) -> bytes:
+    """A certificate's XML, which may declare no entities."""
+    try:
+        with opened(path) as file:
+            content = file.read(LARGEST + 1)
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror or error}.") from error
+    if b"<!DOCTYPE" in content[:4096] or b"<!ENTITY" in content or len(content) > LARGEST:
+        raise UsageError(
+            f"{path} is no digital calibration certificate: it declares entities, or is too long."
+        )
+    return content
+
+
+def _words(root: ET.Element) -> dict[str, list[str]]:
+    """What stands beside the numbers and is the document's: names, units, conformity, the item, the day."""
+    places = {
+        "names of results": f".//{{{SI}}}labelXMLList",
+        "units": f".//{{{SI}}}unitXMLList",
+        "statements of conformity": f".//{{{DCC}}}metaData[@refType='basic_conformity']//*",
+        "identifications of the item": f".//{{{DCC}}}item/{{{DCC}}}identifications//{{{DCC}}}value",
+        "days": f".//{{{DCC}}}beginPerformanceDate",
+    }
+    return {name: [(one.text or "").strip() for one in root.findall(place)] for name, place in places.items()}
 
 
 def _numbers(root: ET.Element) -> dict[str, np.ndarray]:
@@ -418,7 +445,14 @@ def check_dcc(path: Path, document: Path | None = None) -> CertificateCheck:
             problems.append(
                 f"The certificate is not of {document}: the document that it carries is another one."
             )
-    made = _numbers(ET.fromstring(dcc_text(calibration, _anybody(), "–", "2000-01-01", "en")))
+    expected_root = ET.fromstring(dcc_text(calibration, _anybody(), "–", "2000-01-01", "en"))
+    said = _words(ET.fromstring(_content_of(path)))
+    problems += [
+        f"The certificate's {name} are not those of the document that it carries."
+        for name, words in _words(expected_root).items()
+        if words and words != ["–"] and said[name] != words
+    ]
+    made = _numbers(expected_root)
     for name, expected in made.items():
         if name not in numbers or not np.array_equal(numbers[name], expected):
             problems.append(f"The certificate's {name} are not those of the document that it carries.")

@@ -125,6 +125,13 @@ class MagnetometerBlock(_Strict):
         return self.verdict is not None and self.verdict.use == "not fit"
 
     @property
+    def reasons_against(self) -> list[str]:
+        """Why it is not fit for use; none where it is."""
+        if self.verdict is None or not self.unfit:
+            return []
+        return [f"The magnetometer is not fit for use. {self.verdict.reasons[0]}"]
+
+    @property
     def triad(self) -> Triad | None:
         """What corrects; None where it is not determined, or not fit for use."""
         if self.matrix is None or self.bias is None or self.unfit:

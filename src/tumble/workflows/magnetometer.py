@@ -210,10 +210,7 @@ def field_reasons(document: Calibration) -> list[str]:
     ----------
     document : with its own verdict on the magnetometer.
     """
-    block = document.magnetometer
-    if block is None or block.verdict is None or not block.unfit:
-        return []
-    return [f"The magnetometer is not fit for use. {block.verdict.reasons[0]}"]
+    return [] if document.magnetometer is None else document.magnetometer.reasons_against
 
 
 def with_own_parameters(document: Calibration, files: Iterable[object]) -> Calibration:

@@ -316,6 +316,101 @@ def test_the_dcc_is_in_si() -> None:
     assert covariance[k, at] == pytest.approx(document().covariance[k][10] * 9.80665**2)
 
 
+def with_magnetometer(raw: str, unit: str) -> Calibration:
+    """The document with a magnetometer whose numbers are those of microtesla."""
+    per = f"{raw}/({unit})"
+    named = [
+        ("magnetometer bias y", -27.4978, 0.0040, raw),
+        ("magnetometer scale factor x", 987407.0, 4937.0, per),
+        ("magnetometer soft iron xz", -66195.0, 331.0, per),
+        ("rotation of the magnetometer z", 0.03456, 0.00011, "rad"),
+    ]
+    block = {
+        "raw_unit": raw,
+        "unit": unit,
+        "frame": "b",
+        "method": "holds and turns",
+        "matrix": [[9.9e5, 1e3, -2e3], [3e3, 1.01e6, 4e3], [-5e3, 6e3, 1.02e6]],
+        "bias": [0.5, -27.5, -21.4],
+        "parameters": [
+            {"name": name, "value": value, "standard_uncertainty": sigma, "unit": one}
+            for name, value, sigma, one in named
+        ],
+        "verdict": {"use": "fit", "reasons": []},
+    }
+    return Calibration.model_validate({**document().model_dump(mode="json"), "magnetometer": block})
+
+
+LOGO = b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 3"><rect width="9" height="3"/></svg>'
+
+
+def replace_parameters(calibration: Calibration, count: int) -> Calibration:
+    """As many as a unit by hand has with all optional terms: two triads of nine, and what takes the whole width."""
+    first = calibration.parameters[0]
+    names = [f"{triad} bias {k}" for triad in ("accelerometer", "gyro") for k in range(9)]
+    names += [f"g-sensitivity of gyro x to force {k}" for k in range(count - 18)]
+    return calibration.model_copy(
+        update={"parameters": [first.model_copy(update={"name": name}) for name in names]}
+    )
+
+
+@pytest.mark.parametrize(
+    ("raw", "unit", "scale"),
+    [
+        ("uT", "T", r"0\.987\s+0\.010\s+2\.09\s+1\s"),
+        ("counts", "T", r"0\.987\s+0\.010\s+2\.09\s+counts/µT"),
+        ("uT", "local field", r"987407\s+10318\s+2\.09\s+µT/local\s+field"),
+    ],
+)
+def test_a_magnetometer_s_results_are_on_both_certificates(
+    tmp_path: Path, raw: str, unit: str, scale: str
+) -> None:
+    both = with_magnetometer(raw, unit)
+    pdf, xml = tmp_path / "a.pdf", tmp_path / "a.xml"
+    pdf.write_bytes(certificate_pdf(certificate_content(both, PROFILE, NUMBER, DATE, "en")))
+    found = check_certificate(pdf)
+    assert (found.problems, found.rows) == ([], 8)
+    text = plain(pdf)
+    assert re.search(r"−27\.4978\s+0\.0084\s+2\.09\s+(µT|counts)", text)
+    assert re.search(scale, text)
+    xml.write_text(dcc_text(both, PROFILE, NUMBER, DATE, "en"), encoding="utf-8")
+    schema = etree.XMLSchema(etree.parse(str(SCHEMA)))
+    assert schema.validate(etree.parse(str(xml))), schema.error_log
+    assert check_dcc(xml).problems == []
+    whole = replace_parameters(both, 33)
+    short = certificate_pdf(certificate_content(whole, PROFILE, NUMBER, DATE, "en"), short=True, logo=LOGO)
+    assert len(pypdf.PdfReader(io.BytesIO(short)).pages) == 1
+    # In tesla, or as a share of it; counts stay counts.
+    values = read_dcc(xml)[2]["values"][4:6]
+    tesla = 1e-6 if raw == "uT" else 1.0
+    assert values == pytest.approx([-27.4978 * tesla, 987407.0 * tesla])
+
+
+def test_a_magnetometer_that_is_not_fit_has_no_results_and_a_reason() -> None:
+    told = with_magnetometer("uT", "T").model_dump(mode="json")
+    told["magnetometer"] |= {"verdict": {"use": "not fit", "reasons": ["Iron is near."]}}
+    content = certificate_content(Calibration.model_validate(told), PROFILE, NUMBER, DATE, "en")
+    assert sum(len(rows) for _, rows in content.groups) == 4
+    assert content.not_determined == ["The magnetometer is not fit for use. Iron is near."]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        (r"<si:unitXMLList>\metre", r"<si:unitXMLList>\metre\tothe{2}", "units"),
+        ("accelerometer_bias_x accelerometer_bias_y", "accelerometer_bias_y accelerometer_bias_x", "names"),
+        ("0042 &lt;&amp;&gt;", "0043", "identifications"),
+        ("<dcc:beginPerformanceDate>2026", "<dcc:beginPerformanceDate>2027", "days"),
+    ],
+)
+def test_a_dcc_with_other_words_is_noticed(tmp_path: Path, before: str, after: str, said: str) -> None:
+    text, path = dcc_text(document(), PROFILE, NUMBER, DATE, "en"), tmp_path / "unit.xml"
+    assert before in text
+    path.write_text(text.replace(before, after, 1), encoding="utf-8")
+    (problem,) = check_dcc(path).problems
+    assert said in problem
+
+
 def test_a_dcc_with_a_changed_number_is_noticed(tmp_path: Path) -> None:
     text = dcc_text(document(), PROFILE, NUMBER, DATE, "en")
     path = tmp_path / "unit.xml"
