@@ -126,34 +126,19 @@ def calibrate_joint(
     say("joint adjustment")
     u = _start_values(recording, timeline, means, site, start)
     base, has_gyro = gather_what_there_is(recording, timeline, means)
-    if poses is None and frame == "fixture":
-        raise ObservabilityError(
-            f"No pose is believed, so that nothing determines the frame {frame!r}: give a protocol "
-            "whose holds have poses with a small sigma, or leave the frame as it is."
-        )
+    _refuse_undetermined(frame, poses)
     broken: list[str] = []
     data = observe(base, u, _rotations(base, u, rotations, broken))
     data.poses = poses
     plain = PLAIN if has_gyro else FORCE_ALONE
     if poses is not None:
         plain = np.concatenate([plain, LAYOUT.indices("fixture")])
-    known = [name for name in ("g_sensitivity", "quadratic") if np.any(u.values[TERMS[name].unknowns])]
-    if not optional_terms:
-        known = []
-        for name in ("g_sensitivity", "quadratic"):
-            u.values[TERMS[name].unknowns] = 0.0
+    known = _known_terms(u, wanted=optional_terms)
     task = start_adjustment(data, u.with_free(plain), site)
-    for kind in ("force", "rate"):
-        task.taking_part[kind][list(unused_holds)] = False
-    task.taking_part["rate"] &= has_gyro
-    mounted = None if poses is None else mounting_prior(u)
-    task.prior = together(angle_prior(u, prior), mounted)
+    _leave_out(task, unused_holds, has_gyro=has_gyro)
+    task.prior = together(angle_prior(u, prior), None if poses is None else mounting_prior(u))
     given = {name: sigma for name, sigma in (alike or {}).items() if sigma > 0.0 and has_gyro}
-    adjusted = _adjusted_alike(task, given)
-    if adjusted:
-        plain = np.sort(np.concatenate([plain, LAYOUT.indices(*adjusted)]))
-        task.unknowns = task.unknowns.with_free(plain)
-        task.prior = together(task.prior, LAYOUT.sparse_prior(u.values, adjusted))
+    adjusted, plain = _with_alike(task, given, plain)
     untold = find_untold(linearise(task)[1], task.unknowns)
     if untold is not None:
         _refuse_nothing_told(untold, partly=partly)
@@ -174,15 +159,67 @@ def calibrate_joint(
     outcome.table_sigma = None if alike is None else alike.get("table_rate")
     if keep is not None:
         keep(outcome)
+    clock = None if "clock" in adjusted else given.get("clock")
+    return _completed(
+        outcome, base, means, clock, broken, lag=optional_terms and has_gyro and not data.rotations
+    )
+
+
+def _leave_out(task: JointAdjustment, holds: Sequence[int], *, has_gyro: bool) -> None:
+    for kind in ("force", "rate"):
+        task.taking_part[kind][list(holds)] = False
+    task.taking_part["rate"] &= has_gyro
+
+
+def _completed(
+    outcome: JointOutcome,
+    base: HoldsAndTurns,
+    means: HoldMeans,
+    clock: float | None,
+    broken: Sequence[str],
+    *,
+    lag: bool,
+) -> Estimate:
+    """The estimate with what is found beside the adjustment: the clock's scale, a lag, a step of the biases."""
     estimate = joint_estimate(outcome)
-    if "clock" in given and "clock" not in adjusted:
-        add_common_scale(estimate, given["clock"], rest_rate(estimate, means))
-    if optional_terms and has_gyro and not data.rotations:
+    if clock is not None:
+        add_common_scale(estimate, clock, rest_rate(estimate, means))
+    if lag:
         add_time_lag(estimate, base)
     estimate.say("remark", *broken)
-    if has_gyro:
-        add_bias_step(estimate, base, recording, *rest_residuals(outcome))
+    if outcome.has_gyro:
+        add_bias_step(estimate, base, outcome.recording, *rest_residuals(outcome))
     return estimate
+
+
+def _refuse_undetermined(frame: str, poses: BelievedPoses | None) -> None:
+    if poses is None and frame == "fixture":
+        raise ObservabilityError(
+            f"No pose is believed, so that nothing determines the frame {frame!r}: give a protocol "
+            "whose holds have poses with a small sigma, or leave the frame as it is."
+        )
+
+
+def _known_terms(u: Unknowns, *, wanted: bool) -> list[str]:
+    """Optional terms that the start has; where none are wanted they are made zero."""
+    names = ("g_sensitivity", "quadratic")
+    if wanted:
+        return [name for name in names if np.any(u.values[TERMS[name].unknowns])]
+    for name in names:
+        u.values[TERMS[name].unknowns] = 0.0
+    return []
+
+
+def _with_alike(
+    task: JointAdjustment, given: Mapping[str, float], plain: np.ndarray
+) -> tuple[dict[str, float], np.ndarray]:
+    """Let what is wrong alike be unknown where it shows; return it, and the plain unknowns with it."""
+    adjusted = _adjusted_alike(task, given)
+    if adjusted:
+        plain = np.sort(np.concatenate([plain, LAYOUT.indices(*adjusted)]))
+        task.prior = together(task.prior, LAYOUT.sparse_prior(task.unknowns.values, adjusted))
+        task.unknowns = task.unknowns.with_free(plain)
+    return adjusted, plain
 
 
 def _adjusted_alike(task: JointAdjustment, given: Mapping[str, float]) -> dict[str, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,6 +12,9 @@ from tumble.cli.groups import FIRST, option
 from tumble.cli.options import PrintOptions, RegistryName, output_option
 from tumble.cli.terminal import results_stand, say, say_json, say_written
 from tumble.errors import UsageError
+
+if TYPE_CHECKING:
+    from tumble.workflows.certificate import Certificate
 
 
 def certificate_command(
@@ -78,6 +81,10 @@ def certificate_command(
         registry=registry,
     )
     results_stand()
+    _print(made, printed)
+
+
+def _print(made: Certificate, printed: PrintOptions) -> None:
     if printed.as_json:
         say_json({**asdict(made), "files": [str(one) for one in made.files]}, indent=1)
         return

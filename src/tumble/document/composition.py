@@ -72,10 +72,8 @@ def calibration_from_estimate(
     """
     _refuse_unsound(estimate)
     judgement = judge(estimate, recording, confirm_scale=confirm_scale)
-    temperature = mean_celsius(recording.temperature)
     thermal = _thermal(estimate)
-    if thermal is not None:
-        temperature = thermal.basis.reference_celsius
+    temperature = mean_celsius(recording.temperature) if thermal is None else thermal.basis.reference_celsius
     model = estimate.model
     known = any(name.startswith("gyroscope.matrix") for name in estimate.names)
     nominal = angular_rate_factor(recording.angular_rate_unit) is not None

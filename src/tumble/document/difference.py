@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tumble.arrays import AnyArray, Series, Table
+from tumble.arrays import AnyArray, Series, Square, Table
 from tumble.calibration.magnetometer.estimate import NAMES
 from tumble.calibration.magnetometer.parameters import nearest_axes
 from tumble.document.algebra import turned_to
@@ -16,7 +16,7 @@ from tumble.document.entries import PLACES, SIZE, model_of_vector, named_paramet
 from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import UsageError
-from tumble.sensor import FRAMES
+from tumble.sensor import FRAMES, ImuModel
 from tumble.sensor.gauge import inverse
 from tumble.sensor.propagation import jacobian
 from tumble.units import (
@@ -140,20 +140,7 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
         remarks.append(
             "One of the two has no uncertainties: the sigmas are those of the other alone, or missing."
         )
-    if (
-        first.frame.name == second.frame.name
-        and scale == (1.0, 1.0)
-        and first.parameters
-        and second.parameters
-    ):
-        # As both say them: what the frame sets to zero, or nothing has determined, is no row of either.
-        table = [{p.name: p for p in one.parameters if _is_plain(p.name)} for one in (first, second)]
-        remarks += _alone(table)
-    else:
-        table = [
-            {p.name: p for p in named_parameters(model, spread, first.raw_units)}
-            for model, spread in zip(models, (spread_one, spread_two), strict=True)
-        ]
+    table = _tables((first, second), models, (spread_one, spread_two), scale, remarks)
     natural = _natural_sizes(one)
     changes = [
         _changed(table[0][name], table[1][name], _natural_size(name, natural))
@@ -177,6 +164,31 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
         rate_scale=_worst("rate, relative", _rate_change, both, joint) if has[1] else None,
         remarks=remarks,
     )
+
+
+def _tables(
+    documents: tuple[Calibration, Calibration],
+    models: tuple[ImuModel, ImuModel],
+    spreads: tuple[Square, Square],
+    scale: tuple[float, float],
+    remarks: list[str],
+) -> list[dict[str, ParameterBlock]]:
+    """The parameters of both by name: as both say them, or derived anew where frame or units differ."""
+    first, second = documents
+    if (
+        first.frame.name == second.frame.name
+        and scale == (1.0, 1.0)
+        and first.parameters
+        and second.parameters
+    ):
+        # What the frame sets to zero, or nothing has determined, is no row of either.
+        table = [{p.name: p for p in one.parameters if _is_plain(p.name)} for one in documents]
+        remarks += _alone(table)
+        return table
+    return [
+        {p.name: p for p in named_parameters(model, spread, first.raw_units)}
+        for model, spread in zip(models, spreads, strict=True)
+    ]
 
 
 def _is_plain(name: str) -> bool:

@@ -36,21 +36,7 @@ def fleet_document(calibrations: Sequence[Calibration]) -> tuple[Calibration, Be
     UsageError
         If there are too few that can be compared.
     """
-    chosen = [
-        turned_to(one, FRAME) if one.frame.name != FRAME else one
-        for one in calibrations
-        if one.frame.name in FRAMES and one.composed_with is None and one.covariance_parameters
-    ]
-    kinds = [
-        (str(one.raw_units), one.gyroscope is not None and one.gyroscope.matrix is not None) for one in chosen
-    ]
-    usual = max(Counter(kinds).items(), key=lambda item: item[1], default=(None, 0))[0]
-    chosen = [one for one, kind in zip(chosen, kinds, strict=True) if kind == usual]
-    if len(chosen) < FEWEST:
-        raise UsageError(
-            f"{len(chosen)} calibrations with a covariance, in the same raw units, can be compared: a fleet takes "
-            f"{FEWEST} units or more."
-        )
+    chosen = _comparable(calibrations)
     pairs = [stacked(one) for one in chosen]
     names = entry_names()
     places = [k for term in _TERMS for k in range(PLACES[term][0].start, PLACES[term][0].stop)]
@@ -101,6 +87,26 @@ def fleet_document(calibrations: Sequence[Calibration]) -> tuple[Calibration, Be
         }
     )
     return document, between
+
+
+def _comparable(calibrations: Sequence[Calibration]) -> list[Calibration]:
+    """Those in one frame, in the raw units of most and with the triads of most."""
+    chosen = [
+        turned_to(one, FRAME) if one.frame.name != FRAME else one
+        for one in calibrations
+        if one.frame.name in FRAMES and one.composed_with is None and one.covariance_parameters
+    ]
+    kinds = [
+        (str(one.raw_units), one.gyroscope is not None and one.gyroscope.matrix is not None) for one in chosen
+    ]
+    usual = max(Counter(kinds).items(), key=lambda item: item[1], default=(None, 0))[0]
+    chosen = [one for one, kind in zip(chosen, kinds, strict=True) if kind == usual]
+    if len(chosen) < FEWEST:
+        raise UsageError(
+            f"{len(chosen)} calibrations with a covariance, in the same raw units, can be compared: a fleet takes "
+            f"{FEWEST} units or more."
+        )
+    return chosen
 
 
 def _plain(triad: Triad | None) -> Triad | None:

@@ -218,16 +218,9 @@ def interpret(
     UsageError
         If the declared rate is not positive.
     """
-    rate = None if rate is None else sample_rate(rate)
-    if rate is not None and not stamps.RATES[0] <= rate <= stamps.RATES[1]:
-        raise UsageError(f"--rate {rate:g}: give a positive number of samples a second, as 100.")
+    declared_rate = _declared_rate(table, plan, rate)
     remarks = [*table.remarks, *remarks, *about_units(table, plan, units)]
     plan = replace(plan, temperature_unit=units.temperature or plan.temperature_unit)
-    declared_rate = rate if rate is not None or plan.time is not None else table.rate
-    if declared_rate is not None and not stamps.RATES[0] <= declared_rate <= stamps.RATES[1]:
-        raise RecordingError(
-            f"{table.path.name} states a rate of {declared_rate:g} Hz, which no sensor has; give --rate HZ."
-        )
     signals, ordered = _ordered(
         table,
         pick_signals(table, plan, parted=parted),
@@ -273,6 +266,19 @@ def interpret(
         angular_rate_unit=decided.angular_rate_unit,
         remarks=every,
     )
+
+
+def _declared_rate(table: RawTable, plan: ColumnPlan, asked: float | str | None) -> float | None:
+    """Hz as asked for, or as a table without stamps states."""
+    rate = None if asked is None else sample_rate(asked)
+    if rate is not None and not stamps.RATES[0] <= rate <= stamps.RATES[1]:
+        raise UsageError(f"--rate {rate:g}: give a positive number of samples a second, as 100.")
+    rate = rate if rate is not None or plan.time is not None else table.rate
+    if rate is not None and not stamps.RATES[0] <= rate <= stamps.RATES[1]:
+        raise RecordingError(
+            f"{table.path.name} states a rate of {rate:g} Hz, which no sensor has; give --rate HZ."
+        )
+    return rate
 
 
 def _with_field(

@@ -160,19 +160,7 @@ def order_stamps(
         raw, resets = join_resets(raw, unit, rate)
         remarks += [say_resets(resets, name, place)] if resets else []
     steps = np.diff(raw)
-    if raw.size < 2 or not np.any(steps):
-        raise RecordingError(
-            f"{name}: the time column never changes (it stays at {raw[0]:g}); leave it out with --columns "
-            "and give --rate HZ."
-        )
-    back = np.flatnonzero(steps < 0.0) if steps.min() < 0.0 else np.zeros(0, np.intp)
-    if back.size:
-        row = int(back[0]) + 1
-        raise RecordingError(
-            f"{name}, {place(row)}: time steps back from {raw[row - 1]:.10g} to {raw[row]:.10g}"
-            f"{_more(back.size)}; the order of the samples is unknown. Split the file there, or leave the "
-            "time column out with --columns and give --rate HZ."
-        )
+    _require_order(raw, steps, name, place)
     keep = np.concatenate([[True], steps > 0.0])
     doubles = int(raw.size - keep.sum())
     if doubles > max(_MOST_DUPLICATES * raw.size, 2):
@@ -208,6 +196,22 @@ def order_stamps(
         remarks.append(Remark("unchecked", text))
     gaps = _gaps_of(steps, found) if time.size > 2 else ()
     return Stamps(time, keep, gaps, found, unit, clock_of_stamps(time, rate), remarks)
+
+
+def _require_order(raw: Series, steps: Series, name: str, place: Callable[[int], str]) -> None:
+    if raw.size < 2 or not np.any(steps):
+        raise RecordingError(
+            f"{name}: the time column never changes (it stays at {raw[0]:g}); leave it out with --columns "
+            "and give --rate HZ."
+        )
+    back = np.flatnonzero(steps < 0.0) if steps.min() < 0.0 else np.zeros(0, np.intp)
+    if back.size:
+        row = int(back[0]) + 1
+        raise RecordingError(
+            f"{name}, {place(row)}: time steps back from {raw[row - 1]:.10g} to {raw[row]:.10g}"
+            f"{_more(back.size)}; the order of the samples is unknown. Split the file there, or leave the "
+            "time column out with --columns and give --rate HZ."
+        )
 
 
 def _even_out(raw: Series, steps: Series, unit: str | None, rate: float | None, name: str) -> Stamps | None:

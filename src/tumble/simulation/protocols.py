@@ -82,24 +82,8 @@ def simulate_protocol(
         that a sample sees half a turn; if a two-axis fixture cannot do what the protocol asks for, or there
         is a table, too.
     """
-    if units not in UNITS:
-        raise UsageError(f"A simulated recording is in {' or '.join(UNITS)}, not in {units!r}.")
-    if model is not None and (model.accelerometer is None or model.gyroscope is None):
-        raise UsageError("The model has one triad only, and a simulated unit has two: give it both.")
-    if fixture is None:
-        played = play_protocol(
-            protocol,
-            rng,
-            placement=placement,
-            heading=heading,
-            lever_arm_b=lever_arm_b,
-            table_tilt=table_tilt,
-            table=table,
-        )
-    elif table is not None or table_tilt != 0.0:
-        raise UsageError("A unit is on a turntable or on a two-axis fixture, not on both: leave one away.")
-    else:
-        played = play_sequences(protocol, rng, fixture, heading=heading, lever_arm_b=lever_arm_b)
+    _refuse_odd(units, model)
+    played = _played(protocol, rng, placement, heading, lever_arm_b, table_tilt, table, fixture)
     if model is None:
         model = ImuModel.ideal() if grade is None else grade.simulate_model(rng)
     noisy = grade if noise else None
@@ -135,6 +119,39 @@ def simulate_protocol(
         fixture=fixture,
     )
     return recording, truth
+
+
+def _refuse_odd(units: str, model: ImuModel | None) -> None:
+    if units not in UNITS:
+        raise UsageError(f"A simulated recording is in {' or '.join(UNITS)}, not in {units!r}.")
+    if model is not None and (model.accelerometer is None or model.gyroscope is None):
+        raise UsageError("The model has one triad only, and a simulated unit has two: give it both.")
+
+
+def _played(
+    protocol: Protocol,
+    rng: np.random.Generator,
+    placement: bool,
+    heading: float | Series | None,
+    lever_arm_b: AnyArray | None,
+    table_tilt: float,
+    table: TableErrors | None,
+    fixture: FixtureErrors | None,
+) -> PlayedProtocol:
+    """The motion on a table, by hand or on a fixture."""
+    if fixture is None:
+        return play_protocol(
+            protocol,
+            rng,
+            placement=placement,
+            heading=heading,
+            lever_arm_b=lever_arm_b,
+            table_tilt=table_tilt,
+            table=table,
+        )
+    if table is not None or table_tilt != 0.0:
+        raise UsageError("A unit is on a turntable or on a two-axis fixture, not on both: leave one away.")
+    return play_sequences(protocol, rng, fixture, heading=heading, lever_arm_b=lever_arm_b)
 
 
 def _shaken(

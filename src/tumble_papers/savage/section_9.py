@@ -278,18 +278,11 @@ def reproduce_accelerometer_noise(repetitions: int, seed: int) -> Outcome:
     repetitions : runs of each.
     seed : of all random numbers.
     """
-    triangle = replace(AS_PRINTED, averaging="average-of-averages")
     grade = GRADES["nav"]
     noise = Setting(unit(velocity_random_walk=grade.velocity_random_walk), fixture=0.0, earth=False)
     # A fixture that is off lets gravity move the pulses of the level axes along.
     pulses = Setting(unit(velocity_pulse=1e-4), earth=False)
-    values: dict[str, AnyArray] = {}
-    for name, setting in (("noise", noise), ("pulses", pulses)):
-        for variant in (AS_PRINTED, triangle):
-            # The same units for both averages.
-            rng = np.random.Generator(np.random.SFC64([seed, 92]))
-            changes = changes_by_kind(setting, variant, repetitions, rng)
-            values[f"{name} {variant.averaging}"] = 1e6 * np.concatenate(list(changes.values()), axis=1)
+    values = _changes_of_force(noise, pulses, repetitions, seed)
     formula = np.sqrt(2.0 / noise.seconds) * grade.velocity_random_walk / STANDARD * 1e6
     by_pulse = np.sqrt(2.0 * 2.0 / 12.0) * 1e-4 / pulses.seconds / STANDARD * 1e6
     weights = window_weights(noise.window, "average-of-averages")
@@ -344,6 +337,19 @@ def reproduce_accelerometer_noise(repetitions: int, seed: int) -> Outcome:
         repetitions=repetitions,
         seed=seed,
     )
+
+
+def _changes_of_force(noise: Setting, pulses: Setting, repetitions: int, seed: int) -> dict[str, AnyArray]:
+    """µg, by what disturbs and how it is averaged."""
+    triangle = replace(AS_PRINTED, averaging="average-of-averages")
+    values: dict[str, AnyArray] = {}
+    for name, setting in (("noise", noise), ("pulses", pulses)):
+        for variant in (AS_PRINTED, triangle):
+            # The same units for both averages.
+            rng = np.random.Generator(np.random.SFC64([seed, 92]))
+            changes = changes_by_kind(setting, variant, repetitions, rng)
+            values[f"{name} {variant.averaging}"] = 1e6 * np.concatenate(list(changes.values()), axis=1)
+    return values
 
 
 def _ratio_row(label: str, said: str, found: float, agrees: bool, reason: str, few: bool) -> Row:

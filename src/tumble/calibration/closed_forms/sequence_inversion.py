@@ -129,20 +129,7 @@ def solve_measurements(
     """
     if not models:
         raise ObservabilityError("There is no rotation sequence to solve from.")
-    rows: list[Table] = []
-    told: list[Series] = []
-    roots: list[Table] = []
-    sigmas: list[Series] = []
-    for model, measured, covariance in zip(models, measurements, covariances, strict=True):
-        take = np.zeros((4, 5))
-        take[:2, :3] = across_down(model.down_start)
-        take[2, START] = take[3, END] = 1.0
-        noise = take @ covariance @ take.T
-        root = inverted(np.asarray(np.linalg.cholesky(noise), dtype=np.float64))
-        rows.append(root @ take @ model.coefficients)
-        told.append(root @ take @ measured)
-        roots.append(root)
-        sigmas.append(np.sqrt(np.diag(noise)))
+    rows, told, roots, sigmas = _weighed(models, measurements, covariances)
     free = np.ones(24, dtype=bool)
     if not asymmetry:
         free[3:6] = False
@@ -184,6 +171,27 @@ def solve_measurements(
         float(left @ left),
         right.size - rank,
     )
+
+
+def _weighed(
+    models: Sequence[SequenceModel], measurements: Sequence[Series], covariances: Sequence[Square]
+) -> tuple[list[Table], list[Series], list[Table], list[Series]]:
+    """Coefficients and measurements of each sequence over their noise, the noise's roots, and its sigmas."""
+    rows: list[Table] = []
+    told: list[Series] = []
+    roots: list[Table] = []
+    sigmas: list[Series] = []
+    for model, measured, covariance in zip(models, measurements, covariances, strict=True):
+        take = np.zeros((4, 5))
+        take[:2, :3] = across_down(model.down_start)
+        take[2, START] = take[3, END] = 1.0
+        noise = take @ covariance @ take.T
+        root = inverted(np.asarray(np.linalg.cholesky(noise), dtype=np.float64))
+        rows.append(root @ take @ model.coefficients)
+        told.append(root @ take @ measured)
+        roots.append(root)
+        sigmas.append(np.sqrt(np.diag(noise)))
+    return rows, told, roots, sigmas
 
 
 def undetermined_words(determined: np.ndarray, *, asymmetry: bool = True) -> list[str]:

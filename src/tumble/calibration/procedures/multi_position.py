@@ -327,29 +327,32 @@ def _fit_gyro(
             continue
         if count > 3 and not _good_enough(fit):
             continue
-        values, full = np.zeros(TOTAL), np.zeros((TOTAL, TOTAL))
-        values[GYRO_MATRIX] = triad_from_unknowns(fit.unknowns).matrix.ravel()
-        values[GYRO_BIAS] = fit.unknowns[BIAS]
-        full[12:24, 12:24] = _matrix_and_bias_covariance(fit)
-        full[GYRO_MATRIX, GYRO_MATRIX] += _rotation_covariance(values[GYRO_MATRIX].reshape(3, 3))
-        seen = {9: "bias, scale factors and non-orthogonalities", 6: "bias and scale factors", 3: "bias"}[
-            count
-        ]
-        remarks, objections = list[str](), list[str]()
-        if sheet is not None:
-            sigmas = np.sqrt(np.diag(fit.covariance)[:9])
-            remarks, objections = about_sheet("gyro", fit.unknowns[:9], sigmas, sheet)
-        return _GyroFit(
-            "full" if count > 3 else "bias",
-            values,
-            full,
-            f"The gyro sees the Earth's rotation well enough for {seen} ({count}-parameter solution).",
-            fit.alone,
-            fit.outliers,
-            remarks=remarks,
-            objections=objections,
-        )
+        return _by_earth_rate(fit, count, sheet)
     return _mean_bias(observed, covariance, factor, specific_force_b, site)
+
+
+def _by_earth_rate(fit: TriadFit, count: int, sheet: Prior | None) -> _GyroFit:
+    """The fit of 9, 6 or 3 unknowns as what it says of the gyro."""
+    values, full = np.zeros(TOTAL), np.zeros((TOTAL, TOTAL))
+    values[GYRO_MATRIX] = triad_from_unknowns(fit.unknowns).matrix.ravel()
+    values[GYRO_BIAS] = fit.unknowns[BIAS]
+    full[12:24, 12:24] = _matrix_and_bias_covariance(fit)
+    full[GYRO_MATRIX, GYRO_MATRIX] += _rotation_covariance(values[GYRO_MATRIX].reshape(3, 3))
+    seen = {9: "bias, scale factors and non-orthogonalities", 6: "bias and scale factors", 3: "bias"}[count]
+    remarks, objections = list[str](), list[str]()
+    if sheet is not None:
+        sigmas = np.sqrt(np.diag(fit.covariance)[:9])
+        remarks, objections = about_sheet("gyro", fit.unknowns[:9], sigmas, sheet)
+    return _GyroFit(
+        "full" if count > 3 else "bias",
+        values,
+        full,
+        f"The gyro sees the Earth's rotation well enough for {seen} ({count}-parameter solution).",
+        fit.alone,
+        fit.outliers,
+        remarks=remarks,
+        objections=objections,
+    )
 
 
 def _earth_rate_tells(observed: Vectors, covariance: Matrices, start: Series, count: int) -> bool:

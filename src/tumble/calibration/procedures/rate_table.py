@@ -411,19 +411,10 @@ def _tell(
         say.append(
             f"The protocol does not say which axis was up in {len(guessed)} placements; the accelerometers do."
         )
-    slowest = float(np.min(np.abs(estimate.spins.rates)))
     if site.latitude is None:
-        missing.append(
-            "No latitude was given: the Earth's rotation about the table's axis, up to 7.3e-5 rad/s (4.7e-5 at 40°), "
-            "is in the bias as an uncertainty, equal for all axes. Give --site LATITUDE."
-        )
+        missing.append(_EARTH_UNKNOWN)
     else:
-        vertical = EARTH_RATE * float(np.sin(site.latitude))
-        say.append(
-            f"The Earth's rotation about the table's axis was taken out: {abs(vertical):.3g} rad/s, which left in "
-            f"would be an error of the bias as large, {two_digits(1e6 * abs(vertical) / slowest)} ppm of the slowest "
-            "spin."
-        )
+        say.append(_about_earth(site.latitude, float(np.min(np.abs(estimate.spins.rates)))))
     axes = np.zeros_like(estimate.spins.residuals)
     for c, placement in enumerate(placements):
         axes[readings.spin[c][readings.spin[c] >= 0]] = placement.axis
@@ -441,6 +432,21 @@ def _tell(
     sigma = float(np.hypot(np.sqrt(np.mean(readings.sigma**2)), fit.placement))
     say.append(_about_tilt(sigma))
     estimate.said = of_recording + said_of(remarks=say, objections=against, not_determined=missing)
+
+
+_EARTH_UNKNOWN = (
+    "No latitude was given: the Earth's rotation about the table's axis, up to 7.3e-5 rad/s (4.7e-5 at 40°), "
+    "is in the bias as an uncertainty, equal for all axes. Give --site LATITUDE."
+)
+
+
+def _about_earth(latitude: float, slowest: float) -> str:
+    vertical = EARTH_RATE * float(np.sin(latitude))
+    return (
+        f"The Earth's rotation about the table's axis was taken out: {abs(vertical):.3g} rad/s, which left in "
+        f"would be an error of the bias as large, {two_digits(1e6 * abs(vertical) / slowest)} ppm of the slowest "
+        "spin."
+    )
 
 
 def _one_way_axes(readings: SpinReadings, known: np.ndarray) -> list[str]:

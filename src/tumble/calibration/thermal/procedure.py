@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -39,7 +40,7 @@ from tumble.calibration.thermal.fit import (
     highest_order,
     soaks_of,
 )
-from tumble.calibration.thermal.layout import Layout, ThermalTerms
+from tumble.calibration.thermal.layout import ThermalTerms
 from tumble.calibration.thermal.model import (
     ThermalSolution,
     thermal_solution,
@@ -47,7 +48,7 @@ from tumble.calibration.thermal.model import (
 )
 from tumble.calibration.thermal.points import ThermalPoints, find_points
 from tumble.calibration.thermal.summary import thermal_estimate, thermal_evidence
-from tumble.calibration.thermal.turns import estimate_turned_matrix
+from tumble.calibration.thermal.turns import TurnedMatrix, estimate_turned_matrix
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.protocol.steps import Protocol
@@ -102,9 +103,8 @@ def calibrate_thermal(
     if told == 0:
         _require_changes(kept, recording)
     soaks = soaks_of(kept.celsius) if coverage.kind == "soak" else None
-    where = Surroundings(
-        site.gravity, _earth(site, recording), FIRST_LAG if coverage.kind == "ramp" else 0.0, FIRST_WIDTH
-    )
+    lag = FIRST_LAG if coverage.kind == "ramp" else 0.0
+    where = Surroundings(site.gravity, _earth(site, recording), lag, FIRST_WIDTH)
     terms = ThermalTerms(TemperatureBasis("polynomial", _reference(coverage), order=1), told)
     # What is not modelled is taken for wander, against which every candidate would look good.
     coupled = told == 9 and kept.force is not None and kept.rate is not None
@@ -121,40 +121,47 @@ def calibrate_thermal(
     fit, tests = _with_path(kept, terms, where, coverage)
     fit, doubts = _with_doubts(fit, where, coverage)
     lag, width = fit.conditions.lag_and_width(fit.values)
-
-    def solved(values: Series, covariance: Square, layout: Layout) -> ThermalSolution:
-        return thermal_solution(
-            values,
-            covariance,
-            layout,
-            lag=lag,
-            width=width,
-            factors=factors,
-            span=coverage.span,
-            largest_rate=coverage.largest_rate,
-        )
-
+    solved = partial(
+        thermal_solution,
+        lag=lag,
+        width=width,
+        factors=factors,
+        span=coverage.span,
+        largest_rate=coverage.largest_rate,
+    )
     solution = solved(fit.values, with_pull(fit, doubts.pull), fit.layout)
     turned = None
     if told == 9 and fit.layout.has_rate:
         say("turns")
-        turned = estimate_turned_matrix(
-            recording,
-            timeline,
-            solution.model,
-            fit.values,
-            fit.covariance,
-            fit.layout,
-            factors=factors,
-            gravity=site.gravity,
-            wander=fit.levels.single["rate"] + fit.levels.flicker["rate"],
-        )
+        turned = _turned(recording, timeline, solution, fit, factors, site.gravity)
     if turned is not None:
         solution = solved(*with_turned_matrix(fit.values, fit.covariance, fit.layout, turned))
     evidence = thermal_evidence(everything, kept, fit, solution, coverage, factors, soaks, site)
     evidence.candidates = candidates
     evidence.poses = len(np.unique(poses[coverage.keep]))
     return thermal_estimate(recording, site, fit, solution, coverage, evidence, tests, kept, turned, doubts)
+
+
+def _turned(
+    recording: Recording,
+    timeline: Timeline,
+    solution: ThermalSolution,
+    fit: ThermalFit,
+    factors: tuple[float, float],
+    gravity: float,
+) -> TurnedMatrix | None:
+    """The gyros' matrix by the turns between rests, where there are enough of them."""
+    return estimate_turned_matrix(
+        recording,
+        timeline,
+        solution.model,
+        fit.values,
+        fit.covariance,
+        fit.layout,
+        factors=factors,
+        gravity=gravity,
+        wander=fit.levels.single["rate"] + fit.levels.flicker["rate"],
+    )
 
 
 def _in_near_si(

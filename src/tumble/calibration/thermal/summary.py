@@ -185,8 +185,26 @@ def thermal_estimate(
     parameters = [*parameters, *own]
     correlations = _padded(correlations, len(own), solution)
     norms, sigmas = _norms(fit, kept)
+    return estimate_of(
+        "thermal",
+        Described(described.model, names, covariance, parameters, correlations),
+        _figures(fit, evidence),
+        left_out=_left_out(fit, kept),
+        terms=tests,
+        said=said_of(
+            remarks=[*thermal_remarks(fit, solution, coverage, evidence, turned), *coverage.remarks],
+            cautions=coverage.cautions,
+            objections=[*_on_untested(evidence), *_on_left_out(fit, kept)],
+            not_determined=not_determined_words(terms, layout, coverage, recording, turned, doubts),
+        ),
+        evidence=[Holds(norms, sigmas), evidence] if norms.size else [evidence],
+        thermal=OverTemperature(solution.model, solution.names, solution.covariance),
+    )
+
+
+def _figures(fit: ThermalFit, evidence: ThermalCurves) -> Figures:
     largest = float(np.nanmax(np.abs(evidence.residuals))) if np.any(np.isfinite(evidence.residuals)) else 0.0
-    figures = Figures(
+    return Figures(
         fit.alone,
         fit.adjustment.sigma0,
         fit.adjustment.redundancy,
@@ -203,30 +221,19 @@ def thermal_estimate(
             ),
         },
     )
-    return estimate_of(
-        "thermal",
-        Described(described.model, names, covariance, parameters, correlations),
-        figures,
-        left_out=[
-            LeftOut(
-                "hold",
-                int(kept.hold[o.group]),
-                f"between {kept.start[o.group]:.0f} and {kept.stop[o.group]:.0f} s its "
-                f"{'specific force' if o.kind == 'force' else 'angular rate'} is {o.normalised:.1f} times off what "
-                "the others show",
-            )
-            for o in fit.outliers
-        ],
-        terms=tests,
-        said=said_of(
-            remarks=[*thermal_remarks(fit, solution, coverage, evidence, turned), *coverage.remarks],
-            cautions=coverage.cautions,
-            objections=[*_on_untested(evidence), *_on_left_out(fit, kept)],
-            not_determined=not_determined_words(terms, layout, coverage, recording, turned, doubts),
-        ),
-        evidence=[Holds(norms, sigmas), evidence] if norms.size else [evidence],
-        thermal=OverTemperature(solution.model, solution.names, solution.covariance),
-    )
+
+
+def _left_out(fit: ThermalFit, kept: ThermalPoints) -> list[LeftOut]:
+    return [
+        LeftOut(
+            "hold",
+            int(kept.hold[o.group]),
+            f"between {kept.start[o.group]:.0f} and {kept.stop[o.group]:.0f} s its "
+            f"{'specific force' if o.kind == 'force' else 'angular rate'} is {o.normalised:.1f} times off what "
+            "the others show",
+        )
+        for o in fit.outliers
+    ]
 
 
 def _on_untested(evidence: ThermalCurves) -> list[str]:

@@ -70,6 +70,10 @@ def _rests(evidence: ThermalCurves) -> str:
     return f"{evidence.celsius.size} stretches of rest, each within a kelvin or so, in {poses}"
 
 
+def _orders(terms: ThermalTerms, order: int) -> str:
+    return "as the biases do" if terms.basis.kind != "polynomial" else f"to the order {order}"
+
+
 def not_determined_words(
     terms: ThermalTerms,
     layout: Layout,
@@ -79,9 +83,19 @@ def not_determined_words(
     doubts: Doubts,
 ) -> list[str]:
     """Return what rests at these temperatures cannot tell, a sentence each."""
-    words: list[str] = []
-    if layout.has_force and terms.poses == 0:
-        words.append(
+    words = [_untold_of_matrix(terms)] if layout.has_force else []
+    if recording.angular_rate is not None:
+        words += [_about_pull(doubts, recording)] if terms.poses == 0 else []
+        words.append(_untold_of_gyros(turned))
+    if not coverage.both_branches:
+        words.append(_about_loop(doubts, recording))
+    words += _untold_of_path(terms, coverage, doubts)
+    return [text for text in words if text]
+
+
+def _untold_of_matrix(terms: ThermalTerms) -> str:
+    if terms.poses == 0:
+        return (
             "The accelerometers' biases, scale factors and non-orthogonalities at the reference "
             "temperature, and how scale factors and non-orthogonalities change with temperature. "
             "From so few poses they cannot be separated from a bias, because gravity on an axis that "
@@ -90,32 +104,38 @@ def not_determined_words(
             "its share of gravity. Hold nine poses or more at several temperatures (thermal-soak), "
             "or tumble the unit during the sweep."
         )
-    elif layout.has_force and terms.poses == 6:
-        words.append(
+    if terms.poses == 6:
+        return (
             "The accelerometers' non-orthogonalities: faces alone do not determine them, and they "
             "have their nominal values. Hold edges, too."
         )
-    elif layout.has_force and not terms.matrix_functions:
-        words.append(
+    if not terms.matrix_functions:
+        return (
             "The accelerometers' scale factors and non-orthogonalities are one for all temperatures: a change of "
             "theirs did not predict what was left out any better."
         )
-    if recording.angular_rate is not None and terms.poses == 0:
-        words.append(_about_pull(doubts, recording))
-    if recording.angular_rate is not None and turned is not None and not turned.changes.size:
-        words.append(
+    return ""
+
+
+def _untold_of_gyros(turned: TurnedMatrix | None) -> str:
+    if turned is not None and turned.changes.size:
+        return ""
+    if turned is not None:
+        return (
             "How the gyros' scale factors and misalignments change with temperature: there are too few turns for it; "
             "the matrix is one for all temperatures."
         )
-    elif recording.angular_rate is not None and turned is None:
-        words.append(
-            "The gyros' scale factors, misalignments and their change with temperature: rests show "
-            "the Earth's rotation only. Nine turns by hand or more between poses at each of several "
-            "temperatures determine them, recorded with 20 samples a turn or more. The matrix is the "
-            "nominal one, without a stated uncertainty."
-        )
-    if not coverage.both_branches:
-        words.append(_about_loop(doubts, recording))
+    return (
+        "The gyros' scale factors, misalignments and their change with temperature: rests show "
+        "the Earth's rotation only. Nine turns by hand or more between poses at each of several "
+        "temperatures determine them, recorded with 20 samples a turn or more. The matrix is the "
+        "nominal one, without a stated uncertainty."
+    )
+
+
+def _untold_of_path(terms: ThermalTerms, coverage: Coverage, doubts: Doubts) -> list[str]:
+    """Of the lag and of what goes with the temperature's rate."""
+    words: list[str] = []
     if doubts.rate:
         words.append(
             "Lag between the sensors and the thermometer, and the biases' dependence on the rate of "
@@ -206,23 +226,12 @@ def thermal_remarks(
             "left out; of those that predict alike the one with the fewest unknowns."
         )
     if terms.poses and terms.matrix_functions:
-        remarks.append(
-            "The accelerometers' matrix changes with temperature "
-            + (
-                "as the biases do."
-                if terms.basis.kind != "polynomial"
-                else f"to the order {terms.matrix_functions}."
-            )
-        )
+        orders = _orders(terms, terms.matrix_functions)
+        remarks.append(f"The accelerometers' matrix changes with temperature {orders}.")
     if turned is not None:
         orders = "one for all temperatures"
         if turned.changes.size:
-            orders = (
-                "as the biases do"
-                if terms.basis.kind != "polynomial"
-                else f"to the order {len(turned.changes)}"
-            )
-            orders = f"changing with temperature {orders}"
+            orders = f"changing with temperature {_orders(terms, len(turned.changes))}"
         remarks.append(
             f"The gyros' matrix is from {turned.turns} turns between the rests, {orders}: their scale factors, "
             "non-orthogonalities and the rotation between the triads."

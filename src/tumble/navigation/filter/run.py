@@ -120,15 +120,11 @@ def run_stretch(
     event_time, event_fix = _events(track.time[inside], instants, start.time, float(part.time[-1]))
     fixes, events = len(inside), len(event_time)
     n = 9 + len(setup.states)
-    use = np.column_stack(
-        [np.full(fixes, positions), track.has_velocity[inside] if velocities else np.zeros(fixes, bool)]
-    )
-    kept = events if keep_covariances else 0
-    navs, estimates = np.empty((events, 10)), np.zeros((events, n - 9))
-    sigmas, errors = np.empty((events, n)), np.zeros((events, n))
-    covariances, predicted, transitions = (np.empty((kept, n, n)) for _ in range(3))
-    innovations, innovation_sigmas = np.full((fixes, 6), np.nan), np.full((fixes, 6), np.nan)
-    distances, taken = np.full((fixes, 2), np.nan), np.zeros((fixes, 2), dtype=bool)
+    navs, kept = np.empty((events, 10)), events if keep_covariances else 0
+    at_events = np.zeros((events, n - 9)), np.empty((events, n)), np.zeros((events, n))
+    whole = np.empty((kept, n, n)), np.empty((kept, n, n)), np.empty((kept, n, n))
+    at_fixes = np.full((fixes, 6), np.nan), np.full((fixes, 6), np.nan), np.full((fixes, 2), np.nan)
+    taken = np.zeros((fixes, 2), dtype=bool)
     covariance = setup.covariance
     run(
         np.ascontiguousarray(part.time),
@@ -148,43 +144,34 @@ def run_stretch(
         setup.lever_arm_b.astype(float),
         event_time,
         event_fix,
+        *_fixes(track, inside, positions=positions, velocities=velocities),
+        _gate(setup.gate),
+        setup.patience,
+        navs,
+        *at_events,
+        *whole,
+        *at_fixes,
+        taken,
+    )
+    trajectory, events_of_fixes = unpacked(event_time, navs), np.flatnonzero(event_fix >= 0)
+    found = FilterRun(trajectory, *at_events, *whole, inside, events_of_fixes, *at_fixes, taken, setup)
+    return found, covariance
+
+
+def _fixes(
+    track: GnssTrack, inside: np.ndarray, *, positions: bool, velocities: bool
+) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray, np.ndarray]:
+    """Positions and velocities with their covariances, and which of both are used."""
+    fixes = len(inside)
+    return (
         np.column_stack([column[inside] for column in track.position]).astype(float),
         np.ascontiguousarray(track.position_covariance_n[inside]),
         np.ascontiguousarray(track.velocity_n[inside]),
         np.ascontiguousarray(track.velocity_covariance_n[inside]),
-        use,
-        _gate(setup.gate),
-        setup.patience,
-        navs,
-        estimates,
-        sigmas,
-        errors,
-        covariances,
-        predicted,
-        transitions,
-        innovations,
-        innovation_sigmas,
-        distances,
-        taken,
+        np.column_stack(
+            [np.full(fixes, positions), track.has_velocity[inside] if velocities else np.zeros(fixes, bool)]
+        ),
     )
-    trajectory = unpacked(event_time, navs)
-    found = FilterRun(
-        trajectory,
-        estimates,
-        sigmas,
-        errors,
-        covariances,
-        predicted,
-        transitions,
-        inside,
-        np.flatnonzero(event_fix >= 0),
-        innovations,
-        innovation_sigmas,
-        distances,
-        taken,
-        setup,
-    )
-    return found, covariance
 
 
 def unpacked(time: Series, navs: Table) -> Trajectory:
