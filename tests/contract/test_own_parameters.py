@@ -162,10 +162,24 @@ def test_active_parameters_are_said_with_their_device_and_noted(tmp_path: Path) 
         assert words in said
         assert "holds on top of them" in said
         assert "devices CAL_ACC0_ID = 1310988" in said or "devices INS_ACC_ID = 2753028" in said
+        (remark,) = [r for r in read_recording(path).remarks if words in r.text]
+        assert remark.kind == "corrected"
         assert "parameters were active" not in texts(read_recording(plain))
         (mark,) = corrections_of([path])
         assert corrected_by_before([path], None) == [mark]
         assert corrections_of([plain]) == ()
+
+
+def test_a_log_that_lacks_its_parameters_is_said_to_unasked_and_by_the_conversion(tmp_path: Path) -> None:
+    recording = read_recording(dataflash(tmp_path / "a.bin", {}))
+    (remark,) = [r for r in recording.remarks if r.kind == "corrected"]
+    assert "does not state the autopilot's own parameters" in remark.text
+    plain = read_recording(dataflash(tmp_path / "b.bin", NOTHING))
+    assert not [r for r in plain.remarks if r.kind == "corrected"]
+    for remarks, words in (([remark.text], 1), ([r.text for r in plain.remarks], 0)):
+        made = document().model_copy(update={"remarks": remarks})
+        done = convert_to(made, "ardupilot", output=tmp_path / "out", largest_loss=0.1)
+        assert sum("had their defaults while it was recorded" in text for text in done.remarks) == words
 
 
 def test_raw_sensors_of_px4_are_not_touched_by_its_parameters(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from tumble.document.difference import compare_calibrations
 from tumble.document.entries import entry_names, model_of_vector, stacked, vector_of_model
 from tumble.document.imported import calibration_from_model
 from tumble.document.merging import merge_models
-from tumble.document.result import Calibration
+from tumble.document.result import Calibration, UnseenBlock
 from tumble.document.thermal_block import thermal_block
 from tumble.errors import UsageError
 from tumble.sensor import FRAMES, ImuModel, Triad, change_frame
@@ -199,6 +199,51 @@ def test_asymmetry_and_quadratic_terms_are_in_rows_and_effect() -> None:
     assert found.force is not None
     assert found.force.value == pytest.approx(9.80665e-3, rel=1e-9)
     assert {p.name: p.second for p in found.parameters}["accelerometer asymmetry y"] == 1e-3
+
+
+def with_clock(model: ImuModel, because: str, *, seen: bool = False) -> Calibration:
+    """A document whose gyros share 0.58 % of a nominal clock; `seen`: the recording determined it to 20 ppm."""
+    made, share = document(model), 0.0058
+    along = np.zeros(45)
+    assert model.gyroscope is not None
+    along[18:27] = model.gyroscope.matrix.ravel()
+    _, own = stacked(made)
+    spread = own + (2e-5 if seen else share) ** 2 * np.outer(along, along)
+    unseen = [UnseenBlock(source="sample rate", relative_standard_uncertainty=share, because=because)]
+    return made.model_copy(
+        update={
+            "covariance_parameters": entry_names(),
+            "covariance": spread.tolist(),
+            "quality": made.quality.model_copy(update={"unseen": unseen}),
+        }
+    )
+
+
+def test_one_clock_that_both_assume_is_counted_in_no_difference() -> None:
+    """The change's uncertainty is that without the clock, and 0.2 % of another clock are found by it."""
+    assert MODEL.gyroscope is not None
+    faster = ImuModel(
+        MODEL.accelerometer, Triad(1.002 * MODEL.gyroscope.matrix, MODEL.gyroscope.bias), MODEL.g_sensitivity
+    )
+    words = "the sample rate is a nominal 100 Hz, ± 1 % by data sheets"
+    without = compare_calibrations(document(MODEL), document(faster))
+    found = compare_calibrations(with_clock(MODEL, words), with_clock(faster, words))
+    both = [{g.name: g for g in one.groups}["gyros: matrix"] for one in (without, found)]
+    # 0.2 % of 0.58 % is no longer common.
+    assert both[1].chi_square == pytest.approx(both[0].chi_square, rel=0.05)
+    assert any("same nominal one" in remark for remark in found.remarks)
+    for other in (
+        with_clock(faster, words.replace("100", "200")),
+        with_clock(faster, "the stamps are of a device's crystal (100 Hz by it)"),
+        with_clock(faster, words, seen=True),
+    ):
+        apart = compare_calibrations(with_clock(MODEL, words), other)
+        assert not any("same nominal one" in remark for remark in apart.remarks)
+        matrix = {g.name: g for g in apart.groups}["gyros: matrix"]
+        assert matrix.chi_square < both[0].chi_square / 3.0
+        assert found.rate_scale is not None
+        assert apart.rate_scale is not None
+        assert found.rate_scale.standard_uncertainty < 0.5 * apart.rate_scale.standard_uncertainty
 
 
 def test_rounding_is_no_change() -> None:

@@ -32,7 +32,7 @@ def refuse_contradicting_axes(recording: Recording, gyro_inverse: Matrix) -> Non
     RecordingError
         Naming the axes or the unit that the turns show.
     """
-    contradiction = describe_axis_contradiction(gyro_inverse)
+    contradiction = describe_axis_contradiction(gyro_inverse, recording.columns)
     if contradiction is not None:
         raise RecordingError(contradiction)
     factor = angular_rate_factor(recording.angular_rate_unit)

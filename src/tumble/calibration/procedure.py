@@ -50,7 +50,7 @@ class Procedure:
     takes : of the options ``prior``, ``data_sheet`` and ``unknowns`` those that it uses.
     example : the named protocol that shows what its protocol file has to say; empty if it needs no file.
     remedy : what makes its uncertainties smaller.
-    norms_from : what the norms of its holds are expected from.
+    norms_from : what the norms of its holds are expected from, where it is more than the noise.
     placement : what to do about the placement that limits it; empty if none does.
     suits : whether it suits a recording of which nobody says what was done.
     otherwise : the procedure to try next where it does not; empty for the last one, and those that are never tried.
@@ -76,7 +76,7 @@ class Procedure:
     takes: frozenset[str] = frozenset()
     example: str = ""
     remedy: str = "more holds and turns in more different poses are needed"
-    norms_from: str = "the noise found"
+    norms_from: str = ""
     placement: str = ""
     suits: Callable[[Session], Suits] = _unasked
     otherwise: str = ""

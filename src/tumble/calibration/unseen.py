@@ -49,8 +49,8 @@ def unseen_clock(clock: Clock) -> Unseen:
         clock.sigma,
         clock.words,
         # The example is this recording's own rate, with a crystal's 100 ppm.
-        f"give the rate with its uncertainty, as --rate {clock.rate:.4g}±{clock.rate * 1e-4:.1g}"
-        + (", or record the stamps of a clock" if clock.kind == "nominal" else ""),
+        f"give it, as --rate {clock.rate:.4g}±{clock.rate * 1e-4:.1g}"
+        + (", or record the times of a clock" if clock.kind == "nominal" and not clock.counted else ""),
     )
 
 
@@ -233,10 +233,10 @@ def _say(estimate: Estimate, one: Unseen, share: Series) -> None:
         return
     decides = part > DECIDES
     size = f"{100.0 * one.sigma:.2g} %" if one.sigma >= 1e-3 else f"{1e6 * one.sigma:.2g} ppm"
-    what = "the clock of the samples" if one.source == SAMPLE_RATE else "the table's rates"
+    what = "the clock" if one.source == SAMPLE_RATE else "the table"
     said = (
-        f"The gyro scale factors stand or fall with {what}: {one.because}. All of them are uncertain by {size} (one "
-        "sigma) together because of it, which no residual shows; it is in the stated uncertainties"
+        f"All gyro scale factors share {what}'s uncertainty, {size} (one sigma), which no residual shows: "
+        f"{one.because}"
     )
     if decides:
         estimate.say("caution", f"{said}. If you know it better, {one.mend}.")

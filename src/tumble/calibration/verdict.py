@@ -240,9 +240,9 @@ def _about_spins(estimate: Estimate) -> list[str]:
     rms, noise = (root_mean_square(np.linalg.norm(rate, axis=1)) for rate in (spins.residuals, spins.sigmas))
     largest = float(np.max(np.abs(estimate.spins.rates)))
     sentence = (
-        f"Over {estimate.spins.rates.size} spins the corrected gyro shows the table's rate within "
+        f"Corrected, {estimate.spins.rates.size} spins show the table's rate within "
         f"{two_digits(1e3 * np.degrees(rms))} m°/s rms, {two_digits(1e6 * rms / largest)} ppm of the fastest "
-        f"(expected with the noise found: {two_digits(1e3 * np.degrees(noise))} m°/s)."
+        f"({two_digits(1e3 * np.degrees(noise))} expected)."
     )
     return [sentence]
 
@@ -288,10 +288,11 @@ def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
         )
     if holds and estimate.degrees_of_freedom > 0:
         what = find_procedure(estimate.procedure).norms_from
+        because = f" from {what}" if what else ""
         counted = f"{holds} {'holds' if estimate.thermal is None else 'stretches of rest'}"
         words.append(
-            f"Over {counted} the corrected specific force has the norm of gravity within "
-            f"{two_digits(1e3 * rms)} mm/s² rms (expected with {what}: {two_digits(1e3 * noise)} mm/s²)."
+            f"Corrected, {counted} show gravity within {two_digits(1e3 * rms)} mm/s² rms "
+            f"({two_digits(1e3 * noise)} expected{because})."
         )
     words += _about_spins(estimate)
     if estimate.model.accelerometer is None:
@@ -305,13 +306,13 @@ def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
         angle = float(np.degrees(np.sqrt(np.mean(turns**2))))
         expected = float(np.degrees(np.sqrt(np.nanmean(estimate.turns.sigmas**2))))
         words.append(
-            f"Over {turns.size} turns the corrected gyro carries gravity to where it is seen within "
-            f"{two_digits(angle)}° rms (expected: {two_digits(expected)}°)."
+            f"Corrected, {turns.size} turns carry gravity to within {two_digits(angle)}° rms "
+            f"({two_digits(expected)}° expected)."
         )
     by_chance = estimate.frame == "fixture" and not any(estimate.variance_components.values())
     if np.isfinite(estimate.sigma0) and estimate.sigma0 > 1.5 and not by_chance:
         words.append(
-            f"The residuals are {estimate.sigma0:.1f} times what the noise inside the holds alone explains: biases "
-            "that wander, knocks and bandwidth. The stated uncertainties include it."
+            f"The residuals are {estimate.sigma0:.1f} times the noise inside the holds: biases that wander, knocks and "
+            "bandwidth. The stated uncertainties include it."
         )
     return words

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tumble.cli.options import PrintOptions
-from tumble.cli.terminal import console, say_json
+from tumble.cli.terminal import console, say_json, say_written
 
 if TYPE_CHECKING:
     from tumble.workflows.array import ArrayRun
@@ -39,8 +39,7 @@ def print_array(run: ArrayRun, printed: PrintOptions) -> None:
         for reason in () if verdict.fit else verdict.reasons:
             screen.print(f"- {reason}")
         print_blocks(limits_lines(made.calibration), screen)
-    for file in run.files:
-        screen.print(f"written: {file.resolve()}", soft_wrap=True)
+    say_written(run.files)
 
 
 def default_folder(recordings: list[Path]) -> Path:

@@ -22,7 +22,7 @@ from tumble.cli.options import (
     SiteOptions,
     output_option,
 )
-from tumble.cli.terminal import console, progress, results_stand, say_json, state
+from tumble.cli.terminal import console, progress, results_stand, say_json, say_written, state
 
 if TYPE_CHECKING:
     from tumble.fleet.outcome import Batch
@@ -164,8 +164,7 @@ def _print(batch: Batch, printed: PrintOptions) -> None:
                 f"{batch.kept} units are as an earlier run left them, {batch.worked} were done now.",
                 style="dim",
             )
-    for path in batch.files:
-        screen.print(f"written: {path.resolve()}", soft_wrap=True)
+    say_written(batch.files)
 
 
 def _as_dict(batch: Batch) -> dict[str, object]:

@@ -29,7 +29,7 @@ from tumble.cli.options import (
     UnitOptions,
     output_option,
 )
-from tumble.cli.terminal import console, progress, results_stand, say_json_text
+from tumble.cli.terminal import console, progress, results_stand, say_json_text, say_written
 from tumble.errors import UsageError
 from tumble.procedure_names import KNOWN_PROCEDURES
 
@@ -319,6 +319,7 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
     if printed.as_json:
         say_json_text(run.calibration.to_json())
         return
+    from tumble.report.advice import gravity_assumed
     from tumble.report.planned import planned_sentence
     from tumble.report.summary import print_calibration, verdict_line
 
@@ -328,25 +329,23 @@ def print_run(run: CalibrationRun, printed: LongPrintOptions) -> None:
         return
     print_calibration(run.calibration, screen, verbose=more)
     # A guess is said, and so is what was changed; what was merely found or cannot be seen, on request.
-    read = [r for r in run.recording.remarks if more or r.kind in ("assumed", "mended")]
+    read = [r for r in run.recording.remarks if more or r.kind in ("assumed", "mended", "corrected")]
     screen.print(run.reason, markup=False)
-    for line in (*(f"{r.kind}: {r.text}" for r in read), *(run.estimate.remarks if more else ())):
+    said = [f"{r.kind}: {r.text}" for r in read] + gravity_assumed(run.calibration)
+    for line in (*said, *(run.estimate.remarks if more else ())):
         screen.print(f"- {line}", markup=False)
     if sentence := planned_sentence(run.calibration, run.predicted):
         screen.print(sentence, markup=False)
     for step in _steps(run)[: None if more else 1]:
         screen.print(f"Next: {step}", markup=False)
-    for file in run.files:
-        screen.print(f"written: {file.resolve()}", markup=False, soft_wrap=True)
+    say_written(run.files)
     if more:
         seconds = ", ".join(f"{stage} {value:.2f} s" for stage, value in run.seconds.items())
         screen.print(f"time: {seconds}", style="dim")
         return
     hidden = len(run.estimate.remarks)
     remarks = f", {hidden} remark{'s' if hidden != 1 else ''}" if hidden else ""
-    screen.print(
-        f"Intervals, residuals, terms that were tried{remarks}: with -v, and in the report.", style="dim"
-    )
+    screen.print(f"Intervals, residuals, terms{remarks}: with -v, and in the report.", style="dim")
 
 
 def _steps(run: CalibrationRun) -> list[str]:

@@ -15,6 +15,7 @@ import signal
 import sys
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
@@ -170,14 +171,14 @@ def say_aside(line: str) -> None:
 
 
 def say_written(files: Iterable[Path]) -> None:
-    """Print where files are.
+    """Print where files are, a folder a line.
 
     Parameters
     ----------
     files : that were written.
     """
-    for file in files:
-        say(f"written: {file.resolve()}")
+    for folder, own in groupby((file.resolve() for file in files), key=lambda file: file.parent):
+        say(f"written: {folder / ', '.join(file.name for file in own)}")
 
 
 def say_json(document: Any, indent: int | None = None) -> None:

@@ -12,6 +12,7 @@ from tumble.arrays import AnyArray, Series, Square, Table
 from tumble.calibration.magnetometer.estimate import NAMES
 from tumble.calibration.magnetometer.parameters import nearest_axes
 from tumble.document.algebra import turned_to
+from tumble.document.common_clock import along_clock, common_clock, scale_slope
 from tumble.document.entries import PLACES, SIZE, model_of_vector, named_parameters, part, stacked
 from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.result import Calibration, ParameterBlock
@@ -142,8 +143,14 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
         )
     table = _tables((first, second), models, (spread_one, spread_two), scale, remarks)
     natural = _natural_sizes(one)
+    clock = common_clock((first, second), (one, two), (spread_one, spread_two))
+    if clock:
+        remarks.append(
+            "Both take the sample rate as the same nominal one. What its uncertainty does to both alike is taken out. "
+            "A clock that has changed shows as gyro scale factors that all change alike."
+        )
     changes = [
-        _changed(table[0][name], table[1][name], _natural_size(name, natural))
+        _changed(table[0][name], table[1][name], _natural_size(name, natural), clock)
         for name in table[0]
         if name in table[1]
     ]
@@ -153,12 +160,14 @@ def compare_calibrations(first: Calibration, second: Calibration) -> Difference:
     remarks += _one_sided(terms, one, two)
     changes.sort(key=lambda change: not change.name.startswith("accelerometer"))
     of_field, groups_of_field = _field_changes(first.magnetometer, second.magnetometer, remarks)
-    joint = np.block([[spread_one, np.zeros((SIZE, SIZE))], [np.zeros((SIZE, SIZE)), spread_two]])
+    shared = clock * np.outer(along_clock(one), along_clock(two))
+    joint = np.block([[spread_one, shared], [shared.T, spread_two]])
     both = np.concatenate([one, two])
     return Difference(
         frame=first.frame.name,
         parameters=changes + of_field,
-        groups=_groups(one, two, spread_one + spread_two, has, terms, natural) + groups_of_field,
+        groups=_groups(one, two, spread_one + spread_two - shared - shared.T, has, terms, natural)
+        + groups_of_field,
         force=_worst("specific force of 1 g", _force_change, both, joint) if has[0] else None,
         rest_rate=_worst("rate at rest", _rest_change(has[0]), both, joint) if has[1] else None,
         rate_scale=_worst("rate, relative", _rate_change, both, joint) if has[1] else None,
@@ -275,8 +284,9 @@ def _natural_size(name: str, natural: tuple[float, float]) -> float:
     return own if "bias" in name or "sensitivity" in name or name[:-2].endswith("scale factor") else 1.0
 
 
-def _changed(one: Any, two: Any, size: float) -> ParameterChange:
-    sigma = float(np.hypot(one.standard_uncertainty, two.standard_uncertainty))
+def _changed(one: Any, two: Any, size: float, clock: float = 0.0) -> ParameterChange:
+    shared = 2.0 * clock * scale_slope(one) * scale_slope(two)
+    sigma = float(np.sqrt(max(one.standard_uncertainty**2 + two.standard_uncertainty**2 - shared, 0.0)))
     moved = two.value - one.value
     largest = max(size, abs(one.value), abs(two.value))
     if sigma <= _NATURAL * largest:

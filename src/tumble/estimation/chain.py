@@ -75,6 +75,10 @@ class Stretch(Protocol):
         """The stretches within it, or what is left of them, each with its place."""
         ...
 
+    def place_of(self, node: int) -> str:
+        """Return where in what was observed a node is, for people."""
+        ...
+
     def move(self, nodes: Table, own: Series) -> None:
         """Move its unknowns by a step."""
         ...
@@ -325,8 +329,14 @@ class Chain:
         gradient = self.gradient.copy()
         bad = eliminate(diagonal, lower, border, gradient)
         if bad >= 0:
+            where = (
+                f"node {bad + 1} of {len(self.diagonal)}"
+                if self.stretch is None
+                else self.stretch.place_of(bad)
+            )
             raise ObservabilityError(
-                f"Node {bad + 1} of {len(self.diagonal)} of the motion is not determined by what was observed."
+                f"What was recorded does not determine the unit's attitude at {where}. Hold the unit still in each "
+                "pose and keep the gyro within its range, and record again."
             )
         flat = border.reshape(-1, len(self.corner))
         corner, right = self.corner - flat.T @ flat, self.corner_gradient - flat.T @ gradient.ravel()

@@ -54,11 +54,13 @@ class Clock:
     kind : what the stamps are.
     rate : samples a second, Hz, by this clock.
     sigma : standard uncertainty of the clock's rate, as a share.
+    counted : there are stamps, but one that counts samples would write the same.
     """
 
     kind: Kind
     rate: float
     sigma: float
+    counted: bool = False
 
     @property
     def words(self) -> str:
@@ -66,8 +68,8 @@ class Clock:
         return {
             "exact": "the samples' times are exact",
             "stated": f"the sample rate is {self.rate:.6g} Hz as stated",
-            "nominal": f"the sample rate is a nominal one, {self.rate:.6g} Hz, which data sheets let be off by "
-            f"{100.0 * NOMINAL_TOLERANCE:g} %",
+            "nominal": f"{'the stamps count samples at a' if self.counted else 'the sample rate is a'} nominal "
+            f"{self.rate:.6g} Hz, ± {100.0 * NOMINAL_TOLERANCE:g} % by data sheets",
             "device": f"the stamps are of a device's crystal ({self.rate:.6g} Hz by it)",
             "host": f"the stamps are of a computer's clock ({self.rate:.6g} Hz by it)",
         }[self.kind]
@@ -118,7 +120,7 @@ def _by_itself(time: Series, some: Series) -> Clock:
     step, elapsed = float(np.median(steps)), some - some[0]
     pitch, off = _line(_counted(np.maximum(np.round(steps / step), 1.0)), elapsed)
     if _is_regular(some, pitch, float(np.max(np.abs(off)))):
-        return Clock("nominal", 1.0 / pitch, NOMINAL)
+        return Clock("nominal", 1.0 / pitch, NOMINAL, counted=True)
     # Stamps that jitter by half a step count no samples; a longer step has some missing.
     pitch, off = _line(_counted(np.where(steps > _MISSING * step, np.round(steps / step), 1.0)), elapsed)
     sigma = float(np.hypot(CRYSTAL, np.sqrt(2.0 * np.mean(off**2)) / float(time[-1] - time[0])))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from tumble.errors import RecordingError, UsageError
@@ -128,6 +129,50 @@ def plan_from_option(option: str, count: int, name: str) -> ColumnPlan:
         said_by="option",
         magnetic_field=_complete(triads["m"]),
     )
+
+
+def option_of(plan: ColumnPlan, count: int) -> str:
+    """Return what ``--columns`` would have to be for a plan.
+
+    Parameters
+    ----------
+    plan : which column is what.
+    count : number of columns of the file.
+    """
+    words = ["-"] * count
+    for kind, triad in zip("agm", (plan.specific_force, plan.angular_rate, plan.magnetic_field), strict=True):
+        for axis, (index, sign) in zip(AXES, triad or (), strict=False):
+            words[index] = f"{'-' if sign < 0.0 else ''}{kind}{axis}"
+    for name, index in (("t", plan.time), ("temperature", plan.temperature)):
+        if index is not None:
+            words[index] = name
+    return ",".join(words)
+
+
+def renamed(option: str | None, names: Mapping[str, str]) -> str:
+    """Return what follows ``--columns`` to name columns otherwise, for pasting; empty where there are no columns.
+
+    Parameters
+    ----------
+    option : as `option_of` gives it for the columns as they were read, None of what has none.
+    names : what a column is to be called, by what it is called now: ``{"gx": "-gy"}``.
+
+    Examples
+    --------
+    >>> renamed("t,ax,-gx,gy", {"gx": "-gy", "gy": "gx"})
+    ' t,ax,gy,gx'
+    >>> renamed(None, {"gx": "-gy"})
+    ''
+    """
+    if option is None:
+        return ""
+    words: list[str] = []
+    for word in option.split(","):
+        slot = word.removeprefix("-")
+        name = names.get(slot, slot)
+        negative = (word.startswith("-") and bool(slot)) != name.startswith("-")
+        words.append(f"{'-' if negative or not slot else ''}{name.removeprefix('-')}")
+    return f" {','.join(words)}"
 
 
 def _complete(found: list[tuple[int, float] | None]) -> tuple[tuple[int, float], ...] | None:

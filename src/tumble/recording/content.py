@@ -11,6 +11,7 @@ import numpy as np
 
 from tumble.arrays import Table, Vectors
 from tumble.errors import RecordingError
+from tumble.recording.columns import renamed
 from tumble.recording.gravity_check import gyro_scale_from_gravity, unit_of_scale
 from tumble.recording.range_check import gyro_step_words
 from tumble.recording.recording import Recording, Remark
@@ -25,6 +26,7 @@ _RESTLESS = 0.05  # scatter within a quarter second over the norm: half a m/s² 
 _MOST_MOTION = 4.0  # times gravity that shaking makes of the norm; beyond it is the unit
 _MOST_SHAKEN = 10.0  # times gravity that the norm of an accelerometer is in any motion
 _DROWNED = 3.0  # times the noise: gravity is some hundred times it
+_EXCHANGED = {a + axis: b + axis for a, b in ("ag", "ga") for axis in "xyz"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +170,7 @@ def guess_angular_rate_unit(recording: Recording, header_is_plain: bool) -> tupl
     scale = gyro_scale_from_gravity(recording) if recording.specific_force is not None else None
     if scale is not None and scale.determined:
         unit = unit_of_scale(scale.scale)
-        said = f"gravity turning in body axes gives {scale.scale:.4g} rad/s per unit"
+        said = f"turned gravity gives {scale.scale:.4g} rad/s per unit"
         if unit is not None:
             return unit, [Remark("assumed", f"Angular rate is taken as {unit}: {said}.")]
         doubt = _rate_doubt(recording, scale.scale)
@@ -281,7 +283,7 @@ def check_triads(recording: Recording, name: str, unit: str | None = None) -> No
     if order.swapped and order.sure and not gravity_is_seen:
         raise RecordingError(
             f"{name}: the triads seem exchanged: the columns given as the gyro hold the accelerometer "
-            f"({order.reason}). Name them rightly with --columns, for example t,gx,gy,gz,ax,ay,az."
+            f"({order.reason}). Name them the other way round with --columns{renamed(recording.columns, _EXCHANGED)}."
         )
 
 

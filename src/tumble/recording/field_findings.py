@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Vectors
+from tumble.recording.columns import renamed
 from tumble.recording.field_reading import not_the_earths
 from tumble.recording.magnetic_field import MagneticField
 from tumble.recording.recording import Recording
@@ -33,6 +34,7 @@ _AXES_WRONG = (
     0.1,
     3.0,
 )  # scatter of the dip, rad, and times that of the best axes, at which the axes are wrong
+_COLUMNS = ("mx", "my", "mz")
 _AXES_RIGHT = 0.1  # rad, that the best axes leave at most: soft iron leaves some hundredths
 _SECOND = 2.0  # times the best: the axes next to them
 _DIP_SCATTER = 0.1  # rad
@@ -101,7 +103,7 @@ def inspect_field(recording: Recording, rests: QuietStretches) -> FieldFindings 
     warnings = [
         *_faults(recording, field, stuck, saturations),
         *_about_norm(signs.norm, field.unit),
-        *_about_axes(angle, axes),
+        *_about_axes(angle, axes, recording.columns),
     ]
     return FieldFindings(
         unit=field.unit,
@@ -241,15 +243,22 @@ def _proper_permutations() -> list[Matrix]:
     return found
 
 
-def _about_axes(angle: _Angle | None, axes: tuple[str, str, str] | None) -> list[str]:
+def _about_axes(angle: _Angle | None, axes: tuple[str, str, str] | None, columns: str | None) -> list[str]:
     if angle is None:
         return []
     scatter = f"differs by {np.degrees(angle.own):.0f}° from rest to rest"
     if axes is not None:
+        names = dict(zip(_COLUMNS, axes, strict=True))
+        south = {
+            name: word.removeprefix("-") if word.startswith("-") else f"-{word}"
+            for name, word in names.items()
+        }
+        wrong = ", ".join(f"what is read as {n} seems to be {w}" for n, w in names.items() if n != w)
         said = (
-            "The magnetometer's axes are not the accelerometer's: the angle between field and gravity "
-            f"{scatter}, and by {np.degrees(angle.least):.1f}° if the columns mx, my, mz are named {', '.join(axes)}. "
-            "Name them so with --columns (south of the magnetic equator with all three signs reversed)."
+            f"The magnetometer's axes are not the accelerometer's: {wrong}. The angle between field and gravity "
+            f"{scatter}, and by {np.degrees(angle.least):.1f}° so. Name the columns mx, my, mz {', '.join(axes)} with "
+            f"--columns{renamed(columns, names)}. South of the magnetic equator reverse all three signs "
+            f"besides, with --columns{renamed(columns, south)}."
         )
         return [said]
     if angle.own > _DIP_SCATTER:

@@ -16,6 +16,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, Vectors
 from tumble.errors import RecordingError
+from tumble.recording.columns import renamed
 from tumble.recording.recording import Recording
 from tumble.recording.rest import find_quiet_stretches, fit_sphere, sample_pieces
 from tumble.units import angular_rate_factor
@@ -252,17 +253,19 @@ def find_axis_contradiction(recording: Recording) -> str | None:
     if agreement is None:
         return None
     if agreement.determined:
-        return describe_axis_contradiction(agreement.matrix)
+        return describe_axis_contradiction(agreement.matrix, recording.columns)
     single = _single_factor(recording)
-    return _axis_sentence(-np.eye(3)) if single.determined and single.scale < 0.0 else None
+    reversed_ = single.determined and single.scale < 0.0
+    return _axis_sentence(-np.eye(3), recording.columns) if reversed_ else None
 
 
-def describe_axis_contradiction(matrix: Matrix) -> str | None:
+def describe_axis_contradiction(matrix: Matrix, columns: str | None = None) -> str | None:
     """Return a sentence if a matrix from raw rates to rates in b is near another signed permutation.
 
     Parameters
     ----------
     matrix : rough, rad/s per raw unit; its columns may differ in size by a few tens of per cent.
+    columns : of the recording, as it has them.
     """
     lengths = np.linalg.norm(matrix, axis=0)
     if not np.all(lengths > 0.0):  # a dead channel, which is said elsewhere
@@ -272,7 +275,7 @@ def describe_axis_contradiction(matrix: Matrix) -> str | None:
     far = float(np.max(np.abs(direction - permutation)))
     if far > 0.4 or np.array_equal(permutation, np.eye(3)):
         return None
-    return _axis_sentence(permutation)
+    return _axis_sentence(permutation, columns)
 
 
 def nearest_signed_permutation(matrix: Matrix) -> Matrix:
@@ -288,7 +291,7 @@ def nearest_signed_permutation(matrix: Matrix) -> Matrix:
     return best
 
 
-def _axis_sentence(permutation: Matrix) -> str:
+def _axis_sentence(permutation: Matrix, columns: str | None) -> str:
     """Say which gyro column seems to be which axis, and the option that puts it right."""
     parts: list[str] = []
     words = ["gx", "gy", "gz"]
@@ -300,11 +303,12 @@ def _axis_sentence(permutation: Matrix) -> str:
             reversed_ = " with its sign reversed" if sign < 0 else ""
             parts.append(f"the rate about {'xyz'[axis]} seems to stand in {_COLUMN_NAMES[column]}{reversed_}")
     listed = ", ".join(words)
+    option = renamed(columns, dict(zip(_COLUMN_NAMES, words, strict=True)))
     if np.array_equal(permutation, -np.eye(3)):
         parts = ["the gyro turns the other way round, all its signs seem to be reversed"]
     return (
         f"The gyro's axes contradict the way gravity turns in the accelerometers: {'; '.join(parts)}. "
-        f"Name the gyro's columns {listed} with --columns, if the accelerometer's are right. A "
+        f"Name the gyro's columns {listed} with --columns{option}, if the accelerometer's are right. A "
         "reversed accelerometer axis, or two swapped ones, looks the same: compare both triads with "
         "the data sheet."
     )

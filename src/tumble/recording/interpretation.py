@@ -18,6 +18,7 @@ from tumble.recording.clock import clock_without_stamps
 from tumble.recording.columns import (
     AXES,
     ColumnPlan,
+    option_of,
     parts_of_triads,
     plan_from_names,
     plan_from_option,
@@ -241,6 +242,7 @@ def interpret(
         gaps=ordered.gaps,
         temperature_unit=plan.temperature_unit,
         said_clock=ordered.clock,
+        columns=option_of(plan, len(table.columns)),
     )
     remarks += _about_temperature(recording)
     recording, hold, about_field = _with_field(recording, table, signals, ordered, plan, units)

@@ -31,11 +31,11 @@ class Remark:
     """Something that the reader noticed, assumed or mended, as a sentence for the user.
 
     `kind` is "found" (a fact of the file), "assumed" (a guess that the user may overrule),
-    "doubtful" (a guess that other numbers of the file contradict), "mended" (samples left out or changed) or
-    "unchecked" (what nothing in the file can show).
+    "doubtful" (a guess that other numbers of the file contradict), "mended" (samples left out or changed),
+    "corrected" (somebody's corrections are in the numbers already) or "unchecked" (what nothing in the file can show).
     """
 
-    kind: Literal["found", "assumed", "doubtful", "mended", "unchecked"]
+    kind: Literal["found", "assumed", "doubtful", "mended", "corrected", "unchecked"]
     text: str
 
 
@@ -57,6 +57,7 @@ class Recording:
     temperature_unit : what the file or the user says that the temperature was in, None if nobody does.
     said_clock : the clock that the stamps are from, as far as who made the recording knows it; else None.
     magnetic_field : the magnetometer's samples at their own stamps, raw, or None without a magnetometer.
+    columns : what `--columns` calls the columns that it was read from; None where there are none, or two files'.
     """
 
     time: Series
@@ -72,6 +73,7 @@ class Recording:
     temperature_unit: str | None = None
     said_clock: Clock | None = None
     magnetic_field: MagneticField | None = None
+    columns: str | None = None
 
     def __len__(self) -> int:
         return int(self.time.shape[0])

@@ -187,13 +187,14 @@ def order_stamps(
     found = _nominal_rate(steps, float(time[-1] - time[0]))
     if not RATES[0] <= found <= RATES[1]:
         raise RecordingError(
-            f"{name}: the stamps (in {unit}) give {found:.3g} Hz, which no sensor has; leave the time column out with "
-            "--columns and give --rate HZ."
+            f"{name}: the stamps (in {unit}) give {found:.3g} Hz, which no sensor has{_in_usual(found, unit)}; leave "
+            "the time column out with --columns and give --rate HZ, or state another unit of time with --units."
         )
     _check_rate(found, rate, name, unit)
     if not _USUAL_RATE[0] <= found <= _USUAL_RATE[1]:
-        text = f"A rate of {found:.3g} Hz is unusual for an IMU; check the unit of time ({unit})."
-        remarks.append(Remark("unchecked", text))
+        other = _in_usual(found, unit)
+        text = f"A rate of {found:.3g} Hz is unusual for an IMU{other}; check the unit of time ({unit}, --units)."
+        remarks.append(Remark("doubtful" if other and found > _USUAL_RATE[1] else "unchecked", text))
     gaps = _gaps_of(steps, found) if time.size > 2 else ()
     return Stamps(time, keep, gaps, found, unit, clock_of_stamps(time, rate), remarks)
 
@@ -356,6 +357,15 @@ def _other_unit(guess: str, found: float) -> str:
     return f"; in {other} they would be {rate:.4g} Hz: if so, say --units {other}"
 
 
+def _in_usual(found: float, unit: str) -> str:
+    """Name the unit of time in which the stamps would have a rate that IMUs have, or nothing."""
+    for other in ("s", "ms", "us", "ns"):
+        rate = found * time_factor(unit) / time_factor(other)
+        if other != unit and _USUAL_RATE[0] <= rate <= _USUAL_RATE[1]:
+            return f", and in {other} it would be {rate:.4g} Hz"
+    return ""
+
+
 def _check_rate(found: float, rate: float | None, name: str, unit: str) -> None:
     if rate is None:
         return
@@ -364,6 +374,6 @@ def _check_rate(found: float, rate: float | None, name: str, unit: str) -> None:
     if abs(np.log(found / rate)) > limit:
         declared = f"{float(rate):g}" if stated is None else f"{rate}"
         raise RecordingError(
-            f"{name}: the stamps (in {unit}) give {found:.6g} Hz, but {declared} Hz was declared; leave one of "
-            "the two out (a time column is skipped with --columns)."
+            f"{name}: the stamps (in {unit}) give {found:.6g} Hz, but {declared} Hz was declared; leave one of the two "
+            "out (a time column is skipped with --columns)."
         )

@@ -127,9 +127,8 @@ def _poses(rows: list[ParameterRow], up_b: Vectors) -> list[str]:
         words += f", then with {_placed(second)}"
     return [
         (
-            f"The least known accelerometer parameter is the {row.label} ({_uncertainty(row)}). Of "
-            "the 26 standard attitudes these would add most to the recorded poses: hold the unit "
-            f"with {words}."
+            f"Hold the unit with {words}: these poses add most. The least known parameter of the accelerometers is "
+            f"the {row.label} ({_uncertainty(row)})."
         )
     ]
 
@@ -192,17 +191,30 @@ def turned_about_horizontal(
     return total if np.any(total) else None
 
 
+def gravity_assumed(calibration: Calibration) -> list[str]:
+    """Return that nobody said where it was recorded, in a sentence; empty where somebody did.
+
+    Parameters
+    ----------
+    calibration : the result.
+    """
+    site = calibration.site
+    if calibration.accelerometer is None or site.gravity_standard_uncertainty <= 2e-3:
+        return []
+    share = 1e2 * site.gravity_standard_uncertainty / STANDARD_GRAVITY
+    gravity = with_uncertainty(site.gravity, site.gravity_standard_uncertainty)
+    return [
+        (
+            f"assumed: gravity {gravity} m/s², which alone makes all accelerometer scale factors uncertain by "
+            f"{share:.2g} %: give --site LATITUDE,HEIGHT."
+        )
+    ]
+
+
 def _gravity(calibration: Calibration) -> list[str]:
     site = calibration.site
-    if site.gravity_standard_uncertainty > 2e-3:
-        share = 1e6 * site.gravity_standard_uncertainty / STANDARD_GRAVITY
-        return [
-            (
-                f"Gravity was assumed ({site.gravity:.5f} ± {site.gravity_standard_uncertainty:.2g} m/s²), which alone "
-                f"makes all accelerometer scale factors uncertain by {share:.0f} ppm together: give "
-                "`--site LATITUDE,HEIGHT`, or `--gravity` if it is known, and calibrate again."
-            )
-        ]
+    if assumed := gravity_assumed(calibration):
+        return [f"{assumed[0][0].upper()}{assumed[0][1:]}"]
     # Only turns tell the Earth rate from the gyros' own errors.
     if site.latitude_deg is None and calibration.procedure == "hand-held":
         return [

@@ -17,7 +17,7 @@ MICRO = 1e6
 _ROWS = (
     ("bias (hard iron)", "magnetometer bias", "xyz"),
     ("scale factor", "magnetometer scale factor", "xyz"),
-    ("soft iron yz, xz, xy", "magnetometer soft iron", ("yz", "xz", "xy")),
+    ("soft iron", "magnetometer soft iron", ("yz", "xz", "xy")),
     ("rotation", "rotation of the magnetometer", "xyz"),
 )
 
@@ -29,8 +29,19 @@ def magnetometer_table(block: MagnetometerBlock | None) -> Table | None:
     ----------
     block : of the calibration.
     """
+    rows = magnetometer_rows(block)
+    return Table(("magnetometer", "x", "y", "z", ""), rows) if rows else None
+
+
+def magnetometer_rows(block: MagnetometerBlock | None) -> list[list[str]]:
+    """Return the parameters, three to a row between their name and their unit; empty where there are none.
+
+    Parameters
+    ----------
+    block : of the calibration.
+    """
     if block is None or not block.parameters:
-        return None
+        return []
     known = {p.name: p for p in block.parameters}
     scale = float(np.mean([known[f"magnetometer scale factor {a}"].value for a in "xyz"]))
     rows: list[list[str]] = []
@@ -40,8 +51,10 @@ def magnetometer_table(block: MagnetometerBlock | None) -> Table | None:
             continue
         factor, unit = _practical(block, label, scale)
         texts = [with_uncertainty(factor * p.value, abs(factor) * p.standard_uncertainty) for p in own]
+        # Heads name x, y and z; a pair of axes names itself.
+        texts = [text if len(end) == 1 else f"{end} {text}" for end, text in zip(ends, texts, strict=True)]
         rows.append([label, *texts, unit])
-    return Table(("magnetometer", "x", "y", "z", ""), rows)
+    return rows
 
 
 def _practical(block: MagnetometerBlock, label: str, scale: float) -> tuple[float, str]:
@@ -49,7 +62,7 @@ def _practical(block: MagnetometerBlock, label: str, scale: float) -> tuple[floa
     if label.startswith("bias"):
         return 1.0, unit_name(block.raw_unit)
     if label.startswith("soft iron"):
-        return 100.0 / scale, "% of the scale"
+        return 100.0 / scale, "%"
     if label == "rotation":
         return float(np.degrees(1.0)), "deg"
     factor = magnetic_field_factor(block.raw_unit)
@@ -103,7 +116,8 @@ def field_words(block: MagnetometerBlock) -> str:
     if block.unit == "T":
         sigma = field.norm_standard_uncertainty
         number = with_uncertainty(MICRO * field.norm, MICRO * sigma) if sigma else f"{MICRO * field.norm:.5g}"
-        words = f"norm {number} µT ({field.source})"
+        # What was given is one source: what the recording makes of it is as uncertain as it is stated.
+        words = f"norm {number} µT ({'from the recording and ' if field.norm_given else ''}{field.source})"
     else:
         words = "norm not known (one local field)"
     if field.dip_deg is not None and field.dip_standard_uncertainty_deg is not None:

@@ -134,7 +134,7 @@ def _label(name: str, group: str) -> str:
         .replace("rotation between the triads", "rotation")
         .replace("rotation of the magnetometer", "rotation")
     )
-    return name.replace("g-sensitivity of gyro", "g-sens. of gyro")
+    return name.replace("g-sensitivity of gyro", "g-sens. gyro").replace(" to force", ", force")
 
 
 def _short(name: str) -> str:
@@ -161,6 +161,9 @@ def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> lis
     elif family == "scale factor error" or family.endswith("asymmetry"):
         shown = _in_practical_unit(measures, _SCALES)
         other, drawn = _nothing(shown), shown
+    elif group == MAGNETOMETER and family.endswith("soft iron") and (scale := _mean_field_scale(calibration)):
+        shown = drawn = [m.times(100.0 / scale, "%") for m in measures]
+        other = _nothing(shown)
     elif group == MAGNETOMETER and unit.endswith(PER_TESLA):
         raw = unit.removesuffix(PER_TESLA)
         factor = magnetic_field_factor(raw)
@@ -176,6 +179,9 @@ def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> lis
     elif unit == "rad":
         shown = _in_practical_unit(measures, _ANGLES)
         other, drawn = _in_practical_unit(measures, _DEGREES), shown
+        if group == MAGNETOMETER:
+            # A heading is in degrees.
+            shown, other = _in_practical_unit(measures, _DEGREES), [*shown]
     elif family == "g-sensitivity":
         shown = measures
         practical = _g_sensitivities(calibration, members)
@@ -194,6 +200,13 @@ def _family_rows(calibration: Calibration, members: list[ParameterBlock]) -> lis
         ParameterRow(p.name, group, family, _label(p.name, group), _short(p.name), s, o, d, p.coverage_factor)
         for p, s, o, d in zip(members, shown, other, drawn, strict=True)
     ]
+
+
+def _mean_field_scale(calibration: Calibration) -> float:
+    """The mean scale factor of the magnetometer, of which soft iron is a share; zero without one."""
+    block = calibration.magnetometer
+    named = [p.value for p in block.parameters if " scale factor " in p.name] if block is not None else []
+    return float(np.mean(named)) if named else 0.0
 
 
 def _nothing(rows: list[Measure]) -> list[Measure | None]:

@@ -12,9 +12,9 @@ from tumble.report.calibration import parameter_table
 from tumble.report.evidence.thermal_changes import thermal_changes, thermal_lines
 from tumble.report.evidence.turn_ons import bias_table
 from tumble.report.limits import DECISIONS, limits_lines
-from tumble.report.magnetometer import magnetometer_sentences, magnetometer_table
+from tumble.report.magnetometer import magnetometer_rows, magnetometer_sentences, magnetometer_table
 from tumble.report.page import Block, Sentences, Verdict
-from tumble.report.parameters import GROUPS, TEMPERATURE, Measure, ParameterRow, parameter_rows
+from tumble.report.parameters import ACCELEROMETER, GYRO, TEMPERATURE, Measure, ParameterRow, parameter_rows
 from tumble.report.rounding import with_uncertainty
 from tumble.report.terminal import aligned, print_blocks
 from tumble.report.words import (
@@ -67,48 +67,47 @@ def brief(calibration: Calibration, *, width: int) -> list[Block]:
     """
     rows = [row for row in parameter_rows(calibration) if row.group != TEMPERATURE]
     magnetometer = calibration.magnetometer
-    tables = [
-        thermal_changes(calibration, width=width),
-        bias_table(calibration, width=width),
-        magnetometer_table(magnetometer),
-    ]
+    tables = [thermal_changes(calibration, width=width), bias_table(calibration, width=width)]
     missing = [f"Not determined: {sentence}" for sentence in calibration.not_determined]
     missing += magnetometer_sentences(magnetometer)
+    lines = _in_lines(rows, magnetometer_rows(magnetometer), width)
     return [
-        *([Sentences(_in_lines(rows, width), "paragraphs")] if rows else []),
+        *([Sentences(lines, "paragraphs")] if lines else []),
         *(table for table in tables if table is not None),
         *([Sentences(missing)] if missing else []),
     ]
 
 
-def _in_lines(rows: Sequence[ParameterRow], width: int) -> list[str]:
+def _in_lines(rows: Sequence[ParameterRow], field: Sequence[Sequence[str]], width: int) -> list[str]:
     """Return three parameters of a family in a line, in the unit that data sheets have; one where it is narrow."""
-    cells: list[tuple[str, ...]] = [("value ± standard uncertainty",), ("", "x", "y", "z", "")]
-    for group in (group for group in GROUPS if any(row.group == group for row in rows)):
-        cells.append((group,))
-        own = [row for row in rows if row.group == group]
-        for family, members in groupby(own, key=lambda row: row.family):
-            together = list(members)
-            cells += [_line(family, together[first : first + 3]) for first in range(0, len(together), 3)]
+    cells: list[tuple[str, ...]] = []
+    for _, members in groupby(rows, key=lambda row: (row.group, row.family)):
+        together = list(members)
+        if together[0].family == "g-sensitivity" and len(together) > 3:
+            cells.append((_largest_of(together),))
+            continue
+        cells += [_line(together[first : first + 3]) for first in range(0, len(together), 3)]
+    cells += [(f"mag. {label.partition(' (')[0]}", *texts) for label, *texts in field]
+    if not cells:
+        return []
+    cells.insert(0, ("± one sigma", "x", "y", "z", ""))
     widths = [max(len(row[place]) for row in cells if len(row) > 1) for place in range(5)]
     gap = next((gap for gap in (2, 1) if sum(widths) + gap * (len(widths) - 1) <= width), 0)
     if not gap:
         return _joined(cells, rows, width)
-    return [(" " * gap).join(map(str.ljust, row, widths)).rstrip() for row in cells]
+    return [
+        (" " * gap).join(map(str.ljust, row, widths)).rstrip() if len(row) > 1 else row[0] for row in cells
+    ]
 
 
 def _joined(cells: Sequence[tuple[str, ...]], rows: Sequence[ParameterRow], width: int) -> list[str]:
     """A family a line without columns, where columns are too wide; a parameter a line where that is, too."""
-    lines = ["value ± standard uncertainty, of x, y and z"]
-    for cell in cells[2:]:
-        if len(cell) == 1:
-            lines.append(cell[0])
-            continue
-        name, *texts, unit = cell
+    lines = ["± one sigma, of x, y and z"]
+    for name, *texts in cells[1:]:
         # A value, its ± and its uncertainty stay in one line.
-        joined = ", ".join(text.replace(" ", "\N{NO-BREAK SPACE}") for text in texts if text)
-        broken = wrap(f"{name.strip()}: {joined} {unit}", width - 1, subsequent_indent="  ")
-        lines += [f" {one}".replace("\N{NO-BREAK SPACE}", " ") for one in broken]
+        joined = ", ".join(text.replace(" ", "\N{NO-BREAK SPACE}") for text in texts[:-1] if text)
+        said = f"{name}: {joined} {texts[-1]}" if texts else name
+        lines += [one.replace("\N{NO-BREAK SPACE}", " ") for one in wrap(said, width, subsequent_indent="  ")]
     return lines if max(map(len, lines)) <= width else _one_each(rows)
 
 
@@ -119,16 +118,20 @@ def _one_each(rows: Sequence[ParameterRow]) -> list[str]:
     return lines
 
 
-_BRIEFLY = {"rotation between the triads": "rotation", "lag of the accelerometer behind the gyro": "time lag"}
+_BRIEFLY = {
+    "scale factor error": "scale error",
+    "non-orthogonality": "non-orthog.",
+    "rotation between the triads": "triad rotation",
+    "lag of the accelerometer behind the gyro": "time lag",
+}
 
 
-def _line(family: str, rows: Sequence[ParameterRow]) -> tuple[str, ...]:
+def _line(rows: Sequence[ParameterRow]) -> tuple[str, ...]:
     measures = [_data_sheet_measure(row) for row in rows]
     texts = [with_uncertainty(measure.value, measure.sigma) for measure in measures]
     ends = [row.name.rpartition(" ")[2] for row in rows]
-    name = _BRIEFLY.get(family, family)
-    if family == "g-sensitivity":
-        name = f"g-sensitivity of {rows[0].label.split()[3]}"
+    before = {ACCELEROMETER: "acc. ", GYRO: "gyro "}.get(rows[0].group, "")
+    name = _BRIEFLY.get(rows[0].family, rows[0].family).replace("accelerometer", "acc.")
     # Heads name the axes x, y and z; pairs of axes, as of non-orthogonalities, name themselves.
     if not set("".join(ends)) <= set("xyz"):
         ends = ["" for _ in ends]
@@ -136,7 +139,16 @@ def _line(family: str, rows: Sequence[ParameterRow]) -> tuple[str, ...]:
         text if end in ("", "xyz"[place]) else f"{end} {text}"
         for place, (end, text) in enumerate(zip(ends, texts, strict=True))
     ]
-    return (f" {name}", *named, *("" for _ in range(3 - len(named))), measures[0].unit)
+    return (before + name, *named, *("" for _ in range(3 - len(named))), measures[0].unit)
+
+
+def _largest_of(rows: Sequence[ParameterRow]) -> str:
+    """Many parameters of one family in a line: how many, and the largest with its uncertainty."""
+    shown = [(_data_sheet_measure(row), row) for row in rows]
+    largest, row = max(shown, key=lambda one: abs(one[0].value))
+    number = with_uncertainty(largest.value, largest.sigma)
+    of = row.name.removeprefix("g-sensitivity of ")
+    return f"{row.family}: {len(rows)} terms up to {number} {largest.unit} ({of})"
 
 
 def _data_sheet_measure(row: ParameterRow) -> Measure:

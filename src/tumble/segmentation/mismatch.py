@@ -10,12 +10,14 @@ import numpy as np
 from tumble.arrays import AnyArray, Matrix
 from tumble.errors import SegmentationError
 from tumble.protocol.steps import HoldStep, SpinStep, TurnStep
+from tumble.recording.columns import renamed
 from tumble.recording.gravity_check import find_axis_contradiction
 from tumble.segmentation.alignment import signed_permutations
 from tumble.segmentation.events import GAP, pose_of, spin_axis
 from tumble.units import angular_rate_factor, known_units
 
 if TYPE_CHECKING:
+    from tumble.recording import Recording
     from tumble.segmentation.matching import Case, Fit
 
 # A share of the steps below which the protocol is not the recording's.
@@ -176,7 +178,7 @@ def _refuse_swapped_accelerometer(case: Case, fit: Fit) -> None:
     raise SegmentationError(
         f"{fitting} of the {posed} poses fit once {_changed_axes('the', axes)}: {_in_words(axes)}. If "
         "the columns are mistaken or the unit is mounted otherwise, give --columns "
-        f"{_columns(axes, gyro)} (the file's columns in their order). If the steps were done in "
+        f"{_columns(case.recording, axes, gyro)} (the file's columns in their order). If the steps were done in "
         "another order, put the protocol's steps into that order."
     )
 
@@ -193,7 +195,8 @@ def _refuse_swapped_gyro(case: Case, fit: Fit) -> None:
     changed = _changed_axes("the gyro's", axes)
     raise SegmentationError(
         f"The spins fit once {changed}: {_in_words(axes)}. Give --columns "
-        f"{_columns(np.eye(3), axes)} (the file's columns in their order), or mend the axes in the protocol."
+        f"{_columns(case.recording, np.eye(3), axes)} (the file's columns in their order), or mend the axes in the "
+        "protocol."
     )
 
 
@@ -226,13 +229,14 @@ def _in_words(axes: Matrix) -> str:
     return ", ".join(words)
 
 
-def _columns(accelerometer: Matrix, gyro: Matrix) -> str:
-    names = ["t"]
+def _columns(recording: Recording, accelerometer: Matrix, gyro: Matrix) -> str:
+    names: dict[str, str] = {}
     for letter, axes in (("a", accelerometer), ("g", gyro)):
         for column in range(3):
             axis = int(np.argmax(np.abs(axes[:, column])))
-            names.append(f"{'-' if axes[axis, column] < 0.0 else ''}{letter}{'xyz'[axis]}")
-    return ",".join(names)
+            sign = "-" if axes[axis, column] < 0.0 else ""
+            names[f"{letter}{'xyz'[column]}"] = f"{sign}{letter}{'xyz'[axis]}"
+    return renamed(recording.columns or "t,ax,ay,az,gx,gy,gz", names).strip()
 
 
 def _another_order(case: Case, fit: Fit) -> str:

@@ -97,9 +97,11 @@ def _blocks_of(recording: Recording) -> Blocks:
         )
     blocks = cut_blocks(recording)
     if len(blocks) < 20:
+        # A mistaken unit of time makes minutes out of hours.
+        doubts = "".join(f" {remark.text}" for remark in recording.remarks if remark.kind == "doubtful")
         raise SegmentationError(
             f"The recording has {len(recording)} samples ({recording.duration:.2f} s); "
-            "finding holds takes at least one second."
+            f"finding holds takes at least one second.{doubts}"
         )
     return blocks
 

@@ -30,6 +30,7 @@ from tumble.export.target import (
     Target,
 )
 from tumble.files import write_texts
+from tumble.recording.formats.logs.own_parameters import UNSTATED
 from tumble.recording.formats.table import hash_file
 from tumble.units import angular_rate_factor, find_unit, specific_force_factor
 
@@ -155,14 +156,20 @@ def _without_corrected_before(document: Calibration, target: Target) -> tuple[Ca
             f"own parameters or by a calibration. {target.title} would put it in their place, and lose them. Set the "
             "parameters to their defaults and record again, or compose the calibrations (tumble compose)."
         )
+    said: list[str] = []
+    if any(UNSTATED in remark for remark in document.remarks):
+        said.append(
+            f"{UNSTATED[0].upper()}{UNSTATED[1:]}. Load the numbers only where the parameters had their defaults while "
+            "it was recorded."
+        )
     field = document.magnetometer
     if field is None or not field.input_corrected_by or MAGNETOMETER not in target.holds:
-        return document, []
-    said = (
+        return document, said
+    said.append(
         f"The magnetometer is left out: it was calibrated on top of the autopilot's own parameters, and {target.title} "
         "would put it in their place. Set them to their defaults and record again."
     )
-    return document.model_copy(update={"magnetometer": None}), [said]
+    return document.model_copy(update={"magnetometer": None}), said
 
 
 def _places(

@@ -115,10 +115,8 @@ def _jointly(
         joint.say("remark", f"The procedure {procedure.name} by itself does not settle: {failed}")
     if session.matching is not None:
         joint.say("remark", *(r for r in session.matching.remarks if r not in joint.remarks))
-    return joint, (
-        f"{reason}; estimated jointly from everything that was recorded (procedure joint; --procedure "
-        f"{procedure.name} gives that one by itself)."
-    )
+    joint.say("remark", f"--procedure {procedure.name} gives that procedure's own estimate.")
+    return joint, f"{reason}; estimated jointly."
 
 
 def _alone_because(

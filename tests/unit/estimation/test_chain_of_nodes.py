@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tumble.calibration.equations.stretches import RotationStretch, SectionStretch
 from tumble.errors import ObservabilityError
 from tumble.estimation.chain import Chain, Spread, Whitened
 from tumble.estimation.equations import Equations, Linear
@@ -118,7 +122,7 @@ def test_a_node_that_nothing_determines_is_named() -> None:
     """Third of four: its diagonal has one direction too few."""
     chain, _, _ = random_chain(6, 4, 3, 2)
     chain.diagonal[2, 1, :] = chain.diagonal[2, :, 1] = 0.0
-    with pytest.raises(ObservabilityError, match="Node 3 of 4"):
+    with pytest.raises(ObservabilityError, match="at node 3 of 4"):
         chain.eliminated()
 
 
@@ -185,3 +189,23 @@ def test_the_covariance_of_what_is_adjusted_is_the_hat_matrix() -> None:
             np.testing.assert_allclose(gain[t], S[-border:] @ own.T, atol=1e-9)
             row += taken.shape[1]
     assert row == len(J)
+
+
+def test_people_are_told_the_hold_and_its_seconds() -> None:
+    base = SimpleNamespace(
+        time=100.0 + 0.5 * np.arange(60),
+        head=np.array([[0, 4], [20, 24]]),
+        tail=np.array([[6, 10], [40, 44]]),
+    )
+    task: Any = SimpleNamespace(data=SimpleNamespace(base=base))
+    holds: Any = SimpleNamespace(holds=np.array([1]))
+    section, rotation = SectionStretch.__new__(SectionStretch), RotationStretch.__new__(RotationStretch)
+    section.task, section.section = task, holds
+    rotation.task, rotation.k = task, 0
+    assert section.place_of(0) == "hold 2 (10.0 to 21.5 s)"
+    assert rotation.place_of(3) == "the rotation after hold 1 (5.0 to 9.5 s)"
+    chain, _, _ = random_chain(6, 4, 3, 2)
+    chain.stretch = section
+    chain.diagonal[0, 1, :] = chain.diagonal[0, :, 1] = 0.0
+    with pytest.raises(ObservabilityError, match=r"attitude at hold 2 \(10\.0 to 21\.5 s\)"):
+        chain.eliminated()

@@ -135,7 +135,9 @@ def test_a_wrong_sampling_rate_is_suspected(tumbled, csv) -> None:
 
 def test_an_implausible_rate_of_a_declared_unit_of_time_is_said(tumbled, csv) -> None:
     recording = read_recording(csv(tumbled.rows()), units="m/s^2,counts,us")
-    assert any(r.kind == "unchecked" and "unusual for an IMU" in r.text for r in recording.remarks)
+    (doubt,) = [r.text for r in recording.remarks if r.kind == "doubtful"]
+    assert "unusual for an IMU" in doubt
+    assert "in s it would be 100 Hz" in doubt
 
 
 def test_swapped_triads_are_refused_when_the_header_declares_them(tumbled, csv) -> None:

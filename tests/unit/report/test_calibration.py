@@ -144,8 +144,8 @@ def test_verdict_reasons_and_remarks_are_there(run: dict[str, Any], page: Page) 
 def test_an_assumed_gravity_is_named_as_what_to_mend(
     multi_position: dict[str, Any], hand_held: dict[str, Any]
 ) -> None:
-    assert "Gravity was assumed" in Page(render_report(**multi_position)).text
-    assert "Gravity was assumed" not in Page(render_report(**hand_held)).text
+    assert "Assumed: gravity 9." in Page(render_report(**multi_position)).text
+    assert "Assumed: gravity" not in Page(render_report(**hand_held)).text
 
 
 def test_numbers_of_the_formula_are_the_calibrations(run: dict[str, Any], page: Page) -> None:
@@ -249,7 +249,7 @@ def test_on_a_table_nobody_is_told_to_hold_the_unit_with_a_corner_up(run: dict[s
     calibration = run["calibration"].model_copy(update={"procedure": "joint"})
     up_b = 9.81 * np.eye(3)[np.arange(len(run["means"])) % 3]
     given = (calibration, parameter_rows(calibration), up_b, run["recording"], run["timeline"])
-    assert any("hold the unit with" in step for step in next_steps(*given))
+    assert any("Hold the unit with" in step for step in next_steps(*given))
     steps = next_steps(*given, named_protocol("rate-table"))
-    assert not any("hold the unit with" in step for step in steps)
+    assert not any("Hold the unit with" in step for step in steps)
     assert any("placement" in step for step in steps)

@@ -119,14 +119,12 @@ def test_wide_numbers_stand_a_family_a_line_and_no_number_is_torn_apart() -> Non
     from tumble.report.summary import _joined
 
     cells: list[tuple[str, ...]] = [
-        ("value ± standard uncertainty",),
-        ("", "x", "y", "z", ""),
-        ("Accelerometer",),
-        (" scale factor", "847.069 ± 0.061", "826.574 ± 0.060", "836.137 ± 0.063", "counts/(m/s²)"),
+        ("± one sigma", "x", "y", "z", ""),
+        ("acc. scale factor", "847.069 ± 0.061", "826.574 ± 0.060", "836.137 ± 0.063", "counts/(m/s²)"),
     ]
-    assert _joined(cells, [], 80)[2:] == [
-        " scale factor: 847.069 ± 0.061, 826.574 ± 0.060, 836.137 ± 0.063 counts/(m/s²)"
+    assert _joined(cells, [], 90)[1:] == [
+        "acc. scale factor: 847.069 ± 0.061, 826.574 ± 0.060, 836.137 ± 0.063 counts/(m/s²)"
     ]
-    narrow = _joined(cells, [], 50)[2:]
+    narrow = _joined(cells, [], 50)[1:]
     assert max(map(len, narrow)) <= 50
     assert "826.574 ± 0.060" in " ".join(narrow)

@@ -60,7 +60,8 @@ def test_by_hand_the_joint_estimate_is_given_and_the_procedure_s_own_stands_besi
     beside = estimate.shown(Beside)
     assert beside is not None
     assert beside.estimate.procedure == "hand-held"
-    assert "--procedure hand-held gives that one by itself" in reason
+    assert reason.endswith("; estimated jointly.")
+    assert any("--procedure hand-held gives" in text for text in estimate.remarks)
 
 
 def test_by_name_the_procedure_gives_its_own_estimate_alone(session: Session) -> None:

@@ -52,6 +52,12 @@ class RotationStretch:
         node = self.k - self.section.first
         return self.section.C_wb[node, 2], self.section.C_wb[node + 1, 0]
 
+    def place_of(self, node: int) -> str:
+        """Return which rotation a window is of."""
+        base, k = self.task.data.base, self.k
+        span = _seconds(base.time, float(base.tail[k, 1]), float(base.head[k + 1, 0]))
+        return f"the rotation after hold {k + 1} ({span})"
+
     def move(self, nodes: Table, own: Series) -> None:
         """Move the windows' attitudes and the rotation's own unknowns."""
         moving, axis = self.moving, self.layout.axis
@@ -71,6 +77,11 @@ class RotationStretch:
 def _leaned(axis: Series, by: Series) -> Series:
     moved = axis + tangent_basis(axis) @ by
     return np.asarray(moved / np.linalg.norm(moved), dtype=np.float64)
+
+
+def _seconds(time: Series, start: float, stop: float) -> str:
+    first, last = (time[[int(start), int(stop) - 1]] - time[0]).tolist()
+    return f"{first:.1f} to {last:.1f} s"
 
 
 class SectionStretch:
@@ -120,6 +131,11 @@ class SectionStretch:
                 made.append((rotation.joined, rotation))
         return made
 
+    def place_of(self, node: int) -> str:
+        """Return which hold a node is."""
+        base, k = self.task.data.base, int(self.section.holds[node])
+        return f"hold {k + 1} ({_seconds(base.time, float(base.head[k, 0]), float(base.tail[k, 1]))})"
+
     def move(self, nodes: Table, own: Series) -> None:
         """Turn the attitudes, and move the Earth rate."""
         turned = matrices_from_rotation_vectors(nodes.reshape(-1, 3)) @ self.section.C_wb.reshape(-1, 3, 3)
@@ -137,6 +153,10 @@ class RecordingStretch:
         for section in task.sections:
             self.within.append((Place(), SectionStretch(task, section)))
         self.equations: list[Equations] = []
+
+    def place_of(self, node: int) -> str:
+        """Return what it is of: it has no nodes."""
+        return "the recording"
 
     def move(self, nodes: Table, own: Series) -> None:
         """Do nothing: sections move themselves."""

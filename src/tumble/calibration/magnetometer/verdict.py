@@ -141,7 +141,8 @@ def _impossible(made: Magnetometer, latitude: float | None) -> list[str]:
 def _mirrored(known: str, made: Magnetometer) -> str:
     return (
         f"The field dips by {degrees(made.dip)}, and {known}: an axis of the magnetometer counts the wrong way, so "
-        "that its axes are mirrored against the accelerometers'. Turn the sign of its columns."
+        "that its axes are mirrored against the accelerometers'. Reverse all three: in --columns write -mx,-my,-mz for "
+        "mx,my,mz."
     )
 
 
@@ -253,7 +254,7 @@ def _in_favour(made: Magnetometer) -> list[str]:
     if made.triad is None:
         return []
     after, before = percent(made.after), percent(made.before)
-    said = [f"Its norm scatters by {after} over all samples after correction, and by {before} before."]
+    said = [f"Corrected, its norm scatters by {after} ({before} before)."]
     if np.isfinite(made.dip):
         across = max(abs(float(np.cos(made.dip))), 1e-3)
         heading = np.degrees(made.uncertainty / across)

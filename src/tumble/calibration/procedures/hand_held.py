@@ -475,10 +475,7 @@ def _suits(session: Session) -> Suits:
             False,
             f"{turns} turns between holds can be used, and the hand-held procedure needs {SMALLEST_TURNS}",
         )
-    found = (
-        f"{len(timeline.holds)} holds and {turns} turns between them were found, which determine both triads"
-    )
-    return Suits(True, found)
+    return Suits(True, f"{len(timeline.holds)} holds and {turns} turns suffice")
 
 
 PROCEDURE = Procedure(

@@ -14,7 +14,7 @@ PROCEDURE = Procedure(
     "the accelerometers' whole matrix, as exactly as the faces are placed",
     "six-position.md",
     remedy="place the unit more exactly, or repeat the poses and hold them longer",
-    norms_from="the noise found and the tilts of the placement",
+    norms_from="the noise and tilts of the placement",
     placement="The placement limits the misalignments one to one: repeat the six positions with the "
     "unit placed anew, or use the multi-position procedure, whose non-orthogonalities need no level.",
     counts_between_holds=True,

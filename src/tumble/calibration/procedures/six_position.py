@@ -464,8 +464,8 @@ def _gyro_bias(
     return _Gyro(
         told,
         "The six poses determine only the bias of the gyro." + seen,
-        f"The gyro's scale factors and misalignments are not determined by these poses: {why}. Where its unit is known "
-        "its matrix is the nominal one (identity), without a stated uncertainty. Spin the unit on a rate table.",
+        f"The gyro's scale factors and misalignments: {why}. Where its unit is known its matrix is the nominal one "
+        "(identity). Spin the unit on a rate table.",
     )
 
 
@@ -562,9 +562,9 @@ def _not_determined(gyro: _Gyro | None, *, improved: bool) -> list[str]:
         "How the unit sits in its fixture is not separated from its misalignments, which are against "
         "the fixture's axes. A pose that is off in the same way each time goes into them."
         if improved
-        else "The accelerometers' misalignments are not determined by the standard test: the sensing axes are taken "
-        "as the fixture's, without a stated uncertainty. The improved six-position procedure estimates them.",
-        "Nonlinear terms are not determined: each sensor is shown plus and minus the full vector only.",
+        else "The accelerometers' misalignments: the sensing axes are taken as the fixture's, without an uncertainty. "
+        "The improved six-position procedure estimates them.",
+        "Nonlinear terms: each sensor is shown plus and minus the full vector only.",
     ]
     if gyro is None:
         sentences.append("The recording has no gyro.")
@@ -653,7 +653,7 @@ PROCEDURE = Procedure(
     "six-position.md",
     remedy="place the unit more exactly, or record longer holds",
     counts_between_holds=True,
-    norms_from="the noise found, the tilts of the placement, and misalignments, which this test leaves in",
+    norms_from="the noise, tilts of the placement, and misalignments, which this test leaves in",
     placement="The placement limits the scale factors and biases: level the plate, use the unit's own flat "
     "faces, and say in the protocol how well (`uncertainty_deg`). The hand-held and multi-position procedures need "
     "no level.",

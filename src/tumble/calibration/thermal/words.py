@@ -146,8 +146,7 @@ def _untold_of_path(terms: ThermalTerms, coverage: Coverage, doubts: Doubts) -> 
     elif coverage.kind == "soak":
         words.append(
             "Lag between the sensors and the thermometer, and the biases' dependence on the rate of "
-            "temperature: they show where the temperature moves, and rests at settled temperatures "
-            "were used alone. A sweep (thermal-ramp) determines them."
+            "temperature: only settled temperatures were used. A sweep (thermal-ramp) determines them."
         )
     elif not terms.rate:
         words.append(

@@ -218,10 +218,18 @@ def name_bad_cell(file: Iterable[bytes], layout: TextLayout, name: str) -> str:
                 f"{name}, line {number} has {len(cells)} columns where the others have {layout.columns}; "
                 "mend or delete the line."
             )
-        for i, cell in enumerate(cells):
-            comma = layout.decimal_comma and "," in cell
-            if i in layout.text_columns or is_number(cell, comma) or cell in _MISSING:
-                continue
+        bad = [
+            i
+            for i, cell in enumerate(cells)
+            if i not in layout.text_columns
+            and not is_number(cell, layout.decimal_comma and "," in cell)
+            and cell not in _MISSING
+        ]
+        if len(bad) > 1 or (bad and len(cells) < layout.columns):
+            return f"{name}, line {number} is text and no row of numbers ({line.strip()[:40]!r}); delete the line."
+        for i in bad:
             column = f"column {i + 1}" if layout.header is None else f"column {layout.header[i]!r}"
-            return f"{name}, line {number}, {column} holds {cell[:30]!r} instead of a number; mend the cell."
+            return (
+                f"{name}, line {number}, {column} holds {cells[i][:30]!r} instead of a number; mend the cell."
+            )
     return f"{name} cannot be read as a table of numbers with {layout.columns} columns."

@@ -29,6 +29,8 @@ _FIELD_OFFSET = re.compile(r"CAL_MAG\d_[XYZ](OFF|ODIAG)|COMPASS_(OFS|ODI|MOT)\d?
 _FIELD_SCALE = re.compile(r"CAL_MAG\d_[XYZ]SCALE|COMPASS_DIA\d?_[XYZ]|COMPASS_SCALE\d?")
 _HEADER = 16  # bytes of a ULog
 _SHOWN = 6
+UNSTATED = "the log does not state the autopilot's own parameters, so that these may have corrected its numbers already"
+"""Said of a log whose numbers come after an autopilot's parameters, and that lacks them."""
 _FAR = 16 << 20  # bytes behind the last parameter of a DataFlash log, which begins with them
 
 
@@ -192,22 +194,26 @@ def about_parameters(path: Path) -> list[Remark]:
 
     Parameters
     ----------
-    path : of the log.
+    path : of a log whose numbers are what its autopilot's parameters left.
     """
     known = parameters_of(path)
+    stated = any(_OFFSET.fullmatch(name) for name in known)
+    text = f"{path.name}: {UNSTATED}. Set them to their defaults before recording."
+    remarks = [] if stated else [Remark("corrected", text)]
     found = active(known) | active_on_field(known)
     if not found:
-        return []
+        return remarks
     told = [f"{name} = {value:.6g}" for name, value in found.items()]
     more = f" and {len(told) - _SHOWN} more" if len(told) > _SHOWN else ""
     devices = [f"{n} = {v:.0f}" for n, v in known.items() if _DEVICE.fullmatch(n) and v != 0.0]
-    remarks = [
+    remarks.append(
         Remark(
-            "found",
+            "corrected",
             f"{path.name}: the autopilot's own parameters were active ({', '.join(told[:_SHOWN])}{more}). A "
-            "calibration of these numbers holds on top of them, and not in their place.",
+            "calibration of these numbers holds on top of them, and not in their place. For numbers to load into the "
+            "autopilot set them to their defaults and record again.",
         )
-    ]
+    )
     if devices:
         remarks.append(Remark("found", f"{path.name}: devices {', '.join(devices[:_SHOWN])}."))
     return remarks
