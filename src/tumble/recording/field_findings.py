@@ -248,7 +248,7 @@ def _about_axes(angle: _Angle | None, axes: tuple[str, str, str] | None, columns
         return []
     scatter = f"differs by {np.degrees(angle.own):.0f}° from rest to rest"
     if axes is not None:
-        names = dict(zip(_COLUMNS, axes, strict=True))
+        names: dict[str, str] = dict(zip(_COLUMNS, axes, strict=True))
         south = {
             name: word.removeprefix("-") if word.startswith("-") else f"-{word}"
             for name, word in names.items()

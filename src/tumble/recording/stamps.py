@@ -187,8 +187,8 @@ def order_stamps(
     found = _nominal_rate(steps, float(time[-1] - time[0]))
     if not RATES[0] <= found <= RATES[1]:
         raise RecordingError(
-            f"{name}: the stamps (in {unit}) give {found:.3g} Hz, which no sensor has{_in_usual(found, unit)}; leave "
-            "the time column out with --columns and give --rate HZ, or state another unit of time with --units."
+            f"{name}: the stamps (in {unit}) give {found:.3g} Hz, which no sensor has{_in_usual(found, unit)}. State "
+            "the unit of time with --units, or leave the time column out with --columns and give --rate HZ."
         )
     _check_rate(found, rate, name, unit)
     if not _USUAL_RATE[0] <= found <= _USUAL_RATE[1]:

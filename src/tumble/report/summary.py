@@ -96,7 +96,8 @@ def _in_lines(rows: Sequence[ParameterRow], field: Sequence[Sequence[str]], widt
     if not gap:
         return _joined(cells, rows, width)
     return [
-        (" " * gap).join(map(str.ljust, row, widths)).rstrip() if len(row) > 1 else row[0] for row in cells
+        (" " * gap).join(map(str.ljust, row, widths)).rstrip() if len(row) > 1 else "".join(row)
+        for row in cells
     ]
 
 
