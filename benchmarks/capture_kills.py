@@ -2,9 +2,9 @@
 
     python benchmarks/capture_kills.py [KILLS]
 
-A unit sends a line each hundredth of a second over TCP. A kill comes three to eight seconds after the first new line:
-before, the start itself keeps lines waiting. The file is to hold every line that was sent until 1.2 s before it, in
-order and whole but for the last one; then the capture is resumed in the same folder.
+A unit sends a line each hundredth of a second over TCP, from the moment that the capture is connected. A kill comes
+up to six seconds after the first new line is in the file. The file is to hold every line that was sent until 1.2 s
+before it, in order and whole but for the last one; then the capture is resumed in the same folder.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def main(kills: int) -> None:
             end = time.monotonic() + 60.0
             while len(rows_of(file)) <= before and time.monotonic() < end:
                 time.sleep(0.02)
-            time.sleep(chance.uniform(3.0, 8.0))
+            time.sleep(chance.uniform(0.0, 6.0))
             killed = time.monotonic()
             os.kill(running.pid, signal.SIGKILL)
             running.wait()

@@ -20,6 +20,7 @@ from tumble.capture.sources.replay import replay
 from tumble.capture.stamps import ForwardClock
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError, RecordingError, SegmentationError, UsageError
+from tumble.files import GrowingFile
 from tumble.protocol.library import REST
 from tumble.sample_rates import SampleRate
 
@@ -123,11 +124,13 @@ def run_capture(
     check_folder(order.folder, resume=order.resume)
     if not order.source.live and Path(order.address).resolve() == (order.folder / RECORDING).resolve():
         raise UsageError(f"{order.address} is what is written to: give another folder with -o.")
+    guide = _guide_of(order)
+    before = _catch_up(order, guide) if order.resume else None
     source = order.source.open(order.address, order.options)
     if callable(source):
         # A simulated person hears what is said.
         listeners = [*listeners, source]
-    under_way = _UnderWay(order, listeners, taps)
+    under_way = _UnderWay(order, listeners, taps, guide, before)
     with closing(piece for piece in source) as pieces:
         try:
             for piece in pieces:
@@ -142,15 +145,44 @@ def run_capture(
     return under_way.end()
 
 
+def _catch_up(order: CaptureOrder, guide: Coach | None) -> Capture | None:
+    """Feed what was recorded before to the state machine; None where that is too little for a recording.
+
+    It takes its time, in which a port that is open loses samples: so it comes before the source is opened.
+    """
+    path = order.folder / RECORDING
+    if not path.is_file():
+        return None
+    # Cuts off half a last line.
+    GrowingFile(path, resume=True).close()
+    capture: Capture | None = None
+    try:
+        for piece in replay(str(path), SourceOptions(speed=0.0)):
+            if isinstance(piece, Channels):
+                capture = Capture(piece, guide, order.hold)
+            elif isinstance(piece, Samples) and capture is not None:
+                capture.feed(piece.finite())
+    except RecordingError:
+        # What comes goes behind it all the same.
+        return None
+    return capture
+
+
 class _UnderWay:
     """A capture between its first piece and its last."""
 
     def __init__(
-        self, order: CaptureOrder, listeners: Sequence[Listener], taps: Sequence[Callable[[Samples], None]]
+        self,
+        order: CaptureOrder,
+        listeners: Sequence[Listener],
+        taps: Sequence[Callable[[Samples], None]],
+        guide: Coach | None,
+        before: Capture | None,
     ) -> None:
         self._order, self._listeners, self._taps = order, listeners, taps
         self._files: CaptureFolder | None = None
-        self._capture: Capture | None = None
+        self._guide = guide
+        self._capture = before
         self._clock = ForwardClock(leaps=order.source.live)
         self._from: float | None = None
         self._flushed = self._heard = time.monotonic()
@@ -165,7 +197,7 @@ class _UnderWay:
             self._say([self._event(piece.kind, piece.words)])
         elif isinstance(piece, Samples) and len(piece):
             self._samples(piece, now)
-        elif self._order.source.live and self._capture is not None:
+        elif self._order.source.live and self._files is not None:
             self._quiet(now)
         self._flush(now)
 
@@ -179,32 +211,23 @@ class _UnderWay:
             return
         order = self._order
         self._files = CaptureFolder(order.folder, channels, resume=order.resume)
-        self._capture = Capture(channels, _guide_of(order), order.hold)
         first = [Event("started", 0.0, _channel_words(channels), _channel_facts(channels, order))]
         first += [Event("remark", 0.0, words) for words in channels.remarks]
-        if order.resume:
-            first += self._catch_up(channels)
+        if self._capture is None:
+            self._capture = Capture(channels, self._guide, order.hold)
+        else:
+            first.append(self._resumed(self._capture))
         self._say(first)
 
-    def _catch_up(self, channels: Channels) -> list[Event]:
-        """Feed what was recorded before to the state machine, and go on after it."""
-        assert self._capture is not None
-        path = self._order.folder / RECORDING
-        try:
-            for piece in replay(str(path), SourceOptions(speed=0.0)):
-                if isinstance(piece, Samples):
-                    self._capture.feed(piece.finite())
-        except RecordingError:
-            # Too little for a recording by itself: what comes goes behind it all the same.
-            return []
-        last = self._capture.time
+    def _resumed(self, capture: Capture) -> Event:
+        """Go on behind what was recorded before, and say so."""
+        last = capture.time
         if self._order.source.live:
             self._clock = ForwardClock(last)
         else:
             self._from = last
-        holds = len(self._capture.search.holds)
-        words = f"Resumed after {last:.1f} s with {holds} holds."
-        return [Event("resumed", last, words, {"holds": holds})]
+        holds = len(capture.search.holds)
+        return Event("resumed", last, f"Resumed after {last:.1f} s with {holds} holds.", {"holds": holds})
 
     def _samples(self, samples: Samples, now: float) -> None:
         if self._capture is None or self._files is None:
@@ -346,7 +369,9 @@ def _guide_of(order: CaptureOrder) -> Coach | None:
 
     site = order.site or Site.unknown()
     stated, patient = order.options.rate, not order.source.live
-    return Guide(find_grade(order.imu), site, order.hold, order.targets, rate=stated, patient=patient)
+    guide = Guide(find_grade(order.imu), site, order.hold, order.targets, rate=stated, patient=patient)
+    guide.load()
+    return guide
 
 
 def _channel_words(channels: Channels) -> str:
