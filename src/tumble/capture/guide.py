@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,15 +31,19 @@ from tumble.segmentation.turns import find_turns
 from tumble.units import COUNTS, angular_rate_factor, specific_force_factor
 
 if TYPE_CHECKING:
+    from tumble.calibration.equations.turn import HoldsAndTurns
     from tumble.design.joint_information import JointInformation
     from tumble.design.joint_plan import PlanTask
-    from tumble.design.next_step import NextStep, StepCandidate
+    from tumble.design.next_step import Aim, NextStep, StepCandidate
+    from tumble.design.planned_motion import PlannedNoise
     from tumble.simulation import Grade
 
 # s that a person needs to bring the unit from one pose to the next.
 TURN = 3.0
 # s over which biases wander while a unit is captured.
 SESSION = 300.0
+# Poses beyond which it is not said how far the targets are.
+FAR = 100.0
 # Stamps that show what clock they are from.
 ENOUGH_STAMPS = 2000
 
@@ -72,12 +77,18 @@ class Guide:
         self._limits = limits_of(targets)
         self._candidates: dict[int, Future[list[StepCandidate]]] = {}
         self._task: PlanTask | None = None
+        self._usual: JointInformation | None = None
         self._beyond: JointInformation | None = None
         self._latest: tuple[int, JointInformation] | None = None
         self._first = 0
         self._rate, self._stamps = rate, np.zeros(0)
         self.clock_sigma = 0.0
         """Of the gyro scale factors, as a share: what no hold and no turn sees of the samples' clock."""
+
+    def load(self) -> None:
+        """Import what `judge` needs, which takes seconds on a busy machine: samples are not to wait for it."""
+        for name in ("calibration.equations.gathering", "calibration.requirements", "design.next_step"):
+            import_module(f"tumble.{name}")
 
     def look_at_clock(self, time: Series) -> None:
         """Find out by the first stamps what clock they are from.
@@ -174,20 +185,20 @@ class Guide:
             # The oldest blocks were let go: what was known from them stays known.
             self._first, self._beyond = live.first, self._latest[1]
         at = imu_unknowns(unknowns_of(ImuModel.ideal()))
-        data = observe(gather(recording, timeline, means), at, [])
+        data = observe(_wandering(gather(recording, timeline, means), task.noise), at, [])
         information = planned_problem(data, self.site, task.sizes).information()
         total = information if self._beyond is None else information.plus(self._beyond)
         self._latest = (len(timeline.holds), total)
         return total
 
     def _both(self, task: PlanTask, known: JointInformation, up_b: Vectors) -> Progress:
-        from tumble.design.joint_information import GROUPS, NAMES, TOLD
-        from tumble.design.next_step import find_next_steps, judge_stop
+        from tumble.design.joint_information import GROUPS, NAMES, PARAMETERS, TOLD
+        from tumble.design.next_step import WORTH, find_next_steps, judge_stop
 
-        sigmas = np.sqrt(np.diag(task.covariance(known)))
-        scale = GROUPS["accelerometer scale"]
-        sigmas[scale] = np.hypot(sigmas[scale], self.site.gravity_sigma / self.site.gravity)
-        sigmas[GROUPS["gyro scale"]] = np.hypot(sigmas[GROUPS["gyro scale"]], self.clock_sigma)
+        floors = np.zeros(PARAMETERS)
+        floors[GROUPS["accelerometer scale"]] = self.site.gravity_sigma / self.site.gravity
+        floors[GROUPS["gyro scale"]] = self.clock_sigma
+        sigmas = np.hypot(np.sqrt(np.diag(task.covariance(known))), floors)
         told = sigmas < TOLD * task.sizes
         named: dict[str, float | None] = {
             NAMES[i]: float(sigmas[i]) if told[i] else None for i in map(int, task.parameters())
@@ -196,14 +207,13 @@ class Guide:
         self._waiting = candidates is None
         if candidates is None:
             return Progress(named, up_b, words=("Computing which step would determine most.",))
-        # What has reached its target need not become better.
-        wanted = task.parameters()
-        if self._limits is not None:
-            wanted = wanted[(sigmas > np.minimum(self._limits, TOLD * task.sizes))[wanted]]
-        following = tuple(find_next_steps(task, known, candidates, 1, wanted if len(wanted) else None))
-        enough, words = judge_stop(task, known, following, self._limits, sigmas)
-        if self._limits is not None and not enough and following and "hardly worth" in " ".join(words):
-            enough = True
+        aim = self._aim(task, floors)
+        following = find_next_steps(task, known, candidates, 1, aim)[0]
+        enough, words = judge_stop(task, known, [following], self._limits, sigmas)
+        left = 0.0 if aim is None else aim.poses_left(task, known)
+        if self._limits is not None and not enough and told[task.parameters()].all():
+            # A target in reach is gone for, however little each step adds.
+            enough = left == 0.0 or (following.most_gain < WORTH and left > len(up_b))
         if self._limits is not None and self.clock_sigma > np.min(self._limits[GROUPS["gyro scale"]]):
             share = f"{100.0 * self.clock_sigma:.2g} %"
             words = [
@@ -215,7 +225,19 @@ class Guide:
             ]
         if not told[task.parameters()].all():
             words = [_untold_words([name for name, sigma in named.items() if sigma is None])]
-        return Progress(named, up_b, _advice(following), enough, tuple(words))
+        return Progress(named, up_b, _advice(following, left), enough, tuple(words))
+
+    def _aim(self, task: PlanTask, floors: Series) -> Aim | None:
+        """What poses are to reach: the targets without what no pose mends; None where nothing is left of them."""
+        from tumble.design.next_step import Aim, usual_pose
+
+        if self._limits is None:
+            return None
+        if self._usual is None:
+            self._usual = usual_pose(task, SESSION)
+        within = np.sqrt(np.maximum(self._limits**2 - floors**2, 0.0))
+        limits = np.where(self._limits > floors, within, np.inf)
+        return Aim(limits, self._usual) if np.isfinite(limits).any() else None
 
     def _of_candidates(self, task: PlanTask, start_b: Vector) -> list[StepCandidate] | None:
         """What may come next from a pose, computed once beside the samples that come in; None while that goes on."""
@@ -250,14 +272,31 @@ class Guide:
         )
 
 
-def _advice(following: Sequence[NextStep]) -> Advice | None:
-    if not following:
-        return None
-    best = following[0]
-    name, gain = best.candidate.name, best.gain
+def _wandering(gathered: HoldsAndTurns, noise: PlannedNoise) -> HoldsAndTurns:
+    """What was gathered, with biases that wander as the grade's do: the holds alone hardly show it.
+
+    A calibration finds it by what its turns do not explain; and the steps that may come next are judged with it.
+    """
+    from tumble.design.hold_noise import wander_sigma
+
+    dwell = float(np.median(gathered.hold_samples)) * float(np.median(np.diff(gathered.time)))
+    changed: dict[str, np.ndarray] = {}
+    for name, triad in (("force", noise.accelerometer), ("rate", noise.gyroscope)):
+        floor = getattr(gathered, f"{name}_floor")
+        more = np.maximum(wander_sigma(triad, dwell, SESSION) ** 2 - floor, 0.0)
+        changed[f"{name}_floor"] = floor + more
+        changed[f"{name}_covariance"] = getattr(gathered, f"{name}_covariance") + np.diag(more)
+    return replace(gathered, **changed)
+
+
+def _advice(following: NextStep, left: float) -> Advice:
+    name, gain = following.candidate.name, following.gain
     words = f"Next: {name}. It takes {100 * gain:.2g} % off the uncertainties."
-    facts = {"gain": gain, "parameter": best.most, "parameter_gain": best.most_gain}
-    return Advice(name, words, best.candidate.steps, facts)
+    if 0.0 < left < FAR:
+        poses = int(np.ceil(left))
+        words += f" The targets are about {poses} pose{'s' if poses > 1 else ''} away."
+    facts = {"gain": gain, "parameter": following.most, "parameter_gain": following.most_gain}
+    return Advice(name, words, following.candidate.steps, facts)
 
 
 def _missing_poses(means: Vectors) -> str:

@@ -157,12 +157,12 @@ class SimulatedPerson:
             yield from self._rest(2.0)
             self._at += round(3.0 * self._grade.rate)
             yield from self._rest(2.0)
-        elif self._poses is not None:
-            yield from self._rest(self._hold)
         else:
             begun = self._at
-            while not self._move and self._at - begun < IMPATIENT * self._grade.rate:
+            longest = IMPATIENT if self._poses is None else self._hold
+            while not self._move and self._at - begun < longest * self._grade.rate:
                 yield from self._rest(CHUNK)
+            # Who is told, by a guide or by a clock, needs a moment.
             yield from self._rest(float(self._rng.uniform(0.2, 0.5)))
 
     def _rest(self, seconds: float, creep: Vector | None = None) -> Iterator[Piece]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -28,6 +29,10 @@ HAND_ANGLE = 30.0 * np.pi / 180.0
 SHORTEST_TURN = 1.0
 # One more step that takes less than this off every sigma is not worth its time.
 WORTH = 0.02
+# The power of the ratios to the limits that is summed: high enough for the worst to decide. 4 to 16 do alike.
+WORST = 4
+# Poses after which a limit counts as out of reach.
+MOST_LEFT = 512.0
 _AXES = (
     ("x", (1, 0, 0), (0, 0, 1)),
     ("y", (0, 1, 0), (1, 0, 0)),
@@ -54,6 +59,63 @@ class StepCandidate:
     seconds: float
     information: JointInformation
     steps: tuple[Step, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Aim:
+    """What is to be reached, and what a pose like any other brings towards it.
+
+    Attributes
+    ----------
+    limits : (30,) wished-for sigmas, SI, infinite where nothing is wished.
+    usual : what one of `usual_pose` determines.
+    """
+
+    limits: Series
+    usual: JointInformation
+
+    def distance(self, task: PlanTask, known: JointInformation) -> float:
+        """Return the logarithm of what is known over what is wished, the worst counting by far the most.
+
+        Parameters
+        ----------
+        task : the unit.
+        known : information.
+        """
+        wished = np.isfinite(self.limits)
+        ratios = np.sqrt(np.diag(task.covariance(known)))[wished] / self.limits[wished]
+        return float(np.log(np.sum(ratios**WORST)) / WORST)
+
+    def poses_left(self, task: PlanTask, known: JointInformation) -> float:
+        """Return how many more usual poses reach the limits; `MOST_LEFT` if so many do not.
+
+        Parameters
+        ----------
+        task : the unit.
+        known : information so far.
+        """
+
+        def reached(poses: float) -> bool:
+            sigmas = np.sqrt(np.diag(task.covariance(self.after(known, poses))))
+            return bool(np.all(sigmas <= self.limits))
+
+        if reached(0.0):
+            return 0.0
+        low, high = 0.0, MOST_LEFT
+        while high - low > max(0.25, 0.02 * high):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if reached(middle) else (middle, high)
+        return high
+
+    def after(self, known: JointInformation, poses: float) -> JointInformation:
+        """Return what is known after so many usual poses more.
+
+        Parameters
+        ----------
+        known : information so far.
+        poses : how many; a fraction counts as such.
+        """
+        return JointInformation(known.matrix + poses * self.usual.matrix)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,10 +152,7 @@ def step_candidates(
     start_b : (3,) unit vector that points up in b before the step. The turns that lead from there to the holds then
         count, with what the gyros see of them and the time that they take; None leaves them out.
     """
-    holds = [step.duration for step in task.protocol.steps if isinstance(step, HoldStep)]
-    turns = [step.duration for step in task.protocol.steps if isinstance(step, TurnStep)]
-    hold = float(np.median(holds)) if holds else HOLD
-    turn = float(np.median(turns)) if turns else TURN
+    hold, turn = _usual_times(task)
     led = [] if start_b is None else _led_holds(task, start_b, hold, turn, span)
     plans: list[tuple[str, tuple[Step, ...]]] = [
         (_hold_words(up, hold), (HoldStep(hold, Pose(up, None, BY_HAND)),))
@@ -112,6 +171,13 @@ def step_candidates(
     return led + [_candidate(task, name, steps, turn, span) for name, steps in plans]
 
 
+def _usual_times(task: PlanTask) -> tuple[float, float]:
+    """Seconds of a hold and of a turn by hand, as the protocol has them."""
+    holds = [step.duration for step in task.protocol.steps if isinstance(step, HoldStep)]
+    turns = [step.duration for step in task.protocol.steps if isinstance(step, TurnStep)]
+    return float(np.median(holds)) if holds else HOLD, float(np.median(turns)) if turns else TURN
+
+
 def _hold_words(up_b: Vector, hold: float) -> str:
     return f"hold {describe_direction(up_b)} for {hold:.0f} s"
 
@@ -122,22 +188,43 @@ def _led_holds(task: PlanTask, start_b: Vector, hold: float, turn: float, span: 
     known = _candidate(task, "", (rest,), turn, span).information.matrix
     found: list[StepCandidate] = []
     for up in twenty_six_directions():
-        across = np.cross(up, start_b)
-        angle = float(np.arctan2(np.linalg.norm(across), up @ start_b))
-        if angle < SAME_POSE:
+        led = _led_turn(start_b, up, turn)
+        if led.angle < SAME_POSE:
             continue
-        if np.linalg.norm(across) < 1e-6:
-            across = np.cross(up, np.roll(up, 1) + np.array([0.0, 0.0, 0.5]))
-        axis = np.asarray(across / np.linalg.norm(across), dtype=np.float64)
-        slow = max(SHORTEST_TURN, turn * angle / np.pi)
         there = HoldStep(hold, Pose(up, None, BY_HAND))
-        made = _candidate(
-            task, _hold_words(up, hold), (rest, TurnStep(slow, axis, angle, HAND_ANGLE), there), turn, span
-        )
+        made = _candidate(task, _hold_words(up, hold), (rest, led, there), turn, span)
         # The rest before is known already.
         added = JointInformation(made.information.matrix - known)
-        found.append(StepCandidate(made.name, slow + hold, added, (there,)))
+        found.append(StepCandidate(made.name, led.duration + hold, added, (there,)))
     return found
+
+
+def _led_turn(start_b: Vector, up_b: Vector, turn: float) -> TurnStep:
+    """The shortest turn by hand after which another direction points up."""
+    across = np.cross(up_b, start_b)
+    angle = float(np.arctan2(np.linalg.norm(across), up_b @ start_b))
+    if np.linalg.norm(across) < 1e-6:
+        across = np.cross(up_b, np.roll(up_b, 1) + np.array([0.0, 0.0, 0.5]))
+    axis = np.asarray(across / np.linalg.norm(across), dtype=np.float64)
+    # Nobody reads its angle, but the pose that it ends in is seen.
+    return TurnStep(max(SHORTEST_TURN, turn * angle / np.pi), axis, angle)
+
+
+def usual_pose(task: PlanTask, span: float) -> JointInformation:
+    """Return what a pose determines, with the turn to it, of a list of all 26 directions in no order.
+
+    Parameters
+    ----------
+    task : unit, place, and the protocol whose times are taken.
+    span : s over which biases wander.
+    """
+    hold, turn = _usual_times(task)
+    order = np.random.default_rng(task.seed).permutation(twenty_six_directions())
+    steps: list[Step] = [HoldStep(hold, Pose(order[0], None, BY_HAND))]
+    for before, up in pairwise(order):
+        steps += [_led_turn(before, up, turn), HoldStep(hold, Pose(up, None, BY_HAND))]
+    whole = _candidate(task, "", tuple(steps), turn, span).information
+    return JointInformation(whole.matrix / len(order))
 
 
 def _unit(direction: tuple[int, int, int]) -> Vector:
@@ -194,9 +281,12 @@ def find_next_steps(
     known: JointInformation,
     candidates: Sequence[StepCandidate],
     count: int = 3,
-    wanted: np.ndarray | None = None,
+    aim: Aim | None = None,
 ) -> list[NextStep]:
     """Return the steps that tell most for their time, one after the other.
+
+    With an aim a step is judged by what it adds to what will be known when the limits are reached, if the other steps
+    are like any other: what is told now for the first time will by then have been told anyhow.
 
     Parameters
     ----------
@@ -204,16 +294,23 @@ def find_next_steps(
     known : information so far.
     candidates : to choose from.
     count : how many.
-    wanted : indices of the parameters that are still to become better known; None for all.
+    aim : limits to reach; None makes all parameters better known alike.
     """
     found: list[NextStep] = []
-    at = task.parameters() if wanted is None else wanted
+    seconds = np.array([one.seconds for one in candidates])
     for _ in range(count):
         covariance = task.covariance(known)
-        before, sigma = mean_log_sigma(task, covariance, at), np.sqrt(np.diag(covariance))
+        sigma, at = np.sqrt(np.diag(covariance)), task.parameters()
         after = [task.covariance(known.plus(one.information)) for one in candidates]
-        gains = np.array([before - mean_log_sigma(task, one, at) for one in after])
-        best = int(np.argmax(gains / np.array([one.seconds for one in candidates])))
+        if aim is None:
+            ahead = mean_log_sigma(task, covariance) - np.array([mean_log_sigma(task, one) for one in after])
+        else:
+            at = _wanted(task, aim, sigma)
+            end = aim.after(known, max(aim.poses_left(task, known) - 1.0, 0.0))
+            ends = [aim.distance(task, end.plus(one.information)) for one in candidates]
+            ahead = aim.distance(task, end) - np.array(ends)
+        best = int(np.argmax(ahead / seconds))
+        gain = mean_log_sigma(task, covariance, at) - mean_log_sigma(task, after[best], at)
         known = known.plus(candidates[best].information)
         sigmas = np.sqrt(np.diag(after[best]))
         falls = 1.0 - sigmas[at] / sigma[at]
@@ -222,13 +319,20 @@ def find_next_steps(
             NextStep(
                 candidates[best],
                 sigmas,
-                -float(np.expm1(-gains[best])),
+                -float(np.expm1(-gain)),
                 NAMES[int(at[most])],
                 float(falls[most]),
                 int(np.count_nonzero(sigmas[at] >= TOLD * task.sizes[at])),
             )
         )
     return found
+
+
+def _wanted(task: PlanTask, aim: Aim, sigma: Series) -> np.ndarray:
+    """The parameters that are above their limits or not told; all if none is."""
+    at = task.parameters()
+    wanted = at[(sigma > np.minimum(aim.limits, TOLD * task.sizes))[at]]
+    return wanted if len(wanted) else at
 
 
 def what_would_tell(

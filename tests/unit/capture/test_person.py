@@ -8,10 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tumble.attitude.directions import twenty_six_directions
 from tumble.capture.run import CaptureOrder, run_capture
 from tumble.capture.samples import Samples
 from tumble.capture.simulated_person import Flaws, SimulatedPerson
 from tumble.capture.source import Source, SourceOptions, find_source
+from tumble.design.joint_information import NAMES
+from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.simulation.grades import find_grade
 
@@ -49,6 +52,21 @@ def test_a_person_with_flaws_reaches_a_target_by_the_guide(tmp_path: Path) -> No
     assert kinds[-1] == "calibrated"
     end = next(event for event in events if event["event"] == "calibrated")
     assert end["holds"] == end["holds_live"]
+
+
+@pytest.mark.slow
+def test_what_is_predicted_is_what_the_calibration_states(tmp_path: Path) -> None:
+    """The gyro biases wander: the turns of the whole recording show it, the holds alone do not."""
+    grade = find_grade("consumer-mems")
+    person = SimulatedPerson(
+        grade, 1, poses=twenty_six_directions()[np.random.default_rng(1).permutation(26)]
+    )
+    source = Source("test", "", "", lambda address, options: person, live=False)
+    run_capture(CaptureOrder(source, "", SourceOptions(), tmp_path, site=Site.from_gravity(9.80665)))
+    end = json.loads((tmp_path / "session.jsonl").read_text().splitlines()[-1])
+    ratios = [end["predicted"][name] / end["stated"][name] for name in NAMES[:21]]
+    assert min(ratios) > 0.6
+    assert max(ratios) < 1.6
 
 
 def test_a_simulated_source_is_found_and_its_address_checked() -> None:

@@ -19,7 +19,15 @@ from tumble.design.joint_information import (
     planned_problem,
 )
 from tumble.design.joint_plan import JointPlan, PlanTask, plan_protocol, true_covariance
-from tumble.design.next_step import find_next_steps, judge_stop, step_candidates, what_would_tell
+from tumble.design.next_step import (
+    Aim,
+    StepCandidate,
+    find_next_steps,
+    judge_stop,
+    step_candidates,
+    usual_pose,
+    what_would_tell,
+)
 from tumble.design.planned_motion import PlannedNoise, planned_data, play_plan
 from tumble.design.step_worth import find_step_worths, with_longer_step
 from tumble.earth import Site
@@ -184,6 +192,40 @@ def test_turns_about_the_vertical_tell_no_gyro_and_a_level_turn_does() -> None:
     stop, words = judge_stop(task, plan.information, following, None)
     assert not stop
     assert "Not determined yet" in words[0]
+
+
+def test_an_aim_is_as_many_usual_poses_away_as_it_takes() -> None:
+    """Limits are what 20 poses determine: after 5 of them 15 are left, and after 20 none."""
+    task = PlanTask.of_grade(faces((0, 0, 1), (1, 0, 0), seconds=3.0), TACTICAL, SITE)
+    usual = usual_pose(task, 300.0)
+    limits = np.full(30, np.inf)
+    turned = GROUPS["rotation between the triads"]
+    limits[turned] = np.sqrt(np.diag(task.covariance(JointInformation(20.0 * usual.matrix))))[turned]
+    aim = Aim(limits, usual)
+    assert aim.poses_left(task, JointInformation(5.0 * usual.matrix)) == pytest.approx(15.0, abs=0.5)
+    assert aim.poses_left(task, JointInformation(20.1 * usual.matrix)) == 0.0
+
+
+def test_with_an_aim_the_worst_of_what_is_wanted_decides() -> None:
+    """One parameter is nearly where it is wanted, another is three times off: the step for the latter is next."""
+    task = PlanTask.of_grade(faces((0, 0, 1), (1, 0, 0)), TACTICAL, SITE)
+    sigma = 0.01 * task.sizes
+    known = JointInformation(np.diag(1.0 / sigma**2))
+
+    def step(name: str, place: int, more: float) -> StepCandidate:
+        matrix = np.zeros((30, 30))
+        matrix[place, place] = more / sigma[place] ** 2
+        return StepCandidate(name, 5.0, JointInformation(matrix), ())
+
+    limits = np.full(30, np.inf)
+    limits[1], limits[14] = sigma[1] / 1.05, sigma[14] / 3.0
+    candidates = [step("near", 1, 1.0), step("far", 14, 0.6), step("not wanted", 7, 100.0)]
+    usual = JointInformation(0.1 * known.matrix)
+    assert find_next_steps(task, known, candidates, 1)[0].candidate.name == "not wanted"
+    (following,) = find_next_steps(task, known, candidates, 1, Aim(limits, usual))
+    assert following.candidate.name == "far"
+    assert following.most == NAMES[14]
+    assert following.most_gain == pytest.approx(1.0 - 1.6**-0.5, rel=1e-3)
 
 
 def test_what_would_tell_a_weak_direction_makes_it_told(hand_held: JointPlan) -> None:
