@@ -47,6 +47,7 @@ from tumble.calibration.optional_terms import (
     TERMS,
     determined_terms,
     offered_terms,
+    possible_terms,
     seen_table_terms,
     surprise_added,
     term_limits,
@@ -62,7 +63,7 @@ from tumble.calibration.unseen import add_common_scale, rest_rate
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.balance import Balanced
-from tumble.estimation.solve import linearise
+from tumble.estimation.solve import linearise, solve
 from tumble.estimation.unknowns import Unknowns
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline
@@ -424,11 +425,9 @@ def _with_terms(
     offered = offered_terms(has_gyro=task.unknowns.is_free("gyro.bias")) + of_table
     names: list[str] = _determined(task, plain, offered)
     untried = [name for name in offered if name not in names]
-    limits, tests, without = (
-        term_limits(offered),
-        dict[str, TermTest](),
-        _without_terms(task, base, fresh, plain),
-    )
+    limits, tests = term_limits(offered), dict[str, TermTest]()
+    without = _without_terms(task, base, fresh, plain)
+    names = _not_needless(*without, plain, names, tests, limits, sought)
     while names:
         trial = _from_before(task, fresh, unknowns_with(plain, names))
         trial.prior = together(trial.prior, lever_prior(trial.unknowns))
@@ -450,6 +449,35 @@ def _with_terms(
             wanted = [name for name in names if name != weakest]
         names = wanted
     return *without, list(tests.values()), untried
+
+
+def _not_needless(
+    task: JointAdjustment,
+    balanced: Balanced,
+    plain: np.ndarray,
+    names: list[str],
+    tests: dict[str, TermTest],
+    limits: dict[str, float],
+    sought: frozenset[str],
+) -> list[str]:
+    """The terms that may be wanted, by one step from the adjustment without any; what it shows is added to `tests`.
+
+    Where something was left out or weighed less for want of a term, one step does not show it: all may be.
+    """
+    masked = balanced.outliers or any(task.noise.factors.values())
+    if not names or masked or balanced.solution.unknowns.free.size != plain.size:
+        return names
+    trial = task.copy()
+    trial.unknowns = trial.unknowns.with_free(unknowns_with(plain, names))
+    trial.prior = together(trial.prior, lever_prior(trial.unknowns))
+    try:
+        solution = solve(trial, once=True)
+    except (ObservabilityError, ConvergenceError):
+        return names
+    found = dict[str, TermTest]()
+    left = possible_terms(trial, Balanced(solution, [], solution.tests()), names, found, sought)
+    tests.update({name: replace(found[name], limit=limits[name]) for name in names if name not in left})
+    return left
 
 
 def _unneeded(

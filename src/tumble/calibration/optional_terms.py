@@ -18,7 +18,7 @@ from tumble.calibration.equations.size_effect import ARMS
 from tumble.calibration.estimate import TermTest
 from tumble.calibration.observability import TOLD
 from tumble.calibration.procedures.hand_held import LAG_LIMIT
-from tumble.calibration.term_tests import wald_test
+from tumble.calibration.term_tests import NEEDLESS, wald_test
 from tumble.estimation.balance import Balanced
 from tumble.estimation.equations import Drift
 from tumble.estimation.settled import Settled
@@ -62,6 +62,9 @@ ON_TABLES = tuple(term.name for term in TERMS.values() if term.shown_by == "tabl
 TERM_FALSE_ALARM = 0.02
 # What the test of the time lag takes of it, each of the others gets an equal share of the rest; by hand these.
 TERM_LIMIT = (TERM_FALSE_ALARM - LAG_LIMIT) / len(EVERYWHERE)
+# Checks an unknown, from which on one step shows a term to be needless: noise that was found without a term that is
+# wanted is larger, and fewer would make it so much larger that chance would explain the term.
+CHECKS_EACH = 3
 # No unit has so many times what a name plate allows of a term: 5 % of asymmetry, 3 °/s a g.
 LARGEST_OF_A_UNIT = 5.0
 # Of the largest eigenvalue of an information matrix: below this it is the round-off of the others.
@@ -140,6 +143,28 @@ def wanted_terms(
 
     places = {name: u.places(TERMS[name].unknowns) for name in names}
     return keep_wanted(u.values[u.free], [solution.cofactor, spread], places, test)
+
+
+def possible_terms(
+    task: JointAdjustment,
+    balanced: Balanced,
+    names: list[str],
+    tests: dict[str, TermTest],
+    sought: frozenset[str] = frozenset(),
+) -> list[str]:
+    """Return the terms that one step from an adjustment without any does not show to be needless.
+
+    Parameters
+    ----------
+    task, balanced : with all terms free, after one step.
+    names, tests, sought : as for `wanted_terms`.
+    """
+    if any(_checks_of(name, task, balanced)[0] < CHECKS_EACH * TERMS[name].unknowns.size for name in names):
+        return names
+    left = wanted_terms(task, balanced, names, tests, dict.fromkeys(names, NEEDLESS), sought)
+    # Larger than any unit's by one step: let it settle.
+    implausible = any(tests[name].probability < NEEDLESS for name in names if name not in left)
+    return names if implausible else left
 
 
 def worse_predicted(base: Balanced, trial: Balanced, names: list[str]) -> list[str]:

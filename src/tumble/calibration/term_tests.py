@@ -7,6 +7,10 @@ import numpy as np
 from tumble.arrays import Series, Square
 from tumble.calibration.estimate import TermTest
 
+# A term that chance explains so often, tested by one step from the adjustment without it, is needless: the noise was
+# found without it, and is larger by what it would explain.
+NEEDLESS = 0.1
+
 
 def wald_test(name: str, estimates: Series, covariance: Square, freedom: int, limit: float) -> TermTest:
     """Test estimates of a term jointly against zero.

@@ -16,15 +16,12 @@ class BlockChain:
 
     Attributes
     ----------
-    pivots_inverse : (groups, size, size) inverses of the pivots of the block LDL' factorisation.
-    couplings : (groups - 1, size, size) blocks L_k of the unit lower factor, or None if the matrix
-        is block diagonal.
-    log_determinant : of the whole matrix.
+    factors : (groups, size, size) Cholesky factors L_k of the pivots.
+    couplings : (groups - 1, size, size) ``L_k^-1 lower_k'``.
     """
 
-    pivots_inverse: AnyArray
-    couplings: AnyArray | None
-    log_determinant: float
+    factors: AnyArray
+    couplings: AnyArray
 
     @staticmethod
     def factor(diagonal: AnyArray, lower: AnyArray | None = None) -> BlockChain:
@@ -37,44 +34,36 @@ class BlockChain:
         ConvergenceError
             If a pivot is not positive definite: the covariance given is not one.
         """
-        couplings: AnyArray | None = None
-        pivots = diagonal
-        try:
-            if lower is not None and np.any(lower):
-                pivots = diagonal.copy()
-                couplings = np.empty_like(lower)
-                for k in range(lower.shape[0]):
-                    solved: AnyArray = np.asarray(np.linalg.solve(pivots[k], lower[k].T), dtype=np.float64)
-                    couplings[k] = solved.T
-                    pivots[k + 1] = diagonal[k + 1] - couplings[k] @ lower[k].T
-            factors = np.linalg.cholesky(pivots)
-            if not np.all(np.isfinite(factors)):
-                raise np.linalg.LinAlgError("not finite")
-        except np.linalg.LinAlgError as error:
+        from tumble.estimation.kernels import eliminate
+
+        groups, size, _ = diagonal.shape
+        couplings = np.zeros((max(groups - 1, 0), size, size))
+        if lower is not None:
+            couplings[:] = lower
+        chain = BlockChain(np.array(diagonal, dtype=np.float64, order="C"), couplings)
+        bad = eliminate(chain.factors, couplings, np.empty((groups, size, 0)), np.zeros((groups, size)))
+        if bad >= 0 or not np.all(np.isfinite(chain.factors)):
             raise ConvergenceError(
                 "The covariance of the observations is not positive definite: "
                 "a hold has no noise at all, or too few samples."
-            ) from error
-        logs = np.log(np.diagonal(factors, axis1=1, axis2=2))
-        inverses: AnyArray = np.asarray(np.linalg.inv(pivots), dtype=np.float64)
-        return BlockChain(inverses, couplings, 2.0 * float(np.sum(logs)))
+            )
+        return chain
 
     def solve(self, right: AnyArray) -> AnyArray:
         """Return the inverse times `right`, (groups, size, columns)."""
-        if self.couplings is None:
-            return self.pivots_inverse @ right
-        forward = right.copy()
-        for k in range(self.couplings.shape[0]):
-            forward[k + 1] -= self.couplings[k] @ forward[k]
-        solution = self.pivots_inverse @ forward
-        for k in range(self.couplings.shape[0] - 1, -1, -1):
-            solution[k] -= self.couplings[k].T @ solution[k + 1]
+        from tumble.estimation.kernels import solve_chain
+
+        solution = np.array(right, dtype=np.float64, order="C")
+        solve_chain(self.factors, self.couplings, solution)
         return solution
 
     def inverse_diagonal(self) -> AnyArray:
         """Return the diagonal blocks of the inverse, (groups, size, size)."""
-        blocks = self.pivots_inverse.copy()
-        if self.couplings is not None:
-            for k in range(self.couplings.shape[0] - 1, -1, -1):
-                blocks[k] += self.couplings[k].T @ blocks[k + 1] @ self.couplings[k]
+        from tumble.estimation.kernels import invert_selected
+
+        blocks, nothing = np.empty(self.factors.shape), np.empty((*self.factors.shape[:2], 0))
+        invert_selected(
+            *(self.factors, self.couplings, nothing, np.empty((0, 0))),
+            *(blocks, np.empty(self.couplings.shape), nothing),
+        )
         return blocks

@@ -105,30 +105,23 @@ class Whitened:
     by_border: AnyArray
 
     @staticmethod
-    def of_all(made: Sequence[tuple[Equations, Linear]]) -> list[Whitened]:
-        """Whiten linearisations, those of one shape at once."""
-        alike: dict[tuple[int, ...], list[int]] = {}
-        for at, (_, linear) in enumerate(made):
-            others = [-1 if by is None else by.shape[2] for by in (linear.by_node, linear.by_next)]
-            alike.setdefault((*linear.by_border.shape[1:], *others), []).append(at)
-        whitened: dict[int, Whitened] = {}
-        for (_, border, size, _), members in alike.items():
-            linears = [made[at][1] for at in members]
-            weighed = np.concatenate([linear.weighed for linear in linears])
-            roots = np.asarray(np.linalg.cholesky(weighed), dtype=np.float64)
-            given = np.concatenate([_side_by_side(linear) for linear in linears])
-            solved = np.asarray(np.linalg.inv(roots) @ given, dtype=np.float64)
-            first, stop = 1 + border, 0
-            second = first + max(size, 0)
-            for at, linear in zip(members, linears, strict=True):
-                start, stop = stop, stop + len(linear.residual)
-                own = solved[start:stop]
-                by_node = None if linear.by_node is None else own[..., first:second]
-                by_next = None if linear.by_next is None else own[..., second:]
-                whitened[at] = Whitened(
-                    made[at][0], linear, roots[start:stop], own[..., 0], by_node, by_next, own[..., 1:first]
-                )
-        return [whitened[at] for at in range(len(made))]
+    def of(equations: Equations, linear: Linear) -> Whitened:
+        """Whiten a linearisation.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If a covariance is not positive.
+        """
+        from tumble.estimation.kernels import whiten
+
+        given = [linear.residual[:, :, None], linear.by_border]
+        given += [by for by in (linear.by_node, linear.by_next) if by is not None]
+        made, root = [np.empty(one.shape) for one in given], np.empty(linear.covariance.shape)
+        if whiten(linear.weighed, given, root, made) >= 0:
+            raise np.linalg.LinAlgError("a covariance is not positive")
+        by_node, by_next = (None if by is None else made.pop(2) for by in (linear.by_node, linear.by_next))
+        return Whitened(equations, linear, root, made[0][:, :, 0], by_node, by_next, made[1])
 
     @property
     def square_sum(self) -> float:
@@ -149,13 +142,6 @@ class Whitened:
         return np.einsum("tij,tj->ti", self.root, self.residual)
 
 
-def _side_by_side(linear: Linear) -> AnyArray:
-    """(terms, m, 1 + border + nodes) residuals and all derivatives."""
-    given = [linear.residual[..., None], linear.by_border]
-    given += [by for by in (linear.by_node, linear.by_next) if by is not None]
-    return np.concatenate(given, axis=2)
-
-
 def _terms_of(stretches: Sequence[Stretch], state: Any) -> list[list[Whitened]]:
     """Whitened residuals of stretches, all equations of one kind at once."""
     of_kind: dict[type[Equations], list[tuple[int, int]]] = {}
@@ -166,22 +152,14 @@ def _terms_of(stretches: Sequence[Stretch], state: Any) -> list[list[Whitened]]:
     for kind, places in of_kind.items():
         members = [stretches[number].equations[slot] for number, slot in places]
         found.update(zip(places, kind.linearise_all(members, state), strict=True))
-    pairs: list[tuple[Equations, Linear]] = []
-    ends: list[int] = []
-    for number, stretch in enumerate(stretches):
-        for slot, equations in enumerate(stretch.equations):
-            pairs += [(equations, linear) for linear in found[number, slot]]
-        ends.append(len(pairs))
-    whitened = Whitened.of_all(pairs)
-    return [whitened[start:stop] for start, stop in zip([0, *ends], ends, strict=False)]
-
-
-def _add_at(made: AnyArray, at: np.ndarray, values: AnyArray) -> None:
-    """Add values to rows; where each row comes once, as it does but for several looks at one node, in one go."""
-    if at.size < 2 or bool(np.all(at[1:] > at[:-1])):
-        made[at] += values
-    else:
-        np.add.at(made, at, values)
+    return [
+        [
+            Whitened.of(equations, linear)
+            for slot, equations in enumerate(stretch.equations)
+            for linear in found[number, slot]
+        ]
+        for number, stretch in enumerate(stretches)
+    ]
 
 
 @dataclass(slots=True)
@@ -260,32 +238,21 @@ class Chain:
 
     def add(self, *terms: Whitened) -> None:
         """Add whitened residuals that depend on a node and the next one at most, and on the border."""
-        if not terms:
-            return
-        for term in terms:
-            self._add_to_nodes(term)
-        # What they say of the border alone, in one product.
-        flat = np.concatenate([term.by_border.reshape(-1, len(self.corner)) for term in terms])
-        self.corner += flat.T @ flat
-        self.corner_gradient += flat.T @ np.concatenate([term.residual.ravel() for term in terms])
-        self.terms += terms
+        from tumble.estimation.kernels import add_to_nodes
 
-    def _add_to_nodes(self, term: Whitened) -> None:
-        node, by_border, border = term.linear.node, term.by_border, term.by_border.shape[2]
-        for by, at in ((term.by_node, node), (term.by_next, node + 1)):
-            if by is None:
-                continue
-            # All products with what depends on the node at once: residual, border, and nodes.
-            others = [term.residual[..., None], by_border, by]
-            if by is term.by_next and term.by_node is not None:
-                others.append(term.by_node)
-            made = np.swapaxes(by, 1, 2) @ np.concatenate(others, axis=2)
-            first, second = 1 + border, 1 + border + by.shape[2]
-            _add_at(self.gradient, at, made[..., 0])
-            _add_at(self.border, at, made[..., 1:first])
-            _add_at(self.diagonal, at, made[..., first:second])
-            if len(others) > 3:
-                _add_at(self.lower, node, made[..., second:])
+        sums = self.gradient, self.border, self.diagonal, self.lower
+        for term in terms:
+            node, residual, by_border = term.linear.node, term.residual, term.by_border
+            nothing = np.empty((len(residual), residual.shape[1], 0))
+            if term.by_node is not None:
+                add_to_nodes(node, residual, by_border, term.by_node, nothing, *sums)
+            if term.by_next is not None:
+                before = nothing if term.by_node is None else term.by_node
+                add_to_nodes(node + 1, residual, by_border, term.by_next, before, *sums)
+            flat = by_border.reshape(-1, len(self.corner))
+            self.corner += flat.T @ flat
+            self.corner_gradient += flat.T @ residual.ravel()
+        self.terms += terms
 
     def join(self, place: Place, inner: Eliminated) -> None:
         """Add what an eliminated chain says of its outside."""

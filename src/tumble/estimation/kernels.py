@@ -11,6 +11,107 @@ import numpy as np
 from cython.cimports.libc.math import sqrt
 
 
+def whiten(
+    covariance: cython.const[cython.double][:, :, :],
+    given: list[object],
+    root: cython.double[:, :, ::1],
+    white: list[object],
+) -> int:
+    """Fill Cholesky factors of covariances (terms, m, m), and their inverses times each of `given` (terms, m, any).
+
+    Return -1, or the term whose covariance is not positive.
+    """
+    with cython.nogil:
+        bad = _factor(covariance, root)
+    if bad < 0:
+        for values, made in zip(given, white):  # noqa: B905 (of one length)
+            _substitute(root, values, made)
+    return int(bad)
+
+
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+@cython.locals(total=cython.double)
+def _factor(
+    covariance: cython.const[cython.double][:, :, :], root: cython.double[:, :, ::1]
+) -> cython.Py_ssize_t:
+    """Fill Cholesky factors; return -1, or the first that there is none of."""
+    terms, m = root.shape[0], root.shape[1]
+    for t in range(terms):
+        for i in range(m):
+            for j in range(i + 1):
+                total = covariance[t, i, j]
+                for k in range(j):
+                    total -= root[t, i, k] * root[t, j, k]
+                if i > j:
+                    root[t, i, j] = total / root[t, j, j]
+                elif not total > 0.0:
+                    return t
+                else:
+                    root[t, i, i] = sqrt(total)
+            for j in range(i + 1, m):
+                root[t, i, j] = 0.0
+    return -1
+
+
+@cython.cfunc
+def _substitute(
+    root: cython.double[:, :, ::1],
+    given: cython.const[cython.double][:, :, :],
+    white: cython.double[:, :, ::1],
+) -> None:
+    """Fill what triangular factors make of `given`."""
+    terms, m, size = white.shape[0], white.shape[1], white.shape[2]
+    with cython.nogil:
+        for t in range(terms):
+            for i in range(m):
+                for j in range(size):
+                    white[t, i, j] = given[t, i, j]
+                for k in range(i):
+                    factor = root[t, i, k]
+                    if factor != 0.0:
+                        for j in range(size):
+                            white[t, i, j] -= factor * white[t, k, j]
+                pivot = 1.0 / root[t, i, i]
+                for j in range(size):
+                    white[t, i, j] *= pivot
+
+
+def add_to_nodes(
+    node: cython.const[cython.longlong][:],
+    residual: cython.const[cython.double][:, :],
+    by_border: cython.const[cython.double][:, :, ::1],
+    by: cython.const[cython.double][:, :, ::1],
+    by_before: cython.const[cython.double][:, :, ::1],
+    gradient: cython.double[:, ::1],
+    border: cython.double[:, :, ::1],
+    diagonal: cython.double[:, :, ::1],
+    lower: cython.double[:, :, ::1],
+) -> None:
+    """Add what whitened residuals say of the nodes that they depend on: products of `by` with all that they depend on.
+
+    `lower` gets those with `by_before`, in the row before the node's.
+    """
+    terms, m, size = by.shape[0], by.shape[1], by.shape[2]
+    b, before = by_border.shape[2], by_before.shape[2]
+    with cython.nogil:
+        for t in range(terms):
+            k = node[t]
+            for i in range(size):
+                for r in range(m):
+                    factor = by[t, r, i]
+                    if factor == 0.0:
+                        continue
+                    gradient[k, i] += factor * residual[t, r]
+                    for j in range(b):
+                        border[k, i, j] += factor * by_border[t, r, j]
+                    for j in range(size):
+                        diagonal[k, i, j] += factor * by[t, r, j]
+                    for j in range(before):
+                        lower[k - 1, i, j] += factor * by_before[t, r, j]
+
+
 def eliminate(
     diagonal: cython.double[:, :, ::1],
     lower: cython.double[:, :, ::1],
@@ -119,6 +220,41 @@ def substitute(
                 for m in range(i + 1, d):
                     steps[k, i] -= diagonal[k, m, i] * steps[k, m]
                 steps[k, i] /= diagonal[k, i, i]
+
+
+def solve_chain(
+    diagonal: cython.const[cython.double][:, :, ::1],
+    lower: cython.const[cython.double][:, :, ::1],
+    solution: cython.double[:, :, ::1],
+) -> None:
+    """Turn a right side (nodes, d, columns) into the solution, by the factors of a chain without a border."""
+    nodes, d, columns = solution.shape[0], solution.shape[1], solution.shape[2]
+    with cython.nogil:
+        for k in range(nodes):
+            for i in range(d):
+                if k > 0:
+                    for m in range(d):
+                        for j in range(columns):
+                            solution[k, i, j] -= lower[k - 1, m, i] * solution[k - 1, m, j]
+            for i in range(d):
+                for m in range(i):
+                    for j in range(columns):
+                        solution[k, i, j] -= diagonal[k, i, m] * solution[k, m, j]
+                for j in range(columns):
+                    solution[k, i, j] /= diagonal[k, i, i]
+        for back in range(nodes):
+            k = nodes - 1 - back
+            for up in range(d):
+                i = d - 1 - up
+                if k + 1 < nodes:
+                    for m in range(d):
+                        for j in range(columns):
+                            solution[k, i, j] -= lower[k, i, m] * solution[k + 1, m, j]
+                for m in range(i + 1, d):
+                    for j in range(columns):
+                        solution[k, i, j] -= diagonal[k, m, i] * solution[k, m, j]
+                for j in range(columns):
+                    solution[k, i, j] /= diagonal[k, i, i]
 
 
 @cython.locals(total=cython.double)

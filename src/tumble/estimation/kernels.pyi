@@ -7,10 +7,23 @@ import numpy.typing as npt
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 
+def whiten(covariance: Floats, given: list[Floats], root: Floats, white: list[Floats]) -> int: ...
+def add_to_nodes(
+    node: npt.NDArray[np.int64],
+    residual: Floats,
+    by_border: Floats,
+    by: Floats,
+    by_before: Floats,
+    gradient: Floats,
+    border: Floats,
+    diagonal: Floats,
+    lower: Floats,
+) -> None: ...
 def eliminate(diagonal: Floats, lower: Floats, border: Floats, gradient: Floats) -> int: ...
 def substitute(
     diagonal: Floats, lower: Floats, border: Floats, gradient: Floats, corner_step: Floats, steps: Floats
 ) -> None: ...
+def solve_chain(diagonal: Floats, lower: Floats, solution: Floats) -> None: ...
 def invert_selected(
     diagonal: Floats,
     lower: Floats,

@@ -90,9 +90,9 @@ def find_saturated_axis(recording: Recording, holds: tuple[Hold, ...], start: in
         piece = rate[start:stop, axis]
         same = 1e-9 * (highest[axis] - lowest[axis])
         clipped = max(np.sum(piece <= lowest[axis] + same), np.sum(piece >= highest[axis] - same))
-        share = float(clipped) / len(piece)
-        usual = 2.0 * _largest_share(rate[:, axis], holds, same)
-        if clipped > SATURATED_RUN and share > max(CLIPPED_SHARE, usual):
+        if clipped <= SATURATED_RUN or clipped <= CLIPPED_SHARE * len(piece):
+            continue
+        if clipped > 2.0 * _largest_share(rate[:, axis], holds, same) * len(piece):
             return axis
     return None
 

@@ -132,7 +132,7 @@ def _terms(task: JointAdjustment, *, of_table: bool) -> list[Whitened]:
     stretch: Any = RecordingStretch(task).within[0][1]
     if of_table:
         stretch = stretch.within[0][1]
-    return Whitened.of_all([(e, linear) for e in stretch.equations for linear in e.linearise(task)])
+    return [Whitened.of(e, linear) for e in stretch.equations for linear in e.linearise(task)]
 
 
 def _design(terms: list[Whitened], nodes: int, size: int) -> np.ndarray:

@@ -16,6 +16,7 @@ from tumble.calibration.optional_terms import (
     TERMS,
     determined_terms,
     implausible_words,
+    possible_terms,
     shared_scatter,
     term_limits,
     unknowns_with,
@@ -98,6 +99,21 @@ def test_terms_that_are_not_there_are_not_wanted_and_large_ones_are(
     assert set(tests) == set(NAMES)
     large = with_quadratic(task, balanced, 40.0)
     assert "quadratic" in wanted_terms(large, balanced, list(NAMES), tests, term_limits(NAMES))
+
+
+def test_one_step_rules_out_what_chance_explains_often_and_nothing_else(
+    settled: tuple[JointAdjustment, Balanced],
+) -> None:
+    """What is larger than any unit's, or checked by a few holds, may be anything once it settles."""
+    task, balanced = settled
+    assert possible_terms(task, balanced, list(NAMES), {}) == []
+    assert "quadratic" in possible_terms(with_quadratic(task, balanced, 3.0), balanced, list(NAMES), {})
+    assert possible_terms(task, balanced, list(NAMES), {}, frozenset(NAMES[1:])) == NAMES[1:]
+    large = with_quadratic(task, balanced, 0.0)
+    large.unknowns["force.asymmetry"][:] = [0.06, 0.0, 0.0]
+    assert possible_terms(large, balanced, list(NAMES), {}) == NAMES
+    few = replace(balanced, tests={"force": balanced.tests["force"].where(slice(0, 3))})
+    assert possible_terms(task, few, list(NAMES), {}) == NAMES
 
 
 def test_terms_are_tested_by_the_checks_of_their_own_kind(

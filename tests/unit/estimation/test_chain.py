@@ -31,9 +31,7 @@ def random_chain(rng: np.random.Generator, groups: int, size: int) -> tuple[Arra
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 7), st.integers(1, 4))
-def test_solving_inverting_and_the_determinant_agree_with_the_dense_matrix(
-    seed: int, groups: int, size: int
-) -> None:
+def test_solving_and_inverting_agree_with_the_dense_matrix(seed: int, groups: int, size: int) -> None:
     rng = np.random.default_rng(seed)
     diagonal, lower, dense = random_chain(rng, groups, size)
     kept = diagonal.copy(), lower.copy()
@@ -50,9 +48,6 @@ def test_solving_inverting_and_the_determinant_agree_with_the_dense_matrix(
     for k in range(groups):
         cut = slice(k * size, (k + 1) * size)
         np.testing.assert_allclose(blocks[k], inverse[cut, cut], atol=10 * tolerance)
-    sign, log_determinant = np.linalg.slogdet(dense)
-    assert sign == 1.0
-    assert chain.log_determinant == pytest.approx(log_determinant, abs=1e-11 * np.linalg.cond(dense) ** 0.5)
     # what was given is left as it was
     assert np.array_equal(diagonal, kept[0])
     assert np.array_equal(lower, kept[1])
@@ -68,9 +63,8 @@ def test_blocks_below_the_diagonal_are_not_their_transposes() -> None:
 def test_without_couplings_the_blocks_stand_alone() -> None:
     diagonal, lower, _ = random_chain(np.random.default_rng(2), 3, 2)
     for chain in (BlockChain.factor(diagonal), BlockChain.factor(diagonal, 0.0 * lower)):
-        assert chain.couplings is None
         np.testing.assert_allclose(chain.inverse_diagonal(), np.linalg.inv(diagonal), rtol=1e-12)
-        assert chain.log_determinant == pytest.approx(float(np.sum(np.linalg.slogdet(diagonal)[1])))
+        np.testing.assert_allclose(chain.solve(diagonal), np.tile(np.eye(2), (3, 1, 1)), atol=1e-12)
 
 
 @pytest.mark.parametrize("pivot", [np.diag([1.0, -1.0]), np.zeros((2, 2)), np.full((2, 2), np.nan)])

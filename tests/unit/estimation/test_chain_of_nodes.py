@@ -25,7 +25,7 @@ def white(residual: Array, by_border: Array, node=(), by_node=None, by_next=None
         np.eye(residual.shape[1]), (len(residual), residual.shape[1], residual.shape[1])
     )
     linear = Linear(residual, covariance, by_border, np.asarray(node, dtype=int), by_node, by_next)
-    return Whitened.of_all([(Equations(), linear)])[0]
+    return Whitened.of(Equations(), linear)
 
 
 def random_chain(seed: int, nodes: int, size: int, border: int) -> tuple[Chain, Array, Array]:
@@ -162,7 +162,7 @@ def test_whitened_residuals_have_the_chi_square_of_their_covariance() -> None:
     root = rng.normal(size=(6, 3, 3)) + 2.0 * np.eye(3)
     covariance = root @ np.swapaxes(root, 1, 2)
     residual, derivative = rng.normal(size=(6, 3)), rng.normal(size=(6, 3, 4))
-    made = Whitened.of_all([(Equations(), Linear(residual, covariance, derivative))])[0]
+    made = Whitened.of(Equations(), Linear(residual, covariance, derivative))
     np.testing.assert_allclose(made.raw, residual)
     for k in range(6):
         inverse = np.linalg.inv(covariance[k])
@@ -171,7 +171,7 @@ def test_whitened_residuals_have_the_chi_square_of_their_covariance() -> None:
             made.by_border[k].T @ made.residual[k], derivative[k].T @ inverse @ residual[k]
         )
     with pytest.raises(np.linalg.LinAlgError):
-        Whitened.of_all([(Equations(), Linear(residual, -covariance, derivative))])[0]
+        Whitened.of(Equations(), Linear(residual, -covariance, derivative))
 
 
 def test_the_covariance_of_what_is_adjusted_is_the_hat_matrix() -> None:

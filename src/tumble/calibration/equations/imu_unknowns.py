@@ -16,9 +16,8 @@ from tumble.arrays import AnyArray, Matrix, Series, Vectors
 from tumble.calibration.equations.triad_unknowns import QUADRATIC, unknowns_from_triad
 from tumble.estimation.unknowns import Block, Layout, Unknowns
 from tumble.sensor import ImuModel
-from tumble.sensor.conventions.shin import matrix_from_shin
+from tumble.sensor.conventions.shin import matrix_from_shin, shin_derivatives
 from tumble.sensor.gauge import change_frame
-from tumble.sensor.propagation import jacobian
 
 # What a unit's name plate promises, one sigma: 30 mg and 1 °/s of bias, 3 % of scale, 3 % of an angle in rad.
 NAME_PLATE_FORCE, NAME_PLATE_RATE, NAME_PLATE_SHARE = 0.3, 0.02, 0.03
@@ -206,10 +205,8 @@ def raw_force(u: Unknowns, true: Vectors, apart: AnyArray | None = None) -> RawF
     own = np.einsum("ab,nab->na", matrix, felt)
     slope = 1.0 + asymmetry * np.sign(own) + 2.0 * quadratic * own
     scale = u.layout["force.scale"].start
-    moves = jacobian(
-        lambda p: matrix_from_shin(p[:3], p[3:6]).ravel(), u.values[scale : u.layout["force.angle"].stop]
-    )
-    turned = slope[:, :, None] * np.einsum("abp,nab->nap", moves.reshape(3, 3, 6), felt)
+    moves = shin_derivatives(u.values[scale : u.layout["force.angle"].stop])
+    turned = slope[:, :, None] * np.einsum("abp,nab->nap", moves, felt)
     blocks = {
         "force.bias": np.broadcast_to(np.eye(3), (len(true), 3, 3)),
         "force.scale": turned[:, :, :3],

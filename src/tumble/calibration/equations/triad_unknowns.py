@@ -12,8 +12,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Vectors, inverted
 from tumble.sensor import Triad
-from tumble.sensor.conventions.shin import matrix_from_shin, shin_from_matrix
-from tumble.sensor.propagation import jacobian
+from tumble.sensor.conventions.shin import matrix_from_shin, shin_derivatives, shin_from_matrix
 
 COUNT = 12
 BIAS, SCALE, ANGLE, QUADRATIC = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
@@ -73,12 +72,6 @@ def correct_with_derivatives(unknowns: Series, raw: Vectors) -> CorrectedOutput:
     by_unknowns = np.empty((raw.shape[0], 3, COUNT))
     by_unknowns[:, :, BIAS] = -by_raw
     by_unknowns[:, :, QUADRATIC] = -by_raw * (own_input**2)[:, None, :]
-    matrix_moves = _matrix_derivatives(unknowns)
-    by_unknowns[:, :, 3:9] = -np.einsum("ab,bcp,kc->kap", inverse, matrix_moves, true)
+    moves = np.einsum("ab,bcp->acp", inverse, shin_derivatives(unknowns[3:9]))
+    by_unknowns[:, :, 3:9] = -np.einsum("acp,kc->kap", moves, true)
     return CorrectedOutput(true, by_unknowns, by_raw)
-
-
-def _matrix_derivatives(unknowns: Series) -> AnyArray:
-    """Return (3, 3, 6): the matrix by scale factors and angles."""
-    flat = jacobian(lambda p: matrix_from_shin(p[:3], p[3:6]).ravel(), unknowns[3:9])
-    return flat.reshape(3, 3, 6)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import Series, Vectors, inverted
+from tumble.arrays import Series, Square, Vectors, inverted
 from tumble.calibration.bias_drift import add_bias_drift, count_departure
 from tumble.calibration.bias_steps import find_bias_step
 from tumble.calibration.canonical import describe_unknowns
@@ -52,12 +52,13 @@ from tumble.calibration.scores import score_turns
 from tumble.calibration.session import Session
 from tumble.calibration.snooping import Kind, Outlier, balance
 from tumble.calibration.start_values import rough_gyro_matrix, rough_triad
-from tumble.calibration.term_tests import wald_test
+from tumble.calibration.term_tests import NEEDLESS, wald_test
 from tumble.calibration.time_lag import estimate_time_lag
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.estimation import Adjustment, Prior, adjust
 from tumble.estimation.gauss_helmert import Linearisation
+from tumble.estimation.terms import keep_wanted
 from tumble.recording.recording import Recording
 from tumble.segmentation import HoldMeans, Timeline
 from tumble.units import specific_force_factor
@@ -361,6 +362,9 @@ def _with_terms(
     ]
     limit = TERM_FALSE_ALARM / TERMS_TRIED
     tests: dict[str, TermTest] = {}
+    if names and not base_outliers:
+        names = _not_needless(data, site, prior, base, everything, names, tests)
+        tests = {name: replace(test, kept=False, limit=limit) for name, test in tests.items()}
     while names:
         free = np.sort(np.concatenate([base.free, *(OPTIONAL_TERMS[name] for name in names)]))
         try:
@@ -375,6 +379,30 @@ def _with_terms(
             return solution, list(tests.values()), outliers
         names.remove(weakest)
     return base, list(tests.values()), base_outliers
+
+
+def _not_needless(
+    data: HoldsAndTurns,
+    site: Site,
+    prior: StableKnowledge | None,
+    base: _Solution,
+    everything: np.ndarray,
+    names: list[str],
+    tests: dict[str, TermTest],
+) -> list[str]:
+    """The terms that one step from the adjustment without any does not show to be needless; see `NEEDLESS`."""
+    free = np.sort(np.concatenate([base.free, *(OPTIONAL_TERMS[name] for name in names)]))
+    try:
+        once = _solve(data, site, prior, base.values, free, everything, base.extra, once=True).adjustment
+    except ObservabilityError:
+        return names
+
+    def test(name: str, values: Series, blocks: list[Square]) -> tuple[float, bool]:
+        tests[name] = wald_test(name, values, blocks[0], once.redundancy, NEEDLESS)
+        return tests[name].probability, tests[name].kept
+
+    places = {name: np.searchsorted(free, OPTIONAL_TERMS[name]) for name in names}
+    return keep_wanted(once.parameters, [once.cofactor], places, test)
 
 
 def _test_term(solution: _Solution, name: str, limit: float) -> TermTest:

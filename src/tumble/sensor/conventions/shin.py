@@ -37,6 +37,13 @@ def matrix_from_shin(scale_factor: Complex, angles: Complex) -> Complex:
     return scale_factor[:, None] * axes
 
 
+def shin_derivatives(values: Complex) -> Complex:
+    """Return (3, 3, 6) the matrix's derivatives by three scale factors and three angles; see `propagation.jacobian`."""
+    step = 1e-30
+    moved = values[:, None] + 1j * step * np.eye(6)
+    return np.imag(matrix_from_shin(moved[:3], moved[3:])) / step
+
+
 def shin_from_matrix(matrix: Complex) -> tuple[Complex, Complex]:
     """Return (scale factors, angles yz, zx, zy) of a lower-triangular matrix: the exact inverse.
 
