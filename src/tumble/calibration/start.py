@@ -156,7 +156,7 @@ def _gyro_matrix(recording: Recording, timeline: Timeline, u: Unknowns) -> Matri
     assert recording.specific_force is not None
     assert recording.angular_rate is not None
     factor = angular_rate_factor(recording.angular_rate_unit)
-    force = triad_from_unknowns(u.values[:COUNT]).correct(recording.specific_force)
+    triad = triad_from_unknowns(u.values[:COUNT])
     stretches = [
         (timeline.holds[t.before].stop - 1, timeline.holds[t.after].start + 1)
         for t in timeline.turns
@@ -164,7 +164,7 @@ def _gyro_matrix(recording: Recording, timeline: Timeline, u: Unknowns) -> Matri
     ]
     try:
         forward, covariance = rough_gyro_matrix(
-            recording.time, recording.angular_rate, force, u["gyro.bias"], stretches
+            recording.time, recording.angular_rate, recording.specific_force, triad, u["gyro.bias"], stretches
         )
     except ValueError as error:
         if factor is None:

@@ -6,12 +6,11 @@ from a scale of the wrong sign it lands in the mirror root 1 + s = -1 with the s
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Vector, Vectors
 from tumble.calibration.equations.triad_unknowns import BIAS, COUNT, SCALE
+from tumble.sensor import Triad
 
 
 def rough_triad(means: Vectors, reference: float) -> Series:
@@ -42,7 +41,8 @@ def rough_triad(means: Vectors, reference: float) -> Series:
 def rough_gyro_matrix(
     time: Series,
     raw_rate: Vectors,
-    specific_force_b: Vectors,
+    raw_force: Vectors,
+    triad: Triad,
     gyro_bias: Vector,
     stretches: list[tuple[int, int]],
     window: float = 0.25,
@@ -56,7 +56,8 @@ def rough_gyro_matrix(
 
     Parameters
     ----------
-    specific_force_b : (samples, 3) corrected by rough accelerometer values.
+    raw_rate, raw_force : (samples, 3) raw units.
+    triad : the accelerometers, roughly.
     stretches : half-open sample ranges of the turns.
     window : seconds of motion per equation.
 
@@ -68,21 +69,21 @@ def rough_gyro_matrix(
     designs: list[AnyArray] = []
     changes: list[AnyArray] = []
     for start, stop in stretches:
-        step = max(1, round(window / max(float(np.median(np.diff(time[start:stop]))), 1e-9)))
-        edges = np.arange(start, stop, step)
-        for first, last in pairwise(edges.tolist()):
-            dt = np.diff(time[first : last + 1])
-            force = 0.5 * (specific_force_b[first:last] + specific_force_b[first + 1 : last + 1])
-            rate = 0.5 * (raw_rate[first:last] + raw_rate[first + 1 : last + 1]) - gyro_bias
-            # cross(f, A r)_i = sum_jk f_[i,j] A_jk r_k with f_ the cross-product matrix of f.
-            outer = np.einsum("t,ti,tk->ik", dt, force, rate)
-            cross = np.zeros((3, 3, 3))
-            cross[0, 1], cross[0, 2] = -outer[2], outer[1]
-            cross[1, 0], cross[1, 2] = outer[2], -outer[0]
-            cross[2, 0], cross[2, 1] = -outer[1], outer[0]
-            designs.append(cross.reshape(3, 9))
-            changes.append(specific_force_b[last] - specific_force_b[first])
-    if len(designs) < 9:
+        steps = np.diff(time[start:stop])
+        edges = np.arange(0, stop - start, max(1, round(window / max(float(np.median(steps)), 1e-9))))
+        if edges.size < 2:
+            continue
+        force, rate = triad.correct(raw_force[start:stop]), raw_rate[start:stop] - gyro_bias
+        # cross(f, A r)_i = sum_jk f_[i,j] A_jk r_k with f_ the cross-product matrix of f.
+        middle = (force[:-1] + force[1:])[:, :, None] * (rate[:-1] + rate[1:])[:, None, :]
+        outer = np.add.reduceat((0.25 * steps[:, None, None] * middle)[: edges[-1]], edges[:-1])
+        cross = np.zeros((len(outer), 3, 3, 3))
+        cross[:, 0, 1], cross[:, 0, 2] = -outer[:, 2], outer[:, 1]
+        cross[:, 1, 0], cross[:, 1, 2] = outer[:, 2], -outer[:, 0]
+        cross[:, 2, 0], cross[:, 2, 1] = -outer[:, 1], outer[:, 0]
+        designs.append(cross.reshape(-1, 9))
+        changes.append(np.diff(force[edges], axis=0).ravel())
+    if sum(map(len, designs)) < 27:
         raise ValueError("too little motion to determine the gyro's axes")
     design, change = np.concatenate(designs), np.concatenate(changes)
     weight = _huber_weights(design, change)

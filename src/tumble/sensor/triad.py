@@ -47,9 +47,8 @@ class Triad:
         ValueError
             If the matrix cannot be inverted.
         """
-        own_input = self.own_input(raw)
         try:
-            return np.ascontiguousarray(np.linalg.solve(self.matrix, own_input.T).T, dtype=np.float64)
+            return np.asarray(self.own_input(raw) @ np.linalg.inv(self.matrix).T, dtype=np.float64)
         except np.linalg.LinAlgError as error:
             raise ValueError("the triad's matrix is singular: it cannot be corrected") from error
 
@@ -65,9 +64,9 @@ class Triad:
     def own_input(self, raw: Vectors) -> Vectors:
         """Return each sensor's own input ``u`` in raw units, before cross-coupling is removed."""
         output = raw - self.bias
-        slope = np.ones_like(output)
-        if self.asymmetry is not None:
-            slope = slope + self.asymmetry * np.sign(output)
+        if self.asymmetry is None and self.quadratic is None:
+            return output
+        slope = 1.0 if self.asymmetry is None else 1.0 + self.asymmetry * np.sign(output)
         if self.quadratic is None:
             return output / slope
         # output = slope u + q u²: the root that tends to output / slope as q does to zero.

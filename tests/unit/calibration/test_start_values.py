@@ -40,9 +40,11 @@ def test_a_rough_triad_of_six_faces_is_the_six_position_solution() -> None:
 
 def gyro_start(tumbled: Any, model: Any, raw_rate: np.ndarray) -> np.ndarray:
     recording = tumbled.recording
-    force = model.accelerometer.correct(recording.specific_force)
     stretches = [(turn.start, turn.stop) for turn in tumbled.timeline.turns]
-    return rough_gyro_matrix(recording.time, raw_rate, force, np.mean(raw_rate[:300], axis=0), stretches)[0]
+    return rough_gyro_matrix(
+        *(recording.time, raw_rate, recording.specific_force, model.accelerometer),
+        *(np.mean(raw_rate[:300], axis=0), stretches),
+    )[0]
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ def gather(recording: Recording, timeline: Timeline, means: HoldMeans) -> HoldsA
 
 def _least(sigma: Vector, signal: Vectors) -> Vector:
     """Return a sample's sigma, or what its digits leave uncertain where there is no noise at all."""
-    return np.maximum(sigma, SAMPLE_DIGITS * float(np.max(np.abs(signal))))
+    return np.maximum(sigma, SAMPLE_DIGITS * max(float(signal.max()), -float(signal.min())))
 
 
 def _floor(covariance: Matrices, sigma: Vector, means: HoldMeans) -> Vector:

@@ -17,6 +17,7 @@ from tumble.estimation.wander import wander_basis
 
 # Cosines over a hold by which the bias's own wander counts: the swing sees the first few.
 _MODES = 8
+_AT_A_TIME = 65_536  # samples
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +56,10 @@ def hold_swings(base: HoldsAndTurns, density: Vector) -> Swings:
         value[k] = kernel @ base.raw_rate[first:last]
         white[k] = kernel @ kernel / step
         places: Series = (np.arange(kernel.size, dtype=np.float64) + 0.5) / kernel.size
-        modes, of_mode = wander_basis(places, _MODES)
-        wander[k] = np.sum(of_mode * (kernel @ modes) ** 2)
+        # A hold of hours has millions of samples: not all cosines of all of them at a time.
+        pieces = [slice(at, at + _AT_A_TIME) for at in range(0, kernel.size, _AT_A_TIME)]
+        seen = sum(kernel[piece] @ wander_basis(places[piece], _MODES)[0] for piece in pieces)
+        wander[k] = np.sum(wander_basis(places[:1], _MODES)[1] * seen**2)
     variance = white[:, None] * base.rate_random_walk + wander[:, None] * density
     return Swings(value, variance[:, :, None] * np.eye(3), share)
 

@@ -54,19 +54,23 @@ def integrate_links(data: Observed, u: Unknowns, starts: np.ndarray, stops: np.n
     data, u : samples, and where the unknowns are.
     starts, stops : (links,) half-open ranges.
     """
-    base = data.base
-    # From the first range to the last: one rotation of a table is a small part of its recording.
-    span = slice(int(starts.min()), int(stops.max()))
-    time, rate = base.time[span], without_asymmetry(u, base.raw_rate[span])
+    time, rate, force = data.base.time, data.base.raw_rate, data.base.raw_force
+    if any(u.is_free(name) or np.any(u[name]) for name in ("gyro.asymmetry", "gyro.quadratic")):
+        # Of the samples of the ranges alone: what they would be without is computed of each.
+        pieces = [slice(*ends) for ends in zip(starts.tolist(), stops.tolist(), strict=True)]
+        time, rate, force = (np.concatenate([of[piece] for piece in pieces]) for of in (time, rate, force))
+        stops = np.cumsum(stops - starts)
+        starts = np.concatenate([[0], stops[:-1]])
+        rate = without_asymmetry(u, rate)
     # Over true time, which the clock's stamps are of up to its own rate.
     faster = 1.0 + float(u["clock"][0])
     gyro = faster * inverted(gyro_matrix(u))
     made = integrate_turns(
         time,
         rate,
-        base.raw_force[span],
-        starts - span.start,
-        stops - span.start,
+        force,
+        starts,
+        stops,
         gyro_inverse=gyro,
         gyro_bias=u["gyro.bias"],
         force_inverse=inverted(force_matrix(u)),
@@ -79,8 +83,8 @@ def integrate_links(data: Observed, u: Unknowns, starts: np.ndarray, stops: np.n
             time,
             rate,
             inputs,
-            starts - span.start,
-            stops - span.start,
+            starts,
+            stops,
             gyro_inverse=gyro,
             gyro_bias=u["gyro.bias"],
             force_inverse=np.eye(3),

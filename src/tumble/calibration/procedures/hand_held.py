@@ -259,12 +259,12 @@ def _start(
         )
         force[:9] = adjust(conditions, force[:9]).parameters
     values[FORCE] = force
-    specific_force_b = triad_from_unknowns(force).correct(data.raw_force)
     bias = np.median(data.rate_mean, axis=0)
     usable = np.flatnonzero(data.turn_start >= 0)
     stretches = [(int(data.turn_start[k]), int(data.turn_stop[k])) for k in usable]
     try:
-        inverse, _ = rough_gyro_matrix(data.time, data.raw_rate, specific_force_b, bias, stretches)
+        triad = triad_from_unknowns(force)
+        inverse, _ = rough_gyro_matrix(data.time, data.raw_rate, data.raw_force, triad, bias, stretches)
         values[GYRO_MATRIX] = inverted(inverse).ravel()
     except (ValueError, np.linalg.LinAlgError) as error:
         raise ObservabilityError(

@@ -100,8 +100,9 @@ def _own_columns(frame: pl.DataFrame) -> tuple[tuple[str, ...], list[Series]]:
     """Return the columns of a file of tumble's own, those of a triad as views of one (rows, 3) array."""
     names = tuple(frame.columns)
     groups = column_groups(names)
+    blocks = [np.empty((frame.height, len(group))) for group in groups]
     with ThreadPoolExecutor(2) as pool:
-        blocks = list(pool.map(partial(side_by_side, frame), groups))
+        list(pool.map(partial(side_by_side, frame), groups, blocks))
     return names, [block[:, i] for block in blocks for i in range(block.shape[1])]
 
 

@@ -1,6 +1,6 @@
 """Text: CSV and its relatives, any delimiter, with or without header, compressed or not.
 
-Small files are read into memory and parsed by numpy, large ones mapped and parsed by polars.
+Small files are read into memory and parsed by numpy, large ones are parsed by polars piece by piece.
 """
 
 from __future__ import annotations
@@ -9,9 +9,8 @@ import bz2
 import gzip
 import io
 import lzma
-import mmap
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
@@ -20,7 +19,7 @@ from tumble.arrays import Series
 from tumble.errors import RecordingError
 from tumble.files import opened, size_of
 from tumble.recording.formats.compression import Measured
-from tumble.recording.formats.table import RawTable, hash_file, mapped
+from tumble.recording.formats.table import RawTable, hash_file
 from tumble.recording.formats.text_layout import (
     COMMENTS,
     TextLayout,
@@ -132,7 +131,7 @@ def _layout_of(body: bytes, name: str) -> TextLayout:
     return find_layout(_decoded(head), name)
 
 
-def refuse_long_lines(body: bytes | mmap.mmap, name: str) -> None:
+def refuse_long_lines(body: bytes, name: str) -> None:
     """Refuse a text with a line that no table has, which takes many times its size to be parsed.
 
     Raises
@@ -262,18 +261,13 @@ def _read_body(path: Path) -> RawTable:
 
 
 def _read_large(path: Path, layout: TextLayout) -> RawTable:
-    """Read a large file by polars while another thread takes its SHA-256."""
-    with closing(mapped(path)) as content:
-        refuse_long_lines(content, path.name)
+    """Read a large file by polars, piece by piece, while another thread takes its SHA-256."""
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(1) as pool:
         hashing = pool.submit(hash_file, path)
-        if layout.delimiter is None or layout.checksums or (layout.quoted and not layout.text_columns):
-            columns = _parsed_in_pieces(path, layout)
-        else:
-            frame = parse_frame(path, layout, layout.first_line - 1)
-            columns = None if frame is None else gather([frame], layout)
+        with closing(_frames(path, layout)) as frames:
+            columns = gather(frames, layout)
         source = hashing.result()
     if columns is None:
         with opened(path) as file:
@@ -288,27 +282,20 @@ def _read_large(path: Path, layout: TextLayout) -> RawTable:
     return _table(path, layout, columns, remarks, source)
 
 
-def _parsed_in_pieces(path: Path, layout: TextLayout) -> list[Series] | None:
-    """Parse a file whose spaces must be squeezed first: one piece is squeezed while another is parsed."""
+def _frames(path: Path, layout: TextLayout) -> Generator[pl.DataFrame | None]:
+    """Yield a file piece by piece, None for one with a cell that is no number; one is read while another is parsed.
+
+    A file that polars maps as a whole, and its frame, would take as much memory again as all that is made of them.
+    """
     from concurrent.futures import Future, ThreadPoolExecutor
 
-    frames: list[pl.DataFrame] = []
     waiting: list[Future[bytes]] = []
-
-    def parsed(prepared: Future[bytes]) -> bool:
-        frame = parse_frame(prepared.result(), layout)
-        if frame is not None:
-            frames.append(frame)
-        return frame is not None
-
     with opened(path) as file, ThreadPoolExecutor(1) as pool:
         for body, _ in _pieces(file, _body_rest(file, layout), path.name):
             waiting.append(pool.submit(_squeezed, body, layout))
-            if len(waiting) > 1 and not parsed(waiting.pop(0)):
-                return None
-        if not all(parsed(prepared) for prepared in waiting):
-            return None
-    return gather(frames, layout)
+            if len(waiting) > 1:
+                yield parse_frame(waiting.pop(0).result(), layout)
+        yield from (parse_frame(prepared.result(), layout) for prepared in waiting)
 
 
 def _squeezed(body: bytes, layout: TextLayout) -> bytes:

@@ -10,8 +10,6 @@ import io
 import re
 import warnings
 from collections.abc import Iterable, Sequence
-from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,8 +45,7 @@ def parse(body: bytes, layout: TextLayout, by_polars: bool) -> list[Series] | No
                 return _parsed_by_numpy(body, layout)
             except ValueError:
                 pass  # missing cells: polars reads them; anything else it refuses too
-    frame = parse_frame(squeeze(body, layout), layout)
-    return None if frame is None else gather([frame], layout)
+    return gather([parse_frame(squeeze(body, layout), layout)], layout)
 
 
 def prepare(body: bytes, layout: TextLayout) -> bytes:
@@ -100,11 +97,8 @@ def squeeze(body: bytes, layout: TextLayout) -> bytes:
     return text.replace(b" \n", b"\n") if trailing else text
 
 
-def parse_frame(source: Path | bytes, layout: TextLayout, skip_lines: int = 0) -> pl.DataFrame | None:
-    """Parse with polars, which maps a file from the disk; None if a cell is not a number.
-
-    Bytes have decimal points and single spaces already (see `prepare`, `squeeze`), a file may have commas.
-    """
+def parse_frame(body: bytes, layout: TextLayout) -> pl.DataFrame | None:
+    """Parse with polars what has decimal points and single spaces (see `prepare`); None if a cell is not a number."""
     import polars as pl
 
     names = [str(i) for i in range(layout.columns)]
@@ -112,14 +106,12 @@ def parse_frame(source: Path | bytes, layout: TextLayout, skip_lines: int = 0) -
     for missing in (None, _MISSING):  # looking for words in place of numbers costs time
         try:
             return pl.read_csv(
-                source,
+                body,
                 has_header=False,
                 schema=dict(zip(names, types, strict=True)),
                 columns=list(layout.number_columns),
                 separator=layout.delimiter or " ",
-                skip_lines=skip_lines,
                 comment_prefix=layout.comment,
-                decimal_comma=layout.decimal_comma and isinstance(source, Path),
                 quote_char='"' if layout.quoted else None,
                 null_values=missing,
                 encoding="utf8-lossy",
@@ -129,38 +121,50 @@ def parse_frame(source: Path | bytes, layout: TextLayout, skip_lines: int = 0) -
     return None
 
 
-def gather(frames: Iterable[pl.DataFrame], layout: TextLayout) -> list[Series]:
+def gather(frames: Iterable[pl.DataFrame | None], layout: TextLayout) -> list[Series] | None:
     """Return the columns of consecutive frames; three that follow each other share one (rows, 3) array.
 
-    So triads need no further copy if time comes first or last, as it mostly does.
+    So triads need no further copy if time comes first or last, as it mostly does. The arrays grow with each frame: all
+    frames together would take the memory of them again. None where a frame is none.
     """
-    from concurrent.futures import ThreadPoolExecutor
-
-    import polars as pl
-
-    frame = pl.concat(list(frames), rechunk=False)
     numbers = [i for i in layout.number_columns if i not in layout.iso_columns]
-    columns = {i: _iso_seconds(frame[str(i)].to_list()) for i in layout.iso_columns}
+    times: dict[int, list[Series]] = {i: [] for i in layout.iso_columns}
+    groups, blocks, rows = list[list[int]](), list[npt.NDArray[np.float64]](), 0
+    for frame in frames:
+        if frame is None:
+            return None
+        if not rows:
+            groups = _groups(frame, numbers)
+            blocks = [np.empty((0, len(group))) for group in groups]
+        start, rows = rows, rows + frame.height
+        for block, group in zip(blocks, groups, strict=True):
+            block.resize((rows, len(group)), refcheck=False)
+            side_by_side(frame, [str(i) for i in group], block[start:])
+        for i, made in times.items():
+            made.append(_iso_seconds(frame[str(i)].to_list()))
+    columns = {i: np.concatenate(made) for i, made in times.items() if made}
+    columns |= {
+        i: block[:, j] for group, block in zip(groups, blocks, strict=True) for j, i in enumerate(group)
+    }
+    return _without_blank_rows([columns[i] for i in layout.number_columns if i in columns])
+
+
+def side_by_side(frame: pl.DataFrame, names: Sequence[str], block: npt.NDArray[np.float64]) -> None:
+    """Copy columns of a frame into a (rows, columns) array, piece by piece."""
+    for start in range(0, frame.height, _GATHERED_ROWS):
+        piece = frame.slice(start, _GATHERED_ROWS)
+        for j, name in enumerate(names):
+            block[start : start + piece.height, j] = piece[name].to_numpy()
+
+
+def _groups(frame: pl.DataFrame, numbers: list[int]) -> list[list[int]]:
+    """Which columns go side by side: by threes, but for one that grows as time does."""
     groups: list[list[int]] = []
     while numbers:
         alone = len(numbers) < 3 or _seems_time(frame[str(numbers[0])])
         groups.append(numbers[: 1 if alone else 3])
         numbers = numbers[len(groups[-1]) :]
-    with ThreadPoolExecutor(2) as pool:  # most of the time goes to memory that is touched first
-        blocks = pool.map(partial(side_by_side, frame), [[str(i) for i in group] for group in groups])
-        for group, block in zip(groups, blocks, strict=True):
-            columns |= {index: block[:, j] for j, index in enumerate(group)}
-    return _without_blank_rows([columns[i] for i in layout.number_columns])
-
-
-def side_by_side(frame: pl.DataFrame, names: Sequence[str]) -> npt.NDArray[np.float64]:
-    """Copy columns of a frame into one (rows, columns) array, piece by piece."""
-    block = np.empty((frame.height, len(names)))
-    for start in range(0, frame.height, _GATHERED_ROWS):
-        piece = frame.slice(start, _GATHERED_ROWS)
-        for j, name in enumerate(names):
-            block[start : start + piece.height, j] = piece[name].to_numpy()
-    return block
+    return groups
 
 
 def _seems_time(series: pl.Series) -> bool:
