@@ -40,6 +40,9 @@ class One:
         self.equations: list[Equations] = [Bent()]
         self.within: list[Any] = []
 
+    def place_of(self, node: int) -> str:
+        return "nowhere"
+
     def move(self, nodes: Any, own: Series) -> None:
         """Nothing is its own."""
 
