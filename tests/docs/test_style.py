@@ -30,7 +30,9 @@ def test_every_message_keeps_the_rules(words: Any) -> None:
 
 def test_every_page_keeps_the_rules(words: Any) -> None:
     assert [str(one) for one in words.judge_pages()] == []
-    assert words.readability()["long sentences, %"] <= 100.0 * words.LONG_SHARE
+    measured = words.readability()
+    assert measured["long sentences, %"] <= 100.0 * words.LONG_SHARE
+    assert measured["words a page"] <= words.WORDS_A_PAGE
 
 
 def test_messages_are_read_whole_whatever_way_they_are_written(words: Any) -> None:
