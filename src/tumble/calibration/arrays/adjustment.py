@@ -12,21 +12,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square
 from tumble.attitude.rotations import find_nearest_rotation, matrix_from_rotation_vector
-from tumble.calibration.equations.adjustment import JointAdjustment, Section
+from tumble.calibration.equations.adjustment import EARTH, JointAdjustment, Section
 from tumble.calibration.equations.stretches import SectionStretch
-from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.errors import ConvergenceError, UsageError
 from tumble.estimation.chain import Chain, Eliminated
 from tumble.estimation.gauss_helmert import invert_normal_matrix
 from tumble.estimation.solve import ROUND_OFF, TOLERANCE, longest
 
+if TYPE_CHECKING:
+    from tumble.calibration.outcome.estimate import JointOutcome
+
 NODE = SectionStretch.size
-EARTH = slice(0, 3)
 ROUNDS = 30
 # Turns of two units are the same to this, half of them at least: a unit that slips moves one turn, not all.
 LARGEST_APART = 0.05  # rad

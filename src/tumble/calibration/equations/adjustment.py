@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 HEAD, MIDDLE, TAIL = slice(0, 3), slice(3, 6), slice(6, 9)
 """Where a hold's three attitudes stand in its node."""
 NODE = 9
+EARTH = slice(0, 3)
+"""Where a section's Earth rate stands in its border; outside unknowns follow."""
 # Below this share of its size the horizontal Earth rate's own sigma lets its known size help: the square of it,
 # halved, is what the direction's error takes off the length.
 SEES_NORTH = 0.03

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.arrays import Matrices, Series, Vectors
 from tumble.protocol.steps import HoldStep, Protocol, SpinStep, TurnStep
-from tumble.segmentation.matching import Matching
+
+if TYPE_CHECKING:
+    from tumble.segmentation.matching import Matching
 
 # An exact pose is one to a microradian: a fifth of an arcsecond, below any table's.
 LEAST_SIGMA = 1e-6  # rad

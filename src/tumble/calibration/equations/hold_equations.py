@@ -9,7 +9,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrices, Matrix, Table, Vector, Vectors
 from tumble.attitude.rotations import rotation_vectors_from_matrices
-from tumble.calibration.equations.adjustment import HEAD, MIDDLE, NODE, TAIL, JointAdjustment, Section
+from tumble.calibration.equations.adjustment import EARTH, HEAD, MIDDLE, NODE, TAIL, JointAdjustment, Section
 from tumble.calibration.equations.causes import FORCE_REST, FORCE_WANDER, RATE_REST, RATE_WANDER, SWAY
 from tumble.calibration.equations.imu_unknowns import (
     force_matrix,
@@ -21,8 +21,6 @@ from tumble.calibration.equations.imu_unknowns import (
 from tumble.calibration.equations.observed import Observed
 from tumble.estimation.equations import Drift, Equations, Linear, View
 
-EARTH = slice(0, 3)
-"""Where a section's Earth rate stands in its border; outside unknowns follow."""
 LEAST_SWING = 1e-12
 """rad²: a microrad of tilt is a microgee, and better gyros would leave a pose's heading to round-off."""
 # How the three parts of a hold differ: head and tail against the middle.

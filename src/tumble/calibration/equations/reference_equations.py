@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import AnyArray, Series
-from tumble.calibration.equations.adjustment import NODE, JointAdjustment, Section
+from tumble.calibration.equations.adjustment import EARTH, NODE, JointAdjustment, Section
 from tumble.calibration.equations.causes import EARTH_RATE_KNOWN
-from tumble.calibration.equations.hold_equations import EARTH
 from tumble.earth import EARTH_RATE, Site
 from tumble.estimation.equations import Equations, Linear, View
 

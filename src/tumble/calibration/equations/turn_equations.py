@@ -13,9 +13,8 @@ import numpy as np
 from tumble.arrays import AnyArray, Matrices, Series, Vector, Vectors, inverted
 from tumble.attitude import integrate_turns
 from tumble.attitude.rotations import matrices_from_rotation_vectors, rotation_vectors_from_matrices
-from tumble.calibration.equations.adjustment import HEAD, NODE, TAIL, JointAdjustment, Section
+from tumble.calibration.equations.adjustment import EARTH, HEAD, NODE, TAIL, JointAdjustment, Section
 from tumble.calibration.equations.causes import RATE_TURNING, RATE_WANDER, TURNS
-from tumble.calibration.equations.hold_equations import EARTH
 from tumble.calibration.equations.imu_unknowns import (
     force_matrix,
     g_sensitivity,

@@ -7,7 +7,7 @@ of them. Without, it is the ellipsoid of its own numbers, and how its axes lie a
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -33,13 +33,15 @@ from tumble.calibration.magnetometer.field_start import start_field
 from tumble.calibration.magnetometer.moving import Moving, find_moving, with_change
 from tumble.calibration.magnetometer.parameters import named_parameters
 from tumble.calibration.outcome.description import rotation_of_frame
-from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.balance import Balanced, balance
 from tumble.recording.magnetic_field import MagneticField
 from tumble.recording.saturation import limits_reached
 from tumble.sensor import Triad, propagate
 from tumble.units import magnetic_field_factor
+
+if TYPE_CHECKING:
+    from tumble.calibration.outcome.estimate import JointOutcome
 
 Complex = npt.NDArray[Any]
 Method = Literal["holds and turns", "holds", "ellipsoid"]

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,13 +22,15 @@ from tumble.calibration.equations.pose_equations import mounting_prior
 from tumble.calibration.equations.size_effect import lever_prior
 from tumble.calibration.observability import angle_prior
 from tumble.calibration.observability import together as both_priors
-from tumble.calibration.outcome.estimate import JointOutcome
 from tumble.errors import ConvergenceError
 from tumble.estimation import Prior
 from tumble.estimation.balance import Balanced, Outlier
 from tumble.estimation.gauss_helmert import invert_normal_matrix
 from tumble.estimation.settled import Settled
 from tumble.estimation.solve import ROUND_OFF, TOLERANCE, linearise, longest, solve
+
+if TYPE_CHECKING:
+    from tumble.calibration.outcome.estimate import JointOutcome
 
 OWN = LAYOUT.indices("force.bias", "gyro.bias", "fixture")
 """Unknowns of a recording alone: biases change when the unit is switched on, the fixture when it is placed."""
