@@ -47,8 +47,11 @@ def examples(folder: Path) -> list[Path]:
 
 
 def key_table(keys: dict[str, Key]) -> str:
-    rows = [f"| `{name}` | {key.words} | {key.unit} | {key.default} |" for name, key in keys.items()]
-    return "\n".join(["| key | is | unit | without it |", "|---|---|---|---|", *rows])
+    rows = [
+        f"| `{name}` | {key.words}{f' ({key.unit})' if key.unit else ''} | {key.default} |"
+        for name, key in keys.items()
+    ]
+    return "\n".join(["| key | is (unit) | without it |", "|---|---|---|", *rows])
 
 
 def mistakes() -> str:
