@@ -172,6 +172,23 @@ def test_unreadable_limits_and_a_wrong_source_are_one_sentence(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("later", [0.0, 0.5])
+def test_ctrl_c_is_one_sentence_while_workers_start_and_while_they_work(
+    lot: Path, tmp_path: Path, later: float
+) -> None:
+    program = "import sys; from tumble.cli.main import program; sys.argv[0] = 'tumble'; program()"
+    call = [sys.executable, "-c", program, "batch", lot, "--gravity", str(GRAVITY), "-o", tmp_path / "out"]
+    # A session of its own: a terminal sends Ctrl-C to the workers, too.
+    running = subprocess.Popen(call, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    while not (tmp_path / "out" / "units").exists() and running.poll() is None:
+        time.sleep(0.01)
+    time.sleep(later)
+    os.killpg(running.pid, signal.SIGINT)
+    _, said = running.communicate(timeout=60)
+    assert running.returncode == 130
+    assert said == "tumble: Stopped; the units that were done are kept, and the same call does the rest.\n"
+
+
 @pytest.mark.slow
 def test_killed_and_run_again_it_is_as_if_nothing_had_happened(
     tumble: Any, lot: Path, done: tuple[Path, Any], tmp_path: Path

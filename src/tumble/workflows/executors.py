@@ -37,6 +37,19 @@ def processes(workers: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_begin)
 
 
+@contextmanager
+def _stops_held() -> Generator[None, None, None]:
+    """Hold Ctrl-C back while a worker may be started: it inherits that until it is ready, and here it comes after."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _begin() -> None:
     import threading
     import warnings
@@ -152,7 +165,8 @@ class Hands:
         """Hand tasks over; whether the executor took them."""
         for place, task in enumerate(chosen):
             try:
-                pending[self._executor.submit(work, task)] = task
+                with _stops_held():
+                    pending[self._executor.submit(work, task)] = task
             except BrokenExecutor:
                 suspects.extend(chosen[place:])
                 return False
@@ -175,13 +189,14 @@ class Hands:
         """
         if not self._renewable:
             return
-        self._executor.shutdown(wait=not at_once, cancel_futures=True)
         if at_once:
             from multiprocessing import active_children
 
             # They leave Ctrl-C to this process: what they have begun may take hours.
             for worker in active_children():
                 worker.terminate()
+        # Waited for in any case: what the pool has of the system would be called leaked.
+        self._executor.shutdown(wait=True, cancel_futures=True)
 
 
 @contextmanager
