@@ -249,9 +249,12 @@ class Chain:
             if term.by_next is not None:
                 before = nothing if term.by_node is None else term.by_node
                 add_to_nodes(node + 1, residual, by_border, term.by_next, before, *sums)
+            # Of a rotation's border, each kind depends on a few unknowns.
             flat = by_border.reshape(-1, len(self.corner))
-            self.corner += flat.T @ flat
-            self.corner_gradient += flat.T @ residual.ravel()
+            used = np.flatnonzero(flat.any(axis=0))
+            flat = flat[:, used]
+            self.corner[np.ix_(used, used)] += flat.T @ flat
+            self.corner_gradient[used] += flat.T @ residual.ravel()
         self.terms += terms
 
     def join(self, place: Place, inner: Eliminated) -> None:
@@ -307,9 +310,7 @@ class Chain:
             )
         flat = border.reshape(-1, len(self.corner))
         corner, right = self.corner - flat.T @ flat, self.corner_gradient - flat.T @ gradient.ravel()
-        own = slice(0, self.own)
-        inverse = inverted(corner[own, own]) if self.own else np.zeros((0, 0))
-        return Eliminated(self, diagonal, lower, border, gradient, corner, right, inverse)
+        return Eliminated(self, diagonal, lower, border, gradient, corner, right)
 
 
 @dataclass(slots=True)
@@ -321,7 +322,7 @@ class Eliminated:
     chain : the equations as they were.
     diagonal, lower, border, gradient : factors, see `kernels.eliminate`.
     corner, corner_gradient : (b, b), (b,) what the nodes leave of the border's equations.
-    own_inverse : of the own unknowns' part of it.
+    gain, own_gradient : (own, outside), (own,) the inverse of the own unknowns' part of it times what stands beside.
     matrix, right : (outside, outside), (outside,) what is left when these are eliminated, too.
     """
 
@@ -332,23 +333,24 @@ class Eliminated:
     gradient: Table
     corner: Square
     corner_gradient: Series
-    own_inverse: AnyArray
+    gain: AnyArray = field(init=False)
+    own_gradient: Series = field(init=False)
     matrix: Table = field(init=False)
     right: Series = field(init=False)
 
     def __post_init__(self) -> None:
         """Eliminate the own unknowns."""
-        own, outside = slice(0, self.chain.own), slice(self.chain.own, None)
-        across = self.corner[own, outside]
-        gain = self.own_inverse @ across
-        self.matrix = self.corner[outside, outside] - across.T @ gain
-        self.right = self.corner_gradient[outside] - gain.T @ self.corner_gradient[own]
+        n = self.chain.own
+        across, rest = self.corner[:n, n:], self.corner_gradient[:n, None]
+        beside = np.concatenate([across, rest], axis=1)
+        solved = np.asarray(np.linalg.solve(self.corner[:n, :n], beside), dtype=np.float64)
+        self.gain, self.own_gradient = solved[:, :-1], solved[:, -1]
+        self.matrix = self.corner[n:, n:] - across.T @ self.gain
+        self.right = self.corner_gradient[n:] - across.T @ self.own_gradient
 
     def own_step(self, outside: Series) -> Series:
         """Return the step of the own unknowns that goes with the outside's."""
-        own = slice(0, self.chain.own)
-        across = self.corner[own, self.chain.own :]
-        return -self.own_inverse @ (self.corner_gradient[own] + across @ outside)
+        return -(self.own_gradient + self.gain @ outside)
 
     def nodes_step(self, border: Series) -> Table:
         """Return (nodes, d) the nodes' steps that go with the border's."""
@@ -404,12 +406,12 @@ class Spread:
     def of(chain: Eliminated, outside: Square) -> Spread:
         """Return the covariances that go with the outside's."""
         n = chain.chain.own
-        gain = -chain.own_inverse @ chain.corner[:n, n:]
+        gain = -chain.gain
         border = np.zeros((n + len(outside), n + len(outside)))
         border[n:, n:] = outside
         border[:n, n:] = gain @ outside
         border[n:, :n] = border[:n, n:].T
-        border[:n, :n] = chain.own_inverse + border[:n, n:] @ gain.T
+        border[:n, :n] = inverted(chain.corner[:n, :n]) + border[:n, n:] @ gain.T
         return Spread(chain, border)
 
     @property
