@@ -200,17 +200,11 @@ def calibrate_command(
     check_figures(figures, output or _default_folder(given, done_to_it.protocol))
     if registry is not None:
         _check_registry(registry, unit, several)
-    shared: dict[str, Any] = {**file.given(), "site": choose_site(**asdict(site))}
-    shared |= {
-        "limits": limits,
-        "notes": notes_of(notes),
-        "optional_terms": estimate.optional_terms,
-        "confirm_scale": estimate.confirm_scale,
-    }
+    shared: dict[str, Any] = {**file.given(), "site": choose_site(**asdict(site)), "limits": limits}
+    shared |= {"notes": notes_of(notes), "confirm_scale": estimate.confirm_scale}
+    shared["optional_terms"] = estimate.optional_terms
     if several.array:
-        _refuse(context, "--array", procedure, [OneOptions, ProtocolOptions, UnitOptions])
-        if several.turn_ons:
-            raise UsageError("--turn-ons does not go with --array: leave one of them out.")
+        _refuse_beside_array(context, procedure, several)
         _calibrate_array(given, output, estimate.prior or None, shared, printed, figures)
     shared |= {
         "output": output or _default_folder(given, done_to_it.protocol),
@@ -222,12 +216,11 @@ def calibrate_command(
         from tumble.workflows.turn_ons import calibrate_turn_ons
 
         _refuse(context, "--turn-ons", procedure, [OneOptions])
-        make = partial(calibrate_turn_ons, recordings=given, **shared)
-        _calibrate(lambda tell: make(progress=tell), printed, registry, figures)
+        _calibrate(partial(calibrate_turn_ons, given, **shared), printed, registry, figures)
     from tumble.workflows.calibrate import calibrate
 
     shared |= {"procedure": procedure, **asdict(one)}
-    _calibrate(lambda tell: calibrate(given, progress=tell, **shared), printed, registry, figures)
+    _calibrate(partial(calibrate, given, **shared), printed, registry, figures)
 
 
 def _check_registry(registry: str, unit: UnitOptions, several: SeveralOptions) -> None:
@@ -241,6 +234,12 @@ def _check_registry(registry: str, unit: UnitOptions, several: SeveralOptions) -
     require_registry(registry, unit.imu_serial)
 
 
+def _refuse_beside_array(context: typer.Context, procedure: str | None, several: SeveralOptions) -> None:
+    _refuse(context, "--array", procedure, [OneOptions, ProtocolOptions, UnitOptions])
+    if several.turn_ons:
+        raise UsageError("--turn-ons does not go with --array: leave one of them out.")
+
+
 def _refuse(context: typer.Context, way: str, procedure: str | None, groups: list[type]) -> None:
     """Refuse what belongs to a single recording of a single unit."""
     if procedure not in (None, "joint"):
@@ -251,14 +250,14 @@ def _refuse(context: typer.Context, way: str, procedure: str | None, groups: lis
 
 
 def _calibrate(
-    make: Callable[[Callable[[str], None]], CalibrationRun],
+    make: Callable[..., CalibrationRun],
     printed: LongPrintOptions,
     registry: str | None,
     figures: str | None,
 ) -> NoReturn:
     """Make a calibration, print what was found, and leave with the status of its verdict."""
     with progress(printed.silent) as tell:
-        run = make(tell)
+        run = make(progress=tell)
         run.files += draw_figures(figures, run.files)
     if registry is not None:
         from tumble.workflows.registry import add_calibration
