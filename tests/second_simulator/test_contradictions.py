@@ -222,3 +222,52 @@ def test_single_spins_at_another_rate_than_stated_are_said_where_all_are_at_one_
     file.write_text(made.protocol, encoding="utf-8")
     said = against(tumble.calibrate(pl.DataFrame(made.columns()), protocol=file, rate="37±0.002").calibration)
     assert re.search(r"In rotation \d+ the gyros show .* times what noise explains", said)
+
+
+def by_hand(
+    seed: int, force: list[float] | None = None, rate: list[float] | None = None, share: float = 0.5
+) -> Calibration:
+    """A phone's unit, tumbled; from a share of the recording on its biases are others, mg and °/s."""
+    made = PROCEDURES["by-hand"](GRADES["consumer"], np.random.default_rng(seed), None)
+    after = np.arange(len(made.time))[:, None] >= share * len(made.time)
+    force, rate = np.array(force or [0.0] * 3) * 1e-3, np.array(rate or [0.0] * 3)
+    made = replace(made, force=made.force + after * force, rate=made.rate + after * rate)
+    site = tumble.Site.from_latitude(made.place.stated_latitude, made.place.height)
+    return tumble.calibrate(pl.DataFrame(made.columns()), site=site).calibration
+
+
+@pytest.mark.parametrize(
+    ("rate", "share"), [([0.0, 0.0, 3.0], 0.5), ([2.0, -1.4, 0.8], 0.75), ([2.0, -1.4, 0.8], 0.3)]
+)
+def test_rests_that_a_jump_of_the_gyros_made_look_like_motion_are_said(
+    rate: list[float], share: float
+) -> None:
+    """Half of the rests were motion, and the other half gave the right numbers of one half of the recording."""
+    said = against(by_hand(21, rate=rate, share=share))
+    assert re.search(r"In \d+ stretches in several poses between .* gravity stands still", said)
+    assert "not used" in said
+
+
+def test_gyros_and_accelerometers_that_jump_by_less_are_said_with_the_place() -> None:
+    said = against(by_hand(22, rate=[0.1, -0.07, 0.04]))
+    assert re.search(
+        r"The biases of the gyros jump between hold 1[234] and hold 1[345], at about \d+ s", said
+    )
+    said = against(by_hand(22, force=[3.0, -2.1, 1.2]))
+    assert re.search(r"The biases of the accelerometers jump between hold 1[234] and hold 1[345]", said)
+
+
+def test_another_unit_from_the_middle_of_a_file_on_is_said() -> None:
+    """Its stamps run on. The second unit has a quarter of the holds, and none of them was a hold."""
+    one, other = (
+        PROCEDURES["by-hand"](GRADES["consumer"], np.random.default_rng(seed), None) for seed in (11, 111)
+    )
+    rows = len(other.time) // 4
+    later = other.time[:rows] - other.time[0] + one.time[-1] + 1.0 / one.path.rate
+    joined = {
+        name: np.concatenate([values, other.columns()[name][:rows]]) for name, values in one.columns().items()
+    }
+    joined["time (s)"] = np.concatenate([one.time, later])
+    site = tumble.Site.from_latitude(one.place.stated_latitude, one.place.height)
+    said = against(tumble.calibrate(pl.DataFrame(joined), site=site).calibration)
+    assert re.search("two units are in one recording|another unit's recording", said)

@@ -16,8 +16,9 @@ FALSE_ALARM = 0.001
 CAUSE = "gyro bias that drifts"
 """Name of its share in the budget of uncertainties."""
 
-# Time constants that are tried, in lengths of the recording: the longest is all but a straight line.
-_CONSTANTS = (0.05, 0.1, 0.2, 0.4, 1.0, 5.0)
+TIME_CONSTANTS = (0.05, 0.1, 0.2, 0.4, 1.0, 5.0)
+"""Those that are tried, in lengths of the recording: the longest is all but a straight line."""
+
 _LEAST_FREEDOM = 5
 
 
@@ -66,8 +67,8 @@ def find_bias_drift(
     freedom = holds - taken.shape[1] - 2
     if freedom < _LEAST_FREEDOM or span <= 0.0:
         return []
-    limit = float(stdtrit(freedom, 1.0 - FALSE_ALARM / (6.0 * len(_CONSTANTS))))
-    shapes = np.exp(-(time - time.min())[:, None] / (span * np.array(_CONSTANTS)))
+    limit = float(stdtrit(freedom, 1.0 - FALSE_ALARM / (6.0 * len(TIME_CONSTANTS))))
+    shapes = np.exp(-(time - time.min())[:, None] / (span * np.array(TIME_CONSTANTS)))
     jumps = np.tril(np.ones((holds, holds)), -1)[np.argsort(np.argsort(time))][:, 1:-1]
     last, first = int(np.argmax(time)), int(np.argmin(time))
     found: list[BiasDrift] = []
@@ -80,7 +81,7 @@ def find_bias_drift(
             drift = slopes[best] * shapes[:, best]
             off = drift[last] - float(np.average(drift, weights=weight))
             change = float(drift[last] - drift[first])
-            found.append(BiasDrift(axis, change, float(off), _CONSTANTS[best] * span))
+            found.append(BiasDrift(axis, change, float(off), TIME_CONSTANTS[best] * span))
     return found
 
 
@@ -99,7 +100,7 @@ def _slopes(
 
 
 def add_bias_drift(
-    estimate: Estimate, time: Series, residual: Vectors, variance: Vectors, force: Vectors
+    estimate: Estimate, time: Series, residual: Vectors, variance: Vectors, known: AnyArray | None
 ) -> set[int]:
     """Note drifts of the gyro's biases, and count in their uncertainties by how much the last hold is off.
 
@@ -108,10 +109,8 @@ def add_bias_drift(
     Parameters
     ----------
     estimate : gets cautions, and larger uncertainties of the biases that drift.
-    time, residual, variance : as for `find_bias_drift`; beyond bias, g-sensitivity and Earth rate.
-    force : (holds, 3) specific force, which a g-sensitivity is adjusted to.
+    time, residual, variance, known : as for `find_bias_drift`; beyond bias, g-sensitivity and Earth rate.
     """
-    known = force if estimate.model.g_sensitivity is not None else None
     drifts = find_bias_drift(time, residual, variance, known)
     for drift in drifts:
         axis = "xyz"[drift.axis]

@@ -71,11 +71,11 @@ def find_activity(blocks: Blocks) -> Activity:
     apparent: Series | None = None
     centred = False
     if force is not None:
-        noise = float(np.median(_change_sizes(force, _lag(blocks))[quiet]))
+        noise = float(np.median(change_sizes_of(force, _lag(blocks))[quiet]))
         force_bias, gravity, centred = _sphere(force.smooth[quiet], noise)
         centred = centred or blocks.force_factor is not None
         span = _lag(blocks) * 2 * blocks.seconds
-        apparent = _change_sizes(force, _lag(blocks)) / (gravity * span)
+        apparent = change_sizes_of(force, _lag(blocks)) / (gravity * span)
     if rate is None:
         assert apparent is not None
         activity = apparent
@@ -104,7 +104,7 @@ def follow_activity(blocks: Blocks, known: Activity) -> Activity:
     activity = np.zeros(len(blocks))
     if force is not None and known.gravity is not None:
         span = _lag(blocks) * 2 * blocks.seconds
-        activity = _change_sizes(force, _lag(blocks)) / (known.gravity * span)
+        activity = change_sizes_of(force, _lag(blocks)) / (known.gravity * span)
     if rate is not None and known.rate_bias is not None and known.rate_scale is not None:
         size = known.rate_scale * _distances(rate, known.rate_bias)
         activity = np.maximum(size, activity / 3.0)
@@ -115,8 +115,13 @@ def _lag(blocks: Blocks) -> int:
     return blocks.half_width
 
 
-def _change_sizes(triad: TriadBlocks, lag: int) -> np.ndarray:
-    """Length of the change over `lag` blocks to either side."""
+def change_sizes_of(triad: TriadBlocks, lag: int) -> np.ndarray:
+    """Return the length of the change over `lag` blocks to either side, (blocks,) raw units.
+
+    Parameters
+    ----------
+    triad, lag : its blocks, and how many of them.
+    """
     from tumble.segmentation.kernels import change_sizes
 
     sizes = np.empty(triad.smooth.shape[0])
@@ -143,7 +148,7 @@ def _unrest(blocks: Blocks) -> Series:
     for triad in (blocks.specific_force, blocks.angular_rate):
         if triad is None:
             continue
-        change = _change_sizes(triad, _lag(blocks))
+        change = change_sizes_of(triad, _lag(blocks))
         usual = float(np.median(change)) or float(np.mean(change)) or 1.0
         np.maximum(total, change / usual, out=total)
     # a quiet moment inside a turn is short: its surroundings give it away

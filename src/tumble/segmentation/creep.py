@@ -16,6 +16,8 @@ LARGEST_CREEP_OF_PART = np.radians(0.5)
 RATE_SIGMAS = 8.0
 # rad/s that a g-sensitivity may move a gyro by at rest: four times a consumer unit's 0.3 °/s per g.
 LARGEST_SENSITIVITY = float(np.radians(1.2))
+# Two rates are one if they differ by less than this share of either; gravity then stands along one line, to this.
+SAME_RATE, SAME_LINE = 0.25, float(np.radians(30.0))
 # Of the line through the rests' rates over their poses, in rests: some pull towards no g-sensitivity.
 RIDGE = 0.02
 
@@ -75,7 +77,8 @@ def find_turning(blocks: Blocks, activity: Activity, stretches: list[Stretch]) -
 
     It sees a creep about the vertical, which the specific force does not. An angle is given only
     where the mean rate stands out from the other rests by eight of their robust standard deviations
-    (bias drift, g-sensitivity and Earth rate included, since all of them spread it); else zero.
+    (bias drift, g-sensitivity and Earth rate included, since all of them spread it), and where no other rest shows the
+    same in another pose; else zero.
 
     Parameters
     ----------
@@ -87,14 +90,38 @@ def find_turning(blocks: Blocks, activity: Activity, stretches: list[Stretch]) -
     if len(rates) < 8 or len(rates) != len(stretches) or activity.rate_scale is None:
         return angles
     table = np.array(rates)
-    away = np.abs(table - _expected(table, stretches, activity.rate_scale))
+    signed = table - _expected(table, stretches, activity.rate_scale)
+    away = np.abs(signed)
     usual = 1.4826 * np.median(away, axis=0)
     own = np.array([s.rate_scatter for s in stretches if s.rate_scatter is not None])
     lengths = np.array([s.stop - s.start for s in stretches])
     noise = own * np.sqrt(6.0 / np.maximum(lengths, 6.0))[:, None]
     stands_out = np.any(away > RATE_SIGMAS * np.hypot(usual, noise), axis=1)
     turned = np.linalg.norm(away, axis=1) * activity.rate_scale * lengths * blocks.seconds
+    forces = [s.force for s in stretches if s.force is not None]
+    if activity.force_bias is not None and len(forces) == len(stretches):
+        odd = np.flatnonzero(stands_out)
+        stands_out[odd] = ~in_other_poses_too(signed[odd], np.array(forces)[odd] - activity.force_bias)
     return np.where(stands_out, turned, 0.0)
+
+
+def in_other_poses_too(rates: Vectors, up: Vectors) -> np.ndarray:
+    """Return (rests,) which show the rate of another one in which gravity stands along another line.
+
+    Gravity stands still in a unit that turns at a constant rate only if it turns about the vertical, as on a table.
+    Then the rate that the gyros show goes with gravity, whatever their scale factors and axes are. The same rate in two
+    poses whose verticals are not one line is no rate, but a level: biases that jumped, or another unit.
+
+    Parameters
+    ----------
+    rates : (rests, 3) raw, beyond what the gyros show at rest.
+    up : (rests, 3) raw, specific force without bias.
+    """
+    sizes = np.linalg.norm(rates, axis=1)
+    apart = np.linalg.norm(rates[:, None] - rates[None], axis=2)
+    lines = up / np.linalg.norm(up, axis=1, keepdims=True)
+    other_line = np.abs(lines @ lines.T) < np.cos(SAME_LINE)
+    return np.any((apart < SAME_RATE * np.minimum(sizes[:, None], sizes)) & other_line, axis=1)
 
 
 def _expected(table: Vectors, stretches: list[Stretch], rate_scale: float) -> Vectors:

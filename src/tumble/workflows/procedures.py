@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tumble.calibration.procedure import FIRST_TRIED, Procedure, all_procedures, find_procedure
 from tumble.calibration.session import Options, Session
 from tumble.calibration.unseen import state_unseen
@@ -181,6 +183,7 @@ def add_objections(session: Session, estimate: Estimate, procedure: str | None, 
         # Holds do not tell which way the gyro counts; where there are turns between them, these do.
         contradiction = find_axis_contradiction(recording)
         estimate.say("objection", *([] if contradiction is None else [contradiction]))
+    estimate.say("objection", *_of_other_rests(session), *_of_force_step(session, estimate))
     if procedure is None and session.protocol is not None:
         return
     lost = [turn for turn in timeline.turns if not turn.usable]
@@ -200,6 +203,55 @@ def add_objections(session: Session, estimate: Estimate, procedure: str | None, 
             f"The recording has {len(timeline.turns)} turns, but they do not calibrate the gyro.{because} {reason} "
             "With --procedure multi-position the accelerometers' part is judged alone.",
         )
+
+
+def _of_other_rests(session: Session) -> list[str]:
+    """What is said of rests at another level of the gyros; the holds that a user names are all that there are."""
+    from tumble.segmentation.other_rests import find_other_rests
+
+    recording, timeline = session.recording, session.timeline
+    other = None if session.intervals is not None else find_other_rests(recording, timeline)
+    if other is None:
+        return []
+    first, last = (float(recording.time[i]) for i in (other.spans[0][0], other.spans[-1][1] - 1))
+    said = (
+        f"In {len(other.spans)} stretches in several poses between {first:.0f} s and {last:.0f} s gravity stands "
+        f"still, and the gyros show about {np.degrees(other.rate):.2g} °/s more than in the {len(timeline.holds)} "
+        "holds. So they are rests that were not used. The unit was switched on anew, its biases jumped, or two units "
+        "are in one recording. Calibrate each part by itself, or with --turn-ons if all of them are this unit's."
+    )
+    return [said]
+
+
+def _of_force_step(session: Session, estimate: Estimate) -> list[str]:
+    """What is said of accelerometers whose biases jump between two holds.
+
+    Holds that were left out may be all of those before a jump, or odd ones that hide it.
+    """
+    from tumble.calibration.bias_steps import find_force_step, switched_on_anew
+
+    norms, means, triad = estimate.holds.norms, session.means, estimate.model.accelerometer
+    if (
+        triad is None
+        or means.specific_force is None
+        or len(norms) != len(means.time)
+        or estimate.thermal is not None
+    ):
+        return []
+    force = triad.correct(means.specific_force)
+    up = force / np.linalg.norm(force, axis=1, keepdims=True)
+    further = triad.asymmetry is not None or triad.quadratic is not None
+    every = np.flatnonzero(np.isfinite(norms))
+    gone = [left.index for left in estimate.left_out if left.kind == "hold"]
+    for used in (every, np.setdiff1d(every, gone)):
+        last = find_force_step(norms[used], up[used], further=further)
+        if last is not None:
+            before, after = used[[last, last + 1]]
+            when = f"at about {means.time[[before, after]].mean():.0f} s"
+            return [
+                switched_on_anew("accelerometers", f"between hold {before + 1} and hold {after + 1}, {when}")
+            ]
+    return []
 
 
 def check_prior(sessions: Sequence[Session], knowledge: StableKnowledge, estimate: Estimate) -> None:

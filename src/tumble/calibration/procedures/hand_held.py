@@ -14,7 +14,7 @@ import numpy as np
 
 from tumble.arrays import Series, Square, Vectors, inverted
 from tumble.calibration.bias_drift import add_bias_drift, count_departure
-from tumble.calibration.bias_steps import find_bias_step
+from tumble.calibration.bias_steps import CLEARLY, find_bias_steps, switched_on_anew
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.norm import NormConditions
@@ -223,23 +223,30 @@ def add_bias_step(
         and Earth rate: the Earth's alone is 0.004 °/s, and changes its sign with the pose.
     """
     middle = 0.5 * (recording.time[data.head[:, 0]] + recording.time[data.tail[:, 1] - 1])
-    drifting = add_bias_drift(estimate, middle, residual, variance, data.force_mean)
-    step = find_bias_step(residual, variance)
+    known = data.force_mean if estimate.model.g_sensitivity is not None else None
+    drifting = add_bias_drift(estimate, middle, residual, variance, known)
     # What drifts looks like a jump, too; a jump of another axis may make this one seem to drift by g-sensitivity.
-    if step is None or step.axis in drifting:
-        return
-    weight = 1.0 / variance[:, step.axis]
-    count_departure(estimate, step.axis, step.size * float(weight[: step.before + 1].sum() / weight.sum()))
-    when = 0.5 * (
-        recording.time[data.tail[step.before, 1] - 1] + recording.time[data.head[step.before + 1, 0]]
-    )
-    estimate.say(
-        "remark",
-        f"The bias of gyro {'xyz'[step.axis]} jumps by {np.degrees(step.size):+.3f} °/s (± "
-        f"{np.degrees(step.sigma):.3f}) between hold {step.before + 1} and hold {step.before + 2}, at "
-        f"about {when:.0f} s. The stated bias is a mean of both. Its uncertainty counts how far the "
-        "last one is off it. A knock or the supply can do it; record again.",
-    )
+    steps = [step for step in find_bias_steps(residual, variance, known) if step.axis not in drifting]
+    for step in steps:
+        weight = 1.0 / variance[:, step.axis]
+        count_departure(
+            estimate, step.axis, step.size * float(weight[: step.before + 1].sum() / weight.sum())
+        )
+        estimate.say(
+            "remark",
+            f"The bias of gyro {'xyz'[step.axis]} jumps by {np.degrees(step.size):+.3f} °/s (± "
+            f"{np.degrees(step.sigma):.3f}) {_between(data, recording, step.before)}. The stated bias is a mean of "
+            "both. Its uncertainty counts how far the last one is off it. A knock or the supply can do it; record "
+            "again.",
+        )
+    if any(abs(step.size) > CLEARLY * step.scatter for step in steps):
+        estimate.say("objection", switched_on_anew("gyros", _between(data, recording, steps[0].before)))
+
+
+def _between(data: HoldsAndTurns, recording: Recording, before: int) -> str:
+    """Where a jump is, in words."""
+    when = 0.5 * (recording.time[data.tail[before, 1] - 1] + recording.time[data.head[before + 1, 0]])
+    return f"between hold {before + 1} and hold {before + 2}, at about {when:.0f} s"
 
 
 def _start(
