@@ -97,6 +97,3 @@ def _steady(blocks: Blocks, triad: TriadBlocks, inside: np.ndarray) -> np.ndarra
     """Which blocks change as little as those of holds."""
     change = change_sizes_of(triad, blocks.half_width)
     return change <= LEEWAY * float(np.quantile(change[inside], USUAL))
-
-
-__all__ = ["OtherRests", "find_other_rests"]
