@@ -9,12 +9,18 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
+
+from tumble.errors import UsageError
+from tumble.workflows.batch import run_batch
+from tumble.workflows.batch_source import read_source
+from tumble.workflows.batch_unit import BatchOptions
 
 GRAVITY = 9.81
 RUN = "import sys; from tumble.cli.main import main; sys.argv[0] = 'tumble'; main()"
@@ -246,6 +252,38 @@ def test_nobody_who_answers_as_a_scheduler_is_one_sentence_without_the_password(
         assert answer.status == 2
         assert answer.err.count("\n") == 1
         assert "secret" not in answer.err
+
+
+def test_files_in_a_store_are_fetched_and_a_missing_one_is_said(lot: Path, tmp_path: Path) -> None:
+    fsspec = pytest.importorskip("fsspec")
+    store = fsspec.filesystem("memory")
+    store.pipe("/lot/u0.csv", (lot / "u0.csv").read_bytes())
+    store.pipe("/lot/lot.csv", b"unit,files\nA,u0.csv\nB,gone.csv\n")
+    for worked in (2, 1):
+        # The store is this process's own: its threads see it, other processes do not.
+        with ThreadPoolExecutor(1) as executor:
+            batch = run_batch(
+                "memory://lot/lot.csv",
+                tmp_path,
+                BatchOptions(gravity=GRAVITY, reports="none"),
+                executor=executor,
+            )
+        first, second = batch.units
+        assert (first.verdict, second.verdict) == ("fit", "error")
+        assert "memory://lot/gone.csv could not be fetched" in batch.reasons(second)[0]
+        assert batch.worked == worked
+    assert first.files == ["memory://lot/u0.csv"]
+
+
+def test_a_store_without_its_library_says_which_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    core = pytest.importorskip("fsspec.core")
+
+    def missing(_: str) -> None:
+        raise ImportError("Install s3fs to access S3")
+
+    monkeypatch.setattr(core, "url_to_fs", missing)
+    with pytest.raises(UsageError, match=r"^s3://\*\*\*@b/u.csv needs a library .*s3fs[^\n]*\.$"):
+        read_source(["s3://me:secret@b/u.csv"])
 
 
 def test_a_url_s_password_is_neither_printed_nor_in_the_table(tumble: Any, tmp_path: Path) -> None:

@@ -144,6 +144,12 @@ def _of_url(source: str) -> list[UnitTask]:
         found = [one for one in sorted(system.glob(pattern)) if _may_be_recording(Path(one))]
     except UsageError:
         raise
+    except ImportError as error:
+        raise UsageError(
+            without_password(
+                f"{source} needs a library beside fsspec (aiohttp for http, s3fs for s3, gcsfs for gs): {error}."
+            )
+        ) from None
     except Exception as error:  # noqa: BLE001 (each of fsspec's systems has errors of its own)
         words = shown(str(error))[:200] or type(error).__name__
         raise UsageError(without_password(f"{source} cannot be listed: {words}.")) from None
