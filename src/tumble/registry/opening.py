@@ -99,8 +99,9 @@ class Registry:
             )
         if "locked" in low:
             return f"The registry {self.name} has been in use by another program for {WAIT:g} s: try again."
-        if "readonly" in low or "read-only" in low or "permission denied" in low:
-            return f"The registry {self.name} cannot be written to ({words}): ask for the right to."
+        # Of a schema that a user may not use, PostgreSQL says that none was selected.
+        if any(word in low for word in ("readonly", "read-only", "permission denied", "no schema has been")):
+            return f"The registry {self.name} cannot be read or written to ({words}): ask for the right to."
         if "full" in low:
             return f"The disk of the registry {self.name} is full: nothing was changed."
         return f"The registry {self.name} could not do it: {words}."

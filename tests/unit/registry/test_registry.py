@@ -225,6 +225,44 @@ def test_a_wrong_password_is_not_repeated(postgresql: str) -> None:
     assert "password" in str(caught.value)
 
 
+@pytest.mark.parametrize("may", ["nothing", "see", "read"])
+def test_a_user_without_rights_is_told_in_one_sentence(postgresql: str, document: Document, may: str) -> None:
+    from sqlalchemy import create_engine
+
+    owner = open_registry(postgresql, make=True)
+    add(owner, document("A", 1.0, VALUES, SIGMAS))
+    owner.close()
+    engine = create_engine(postgresql.replace("postgresql://", "postgresql+psycopg://"))
+    with engine.begin() as connection:
+        connection.exec_driver_sql("CREATE ROLE guest LOGIN PASSWORD 'offen'")
+        connection.exec_driver_sql("REVOKE ALL ON SCHEMA public FROM PUBLIC")
+        if may in ("see", "read"):
+            connection.exec_driver_sql("GRANT USAGE ON SCHEMA public TO guest")
+        if may == "read":
+            connection.exec_driver_sql("GRANT SELECT ON ALL TABLES IN SCHEMA public TO guest")
+    name = postgresql.replace("keeper:gehe%3Aim%40", "guest:offen")
+    try:
+        if may == "read":
+            guest = open_registry(name)
+            assert [one.unit for one in entries(guest)] == ["A"]
+            with pytest.raises(RegistryError) as caught:
+                add(guest, document("B", 1.0, VALUES, SIGMAS))
+            guest.close()
+        else:
+            with pytest.raises(RegistryError) as caught:
+                open_registry(name)
+        assert str(caught.value).endswith("ask for the right to.")
+        assert "\n" not in str(caught.value)
+        assert "offen" not in str(caught.value)
+    finally:
+        with engine.begin() as connection:
+            connection.exec_driver_sql("DROP OWNED BY guest")
+            connection.exec_driver_sql("DROP ROLE guest")
+            connection.exec_driver_sql("DROP SCHEMA public CASCADE")
+            connection.exec_driver_sql("CREATE SCHEMA public")
+        engine.dispose()
+
+
 def test_the_tables_are_those_that_the_migrations_make(registry: Registry) -> None:
     from alembic.autogenerate import compare_metadata
     from alembic.runtime.migration import MigrationContext
