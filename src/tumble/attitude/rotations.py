@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from tumble.arrays import Matrices, Matrix, Table, Vector, Vectors
 
@@ -44,6 +46,26 @@ def matrix_from_rotation_vector(rotation_vector: Vector) -> Matrix:
 def rotation_vector_from_matrix(C: Matrix) -> Vector:
     """Return the rotation vector of a rotation matrix, its angle in [0, pi] rad."""
     return np.asarray(rotation_vectors_from_matrices(np.asarray(C)[None])[0], dtype=np.float64)
+
+
+def analytic_rotation_vector(C: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return the rotation vector of a rotation below 90 degrees, analytic in its entries.
+
+    Parameters
+    ----------
+    C : (3, 3) rotation matrix, real, or with imaginary parts for derivatives by complex steps.
+
+    Returns
+    -------
+    rotation_vector : (3,) rad.
+    """
+    axial = 0.5 * np.array([C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]])
+    square = axial @ axial
+    # asin(s) / s by its series near zero, where the square root has no derivative.
+    if abs(square) < 1e-8:
+        return axial * (1.0 + square / 6.0 + 3.0 * square * square / 40.0)
+    sine = np.sqrt(square)
+    return axial * (np.arcsin(sine) / sine)
 
 
 def matrices_from_rotation_vectors(rotation_vectors: Vectors) -> Matrices:

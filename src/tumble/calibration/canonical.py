@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Square, Table
+from tumble.attitude.rotations import analytic_rotation_vector
 from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, QUADRATIC, SCALE
 from tumble.calibration.estimate import Described, NamedValue, correlation_matrix
 from tumble.earth import Site
@@ -156,7 +157,12 @@ def named_parameters(
             matrix = x[GYRO_MATRIX].reshape(3, 3)
             own = lower_factor(matrix)
             scale, angles = shin_from_matrix(own)
-            parts += [x[GYRO_BIAS], _scale(scale, factors[1]), angles, _rotation(inverse(own) @ matrix)]
+            parts += [
+                x[GYRO_BIAS],
+                _scale(scale, factors[1]),
+                angles,
+                analytic_rotation_vector(inverse(own) @ matrix),
+            ]
         elif gyro == "bias":
             parts.append(x[GYRO_BIAS])
         if "g_sensitivity" in terms:
@@ -343,14 +349,3 @@ def gravity_covariance(unknowns: Series, site: Site) -> Square:
 def _scale(scale: Complex, factor: float | None) -> Complex:
     """Return scale factors as errors against SI where the raw unit is known."""
     return scale if factor is None else scale * factor - 1.0
-
-
-def _rotation(C: Complex) -> Complex:
-    """Return the rotation vector of a rotation below 90 degrees, analytically."""
-    axial = 0.5 * np.array([C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]])
-    square = axial @ axial
-    # asin(s) / s by its series near zero, where the square root has no derivative.
-    if abs(square) < 1e-8:
-        return axial * (1.0 + square / 6.0 + 3.0 * square * square / 40.0)
-    sine = np.sqrt(square)
-    return axial * (np.arcsin(sine) / sine)

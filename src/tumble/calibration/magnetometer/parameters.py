@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Matrix, Series, Square
+from tumble.attitude.rotations import analytic_rotation_vector
 from tumble.calibration.estimate import NamedValue
 from tumble.sensor import polar_rotation, propagate
 
@@ -37,7 +38,7 @@ def named_parameters(
         soft = matrix @ turn.T
         parts = [x[9:12], np.diag(soft), np.array([soft[1, 2], soft[0, 2], soft[0, 1]])]
         if turned:
-            parts.append(_small_angles(turn @ nearest.T))
+            parts.append(analytic_rotation_vector(turn @ nearest.T))
         return np.concatenate(parts)
 
     values, spread = propagate(evaluate, numbers, covariance)
@@ -52,17 +53,6 @@ def named_parameters(
         NamedValue(name, float(v), float(s), unit)
         for (name, unit), v, s in zip(labels, values, sigmas, strict=True)
     ]
-
-
-def _small_angles(C: Complex) -> Complex:
-    """Rotation vector of a rotation below a right angle, analytic."""
-    axial = 0.5 * np.array([C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]])
-    square = axial @ axial
-    # asin(s) / s by its series near zero, where the square root has no derivative.
-    if abs(square) < 1e-8:
-        return axial * (1.0 + square / 6.0 + 3.0 * square * square / 40.0)
-    sine = np.sqrt(square)
-    return axial * (np.arcsin(sine) / sine)
 
 
 def nearest_axes(matrix: Matrix) -> Matrix:

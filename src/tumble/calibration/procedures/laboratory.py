@@ -28,7 +28,7 @@ from tumble.calibration.closed_forms.rotation_pairs import (
     pair_rotations,
     refuse_unlike_angles,
 )
-from tumble.calibration.equations.placement import PlacedFit, PlacedReadings, fit_placed, is_excessive
+from tumble.calibration.equations.placement import PlacedFit, PlacedReadings, is_excessive
 from tumble.calibration.estimate import (
     Estimate,
     Figures,
@@ -38,10 +38,10 @@ from tumble.calibration.estimate import (
     said_of,
 )
 from tumble.calibration.evidence import Budget, RotationFit, Rotations
-from tumble.calibration.hold_wander import HoldWander, wander_of_force, wander_of_placed, wander_of_rate
+from tumble.calibration.hold_wander import HoldWander, wander_of_rate
 from tumble.calibration.placement_words import beyond_statement, moved_while_held, poses_apart
 from tumble.calibration.procedure import Procedure
-from tumble.calibration.procedures.six_position import KnownPoses, known_poses
+from tumble.calibration.procedures.six_position import KnownPoses, force_of_poses, known_poses
 from tumble.calibration.rotation_checks import about_ways, compare_ways, slipped
 from tumble.calibration.scores import holds_evidence
 from tumble.calibration.session import Session
@@ -130,23 +130,7 @@ def calibrate_laboratory(
     if means.angular_rate is None or means.angular_rate_covariance is None:
         raise ObservabilityError("The recording has no gyro: the laboratory method needs one.")
     poses = known_poses(matching, protocol)
-    observed, covariance = (
-        means.specific_force[poses.hold],
-        means.specific_force_covariance[poses.hold],
-    )
-    wander = wander_of_force(means, poses.hold, poses.up_b, poses.sigma)
-    force = fit_placed(
-        PlacedReadings(
-            observed, wander.of_each(covariance, poses.hold), site.gravity * poses.up_b, poses.sigma
-        )
-    )
-    force = replace(force, covariance=wander_of_placed(wander, force, poses.hold, poses.rotations_bn))
-    if np.linalg.det(force.matrix) <= 0:
-        raise ObservabilityError(
-            "In the poses that the protocol names the accelerometers read gravity with an odd number "
-            "of axes reversed. No placement does that: check the order and the signs of the columns "
-            "(--columns)."
-        )
+    force, wander = force_of_poses(means, poses, site)
     pairs, lonely = pair_rotations(rotations, matching, protocol, needed=AXES_NEEDED)
     refuse_unlike_angles(recording, pairs, means)
     gyros = _fit_gyros(means, poses, pairs, site)

@@ -123,6 +123,43 @@ def known_poses(matching: Matching, protocol: Protocol) -> KnownPoses:
     )
 
 
+def force_of_poses(means: HoldMeans, poses: KnownPoses, site: Site) -> tuple[PlacedFit, HoldWander]:
+    """Return the accelerometers by gravity in the poses that a protocol names, and how their biases wander.
+
+    Parameters
+    ----------
+    means : of all holds, with specific force.
+    poses : which holds are in which pose.
+    site : for gravity.
+
+    Raises
+    ------
+    ObservabilityError
+        If the axes read gravity as no placement lets them.
+    ConvergenceError
+        If the adjustment fails.
+    """
+    assert means.specific_force is not None
+    assert means.specific_force_covariance is not None
+    wander = wander_of_force(means, poses.hold, poses.up_b, poses.sigma)
+    force = fit_placed(
+        PlacedReadings(
+            means.specific_force[poses.hold],
+            wander.of_each(means.specific_force_covariance[poses.hold], poses.hold),
+            site.gravity * poses.up_b,
+            poses.sigma,
+        )
+    )
+    force = replace(force, covariance=wander_of_placed(wander, force, poses.hold, poses.rotations_bn))
+    if np.linalg.det(force.matrix) <= 0:
+        raise ObservabilityError(
+            "In the poses that the protocol names the accelerometers read gravity with an odd number "
+            "of axes reversed. No placement does that: check the order and the signs of the columns "
+            "(--columns)."
+        )
+    return force, wander
+
+
 def calibrate_six_position(
     recording: Recording,
     means: HoldMeans,
@@ -159,22 +196,7 @@ def calibrate_six_position(
         raise ObservabilityError("The recording has no accelerometer: the six-position test needs one.")
     poses = known_poses(matching, protocol)
     _require_faces(poses)
-    wander = wander_of_force(means, poses.hold, poses.up_b, poses.sigma)
-    force = fit_placed(
-        PlacedReadings(
-            means.specific_force[poses.hold],
-            wander.of_each(means.specific_force_covariance[poses.hold], poses.hold),
-            site.gravity * poses.up_b,
-            poses.sigma,
-        )
-    )
-    force = replace(force, covariance=wander_of_placed(wander, force, poses.hold, poses.rotations_bn))
-    if np.linalg.det(force.matrix) <= 0:
-        raise ObservabilityError(
-            "In the poses that the protocol names the accelerometers read gravity with an odd number "
-            "of axes reversed. No placement does that: check the order and the signs of the columns "
-            "(--columns)."
-        )
+    force, wander = force_of_poses(means, poses, site)
     sigma = force.readings.sigma
     told = _accelerometer(recording, means, poses, site, force, wander, improved=improved)
     gyro = _fit_gyro(recording, means, poses, sigma, site, improved=improved)
