@@ -101,11 +101,6 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
     """
     if model.accelerometer is None or model.gyroscope is None:
         raise ValueError("turns need both triads in the model")
-    # Quadratic terms and asymmetries are taken out of the raw numbers first: the kernels know matrix and bias.
-    raw_force, raw_rate = (
-        _straight(model.accelerometer, data.raw_force),
-        _straight(model.gyroscope, data.raw_rate),
-    )
     gyro_inverse: Matrix = inverted(model.gyroscope.matrix)
     force_inverse: Matrix = inverted(model.accelerometer.matrix)
     sensitivity = np.zeros((3, 3)) if model.g_sensitivity is None else model.g_sensitivity
@@ -114,12 +109,21 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
     turns = np.flatnonzero(data.turn_start >= 0)
     if turns.size == 0:
         return TurnScores(angle, size, duration)
+    # Of a long recording, the turns and the windows beside them alone, each from its first sample on.
+    begin, end = data.tail[turns, 0], data.head[turns + 1, 1]
+    pieces = [slice(*ends) for ends in zip(begin.tolist(), end.tolist(), strict=True)]
+    time, force, rate = (
+        np.concatenate([of[piece] for piece in pieces]) for of in (data.time, data.raw_force, data.raw_rate)
+    )
+    moved = (begin - np.concatenate([[0], np.cumsum(end - begin)[:-1]]))[:, None]
+    # Quadratic terms and asymmetries are taken out of the raw numbers first: the kernels know matrix and bias.
+    raw_force, raw_rate = _straight(model.accelerometer, force), _straight(model.gyroscope, rate)
     integrated = integrate_turns(
-        data.time,
+        time,
         raw_rate,
         raw_force,
-        data.turn_start[turns],
-        data.turn_stop[turns],
+        data.turn_start[turns] - moved[:, 0],
+        data.turn_stop[turns] - moved[:, 0],
         gyro_inverse=gyro_inverse,
         gyro_bias=model.gyroscope.bias,
         force_inverse=force_inverse,
@@ -130,10 +134,10 @@ def score_turns(model: ImuModel, data: HoldsAndTurns) -> TurnScores:
     means = model.accelerometer.correct(data.force_mean)
     rest = model.gyroscope.bias + means @ sensitivity.T
     ends: list[Vectors] = []
-    for windows, edge in ((data.tail[turns], "last"), (data.head[turns + 1], "first")):
+    for windows, edge in ((data.tail[turns] - moved, "last"), (data.head[turns + 1] - moved, "first")):
         ends.append(
             average_at_edge(
-                data.time,
+                time,
                 raw_rate,
                 raw_force,
                 windows[:, 0],

@@ -314,8 +314,9 @@ def _pieces(file: Readable, rest: bytes, name: str) -> Iterator[tuple[bytes, boo
         more = file.read(_CHUNK)
         refuse_long_lines(rest, name)
         end = rest.rfind(b"\n") + 1 if more else len(rest)
-        if rest[:end] and not rest[:end].isspace():
-            yield rest[:end], not more
+        body = rest[:end]
+        if body and not body.isspace():
+            yield body, not more
         rest = rest[end:] + more
 
 
