@@ -45,6 +45,25 @@ def require_compiled(path: str) -> None:
         )
 
 
+def install(extra: str) -> str:
+    """Return what to type for an extra, with its packages by name: so it does in a clone, and from any index.
+
+    Parameters
+    ----------
+    extra : as in ``tumble[extra]``.
+    """
+    from importlib.metadata import PackageNotFoundError, requires
+
+    try:
+        lines = requires("tumble") or []
+    except PackageNotFoundError:
+        lines = []
+    named = [line for line in lines if re.search(rf"extra == ['\"]{extra}['\"]", line)]
+    packages = [re.split(r"[ ;<>=!~]", line, maxsplit=1)[0] for line in named]
+    quoted = [f"'{one}'" if "[" in one else one for one in packages or [f"tumble[{extra}]"]]
+    return f"pip install {' '.join(quoted)}"
+
+
 class UsageError(TumbleError):
     """The call itself is off: an unknown name, two options that exclude each other."""
 

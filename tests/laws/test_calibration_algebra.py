@@ -246,6 +246,19 @@ def test_one_clock_that_both_assume_is_counted_in_no_difference() -> None:
         assert found.rate_scale.standard_uncertainty < 0.5 * apart.rate_scale.standard_uncertainty
 
 
+def test_a_plan_takes_what_is_known_from_a_calibration_in_a_fixture() -> None:
+    """What a fixture's axes add is no matter of the thirty parameters: the accelerometers' own frame has the same."""
+    from tumble.workflows.plan_given import information_of
+
+    task: Any = None
+    known = [
+        information_of(one, task).matrix
+        for one in (document(MODEL), turned_to(document(MODEL), "accelerometer-x"))
+    ]
+    assert np.allclose(known[0], known[1], rtol=1e-6)
+    assert np.linalg.matrix_rank(known[0]) > 20
+
+
 def test_rounding_is_no_change() -> None:
     """Turned there and back: zeros of the frame come back as 1e-18 with an uncertainty as small."""
     first = turned_to(document(MODEL), "accelerometer-x")

@@ -149,6 +149,16 @@ class Capture:
         events = [event for change in self.search.finish() for event in self._of_change(change)]
         return events + (self._reckon() if self.search.holds else [])
 
+    def outlook(self) -> str:
+        """Return whether what came was enough, and else what is wanting; empty where nobody judges it."""
+        progress = self.progress
+        if self._enough_said:
+            return "The guide had enough."
+        if self.guide is None or not (progress.words or progress.advice):
+            return ""
+        more = () if progress.advice is None else (progress.advice.words,)
+        return " ".join(["The guide had not enough yet.", *progress.words, *more])
+
     def _of_change(self, change: Change) -> list[Event]:
         facts = {"start": change.start, "stop": change.stop}
         if change.hold is not None:

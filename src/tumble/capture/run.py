@@ -304,7 +304,8 @@ class _UnderWay:
             )
         capture, files = self._capture, self._files
         self._say(capture.finish())
-        self._say([self._event("ended", f"{capture.blocks.samples} samples are in {files.recording}.")])
+        ended = f"{capture.blocks.samples} samples are in {files.recording}. {capture.outlook()}"
+        self._say([self._event("ended", ended.strip())])
         files.close_recording()
         run = CaptureRun(self._order.folder, capture)
         try:

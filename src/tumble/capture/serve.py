@@ -20,7 +20,7 @@ from tumble.capture.folder import JOURNAL, header_of, lines_of
 from tumble.capture.samples import Channels, Samples
 from tumble.capture.simulated_person import SimulatedPerson
 from tumble.capture.sources.sockets import split_address
-from tumble.errors import UsageError
+from tumble.errors import UsageError, install
 
 # s after which the names of the columns are sent again, for those who come later; pieces that a slow reader may lag.
 AGAIN, LAGGED = 1.0, 600
@@ -156,7 +156,7 @@ def _socket(host: str, port: int) -> Generator[Sender]:
         from websockets.exceptions import WebSocketException
         from websockets.sync.server import serve as serve_sockets
     except ImportError:
-        raise UsageError("A WebSocket needs the extra `web`: pip install 'tumble[web]'.") from None
+        raise UsageError(f"A WebSocket needs the extra `web`: {install('web')}.") from None
     readers: list[deque[bytes]] = []
     ended = threading.Event()
 

@@ -20,7 +20,7 @@ from tumble.certificate.content import CertificateContent, certificate_content
 from tumble.certificate.languages import LANGUAGES, phrases
 from tumble.certificate.profile import Laboratory, Profile
 from tumble.document.result import Calibration
-from tumble.errors import UsageError
+from tumble.errors import UsageError, install
 from tumble.files import opened, shown
 
 LARGEST = 64 << 20
@@ -134,7 +134,7 @@ def _text_and_attachment(path: Path) -> tuple[str, bytes]:
         import pypdf
         from pypdf.errors import PyPdfError
     except ImportError:
-        raise UsageError("--check needs pypdf: pip install 'tumble[certificate]'.") from None
+        raise UsageError(f"--check needs pypdf: {install('certificate')}.") from None
     try:
         with opened(path) as file:
             content = file.read(LARGEST + 1)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from tumble.certificate.content import CertificateContent
-from tumble.errors import UsageError
+from tumble.errors import UsageError, install
 
 STANDARD = "a-3a"
 """PDF/A-3, accessible: it may carry any file, and here carries calibration.json."""
@@ -43,7 +43,7 @@ def certificate_pdf(content: CertificateContent, *, short: bool = False, logo: b
     try:
         import typst
     except ImportError:
-        raise UsageError("A certificate needs typst and segno: pip install 'tumble[certificate]'.") from None
+        raise UsageError(f"A certificate needs typst and segno: {install('certificate')}.") from None
     try:
         day = datetime.strptime(content.date, "%Y-%m-%d").replace(tzinfo=UTC)
     except ValueError:
@@ -90,7 +90,7 @@ def qr_code(content: CertificateContent) -> bytes:
     try:
         import segno
     except ImportError:
-        raise UsageError("A certificate needs typst and segno: pip install 'tumble[certificate]'.") from None
+        raise UsageError(f"A certificate needs typst and segno: {install('certificate')}.") from None
     out = io.BytesIO()
     made: Any = segno.make(f"sha256:{content.sha256} {content.number}", error="m", micro=False)
     made.save(out, kind="svg", scale=1, border=1)

@@ -43,6 +43,15 @@ class WishOptions:
             "protocols also gyro-bias (°/h), gyro-scale, gyro-misalignment, rotation and g-sensitivity.",
         ),
     ] = None
+    rate: Annotated[
+        str | None,
+        option(
+            ADVANCED,
+            "HZ[±HZ]",
+            "The sample rate with its standard uncertainty, as 100±0.01, which all gyro scale factors share. "
+            "Without it the rate is a nominal one, uncertain by 0.58 %.",
+        ),
+    ] = None
     data_sheet: DataSheet = None
 
 
@@ -58,15 +67,6 @@ class ProtocolOptions:
             "FILE",
             "With --given RECORDING: the protocol that it was recorded with, which has the table's angles.",
             "--protocol",
-        ),
-    ] = None
-    rate: Annotated[
-        str | None,
-        option(
-            ADVANCED,
-            "HZ[±HZ]",
-            "The sample rate with its standard uncertainty, as 100±0.01, which all gyro scale factors share. "
-            "Without it the rate is a nominal one, uncertain by 0.58 %.",
         ),
     ] = None
     steps: Annotated[

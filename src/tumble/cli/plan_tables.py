@@ -45,7 +45,7 @@ def print_protocol(done: ProtocolPlanned, printed: LongPrintOptions) -> None:
     _print_prediction(screen, done)
     if done.worths and not quiet:
         rows = step_rows(done, each=printed.verbose)
-        screen.print(table(STEP_HEADS, rows, right=(1, 2, 4), tight=True))
+        screen.print(table(STEP_HEADS, rows, right=(1, 2, 4), tight=True, fold=True))
     for sentence in done.given:
         screen.print(sentence, style="bold green" if done.stop else "bold yellow")
     for sentence in done.words:
@@ -102,6 +102,9 @@ def _print_pose_tables(screen: Console, done: PosesPlanned, verbose: bool) -> No
     screen.print(table(heads, parameter_rows(done), right=(1, 3), tight=True))
     heads, rows = scheme_rows(done)
     screen.print(table(heads, rows, right=range(1, len(heads)), tight=True, fold=True))
+    for name, refused in done.schemes.items():
+        if isinstance(refused, str):
+            screen.print(f"• {name}: {refused}.")
     if verbose:
         named = enumerate(zip(pose_names(plan), plan.dwells.tolist(), strict=True), 1)
         poses = [[str(number), name, f"{dwell:.1f} s"] for number, (name, dwell) in named]

@@ -9,7 +9,7 @@ from datetime import date
 from importlib import import_module
 from typing import Any
 
-from tumble.errors import SiteError, UsageError
+from tumble.errors import SiteError, UsageError, install
 
 # Years for which the model's reports state its errors: WMM2015 (Chulliat and others 2015) to WMM2025.
 FIRST, LAST = 2015, 2030
@@ -58,7 +58,7 @@ def earth_field(latitude: float, longitude: float, height: float, day: date) -> 
         library: Any = import_module("pygeomag")
     except ImportError:
         raise UsageError(
-            "The World Magnetic Model needs pygeomag: pip install 'tumble[magnetic]', or give the field itself, "
+            f"The World Magnetic Model needs pygeomag: {install('magnetic')}, or give the field itself, "
             "--field NORM,DIP."
         ) from None
     days = 366 if calendar.isleap(day.year) else 365

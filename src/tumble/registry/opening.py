@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tumble.errors import OutputError, TumbleError, UsageError
+from tumble.errors import OutputError, TumbleError, UsageError, install
 from tumble.files import shown
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def open_registry(name: str, *, make: bool = False) -> Registry:
         from sqlalchemy import create_engine
         from sqlalchemy.exc import SQLAlchemyError
     except ImportError:
-        raise UsageError("A registry needs SQLAlchemy and alembic: pip install 'tumble[registry]'.") from None
+        raise UsageError(f"A registry needs SQLAlchemy and alembic: {install('registry')}.") from None
     url = _url(name)
     hidden = _hidden(url)
     if url.get_backend_name() == "sqlite":

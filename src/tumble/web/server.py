@@ -15,7 +15,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, cast
 
-from tumble.errors import UsageError
+from tumble.errors import UsageError, install
 from tumble.web.hub import Hub
 
 # What a capture ends with: of a calibration, or of noise.
@@ -56,7 +56,7 @@ class PageServer:
             import uvicorn
             import websockets  # noqa: F401  # pyright: ignore[reportUnusedImport]
         except ImportError:
-            raise UsageError("--web needs the extra `web`: pip install 'tumble[web]'.") from None
+            raise UsageError(f"--web needs the extra `web`: {install('web')}.") from None
         self._hub, self._folder = hub, folder
         self._local = _is_local(host)
         self.token = "" if self._local else secrets.token_urlsafe(18)

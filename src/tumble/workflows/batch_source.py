@@ -14,7 +14,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from tumble.errors import UsageError
+from tumble.errors import UsageError, install
 from tumble.files import HIDDEN, number_of, read_text, shown, without_password
 
 MANIFEST = "manifest.csv"
@@ -169,7 +169,7 @@ def imported_fsspec() -> Any:
         import fsspec.core  # pyright: ignore[reportUnusedImport]
     except ImportError:
         raise UsageError(
-            "Files by URL need fsspec: pip install 'tumble[fleet]', and for s3:// or gs:// the library that it names."
+            f"Files by URL need fsspec: {install('fleet')}, and for s3:// or gs:// the library that it names."
         ) from None
     return fsspec
 

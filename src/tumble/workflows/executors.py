@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from itertools import islice
 from typing import Any, TypeVar
 
-from tumble.errors import UsageError
+from tumble.errors import UsageError, install
 from tumble.files import without_password
 
 Task = TypeVar("Task")
@@ -86,7 +86,7 @@ def dask_cluster(address: str) -> Generator[tuple[Executor, int], None, None]:
     try:
         from distributed import Client  # pyright: ignore[reportMissingTypeStubs]
     except ImportError:
-        raise UsageError("--scheduler needs dask.distributed: pip install 'tumble[fleet]'.") from None
+        raise UsageError(f"--scheduler needs dask.distributed: {install('fleet')}.") from None
     known: Any = Client
     try:
         client = known(address, timeout=10, set_as_default=False)

@@ -130,16 +130,17 @@ def information_of(calibration: Calibration, task: PlanTask) -> JointInformation
     Raises
     ------
     UsageError
-        If its axes are those of a fixture, or it states no accelerometer matrix.
+        If it states no accelerometer matrix.
     """
     from tumble.design.joint_information import PARAMETERS, JointInformation
 
-    if calibration.frame.name != "accelerometer-x":
-        raise UsageError(
-            f"The calibration's axes are those of {calibration.frame.name}, and a plan's are the accelerometers': give "
-            "the recording itself."
-        )
     values = _values(calibration)
+    if calibration.frame.name != "accelerometer-x":
+        # A plan's axes are the accelerometers': how a fixture holds the unit is no matter of theirs.
+        from tumble.document.algebra import turned_to
+
+        calibration = turned_to(calibration, "accelerometer-x")
+        values = _values(calibration)
     names = list(calibration.covariance_parameters)
     where = [index for index, name in enumerate(names) if name in values]
     slopes = np.array([_slope(values, names[index]) for index in where]).T

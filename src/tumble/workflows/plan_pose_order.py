@@ -46,6 +46,7 @@ class PoseOrder:
     placement : rad, of the faces on their plate, for six-position.
     site : gravity; latitude 45° by default.
     seed : of the search's starts.
+    rate : of the samples of a hand-held test with its standard uncertainty, as for `plan_any_protocol`.
     """
 
     procedure: str
@@ -66,6 +67,7 @@ class PoseOrder:
     placement: float | None = None
     site: Site | None = None
     seed: int = 0
+    rate: str | None = None
 
     @property
     def usual(self) -> tuple[float, float, int]:

@@ -122,6 +122,8 @@ def plan_poses(
     """
     folder = plan_folder(output, FILES)
     order.check()
+    if order.rate is not None and (order.procedure != "hand-held" or order.given is not None):
+        raise UsageError("--rate is for a whole hand-held test or a protocol: leave it out.")
     from tumble.design.pose_plan import plan_schemes
 
     grade, remarks = pose_grade(order)
@@ -146,10 +148,11 @@ def plan_poses(
     done.sigmas_given = known.sigmas
     done.remarks = [*remarks, *assumed, *describe_poses(done), *_unmet(plan, place, wished)]
     if order.procedure == "hand-held" and order.given is None:
-        from tumble.workflows.plan_protocol import judge_protocol
+        from tumble.workflows.plan_protocol import judge_protocol, of_clock
 
         progress("holds and turns together")
-        done.joint = judge_protocol(done.protocol, grade, place, order.seed, progress)
+        done.joint = judge_protocol(done.protocol, grade, place, order.seed, progress, order.rate)
+        done.remarks.append(of_clock(done.joint.plan))
     if folder is not None:
         progress("writing")
         done.files = _write(done, folder)

@@ -151,18 +151,23 @@ def plan_any_protocol(
 
 
 def judge_protocol(
-    protocol: Protocol, grade: Grade, place: Site, seed: int, say: Callable[[str], None]
+    protocol: Protocol,
+    grade: Grade,
+    place: Site,
+    seed: int,
+    say: Callable[[str], None],
+    rate: str | None = None,
 ) -> ProtocolPlanned:
     """Foretell a protocol with a unit of a grade, without advice.
 
     Parameters
     ----------
-    protocol, grade, place, seed, say : as for `plan_any_protocol`, found already.
+    protocol, grade, place, seed, say, rate : as for `plan_any_protocol`, found already.
     """
     from tumble.design.joint_plan import PlanTask, plan_protocol
 
     task = PlanTask.of_grade(protocol, grade, place, seed=seed)
-    return ProtocolPlanned(plan_protocol(replace(task, clock=planned_clock(protocol, None)), say), grade.name)
+    return ProtocolPlanned(plan_protocol(replace(task, clock=planned_clock(protocol, rate)), say), grade.name)
 
 
 def planned_clock(protocol: Protocol, rate: str | None) -> float:
@@ -318,7 +323,14 @@ def _advise(
         done.stop = False
 
 
-def _of_clock(plan: JointPlan) -> str:
+def of_clock(plan: JointPlan) -> str:
+    """Return what the gyro scale factors owe to the sample rate, in sentences.
+
+    Parameters
+    ----------
+    plan : a protocol's.
+    """
+    from tumble.calibration.verdict import two_digits
     from tumble.design.joint_information import GROUPS
     from tumble.recording.clock import NOMINAL
 
@@ -326,12 +338,13 @@ def _of_clock(plan: JointPlan) -> str:
     alone = ""
     if np.all(plan.told[part]):
         ppm = 1e6 * float(np.sqrt(np.mean(plan.noise_sigmas[part] ** 2)))
-        alone = f" Without that they would be known to {ppm:.2g} ppm."
+        alone = f" Without that they would be known to {two_digits(ppm)} ppm."
     if plan.task.clock != NOMINAL:
         return f"The sample rate is known to {size}, as stated, and all gyro scale factors share that.{alone}"
     return (
-        f"The sample rate is a nominal one, uncertain by {size}, and all gyro scale factors share that.{alone} "
-        "State it as --rate 100±0.01, or record the stamps of a clock."
+        f"The gyro scale factors share a nominal sample rate, uncertain by {size}.{alone} A simulation's clock is "
+        "perfect: --rate 100±0 predicts what it will find. State your own as --rate 100±0.01, or record the times of a "
+        "clock."
     )
 
 
@@ -360,7 +373,7 @@ def _remarks(done: ProtocolPlanned, site: Site | None) -> list[str]:
             f"Units of {done.imu} are taken to have no g-sensitivity; were it estimated, it would be "
             f"known to {g:.2g} (°/h)/g."
         )
-    words.append(_of_clock(plan))
+    words.append(of_clock(plan))
     if task.site.gravity_sigma > 0.0:
         ppm = 1e6 * task.site.gravity_sigma / task.site.gravity
         words.append(

@@ -106,7 +106,7 @@ def step_rows(done: ProtocolPlanned, *, each: bool = False) -> list[list[str]]:
                 title,
                 f"{100.0 * sum(one.share_of_time for one in members):.1f} %",
                 f"{100.0 * sum(one.share_of_information for one in members):.1f} %",
-                f"{_growth(worst.most_growth)} {worst.most}",
+                f"{_growth(worst.most_growth)} {briefly(worst.most)}",
                 f"{100.0 * max(float(np.mean([one.longer_per_minute for one in members])), 0.0):.2g} %",
             ]
         )
@@ -120,6 +120,23 @@ STEP_HEADS = (
     "without it, at worst",
     "a minute more: all fall by",
 )
+
+
+def briefly(name: str) -> str:
+    """Return a parameter's name for a narrow column.
+
+    Parameters
+    ----------
+    name : of a parameter.
+
+    Examples
+    --------
+    >>> briefly("accelerometer non-orthogonality yz")
+    'acc. non-orthog. yz'
+    """
+    for long, short in (("accelerometer", "acc."), ("orthogonality", "orthog."), ("factor error", "error")):
+        name = name.replace(long, short)
+    return name
 
 
 def _kinds(done: ProtocolPlanned, *, each: bool) -> list[tuple[str, list[StepWorth]]]:
@@ -354,17 +371,13 @@ def scheme_rows(done: PosesPlanned) -> tuple[list[str], list[list[str]]]:
         "in the same time",
         "poses",
         "rest",
-        *(f"{group}, {unit}" for group, (unit, _) in UNITS.items()),
+        *(f"{group.replace('misalignment', 'misal.')}, {unit}" for group, (unit, _) in UNITS.items()),
         "criterion",
     ]
     plan = done.plan
-    rows = [_scheme_row(f"this plan: {plan.name}", plan, plan.value)]
+    rows = [_scheme_row("this plan", plan, plan.value)]
     for name, one in done.schemes.items():
-        rows.append(
-            [f"{name}: {one}", "", "", "", "", "", ""]
-            if isinstance(one, str)
-            else _scheme_row(name, one, plan.value)
-        )
+        rows.append([name, *"––––––"] if isinstance(one, str) else _scheme_row(name, one, plan.value))
     return heads, rows
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from tumble.capture.frames import Frames, Measured
 from tumble.capture.link import Decoder, Format
 from tumble.capture.source import Piece, SourceOptions
-from tumble.errors import UsageError
+from tumble.errors import UsageError, install
 from tumble.units import COUNTS
 
 # Best first: units, and s of one unit of its stamp. RAW_IMU's units are the vehicle's (ArduPilot: mg and mrad/s).
@@ -96,7 +96,7 @@ def _parser() -> Any:
     try:
         from pymavlink.dialects.v20 import common
     except ImportError:
-        raise UsageError("MAVLink needs pymavlink: pip install 'tumble[mavlink]'.") from None
+        raise UsageError(f"MAVLink needs pymavlink: {install('mavlink')}.") from None
     parser: Any = common.MAVLink(None)
     parser.robust_parsing = True
     return parser

@@ -8,7 +8,7 @@ from typing import Any
 
 from tumble.capture.link import Link, pieces_of_link
 from tumble.capture.source import Piece, Source, SourceOptions
-from tumble.errors import UsageError
+from tumble.errors import UsageError, install
 
 BAUD = 115_200
 
@@ -44,7 +44,7 @@ def _library() -> Any:
         import serial
     except ImportError:
         raise UsageError(
-            "A serial port needs pyserial: pip install 'tumble[serial]', or pipe the port's lines into "
+            f"A serial port needs pyserial: {install('serial')}, or pipe the port's lines into "
             "`tumble capture -`."
         ) from None
     return serial

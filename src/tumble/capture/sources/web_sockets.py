@@ -14,7 +14,7 @@ from tumble.capture.decoders.sensor_server import CORRECTED, UNCALIBRATED
 from tumble.capture.link import Link, pieces_of_link
 from tumble.capture.source import Piece, Source, SourceOptions
 from tumble.capture.sources.sockets import split_address
-from tumble.errors import UsageError
+from tumble.errors import UsageError, install
 from tumble.recording.formats.bags.ros_messages import FIELD, plain_type
 
 # s to connect, and until a server has said something; bytes of a message.
@@ -33,7 +33,7 @@ class _WebSocket:
             from websockets.exceptions import WebSocketException
             from websockets.sync.client import connect
         except ImportError:
-            raise UsageError("A WebSocket needs the extra `web`: pip install 'tumble[web]'.") from None
+            raise UsageError(f"A WebSocket needs the extra `web`: {install('web')}.") from None
         self._lost = WebSocketException
         try:
             # The library wants it as a context, which the link is not.

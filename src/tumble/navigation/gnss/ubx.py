@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tumble.arrays import Matrices
-from tumble.errors import RecordingError
+from tumble.errors import RecordingError, install
 from tumble.files import opened
 from tumble.navigation.gnss.time_scales import WEEK, gps_from_utc, seconds_of_date
 from tumble.navigation.gnss.track import GnssTrack, in_order, make_track
@@ -58,7 +58,7 @@ def _messages(path: Path) -> list[Any]:
         library: Any = import_module("pyubx2")
     except ImportError as error:
         raise RecordingError(
-            f"{path.name} is UBX, which is read by the library pyubx2: install it with pip install 'tumble[gnss]'."
+            f"{path.name} is UBX, which is read by the library pyubx2: install it with {install('gnss')}."
         ) from error
     with foreign(path, "UBX file"), opened(path) as file:
         reader: Any = library.UBXReader(file, protfilter=library.UBX_PROTOCOL, quitonerror=0)

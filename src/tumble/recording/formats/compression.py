@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 from zipfile import ZipFile
 
-from tumble.errors import RecordingError, UsageError
+from tumble.errors import RecordingError, UsageError, install
 from tumble.files import size_of
 
 _LARGEST_CHUNK = (
@@ -29,9 +29,7 @@ def _library(name: str, file: str, what: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        raise UsageError(
-            f'{file} is compressed with {what}; reading it needs pip install "tumble[ros]".'
-        ) from error
+        raise UsageError(f"{file} is compressed with {what}; reading it needs {install('ros')}.") from error
 
 
 def largest_chunk(data: bytes) -> int:

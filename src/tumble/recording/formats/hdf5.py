@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Vectors
-from tumble.errors import RecordingError, UsageError
+from tumble.errors import RecordingError, UsageError, install
 from tumble.files import opened
 from tumble.recording.columns import ColumnPlan, plan_from_names
 from tumble.recording.formats.compression import refuse_unmeasured
@@ -100,7 +100,7 @@ def _content(path: Path) -> _Content:
         h5py: Any = import_module("h5py")
     except ImportError as error:
         raise UsageError(
-            f"{path.name} is HDF5 (MATLAB 7.3); reading it needs h5py: pip install 'tumble[hdf5]', "
+            f"{path.name} is HDF5 (MATLAB 7.3); reading it needs h5py: {install('hdf5')}, "
             "or save it in MATLAB with the option '-v7'."
         ) from error
     content = _Content()

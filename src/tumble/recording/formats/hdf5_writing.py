@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tumble.errors import OutputError, UsageError
+from tumble.errors import OutputError, UsageError, install
 from tumble.files import written_beside
 from tumble.recording.recording import Recording
 from tumble.units import COUNTS
@@ -39,7 +39,7 @@ def write_hdf5(blocks: Iterable[Recording], target: Path, marks: Sequence[str] =
     try:
         h5py: Any = import_module("h5py")
     except ImportError as error:
-        raise UsageError(f"{target.name}: writing HDF5 needs h5py: pip install 'tumble[hdf5]'.") from error
+        raise UsageError(f"{target.name}: writing HDF5 needs h5py: {install('hdf5')}.") from error
     if not target.parent.is_dir():
         raise OutputError(f"{target} could not be written: the folder {target.parent} does not exist.")
     with written_beside(target) as beside:

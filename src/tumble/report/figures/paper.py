@@ -17,7 +17,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from tumble.errors import UsageError
+from tumble.errors import UsageError, install
 from tumble.files import make_folder, write_text, written_beside
 from tumble.report.html import figures_of
 from tumble.report.page import Plot
@@ -94,7 +94,7 @@ def require_library() -> None:
         If matplotlib is not installed.
     """
     if find_spec("matplotlib") is None:
-        raise UsageError("--figures needs matplotlib: pip install 'tumble[figures]'.")
+        raise UsageError(f"--figures needs matplotlib: {install('figures')}.")
 
 
 def _alone(svg: str) -> str:

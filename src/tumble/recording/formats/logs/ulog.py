@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series, Vectors
-from tumble.errors import RecordingError, UsageError
+from tumble.errors import RecordingError, UsageError, install
 from tumble.files import opened
 from tumble.recording.formats.damage import foreign
 from tumble.recording.formats.logs.logged_streams import Stream, is_field, table_of_streams
@@ -74,9 +74,7 @@ def read_table(path: Path, topics: Sequence[str] = ()) -> RawTable:
     try:
         library: Any = import_module("pyulog")
     except ImportError as error:
-        raise UsageError(
-            f'{path.name} is a ULog; reading it needs pyulog: pip install "tumble[px4]".'
-        ) from error
+        raise UsageError(f"{path.name} is a ULog; reading it needs pyulog: {install('px4')}.") from error
     # Opened here, for pyulog leaves a damaged file open; what it prints of damage is said by a remark.
     with foreign(path, "ULog"), opened(path) as file:
         with redirect_stdout(StringIO()):
