@@ -16,7 +16,7 @@ from tumble.noise.evidence import Blocks, Piece, RestEvidence
 from tumble.noise.held import REPEATS
 from tumble.units import angular_rate_factor, specific_force_factor
 
-_BLOCK = 1.0  # s, blocks whose scatter determines motion
+_BLOCK = 1.0  # s, blocks whose scatter shows motion
 _LEAST_BLOCK = 20  # samples
 _LEAST_PIECE = 2.0  # s of rest that are worth keeping between two motions
 _MOVING = 3.0  # times the scatter at rest; noise of 20 samples reaches 1.6 in a million blocks

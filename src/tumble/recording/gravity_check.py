@@ -240,7 +240,7 @@ def find_axis_contradiction(recording: Recording) -> str | None:
     """Return a sentence if gravity says that gyro axes are swapped or reversed, otherwise None.
 
     The matrix of `axis_agreement` is compared with the 48 signed permutations; where the unit did not
-    turn about all axes, one factor for all of them still determines rates that go the wrong way round. Whether
+    turn about all axes, one factor for all of them still shows rates that go the wrong way round. Whether
     the gyro's or the accelerometers' columns are the wrong ones, gravity alone does not tell: the
     sentence names the gyro's.
 

@@ -101,7 +101,7 @@ def shape_stretch(
     The limit at the ends is the stretch's own: six robust standard deviations of its own smoothed
     signal about its own median, so neither bias, g-sensitivity nor Earth rate enter. A slow turn
     passes that limit late; because its rate begins as the square of time, the place where it is four
-    times the limit determines how late.
+    times the limit shows how late.
 
     Parameters
     ----------

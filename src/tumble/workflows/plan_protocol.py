@@ -236,7 +236,7 @@ def _task(
         task = replace(task, sizes=parameter_sizes(sheet), sheet=True)
         remarks.append(
             f"The spreads of {sheet.name} are believed beforehand, for every parameter that the test "
-            "determines worse. `tumble calibrate` believes them for accelerometers alone "
+            "determines less well. `tumble calibrate` believes them for accelerometers alone "
             "(--procedure multi-position)."
         )
     if noise is not None:
