@@ -227,9 +227,22 @@ def fleet_command(
     if printed.as_json:
         say_json({"units": between.count, "document": document.model_dump(mode="json")}, indent=1)
         return
-    rows = [[p.name, f"{p.value:.5g}", f"{p.standard_uncertainty:.3g}", p.unit] for p in document.parameters]
+    from tumble.report.parameters import parameter_rows
+
+    measures = [
+        (row.name, row.other if row.family == "bias" and row.other is not None else row.shown)
+        for row in parameter_rows(document)
+    ]
+    rows = [
+        [name, f"{one.value:.4g}", f"{one.sigma:.2g}", one.unit] for name, one in measures if one.sigma > 0.0
+    ]
     title = f"{between.count} units: the mean, and the standard deviation of a next unit"
     console().print(table(("parameter", "mean", "spread", "unit"), rows, right=(1, 2), title=title))
+    if any("misalignment" in name for name, _ in measures):
+        console().print(
+            "Misalignments are against the accelerometers' axes: theirs are their non-orthogonalities, the "
+            "gyros' hold the rotation between the triads, too."
+        )
     say_written([output] if output else [])
 
 

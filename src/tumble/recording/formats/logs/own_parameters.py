@@ -150,7 +150,7 @@ def active_on_field(parameters: dict[str, float]) -> dict[str, float]:
 
 
 def identity_of(path: Path) -> tuple[str, ...]:
-    """Return what distinguishes the active parameters of a log from others: twelve hexadecimal digits; none without any.
+    """Return what distinguishes a log's active parameters from others: twelve hexadecimal digits; none without any.
 
     Parameters
     ----------
