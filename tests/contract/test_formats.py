@@ -384,7 +384,7 @@ def test_hdf5_names_the_extra_that_it_needs(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setitem(sys.modules, "h5py", None)
     path = tmp_path / "a.mat"
     path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n" + bytes(100))
-    with pytest.raises(UsageError, match=r"pip install 'tumble\[hdf5\]'"):
+    with pytest.raises(UsageError, match=r"pip install h5py"):
         read_recording(path)
 
 

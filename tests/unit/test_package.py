@@ -113,3 +113,11 @@ def calibration() -> tumble.Calibration:
     return calibration_from_model(
         model, ("m/s^2", "rad/s"), ("fixture", "axes"), [], procedure="by hand", remarks=[]
     )
+
+
+def test_an_extra_is_named_by_its_packages_which_does_in_a_clone_too() -> None:
+    from tumble.errors import install
+
+    assert install("ros") == "pip install lz4 zstandard"
+    assert "'psycopg[binary]'" in install("registry")
+    assert install("no-such-extra") == "pip install 'tumble[no-such-extra]'"

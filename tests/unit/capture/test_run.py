@@ -16,8 +16,10 @@ import numpy as np
 import pytest
 from tests.unit.capture.recordings import by_hand, channels_of, pieces_of
 
+from tumble.capture.coach import Progress
 from tumble.capture.folder import CaptureFolder
 from tumble.capture.guide import Guide
+from tumble.capture.machine import Capture
 from tumble.capture.run import CaptureOrder, run_capture
 from tumble.capture.source import Piece, Source, SourceOptions
 from tumble.capture.source import sources as all_sources
@@ -313,3 +315,17 @@ def test_a_unit_whose_numbers_never_change_does_not_end_the_capture(tmp_path: Pa
     assert run.calibration is None
     assert run.refusal
     assert {"hold_complete", "not_calibrated"} <= set(kinds(tmp_path / "out"))
+
+
+def test_a_capture_ends_by_saying_whether_the_guide_had_enough() -> None:
+    capture: Any = Capture.__new__(Capture)
+    capture.guide, capture.progress, capture._enough_said = (
+        object(),
+        Progress(words=("Gyro x is open.",)),
+        False,
+    )
+    assert capture.outlook() == "The guide had not enough yet. Gyro x is open."
+    capture._enough_said = True
+    assert capture.outlook() == "The guide had enough."
+    capture._enough_said, capture.guide = False, None
+    assert capture.outlook() == ""

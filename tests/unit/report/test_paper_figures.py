@@ -115,5 +115,5 @@ def test_wrong_forms_and_a_missing_library_are_one_sentence(
     with pytest.raises(UsageError, match="give one of pdf, svg, png"):
         paper.draw_page(tmp_path / "a.html", "bmp")
     monkeypatch.setattr(paper, "find_spec", lambda _: None)
-    with pytest.raises(UsageError, match=r"pip install 'tumble\[figures\]'"):
+    with pytest.raises(UsageError, match=r"pip install matplotlib"):
         paper.require_library()

@@ -153,7 +153,7 @@ def test_without_the_models_library_one_sentence_says_what_to_do(monkeypatch: py
     from tumble.workflows.magnetometer import given_field
 
     monkeypatch.setitem(sys.modules, "pygeomag", None)
-    with pytest.raises(TumbleError, match=r"pip install 'tumble\[magnetic\]'"):
+    with pytest.raises(TumbleError, match=r"pip install pygeomag"):
         given_field("wmm,11.6,2026-05-03", tumble.Site.from_latitude(0.8))
 
 
