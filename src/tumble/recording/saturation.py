@@ -37,9 +37,11 @@ def find_saturation(channel: Series, name: str, floor: float) -> list[Saturation
         if reach <= 20.0 * floor or reach == 0.0:
             continue
         at = channel == value
-        near = (np.abs(channel - value) < _LEFT * reach) & ~at
         count = int(at.sum())
-        if count < _LEAST_RUN + 1 or count <= int(near.sum()):
+        if count < _LEAST_RUN + 1:
+            continue
+        near = (np.abs(channel - value) < _LEFT * reach) & ~at
+        if count <= int(near.sum()):
             continue
         edges = np.diff(np.concatenate([[0], at.astype(np.int8), [0]]))
         starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
@@ -52,7 +54,10 @@ def find_saturation(channel: Series, name: str, floor: float) -> list[Saturation
 
 def noise_of(channel: Series) -> float:
     """Return the noise per sample, robustly, from successive differences."""
-    return float(np.median(np.abs(np.diff(channel)))) / 0.954 if channel.size > 1 else 0.0
+    if channel.size < 2:
+        return 0.0
+    steps = np.diff(channel)
+    return float(np.median(np.abs(steps, out=steps), overwrite_input=True)) / 0.954
 
 
 def limits_reached(values: Vectors) -> list[Saturation]:
