@@ -224,6 +224,26 @@ def test_derivatives_are_those_of_differences(scenes: dict[str, JointAdjustment]
         assert off[first + place.start : first + place.stop].max() < limit, block.name
 
 
+def test_the_clock_turns_a_lever_arm_in_windows(scenes: dict[str, JointAdjustment]) -> None:
+    """Beside what the clock does to angles it is small, so that the test above does not see it."""
+    task, step = scenes["table"].copy(), 1e-6
+    stretch: Any = RecordingStretch(task).within[0][1]
+    inner = stretch.within[0][1]
+
+    def windows(share: float) -> Whitened:
+        task.unknowns["clock"][:] = share
+        (term,) = (term for term in _terms(task, of_table=True) if term.equations.kind == "windows")
+        return term
+
+    exact, expected = [], []
+    for lever in (np.zeros(3), np.array([0.2, -0.1, 0.15])):
+        inner.moving.own[inner.layout.lever] = lever
+        expected.append((windows(step).linear.residual - windows(-step).linear.residual) / (2.0 * step))
+        exact.append(windows(0.0).linear.by_border[:, :, LAYOUT["clock"].start - LAYOUT.size])
+    assert np.abs(expected[1] - expected[0]).max() > 0.1
+    assert exact[1] - exact[0] == pytest.approx(expected[1] - expected[0], abs=1e-3)
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_causes_add_up_and_covariances_are_positive(scenes: dict[str, JointAdjustment], name: str) -> None:
     task = scenes[name]

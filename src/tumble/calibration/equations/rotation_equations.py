@@ -250,6 +250,7 @@ class Windows(AlikeEquations):
         by_output = -shown.by_true @ by_rate @ inverted(gyro_matrix(u))
         felt = backward @ up
         blocks |= {name: by_output @ block for name, block in raw_rate(u, rates, felt).by_blocks.items()}
+        blocks["clock"] = shown.by_true @ by_rate @ rates[:, :, None] / (1.0 + u["clock"][0])
         by_border = u.columns(blocks, layout.earth.stop)
         by_border[:, :, layout.lever] = shown.by_true @ centripetal
         by_border[:, :, layout.force] = bases
