@@ -127,8 +127,8 @@ def _poses(rows: list[ParameterRow], up_b: Vectors) -> list[str]:
         words += f", then with {_placed(second)}"
     return [
         (
-            f"Hold the unit with {words}: these poses add most. The least known parameter of the accelerometers is "
-            f"the {row.label} ({_uncertainty(row)})."
+            f"Hold the unit with {words}: these poses add most. Least known is the accelerometers' {row.label} "
+            f"({_uncertainty(row)})."
         )
     ]
 
