@@ -37,7 +37,7 @@ class Hub:
         self._column_count = 0
         self._events: list[str] = []
         self._first_event = 0
-        self._state = "{}"
+        self._state = ""
         self._wishes: list[dict[str, Any]] = []
         self._open: tuple[int, np.ndarray, np.ndarray] | None = None
         self.stop_wanted = False
@@ -127,7 +127,7 @@ class Hub:
 
     @property
     def state(self) -> str:
-        """The present state as JSON."""
+        """The present state as JSON; nothing before the first samples."""
         with self._lock:
             return self._state
 

@@ -20,8 +20,9 @@ from tumble.web.hub import Hub
 
 # What a capture ends with: of a calibration, or of noise.
 REPORTS = ("report.html", "noise.html")
-# Hz of frames to a viewer; most viewers; bytes of a message from one.
-RATE, MOST_VIEWERS, LONGEST = 30.0, 64, 1024
+# Hz at which a viewer's news are looked for, twice for each column of the traces; each so many times the state is sent,
+# too; most viewers; bytes of a message from one.
+RATE, STATE_BEAT, MOST_VIEWERS, LONGEST = 60.0, 6, 64, 1024
 _TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
@@ -194,6 +195,7 @@ class PageServer:
     async def _show(self, viewer: Any, me: object) -> None:
         columns = events = beat = 0
         state, leads = "", None
+        due = time.monotonic()
         while True:
             columns, frame = self._hub.columns_since(columns)
             if frame:
@@ -202,14 +204,16 @@ class PageServer:
             for line in lines:
                 await viewer.send_text(f'{{"event":{line}}}')
             beat += 1
-            now = self._hub.state if beat % 3 == 0 else state
+            now = self._hub.state if beat % STATE_BEAT == 0 else state
             if now != state:
                 state = now
                 await viewer.send_text(f'{{"state":{state}}}')
             if leads != (self._viewers[0] is me):
                 leads = self._viewers[0] is me
                 await viewer.send_text(json.dumps({"leads": leads}))
-            await asyncio.sleep(1.0 / RATE)
+            # By the clock: what it took to send is not added to each frame.
+            due = max(due + 1.0 / RATE, time.monotonic())
+            await asyncio.sleep(due - time.monotonic())
 
     async def _listen(self, viewer: Any, me: object) -> None:
         from starlette.websockets import WebSocketDisconnect

@@ -1,18 +1,18 @@
 // The page of a guided capture: what comes over the socket, shown; what the person asks, sent.
-import { drawBox, drawSphere } from "./solid.js";
+import { drawBox, drawSphere, recolour } from "./solid.js";
 import { take, draw } from "./traces.js";
 
 const $ = (id) => document.getElementById(id);
 const refused = [];
-let socket, state = {}, next = null, leads = false, over = false, ended = 0, sound = false, audio, frames = 0, dirty = true;
+let socket, state = {}, next = null, leads = false, over = false, ended = 0, sound = false, audio, frames = 0, fresh = true, turned = true;
 
 function connect() {
   socket = new WebSocket(`ws://${location.host}/watch${location.search}`);
   socket.binaryType = "arraybuffer";
   socket.onopen = () => { said.replaceChildren(); refused.length = 0; show("link", "watching"); $("link").className = ""; };
   socket.onmessage = ({ data }) => {
-    dirty = true;
-    if (data instanceof ArrayBuffer) return take(data);
+    if (data instanceof ArrayBuffer) { fresh = true; return take(data); }
+    turned = true;
     const message = JSON.parse(data);
     if (message.state) { state = message.state; table(); holds(); now(); }
     if (message.event) event(message.event);
@@ -75,7 +75,11 @@ function now() {
   $("now").className = rest && rest.seconds >= wanted ? "good" : "";
   show("now", rest ? (rest.seconds >= wanted ? "Long enough: turn to the next pose." : `Hold ${rest.hold}: keep it still.`) : still < 1 ? "Keep it still." : "Turn, then keep it still.");
 }
+let tabled = "";
 function table() {
+  const key = JSON.stringify(state.groups ?? []);
+  if (key === tabled) return;
+  tabled = key;
   $("groups").replaceChildren(...(state.groups ?? []).map((row) => {
     const line = document.createElement("tr");
     const cells = [row.group, row.sigma === null ? `${row.told} of ${row.of} known` : `${row.sigma} ${row.unit}`, row.target === null ? "" : `${row.target} ${row.unit}`, row.target === null ? "" : row.reached ? "✓" : "…"];
@@ -106,8 +110,11 @@ function buttons() { $("stop").disabled = !leads || over; holds(); }
 $("stop").onclick = () => { ask({ do: "stop" }); headline("Calibrating …", "", 60); };
 $("theme").onclick = () => {
   const root = document.documentElement, dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
-  root.dataset.theme = dark ? "light" : "dark"; dirty = true;
+  root.dataset.theme = dark ? "light" : "dark"; repaint();
 };
+const repaint = () => { recolour(); fresh = turned = true; };
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
+addEventListener("resize", repaint);
 $("sound").onclick = () => {
   sound = !sound; audio ??= new AudioContext(); audio.resume();
   $("sound").textContent = sound ? "Sound on" : "Sound off"; $("sound").setAttribute("aria-pressed", sound); beep("hold_complete");
@@ -120,9 +127,12 @@ document.addEventListener("keydown", (key) => {
 
 let counted = performance.now();
 function frame(at) {
-  if (dirty) {
-    dirty = false; frames++;
+  if (fresh) {
+    fresh = false; frames++;
     draw($("force"), 0); draw($("rate"), 6);
+  }
+  if (turned) {
+    turned = false;
     drawBox($("box-now"), state.up); drawBox($("box-next"), next && next.up);
     drawSphere($("sphere"), (state.holds ?? []).map((hold) => hold.up).filter(Boolean), state.up, next && next.up);
   }

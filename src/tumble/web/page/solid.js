@@ -1,6 +1,9 @@
 // The unit as a box with gravity downwards, and the sphere of directions that can point up in it.
 
-const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+// Asking the style costs more than drawing: each colour is asked for once, until it is said that they are others.
+let colours = {};
+export const recolour = () => { colours = {}; };
+export const colour = (name) => (colours[name] ??= getComputedStyle(document.documentElement).getPropertyValue(name).trim());
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const scaled = (a, s) => a.map((v) => v * s);

@@ -1,5 +1,7 @@
 // Traces of the last seconds: a column each thirtieth of a second, from its least to its greatest sample.
 
+import { colour } from "./solid.js";
+
 const SECONDS = 20, BYTES = 8 + 12 * 4;
 const columns = [];
 
@@ -24,18 +26,22 @@ export function draw(canvas, first) {
   for (const { values } of columns) for (let k = first; k < first + 6; k += 2) { if (values[k] < least) least = values[k]; if (values[k + 1] > most) most = values[k + 1]; }
   if (!Number.isFinite(least)) { g.fillText("none", 10, 20); return; }
   const pad = 0.08 * (most - least) || 1, low = least - pad, span = most - least + 2 * pad;
-  const end = columns[columns.length - 1].time, style = getComputedStyle(document.documentElement);
+  const end = columns[columns.length - 1].time;
   const x = (time) => canvas.width * (1 - (end - time) / SECONDS), y = (value) => canvas.height * (1 - (value - low) / span);
-  g.strokeStyle = style.getPropertyValue("--line"); g.lineWidth = 1;
+  g.strokeStyle = colour("--line"); g.lineWidth = 1;
   g.beginPath(); g.moveTo(0, y(0)); g.lineTo(canvas.width, y(0)); g.stroke();
-  g.fillStyle = style.getPropertyValue("--soft"); g.font = `${11 * ratio}px system-ui`;
+  g.fillStyle = colour("--soft"); g.font = `${11 * ratio}px system-ui`;
   g.fillText(most.toPrecision(3), 2, 12 * ratio); g.fillText(least.toPrecision(3), 2, canvas.height - 3);
   ["--x", "--y", "--z"].forEach((name, axis) => {
-    g.strokeStyle = style.getPropertyValue(name); g.lineWidth = ratio * 1.3; g.beginPath();
-    columns.forEach(({ time, values }, i) => {
-      const a = y(values[first + 2 * axis]), b = y(values[first + 2 * axis + 1]), at = x(time);
-      i ? g.lineTo(at, a) : g.moveTo(at, a); g.lineTo(at, b);
-    });
-    g.stroke();
+    // Bars on whole pixels, each up to the one before: a stroked path costs several times as much.
+    const thick = Math.ceil(ratio * 1.3);
+    let before = -1, lower = 0, upper = 0;
+    g.fillStyle = colour(name);
+    for (const { time, values } of columns) {
+      const at = Math.round(x(time)), down = Math.round(y(values[first + 2 * axis])), up = Math.round(y(values[first + 2 * axis + 1]));
+      const top = before < 0 ? up : Math.min(up, lower), bottom = before < 0 ? down : Math.max(down, upper);
+      g.fillRect(before < 0 ? at : before, top, Math.max(at - before, 1), bottom - top + thick);
+      before = at; lower = down; upper = up;
+    }
   });
 }
