@@ -12,9 +12,9 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, cast
 
 from tumble.capture.decoders.phyphox import USUAL, buffers_of
-from tumble.capture.link import Link, pieces_of_link
+from tumble.capture.link import pieces_of_link
 from tumble.capture.source import Piece, Source, SourceOptions
-from tumble.capture.sources.sockets import split_address
+from tumble.capture.sources.sockets import pieces_of_port, split_address
 from tumble.errors import UsageError
 
 # s to wait for an answer; bytes of a pushed document, and how many wait to be read.
@@ -140,10 +140,7 @@ class _Pushed:
             def log_message(self, format: str, *args: object) -> None:
                 """Say nothing."""
 
-        try:
-            self._server = ThreadingHTTPServer((host, port), Handler)
-        except OSError as error:
-            raise UsageError(f"Port {port} cannot be opened: {error.strerror or error}.") from error
+        self._server = ThreadingHTTPServer((host, port), Handler)
         self._server.daemon_threads = True
         threading.Thread(target=self._server.serve_forever, daemon=True, name="pushed").start()
 
@@ -161,26 +158,8 @@ class _Pushed:
 
 
 def read_pushed(address: str, options: SourceOptions) -> Iterator[Piece]:
-    """Yield what Sensor Logger pushes to a port of this machine.
-
-    Parameters
-    ----------
-    address : PORT, or HOST:PORT where one of several interfaces is meant.
-    options : as given.
-
-    Raises
-    ------
-    UsageError
-        If the port is taken.
-    RecordingError
-        If what comes can be no recording.
-    """
-    host, port = split_address(address, "0.0.0.0")
-
-    def connect() -> Link:
-        return _Pushed(host, port)
-
-    return pieces_of_link(connect, f"port {port}", options, "sensorlogger")
+    """Yield what Sensor Logger pushes to a port of this machine, see `pieces_of_port`."""
+    return pieces_of_port(_Pushed, "Port", address, options, "sensorlogger")
 
 
 SOURCES = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from select import select
 
 from tumble.capture.link import Link, pieces_of_link
@@ -85,13 +85,21 @@ def read_tcp(address: str, options: SourceOptions) -> Iterator[Piece]:
     return pieces_of_link(connect, f"{host}:{port}", options)
 
 
-def read_udp(address: str, options: SourceOptions) -> Iterator[Piece]:
-    """Yield what is sent to a UDP port of this machine.
+def pieces_of_port(
+    listen: Callable[[str, int], Link],
+    name: str,
+    address: str,
+    options: SourceOptions,
+    spoken: str | None = None,
+) -> Iterator[Piece]:
+    """Yield what is sent to a port of this machine.
 
     Parameters
     ----------
+    listen : opens the port of an interface.
+    name : what the port is called.
     address : PORT, or HOST:PORT where one of several interfaces is meant.
-    options : as given.
+    options, spoken : as for `pieces_of_link`.
 
     Raises
     ------
@@ -103,15 +111,27 @@ def read_udp(address: str, options: SourceOptions) -> Iterator[Piece]:
     host, port = split_address(address, "0.0.0.0")
 
     def connect() -> Link:
-        own = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            own.bind((host, port))
+            return listen(host, port)
         except OSError as error:
-            own.close()
-            raise UsageError(f"UDP port {port} cannot be opened: {error.strerror or error}.") from error
-        return _Socket(own, packets=True)
+            raise UsageError(f"{name} {port} cannot be opened: {error.strerror or error}.") from error
 
-    return pieces_of_link(connect, f"udp:{port}", options)
+    return pieces_of_link(connect, f"{name} {port}", options, spoken)
+
+
+def read_udp(address: str, options: SourceOptions) -> Iterator[Piece]:
+    """Yield what is sent to a UDP port of this machine, see `pieces_of_port`."""
+    return pieces_of_port(_packets, "UDP port", address, options)
+
+
+def _packets(host: str, port: int) -> Link:
+    own = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        own.bind((host, port))
+    except OSError:
+        own.close()
+        raise
+    return _Socket(own, packets=True)
 
 
 SOURCES = (
