@@ -12,7 +12,16 @@ CONTENTS = {
     "Where to begin": ["start/*"],
     "Tutorials": ["reference/*-notebook", "tutorials/*"],
     "How to: record and calibrate": [
-        *("capture", "inspect", "procedures/index", "procedures/*", "magnetometer", "thermal", "noise"),
+        *(
+            "capture",
+            "capture-sources",
+            "inspect",
+            "procedures/index",
+            "procedures/*",
+            "magnetometer",
+            "thermal",
+            "noise",
+        ),
     ],
     "How to: plan": ["plan", "protocols", "mount"],
     "How to: many units": ["production", "registry", "certificate"],

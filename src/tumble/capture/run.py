@@ -14,7 +14,7 @@ from tumble.capture.events import Event
 from tumble.capture.folder import HOLDS, RECORDING, CaptureFolder, check_folder
 from tumble.capture.guide import Guide
 from tumble.capture.machine import Capture
-from tumble.capture.samples import Channels, Samples
+from tumble.capture.samples import Channels, Samples, joined
 from tumble.capture.source import Notice, Piece, Source, SourceOptions
 from tumble.capture.sources.replay import replay
 from tumble.capture.stamps import ForwardClock
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 FLUSH, SILENT = 1.0, 1.5
 # s of samples that are looked at together, however many come at once.
 LOOK = 0.25
+# s of what was recorded before that are looked at together: nobody waits for what is said of them.
+AT_ONCE = 60.0
 
 Listener = Callable[[Sequence[Event], Capture], None]
 
@@ -156,15 +158,21 @@ def _catch_up(order: CaptureOrder, guide: Coach | None) -> Capture | None:
     # Cuts off half a last line.
     GrowingFile(path, resume=True).close()
     capture: Capture | None = None
+    waiting: list[Samples] = []
     try:
         for piece in replay(str(path), SourceOptions(speed=0.0)):
             if isinstance(piece, Channels):
                 capture = Capture(piece, guide, order.hold)
-            elif isinstance(piece, Samples) and capture is not None:
-                capture.feed(piece.finite())
+            elif isinstance(piece, Samples) and len(piece):
+                waiting.append(piece.finite())
+                if capture is not None and piece.time[-1] - waiting[0].time[0] > AT_ONCE:
+                    capture.feed(joined(waiting))
+                    waiting = []
     except RecordingError:
         # What comes goes behind it all the same.
         return None
+    if capture is not None and waiting:
+        capture.feed(joined(waiting))
     return capture
 
 

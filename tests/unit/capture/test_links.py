@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import re
 import socket
 import threading
 import time
@@ -237,6 +238,26 @@ def test_udp_packets() -> None:
     assert count_of(found) >= 250
 
 
+def test_two_captures_on_one_port_are_refused_in_a_sentence() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        with pytest.raises(UsageError, match=rf"UDP port {port} cannot be opened: Address already in use\.$"):
+            next(sources()["udp"].open(f"127.0.0.1:{port}", SourceOptions()))
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(UsageError, match=rf"Port {port} cannot be opened: Address already in use\.$"):
+            next(sources()["sensorlogger"].open(f"127.0.0.1:{port}", SourceOptions()))
+    ours, theirs = pty.openpty()
+    first = sources()["serial"].open(os.ttyname(theirs), SourceOptions())
+    next(first)
+    with pytest.raises(UsageError, match="another program has it"):
+        next(sources()["serial"].open(os.ttyname(theirs), SourceOptions()))
+    first.close()  # type: ignore[attr-defined]  # a generator
+    os.close(ours)
+    os.close(theirs)
+
+
 def test_a_file_that_grows(tmp_path: Path) -> None:
     file = tmp_path / "growing.csv"
     text = as_csv()
@@ -260,6 +281,17 @@ def test_what_is_no_source_is_refused_with_what_there_is() -> None:
         next(sources()["serial"].open("/dev/does-not-exist", SourceOptions()))
     with pytest.raises(UsageError, match="Nobody answers"):
         next(sources()["tcp"].open("127.0.0.1:1", SourceOptions()))
+
+
+def test_every_source_is_on_the_page_of_sources() -> None:
+    """And what the page writes behind `tumble capture` is a source."""
+    page = (Path(__file__).parents[3] / "docs" / "capture-sources.md").read_text()
+    written = {
+        find_source(word)[0].name
+        for word in re.findall(r"tumble capture ([^-\s]\S*|-(?= ))", page)
+        if word != "SOURCE"
+    }
+    assert written | {"replay"} == set(sources())
 
 
 def test_every_source_says_what_it_is() -> None:

@@ -217,6 +217,48 @@ def test_a_full_disk_keeps_whole_lines(tmp_path: Path, monkeypatch: pytest.Monke
     file.close()
 
 
+def test_a_full_disk_ends_a_capture_with_a_sentence_and_whole_lines(recorded: Path, tmp_path: Path) -> None:
+    """The system lets no file grow beyond 50 kB."""
+    limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000)); {RUN}"
+    command = ["capture", "--replay", str(recorded), "--speed", "0", "--plain", "-o", str(tmp_path / "out")]
+    ended = subprocess.run(
+        [sys.executable, "-c", limited, *command], capture_output=True, text=True, check=False
+    )
+    assert ended.returncode not in (0, 1)
+    assert "recording.csv could not be written on: File too large; all before that is kept." in ended.stderr
+    assert "Traceback" not in ended.stderr
+    content = (tmp_path / "out" / "recording.csv").read_bytes()
+    assert 30_000 < len(content) <= 50_000
+    assert content.endswith(b"\n")
+    assert len({line.count(b",") for line in content.splitlines()}) == 1
+
+
+def test_ten_seconds_of_silence_are_told_and_the_capture_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tumble.capture import run
+
+    now, recording = [0.0], by_hand(6, seed=12)
+    monkeypatch.setattr(run.time, "monotonic", lambda: now[0])
+
+    def pieces(address: str, options: SourceOptions) -> Iterator[Piece]:
+        yield channels_of(recording)
+        for number, piece in enumerate(pieces_of(recording, 0.1)):
+            for _ in range(100 if number == 200 else 1):
+                now[0] += 0.1
+                yield None
+            # The unit measured on while its line was silent, and nobody heard it.
+            yield piece if number < 200 else piece.at(piece.time + 10.0)
+
+    source = Source("test", "", "", pieces)
+    run_capture(CaptureOrder(source, "", SourceOptions(), tmp_path / "out", imu=None))
+    said = kinds(tmp_path / "out")
+    assert said.count("silence") == said.count("back") == 1
+    assert "clock_jumped" not in said
+    assert rows_in(tmp_path / "out") == len(recording)
+    assert said.count("hold_accepted") >= 5
+
+
 def live_source(pieces: list[Piece]) -> Source:
     return Source("test", "a test", "test:", lambda address, options: iter(pieces))
 
