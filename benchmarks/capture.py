@@ -35,7 +35,7 @@ from tumble.capture.samples import Channels, Samples, joined
 from tumble.capture.simulated_person import QUARTER_TURN, Flaws, SimulatedPerson, twenty_six_in_order
 from tumble.design.joint_information import GROUPS, NAMES
 from tumble.design.joint_plan import PlanTask
-from tumble.design.next_step import step_candidates
+from tumble.design.next_step import led_holds
 from tumble.earth import Site
 from tumble.protocol.steps import HoldStep, Protocol, TurnStep
 from tumble.recording.clock import Clock
@@ -198,9 +198,7 @@ class Moves:
             np.zeros((26, 26, self.parameters, self.parameters)),
         )
         for start in range(26):
-            for one in step_candidates(task, table=False, span=SESSION, start_b=directions[start]):
-                if not one.name.startswith("hold"):
-                    continue
+            for one in led_holds(task, SESSION, directions[start]):
                 to = int(np.argmax(directions @ one.steps[0].pose.up_b))  # type: ignore[union-attr]  # a hold with its pose
                 angle = np.arccos(np.clip(directions[start] @ directions[to], -1.0, 1.0))
                 self.seconds[start, to] = max(0.6, QUARTER_TURN * angle / (0.5 * np.pi)) + HOLD

@@ -76,6 +76,7 @@ class Guide:
         self._grade, self._patient = grade, patient
         self._limits = limits_of(targets)
         self._candidates: dict[int, Future[list[StepCandidate]]] = {}
+        self._turns: list[StepCandidate] | None = None
         self._task: PlanTask | None = None
         self._usual: JointInformation | None = None
         self._beyond: JointInformation | None = None
@@ -225,6 +226,8 @@ class Guide:
             ]
         if not told[task.parameters()].all():
             words = [_untold_words([name for name, sigma in named.items() if sigma is None])]
+            # Of usual poses each determines a little of everything; of the first ones that is not so.
+            left = 0.0
         return Progress(named, up_b, _advice(following, left), enough, tuple(words))
 
     def _aim(self, task: PlanTask, floors: Series) -> Aim | None:
@@ -241,18 +244,21 @@ class Guide:
 
     def _of_candidates(self, task: PlanTask, start_b: Vector) -> list[StepCandidate] | None:
         """What may come next from a pose, computed once beside the samples that come in; None while that goes on."""
-        from tumble.design.next_step import step_candidates
-
         directions = twenty_six_directions()
         near = int(np.argmax(directions @ start_b))
         if near not in self._candidates:
             pool = ThreadPoolExecutor(1, thread_name_prefix="candidates")
-            self._candidates[near] = pool.submit(
-                step_candidates, task, table=False, span=SESSION, start_b=directions[near]
-            )
+            self._candidates[near] = pool.submit(self._compute, task, directions[near])
             pool.shutdown(wait=False)
         found = self._candidates[near]
         return found.result() if self._patient or found.done() else None
+
+    def _compute(self, task: PlanTask, start_b: Vector) -> list[StepCandidate]:
+        from tumble.design.next_step import led_holds, turn_candidates
+
+        if self._turns is None:
+            self._turns = turn_candidates(task, table=False, span=SESSION)
+        return led_holds(task, SESSION, start_b) + self._turns
 
     def _poses_alone(self, means: HoldMeans, up_b: Vectors) -> Progress:
         """What the norms of gravity tell of accelerometers that come without a gyro."""

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 # s between flushes, and s without samples after which it is said.
 FLUSH, SILENT = 1.0, 1.5
-# s of samples that are looked at together, however many come at once.
-LOOK = 0.25
+# s of samples that are looked at together, and how many looks there are at what comes at once.
+LOOK, LOOKS = 0.25, 8
 # s of what was recorded before that are looked at together: nobody waits for what is said of them.
 AT_ONCE = 60.0
 
@@ -260,7 +260,8 @@ class _UnderWay:
             self._flush(now)
             for tap in self._taps:
                 tap(samples)
-            for part in samples.parts(LOOK):
+            # Of what had to wait, some looks must do: else the next samples wait as long.
+            for part in samples.parts(max(LOOK, float(samples.time[-1] - samples.time[0]) / LOOKS)):
                 events += self._capture.feed(part)
         self._say(events)
         if any(e.kind == "enough" for e in events) and self._order.source.live and not self._order.go_on:

@@ -139,9 +139,7 @@ class NextStep:
     open_left: int
 
 
-def step_candidates(
-    task: PlanTask, *, table: bool, span: float, start_b: Vector | None = None
-) -> list[StepCandidate]:
+def step_candidates(task: PlanTask, *, table: bool, span: float) -> list[StepCandidate]:
     """Return holds in all 26 directions, turns by hand about six axes, and a table's rotations about them.
 
     Parameters
@@ -149,16 +147,24 @@ def step_candidates(
     task : unit, place, and the protocol whose times and table are taken.
     table : whether there is a table whose angles are read.
     span : s over which biases wander.
-    start_b : (3,) unit vector that points up in b before the step. The turns that lead from there to the holds then
-        count, with what the gyros see of them and the time that they take; None leaves them out.
     """
     hold, turn = _usual_times(task)
-    led = [] if start_b is None else _led_holds(task, start_b, hold, turn, span)
-    plans: list[tuple[str, tuple[Step, ...]]] = [
-        (_hold_words(up, hold), (HoldStep(hold, Pose(up, None, BY_HAND)),))
+    holds = [
+        _candidate(task, _hold_words(up, hold), (HoldStep(hold, Pose(up, None, BY_HAND)),), turn, span)
         for up in twenty_six_directions()
-        if start_b is None
     ]
+    return holds + turn_candidates(task, table=table, span=span)
+
+
+def turn_candidates(task: PlanTask, *, table: bool, span: float) -> list[StepCandidate]:
+    """Return turns by hand about six axes, and a table's rotations about them: from where does not matter.
+
+    Parameters
+    ----------
+    task, table, span : as for `step_candidates`.
+    """
+    hold, turn = _usual_times(task)
+    plans: list[tuple[str, tuple[Step, ...]]] = []
     for name, axis, up in _AXES:
         for degrees in (180, 360):
             words = (
@@ -168,7 +174,7 @@ def step_candidates(
     if table:
         for name, axis, up in _AXES:
             plans += _rotations(task.protocol, name, _unit(axis), _unit(up))
-    return led + [_candidate(task, name, steps, turn, span) for name, steps in plans]
+    return [_candidate(task, name, steps, turn, span) for name, steps in plans]
 
 
 def _usual_times(task: PlanTask) -> tuple[float, float]:
@@ -182,8 +188,15 @@ def _hold_words(up_b: Vector, hold: float) -> str:
     return f"hold {describe_direction(up_b)} for {hold:.0f} s"
 
 
-def _led_holds(task: PlanTask, start_b: Vector, hold: float, turn: float, span: float) -> list[StepCandidate]:
-    """Holds in all 26 directions, each with the shortest turn that leads there from a rest that is there already."""
+def led_holds(task: PlanTask, span: float, start_b: Vector) -> list[StepCandidate]:
+    """Return holds in all 26 directions, each with the shortest turn that leads there from a rest that is known.
+
+    Parameters
+    ----------
+    task, span : as for `step_candidates`.
+    start_b : (3,) unit vector that points up in b before. What the gyros see of the turn counts, and its time.
+    """
+    hold, turn = _usual_times(task)
     rest = HoldStep(hold, Pose(start_b, None, BY_HAND))
     known = _candidate(task, "", (rest,), turn, span).information.matrix
     found: list[StepCandidate] = []
