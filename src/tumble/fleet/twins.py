@@ -95,7 +95,7 @@ def _near(x: np.ndarray, own: np.ndarray, limit: float) -> list[tuple[int, int]]
     order = np.argsort(x[:, first])
     reach = np.sqrt(limit) * 2.0 * np.max(sigma[:, first])
     sorted_values = x[order, first]
-    beyond: np.ndarray = np.searchsorted(sorted_values, sorted_values + reach, side="right")
+    beyond = np.asarray(np.searchsorted(sorted_values, sorted_values + reach, side="right"), dtype=np.int64)
     found: list[tuple[int, int]] = []
     for place, a in enumerate(order):
         near = order[place + 1 : beyond[place]]
