@@ -75,8 +75,8 @@ class Stretch(Protocol):
         """The stretches within it, or what is left of them, each with its place."""
         ...
 
-    def place_of(self, node: int) -> str:
-        """Return where in what was observed a node is, for people."""
+    def undetermined(self, node: int) -> str:
+        """Return what to say to people where what was observed does not determine a node."""
         ...
 
     def move(self, nodes: Table, own: Series) -> None:
@@ -299,15 +299,8 @@ class Chain:
         gradient = self.gradient.copy()
         bad = eliminate(diagonal, lower, border, gradient)
         if bad >= 0:
-            where = (
-                f"node {bad + 1} of {len(self.diagonal)}"
-                if self.stretch is None
-                else self.stretch.place_of(bad)
-            )
-            raise ObservabilityError(
-                f"What was recorded does not determine the unit's attitude at {where}. Hold the unit still in each "
-                "pose and keep the gyro within its range, and record again."
-            )
+            nameless = f"Node {bad + 1} of {len(self.diagonal)} is not determined by what was observed."
+            raise ObservabilityError(nameless if self.stretch is None else self.stretch.undetermined(bad))
         flat = border.reshape(-1, len(self.corner))
         corner, right = self.corner - flat.T @ flat, self.corner_gradient - flat.T @ gradient.ravel()
         return Eliminated(self, diagonal, lower, border, gradient, corner, right)

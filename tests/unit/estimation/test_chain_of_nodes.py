@@ -122,7 +122,7 @@ def test_a_node_that_nothing_determines_is_named() -> None:
     """Third of four: its diagonal has one direction too few."""
     chain, _, _ = random_chain(6, 4, 3, 2)
     chain.diagonal[2, 1, :] = chain.diagonal[2, :, 1] = 0.0
-    with pytest.raises(ObservabilityError, match="at node 3 of 4"):
+    with pytest.raises(ObservabilityError, match="Node 3 of 4"):
         chain.eliminated()
 
 
@@ -202,10 +202,10 @@ def test_people_are_told_the_hold_and_its_seconds() -> None:
     section, rotation = SectionStretch.__new__(SectionStretch), RotationStretch.__new__(RotationStretch)
     section.task, section.section = task, holds
     rotation.task, rotation.k = task, 0
-    assert section.place_of(0) == "hold 2 (10.0 to 21.5 s)"
-    assert rotation.place_of(3) == "the rotation after hold 1 (5.0 to 9.5 s)"
+    assert "in hold 2 (10.0 to 21.5 s)" in section.undetermined(0)
+    assert "in the rotation after hold 1 (5.0 to 9.5 s)" in rotation.undetermined(3)
     chain, _, _ = random_chain(6, 4, 3, 2)
     chain.stretch = section
     chain.diagonal[0, 1, :] = chain.diagonal[0, :, 1] = 0.0
-    with pytest.raises(ObservabilityError, match=r"attitude at hold 2 \(10\.0 to 21\.5 s\)"):
+    with pytest.raises(ObservabilityError, match=r"attitude in hold 2 \(10\.0 to 21\.5 s\)"):
         chain.eliminated()

@@ -40,7 +40,7 @@ class One:
         self.equations: list[Equations] = [Bent()]
         self.within: list[Any] = []
 
-    def place_of(self, node: int) -> str:
+    def undetermined(self, node: int) -> str:
         return "nowhere"
 
     def move(self, nodes: Any, own: Series) -> None:

@@ -52,11 +52,11 @@ class RotationStretch:
         node = self.k - self.section.first
         return self.section.C_wb[node, 2], self.section.C_wb[node + 1, 0]
 
-    def place_of(self, node: int) -> str:
-        """Return which rotation a window is of."""
+    def undetermined(self, node: int) -> str:
+        """Say which rotation a window is of."""
         base, k = self.task.data.base, self.k
         span = _seconds(base.time, float(base.tail[k, 1]), float(base.head[k + 1, 0]))
-        return f"the rotation after hold {k + 1} ({span})"
+        return _undetermined(f"in the rotation after hold {k + 1} ({span})")
 
     def move(self, nodes: Table, own: Series) -> None:
         """Move the windows' attitudes and the rotation's own unknowns."""
@@ -82,6 +82,13 @@ def _leaned(axis: Series, by: Series) -> Series:
 def _seconds(time: Series, start: float, stop: float) -> str:
     first, last = (time[[int(start), int(stop) - 1]] - time[0]).tolist()
     return f"{first:.1f} to {last:.1f} s"
+
+
+def _undetermined(where: str) -> str:
+    return (
+        f"What was recorded does not determine the unit's attitude {where}. Hold the unit still in each pose and keep "
+        "the gyro within its range, and record again."
+    )
 
 
 class SectionStretch:
@@ -131,10 +138,11 @@ class SectionStretch:
                 made.append((rotation.joined, rotation))
         return made
 
-    def place_of(self, node: int) -> str:
-        """Return which hold a node is."""
+    def undetermined(self, node: int) -> str:
+        """Say which hold a node is."""
         base, k = self.task.data.base, int(self.section.holds[node])
-        return f"hold {k + 1} ({_seconds(base.time, float(base.head[k, 0]), float(base.tail[k, 1]))})"
+        span = _seconds(base.time, float(base.head[k, 0]), float(base.tail[k, 1]))
+        return _undetermined(f"in hold {k + 1} ({span})")
 
     def move(self, nodes: Table, own: Series) -> None:
         """Turn the attitudes, and move the Earth rate."""
@@ -154,9 +162,9 @@ class RecordingStretch:
             self.within.append((Place(), SectionStretch(task, section)))
         self.equations: list[Equations] = []
 
-    def place_of(self, node: int) -> str:
-        """Return what it is of: it has no nodes."""
-        return "the recording"
+    def undetermined(self, node: int) -> str:
+        """Say it of the whole: it has no nodes."""
+        return _undetermined("in the recording")
 
     def move(self, nodes: Table, own: Series) -> None:
         """Do nothing: sections move themselves."""
