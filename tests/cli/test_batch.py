@@ -84,7 +84,10 @@ def test_reports_of_those_that_are_not_accepted_share_the_plotting_library(done:
     assert not (out / "units" / "u0" / "report.html").exists()
     assert (out / "plotly.min.js").stat().st_size > 1_000_000
     assert (out / "table.html").stat().st_size < 500_000
-    assert '<script src="plotly.min.js">' in (out / "table.html").read_text(encoding="utf-8")
+    page = (out / "table.html").read_text(encoding="utf-8")
+    assert '<script src="plotly.min.js">' in page
+    for title in ("accelerometer bias / mg", "gyro bias / deg/s", "gyro scale factor error / "):
+        assert title in page
 
 
 def test_a_second_run_does_nothing_anew_and_a_third_what_is_new(

@@ -10,6 +10,7 @@ from tumble.fleet.outcome import Batch, UnitOutcome
 from tumble.fleet.unit_vector import groups_of
 from tumble.report.figures.plot import AXIS_COLOURS, BLUE, base_layout, text_axis
 from tumble.report.page import Block, Facts, Figure, Figures, Page, Sentences, Table, section
+from tumble.report.parameters import people_s_unit
 
 MOST_ROWS = 2000
 """Units that the page lists; the table's other forms have them all."""
@@ -80,7 +81,8 @@ def _histogram(
     name: str, group: str, members: list[str], columns: dict[str, list[float]], units: dict[str, str]
 ) -> Figure:
     every = np.concatenate([columns[member] for member in members])
-    low, high = float(np.min(every)), float(np.max(every))
+    factor, unit = people_s_unit(units[members[0]], float(np.max(np.abs(every))))
+    low, high = factor * float(np.min(every)), factor * float(np.max(every))
     edges = np.linspace(low, high if high > low else low + 1.0, _BINS + 1)
     middles = [float(f"{x:.6g}") for x in 0.5 * (edges[1:] + edges[:-1])]
     traces = [
@@ -88,15 +90,20 @@ def _histogram(
             "type": "bar",
             "name": member.rpartition(" ")[2],
             "x": middles,
-            "y": np.histogram(columns[member], edges)[0].tolist(),
+            "y": np.histogram(factor * np.array(columns[member]), edges)[0].tolist(),
             "marker": {"color": _COLOURS.get(member.rpartition(" ")[2], BLUE)},
             "opacity": 0.75,
         }
         for member in members
     ]
-    unit = units[members[0]]
-    title = group if unit == "1" else f"{group}, {unit}"
-    layout = base_layout(220, barmode="stack", bargap=0.05, xaxis=text_axis(title), yaxis=text_axis("units"))
+    layout = base_layout(
+        220,
+        barmode="stack",
+        bargap=0.05,
+        xaxis=text_axis(f"{group} / {unit}" if unit else group),
+        yaxis=text_axis("units"),
+    )
+    layout["legend"] = {**layout["legend"], "traceorder": "normal"}  # x first, though the bars are stacked
     return Figure(name, f"Histogram of {group} over the units", traces, layout)
 
 

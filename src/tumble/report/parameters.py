@@ -236,6 +236,33 @@ def _in_practical_unit(measures: list[Measure], choices: _Choices) -> list[Measu
     return [m.times(factor, unit) for m in measures]
 
 
+_G = STANDARD_GRAVITY
+_OF_UNITS = {
+    "m/s²": _FORCES,
+    "rad/s": _RATES,
+    "rad": _ANGLES,
+    "": _SCALES,
+    "rad/s/(m/s²)": tuple((least / _G, factor * _G, unit) for least, factor, unit in _G_SENSITIVITIES),
+}
+
+
+def people_s_unit(unit: str, largest: float) -> tuple[float, str]:
+    """Return the unit that people read numbers of up to `largest` in, and the factor to it; else 1 and the same.
+
+    Parameters
+    ----------
+    unit : "m/s^2", "rad/s", "rad", "rad/s/(m/s^2)", or "1" of a scale factor error.
+    largest : of the numbers, without sign.
+
+    Examples
+    --------
+    >>> people_s_unit("1", 0.0003)
+    (1000000.0, 'ppm')
+    """
+    same = plain_unit(unit)
+    return next(((f, u) for least, f, u in _OF_UNITS.get(same, ()) if largest >= least), (1.0, same))
+
+
 _CHOICES: dict[str, tuple[_Choices, float]] = {
     "accelerometer bias": (_FORCES, 100.0),
     "gyro bias": (_RATES, 100.0),
