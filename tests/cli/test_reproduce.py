@@ -19,7 +19,11 @@ from tumble.workflows.reproduce import reproduce
 from tumble_papers.catalogue import ITEMS
 
 KINDS = ("csv", "html", "json", "txt")
-PROGRAM = "import sys, tumble.cli.main as m; sys.argv[0] = 'tumble'; {before}; print('ready', flush=True); m.program()"
+# It says that it is ready when a stop is heard: not before.
+PROGRAM = (
+    "import sys, tumble.cli.main as m; sys.argv[0] = 'tumble'; {before}; begin = m.main; "
+    "m.main = lambda: (print('ready', flush=True), begin()); m.program()"
+)
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -16,7 +16,11 @@ from typing import Any
 import pytest
 
 FILES = {"recording.csv", "protocol.yaml", "truth.json"}
-PROGRAM = "import sys, tumble.cli.main as m; sys.argv[0] = 'tumble'; {before}; print('ready', flush=True); m.program()"
+# It says that it is ready when a stop is heard: not before.
+PROGRAM = (
+    "import sys, tumble.cli.main as m; sys.argv[0] = 'tumble'; {before}; begin = m.main; "
+    "m.main = lambda: (print('ready', flush=True), begin()); m.program()"
+)
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -117,7 +117,7 @@ def test_what_was_typed_is_not_repeated_at_any_length(tumble: Any, tmp_path: Pat
 
 def test_no_markup_is_printed(tumble: Any, tmp_path: Path) -> None:
     answer = tumble("demo", "-o", tmp_path / "demo")
-    assert "Accelerometer" in answer.out
+    assert "acc. bias" in answer.out
     assert "[bold]" not in answer.out
     assert "\\[" not in answer.out
 

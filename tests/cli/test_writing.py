@@ -16,7 +16,11 @@ import pytest
 
 EARLIER = {"calibration.json": '{"earlier": "calibration"}\n', "report.html": "<p>earlier report</p>\n"}
 # What the installed program runs, with a word on stdout when the first work begins.
-PROGRAM = "import sys, tumble.cli.main as m; sys.argv[0] = 'tumble'; {before}; print('ready', flush=True); m.program()"
+# It says that it is ready when a stop is heard: not before.
+PROGRAM = (
+    "import sys, tumble.cli.main as m; sys.argv[0] = 'tumble'; {before}; begin = m.main; "
+    "m.main = lambda: (print('ready', flush=True), begin()); m.program()"
+)
 
 
 def put_earlier(folder: Path) -> None:
