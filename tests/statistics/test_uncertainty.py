@@ -252,11 +252,13 @@ def test_a_jump_of_the_gyro_s_bias_is_told(runs: list[Run]) -> None:
     told = [remark for remark in estimate.remarks if "jumps" in remark]
     assert len(told) == 1, estimate.said
     assert "gyro y" in told[0]
-    # g-sensitivity takes up a part of the jump, so that it may be placed one hold off and come out smaller.
+    # Of the corrected rate, and g-sensitivity may place it one hold off.
+    assert run.truth.gyroscope is not None
+    jump = 0.3 / run.truth.gyroscope.matrix[1, 1]
     found = re.search(r"by ([+-][\d.]+) °/s \(± ([\d.]+)\) between hold (\d+)", told[0])
     assert found is not None
     assert abs(int(found.group(3)) - 14) <= 1
-    assert float(found.group(1)) == pytest.approx(0.3, abs=4.0 * float(found.group(2)))
+    assert float(found.group(1)) == pytest.approx(jump, abs=4.0 * float(found.group(2)))
     assert not any("jumps" in remark for remark in run.estimate.remarks)
 
 
