@@ -75,7 +75,7 @@ def guide_of(grade: Grade, targets: dict[str, float], candidates: dict[int, obje
     """A guide that shares what may come next with the others of its grade: half of the time is spent on that."""
     # The clock is known, so that the gyro scale factors are poses' work.
     guide = Guide(grade, SITE, HOLD, targets, rate=sample_rate(f"{grade.rate:.0f}±0.0001"), patient=True)
-    guide._candidates = candidates  # type: ignore[assignment]
+    guide._candidates = candidates  # type: ignore[assignment]  # the futures of all guides
     return guide
 
 

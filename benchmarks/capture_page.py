@@ -131,7 +131,7 @@ def watch(address: str, ended: threading.Event) -> None:
     with (
         suppress(ConnectionClosed),
         connect(address.replace("http", "ws") + "watch", origin=address.rstrip("/")) as own,
-    ):  # type: ignore[arg-type]  # a string
+    ):  # type: ignore[arg-type]  # an origin is a string there
         while not ended.is_set():
             own.recv(timeout=10.0)
 

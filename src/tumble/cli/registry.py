@@ -75,7 +75,7 @@ def list_command(
         say_json([asdict(entry) for entry in found], indent=1)
         return
     if unit is not None and not found:
-        say(f"The registry has no calibration of unit {unit}; it has {total} of {units} units.")
+        say(f"The registry has no calibration of unit {unit}; it has {total} calibrations of {units} units.")
         return
     words = {True: "fit", False: "not fit"}
     rows = [
