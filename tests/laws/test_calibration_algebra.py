@@ -201,15 +201,22 @@ def test_asymmetry_and_quadratic_terms_are_in_rows_and_effect() -> None:
     assert {p.name: p.second for p in found.parameters}["accelerometer asymmetry y"] == 1e-3
 
 
-def with_clock(model: ImuModel, because: str, *, seen: bool = False) -> Calibration:
-    """A document whose gyros share 0.58 % of a nominal clock; `seen`: the recording determined it to 20 ppm."""
+def with_clock(model: ImuModel, rate: float | None, *, seen: bool = False) -> Calibration:
+    """Gyros that share 0.58 % of a clock, nominal at `rate` or of a crystal; `seen`: determined to 20 ppm."""
     made, share = document(model), 0.0058
     along = np.zeros(45)
     assert model.gyroscope is not None
     along[18:27] = model.gyroscope.matrix.ravel()
     _, own = stacked(made)
     spread = own + (2e-5 if seen else share) ** 2 * np.outer(along, along)
-    unseen = [UnseenBlock(source="sample rate", relative_standard_uncertainty=share, because=because)]
+    unseen = [
+        UnseenBlock(
+            source="sample rate",
+            relative_standard_uncertainty=share,
+            because="as given",
+            nominal_rate_hz=rate,
+        )
+    ]
     return made.model_copy(
         update={
             "covariance_parameters": entry_names(),
@@ -225,19 +232,18 @@ def test_one_clock_that_both_assume_is_counted_in_no_difference() -> None:
     faster = ImuModel(
         MODEL.accelerometer, Triad(1.002 * MODEL.gyroscope.matrix, MODEL.gyroscope.bias), MODEL.g_sensitivity
     )
-    words = "the sample rate is a nominal 100 Hz, ± 1 % by data sheets"
     without = compare_calibrations(document(MODEL), document(faster))
-    found = compare_calibrations(with_clock(MODEL, words), with_clock(faster, words))
+    found = compare_calibrations(with_clock(MODEL, 100.0), with_clock(faster, 100.0))
     both = [{g.name: g for g in one.groups}["gyros: matrix"] for one in (without, found)]
     # 0.2 % of 0.58 % is no longer common.
     assert both[1].chi_square == pytest.approx(both[0].chi_square, rel=0.05)
     assert any("same nominal one" in remark for remark in found.remarks)
     for other in (
-        with_clock(faster, words.replace("100", "200")),
-        with_clock(faster, "the stamps are of a device's crystal (100 Hz by it)"),
-        with_clock(faster, words, seen=True),
+        with_clock(faster, 200.0),
+        with_clock(faster, None),
+        with_clock(faster, 100.0, seen=True),
     ):
-        apart = compare_calibrations(with_clock(MODEL, words), other)
+        apart = compare_calibrations(with_clock(MODEL, 100.0), other)
         assert not any("same nominal one" in remark for remark in apart.remarks)
         matrix = {g.name: g for g in apart.groups}["gyros: matrix"]
         assert matrix.chi_square < both[0].chi_square / 3.0

@@ -167,12 +167,14 @@ class Unseen:
     sigma : standard uncertainty of it, as a share.
     because : where that is from, as a clause.
     mend : what to do to know it better, as a clause.
+    nominal_rate : Hz, where the sample rate is taken as that because nothing better is known.
     """
 
     source: str
     sigma: float
     because: str
     mend: str
+    nominal_rate: float | None = None
 
 
 @dataclass(slots=True)

@@ -51,6 +51,7 @@ def unseen_clock(clock: Clock) -> Unseen:
         # The example is this recording's own rate, with a crystal's 100 ppm.
         f"give it, as --rate {clock.rate:.4g}±{clock.rate * 1e-4:.1g}"
         + (", or record the times of a clock" if clock.kind == "nominal" and not clock.counted else ""),
+        clock.rate if clock.kind == "nominal" else None,
     )
 
 

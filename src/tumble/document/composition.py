@@ -238,7 +238,12 @@ def _quality(estimate: Estimate) -> QualityBlock:
             for t in estimate.terms
         ],
         unseen=[
-            UnseenBlock(source=one.source, relative_standard_uncertainty=one.sigma, because=one.because)
+            UnseenBlock(
+                source=one.source,
+                relative_standard_uncertainty=one.sigma,
+                because=one.because,
+                nominal_rate_hz=one.nominal_rate,
+            )
             for one in estimate.unseen
         ],
     )

@@ -12,8 +12,8 @@ from tumble.arrays import AnyArray, Series, Square, Table
 from tumble.calibration.magnetometer.estimate import NAMES
 from tumble.calibration.magnetometer.parameters import nearest_axes
 from tumble.document.algebra import turned_to
-from tumble.document.common_clock import along_clock, common_clock, scale_slope
 from tumble.document.entries import PLACES, SIZE, model_of_vector, named_parameters, part, stacked
+from tumble.document.in_common import along_clock, common_clock, common_norm, scale_slope
 from tumble.document.magnetometer_block import MagnetometerBlock
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import UsageError
@@ -381,25 +381,41 @@ def _field_changes(
         return [], []
     factor = 1.0 if factors[0] is None or factors[1] is None else factors[1] / factors[0]
     natural = float(np.linalg.norm(one.matrix))
-    own, other = ({p.name: p for p in block.parameters} for block in (first, second))
+    of_first, of_second = ({p.name: p for p in block.parameters} for block in (first, second))
     alike = first.frame == second.frame and np.array_equal(nearest_axes(one.matrix), nearest_axes(two.matrix))
     if not alike:
         remarks.append(
             "How the magnetometer's axes lie is not compared: the frames or the axes are other ones."
         )
-    changes: list[ParameterChange] = []
-    for name in [name for name in own if name in other and (alike or "rotation" not in name)]:
-        by = 1.0 if "rotation" in name else factor
-        moved = other[name].value * by, other[name].standard_uncertainty * by
-        there = ParameterBlock(name=name, value=moved[0], standard_uncertainty=moved[1], unit=own[name].unit)
-        changes.append(_changed(own[name], there, 1.0 if "rotation" in name else natural))
-    known = first.covariance_parameters
-    if not alike or not known or known != second.covariance_parameters:
-        return changes, []
-    spread = np.array(first.covariance) + factor**2 * np.array(second.covariance)
+    known = first.covariance_parameters if first.covariance_parameters == second.covariance_parameters else []
     at = [NAMES.index(name) for name in known]
-    moved = np.concatenate([(factor * two.matrix - one.matrix).ravel(), factor * two.bias - one.bias])[at]
-    parts = (("biases", np.array(at) >= 9), ("matrix", np.array(at) < 9))
+    numbers = [
+        np.concatenate([by * triad.matrix.ravel(), by * triad.bias])[at]
+        for by, triad in ((1.0, one), (factor, two))
+    ]
+    spreads = np.array(first.covariance), factor**2 * np.array(second.covariance)
+    of_matrix = np.array(at) < 9
+    along = [np.where(of_matrix, own, 0.0) for own in numbers]
+    norm = common_norm((first.field, second.field), along, spreads) if known else 0.0
+    if norm:
+        remarks.append(
+            "Both take the same norm of the magnetic field, or the mean scale of a data sheet. What its uncertainty "
+            "does to both magnetometers alike is taken out."
+        )
+    changes: list[ParameterChange] = []
+    for name in [name for name in of_first if name in of_second and (alike or "rotation" not in name)]:
+        by = 1.0 if "rotation" in name else factor
+        moved = of_second[name].value * by, of_second[name].standard_uncertainty * by
+        there = ParameterBlock(
+            name=name, value=moved[0], standard_uncertainty=moved[1], unit=of_first[name].unit
+        )
+        changes.append(_changed(of_first[name], there, 1.0 if "rotation" in name else natural, norm))
+    if not alike or not known:
+        return changes, []
+    shared = norm * np.outer(along[0], along[1])
+    spread = spreads[0] + spreads[1] - shared - shared.T
+    moved = numbers[1] - numbers[0]
+    parts = (("biases", ~of_matrix), ("matrix", of_matrix))
     groups = [_group(f"magnetometer: {what}", moved[i], spread[np.ix_(i, i)], natural) for what, i in parts]
     return changes, [group for group in groups if group is not None]
 

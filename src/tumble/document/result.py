@@ -136,6 +136,7 @@ class UnseenBlock(_Strict):
     source: str
     relative_standard_uncertainty: float
     because: str
+    nominal_rate_hz: float | None = None
 
 
 class QualityBlock(_Strict):

@@ -14,7 +14,12 @@ from tumble.calibration.magnetometer.estimate import NAMES
 from tumble.calibration.magnetometer.parameters import named_parameters
 from tumble.document.difference import compare_calibrations
 from tumble.document.imported import calibration_from_model
-from tumble.document.magnetometer_block import FieldParameter, FieldVerdictBlock, MagnetometerBlock
+from tumble.document.magnetometer_block import (
+    FieldBlock,
+    FieldParameter,
+    FieldVerdictBlock,
+    MagnetometerBlock,
+)
 from tumble.document.result import Calibration
 from tumble.errors import UsageError
 from tumble.limits.conformity import decide
@@ -103,11 +108,19 @@ def test_a_comparison_says_that_the_magnetometer_is_not_in_it() -> None:
     assert Recovery(without, [], 3.0).remarks == []
 
 
-def stated(matrix: np.ndarray, bias: np.ndarray, unit: str, sigma: float) -> Calibration:
-    """A magnetometer with parameters and a covariance: `sigma` µT of each bias, 1e-3 of each entry of the matrix."""
+def stated(
+    matrix: np.ndarray, bias: np.ndarray, unit: str, sigma: float, source: str | None = None
+) -> Calibration:
+    """A magnetometer with parameters and a covariance: `sigma` µT of each bias, 1e-3 of each entry of the matrix.
+
+    With a `source` the norm of the field is uncertain by 5 % more: given as that, or not given where it is empty.
+    """
     factor = {"uT": 1.0, "gauss": 0.01}[unit]
     numbers = factor * np.concatenate([1e6 * matrix.ravel(), bias])
     spread = np.diag(np.repeat([factor * 1e3, factor * sigma], [9, 3]) ** 2)
+    if source is not None:
+        along = np.concatenate([numbers[:9], np.zeros(3)])
+        spread += 0.05**2 * np.outer(along, along)
     named = named_parameters(numbers, spread, unit, "T")
     return document(
         raw_unit=unit,
@@ -116,7 +129,30 @@ def stated(matrix: np.ndarray, bias: np.ndarray, unit: str, sigma: float) -> Cal
         parameters=[FieldParameter(**dataclasses.asdict(p)) for p in named],
         covariance_parameters=list(NAMES),
         covariance=spread.tolist(),
+        field=None
+        if source is None
+        else FieldBlock(norm=48e-6, norm_standard_uncertainty=2.4e-6, norm_given=source != "", source=source),
     )
+
+
+@pytest.mark.parametrize("source", ["", "a model"])
+def test_a_norm_that_both_assume_is_counted_in_no_difference(source: str) -> None:
+    """0.5 % of another scale are found below the 5 % that both assume; not where another norm was given."""
+    found, without, apart = (
+        {g.name: g for g in compare_calibrations(one, two).groups}["magnetometer: matrix"].chi_square
+        for one, two in (
+            (stated(M, H, "uT", 0.03, source), stated(1.005 * M, H, "gauss", 0.03, source)),
+            (stated(M, H, "uT", 0.03), stated(1.005 * M, H, "gauss", 0.03)),
+            (stated(M, H, "uT", 0.03, source), stated(1.005 * M, H, "gauss", 0.03, "another model")),
+        )
+    )
+    # 0.5 % of the 5 % are no longer common: 0.00025 of what each entry is uncertain by 0.001.
+    assert found == pytest.approx(without, rel=0.1)
+    assert apart < without / 3.0
+    both = compare_calibrations(stated(M, H, "uT", 0.03, source), stated(1.005 * M, H, "uT", 0.03, source))
+    change = {p.name: p for p in both.parameters}["magnetometer scale factor x"]
+    assert change.standard_uncertainty == pytest.approx(np.sqrt(2.0) * 1e3, rel=0.2)
+    assert any("same norm of the magnetic field" in remark for remark in both.remarks)
 
 
 def test_limits_hold_a_magnetometer_that_is_fit_and_miss_one_that_is_not(tmp_path: Path) -> None:
