@@ -25,9 +25,9 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.calibration import Estimate
-from tumble.calibration.equations.size_effect import PAIRS
 from tumble.calibration.joint import calibrate_joint
-from tumble.calibration.outcome.table_parameters import LAG_NAME
+from tumble.calibration.terms.lever_arms import PAIRS
+from tumble.calibration.terms.time_lag import LAG_NAME
 from tumble.earth import Site
 from tumble.errors import TumbleError
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep

@@ -115,9 +115,7 @@ class TestRecord:
             assert len({one.name for one in tried}) == len(tried)
         assert len(tried) == 1 or not tried[-1].example
 
-    def test_its_row_stands_in_the_documentation_and_its_page_is_there(self, record: Procedure) -> None:
-        page = DOCS / "index.md"
-        assert record.row in page.read_text(encoding="utf-8").splitlines(), f"{page} lacks: {record.row}"
+    def test_its_page_of_the_documentation_is_there(self, record: Procedure) -> None:
         assert (DOCS / record.page).is_file()
 
     def test_an_option_that_it_does_not_take_is_refused_with_the_procedure_that_does(
@@ -128,12 +126,6 @@ class TestRecord:
                 UsageError, match="--unknowns is for the multi-position procedure: add --procedure"
             ):
                 check_procedure(record.name, Options(unknowns=6), has_protocol=True)
-
-
-def test_the_documentation_s_table_has_no_other_row() -> None:
-    text = (DOCS / "index.md").read_text(encoding="utf-8")
-    rows = [line for line in text.split("\n## ")[0].splitlines() if line.startswith("| ") and "](" in line]
-    assert sorted(rows) == sorted(record.row for record in all_procedures())
 
 
 class TestProcedure:

@@ -12,7 +12,7 @@ from tumble.calibration.equations.imu_unknowns import (
     imu_unknowns,
     raw_force,
     raw_rate,
-    without_asymmetry,
+    straightened,
 )
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.joint import calibrate_joint
@@ -107,4 +107,4 @@ def test_without_asymmetry_a_gyro_shows_what_a_symmetric_and_linear_one_would() 
     symmetric = raw_rate(u, rate, np.zeros((2, 3))).value
     u["gyro.asymmetry"][:], u["gyro.quadratic"][:] = OF_RATE, OF_RATE[::-1]
     shown = raw_rate(u, rate, np.zeros((2, 3))).value
-    np.testing.assert_allclose(without_asymmetry(u, shown), symmetric, rtol=1e-14)
+    np.testing.assert_allclose(straightened(u, shown), symmetric, rtol=1e-14)

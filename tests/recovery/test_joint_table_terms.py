@@ -15,13 +15,13 @@ import numpy.typing as npt
 import pytest
 
 from tumble.attitude.rotations import matrices_from_rotation_vectors, skews
-from tumble.calibration.equations import size_effect
 from tumble.calibration.equations.imu_unknowns import LAYOUT, imu_unknowns, raw_force
-from tumble.calibration.equations.size_effect import PAIRS
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.evidence import Budget
 from tumble.calibration.joint import calibrate_joint
-from tumble.calibration.outcome.table_parameters import LAG_NAME
+from tumble.calibration.terms import lever_arms
+from tumble.calibration.terms.lever_arms import PAIRS
+from tumble.calibration.terms.time_lag import LAG_NAME, by_lag
 from tumble.earth import Site
 from tumble.protocol import HoldStep, Pose, Protocol, SpinStep, Step, TurnStep
 from tumble.recording.recording import Recording
@@ -290,9 +290,9 @@ def test_derivatives_by_lag_and_lever_arms_are_those_of_differences(index: int) 
         at = u.at(values)
         turned = matrices_from_rotation_vectors(at["lag"] * rates)
         gravity = np.einsum("nij,nj->ni", turned, level)
-        made = raw_force(at, gravity, size_effect.apart(at, centripetal))
-        made.by_blocks["lever_arms"] = size_effect.by_lever_arms(made.by_true, centripetal)
-        made.by_blocks["lag"] = size_effect.by_lag(made.by_true, rates, gravity)[:, :, None]
+        made = raw_force(at, gravity, lever_arms.apart(at, centripetal))
+        made.by_blocks["lever_arms"] = lever_arms.by_lever_arms(made.by_true, centripetal)
+        made.by_blocks["lag"] = by_lag(made.by_true, rates, gravity)[:, :, None]
         return made.value, at.columns(made.by_blocks)
 
     step = np.zeros(LAYOUT.size)

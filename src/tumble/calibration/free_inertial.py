@@ -27,6 +27,7 @@ import numpy as np
 from tumble.arrays import Matrix, Square, Table, Vector, inverted
 from tumble.attitude.rotations import skew
 from tumble.sensor import ImuModel, Triad
+from tumble.sensor.triad import CURVES
 
 LONGEST = 600.0
 """s, beyond which the closed forms are off by more than 4 %."""
@@ -191,11 +192,7 @@ def _triad_errors(kind: str, triad: Triad | None, names: Sequence[str], true: Ve
     if triad is None:
         return moved
     own = triad.matrix @ true
-    slope = np.ones(3)
-    if triad.quadratic is not None:
-        slope = slope + 2.0 * triad.quadratic * own
-    if triad.asymmetry is not None:
-        slope = slope + triad.asymmetry * np.sign(own)
+    slope = triad.slope(own)
     inverse = inverted(slope[:, None] * triad.matrix)
     for column, name in enumerate(names):
         entry, _, _ = name.partition("[")
@@ -206,8 +203,7 @@ def _triad_errors(kind: str, triad: Triad | None, names: Sequence[str], true: Ve
         more = {
             "bias": 1.0,
             "matrix": slope[at[0]] * true[at[-1]],
-            "quadratic": own[at[0]] ** 2,
-            "asymmetry": abs(own[at[0]]),
+            **{curve: of.of(own[at[0]]) for curve, of in CURVES.items()},
         }.get(entry.partition(".")[2], 0.0)
         moved[:, column] = -inverse[:, at[0]] * more
     return moved

@@ -28,11 +28,12 @@ from tumble.calibration.equations.imu_unknowns import (
     gyro_matrix,
     imu_unknowns,
     name_plate,
+    term_unknowns,
+    terms_prior,
     unknowns_of,
 )
 from tumble.calibration.equations.observed import TableRotation, observe, table_rotation
 from tumble.calibration.equations.pose_equations import mounting_prior
-from tumble.calibration.equations.size_effect import lever_prior
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.estimate import Estimate, TermTest
 from tumble.calibration.observability import (
@@ -43,9 +44,8 @@ from tumble.calibration.observability import (
     together,
 )
 from tumble.calibration.optional_terms import (
-    NOT_TRIED_FIRST,
-    TERMS,
     determined_terms,
+    gives_way,
     offered_terms,
     possible_terms,
     seen_table_terms,
@@ -59,6 +59,7 @@ from tumble.calibration.outcome.estimate import JointOutcome, joint_estimate, re
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.procedures.hand_held import add_bias_step, add_time_lag
 from tumble.calibration.start import gather_what_there_is, rough_start, rough_variances, start_adjustment
+from tumble.calibration.terms import TERMS
 from tumble.calibration.unseen import add_common_scale, rest_rate
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError
@@ -205,9 +206,9 @@ def _known_terms(u: Unknowns, *, wanted: bool) -> list[str]:
     """Optional terms that the start has; where none are wanted they are made zero."""
     names = ("g_sensitivity", "quadratic")
     if wanted:
-        return [name for name in names if np.any(u.values[TERMS[name].unknowns])]
+        return [name for name in names if np.any(u.values[term_unknowns(name)])]
     for name in names:
-        u.values[TERMS[name].unknowns] = 0.0
+        u.values[term_unknowns(name)] = 0.0
     return []
 
 
@@ -403,7 +404,7 @@ def _balanced(task: JointAdjustment, names: list[str], *, a_start: bool) -> Bala
     """
     prior, free = task.prior, task.unknowns.free
     task.unknowns = task.unknowns.with_free(unknowns_with(free, names))
-    task.prior = together(prior, lever_prior(task.unknowns))
+    task.prior = together(prior, terms_prior(task.unknowns))
     balanced = Balanced(solve_recording(task), [], {}) if names or a_start else balance_recording(task)
     task.unknowns, task.prior = task.unknowns.with_free(free), prior
     return balanced
@@ -430,12 +431,12 @@ def _with_terms(
     names = _not_needless(*without, plain, names, tests, limits, sought)
     while names:
         trial = _from_before(task, fresh, unknowns_with(plain, names))
-        trial.prior = together(trial.prior, lever_prior(trial.unknowns))
+        trial.prior = together(trial.prior, terms_prior(trial.unknowns))
         try:
             balanced = balance_recording(trial)
         except (ObservabilityError, ConvergenceError):
             # Where the equations are bent, what is determined to first order may not be.
-            untried.append(min(names, key=NOT_TRIED_FIRST.index))
+            untried.append(max(names, key=gives_way))
             names = [name for name in names if name != untried[-1]]
             continue
         wanted = wanted_terms(trial, balanced, names, tests, limits, sought)
@@ -469,7 +470,7 @@ def _not_needless(
         return names
     trial = task.copy()
     trial.unknowns = trial.unknowns.with_free(unknowns_with(plain, names))
-    trial.prior = together(trial.prior, lever_prior(trial.unknowns))
+    trial.prior = together(trial.prior, terms_prior(trial.unknowns))
     try:
         solution = solve(trial, once=True)
     except (ObservabilityError, ConvergenceError):
@@ -493,7 +494,7 @@ def _unneeded(
     Holds are not predicted better by what turns tell of accelerometers, and turns are. `without` has no term at all.
     """
     for name in worse:
-        free = np.union1d(np.setdiff1d(balanced.solution.unknowns.free, TERMS[name].unknowns), plain)
+        free = np.union1d(np.setdiff1d(balanced.solution.unknowns.free, term_unknowns(name)), plain)
         known = np.array_equal(free, without.solution.unknowns.free)
         other = without if known else _balanced_from(task, fresh, free)
         if other is not None and surprise_added(other, balanced, ("force", "rate", "turn")) > 0.0:
@@ -504,7 +505,7 @@ def _unneeded(
 def _balanced_from(task: JointAdjustment, fresh: JointAdjustment, free: np.ndarray) -> Balanced | None:
     """The balanced adjustment of some unknowns, from before; None where it does not settle."""
     alone = _from_before(task, fresh, free)
-    alone.prior = together(alone.prior, lever_prior(alone.unknowns))
+    alone.prior = together(alone.prior, terms_prior(alone.unknowns))
     try:
         return balance_recording(alone)
     except (ObservabilityError, ConvergenceError):
@@ -523,7 +524,7 @@ def _without_terms(
     except (ObservabilityError, ConvergenceError):
         # Terms that the start had may be what it settles with.
         again = _from_before(task, fresh, base.solution.unknowns.free)
-        again.prior = together(again.prior, lever_prior(again.unknowns))
+        again.prior = together(again.prior, terms_prior(again.unknowns))
         return again, balance_recording(again)
 
 

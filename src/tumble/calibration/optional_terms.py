@@ -1,24 +1,21 @@
-"""The optional terms of both triads, and whether the data want them.
-
-A new term is a block of `imu_unknowns`, its derivative in the equations that show it, and an entry here.
-"""
+"""Whether the data want the optional terms of both triads."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.causes import FORCE_WANDER
-from tumble.calibration.equations.imu_unknowns import LAYOUT, LEVER_ARM, force_matrix, name_plate
-from tumble.calibration.equations.size_effect import ARMS
+from tumble.calibration.equations.imu_unknowns import force_matrix, name_plate, term_unknowns
 from tumble.calibration.estimate import TermTest
 from tumble.calibration.observability import TOLD
 from tumble.calibration.procedures.hand_held import LAG_LIMIT
 from tumble.calibration.term_tests import NEEDLESS, wald_test
+from tumble.calibration.terms import TERMS
 from tumble.estimation.balance import Balanced
 from tumble.estimation.equations import Drift
 from tumble.estimation.settled import Settled
@@ -26,35 +23,6 @@ from tumble.estimation.terms import keep_wanted
 from tumble.estimation.unknowns import Unknowns
 from tumble.estimation.wander import shared_wander
 
-
-@dataclass(frozen=True, slots=True)
-class Term:
-    """A term that is kept if the data want it.
-
-    Attributes
-    ----------
-    name : as users know it.
-    unknowns : indices of its unknowns.
-    shown_by : "force" for what holds show, "gyro" for what needs gyros, "table" for what only rotations show.
-    """
-
-    name: str
-    unknowns: np.ndarray
-    shown_by: str
-
-
-TERMS = {
-    term.name: term
-    for term in (
-        Term("g_sensitivity", LAYOUT.indices("gyro.g_sensitivity"), "gyro"),
-        Term("quadratic", LAYOUT.indices("force.quadratic"), "force"),
-        Term("accelerometer_asymmetry", LAYOUT.indices("force.asymmetry"), "force"),
-        Term("gyro_asymmetry", LAYOUT.indices("gyro.asymmetry"), "gyro"),
-        Term("time_lag", LAYOUT.indices("lag"), "table"),
-        Term("lever_arms", ARMS, "table"),
-        Term("gyro_quadratic", LAYOUT.indices("gyro.quadratic"), "table"),
-    )
-}
 OF_FORCE = tuple(term.name for term in TERMS.values() if term.shown_by == "force")
 EVERYWHERE = tuple(term.name for term in TERMS.values() if term.shown_by != "table")
 ON_TABLES = tuple(term.name for term in TERMS.values() if term.shown_by == "table")
@@ -80,7 +48,7 @@ def unknowns_with(plain: np.ndarray, names: list[str]) -> np.ndarray:
     ----------
     plain, names : indices, and names of terms.
     """
-    return np.sort(np.concatenate([plain, *(TERMS[name].unknowns for name in names)]))
+    return np.sort(np.concatenate([plain, *(term_unknowns(name) for name in names)]))
 
 
 def offered_terms(*, has_gyro: bool) -> list[str]:
@@ -128,10 +96,10 @@ def wanted_terms(
     def test(name: str, values: Series, blocks: list[Square]) -> tuple[float, bool]:
         taken = blocks if name in OF_FORCE and by_hand else blocks[:1]
         degrees, excess = _checks_of(name, task, balanced)
+        own = plate[term_unknowns(name)]
         each = [term_test(name, values, excess * block, degrees, limits[name]) for block in taken]
         tests[name] = max(each, key=lambda one: one.probability)
-        at = TERMS[name].unknowns
-        if name in EVERYWHERE and np.any(np.abs(values) > LARGEST_OF_A_UNIT * plate[at]):
+        if name in EVERYWHERE and np.any(np.abs(values) > LARGEST_OF_A_UNIT * own):
             # Something else is wrong with the recording, and the term takes it up.
             tests[name] = replace(tests[name], kept=False)
             return 2.0, False
@@ -141,7 +109,7 @@ def wanted_terms(
             return -1.0, True
         return tests[name].probability, tests[name].kept
 
-    places = {name: u.places(TERMS[name].unknowns) for name in names}
+    places = {name: u.places(term_unknowns(name)) for name in names}
     return keep_wanted(u.values[u.free], [solution.cofactor, spread], places, test)
 
 
@@ -159,7 +127,7 @@ def possible_terms(
     task, balanced : with all terms free, after one step.
     names, tests, sought : as for `wanted_terms`.
     """
-    if any(_checks_of(name, task, balanced)[0] < CHECKS_EACH * TERMS[name].unknowns.size for name in names):
+    if any(_checks_of(name, task, balanced)[0] < CHECKS_EACH * term_unknowns(name).size for name in names):
         return names
     left = wanted_terms(task, balanced, names, tests, dict.fromkeys(names, NEEDLESS), sought)
     # Larger than any unit's by one step: let it settle.
@@ -214,9 +182,8 @@ def implausible_words(tests: list[TermTest]) -> list[str]:
     ----------
     tests : of all terms.
     """
-    words = [
-        _IN_WORDS[t.name] for t in tests if not t.kept and t.probability < t.limit and t.name in _IN_WORDS
-    ]
+    found = {t.name for t in tests if not t.kept and t.probability < t.limit}
+    words = [TERMS[name].words for name in EVERYWHERE if name in found]
     if not words:
         return []
     said = (
@@ -245,32 +212,24 @@ def _checks_of(name: str, task: JointAdjustment, balanced: Balanced) -> tuple[in
     return max(int(degrees), 1), max(excess, 1.0)
 
 
+def gives_way(name: str) -> int:
+    """Return the larger a number the sooner a term is not tried, of terms that look alike in what was recorded."""
+    return TERMS[name].gives_way
+
+
 def term_test(name: str, estimates: Series, covariance: Square, freedom: int, limit: float) -> TermTest:
-    """Test a term against zero, lever arms in what the motion determines of them; see `wald_test`.
+    """Test a term against zero, one that is told in part in what the motion determines of it; see `wald_test`.
 
     Parameters
     ----------
-    name, estimates, covariance, freedom, limit : as there; of lever arms with their prior taken in.
+    name, estimates, covariance, freedom, limit : as there; of a term that is told in part with its prior taken in.
     """
-    if name != "lever_arms":
+    if not TERMS[name].in_part:
         return wald_test(name, estimates, covariance, freedom, limit)
+    plate = float(np.max(TERMS[name].plate(np.ones(3))))  # in SI
     values, vectors = np.linalg.eigh(covariance)
-    told = vectors[:, values < max(LEFT * LEVER_ARM**2, 1.001 * float(values[0]))]
+    told = vectors[:, values < max(LEFT * plate**2, 1.001 * float(values[0]))]
     return wald_test(name, told.T @ estimates, told.T @ covariance @ told, freedom, limit)
-
-
-# Of terms that look alike in what was recorded, the first of these is not tried: asymmetries are what rotations both
-# ways and faces up and down show by themselves, whatever the curve between is.
-NOT_TRIED_FIRST: tuple[str, ...] = (
-    *("quadratic", "gyro_quadratic", "lever_arms", "time_lag"),
-    *("g_sensitivity", "accelerometer_asymmetry", "gyro_asymmetry"),
-)
-_IN_WORDS = {
-    "quadratic": "quadratic terms of the accelerometers",
-    "g_sensitivity": "g-sensitivity of the gyros",
-    "accelerometer_asymmetry": "asymmetries of the accelerometers",
-    "gyro_asymmetry": "asymmetries of the gyros",
-}
 
 
 def determined_terms(normal: Square, u: Unknowns, plain: np.ndarray, names: list[str]) -> list[str]:
@@ -296,7 +255,7 @@ def determined_terms(normal: Square, u: Unknowns, plain: np.ndarray, names: list
         untold = [name for name in left if not _is_determined(name, share, free)]
         if not untold:
             break
-        left.remove(min(untold, key=NOT_TRIED_FIRST.index))
+        left.remove(max(untold, key=gives_way))
     return left
 
 
@@ -308,10 +267,10 @@ def _left_open(information: Square) -> Square:
 
 
 def _is_determined(name: str, share: Square, free: np.ndarray) -> bool:
-    """Whether little is left of the name plate's variance in every direction of a term; of lever arms in any."""
-    at = np.flatnonzero(np.isin(free, TERMS[name].unknowns))
+    """Whether little is left of the name plate's variance in every direction of a term; of one told in part in any."""
+    at = np.flatnonzero(np.isin(free, term_unknowns(name)))
     shares = np.linalg.eigvalsh(share[np.ix_(at, at)])
-    return bool(shares[0 if name == "lever_arms" else -1] < LEFT)
+    return bool(shares[0 if TERMS[name].in_part else -1] < LEFT)
 
 
 def untried_words(names: list[str]) -> list[str]:
@@ -321,7 +280,7 @@ def untried_words(names: list[str]) -> list[str]:
     ----------
     names : of the terms; those that only tables show are not missed.
     """
-    words = [_IN_WORDS[name] for name in names if name in _IN_WORDS]
+    words = [TERMS[name].words for name in EVERYWHERE if name in names]
     if not words:
         return []
     last = f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0]
@@ -333,7 +292,7 @@ def untried_words(names: list[str]) -> list[str]:
 
 
 def seen_table_terms(normal: Square, u: Unknowns) -> list[str]:
-    """Return the terms that a table's rotations determine; of lever arms any part of them.
+    """Return the terms that a table's rotations determine, or any part of those that are told in part.
 
     Parameters
     ----------
@@ -341,7 +300,6 @@ def seen_table_terms(normal: Square, u: Unknowns) -> list[str]:
     """
     sizes = name_plate(u)[u.free]
     left = _left_open(normal * np.outer(sizes, sizes))
-    # Of lever arms a part is worth having.
     return [name for name in ON_TABLES if _is_determined(name, left, u.free)]
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series, Vectors
-from tumble.calibration.equations.lever_arms import LeverArms
+from tumble.calibration.terms.lever_arms import LeverArms
 from tumble.errors import CalibrationFileError, UsageError
 from tumble.sensor import ImuModel
 from tumble.sensor.thermal import Outside, ThermalModel

@@ -8,17 +8,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tumble.document.result import Calibration, TermBlock
 
-TERMS = {
-    "g_sensitivity": "g-sensitivity of the gyros",
-    "quadratic": "quadratic terms of the accelerometers",
-    "time_lag": "a time lag between the triads",
-    "gyro_quadratic": "quadratic terms of the gyros",
-    "lever_arms": "lever arms of the accelerometers",
-    "accelerometer_asymmetry": "asymmetry of the accelerometers",
-    "gyro_asymmetry": "asymmetry of the gyros",
-    "asymmetry": "scale-factor asymmetry of the gyros",
-}
-
 
 def verdict_words(fit: bool) -> str:
     """Return the verdict in three or four words."""
@@ -26,15 +15,16 @@ def verdict_words(fit: bool) -> str:
 
 
 def term_words(name: str, procedure: str = "") -> str:
-    """Return an optional term's name in words; on a rate table a quadratic term is the gyros'.
+    """Return an optional term's name in words; on a rate table curves are the gyros'.
 
     Parameters
     ----------
     name, procedure : as the document has them.
     """
-    if name == "quadratic" and procedure == "rate-table":
-        return "quadratic terms of the gyros"
-    return TERMS.get(name, name.replace("_", " "))
+    from tumble.calibration.terms import TERMS
+
+    term = TERMS.get(f"gyro_{name}" if procedure == "rate-table" else name)
+    return name.replace("_", " ") if term is None else term.words
 
 
 def quality_sentences(calibration: Calibration) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -80,4 +80,4 @@ class ImuModel:
 def _turned(triad: Triad | None, C_new_b: Matrix) -> Triad | None:
     if triad is None:
         return None
-    return Triad(np.asarray(triad.matrix @ C_new_b.T), triad.bias, triad.asymmetry, triad.quadratic)
+    return replace(triad, matrix=np.asarray(triad.matrix @ C_new_b.T))

@@ -375,10 +375,8 @@ class ThermalModel:
         raw = own + triad.bias
         biases = self._terms(f"{name}.bias", with_path=True)
         raw = raw + values[:, : biases.shape[0]] @ biases
-        if triad.asymmetry is not None:
-            raw = raw + triad.asymmetry * np.abs(own)
-        if triad.quadratic is not None:
-            raw = raw + triad.quadratic * own**2
+        for _, curve, size in triad.curves():
+            raw = raw + size * curve.of(own)
         return raw
 
 

@@ -2,11 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tumble.arrays import Matrix, Vector, Vectors
+from tumble.arrays import AnyArray, Matrix, Vector, Vectors
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """What a sensor shows beside a straight line: a coefficient times a function of its own input.
+
+    Attributes
+    ----------
+    of, slope : the function and its derivative.
+    power : of the raw unit by which the coefficient is divided.
+    """
+
+    of: Callable[[AnyArray], AnyArray]
+    slope: Callable[[AnyArray], AnyArray]
+    power: int
+
+
+CURVES = {"asymmetry": Curve(np.abs, np.sign, 0), "quadratic": Curve(np.square, lambda u: 2.0 * u, 1)}
+"""The curves that a triad may have, by the names of its attributes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,11 +50,23 @@ class Triad:
         """Return the raw output for the true input in frame b (SI), without noise."""
         own_input = true @ self.matrix.T
         raw = own_input + self.bias
-        if self.asymmetry is not None:
-            raw = raw + self.asymmetry * np.abs(own_input)
-        if self.quadratic is not None:
-            raw = raw + self.quadratic * own_input**2
+        for _, curve, size in self.curves():
+            raw = raw + size * curve.of(own_input)
         return raw
+
+    def curves(self) -> Iterator[tuple[str, Curve, Vector]]:
+        """Yield the curves that it has: name, function, and each sensor's coefficient (3,)."""
+        for name, curve in CURVES.items():
+            size: Vector | None = getattr(self, name)
+            if size is not None:
+                yield name, curve, size
+
+    def slope(self, own_input: AnyArray) -> AnyArray:
+        """Return by how much the raw output moves with each sensor's own input (..., 3)."""
+        rises = np.ones(np.shape(own_input))
+        for _, curve, size in self.curves():
+            rises = rises + size * curve.slope(own_input)
+        return rises
 
     def correct(self, raw: Vectors) -> Vectors:
         """Return the true input in frame b (SI) for the raw output: the inverse of `distort`.
@@ -54,12 +86,8 @@ class Triad:
 
     def in_raw_unit(self, factor: float) -> Triad:
         """Return the same triad with raw numbers `factor` times as large, such as counts instead of SI."""
-        return Triad(
-            factor * self.matrix,
-            factor * self.bias,
-            self.asymmetry,
-            None if self.quadratic is None else self.quadratic / factor,
-        )
+        curves = {name: size / factor**curve.power for name, curve, size in self.curves()}
+        return replace(self, matrix=factor * self.matrix, bias=factor * self.bias, **curves)
 
     def own_input(self, raw: Vectors) -> Vectors:
         """Return each sensor's own input ``u`` in raw units, before cross-coupling is removed."""

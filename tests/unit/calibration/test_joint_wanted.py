@@ -10,10 +10,15 @@ import pytest
 from scipy.special import fdtrc
 
 from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording
-from tumble.calibration.equations.imu_unknowns import PLAIN, imu_unknowns, name_plate, unknowns_of
+from tumble.calibration.equations.imu_unknowns import (
+    PLAIN,
+    imu_unknowns,
+    name_plate,
+    term_unknowns,
+    unknowns_of,
+)
 from tumble.calibration.equations.observed import observe
 from tumble.calibration.optional_terms import (
-    TERMS,
     determined_terms,
     implausible_words,
     possible_terms,
@@ -134,7 +139,7 @@ def _information(u: Unknowns, alike: tuple[str, str], apart: float) -> np.ndarra
     """Everything is known to a hundredth of a name plate, but two terms that show as one number."""
     sizes = name_plate(u)
     scaled = 1e4 * np.eye(u.values.size)
-    first, second = (TERMS[name].unknowns for name in alike)
+    first, second = (term_unknowns(name) for name in alike)
     for i, j in zip(first, second, strict=True):
         scaled[i, j] = scaled[j, i] = 1e4 * (1.0 - apart)
     whole = scaled / np.outer(sizes, sizes)

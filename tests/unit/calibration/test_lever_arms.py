@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from tumble.calibration.equations.lever_arms import LeverArms
+from tumble.calibration.terms.lever_arms import LeverArms
 from tumble.document import Calibration, read_calibration
 from tumble.document.algebra import inverted, turned_to
 from tumble.document.imported import calibration_from_model

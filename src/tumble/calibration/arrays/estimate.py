@@ -11,12 +11,13 @@ from tumble.arrays import Matrix, Vector
 from tumble.attitude.rotations import rotation_vector_from_matrix
 from tumble.calibration.arrays.adjustment import ArraySolution
 from tumble.calibration.arrays.slips import Slip, find_slips
+from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.estimate import Beside, Estimate, coverage_factor
 from tumble.calibration.evidence import Budget, Holds, Turns
 from tumble.calibration.outcome.budget import wander_factors
 from tumble.calibration.outcome.description import describe
-from tumble.calibration.outcome.table_parameters import lever_arms_of
 from tumble.calibration.scores import hold_norm_errors, score_turns
+from tumble.calibration.terms.lever_arms import lever_arms_of
 from tumble.earth import Site
 
 # Units that are said to have moved against one another though they did not.
@@ -190,7 +191,7 @@ def _estimate(solution: ArraySolution, index: int, alone: Estimate, site: Site) 
             replace(alone.holds, norms=hold_norm_errors(described.model, base.force_mean, site.gravity)),
             replace(alone.turns, angles=score_turns(described.model, base).angle),
         ],
-        lever_arms=lever_arms_of(values, outcome.kept, np.eye(3)),
+        lever_arms=lever_arms_of(values[LAYOUT["lever_arms"]], outcome.kept, np.eye(3)),
     )
 
 

@@ -24,7 +24,6 @@ from tumble.attitude.rotations import (
     skews,
     tangent_basis,
 )
-from tumble.calibration.equations import size_effect
 from tumble.calibration.equations.adjustment import JointAdjustment, RotationState
 from tumble.calibration.equations.causes import (
     ANGLES,
@@ -42,7 +41,7 @@ from tumble.calibration.equations.imu_unknowns import (
     gyro_matrix,
     raw_force,
     raw_rate,
-    without_asymmetry,
+    straightened,
 )
 from tumble.calibration.equations.observed import Observed, TableRotation, mean_backward_rotation
 from tumble.calibration.equations.turn_equations import (
@@ -51,6 +50,8 @@ from tumble.calibration.equations.turn_equations import (
     link_covariance,
     link_residuals,
 )
+from tumble.calibration.terms import lever_arms
+from tumble.calibration.terms.time_lag import by_lag
 from tumble.estimation.equations import Drift, Equations, Linear, View
 from tumble.estimation.unknowns import Unknowns
 from tumble.estimation.wander import faster_variance
@@ -238,14 +239,14 @@ class Windows(AlikeEquations):
         shown = raw_force(
             u,
             backward @ up + np.einsum("nij,nj->ni", centripetal, own[:, layout.lever]),
-            size_effect.apart(u, centripetal),
+            lever_arms.apart(u, centripetal),
         )
         residual = shown.value + np.einsum("nij,nj->ni", bases, own[:, layout.force]) - force
         blocks = dict(shown.by_blocks)
         if u.is_free("lever_arms"):
-            blocks["lever_arms"] = size_effect.by_lever_arms(shown.by_true, centripetal)
+            blocks["lever_arms"] = lever_arms.by_lever_arms(shown.by_true, centripetal)
         if u.is_free("lag"):
-            blocks["lag"] = size_effect.by_lag(shown.by_true, rates, backward @ up)[:, :, None]
+            blocks["lag"] = by_lag(shown.by_true, rates, backward @ up)[:, :, None]
         by_rate = _force_by_rate(turned, rates, np.swapaxes(C_wb, 1, 2) @ up, own[:, layout.lever])
         by_output = -shown.by_true @ by_rate @ inverted(gyro_matrix(u))
         felt = backward @ up
@@ -580,7 +581,7 @@ def _fast_drift(
 def _window_rates(u: Unknowns, raw_force: Table, raw_rate: Table) -> Table:
     """(windows, 3) rad/s, without bias and g-sensitivity."""
     force = (raw_force - u["force.bias"]) @ inverted(force_matrix(u)).T
-    seen = without_asymmetry(u, raw_rate) - u["gyro.bias"] - force @ g_sensitivity(u).T
+    seen = straightened(u, raw_rate) - u["gyro.bias"] - force @ g_sensitivity(u).T
     return np.asarray((1.0 + u["clock"][0]) * (seen @ inverted(gyro_matrix(u)).T), dtype=np.float64)
 
 

@@ -19,9 +19,11 @@ from tumble.calibration.equations.imu_unknowns import (
     force_matrix,
     g_sensitivity,
     gyro_matrix,
-    without_asymmetry,
+    straightened,
 )
 from tumble.calibration.equations.observed import Observed
+from tumble.calibration.terms import TERMS
+from tumble.calibration.terms.term import curves_of
 from tumble.estimation.equations import Drift, Equations, Linear, View
 from tumble.estimation.unknowns import Unknowns
 
@@ -35,8 +37,8 @@ class Link:
     C_se : (links, 3, 3).
     sums : (links, 3, 3, 7) see `integrate_turns`.
     duration : (links,) s.
-    magnitudes : block -> (links, 3, 3, 3), the integral of the rotation to the start times each gyro's own |input|, or
-        its square; of the asymmetry and the quadratic term where these are adjusted.
+    magnitudes : block -> (links, 3, 3, 3), the integral of the rotation to the start times what each gyro's curve
+        makes of its own input; of the curves that are adjusted.
     """
 
     C_se: Matrices
@@ -54,13 +56,14 @@ def integrate_links(data: Observed, u: Unknowns, starts: np.ndarray, stops: np.n
     starts, stops : (links,) half-open ranges.
     """
     time, rate, force = data.base.time, data.base.raw_rate, data.base.raw_force
-    if any(u.is_free(name) or np.any(u[name]) for name in ("gyro.asymmetry", "gyro.quadratic")):
+    curves = curves_of(TERMS, "gyroscope")
+    if any(u.is_free(name) or np.any(u[name]) for name, _ in curves):
         # Of the samples of the ranges alone: what they would be without is computed of each.
         pieces = [slice(*ends) for ends in zip(starts.tolist(), stops.tolist(), strict=True)]
         time, rate, force = (np.concatenate([of[piece] for piece in pieces]) for of in (time, rate, force))
         stops = np.cumsum(stops - starts)
         starts = np.concatenate([[0], stops[:-1]])
-        rate = without_asymmetry(u, rate)
+        rate = straightened(u, rate)
     # Over true time, which the clock's stamps are of up to its own rate.
     faster = 1.0 + float(u["clock"][0])
     gyro = faster * inverted(gyro_matrix(u))
@@ -91,11 +94,7 @@ def integrate_links(data: Observed, u: Unknowns, starts: np.ndarray, stops: np.n
             g_sensitivity=np.zeros((3, 3)),
         ).sums[..., 4:7]
 
-    magnitudes: dict[str, AnyArray] = {}
-    if u.is_free("gyro.asymmetry"):
-        magnitudes["gyro.asymmetry"] = summed(np.abs(rate - u["gyro.bias"]))
-    if u.is_free("gyro.quadratic"):
-        magnitudes["gyro.quadratic"] = summed((rate - u["gyro.bias"]) ** 2)
+    magnitudes = {name: summed(curve.of(rate - u["gyro.bias"])) for name, curve in curves if u.is_free(name)}
     return Link(made.C_start_end, made.sums, faster * made.duration, magnitudes)
 
 

@@ -26,11 +26,11 @@ from tumble.calibration.equations.causes import (
     TURNS,
 )
 from tumble.calibration.equations.hold_equations import Rate
-from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix
+from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix, term_unknowns
 from tumble.calibration.evidence import Budget
 from tumble.calibration.hold_wander import placed_density
-from tumble.calibration.optional_terms import TERMS
 from tumble.calibration.outcome.description import named_function
+from tumble.calibration.terms import TERMS
 from tumble.calibration.uncertainty_statement import (
     Detectable,
     GlobalTest,
@@ -363,9 +363,9 @@ def _model_choice(influences: Influences, named: NamedParameters, outcome: Joint
     for test in outcome.terms:
         if not test.limit / NEAR < test.probability < min(NEAR * test.limit, LARGEST_PROBABILITY):
             continue
-        if test.name not in TERMS or test.name == "lever_arms":
+        if test.name not in TERMS or TERMS[test.name].in_part:
             continue
-        place = TERMS[test.name].unknowns
+        place = term_unknowns(test.name)
         other = _without(influences.covariance, outcome, place) if test.kept else _with(outcome, place)
         change = named.at(other) - named.at(outcome.values)
         made.append(ModelChoice(test.name, test.kept, test.probability, test.limit, change))

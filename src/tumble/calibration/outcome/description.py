@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,8 @@ from tumble.calibration.equations.imu_unknowns import (
     NAME_PLATE_SHARE,
 )
 from tumble.calibration.estimate import Described, NamedValue, correlation_matrix
-from tumble.calibration.outcome.table_parameters import WORTH_NAMING, table_parameters, told_table_parameters
+from tumble.calibration.terms import TERMS, Term
+from tumble.calibration.terms.lever_arms import WORTH_NAMING
 from tumble.earth import Site
 from tumble.recording.recording import Recording
 from tumble.sensor import ImuModel, Triad, polar_rotation, propagate
@@ -59,7 +60,10 @@ def describe(
     labels, evaluate = named_function(terms, gyro, frame, units, factors)
     shown, told = propagate(evaluate, values, spread)
     sigmas = np.sqrt(np.maximum(np.diag(told), 0.0))
-    named = told_table_parameters(labels, sigmas)
+    named = np.ones(len(labels), dtype=bool)
+    for term in _kept(terms, "parameters"):
+        assert term.parameters is not None
+        named &= True if term.parameters.told is None else term.parameters.told(labels, sigmas)
     rows = [i for i in np.flatnonzero(named) if all_told or _is_told(labels[i], shown[i], sigmas[i], values)]
     parameters = [NamedValue(*_pair(labels[i], shown[i], sigmas[i])) for i in rows]
     return Described(
@@ -114,30 +118,21 @@ def _canonical(terms: frozenset[str], gyro: str, frame: str) -> Callable[[Comple
             parts += [(x[LAYOUT["gyro.matrix"]].reshape(3, 3) @ C_bf).ravel(), x[LAYOUT["gyro.bias"]]]
         if "g_sensitivity" in terms:
             parts.append((x[LAYOUT["gyro.g_sensitivity"]].reshape(3, 3) @ C_bf).ravel())
-        parts += [x[place] for name, place in _FURTHER if name in terms]
+        parts += [x[LAYOUT[term.block.name]] for term in _kept(terms, "curve")]
         return np.concatenate(parts)
 
     return evaluate
 
 
-_FURTHER = (
-    ("accelerometer_asymmetry", LAYOUT["force.asymmetry"]),
-    ("gyro_asymmetry", LAYOUT["gyro.asymmetry"]),
-    ("gyro_quadratic", LAYOUT["gyro.quadratic"]),
-)
-_FURTHER_KEYS = {
-    "accelerometer_asymmetry": "accelerometer.asymmetry",
-    "gyro_asymmetry": "gyroscope.asymmetry",
-    "gyro_quadratic": "gyroscope.quadratic",
-}
+def _kept(terms: frozenset[str], what: Literal["curve", "parameters"]) -> list[Term]:
+    """Terms that were kept and have a curve or parameters of their own, without the one among the first unknowns."""
+    found = [term for term in TERMS.values() if term.name in terms and term.name != "quadratic"]
+    return [term for term in found if getattr(term, what)]
 
 
 def _canonical_names(terms: frozenset[str], gyro: str) -> list[str]:
     names = canonical_names(terms, gyro)
-    for name, _ in _FURTHER:
-        if name in terms:
-            names += [f"{_FURTHER_KEYS[name]}[{i}]" for i in range(3)]
-    return names
+    return names + [f"{t.of}.{t.curve}[{i}]" for t in _kept(terms, "curve") for i in range(3)]
 
 
 def _worth_naming(
@@ -190,18 +185,21 @@ def named_function(
     terms, gyro, frame : as for `describe_wide`.
     units, factors : raw units, and SI per raw unit or None for counts.
     """
-    more = [(name, place) for name, place in _FURTHER if name in terms]
-    extra = [
-        (f"{name.replace('_', ' ')} {axis}", f"1/({units[1]})" if name == "gyro_quadratic" else "1")
-        for name, _ in more
-        for axis in "xyz"
-    ]
-    of_table, told = table_parameters(terms, lambda x: rotation_of_frame(x, frame), frame)
+    curves, others = (
+        _kept(terms, "curve"),
+        [(LAYOUT[t.block.name], t.parameters) for t in _kept(terms, "parameters") if t.parameters],
+    )
+    extra = [label for term in curves for label in term.curve_labels(units)]
+    extra += [label for _, own in others for label in own.labels(frame)]
+
+    def further(x: Complex) -> list[Complex]:
+        C_bf = rotation_of_frame(x, frame)
+        own = [x[LAYOUT[term.block.name]] for term in curves]
+        return own + [parameters.values(x[place], C_bf, frame) for place, parameters in others]
+
     if frame == "accelerometer-x":
         labels, own = named_parameters(terms=terms, gyro=gyro, units=units, factors=factors)
-        return [*labels, *extra, *of_table], lambda x: np.concatenate(
-            [own(x[:36]), *(x[place] for _, place in more), *told(x)]
-        )
+        return [*labels, *extra], lambda x: np.concatenate([own(x[:36]), *further(x)])
     savage = frame == "mean-gyro"
     labels = _labels("accelerometer", units[0], factors[0], "m/s²")
     if "quadratic" in terms:
@@ -222,9 +220,9 @@ def named_function(
             parts += values(matrix, x[LAYOUT["gyro.bias"]], factors[1], symmetric=savage)
         if "g_sensitivity" in terms:
             parts.append((x[LAYOUT["gyro.g_sensitivity"]].reshape(3, 3) @ C_bf).ravel())
-        return np.concatenate([*parts, *(x[place] for _, place in more), *told(x)])
+        return np.concatenate([*parts, *further(x)])
 
-    return [*labels, *extra, *of_table], evaluate
+    return [*labels, *extra], evaluate
 
 
 def _labels(
@@ -266,19 +264,16 @@ def _fixture_values(
 
 def _model(x: Series, terms: frozenset[str], gyro: str, frame: str) -> ImuModel:
     C_bf = np.real(rotation_of_frame(x, frame))
+    curves = {"accelerometer": dict[str, Series](), "gyroscope": dict[str, Series]()}
+    for term in TERMS.values():
+        if term.curve and term.name in terms:
+            curves[term.of][term.curve] = x[LAYOUT[term.block.name]].copy()
     accelerometer = Triad(
-        np.real(_force_matrix(x)) @ C_bf,
-        x[LAYOUT["force.bias"]].copy(),
-        x[LAYOUT["force.asymmetry"]].copy() if "accelerometer_asymmetry" in terms else None,
-        x[LAYOUT["force.quadratic"]].copy() if "quadratic" in terms else None,
+        np.real(_force_matrix(x)) @ C_bf, x[LAYOUT["force.bias"]].copy(), **curves["accelerometer"]
     )
     gyroscope = None
     if gyro == "full":
-        gyroscope = Triad(
-            x[LAYOUT["gyro.matrix"]].reshape(3, 3) @ C_bf,
-            x[LAYOUT["gyro.bias"]].copy(),
-            x[LAYOUT["gyro.asymmetry"]].copy() if "gyro_asymmetry" in terms else None,
-            x[LAYOUT["gyro.quadratic"]].copy() if "gyro_quadratic" in terms else None,
-        )
+        matrix = x[LAYOUT["gyro.matrix"]].reshape(3, 3) @ C_bf
+        gyroscope = Triad(matrix, x[LAYOUT["gyro.bias"]].copy(), **curves["gyroscope"])
     sensitivity = x[LAYOUT["gyro.g_sensitivity"]].reshape(3, 3) @ C_bf if "g_sensitivity" in terms else None
     return ImuModel(accelerometer, gyroscope, sensitivity)

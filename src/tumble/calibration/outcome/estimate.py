@@ -42,9 +42,10 @@ from tumble.calibration.outcome.budget import recording_influences, state_uncert
 from tumble.calibration.outcome.contradictions import contradictions
 from tumble.calibration.outcome.description import describe, rotation_of_frame
 from tumble.calibration.outcome.restless import find_restless, restless_remarks
-from tumble.calibration.outcome.table_parameters import lever_arms_of, table_remarks
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.scores import hold_norm_errors, score_turns
+from tumble.calibration.terms import TERMS
+from tumble.calibration.terms.lever_arms import lever_arms_of
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
 from tumble.estimation.balance import Balanced
@@ -257,7 +258,7 @@ def rest_residuals(outcome: JointOutcome) -> tuple[Vectors, Vectors]:
 
 def _lever_arms(outcome: JointOutcome) -> Matrix | None:
     x = outcome.values
-    return lever_arms_of(x, outcome.kept, np.real(rotation_of_frame(x, outcome.frame)))
+    return lever_arms_of(x[LAYOUT["lever_arms"]], outcome.kept, np.real(rotation_of_frame(x, outcome.frame)))
 
 
 def _components(outcome: JointOutcome) -> dict[str, float]:
@@ -392,7 +393,9 @@ def _left_out(balanced: Balanced, norms: Series, angles: Series) -> list[LeftOut
 
 
 def _remarks(outcome: JointOutcome, parameters: list[NamedValue]) -> list[str]:
-    told = table_remarks(outcome.kept, {p.name: (p.value, p.standard_uncertainty) for p in parameters})
+    named = {p.name: (p.value, p.standard_uncertainty) for p in parameters}
+    kept = [term.parameters for term in TERMS.values() if term.name in outcome.kept and term.parameters]
+    told = [remark for one in kept if (remark := one.remark(named))]
     told += implausible_words(outcome.terms)
     data, task = outcome.data, outcome.task
     if data.rotations:

@@ -17,9 +17,8 @@ import numpy as np
 
 from tumble.arrays import Series, Square
 from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording
-from tumble.calibration.equations.imu_unknowns import LAYOUT
+from tumble.calibration.equations.imu_unknowns import LAYOUT, terms_prior
 from tumble.calibration.equations.pose_equations import mounting_prior
-from tumble.calibration.equations.size_effect import lever_prior
 from tumble.calibration.observability import angle_prior
 from tumble.calibration.observability import together as both_priors
 from tumble.errors import ConvergenceError
@@ -91,7 +90,7 @@ class TurnOn:
         """What is believed of it without the others, and without any name plate."""
         u = self.task.unknowns
         mounting = None if self.task.data.poses is None else mounting_prior(u)
-        levers, angles = lever_prior(u), angle_prior(u, self.outcome.knowledge)
+        levers, angles = terms_prior(u), angle_prior(u, self.outcome.knowledge)
         return both_priors(both_priors(mounting, levers), angles)
 
     @property

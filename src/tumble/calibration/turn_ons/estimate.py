@@ -21,7 +21,7 @@ from tumble.calibration.estimate import (
 from tumble.calibration.evidence import Holds, Spins, Turns
 from tumble.calibration.outcome.description import describe, named_function
 from tumble.calibration.outcome.estimate import joint_estimate
-from tumble.calibration.outcome.table_parameters import lever_arms_of
+from tumble.calibration.terms.lever_arms import lever_arms_of
 from tumble.calibration.turn_ons.biases import (
     FALSE_ALARM,
     Agreement,
@@ -297,7 +297,7 @@ def _joined(
             ),
         ],
         frame=FRAME,
-        lever_arms=lever_arms_of(_common(outcome)[0], outcome.kept, np.eye(3)),
+        lever_arms=lever_arms_of(_common(outcome)[0][LAYOUT["lever_arms"]], outcome.kept, np.eye(3)),
     )
 
 

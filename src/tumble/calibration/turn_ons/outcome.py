@@ -8,20 +8,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tumble.arrays import Series, Square, inverted
-from tumble.calibration.equations.imu_unknowns import FORCE_ALONE, LAYOUT, PLAIN, gyro_matrix, name_plate
+from tumble.calibration.equations.imu_unknowns import (
+    FORCE_ALONE,
+    LAYOUT,
+    PLAIN,
+    gyro_matrix,
+    name_plate,
+    term_unknowns,
+)
 from tumble.calibration.estimate import TermTest
 from tumble.calibration.observability import TOLD, find_untold
 from tumble.calibration.optional_terms import (
     OF_FORCE,
     ON_TABLES,
     TERM_LIMIT,
-    TERMS,
     offered_terms,
     shared_scatter,
     term_test,
     unknowns_with,
 )
 from tumble.calibration.outcome.estimate import JointOutcome
+from tumble.calibration.terms import TERMS
 from tumble.calibration.turn_ons.adjustment import (
     SeveralSolution,
     Told,
@@ -104,7 +111,7 @@ def adjust_several(
 
 def _has(outcome: JointOutcome, term: str) -> bool:
     """Whether a recording by itself was adjusted with an optional term."""
-    return bool(np.all(np.isin(TERMS[term].unknowns, outcome.task.unknowns.free)))
+    return bool(np.all(np.isin(term_unknowns(term), outcome.task.unknowns.free)))
 
 
 def _free(part: TurnOn, terms: Sequence[str]) -> np.ndarray:
@@ -149,7 +156,7 @@ def _wanted(parts: list[TurnOn], found: set[str]) -> tuple[list[str], list[TermT
 
 def _test(name: str, solution: SeveralSolution, shared: Square) -> TermTest:
     """Of the accelerometers' terms the less significant: with and without what neighbouring holds share."""
-    at = np.searchsorted(solution.stable, TERMS[name].unknowns)
+    at = np.searchsorted(solution.stable, term_unknowns(name))
     own, here = np.ix_(at, at), solution.values[at]
     taken = [solution.covariance[own]]
     if name in OF_FORCE:

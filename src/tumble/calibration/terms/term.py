@@ -1,0 +1,143 @@
+"""What an optional term is: its unknowns, what shows it, its parameters and its words, in one record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from tumble.arrays import Series, Vector
+from tumble.estimation.unknowns import Block
+from tumble.sensor.triad import CURVES, Curve
+
+Complex = npt.NDArray[Any]
+Label = tuple[str, str]
+PAIRS_OF_AXES = tuple((a, b) for a in "xyz" for b in "xyz")
+KINDS = {"accelerometer": ("force", "accelerometer"), "gyroscope": ("gyro", "gyro")}
+"""Of each triad: what its blocks begin with, and what it is called in labels."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """What a term's unknowns are in the result.
+
+    Attributes
+    ----------
+    labels : names and units by the result's frame.
+    values : of the block's unknowns, C_bf and the frame; analytic.
+    told : which of all parameters are to be named, by all labels and standard uncertainties; None for all.
+    remark : a sentence for the user by the named parameters: value and standard uncertainty in SI; empty for none.
+    """
+
+    labels: Callable[[str], list[Label]]
+    values: Callable[[Complex, Complex, str], Complex]
+    told: Callable[[list[Label], Series], np.ndarray] | None = None
+    remark: Callable[[dict[str, tuple[float, float]]], str] = lambda _: ""
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """A term that is kept if the data want it.
+
+    Attributes
+    ----------
+    name : as users know it.
+    words : in sentences.
+    tried, use : where it is tried and what it is good for, as the table in the documentation has it.
+    block : its unknowns, what they are called, and what determines them.
+    plate : one sigma of each as any unit's name plate promises it, by the raw unit of a triad (3,): raw per SI.
+    of : the triad whose raw unit that is.
+    shown_by : "force" for what holds show, "gyro" for what needs gyros, "table" for what only rotations show.
+    gives_way : of terms that look alike in what was recorded, the one with the largest number is not tried:
+        asymmetries are what rotations both ways and faces up and down show by themselves, whatever is between.
+    columns : which of the block's unknowns are adjusted; None for all.
+    in_part : it is worth having where only a part is determined; the name plate, in SI whatever the triad, holds the
+        rest.
+    curve : the sensor's own curve that it is, a name of `tumble.sensor.triad.CURVES`; empty for none.
+    parameters : of the result; None where the triads' own parameters have it.
+    """
+
+    name: str
+    words: str
+    tried: str
+    use: str
+    block: Block
+    plate: Callable[[Vector], Series | float]
+    of: Literal["accelerometer", "gyroscope"]
+    shown_by: Literal["force", "gyro", "table"]
+    gives_way: int
+    columns: np.ndarray | None = None
+    in_part: bool = False
+    curve: str = ""
+    parameters: Parameters | None = None
+
+    @property
+    def row(self) -> str:
+        """Its row of the table in the documentation."""
+        count = len(self.block.labels) if self.columns is None else self.columns.size
+        return f"| `{self.name}` | {count} | {self.tried} | {self.use} |"
+
+    def curve_labels(self, units: tuple[str, str]) -> list[Label]:
+        """Return names and units of a curve's parameters.
+
+        Parameters
+        ----------
+        units : raw units of specific force and angular rate.
+        """
+        _, called = KINDS[self.of]
+        raw = f"1/({units[self.of == 'gyroscope']})" if CURVES[self.curve].power else "1"
+        return [(f"{called} {self.curve} {axis}", raw) for axis in "xyz"]
+
+
+def curve_term(
+    of: Literal["accelerometer", "gyroscope"],
+    curve: str,
+    *,
+    words: str,
+    tried: str,
+    label: str,
+    remedy: str,
+    plate: float,
+    shown_by: Literal["force", "gyro", "table"],
+    gives_way: int,
+    name: str = "",
+) -> Term:
+    """Return the term of a curve that each sensor of a triad has for itself.
+
+    Parameters
+    ----------
+    of, curve, words, tried, shown_by, gives_way : as `Term` has them.
+    label, remedy : of an unknown, with `{}` for the axis.
+    plate : one sigma of the name plate, in SI.
+    name : as users know it; empty for the triad's and the curve's.
+    """
+    begins, called = KINDS[of]
+    power = CURVES[curve].power
+    block = Block(
+        f"{begins}.{curve}", *(tuple(text.format(axis) for axis in "xyz") for text in (label, remedy))
+    )
+    return Term(
+        name or f"{called}_{curve}",
+        words,
+        tried,
+        "taken out",
+        block,
+        lambda raw: plate / np.maximum(raw, 1e-300) ** power,
+        of,
+        shown_by,
+        gives_way,
+        curve=curve,
+    )
+
+
+def curves_of(terms: dict[str, Term], kind: str) -> list[tuple[str, Curve]]:
+    """Return the blocks of a triad's curves, and these.
+
+    Parameters
+    ----------
+    terms, kind : all that there are, and "accelerometer" or "gyroscope".
+    """
+    return [(t.block.name, CURVES[t.curve]) for t in terms.values() if t.curve and t.of == kind]
