@@ -76,7 +76,7 @@ def canonical_covariance(unknowns: Series, covariance: Square, terms: frozenset[
     return propagate(lambda x: canonical_parameters(x, terms, gyro), unknowns, covariance)[1]
 
 
-def model_from_unknowns(unknowns: Series, terms: frozenset[str], gyro: str) -> ImuModel:
+def _model_from_unknowns(unknowns: Series, terms: frozenset[str], gyro: str) -> ImuModel:
     """Return the sensor model of the 36 unknowns; a gyro of which only the bias is known is SI 1:1."""
     accelerometer = Triad(
         np.real(matrix_from_shin(unknowns[SCALE], unknowns[ANGLE])),
@@ -203,7 +203,7 @@ def describe_unknowns(
         ),
     )
     return Described(
-        model=model_from_unknowns(unknowns, terms, gyro),
+        model=_model_from_unknowns(unknowns, terms, gyro),
         names=canonical_names(terms, gyro),
         covariance=canonical_covariance(unknowns, everything, terms, gyro),
         parameters=named,

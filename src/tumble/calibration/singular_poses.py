@@ -145,14 +145,8 @@ def describe_untold(directions: Vectors, unknowns: int = 9) -> str:
     return f"{said} ({reason}, and two planes never determine all)"
 
 
-def mending_poses(directions: Vectors, unknowns: int = 9) -> list[Vector]:
-    """Return the directions up that, added to a set, make it tell all: as few of the 26 as can be.
-
-    Parameters
-    ----------
-    directions : (poses, 3) unit vectors up; may be none.
-    unknowns : the first so many of `norm_rows`; what is known of the rest needs no pose.
-    """
+def _mending_poses(directions: Vectors, unknowns: int = 9) -> list[Vector]:
+    """Return the directions up that, added to a set, make it tell all: as few of the 26 as can be."""
     rows = norm_rows(directions)
     information = rows.T @ rows
     if unknowns < 9:
@@ -168,14 +162,14 @@ def mending_poses(directions: Vectors, unknowns: int = 9) -> list[Vector]:
 
 
 def describe_mending(directions: Vectors, unknowns: int = 9) -> str:
-    """Return the poses of `mending_poses` in words.
+    """Return the poses of `_mending_poses` in words.
 
     Parameters
     ----------
     directions : (poses, 3) unit vectors up.
     unknowns : the first so many of `norm_rows`.
     """
-    return "; ".join(describe_direction(up) for up in mending_poses(directions, unknowns))
+    return "; ".join(describe_direction(up) for up in _mending_poses(directions, unknowns))
 
 
 def _leading(weights: Series) -> Series:

@@ -42,7 +42,7 @@ def start_adjustment(data: Observed, u: Unknowns, site: Site) -> JointAdjustment
     data, site : what was observed, and where.
     u : start values.
     """
-    level = attitudes_from_force(triad_from_unknowns(u.values[:COUNT]).correct(data.parts.reshape(-1, 3)))
+    level = _attitudes_from_force(triad_from_unknowns(u.values[:COUNT]).correct(data.parts.reshape(-1, 3)))
     level = level.reshape(-1, 3, 3, 3)
     earth = np.zeros(3)
     if site.latitude is not None:
@@ -68,7 +68,7 @@ def start_adjustment(data: Observed, u: Unknowns, site: Site) -> JointAdjustment
     return made
 
 
-def attitudes_from_force(force_b: Vectors) -> Matrices:
+def _attitudes_from_force(force_b: Vectors) -> Matrices:
     """Return (rows, 3, 3) level attitudes C_wb of any heading from specific forces in b."""
     down = -force_b / np.linalg.norm(force_b, axis=1, keepdims=True)
     first = np.eye(3)[np.argmin(np.abs(down), axis=1)]

@@ -37,13 +37,8 @@ DECIDES, COUNTS = 0.5, 0.05
 _SCALE = "gyro scale factor"
 
 
-def unseen_clock(clock: Clock) -> Unseen:
-    """Return what is not known of a recording's clock.
-
-    Parameters
-    ----------
-    clock : that the stamps are from.
-    """
+def _unseen_clock(clock: Clock) -> Unseen:
+    """Return what is not known of a recording's clock."""
     return Unseen(
         SAMPLE_RATE,
         clock.sigma,
@@ -89,7 +84,7 @@ def state_unseen(session: Session, estimate: Estimate) -> None:
     """
     if not any(name.startswith("gyroscope.matrix") for name in estimate.names):
         return
-    clock = unseen_clock(session.clock)
+    clock = _unseen_clock(session.clock)
     table = None if session.protocol is None else unseen_table(session.protocol)
     within = _within(estimate)
     if within is not None:
@@ -117,7 +112,7 @@ def state_unseen_clock(clock: Clock, estimate: Estimate) -> None:
     """
     if not any(name.startswith("gyroscope.matrix") for name in estimate.names):
         return
-    one = unseen_clock(clock)
+    one = _unseen_clock(clock)
     add_common_scale(estimate, one.sigma)
     if one.sigma > 0.0:
         _say(estimate, one, _scale_slope(estimate) * one.sigma)

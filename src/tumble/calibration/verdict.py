@@ -81,7 +81,7 @@ def judge(estimate: Estimate, recording: Recording, *, confirm_scale: bool = Fal
 
 def _misfit(estimate: Estimate) -> list[str]:
     against: list[str] = []
-    norm = root_mean_square(estimate.holds.norms)
+    norm = _root_mean_square(estimate.holds.norms)
     if norm > LARGEST_RMS_NORM:
         against.append(
             f"The corrected specific force misses gravity by {two_digits(1e3 * norm)} mm/s² rms. The "
@@ -98,7 +98,7 @@ def _misfit(estimate: Estimate) -> list[str]:
     return against
 
 
-def root_mean_square(values: np.ndarray) -> float:
+def _root_mean_square(values: np.ndarray) -> float:
     """Return the root of the mean square of what is finite; zero of nothing."""
     finite = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(finite**2))) if finite.size else 0.0
@@ -237,7 +237,7 @@ def _about_spins(estimate: Estimate) -> list[str]:
         return []
     spins = estimate.spins
     # Of the rate as a vector: of one about the axis alone, three components are one number.
-    rms, noise = (root_mean_square(np.linalg.norm(rate, axis=1)) for rate in (spins.residuals, spins.sigmas))
+    rms, noise = (_root_mean_square(np.linalg.norm(rate, axis=1)) for rate in (spins.residuals, spins.sigmas))
     largest = float(np.max(np.abs(estimate.spins.rates)))
     sentence = (
         f"Corrected, {estimate.spins.rates.size} spins show the table's rate within "
@@ -280,7 +280,7 @@ def _in_plain_words(estimate: Estimate, recording: Recording) -> list[str]:
     """Return what can be said for the calibration, in numbers."""
     words: list[str] = []
     holds = estimate.holds.norms.size
-    rms, noise = root_mean_square(estimate.holds.norms), root_mean_square(estimate.holds.sigmas)
+    rms, noise = _root_mean_square(estimate.holds.norms), _root_mean_square(estimate.holds.sigmas)
     if estimate.degrees_of_freedom <= 0:
         what = f"{holds} holds" if holds else f"{estimate.spins.rates.size} spins"
         words.append(

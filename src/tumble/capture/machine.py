@@ -240,7 +240,7 @@ class Capture:
         self.progress = progress = self.guide.judge(self.blocks, counted, activity)
         events = [self._event("sigma", _known_words(progress), sigma=progress.sigmas, holds=len(counted))]
         if (advice := progress.advice) is not None:
-            facts = {**advice.facts, **next_facts(advice.steps)}
+            facts = {**advice.facts, **_next_facts(advice.steps)}
             events.append(self._event("next_pose", advice.words, do=advice.do, **facts))
         if progress.enough and not self._enough_said:
             self._enough_said = True
@@ -258,13 +258,8 @@ def _known_words(progress: Progress) -> str:
     return f"{told} of {len(progress.sigmas)} parameters are determined. {' '.join(progress.words)}".strip()
 
 
-def next_facts(steps: tuple[Step, ...]) -> dict[str, object]:
-    """Return the pose and the turn of a step that is proposed, for programs that draw it.
-
-    Parameters
-    ----------
-    steps : of a `StepCandidate`.
-    """
+def _next_facts(steps: tuple[Step, ...]) -> dict[str, object]:
+    """Return the pose and the turn of a step that is proposed, for programs that draw it."""
     from tumble.protocol.steps import HoldStep, TurnStep
 
     facts: dict[str, object] = {}

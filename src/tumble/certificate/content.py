@@ -171,13 +171,8 @@ def _practical(unit: str) -> tuple[str, float]:
     )
 
 
-def shown_numbers(parameter: ParameterBlock, factor: float) -> tuple[float, float, float, str, int]:
-    """Return value, expanded uncertainty, factor, unit and decimals as a certificate shows a parameter.
-
-    Parameters
-    ----------
-    parameter, factor : of the document, and its coverage factor where the parameter has none.
-    """
+def _shown_numbers(parameter: ParameterBlock, factor: float) -> tuple[float, float, float, str, int]:
+    """Return value, expanded uncertainty, factor, unit and decimals as a certificate shows a parameter."""
     k = parameter.coverage_factor or factor
     unit, times = _practical(parameter.unit)
     value, expanded = times * parameter.value, times * k * parameter.standard_uncertainty
@@ -191,7 +186,7 @@ def _results(calibration: Calibration, language: str, *, comma: bool) -> list[tu
         group, _, rest = parameter.name.partition(" ")
         if group not in groups:
             group, rest = "other", parameter.name
-        value, expanded, k, unit, decimals = shown_numbers(parameter, calibration.quality.coverage_factor)
+        value, expanded, k, unit, decimals = _shown_numbers(parameter, calibration.quality.coverage_factor)
         groups[group].append(
             [
                 parameter_words(rest, language),

@@ -59,7 +59,7 @@ def certificate_pdf(content: CertificateContent, *, short: bool = False, logo: b
             (folder / told["logo"]).write_bytes(logo)
         (folder / "content.json").write_text(json.dumps(told, ensure_ascii=False), encoding="utf-8")
         (folder / "calibration.json").write_text(content.document, encoding="utf-8")
-        (folder / "code.svg").write_bytes(qr_code(content))
+        (folder / "code.svg").write_bytes(_qr_code(content))
         template = (files("tumble.certificate") / "templates" / "certificate.typ").read_text(encoding="utf-8")
         (folder / "main.typ").write_text(template, encoding="utf-8")
         compiled: Any = typst.compile
@@ -73,18 +73,8 @@ def certificate_pdf(content: CertificateContent, *, short: bool = False, logo: b
     return bytes(made)
 
 
-def qr_code(content: CertificateContent) -> bytes:
-    """Return the code that leads from paper to the document: the certificate's number and the hash, as SVG.
-
-    Parameters
-    ----------
-    content : of the certificate.
-
-    Raises
-    ------
-    UsageError
-        If the library is missing.
-    """
+def _qr_code(content: CertificateContent) -> bytes:
+    """Return the code that leads from paper to the document: the certificate's number and the hash, as SVG."""
     import io
 
     try:

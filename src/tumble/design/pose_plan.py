@@ -318,17 +318,12 @@ def plan_time(
     freed = _free_dwells(task, fewest)
     best = freed if freed.value < fewest.value else fewest
     white = white_density(task.noise, task.rate) ** 2 / task.gravity**2 / best.dwells
-    bound = continuous_design(task, reach, seconds).bound
+    bound = _continuous_design(task, reach, seconds).bound
     return replace(best, efficiency=min(bound / _independent_value(task, best.directions, white), 1.0))
 
 
-def continuous_design(task: PoseTask, reach: Reach, seconds: float) -> ApproximateDesign:
-    """Return the best shares of so many seconds among the poses, without turns or wander: nothing is better.
-
-    Parameters
-    ----------
-    task, reach, seconds : as of `plan_time`.
-    """
+def _continuous_design(task: PoseTask, reach: Reach, seconds: float) -> ApproximateDesign:
+    """Return the best shares of so many seconds among the poses, without turns or wander: nothing is better."""
     sigma = white_density(task.noise, task.rate) / np.sqrt(seconds) / task.gravity
     return find_approximate(
         pose_candidates(reach.directions, float(sigma)), task.criterion, known=_with_floor(task, float(sigma))

@@ -99,7 +99,7 @@ def _worths(
     plan: JointPlan, found: list[tuple[int, str, JointInformation, float]], covariance: Square
 ) -> list[StepWorth]:
     task, at = plan.task, plan.task.parameters()
-    seconds = np.array([step_seconds(task.protocol, step) for step, *_ in found])
+    seconds = np.array([_step_seconds(task.protocol, step) for step, *_ in found])
     own: Series = np.array(
         [
             max(float(np.sum(covariance * (plan.information.matrix - less.matrix))), 0.0)
@@ -165,13 +165,8 @@ def with_longer_step(protocol: Protocol, step: int, factor: float) -> Protocol:
     return replace(protocol, steps=(*protocol.steps[:step], longer, *protocol.steps[step + 1 :]))
 
 
-def step_seconds(protocol: Protocol, step: int) -> float:
-    """Return how long a step takes, a spin with its ramps.
-
-    Parameters
-    ----------
-    protocol, step : which step of what.
-    """
+def _step_seconds(protocol: Protocol, step: int) -> float:
+    """Return how long a step takes, a spin with its ramps."""
     one = protocol.steps[step]
     if isinstance(one, SpinStep):
         return one.duration + 2.0 * one.ramp

@@ -78,12 +78,12 @@ def find_outlying(units: Units, false_alarm: float = FALSE_ALARM) -> list[Outlyi
 
 def _outlying(units: Units, what: str, at: list[int], level: float) -> list[Outlying]:
     # A parameter that most units have the very same number of, as copies of one recording do, compares nothing.
-    at = [one for one in at if robust_scale(units.values[:, one]) > 0.0]
+    at = [one for one in at if _robust_scale(units.values[:, one]) > 0.0]
     if not at:
         return []
     values = units.values[:, at]
     own = units.covariances[:, at][:, :, at]
-    scale = np.array([robust_scale(column) for column in values.T])
+    scale = np.array([_robust_scale(column) for column in values.T])
     x, own = values / scale, own / np.outer(scale, scale)
     keep = _start(x)
     chances = distances = np.zeros(len(x))
@@ -164,13 +164,8 @@ def quantile_beyond(freedom: int, chance: float) -> float:
     return float(inverse(float(freedom), chance))
 
 
-def robust_scale(x: Series) -> float:
-    """Return the median absolute deviation, as a standard deviation of a normal distribution.
-
-    Parameters
-    ----------
-    x : (n,).
-    """
+def _robust_scale(x: Series) -> float:
+    """Return the median absolute deviation, as a standard deviation of a normal distribution."""
     return float(_MAD * np.median(np.abs(x - np.median(x))))
 
 
@@ -181,18 +176,18 @@ def robust_location_and_spread(x: Table) -> tuple[Series, Square]:
     ----------
     x : (n, p).
     """
-    scale = np.array([robust_scale(column) for column in x.T])
+    scale = np.array([_robust_scale(column) for column in x.T])
     scale[scale == 0.0] = 1.0
     z = x / scale
     dimension = x.shape[1]
     u = np.eye(dimension)
     for i in range(dimension):
         for j in range(i):
-            plus, minus = robust_scale(z[:, i] + z[:, j]), robust_scale(z[:, i] - z[:, j])
+            plus, minus = _robust_scale(z[:, i] + z[:, j]), _robust_scale(z[:, i] - z[:, j])
             u[i, j] = u[j, i] = (plus**2 - minus**2) / 4.0
     _, vectors = np.linalg.eigh(u)
     principal = z @ vectors
-    lengths = np.array([robust_scale(column) for column in principal.T])
+    lengths = np.array([_robust_scale(column) for column in principal.T])
     lengths = np.maximum(lengths, 1e-9 * max(np.max(lengths), 1e-300))
     back = scale[:, None] * vectors
     centre = back @ np.median(principal, axis=0)

@@ -22,16 +22,8 @@ class Statistic:
     sigma: float
 
 
-def drawn_blocks(count: int, block: int, rng: np.random.Generator, resamples: int = 1000) -> Table | None:
-    """Return (resamples, count) indices of blocks drawn with replacement, or None where one block is all.
-
-    Parameters
-    ----------
-    count : of errors, in time order.
-    block : errors that go together.
-    rng : source of all numbers.
-    resamples : how many.
-    """
+def _drawn_blocks(count: int, block: int, rng: np.random.Generator, resamples: int = 1000) -> Table | None:
+    """Return (resamples, count) indices of blocks drawn with replacement, or None where one block is all."""
     if count <= block or count < 2:
         return None
     blocks = -(-count // block)
@@ -50,7 +42,7 @@ def rms_of(squares: Series, block: int, rng: np.random.Generator) -> Statistic:
     """
     if not squares.size:
         return Statistic(float("nan"), float("nan"))
-    rows = drawn_blocks(squares.size, block, rng)
+    rows = _drawn_blocks(squares.size, block, rng)
     value = float(np.sqrt(squares.mean()))
     if rows is None:
         return Statistic(value, float("nan"))
@@ -72,7 +64,7 @@ def ratio_of(squares: Series, reference: Series, block: int, rng: np.random.Gene
     if not squares.size or not reference.mean() > 0.0:
         return Statistic(float("nan"), float("nan"))
     value = float(np.sqrt(squares.mean() / reference.mean()))
-    rows = drawn_blocks(squares.size, block, rng)
+    rows = _drawn_blocks(squares.size, block, rng)
     if rows is None:
         return Statistic(value, float("nan"))
     at = rows.astype(int)

@@ -22,13 +22,8 @@ _STAMPS = 2000  # on either side of the border of two blocks, by which a gap bet
 Integers = npt.NDArray[np.int64]
 
 
-def lost_samples(recording: Recording) -> Integers:
-    """Return how many samples are missing at each gap of a recording.
-
-    Parameters
-    ----------
-    recording : with its gaps.
-    """
+def _lost_samples(recording: Recording) -> Integers:
+    """Return how many samples are missing at each gap of a recording."""
     index = np.array(recording.gaps, dtype=np.int64)
     return np.rint(np.diff(recording.time)[index - 1] * recording.rate).astype(np.int64) - 1
 
@@ -44,7 +39,7 @@ def bridge(recording: Recording, budget: float | None = None) -> tuple[Recording
     """
     if not recording.gaps:
         return recording, 0, 0
-    lost = lost_samples(recording)
+    lost = _lost_samples(recording)
     short = (lost >= 1) & (lost <= _LONGEST * recording.rate)
     total = int(lost[short].sum())
     if total == 0 or total > (BRIDGED * len(recording) if budget is None else budget):

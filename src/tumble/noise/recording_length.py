@@ -19,17 +19,11 @@ _NAMES = {
 }
 
 
-def relative_uncertainty(model: NoiseModel, letter: str, seconds: float, rate: float) -> float:
+def _relative_uncertainty(model: NoiseModel, letter: str, seconds: float, rate: float) -> float:
     """Return the relative standard uncertainty of a coefficient that a recording of some length will have.
 
     All terms of the model are estimated at once, with the best weights, from averaging times a factor of
     four apart; a fit at octaves does slightly better.
-
-    Parameters
-    ----------
-    model : of the noise; the term is in it.
-    letter : "Q", "N", "B", "K" or "R".
-    seconds, rate : of the recording, s and Hz.
     """
     samples = round(seconds * rate)
     averaging = 4 ** np.arange(max(int(np.log(samples / 4.0) / np.log(4.0)) + 1, 1))
@@ -57,15 +51,15 @@ def seconds_for(model: NoiseModel, letter: str, rate: float, accuracy: float = 0
 
     Parameters
     ----------
-    model, letter, rate : as for `relative_uncertainty`.
+    model, letter, rate : as for `_relative_uncertainty`.
     accuracy : one sigma, relative: 0.1 for ± 10 %.
     """
     seconds = 256.0 / rate
-    before = relative_uncertainty(model, letter, seconds, rate)
+    before = _relative_uncertainty(model, letter, seconds, rate)
     while before > accuracy:
         if seconds > 1e9:
             return float("inf")
-        after = relative_uncertainty(model, letter, 4.0 * seconds, rate)
+        after = _relative_uncertainty(model, letter, 4.0 * seconds, rate)
         if after <= accuracy:
             if not np.isfinite(before):
                 return 4.0 * seconds
@@ -102,7 +96,7 @@ def too_short_to_see(fit: NoiseFit, unit: str, accuracy: float = 0.1) -> tuple[s
                 f"to ± {100 * accuracy:.0f} %."
             )
         elif letter in fit.chosen:
-            known = relative_uncertainty(fit.model, letter, span, fit.rate)
+            known = _relative_uncertainty(fit.model, letter, span, fit.rate)
             if known > accuracy:
                 need = seconds_for(fit.model, letter, fit.rate, accuracy)
                 words.append(

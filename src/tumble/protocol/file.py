@@ -226,7 +226,7 @@ def _site(root: Entry, keys: dict[str, Entry]) -> Site:
     if "site" in keys and "gravity" in keys:
         raise keys["gravity"].error("write `gravity` below `site`, beside its latitude.")
     if "gravity" in keys:
-        return site_of({"gravity": keys["gravity"]})
+        return _site_of({"gravity": keys["gravity"]})
     if "site" not in keys:
         raise root.error(
             "the site is missing: write `site:` and below it `latitude_deg: 48.1` and `height_m: 520`, "
@@ -235,17 +235,11 @@ def _site(root: Entry, keys: dict[str, Entry]) -> Site:
     found = keys["site"].mapping(SITE, "a site", _INDENTED)
     if "latitude_deg" not in found and "gravity" not in found:
         raise keys["site"].error("write `latitude_deg` below `site`, or `gravity` in m/s².")
-    return site_of(found)
+    return _site_of(found)
 
 
-def site_of(found: dict[str, Entry]) -> Site:
-    """Return the site that a file's entries say: gravity as given, else normal gravity.
-
-    Raises
-    ------
-    ProtocolError
-        If a number is not one of the Earth's.
-    """
+def _site_of(found: dict[str, Entry]) -> Site:
+    """Return the site that a file's entries say: gravity as given, else normal gravity."""
     height = found["height_m"].number(least=-500.0, most=10_000.0) if "height_m" in found else 0.0
     latitude = None
     if "latitude_deg" in found:

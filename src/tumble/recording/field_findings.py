@@ -74,7 +74,7 @@ class FieldFindings:
     warnings: tuple[str, ...]
 
 
-def field_channels(field: MagneticField) -> dict[str, Series]:
+def _field_channels(field: MagneticField) -> dict[str, Series]:
     """Return the channels of a magnetometer by name, mx to mz."""
     return {"m" + axis: field.values[:, i] for i, axis in enumerate("xyz")}
 
@@ -90,7 +90,7 @@ def inspect_field(recording: Recording, rests: QuietStretches) -> FieldFindings 
     field = recording.magnetic_field
     if field is None:
         return None
-    channels = field_channels(field)
+    channels = _field_channels(field)
     rate = field.rate or recording.rate
     floor = find_quiet_stretches(field.values, rate).floor
     floors = {name: float(value) for name, value in zip(channels, floor, strict=True)}

@@ -82,13 +82,7 @@ def _said(units: DeclaredUnits, rate: float | str | None, table: RawTable) -> Sa
 
 
 def _refuse_parts(table: RawTable) -> list[Remark]:
-    """Refuse a header that names one or two axes of the accelerometer or the gyro; of a magnetometer, say so.
-
-    Raises
-    ------
-    RecordingError
-        If an axis of the accelerometer or the gyro is missing.
-    """
+    """Refuse a header that names one or two axes of the accelerometer or the gyro; of a magnetometer, say so."""
     parts = parts_of_triads(table.names or ())
     said: list[Remark] = []
     for kind, what in (("a", "accelerometer"), ("g", "gyro"), ("m", "magnetometer")):

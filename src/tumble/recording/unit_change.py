@@ -163,13 +163,7 @@ def _by_rest(force: Vectors, rates: Vectors, size: int) -> tuple[int, float] | N
 
 
 def _jump(values: Series, tolerance: float) -> tuple[int, float] | None:
-    """Return where a series changes its level once, by as much as two units differ, and by how much.
-
-    Parameters
-    ----------
-    values : logarithms in time order.
-    tolerance : of the jump, and of the quartiles about both levels.
-    """
+    """Return where a series changes its level once, by as much as two units differ, and by how much."""
     if values.size < 2 * _LEAST_WINDOWS:
         return None
     middle = 0.5 * (float(np.quantile(values, 0.02)) + float(np.quantile(values, 0.98)))

@@ -233,13 +233,7 @@ def _accelerometer_of(
     name: str,
     said: Said,
 ) -> tuple[int, str]:
-    """Return which of two triads that keep their norm is the accelerometer, and why.
-
-    Raises
-    ------
-    RecordingError
-        If the numbers leave it open.
-    """
+    """Return which of two triads that keep their norm is the accelerometer, and why."""
     pair = (first, second)
     shaken = [i for i in pair if signs[i].motion == "shaken"]
     if len(shaken) == 1 and signs[first + second - shaken[0]].motion == "steady":
@@ -290,13 +284,7 @@ def _magnetic(plan: ColumnPlan) -> ColumnPlan:
 def _not_a_magnetometer(
     plan: ColumnPlan, signs: VectorSigns, name: str, said: Said
 ) -> tuple[ColumnPlan, list[Remark]]:
-    """Take the only triad that keeps its norm as the magnetometer where its numbers show one, and doubt it in between.
-
-    Raises
-    ------
-    RecordingError
-        If it may be either.
-    """
+    """Take the only triad that keeps its norm as the magnetometer where its numbers show one, doubt it in between."""
     if said.has_accelerometer or plan.specific_force is None or signs.motion == "shaken":
         return plan, []
     which = f"{name}: columns {_numbers(plan.specific_force)}"

@@ -156,7 +156,7 @@ def _turns(
             )
         ]
     sentence = f"The least known gyro parameter is the {row.label} ({_uncertainty(row)})."
-    angles = turned_about_horizontal(calibration, recording, timeline, up_b)
+    angles = _turned_about_horizontal(calibration, recording, timeline, up_b)
     if angles is None:
         return [sentence]
     least = int(np.argmin(angles))
@@ -171,7 +171,7 @@ def _turns(
     return [f"{sentence} No axis lacks turns; more turns of 90° to 180° about all of them would help evenly."]
 
 
-def turned_about_horizontal(
+def _turned_about_horizontal(
     calibration: Calibration, recording: Recording, timeline: Timeline, up_b: Vectors
 ) -> Vector | None:
     """Return (3,) rad turned about each axis, counted as far as the axis was horizontal; None without gyro."""

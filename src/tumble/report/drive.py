@@ -67,16 +67,11 @@ def render_drive(document: dict[str, Any], command: str) -> str:
     document : as `tumble.workflows.drive_document.drive_document` makes it.
     command : how to make it again.
     """
-    return render_page(drive_page(document, command))
+    return render_page(_drive_page(document, command))
 
 
-def drive_page(document: dict[str, Any], command: str) -> Page:
-    """Return what a drive's verification says.
-
-    Parameters
-    ----------
-    document, command : as for `render_drive`.
-    """
+def _drive_page(document: dict[str, Any], command: str) -> Page:
+    """Return what a drive's verification says."""
     variants = document["variants"]
     drift = _drift_figure(variants)
     ratios = [Figures([_ratio_figure(variants, *words)], caption) for *words, caption in _RATIOS]

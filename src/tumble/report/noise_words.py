@@ -91,13 +91,8 @@ class NoiseRow:
     seen: bool
 
 
-def letter_of(name: str) -> str:
-    """Return the letter whose unit a term's value has; nothing for a time or a frequency.
-
-    Parameters
-    ----------
-    name : of a term: a letter, or such as "sigma", "correlation time", with a number if there are several.
-    """
+def _letter_of(name: str) -> str:
+    """Return the letter whose unit a term's value has; nothing for a time or a frequency."""
     if name in _COUNTS:
         return name
     return "" if name.startswith(("correlation time", "frequency")) else "B"
@@ -123,7 +118,7 @@ def si_unit(channel: Channel, name: str) -> str:
     channel : determines the kind of sensor, and whether it is in counts.
     name : of the term.
     """
-    letter = letter_of(name)
+    letter = _letter_of(name)
     if not letter:
         return "Hz" if name.startswith("frequency") else "s"
     if channel.unit == "counts":
@@ -139,7 +134,7 @@ def practical_unit(channel: Channel, name: str) -> tuple[float, str]:
     channel : determines the kind of sensor, and whether it is in counts.
     name : of the term.
     """
-    letter = letter_of(name)
+    letter = _letter_of(name)
     if channel.unit == "counts" or not letter:
         return 1.0, si_unit(channel, name)
     unit = practical_noise_unit(GYRO if channel.is_gyro else ACCELEROMETER, letter)

@@ -341,7 +341,7 @@ def _biases(
         return measures, _nothing(measures), off_mean
     in_si = [m.times(float(per_raw[_axis(p.name)]), "") for p, m in zip(members, measures, strict=True)]
     # More than the sensor's plausible range: the converter's own zero, no bias.
-    offset = calibration_in_counts(calibration, force=force) and max(abs(m.value) for m in in_si) > (
+    offset = _calibration_in_counts(calibration, force=force) and max(abs(m.value) for m in in_si) > (
         0.5 * STANDARD_GRAVITY if force else 1.0
     )
     if not offset:
@@ -351,7 +351,7 @@ def _biases(
     return measures, list(_in_practical_unit(only, _FORCES if force else _RATES)), off_mean
 
 
-def calibration_in_counts(calibration: Calibration, *, force: bool) -> bool:
+def _calibration_in_counts(calibration: Calibration, *, force: bool) -> bool:
     """Return whether a triad's raw unit is counts."""
     units = calibration.raw_units
     return (

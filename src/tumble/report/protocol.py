@@ -34,7 +34,7 @@ def protocol(subject: Subject) -> list[Block]:
     for spin in matching.spins:
         places.setdefault(spin.step, []).append(_span(recording, spin.start, spin.stop))
     rows = [
-        [str(number + 1), step_words(step), "; ".join(places.get(number, ["not found"]))]
+        [str(number + 1), _step_words(step), "; ".join(places.get(number, ["not found"]))]
         for number, step in enumerate(told.steps)
         if number in places or not isinstance(step, TurnStep)
     ]
@@ -52,14 +52,14 @@ def _span(recording: Recording, first: int, stop: int) -> str:
     return f"{recording.time[first] - start:.1f} to {recording.time[stop - 1] - start:.1f} s"
 
 
-def step_words(step: Step) -> str:
+def _step_words(step: Step) -> str:
     """Return what a step is, in words.
 
     Examples
     --------
     >>> import numpy as np
     >>> from tumble.protocol import HoldStep, SpinStep
-    >>> step_words(HoldStep(5.0, None, "on its back")), step_words(SpinStep(8.0, -np.pi / 4))
+    >>> _step_words(HoldStep(5.0, None, "on its back")), _step_words(SpinStep(8.0, -np.pi / 4))
     ('hold: on its back', 'spin: -45°/s about up')
     """
     from tumble.protocol import SpinStep

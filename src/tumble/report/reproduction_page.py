@@ -23,16 +23,11 @@ def render_outcome(outcome: Outcome) -> str:
     ----------
     outcome : what to show.
     """
-    return render_page(outcome_page(outcome))
+    return render_page(_outcome_page(outcome))
 
 
-def outcome_page(outcome: Outcome) -> Page:
-    """Return what is said of an outcome.
-
-    Parameters
-    ----------
-    outcome : what to show.
-    """
+def _outcome_page(outcome: Outcome) -> Page:
+    """Return what is said of an outcome."""
     blocks: list[Block] = [Sentences([outcome.source, " ".join(summary_lines(outcome))], "paragraphs")]
     blocks += [Figures([_figure(plot)], _caption(plot)) for plot in outcome.plots]
     common = _common_reason(outcome)

@@ -26,7 +26,7 @@ def print_blocks(blocks: Iterable[Block], console: Console) -> None:
     """
     for block in blocks:
         if isinstance(block, Table):
-            console.print(rich_table(block, console))
+            console.print(_rich_table(block, console))
             console.print()
         elif isinstance(block, Sentences):
             mark = "- " if block.look == "list" else ""
@@ -34,7 +34,7 @@ def print_blocks(blocks: Iterable[Block], console: Console) -> None:
                 console.print(f"{mark}{sentence}", markup=False)
             console.print()
         elif isinstance(block, Verdict):
-            print_verdict(block, console)
+            _print_verdict(block, console)
         elif isinstance(block, Heading):
             console.print(block.text, style="bold", markup=False)
         elif isinstance(block, Facts):
@@ -45,28 +45,16 @@ def print_blocks(blocks: Iterable[Block], console: Console) -> None:
             console.print(block.text, markup=False, soft_wrap=True)
 
 
-def print_verdict(verdict: Verdict, console: Console) -> None:
-    """Print the verdict in capitals, and its reasons.
-
-    Parameters
-    ----------
-    verdict : of a page.
-    console : where to.
-    """
+def _print_verdict(verdict: Verdict, console: Console) -> None:
+    """Print the verdict in capitals, and its reasons."""
     style = "bold green" if verdict.fit else "bold red"
     console.print(verdict.words.upper(), style=style, markup=False)
     for reason in verdict.reasons:
         console.print(f"- {reason}", markup=False)
 
 
-def rich_table(table: Table, console: Console) -> RichTable:
-    """Return a table for a terminal, whose console makes harmless what a terminal would obey.
-
-    Parameters
-    ----------
-    table : of a page.
-    console : where it is to be printed.
-    """
+def _rich_table(table: Table, console: Console) -> RichTable:
+    """Return a table for a terminal, whose console makes harmless what a terminal would obey."""
     from rich import box
     from rich.table import Table as RichTable
 

@@ -22,17 +22,12 @@ SAME_RATE, SAME_LINE = 0.25, float(np.radians(30.0))
 RIDGE = 0.02
 
 
-def find_creep(blocks: Blocks, activity: Activity, start: float, stop: float) -> tuple[float, float]:
+def _find_creep(blocks: Blocks, activity: Activity, start: float, stop: float) -> tuple[float, float]:
     """Return the angle by which the specific force moves from end to end, and its uncertainty, rad.
 
     It is 3/2 of the change from the first third's median to the last third's, exact for a creep at a
     constant rate. A creep about the vertical does not move the specific force. Zero without an
     accelerometer.
-
-    Parameters
-    ----------
-    blocks, activity : of the whole recording.
-    start, stop : ends of the rest, in blocks.
     """
     if blocks.specific_force is None or activity.gravity is None:
         return 0.0, 0.0
@@ -56,7 +51,7 @@ def keep_still_part(blocks: Blocks, activity: Activity, stretch: Stretch) -> tup
     blocks, activity : of the whole recording.
     stretch : a rest.
     """
-    creep, sigma = find_creep(blocks, activity, stretch.start, stretch.stop)
+    creep, sigma = _find_creep(blocks, activity, stretch.start, stretch.stop)
     if creep <= LARGEST_CREEP + 3.0 * sigma:
         return stretch, 0.0
     eighth = (stretch.stop - stretch.start) / 8.0
@@ -64,7 +59,7 @@ def keep_still_part(blocks: Blocks, activity: Activity, stretch: Stretch) -> tup
         for skipped in range(9 - parts):
             start = stretch.start + skipped * eighth
             stop = start + parts * eighth
-            part, sigma = find_creep(blocks, activity, start, stop)
+            part, sigma = _find_creep(blocks, activity, start, stop)
             if part <= LARGEST_CREEP_OF_PART + 2.0 * sigma:
                 stretch.start, stretch.stop = start, stop
                 stretch.excluded = [(a, b) for a, b in stretch.excluded if b > start and a < stop]

@@ -222,7 +222,7 @@ def match_protocol(
     from tumble.segmentation import mismatch
     from tumble.segmentation.matching_words import remarks_of
 
-    case = open_case(protocol, recording, timeline, means)
+    case = _open_case(protocol, recording, timeline, means)
     mismatch.refuse_without_spins(case)
     mismatch.refuse_wrong_units(case)
     fit = case.fit()
@@ -255,13 +255,8 @@ def match_protocol(
     )
 
 
-def open_case(protocol: Protocol, recording: Recording, timeline: Timeline, means: HoldMeans) -> Case:
-    """Return the protocol's holds and spins in the order expected, beside what was found.
-
-    Parameters
-    ----------
-    protocol, recording, timeline, means : as for `match_protocol`.
-    """
+def _open_case(protocol: Protocol, recording: Recording, timeline: Timeline, means: HoldMeans) -> Case:
+    """Return the protocol's holds and spins in the order expected, beside what was found."""
     steps = [i for i, step in enumerate(protocol.steps) if isinstance(step, HoldStep | SpinStep)]
     if recording.angular_rate is None:
         steps = [i for i in steps if _is_told_without_gyro(protocol, i)]
@@ -273,19 +268,13 @@ def open_case(protocol: Protocol, recording: Recording, timeline: Timeline, mean
         keys.append(key)
     ordered = [number for _, number in sorted(zip(keys, steps, strict=True), key=lambda pair: pair[0])]
     events = find_events(protocol, recording, timeline, means)
-    least = shortest_hold(protocol)
+    least = _shortest_hold(protocol)
     events = [e for e in events if e.hold is None or means.duration[e.hold] >= least]
     return Case(protocol, recording, timeline, means, ordered, events)
 
 
-def shortest_hold(protocol: Protocol) -> float:
-    """Return the seconds below which a rest is no step: a pause between two turns that follow one another.
-
-    Parameters
-    ----------
-    protocol : zero without such turns, when any rest may be a step. On a two-axis fixture the moves between
-        sequences are such turns, too.
-    """
+def _shortest_hold(protocol: Protocol) -> float:
+    """Return the seconds below which a rest is no step: a pause between two turns that follow one another."""
     chained = protocol.procedure == FIXTURE_PROCEDURE or any(
         isinstance(one, TurnStep) and isinstance(other, TurnStep) for one, other in pairwise(protocol.steps)
     )

@@ -208,7 +208,7 @@ def find_knocks(blocks: Blocks, stretch: Stretch, activity: Activity) -> list[tu
     return [(first + a, first + b) for a, b in find_runs(spread)]
 
 
-def pose_change(before: Stretch, after: Stretch, activity: Activity) -> tuple[float, float]:
+def _pose_change(before: Stretch, after: Stretch, activity: Activity) -> tuple[float, float]:
     """Angle between the specific forces of two stretches and its standard uncertainty, rad.
 
     Zero with no accelerometer.
@@ -224,7 +224,7 @@ def pose_change(before: Stretch, after: Stretch, activity: Activity) -> tuple[fl
     return angle, float(np.sqrt(variance)) / activity.gravity
 
 
-def net_turn(blocks: Blocks, before: Stretch, after: Stretch, activity: Activity) -> float:
+def _net_turn(blocks: Blocks, before: Stretch, after: Stretch, activity: Activity) -> float:
     """Sum of the rate between two stretches without their mean bias, rad; zero without a gyro."""
     if (
         blocks.angular_rate is None
@@ -264,10 +264,10 @@ def _same_hold(
         return False
     if np.any((walls >= before.last) & (walls < after.first)):
         return False
-    angle, sigma = pose_change(before, after, activity)
+    angle, sigma = _pose_change(before, after, activity)
     if angle > SAME_POSE + 4.0 * sigma:
         return False
-    return net_turn(blocks, before, after, activity) < LARGEST_NET_TURN
+    return _net_turn(blocks, before, after, activity) < LARGEST_NET_TURN
 
 
 def _merge(before: Stretch, after: Stretch) -> Stretch:

@@ -59,9 +59,9 @@ def cart_trajectory(rng: np.random.Generator) -> SplineTrajectory:
     yaw, slow = np.full(len(time), HEADING), np.zeros(len(time))
     for k in range(1, SECTIONS + 1):
         since = time - REST - k * section + CURVE
-        yaw += (1.0 if k % 2 else -1.0) * np.pi * smooth_step(since / CURVE)
-        slow += smooth_step((since + 1.5) / 1.5) - smooth_step((since - CURVE) / 1.5)
-    moving = smooth_step((time - REST) / 2.0)
+        yaw += (1.0 if k % 2 else -1.0) * np.pi * _smooth_step(since / CURVE)
+        slow += _smooth_step((since + 1.5) / 1.5) - _smooth_step((since - CURVE) / 1.5)
+    moving = _smooth_step((time - REST) / 2.0)
     uneven = smoothed(rng.standard_normal((len(time), 3)), 2)
     speed = (WALKING - (WALKING - IN_CURVE) * slow) * (1.0 + UNEVEN_SPEED * uneven[:, 0]) * moving
     return drive_along(ORIGIN, time, speed, yaw, roll_pitch=SWAY * uneven[:, 1:] * moving[:, None])
@@ -78,7 +78,7 @@ def warming(seconds: Series, size: float) -> Series:
     return np.asarray(size * np.exp(-seconds / WARMING))
 
 
-def smooth_step(x: Series) -> Series:
+def _smooth_step(x: Series) -> Series:
     """Return a step from 0 to 1 over 0 to 1, with slope and bend zero at both ends."""
     y = np.clip(x, 0.0, 1.0)
     return np.asarray(y**3 * (10.0 - 15.0 * y + 6.0 * y**2))

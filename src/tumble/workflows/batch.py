@@ -98,7 +98,7 @@ def run_batch(
                 done[outcome.unit] = _lean(outcome)
             say(f"{len(done)} of {len(tasks)} units")
     say("the table")
-    batch = summarised([done[task.unit] for task in tasks])
+    batch = _summarised([done[task.unit] for task in tasks])
     batch.worked, batch.kept = len(tasks) - kept, kept
     _write_tables(folder, batch)
     return batch
@@ -197,13 +197,8 @@ def _write_library(folder: Path) -> None:
         write_text(place, text)
 
 
-def summarised(units: list[UnitOutcome]) -> Batch:
-    """Return units with what only many of them tell.
-
-    Parameters
-    ----------
-    units : their outcomes.
-    """
+def _summarised(units: list[UnitOutcome]) -> Batch:
+    """Return units with what only many of them tell."""
     vectors = [_vector(unit) for unit in units]
     comparable = stack(vectors)
     said: dict[str, list[str]] = {}

@@ -189,7 +189,7 @@ def _key(task: UnitTask, options: BatchOptions) -> str:
         "version": [VERSION, tumble.__version__],
         "unit": task.unit,
         "more": task.more,
-        "files": [[Path(name).name, content_hash(Path(name))] for name in task.files],
+        "files": [[Path(name).name, _content_hash(Path(name))] for name in task.files],
     }
     named = {
         name: task.told.get(name) or getattr(options, name, None)
@@ -198,7 +198,7 @@ def _key(task: UnitTask, options: BatchOptions) -> str:
     named |= {"limits": options.limits, "intervals": task.told.get("intervals")}
     # Of a file the content counts, and neither where it lies nor which reports were asked for.
     hashed = {
-        name: content_hash(Path(value)) for name, value in named.items() if value and Path(value).exists()
+        name: _content_hash(Path(value)) for name, value in named.items() if value and Path(value).exists()
     }
     told["named"] = hashed
     told["told"] = {key: value for key, value in task.told.items() if key not in hashed}
@@ -208,18 +208,8 @@ def _key(task: UnitTask, options: BatchOptions) -> str:
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 
-def content_hash(path: Path) -> str:
-    """Return the SHA-256 of a file, or of all files in a folder with their names.
-
-    Parameters
-    ----------
-    path : of the file or folder.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    """
+def _content_hash(path: Path) -> str:
+    """Return the SHA-256 of a file, or of all files in a folder with their names."""
     digest = hashlib.sha256()
     files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
     for one in files:

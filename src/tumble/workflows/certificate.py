@@ -79,7 +79,7 @@ def make_certificate(
         xml = dcc_text(document, told, number, day, language, text)
         check_target(dcc)
     if registry is not None:
-        _register(registry, document_hash_of(document), number)
+        _register(registry, _document_hash_of(document), number)
     make_folder(output.parent)
     with written_beside(output) as beside:
         beside.write_bytes(pdf)
@@ -118,13 +118,8 @@ def _lacking(profile: Profile) -> list[str]:
     return [f"ISO/IEC 17025 asks for more than the profile says: {'; '.join(missing)}."]
 
 
-def document_hash_of(calibration: Calibration) -> str:
-    """Return the hash by which a registry knows a document.
-
-    Parameters
-    ----------
-    calibration : the document.
-    """
+def _document_hash_of(calibration: Calibration) -> str:
+    """Return the hash by which a registry knows a document."""
     return hashlib.sha256(calibration.to_json().encode()).hexdigest()
 
 

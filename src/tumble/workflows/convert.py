@@ -60,12 +60,12 @@ class TargetRow:
 def list_targets() -> list[TargetRow]:
     """Return all targets with directions and what each can hold."""
     return [
-        TargetRow(target.name, target.title, target.directions, ", ".join(what_it_holds(target)))
+        TargetRow(target.name, target.title, target.directions, ", ".join(_what_it_holds(target)))
         for target in TARGETS.values()
     ]
 
 
-def what_it_holds(target: Target) -> list[str]:
+def _what_it_holds(target: Target) -> list[str]:
     """Return what a target holds, in words; a full matrix covers scale factors."""
     kept = [what for what in _HOLDABLE if what in target.holds]
     return [what for what in kept if not (what == SCALE and MATRIX in kept)]

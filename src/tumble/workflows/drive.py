@@ -402,13 +402,7 @@ def _free_biases(setup: FilterSetup, grade: Grade) -> FilterSetup:
 
 
 def _departures(run: FilterRun, allowed: FilterSetup) -> dict[str, tuple[float, float]]:
-    """Sensor states that the drive determines, and how far they are from the calibration's in what both allow.
-
-    Parameters
-    ----------
-    run : of samples that are corrected by the calibration, with free biases.
-    allowed : with the covariance that the calibration leaves.
-    """
+    """Sensor states that the drive determines, and how far they are from the calibration's in what both allow."""
     found: dict[str, tuple[float, float]] = {}
     span = float(run.time[-1] - run.time[0])
     for at, state in enumerate(allowed.states):

@@ -146,7 +146,7 @@ class DriveVerification:
         Least if the accelerometers cause all of it (with Schuler's period), most if the gyros do.
         """
         rms, seconds = self.drift_rms(name, self.longest), float(self.seconds[self.longest])
-        least, most = hourly_drift(seconds)
+        least, most = _hourly_drift(seconds)
         return (
             Statistic(rms.value * least, rms.sigma * least),
             Statistic(rms.value * most, rms.sigma * most),
@@ -167,15 +167,11 @@ def _dice(seed: int) -> np.random.Generator:
     return np.random.default_rng(1000 + seed)
 
 
-def hourly_drift(seconds: float) -> tuple[float, float]:
+def _hourly_drift(seconds: float) -> tuple[float, float]:
     """Return km/h over an hour for each metre of drift after some time, if accelerometers or gyros cause it.
 
     A constant error b of specific force moves b t²/2, and over an hour 2 b/s² at most, with Schuler's frequency s; a
     constant error w of angular rate g w t³/6, and over an hour w R t.
-
-    Parameters
-    ----------
-    seconds : s, short against Schuler's 84 minutes.
     """
     force, rate = 2.0 / seconds**2, 6.0 / (_GRAVITY * seconds**3)
     return force * 2.0 * _EARTH_RADIUS / _GRAVITY * 1e-3, rate * _EARTH_RADIUS * 3.6

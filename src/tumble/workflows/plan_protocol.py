@@ -105,7 +105,7 @@ def plan_any_protocol(
     noise : noise.json of the unit, in place of the grade's noise.
     given : a recording of this unit, or its calibration, that is there already.
     recorded : the protocol that `given` was recorded with, for a table's angles.
-    targets : wished-for standard uncertainties, see `read_protocol_targets`.
+    targets : wished-for standard uncertainties, see `_read_protocol_targets`.
     site : of the test; the protocol's own, or latitude 45°, without.
     rate : of the samples with its standard uncertainty, as 100±0.01; a nominal one without, as without stamps.
     seed : of placement and hands.
@@ -127,9 +127,9 @@ def plan_any_protocol(
         )
     folder = plan_folder(output, FILES)
     protocol = find_protocol(asked)
-    limits = read_protocol_targets(targets)
+    limits = _read_protocol_targets(targets)
     task, grade, remarks = _task(protocol, imu, data_sheet, noise, site, seed)
-    task = replace(task, clock=planned_clock(protocol, rate))
+    task = replace(task, clock=_planned_clock(protocol, rate))
     from tumble.design.joint_plan import plan_protocol
 
     known, said = None, list[str]()
@@ -167,22 +167,13 @@ def judge_protocol(
     from tumble.design.joint_plan import PlanTask, plan_protocol
 
     task = PlanTask.of_grade(protocol, grade, place, seed=seed)
-    return ProtocolPlanned(plan_protocol(replace(task, clock=planned_clock(protocol, rate)), say), grade.name)
+    return ProtocolPlanned(
+        plan_protocol(replace(task, clock=_planned_clock(protocol, rate)), say), grade.name
+    )
 
 
-def planned_clock(protocol: Protocol, rate: str | None) -> float:
-    """Return what `calibrate` will take a recording's sample rate to be uncertain by, as a share.
-
-    Parameters
-    ----------
-    protocol : whose own rate counts where none is given.
-    rate : as on the command line, or None.
-
-    Raises
-    ------
-    UsageError
-        If it is none.
-    """
+def _planned_clock(protocol: Protocol, rate: str | None) -> float:
+    """Return what `calibrate` will take a recording's sample rate to be uncertain by, as a share."""
     from tumble.recording.clock import clock_without_stamps
     from tumble.sample_rates import sample_rate
 
@@ -190,18 +181,8 @@ def planned_clock(protocol: Protocol, rate: str | None) -> float:
     return clock_without_stamps(1.0 if stated is None else stated).sigma
 
 
-def read_protocol_targets(text: str | None) -> Series | None:
-    """Return (30,) wished-for sigmas, SI, infinite where nothing is wished; None for no text.
-
-    Parameters
-    ----------
-    text : such as "bias=50,gyro-scale=100" in µg, ppm, arc-seconds, °/h and (°/h)/g.
-
-    Raises
-    ------
-    UsageError
-        If it cannot be read.
-    """
+def _read_protocol_targets(text: str | None) -> Series | None:
+    """Return (30,) wished-for sigmas, SI, infinite where nothing is wished; None for no text."""
     from tumble.design.joint_information import GROUPS, PARAMETERS
 
     if text is None:

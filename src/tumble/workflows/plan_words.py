@@ -106,7 +106,7 @@ def step_rows(done: ProtocolPlanned, *, each: bool = False) -> list[list[str]]:
                 title,
                 f"{100.0 * sum(one.share_of_time for one in members):.1f} %",
                 f"{100.0 * sum(one.share_of_information for one in members):.1f} %",
-                f"{_growth(worst.most_growth)} {briefly(worst.most)}",
+                f"{_growth(worst.most_growth)} {_briefly(worst.most)}",
                 f"{100.0 * max(float(np.mean([one.longer_per_minute for one in members])), 0.0):.2g} %",
             ]
         )
@@ -122,7 +122,7 @@ STEP_HEADS = (
 )
 
 
-def briefly(name: str) -> str:
+def _briefly(name: str) -> str:
     """Return a parameter's name for a narrow column.
 
     Parameters
@@ -131,7 +131,7 @@ def briefly(name: str) -> str:
 
     Examples
     --------
-    >>> briefly("accelerometer non-orthogonality yz")
+    >>> _briefly("accelerometer non-orthogonality yz")
     'acc. non-orthog. yz'
     """
     for long, short in (("accelerometer", "acc."), ("orthogonality", "orthog."), ("factor error", "error")):

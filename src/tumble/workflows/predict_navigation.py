@@ -87,7 +87,7 @@ def predict_navigation(
     model = in_b(document)
     document.need_uncertainties("the errors of what it corrects cannot be predicted")
     names = tuple(document.covariance_parameters)
-    covariance = with_turn_on(document, turn_on)
+    covariance = _with_turn_on(document, turn_on)
     path, remarks = _path(trajectory, max(seconds), document)
     samples, start = _travelled(path, max(seconds))
     grade = find_grade(data_sheet)
@@ -125,14 +125,8 @@ def predict_navigation(
     return NavigationPrediction(errors, advise_states(samples, start, setup, seconds), remarks)
 
 
-def with_turn_on(document: Calibration, turn_on: tuple[float, float]) -> Square:
-    """Return a calibration's covariance with what biases may have moved since.
-
-    Parameters
-    ----------
-    document : the calibration.
-    turn_on : m/s² and rad/s, one sigma.
-    """
+def _with_turn_on(document: Calibration, turn_on: tuple[float, float]) -> Square:
+    """Return a calibration's covariance with what biases may have moved since."""
     covariance = document.covariance_matrix.copy()
     model = in_b(document)
     for kind, triad, sigma in (

@@ -97,12 +97,12 @@ def truth_document(
         "inverse_formula": BACKWARD,
         **_blocks(truth.model, truth),
         "in_frame_accelerometer_x": None if in_gauge is None else _blocks(in_gauge, truth),
-        "parameters": [] if in_gauge is None else true_parameters(in_gauge, recording, truth),
+        "parameters": [] if in_gauge is None else _true_parameters(in_gauge, recording, truth),
         "in_frame_mean_gyro": None if mean_gyro is None else _blocks(mean_gyro, truth),
         "parameters_in_mean_gyro": []
         if mean_gyro is None
-        else true_mean_gyro_parameters(mean_gyro, recording, truth),
-        "parameters_in_fixture": true_fixture_parameters(truth.model, recording, truth),
+        else _true_mean_gyro_parameters(mean_gyro, recording, truth),
+        "parameters_in_fixture": _true_fixture_parameters(truth.model, recording, truth),
         "noise": _noise(settings.grade) if settings.noise else None,
         "placement": settings.placement,
         "imperfections": asdict(settings.imperfections),
@@ -268,16 +268,10 @@ def _blocks(model: ImuModel, truth: Truth) -> dict[str, Any]:
     }
 
 
-def true_parameters(model: ImuModel, recording: Recording, truth: Truth) -> list[dict[str, Any]]:
+def _true_parameters(model: ImuModel, recording: Recording, truth: Truth) -> list[dict[str, Any]]:
     """Return name, value and unit of each parameter, named as ``calibration.json`` names them.
 
     A bias has a ``session_value``, too: the one that this recording's holds had on average.
-
-    Parameters
-    ----------
-    model : in the frame ``accelerometer-x``.
-    recording : for its raw units.
-    truth : for how the biases wandered.
     """
     from tumble.sensor.conventions.shin import shin_from_matrix
     from tumble.sensor.gauge import inverse, lower_factor
@@ -339,14 +333,8 @@ def _g_sensitivity_rows(model: ImuModel, unit: str) -> list[dict[str, Any]]:
     ]
 
 
-def true_fixture_parameters(model: ImuModel, recording: Recording, truth: Truth) -> list[dict[str, Any]]:
-    """Return the same as procedures name it that answer in the frame ``fixture``.
-
-    Parameters
-    ----------
-    model : in the frame ``fixture``.
-    recording, truth : as for `true_parameters`.
-    """
+def _true_fixture_parameters(model: ImuModel, recording: Recording, truth: Truth) -> list[dict[str, Any]]:
+    """Return the same as procedures name it that answer in the frame ``fixture``."""
     from tumble.calibration.canonical import FIXTURE_UNKNOWNS, describe_fixture_triad
     from tumble.units import angular_rate_factor, specific_force_factor
 
@@ -378,14 +366,8 @@ def true_fixture_parameters(model: ImuModel, recording: Recording, truth: Truth)
     return rows + _g_sensitivity_rows(model, rate_unit)
 
 
-def true_mean_gyro_parameters(model: ImuModel, recording: Recording, truth: Truth) -> list[dict[str, Any]]:
-    """Return the same as the strapdown rotation test names it, in the frame ``mean-gyro``.
-
-    Parameters
-    ----------
-    model : in the frame ``mean-gyro``.
-    recording, truth : as for `true_parameters`.
-    """
+def _true_mean_gyro_parameters(model: ImuModel, recording: Recording, truth: Truth) -> list[dict[str, Any]]:
+    """Return the same as the strapdown rotation test names it, in the frame ``mean-gyro``."""
     from tumble.sensor.conventions.savage import OFF_DIAGONAL, PAIRS
     from tumble.units import angular_rate_factor, specific_force_factor
 

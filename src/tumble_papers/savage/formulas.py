@@ -55,13 +55,8 @@ def evaluated(expression: str, gravity: float = STANDARD) -> float:
     return value
 
 
-def model_coefficients(gravity: float = STANDARD) -> AnyArray:
-    """Return (17, 5, 24) of (3) to (5): every measurement of every sequence by every error.
-
-    Parameters
-    ----------
-    gravity : m/s².
-    """
+def _model_coefficients(gravity: float = STANDARD) -> AnyArray:
+    """Return (17, 5, 24) of (3) to (5): every measurement of every sequence by every error."""
     return np.stack(
         [sequence_model(list(row.rotations), start_down(row), gravity).coefficients for row in SEQUENCES]
     )
@@ -101,13 +96,8 @@ def _components(entry: dict[str, Any]) -> tuple[int, int]:
     return [row.name for row in SEQUENCES].index(entry["sequence"]), COMPONENTS.index(entry["component"])
 
 
-def measurement_name(entry: dict[str, Any]) -> str:
-    """Return how a measurement of (12) is called, such as "Δa y 13".
-
-    Parameters
-    ----------
-    entry : of (12).
-    """
+def _measurement_name(entry: dict[str, Any]) -> str:
+    """Return how a measurement of (12) is called, such as "Δa y 13"."""
     component = entry["component"]
     if component.startswith("down"):
         return f"{component.replace(' at the', ',')}, {entry['sequence']}"
@@ -122,7 +112,7 @@ def reproduce_equation_12(repetitions: int, seed: int) -> Outcome:
     repetitions, seed : not used: there is no chance in it.
     """
     simulated, gravity = simulated_coefficients()
-    model = model_coefficients(gravity)
+    model = _model_coefficients(gravity)
     left = simulated.copy()
     rows: list[Row] = []
     for entry in savage()["equation_12"]:
@@ -136,7 +126,7 @@ def reproduce_equation_12(repetitions: int, seed: int) -> Outcome:
             agrees = abs(said - found) < SAME and abs(by_model - found) < SAME
             reason = "" if agrees else f"the sign is the other: {entry['corrected'][name]}"
             cells = (_shown(printed), float(said), _rounded(by_model), _rounded(found))
-            label = f"{measurement_name(entry)}: {_greek(name)}"
+            label = f"{_measurement_name(entry)}: {_greek(name)}"
             rows.append(Row(label, "" if unit == 1.0 else "g", cells, INSIDE if agrees else OUTSIDE, reason))
     printed = [_components(entry) for entry in savage()["equation_12"]]
     others = max(float(np.max(np.abs(left[s, c]))) / gravity for s, c in printed)
@@ -188,13 +178,8 @@ def _greek(name: str) -> str:
     return name
 
 
-def start_axes(row: RotationSequence) -> tuple[str, str]:
-    """Return the unit's axes that point down and along the outer axis at a sequence's start.
-
-    Parameters
-    ----------
-    row : a sequence; its angles alone are looked at.
-    """
+def _start_axes(row: RotationSequence) -> tuple[str, str]:
+    """Return the unit's axes that point down and along the outer axis at a sequence's start."""
     to_unit = fixture_rotation(row.inner, row.outer).inv()
     return _axis(to_unit.apply([0.0, 0.0, 1.0])), _axis(to_unit.apply([0.0, 1.0, 0.0]))
 
@@ -220,12 +205,12 @@ def reproduce_table_1(repetitions: int, seed: int) -> Outcome:
             for name, printed in (entry.get("corrected") or entry["terms"]).items()
         )
         made_for.setdefault(entry["sequence"], []).append(
-            f"{measurement_name(entry)}: {words.replace('+ −', '− ')}"
+            f"{_measurement_name(entry)}: {words.replace('+ −', '− ')}"
         )
     rows: list[Row] = []
     for printed in table["rows"]:
         row = BY_NAME[printed["name"]]
-        down, along = start_axes(row)
+        down, along = _start_axes(row)
         degrees = [(round(np.degrees(i)), round(np.degrees(o))) for i, o in row.fixture_angles()]
         turned = [f"{np.degrees(angle):+.0f} {AXES[axis]}" for axis, angle in row.rotations]
         verdict, reason = UNJUDGED, "the start is not legible in the text at hand"

@@ -57,7 +57,7 @@ def unit(**changes: float) -> Grade:
     return replace(nothing, **changes)
 
 
-def designated() -> list[tuple[str, str, int]]:
+def _designated() -> list[tuple[str, str, int]]:
     """Return (kind, sequence, component) of each horizontal measurement of (12)."""
     found: list[tuple[str, str, int]] = []
     for entry in savage()["equation_12"]:
@@ -88,7 +88,7 @@ def changes_by_kind(
             found[kind].append(
                 [
                     float(measured[sequence][component]) / recordings.gravity
-                    for which, sequence, component in designated()
+                    for which, sequence, component in _designated()
                     if which == kind
                 ]
             )
@@ -110,7 +110,7 @@ def expected_by_kind(setting: Setting, variant: Variant) -> dict[str, float]:
                 np.mean(
                     [
                         models.covariances[names.index(sequence)][component, component]
-                        for which, sequence, component in designated()
+                        for which, sequence, component in _designated()
                         if which == kind
                     ]
                 )

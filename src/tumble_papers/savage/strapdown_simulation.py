@@ -409,18 +409,10 @@ class Models:
     covariances: list[AnyArray] = field(default_factory=list[AnyArray])
 
 
-def evaluate_run(
+def _evaluate_run(
     recordings: Recordings, variant: Variant, *, iterations: int = 3, models: Models | None = None
 ) -> Evaluation:
-    """Play a run back: compensate, measure, invert, better the compensation, again.
-
-    Parameters
-    ----------
-    recordings : one run.
-    variant : how.
-    iterations : passes.
-    models : for a variant over all components; None makes them.
-    """
+    """Play a run back: compensate, measure, invert, better the compensation, again."""
     truth = recordings.truth.vector
     current = ImuModel.ideal()
     errors = np.empty((iterations, 24))
@@ -656,7 +648,7 @@ def run_study(
                 without = simulate_run(setting, streams[run], asymmetry=False)
             recordings = with_asymmetry if variant.asymmetry else without
             assert recordings is not None
-            errors[number, run] = evaluate_run(
+            errors[number, run] = _evaluate_run(
                 recordings, variant, iterations=iterations, models=models[number]
             ).errors
 

@@ -111,13 +111,8 @@ _ASSUMED = (
 )
 
 
-def gyro_directions(unit: Unit) -> AnyArray:
-    """Return (3, 3) unit vectors in p along which the gyros feel, a row each.
-
-    Parameters
-    ----------
-    unit : with K T and R of the gyros.
-    """
+def _gyro_directions(unit: Unit) -> AnyArray:
+    """Return (3, 3) unit vectors in p along which the gyros feel, a row each."""
     matrix = unit.rate_matrix @ unit.rotation
     return matrix / np.linalg.norm(matrix, axis=1, keepdims=True)
 
@@ -134,7 +129,7 @@ def gyros_apart(sign_zy: float = 1.0) -> Series:
     for method in METHODS:
         unit = {group: np.array(row[method], dtype=float) for group, row in rows.items()}
         unit["gyro misalignment"][1] *= sign_zy
-        directions.append(gyro_directions(unit_from(unit)))
+        directions.append(_gyro_directions(unit_from(unit)))
     across = np.cross(directions[0], directions[1])
     return np.asarray(np.linalg.norm(across, axis=1) / ARCSECOND, dtype=np.float64)
 

@@ -61,13 +61,8 @@ def formula_rows(rng: np.random.Generator) -> list[Row]:
     ]
 
 
-def exact_setting(orientations: tuple[int, ...] = NINE) -> Setting:
-    """Return table 2's setting without any noise or error of placement.
-
-    Parameters
-    ----------
-    orientations : as for `table_setting`.
-    """
+def _exact_setting(orientations: tuple[int, ...] = NINE) -> Setting:
+    """Return table 2's setting without any noise or error of placement."""
     exact = replace(table_setting("2", orientations), force_noise=0.0, rate_noise=0.0)
     return replace(exact, angle_error=0.0, placement=0.0, perturbation=0.0)
 
@@ -103,7 +98,7 @@ def smallest_share(design: Table) -> float:
 
 
 def _closed_form() -> list[Row]:
-    force, _ = _readings_of(exact_setting(tuple(range(1, 19))))
+    force, _ = _readings_of(_exact_setting(tuple(range(1, 19))))
     unit = table_unit()
     matrix, bias = ellipsoid_from_norms(force, GRAVITY)
     # The trivial solution: m44 = |g|², all else zero.
@@ -155,7 +150,7 @@ def pair_bias(matrix: AnyArray, rate: Vectors, *, printed: bool) -> Series:
 
 def _pairs() -> Row:
     unit = table_unit()
-    _, rate = _readings_of(exact_setting())
+    _, rate = _readings_of(_exact_setting())
     scale = np.linalg.norm(unit.rate_matrix, axis=1) * DEGREE_PER_HOUR
     off = {
         printed: float(
@@ -256,7 +251,7 @@ def _derivatives() -> Row:
 def _linear() -> Row:
     """(11) prints A θ = Y with A the derivatives of |s|² and Y = |g|²: not so at the truth."""
     unit = table_unit()
-    force, _ = _readings_of(exact_setting())
+    force, _ = _readings_of(_exact_setting())
     scale, angles = zhang_from_matrix(unit.force_matrix, "small-angle")
     parameters = np.concatenate([np.real(scale), np.real(angles), unit.force_bias])
     told = np.array([stepped_derivatives(parameters, raw) @ parameters for raw in force]) / GRAVITY**2
@@ -376,7 +371,7 @@ def _two_axes(rng: np.random.Generator) -> Row:
 
 def _raw_rows(rng: np.random.Generator) -> Row:
     setting = table_setting("3")
-    force, _ = _readings_of(exact_setting())
+    force, _ = _readings_of(_exact_setting())
     count = round(setting.dwell * setting.sampling)
     samples = force[:, None] + setting.sigma[:3] * rng.standard_normal((len(force), count, 3))
     by_rows, by_means = (

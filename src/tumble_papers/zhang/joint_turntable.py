@@ -112,14 +112,8 @@ def true_plan(setting: Setting, *, latitude_sigma: float = 0.0, white_until: flo
     return TruePlan(setting, tuple(pieces), site, unknowns_of(model), latitude_sigma, instability)
 
 
-def simulated_data(plan: TruePlan, rng: np.random.Generator) -> tuple[Observed, Series]:
-    """Return one run's observations, and the true unknowns, biases as they are on average.
-
-    Parameters
-    ----------
-    plan : the true motion.
-    rng : generator.
-    """
+def _simulated_data(plan: TruePlan, rng: np.random.Generator) -> tuple[Observed, Series]:
+    """Return one run's observations, and the true unknowns, biases as they are on average."""
     setting, unit = plan.setting, plan.setting.unit
     raw_force: list[AnyArray] = []
     raw_rate: list[AnyArray] = []
@@ -230,7 +224,7 @@ def estimate_run(plan: TruePlan, rng: np.random.Generator) -> tuple[Series, Seri
     ----------
     plan, rng : the true motion, and the noise.
     """
-    data, _ = simulated_data(plan, rng)
+    data, _ = _simulated_data(plan, rng)
     task = _started(plan, data, rng)
     solution = solve(task)
     values, covariance = _parameters(task.unknowns.values, solution.cofactor)
@@ -251,7 +245,7 @@ def coloured_run(plan: TruePlan, rng: np.random.Generator) -> tuple[Series, Squa
     ----------
     plan, rng : the true motion, with biases that wander, and the noise.
     """
-    data, truth = simulated_data(plan, rng)
+    data, truth = _simulated_data(plan, rng)
     task = _started(plan, data, rng)
     told = solve(task).unit_weight * recording_influences(task).covariance
     values, covariance = _parameters(task.unknowns.values, told)
@@ -266,7 +260,7 @@ def bound(plan: TruePlan, rng: np.random.Generator) -> Series:
     plan : the true motion.
     rng : for one set of data, at whose true parameters the information is taken.
     """
-    data, _ = simulated_data(plan, rng)
+    data, _ = _simulated_data(plan, rng)
     task = _task(plan, data, plan.truth)
     # Attitudes have to be where they belong; the shared unknowns stay the true ones.
     solve(task)

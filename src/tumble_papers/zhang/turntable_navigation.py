@@ -58,13 +58,8 @@ class TrueTest:
     rate: Vectors
 
 
-def table_motion(name: str) -> Motion:
-    """Return how the table turns.
-
-    Parameters
-    ----------
-    name : "I" or "II".
-    """
+def _table_motion(name: str) -> Motion:
+    """Return how the table turns."""
     end = DURATION[name]
     starts = np.arange(max(ALIGNED, EVERY[name]), end - TURN - 1.0, EVERY[name])
     axes = (
@@ -88,7 +83,7 @@ def true_test(name: str) -> TrueTest:
     ----------
     name : "I" or "II".
     """
-    motion = table_motion(name)
+    motion = _table_motion(name)
     edges = np.arange(round(DURATION[name] * RATE) + 1) / RATE
     at, weight = np.polynomial.legendre.leggauss(3)
     middle = 0.5 * (edges[1:] + edges[:-1])

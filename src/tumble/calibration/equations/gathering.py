@@ -35,7 +35,7 @@ def gather(recording: Recording, timeline: Timeline, means: HoldMeans) -> HoldsA
         or means.angular_rate_covariance is None
     ):
         raise ObservabilityError("The holds' means lack a triad.")
-    head, tail = edge_windows(timeline.holds, means, recording.rate)
+    head, tail = _edge_windows(timeline.holds, means, recording.rate)
     turn_start, turn_stop = _turn_ranges(timeline, head, tail)
     floor = NoiseFloor(
         _least(timeline.noise_floor.specific_force, recording.specific_force),
@@ -76,7 +76,7 @@ def _floor(covariance: Matrices, sigma: Vector, means: HoldMeans) -> Vector:
     return np.median(np.maximum(variance - white, 0.0), axis=0)
 
 
-def edge_windows(holds: tuple[Hold, ...], means: HoldMeans, rate: float) -> tuple[np.ndarray, np.ndarray]:
+def _edge_windows(holds: tuple[Hold, ...], means: HoldMeans, rate: float) -> tuple[np.ndarray, np.ndarray]:
     """Return (holds, 2) sample ranges at each hold's start and end that do not overlap."""
     head, tail = np.zeros((len(holds), 2), dtype=int), np.zeros((len(holds), 2), dtype=int)
     for k, hold in enumerate(holds):

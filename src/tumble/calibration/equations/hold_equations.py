@@ -125,7 +125,7 @@ class Rate(HoldEquations):
         C, earth = self.section.C_wb, self.section.earth_w
         backward = np.swapaxes(C[:, 0], 1, 2)
         length = np.maximum(state.data.length[k], 1e-9)[:, None]
-        swayed = swayed_from(C[:, 0], C[:, 2])
+        swayed = _swayed_from(C[:, 0], C[:, 2])
         shown = raw_rate(u, backward @ earth + swayed / length, backward @ up)
         matrix = gyro_matrix(u)
         by_sway = (matrix @ backward) / length[:, :, None]
@@ -184,7 +184,7 @@ class Swing(HoldEquations):
         u, k, swings, C = state.unknowns, self.place, state.data.swings, self.section.C_wb
         share, backward = swings.share[k, None], np.swapaxes(C[:, 0], 1, 2)
         middle, tail = np.split(
-            swayed_from(np.tile(C[:, 0], (2, 1, 1)), np.concatenate([C[:, 1], C[:, 2]])), 2
+            _swayed_from(np.tile(C[:, 0], (2, 1, 1)), np.concatenate([C[:, 1], C[:, 2]])), 2
         )
         swung = middle - share * tail
         matrix = gyro_matrix(u)
@@ -217,7 +217,7 @@ class Rest(HoldEquations):
         C, count = self.section.C_wb, self.place.size
         backward = np.swapaxes(C, 2, 3)
         by_node = np.zeros((count, 6, NODE))
-        residual = swayed_from(C[:, :2].reshape(-1, 3, 3), C[:, 1:].reshape(-1, 3, 3)).reshape(count, 6)
+        residual = _swayed_from(C[:, :2].reshape(-1, 3, 3), C[:, 1:].reshape(-1, 3, 3)).reshape(count, 6)
         for step in range(2):
             here, there = slice(3 * step, 3 * step + 3), slice(3 * step + 3, 3 * step + 6)
             by_node[:, here, here], by_node[:, here, there] = -backward[:, step], backward[:, step]
@@ -230,7 +230,7 @@ class Rest(HoldEquations):
         return [View("rest", least=0.0, pulled=True)]
 
 
-def swayed_from(before: Matrices, after: Matrices) -> Vectors:
+def _swayed_from(before: Matrices, after: Matrices) -> Vectors:
     """Return (holds, 3) rad, the rotation from one attitude to another, in the first one's axes."""
     return rotation_vectors_from_matrices(np.swapaxes(before, 1, 2) @ after)
 

@@ -70,7 +70,7 @@ class EarthRate(Equations):
     def linearise(self, state: JointAdjustment) -> list[Linear]:
         """Return three or four residuals, rad/s, that count as three."""
         site, earth = state.site, self.section.earth_w
-        mean, sigma = earth_prior(site)
+        mean, sigma = _earth_prior(site)
         residual, by_earth = earth - mean, np.eye(3)
         if site.latitude is not None and self.section.sees_north:
             # Its direction is the gyros' to tell; its length the latitude does.
@@ -91,7 +91,7 @@ class EarthRate(Equations):
         return [View("earth", vertical, least=CHECKED_EARTH)]
 
 
-def earth_prior(site: Site) -> tuple[Series, Series]:
+def _earth_prior(site: Site) -> tuple[Series, Series]:
     """Return mean and standard deviation (3,) rad/s of the Earth rate in a level frame of any heading."""
     latitude = site.latitude
     if latitude is None:

@@ -176,7 +176,7 @@ class RotationEquations(Equations):
         spin, data = self.spin, state.data
         weights = self.moving.axis_b @ inverted(gyro_matrix(state.unknowns))
         shares = np.concatenate([[1.0], spin.modes.mean(axis=0)]) ** 2
-        wander = shares @ wander_variances(state, spin)[1]
+        wander = shares @ _wander_variances(state, spin)[1]
         return float(np.sqrt(weights**2 @ (data.base.rate_random_walk / spin.seconds + wander)))
 
 
@@ -302,7 +302,7 @@ class Links(AlikeEquations):
         counts = [len(one.spin.windows) + 1 for one in group]
         lasts = np.cumsum(counts) - 1
         firsts = lasts - np.array(counts) + 1
-        ranges = np.concatenate([link_ranges(data, one.spin) for one in group])
+        ranges = np.concatenate([_link_ranges(data, one.spin) for one in group])
         link = integrate_links(data, u, ranges[:, 0], ranges[:, 1])
         C_start, C_end = (np.concatenate(ends) for ends in zip(*(one.ends() for one in group), strict=True))
         shown = link_residuals(C_start, C_end, group[0].stretch.section.earth_w, link, u)
@@ -348,7 +348,7 @@ class Links(AlikeEquations):
 
     def drifts(self, state: JointAdjustment, linear: Linear, first: int) -> dict[str, Drift]:
         """Return what wanders faster than the modes."""
-        ranges = link_ranges(state.data, self.spin)[first : first + len(linear.residual)]
+        ranges = _link_ranges(state.data, self.spin)[first : first + len(linear.residual)]
         return {RATE_WANDER: _fast_drift(state.data, self.spin, linear, ranges, state.data.rate_density)}
 
 
@@ -482,7 +482,7 @@ class Own(RotationEquations):
         """Return the wanders over a rotation as they are believed, which windows and links count anew."""
         u, noise = state.unknowns, state.noise
         _, at = self._known(state)
-        variances = wander_variances(state, self.spin)
+        variances = _wander_variances(state, self.spin)
         added = (
             noise["force"] * np.sum(force_matrix(u) ** 2, axis=1),
             noise["rate"] * np.sum(gyro_matrix(u) ** 2, axis=1),
@@ -501,12 +501,12 @@ class Own(RotationEquations):
 
     def _known(self, state: JointAdjustment) -> tuple[Series, np.ndarray]:
         """Return variances of the own unknowns that something is known of, and which these are: all but the axis."""
-        force, rate = wander_variances(state, self.spin)
+        force, rate = _wander_variances(state, self.spin)
         at = np.r_[self.layout.lever, self.layout.force, self.layout.rate]
         return np.concatenate([np.full(3, LEVER_SIGMA**2), force.ravel(), rate.ravel()]), at
 
 
-def link_ranges(data: Observed, spin: TableRotation) -> np.ndarray:
+def _link_ranges(data: Observed, spin: TableRotation) -> np.ndarray:
     """Half-open sample ranges of the links: tail of the hold before, each centre, head of the hold after."""
     base, k = data.base, spin.before
     points = np.concatenate([[base.tail[k, 1] - 1], spin.centres, [base.head[k + 1, 0]]])
@@ -524,7 +524,7 @@ def start_rotation(
     C_tail : (3, 3) attitude at the tail of the hold before.
     earth_w : (3,) rad/s.
     """
-    ranges = link_ranges(data, spin)
+    ranges = _link_ranges(data, spin)
     link = integrate_links(data, u, ranges[:-1, 0], ranges[:-1, 1])
     made = [C_tail]
     for rotation, t in zip(link.C_se, link.duration, strict=True):
@@ -535,13 +535,8 @@ def start_rotation(
     return RotationState(C_wb, np.asarray(C_tail.T @ axis), axis, np.zeros(Layout.of(spin).own), anchor)
 
 
-def wander_variances(state: JointAdjustment, spin: TableRotation) -> tuple[AnyArray, AnyArray]:
-    """Return (1 + modes, 3) raw², of the constant and of each mode, of the accelerometers and of the gyros.
-
-    Parameters
-    ----------
-    state, spin : the noise, and what is added to it; and the rotation.
-    """
+def _wander_variances(state: JointAdjustment, spin: TableRotation) -> tuple[AnyArray, AnyArray]:
+    """Return (1 + modes, 3) raw², of the constant and of each mode, of the accelerometers and of the gyros."""
     data, u, noise = state.data, state.unknowns, state.noise
     added = (
         noise["force"] * np.sum(force_matrix(u) ** 2, axis=1),

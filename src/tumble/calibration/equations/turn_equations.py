@@ -174,12 +174,12 @@ def link_covariance(
     own = own + (lost / 3.0)[:, None, None] * np.eye(3)
     covariance = (link.duration + more)[:, None, None] * own
     if own_bias:
-        floor = mean_floor(data, u)
+        floor = _mean_floor(data, u)
         covariance = covariance + (link.duration**2)[:, None, None] * (floor * np.eye(3))
     return covariance
 
 
-def mean_floor(data: Observed, u: Unknowns) -> float:
+def _mean_floor(data: Observed, u: Unknowns) -> float:
     """Return the mean floor of the gyros' biases over the axes, (rad/s)²."""
     inverse = inverted(gyro_matrix(u))
     return float(np.trace((inverse * data.base.rate_floor) @ inverse.T)) / 3.0
@@ -248,7 +248,7 @@ class Turn(Equations):
 
     def causes(self, state: JointAdjustment, linear: Linear) -> dict[str, AnyArray]:
         """Return what the bias wanders by, what is beyond noise, and the rest."""
-        spread = (mean_floor(state.data, state.unknowns) + state.noise["rate"]) * self.duration**2
+        spread = (_mean_floor(state.data, state.unknowns) + state.noise["rate"]) * self.duration**2
         wander = spread[:, None, None] * np.eye(3)
         beyond = np.broadcast_to(state.noise["turn"] * np.eye(3), wander.shape)
         return {RATE_TURNING: linear.covariance - (wander + beyond), RATE_WANDER: wander, TURNS: beyond}
@@ -258,7 +258,7 @@ class Turn(Equations):
         assert linear.by_bias is not None
         base, k = state.data.base, self.place
         start, stop = base.time[base.turn_start[k]], base.time[base.turn_stop[k] - 1]
-        alone = mean_floor(state.data, state.unknowns) * self.duration**2
+        alone = _mean_floor(state.data, state.unknowns) * self.duration**2
         return {RATE_WANDER: Drift(start, stop, linear.by_bias, alone[:, None, None] * np.eye(3))}
 
     def directions(self, state: JointAdjustment) -> AnyArray:

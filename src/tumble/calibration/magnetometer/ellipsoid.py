@@ -127,7 +127,7 @@ def _described(
         correlated,
         1.0 - float(np.mean(taken)),
         int(taken.sum()),
-        largest_gap(y / norms[:, None]),
+        _largest_gap(y / norms[:, None]),
     )
 
 
@@ -210,13 +210,8 @@ def _correlated(off: Series) -> float:
     return max(1.0, 2.0 * float(used.sum()) - 1.0)
 
 
-def largest_gap(directions: Vectors) -> float:
-    """Return the half-angle, rad, of the largest cap of directions that nothing lies in.
-
-    Parameters
-    ----------
-    directions : (samples, 3) unit vectors.
-    """
+def _largest_gap(directions: Vectors) -> float:
+    """Return the half-angle, rad, of the largest cap of directions that nothing lies in."""
     count = 500
     k = np.arange(count) + 0.5
     z = 1.0 - 2.0 * k / count

@@ -35,13 +35,8 @@ MATRIX, BIAS, DIP, AZIMUTH, IN_ROOM, ON_UNIT = (
 FIELD_NOISE, FIELD = "field", "field"
 
 
-def field_layout(sections: int) -> Layout:
-    """Return the unknowns of both triads, and after them those of the magnetometer and of the field.
-
-    Parameters
-    ----------
-    sections : how many headings of their own there are.
-    """
+def _field_layout(sections: int) -> Layout:
+    """Return the unknowns of both triads, and after them those of the magnetometer and of the field."""
     pairs = [(a, b) for a in "xyz" for b in "xyz"]
     return Layout(
         (
@@ -107,7 +102,7 @@ class FieldAdjustment(JointAdjustment):
         norm : of the field.
         """
         made = task.copy()
-        layout = field_layout(len(made.sections))
+        layout = _field_layout(len(made.sections))
         values = np.zeros(layout.size)
         values[: LAYOUT.size] = made.unknowns.values
         free = np.union1d(made.unknowns.free, layout.indices(MATRIX, BIAS, DIP, AZIMUTH))

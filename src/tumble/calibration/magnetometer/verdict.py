@@ -92,7 +92,7 @@ def _against(made: Magnetometer, latitude: float | None) -> list[str]:
             f"The corrected field is uncertain by {percent(total)} of its norm: {_why_uncertain(made)}."
         )
     if made.moving is not None and made.moving.share > USABLE:
-        said.append(moving_words(made))
+        said.append(_moving_words(made))
     if _share_left_out(made) > MANY_LEFT_OUT:
         said.append(
             f"{percent(_share_left_out(made))} of what was recorded contradicts the rest: the field is not one field. "
@@ -163,7 +163,7 @@ def _reservations(made: Magnetometer) -> list[str]:
             f"The corrected field is uncertain by {percent(total)} of its norm: {_why_uncertain(made)}."
         )
     if made.moving is not None and made.moving.share <= USABLE:
-        said.append(moving_words(made))
+        said.append(_moving_words(made))
     if FEW_LEFT_OUT < _share_left_out(made) <= MANY_LEFT_OUT:
         said.append(
             f"{percent(_share_left_out(made))} of what was recorded contradicts the rest and was left out: iron or "
@@ -224,13 +224,8 @@ def _share_left_out(made: Magnetometer) -> float:
     return len(made.left_out) / max(len(made.holds), 1)
 
 
-def moving_words(made: Magnetometer) -> str:
-    """Return what is said of a field that moves.
-
-    Parameters
-    ----------
-    made : with a field that moves.
-    """
+def _moving_words(made: Magnetometer) -> str:
+    """Return what is said of a field that moves."""
     moving = made.moving
     assert moving is not None
     where = "in the room" if moving.where == "room" else "on the unit itself (its hard iron)"

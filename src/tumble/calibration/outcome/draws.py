@@ -81,7 +81,7 @@ def draw_distributions(
             "joint."
         )
     named = NamedParameters.of(outcome, [p.name for p in estimate.parameters])
-    drawn = _parameters(named, draw_unknowns(outcome, runs, rng, _scale(estimate)), progress)
+    drawn = _parameters(named, _draw_unknowns(outcome, runs, rng, _scale(estimate)), progress)
     low, high = shortest_intervals(drawn, COVERAGE)
     values = np.array([p.value for p in estimate.parameters])
     sigma = np.array([p.standard_uncertainty for p in estimate.parameters])
@@ -108,16 +108,8 @@ def _scale(estimate: Estimate) -> float:
     return max(1.0, sigma0) if np.isfinite(sigma0) else 1.0
 
 
-def draw_unknowns(outcome: JointOutcome, runs: int, rng: np.random.Generator, scale: float = 1.0) -> Table:
-    """Return (runs, unknowns) draws about the solution.
-
-    Parameters
-    ----------
-    outcome : the solution.
-    runs : draws.
-    rng : random numbers.
-    scale : factor on all errors but gravity's.
-    """
+def _draw_unknowns(outcome: JointOutcome, runs: int, rng: np.random.Generator, scale: float = 1.0) -> Table:
+    """Return (runs, unknowns) draws about the solution."""
     shares = recording_influences(outcome.task).shares(SOURCES)
     degrees = source_degrees(outcome)
     free = outcome.task.unknowns.free
@@ -130,20 +122,14 @@ def draw_unknowns(outcome: JointOutcome, runs: int, rng: np.random.Generator, sc
         off += scale * part
     drawn = np.tile(outcome.values, (runs, 1))
     drawn[:, free] += off
-    gravity = draw_gravity(outcome, runs, rng)
+    gravity = _draw_gravity(outcome, runs, rng)
     at = free[np.flatnonzero(gravity_slope(outcome))]
     drawn[:, at] *= (outcome.site.gravity / gravity)[:, None]
     return drawn
 
 
-def draw_gravity(outcome: JointOutcome, runs: int, rng: np.random.Generator) -> Series:
-    """Return (runs,) m/s²: rectangular where gravity was merely assumed, else normal.
-
-    Parameters
-    ----------
-    outcome : for its site.
-    runs, rng : draws and random numbers.
-    """
+def _draw_gravity(outcome: JointOutcome, runs: int, rng: np.random.Generator) -> Series:
+    """Return (runs,) m/s²: rectangular where gravity was merely assumed, else normal."""
     site = outcome.site
     if site.source.startswith("assumed"):
         half = np.sqrt(3.0) * site.gravity_sigma

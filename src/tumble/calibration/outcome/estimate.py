@@ -129,7 +129,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
     """
     solution = outcome.balanced.solution
     influences = recording_influences(outcome.task)
-    described = describe_joint(outcome, influences)
+    described = _describe_joint(outcome, influences)
     norms, sigmas = _norms(outcome, described.model)
     angles, sizes = _turn_scores(outcome, described.model)
     restless = find_restless(outcome.data, outcome.task.noise, float(outcome.recording.time[0]))
@@ -175,14 +175,8 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
     return estimate
 
 
-def describe_joint(outcome: JointOutcome, influences: Influences) -> Described:
-    """Return the model and its parameters, with the covariance that the residuals ask for.
-
-    Parameters
-    ----------
-    outcome : see there.
-    influences : of its solution.
-    """
+def _describe_joint(outcome: JointOutcome, influences: Influences) -> Described:
+    """Return the model and its parameters, with the covariance that the residuals ask for."""
     solution, task = outcome.balanced.solution, outcome.task
     values, terms = outcome.values, outcome.kept
     own = solution.cofactor + influences.shared

@@ -50,7 +50,7 @@ def restless_remarks(holds: Sequence[RestlessHold]) -> list[str]:
     if not holds:
         return []
     worst = sorted(holds, key=lambda one: -one.sway)[:MOST_NAMED]
-    named = "; ".join(restless_words(one) for one in sorted(worst, key=lambda one: one.hold))
+    named = "; ".join(_restless_words(one) for one in sorted(worst, key=lambda one: one.hold))
     more = f" (the worst of {len(holds)})" if len(holds) > len(worst) else ""
     subject, again = ("It counts", "it") if len(holds) == 1 else ("They count", "each of them")
     said = (
@@ -60,13 +60,8 @@ def restless_remarks(holds: Sequence[RestlessHold]) -> list[str]:
     return [said]
 
 
-def restless_words(one: RestlessHold) -> str:
-    """Return which hold it is, when, and by how much it sways.
-
-    Parameters
-    ----------
-    one : the hold.
-    """
+def _restless_words(one: RestlessHold) -> str:
+    """Return which hold it is, when, and by how much it sways."""
     times = one.sway / max(one.others, 1e-300)
     rest = times > OTHERS_REST or one.others < NO_SWAY
     beside = "where the others rest" if rest else f"{times:.2g} times as much as the others"

@@ -310,7 +310,7 @@ def _described_gyros(recording: Recording, gyros: _Gyros, covariance: Square) ->
 def _budget(recording: Recording, site: Site, force: PlacedFit, gyros: _Gyros) -> dict[str, Series]:
     """Return what each of `SOURCES` adds to the named parameters' standard uncertainties."""
     exact = replace(force.readings, sigma=np.zeros_like(force.readings.sigma))
-    only_noise = np.asarray(fit_placed_covariance(exact, force), dtype=np.float64)
+    only_noise = np.asarray(_fit_placed_covariance(exact, force), dtype=np.float64)
     rest = force.covariance - only_noise
     shares = [only_noise, 0.5 * (rest + rest.T), np.zeros((12, 12))]
     budget: dict[str, Series] = {}
@@ -325,14 +325,8 @@ def _budget(recording: Recording, site: Site, force: PlacedFit, gyros: _Gyros) -
     return budget
 
 
-def fit_placed_covariance(exact: PlacedReadings, force: PlacedFit) -> Square:
-    """Return what noise alone adds to the covariance of a placed fit: by the weights that it was made with.
-
-    Parameters
-    ----------
-    exact : the readings with no placement error.
-    force : the fit.
-    """
+def _fit_placed_covariance(exact: PlacedReadings, force: PlacedFit) -> Square:
+    """Return what noise alone adds to the covariance of a placed fit: by the weights that it was made with."""
     adjustment = force.adjustment
     n = exact.nominal.shape[0]
     design = np.zeros((n, 3, 12))

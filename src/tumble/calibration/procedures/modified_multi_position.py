@@ -305,13 +305,7 @@ def _test_sensitivity(joint: _Joint) -> TermTest:
 
 
 def _fit_norms(task: _Task, values: Series, *, without: bool) -> TriadFit:
-    """Return Syed's solution: the norm of each spin's corrected rate is the table's and the Earth's.
-
-    Parameters
-    ----------
-    values : where to start, and the vertical Earth rate.
-    without : take the g-sensitivity of `values` out first.
-    """
+    """Return Syed's solution: the norm of each spin's corrected rate is the table's and the Earth's."""
     readings = task.readings
     used = readings.row >= 0
     order = np.argsort(readings.row[used])

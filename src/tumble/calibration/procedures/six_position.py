@@ -225,7 +225,7 @@ class Pairs:
     response: AnyArray
 
 
-def combine_pairs(
+def _combine_pairs(
     observed: Vectors,
     variance: Vectors,
     poses: KnownPoses,
@@ -235,15 +235,6 @@ def combine_pairs(
     lean: Vector | None = None,
 ) -> Pairs:
     """Return the standard six-position solution, all holds of a face averaged by weight (2.5, 2.6).
-
-    Parameters
-    ----------
-    observed, variance : (poses, 3) means and their noise, raw.
-    poses, sigma : the poses, and (poses,) rad how exactly the unit was placed.
-    reference : K, the vertical component that a sensor pointing up is shown, SI; with its sign.
-    across : horizontal component of unknown heading, SI, of which a tilt shows a share.
-    lean : (3,) rad, how far each sensing axis leans from the fixture's, where that is known: a tilt
-        shows such a sensor K times tilt times lean, to first order.
 
     Notes
     -----
@@ -312,7 +303,7 @@ def _accelerometer(
         assert means.specific_force is not None
         noise = force.readings.covariance
         variance = np.diagonal(noise, axis1=1, axis2=2)
-        pairs = combine_pairs(
+        pairs = _combine_pairs(
             means.specific_force[poses.hold],
             variance,
             poses,
@@ -386,7 +377,7 @@ def _fit_gyro(
     if site.latitude is not None and abs(np.sin(site.latitude)) > 0.02:
         vertical, horizontal = EARTH_RATE * np.sin(site.latitude), EARTH_RATE * np.cos(site.latitude)
         noise = np.diagonal(covariance, axis1=1, axis2=2)
-        pairs = combine_pairs(observed, noise, poses, sigma, float(vertical), float(horizontal))
+        pairs = _combine_pairs(observed, noise, poses, sigma, float(vertical), float(horizontal))
         pairs = replace(
             pairs, covariance=wander.over(pairs.covariance, pairs.response, covariance, poses.hold)
         )

@@ -172,7 +172,7 @@ def soaks_of(celsius: Series) -> Series:
     return np.array([float(group.mean()) for group in groups if group.size])
 
 
-def folds_of(points: ThermalPoints, soaks: Series | None) -> list[np.ndarray]:
+def _folds_of(points: ThermalPoints, soaks: Series | None) -> list[np.ndarray]:
     """Return masks of points to leave out together: a soak, or a band of temperature on all branches.
 
     Never single points, whose neighbours would tell everything; and none at the ends of the span, where a
@@ -191,7 +191,7 @@ def highest_order(soaks: Series | None) -> int:
     return max(min(HIGHEST_ORDER, (len(soaks) if soaks is not None else BANDS) - 2), 1)
 
 
-def bases_of(
+def _bases_of(
     points: ThermalPoints, soaks: Series | None, reference: float
 ) -> list[tuple[str, TemperatureBasis]]:
     """Return the bases that a test can tell, the simplest first."""
@@ -228,8 +228,8 @@ def choose_terms(
         If not even a straight line in temperature can be told.
     """
     reference = terms.basis.reference_celsius
-    folds = folds_of(points, soaks)
-    bases = bases_of(points, soaks, reference)
+    folds = _folds_of(points, soaks)
+    bases = _bases_of(points, soaks, reference)
     simple = replace(terms, basis=bases[0][1], matrix_functions=0)
     levels = _least_levels(points, terms, where, [basis for _, basis in bases])
     tried: list[tuple[Candidate, ThermalTerms]] = []
@@ -310,7 +310,7 @@ def _tried(
         for fold in folds:
             trained = _without_node(terms, float(points.celsius[fold].mean()), soaks is not None)
             fit = fit_thermal(points.only(~fold), trained, where, levels=levels)
-            scores.append(predicted_misfit(fit, points.only(fold)))
+            scores.append(_predicted_misfit(fit, points.only(fold)))
     except (ObservabilityError, ConvergenceError, ValueError, np.linalg.LinAlgError):
         return []
     spread = float(np.std(scores, ddof=1) / np.sqrt(len(scores))) if len(scores) > 1 else np.inf
@@ -345,14 +345,8 @@ def _simplest(tried: list[tuple[Candidate, ThermalTerms]]) -> ThermalTerms:
     return min(good, key=lambda pair: pair[0].unknowns)[1]
 
 
-def predicted_misfit(fit: ThermalFit, left: ThermalPoints) -> float:
-    """Return the mean square, in sigmas, of what a fit predicts wrongly of points that it has not seen.
-
-    Parameters
-    ----------
-    fit : of the other points.
-    left : those left out.
-    """
+def _predicted_misfit(fit: ThermalFit, left: ThermalPoints) -> float:
+    """Return the mean square, in sigmas, of what a fit predicts wrongly of points that it has not seen."""
     trained = fit.conditions
     lag, width = trained.lag_and_width(fit.values)
     test = ThermalConditions(left, trained.terms, trained.gravity, trained.earth, lag, width)

@@ -48,15 +48,10 @@ class Levels:
     freedom: dict[str, float] = field(default_factory=lambda: {"force": np.inf, "rate": np.inf})
 
 
-def flicker_kernel(start: Series, stop: Series, whole: float) -> Square:
+def _flicker_kernel(start: Series, stop: Series, whole: float) -> Square:
     """Return (rests, rests): the covariance of the means of flicker with F = 1 over rests.
 
     Exact means of ``ln(whole / |t - t'|) / (2 ln 2)`` over both rests.
-
-    Parameters
-    ----------
-    start, stop : s.
-    whole : s, the length of the test.
     """
 
     def twice_integrated(x: AnyArray) -> AnyArray:
@@ -153,7 +148,7 @@ def blocks_of(conditions: ThermalConditions, linear: Linearisation, name: str) -
     if not np.any(active):
         return []
     whole = float(points.path.time[-1] - points.path.time[0])
-    kernel = flicker_kernel(points.start, points.stop, max(whole, 1e-9))
+    kernel = _flicker_kernel(points.start, points.stop, max(whole, 1e-9))
     kernel = kernel + JITTER * float(np.max(np.diag(kernel))) * np.eye(len(points))
     straight = np.repeat(np.eye(3)[None], len(points), axis=0)
     noise = conditions.force_noise if name == "force" else straight
@@ -189,7 +184,7 @@ def wander_variance(conditions: ThermalConditions, levels: Levels) -> AnyArray:
     """
     points = conditions.points
     whole = max(float(points.path.time[-1] - points.path.time[0]), 1e-9)
-    own = np.diag(flicker_kernel(points.start, points.stop, whole))[:, None]
+    own = np.diag(_flicker_kernel(points.start, points.stop, whole))[:, None]
     force = np.sum(conditions.force_noise**2, axis=2) * levels.flicker["force"]
     rate = np.full((len(points), 3), levels.flicker["rate"])
     return np.concatenate([own * force, own * rate], axis=1)

@@ -97,7 +97,7 @@ def adjust_several(
     found = {name for name in TERMS if any(_has(outcome, name) for outcome in outcomes)}
     # By what was recorded alone: a prior of another unit would make one of the recordings the stranger.
     alone = [replace(part, outcome=replace(part.outcome, knowledge=None)) for part in parts]
-    refuse_another_unit([with_free(part, _free(part, [*(found | {"g_sensitivity"})])) for part in alone])
+    _refuse_another_unit([with_free(part, _free(part, [*(found | {"g_sensitivity"})])) for part in alone])
     chosen = [*found] if optional_terms else []
     adjusted = [with_free(part, _free(part, chosen)) for part in parts]
     _refuse_untold(adjusted)
@@ -194,18 +194,8 @@ def _scatter_of_one(part: TurnOn) -> Square:
     return part.scale * shared_scatter(task, solution)
 
 
-def refuse_another_unit(parts: Sequence[TurnOn]) -> None:
-    """Refuse recordings that are not of one unit.
-
-    Parameters
-    ----------
-    parts : each at its own solution.
-
-    Raises
-    ------
-    UsageError
-        If scale factors or angles of one differ from the others' as no unit's do.
-    """
+def _refuse_another_unit(parts: Sequence[TurnOn]) -> None:
+    """Refuse recordings that are not of one unit."""
     stable = np.unique(np.concatenate([part.stable for part in parts]))
     told = [tell(part, stable) for part in parts]
     own = _estimates(parts, stable, told)

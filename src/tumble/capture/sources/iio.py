@@ -120,22 +120,8 @@ def found_devices(root: Path = ROOT) -> list[tuple[str, str]]:
     return found
 
 
-def read_iio(address: str, options: SourceOptions) -> Iterator[Piece]:
-    """Yield what Linux reads of a sensor.
-
-    Parameters
-    ----------
-    address : of a device, as device0; several with ``+`` between, where accelerometer and gyro are two; or their
-        folders.
-    options : with a rate, where it is not the device's own.
-
-    Raises
-    ------
-    UsageError
-        If there is no such device, or it has neither accelerometer nor gyro.
-    RecordingError
-        If what comes can be no recording.
-    """
+def _read_iio(address: str, options: SourceOptions) -> Iterator[Piece]:
+    """Yield what Linux reads of a sensor."""
     devices = [Path(one) if "/" in one else ROOT / f"iio:{one}" for one in address.split("+")]
     missing = [device for device in devices if not device.is_dir()]
     if missing:
@@ -148,4 +134,4 @@ def read_iio(address: str, options: SourceOptions) -> Iterator[Piece]:
     return pieces_of_link(connect, address, options, "text")
 
 
-SOURCE = Source("iio", "a sensor that Linux drives (IIO)", "iio:device0", read_iio, found=found_devices)
+SOURCE = Source("iio", "a sensor that Linux drives (IIO)", "iio:device0", _read_iio, found=found_devices)

@@ -90,21 +90,8 @@ def _newest(said: dict[str, Any], stamp: str) -> dict[str, float]:
         return {}
 
 
-def read_phyphox(address: str, options: SourceOptions) -> Iterator[Piece]:
-    """Yield what phyphox measures.
-
-    Parameters
-    ----------
-    address : HOST:PORT as the app shows it; the port is 80 where none is named, as of iPhones.
-    options : as given.
-
-    Raises
-    ------
-    UsageError
-        If phyphox does not answer there, or its experiment has no accelerometer.
-    RecordingError
-        If what comes can be no recording.
-    """
+def _read_phyphox(address: str, options: SourceOptions) -> Iterator[Piece]:
+    """Yield what phyphox measures."""
     host, port = split_address(address if ":" in address else f"{address}:80", None)
     return pieces_of_link(lambda: _Phyphox(host, port), f"the phone at {host}", options, "phyphox")
 
@@ -157,17 +144,17 @@ class _Pushed:
         self._server.server_close()
 
 
-def read_pushed(address: str, options: SourceOptions) -> Iterator[Piece]:
+def _read_pushed(address: str, options: SourceOptions) -> Iterator[Piece]:
     """Yield what Sensor Logger pushes to a port of this machine, see `pieces_of_port`."""
     return pieces_of_port(_Pushed, "Port", address, options, "sensorlogger")
 
 
 SOURCES = (
-    Source("phyphox", "a phone with the app phyphox", "phyphox:HOST:8080", read_phyphox),
+    Source("phyphox", "a phone with the app phyphox", "phyphox:HOST:8080", _read_phyphox),
     Source(
         "sensorlogger",
         "a phone whose app Sensor Logger pushes to a port here",
         "sensorlogger:PORT",
-        read_pushed,
+        _read_pushed,
     ),
 )

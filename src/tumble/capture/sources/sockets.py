@@ -58,21 +58,8 @@ def split_address(address: str, host: str | None) -> tuple[str, int]:
     return name.strip("[]") or host or "", int(port)
 
 
-def read_tcp(address: str, options: SourceOptions) -> Iterator[Piece]:
-    """Yield what a TCP server sends.
-
-    Parameters
-    ----------
-    address : HOST:PORT.
-    options : as given.
-
-    Raises
-    ------
-    UsageError
-        If nobody answers there.
-    RecordingError
-        If what comes can be no recording.
-    """
+def _read_tcp(address: str, options: SourceOptions) -> Iterator[Piece]:
+    """Yield what a TCP server sends."""
     host, port = split_address(address, None)
 
     def connect() -> Link:
@@ -119,7 +106,7 @@ def pieces_of_port(
     return pieces_of_link(connect, f"{name} {port}", options, spoken)
 
 
-def read_udp(address: str, options: SourceOptions) -> Iterator[Piece]:
+def _read_udp(address: str, options: SourceOptions) -> Iterator[Piece]:
     """Yield what is sent to a UDP port of this machine, see `pieces_of_port`."""
     return pieces_of_port(_packets, "UDP port", address, options)
 
@@ -135,6 +122,6 @@ def _packets(host: str, port: int) -> Link:
 
 
 SOURCES = (
-    Source("tcp", "a TCP server that sends lines or frames", "tcp:HOST:PORT", read_tcp),
-    Source("udp", "packets that are sent to a UDP port here", "udp:PORT", read_udp),
+    Source("tcp", "a TCP server that sends lines or frames", "tcp:HOST:PORT", _read_tcp),
+    Source("udp", "packets that are sent to a UDP port here", "udp:PORT", _read_udp),
 )

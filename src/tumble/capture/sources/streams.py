@@ -55,19 +55,8 @@ class _Growing:
         self._file.close()
 
 
-def read_input(address: str, options: SourceOptions) -> Iterator[Piece]:
-    """Yield what comes on standard input, up to its end.
-
-    Parameters
-    ----------
-    address : nothing.
-    options : as given.
-
-    Raises
-    ------
-    RecordingError
-        If what comes can be no recording.
-    """
+def _read_input(address: str, options: SourceOptions) -> Iterator[Piece]:
+    """Yield what comes on standard input, up to its end."""
     return pieces_of_link(_Input, "standard input", options)
 
 
@@ -95,6 +84,6 @@ def follow(address: str, options: SourceOptions) -> Iterator[Piece]:
 
 
 SOURCES = (
-    Source("stdin", "standard input (or -)", "-", read_input),
+    Source("stdin", "standard input (or -)", "-", _read_input),
     Source("follow", "a file that grows", "follow:FILE", follow),
 )

@@ -79,21 +79,8 @@ class _WebSocket:
         self._context.close()
 
 
-def read_web_socket(address: str, options: SourceOptions) -> Iterator[Piece]:
-    """Yield what a WebSocket sends: lines of text, or frames.
-
-    Parameters
-    ----------
-    address : what stands behind ``ws:`` or ``wss:`` in a URL.
-    options : as given.
-
-    Raises
-    ------
-    UsageError
-        If nobody answers there.
-    RecordingError
-        If what comes can be no recording.
-    """
+def _read_web_socket(address: str, options: SourceOptions) -> Iterator[Piece]:
+    """Yield what a WebSocket sends: lines of text, or frames."""
     url = f"ws:{address}" if address.startswith("//") else f"ws://{address}"
     return pieces_of_link(lambda: _WebSocket(url), url, options)
 
@@ -114,21 +101,8 @@ class _Begun:
         self._own.close()
 
 
-def read_sensor_server(address: str, options: SourceOptions) -> Iterator[Piece]:
-    """Yield what the app SensorServer sends: the sensors without the system's corrections, if the phone has them.
-
-    Parameters
-    ----------
-    address : HOST:PORT as the app shows it; the port is 8080 where none is named.
-    options : with the sensors as topics, where others are wanted.
-
-    Raises
-    ------
-    UsageError
-        If nobody answers there, or none of the sensors does.
-    RecordingError
-        If what comes can be no recording.
-    """
+def _read_sensor_server(address: str, options: SourceOptions) -> Iterator[Piece]:
+    """Yield what the app SensorServer sends: the sensors without the system's corrections, if the phone has them."""
     host, port = split_address(address if ":" in address else f"{address}:8080", None)
     wishes = (UNCALIBRATED, UNCALIBRATED[:2], CORRECTED, CORRECTED[:2], CORRECTED[:1])
     sets = [options.topics] if options.topics else wishes
@@ -235,33 +209,20 @@ def _chosen(channels: list[dict[str, Any]], topics: Sequence[str], url: str) -> 
     return units + (fields if len(fields) == 1 else [])
 
 
-def read_foxglove(address: str, options: SourceOptions) -> Iterator[Piece]:
-    """Yield what foxglove_bridge sends of `sensor_msgs/Imu` topics.
-
-    Parameters
-    ----------
-    address : HOST:PORT; the port is 8765 where none is named.
-    options : with topics: one, or the accelerometer's and the gyro's, and the magnetometer's.
-
-    Raises
-    ------
-    UsageError
-        If nobody answers there, or there is not one IMU.
-    RecordingError
-        If what comes can be no recording.
-    """
+def _read_foxglove(address: str, options: SourceOptions) -> Iterator[Piece]:
+    """Yield what foxglove_bridge sends of `sensor_msgs/Imu` topics."""
     host, port = split_address(address if ":" in address else f"{address or 'localhost'}:8765", None)
     url = f"ws://{host}:{port}"
     return pieces_of_link(lambda: _Bridge(url, options.topics), url, options, "foxglove")
 
 
 SOURCES = (
-    Source("ws", "a WebSocket that sends lines or frames", "ws://HOST:PORT/PATH", read_web_socket),
+    Source("ws", "a WebSocket that sends lines or frames", "ws://HOST:PORT/PATH", _read_web_socket),
     Source(
         "sensorserver",
         "an Android phone with the app SensorServer",
         "sensorserver:HOST:8080",
-        read_sensor_server,
+        _read_sensor_server,
     ),
-    Source("foxglove", "ROS by foxglove_bridge", "foxglove:HOST:8765", read_foxglove),
+    Source("foxglove", "ROS by foxglove_bridge", "foxglove:HOST:8765", _read_foxglove),
 )

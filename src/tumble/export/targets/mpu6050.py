@@ -42,13 +42,7 @@ static inline int16_t mpu6050_accel_register(int16_t there, int axis)
 
 
 def _counts(bias: Vector, scale: float, name: str) -> Vector:
-    """Return what is added, in counts of the register.
-
-    Raises
-    ------
-    UsageError
-        If a register cannot hold it.
-    """
+    """Return what is added, in counts of the register."""
     made = np.round(-scale * bias)
     if np.abs(made).max() > _LARGEST:
         raise UsageError(

@@ -117,7 +117,7 @@ class GnssTrack:
         return self.rows(first), self.rows(~first)
 
 
-def diagonal_covariances(sigmas: Vectors) -> Matrices:
+def _diagonal_covariances(sigmas: Vectors) -> Matrices:
     """Return (fixes, 3, 3) covariances of independent components, from (fixes, 3) sigmas."""
     return np.einsum("ij,jk->ijk", sigmas**2, np.eye(3))
 
@@ -154,9 +154,9 @@ def make_track(
     track = GnssTrack(
         time,
         *position,
-        diagonal_covariances(position_sigmas),
+        _diagonal_covariances(position_sigmas),
         none if velocity_n is None else velocity_n,
-        diagonal_covariances(none if velocity_sigmas is None else velocity_sigmas),
+        _diagonal_covariances(none if velocity_sigmas is None else velocity_sigmas),
         np.full(fixes, 5) if quality is None else quality,
         remarks,
         name,

@@ -113,7 +113,7 @@ class AllanTask:
         """Return the root of the weights that follow from a model."""
         covariance = self.covariance(model)
         if method == "curve":
-            covariance = covariance_of_logarithms(covariance, expected)
+            covariance = _covariance_of_logarithms(covariance, expected)
         return root_of_weights(covariance)
 
     def solve(
@@ -197,13 +197,8 @@ def root_of_weights(covariance: Square) -> Square:
     return inverted(np.asarray(factor, dtype=np.float64))
 
 
-def covariance_of_logarithms(covariance: Square, expected: Series) -> Square:
-    """Return the covariance of the logarithms of averages that are spread as chi square.
-
-    Parameters
-    ----------
-    covariance, expected : of the averages, (taus, taus) and (taus,).
-    """
+def _covariance_of_logarithms(covariance: Square, expected: Series) -> Square:
+    """Return the covariance of the logarithms of averages that are spread as chi square."""
     from scipy.special import polygamma
 
     half = expected**2 / np.diag(covariance)

@@ -65,16 +65,11 @@ def column_names(recording: Recording, *, all_units: bool = False) -> list[str]:
     return names
 
 
-def field_columns(recording: Recording, *, stamped: bool = False) -> dict[str, Series]:
+def _field_columns(recording: Recording, *, stamped: bool = False) -> dict[str, Series]:
     """Return the magnetometer's samples as columns beside a recording's rows, none without a magnetometer.
 
     Each sample stands in the row whose stamp is nearest, and its own stamp beside it where the two differ; the other
     rows are not a number. Of several samples nearest to one row the nearest one is written.
-
-    Parameters
-    ----------
-    recording : to be written.
-    stamped : with the samples' own stamps in any case, so that all blocks of a recording have the same columns.
     """
     field = recording.magnetic_field
     if field is None:
@@ -92,7 +87,7 @@ def field_columns(recording: Recording, *, stamped: bool = False) -> dict[str, S
     return columns | ({f"{FIELD_STAMPS} [s]": stamps} if own.any() or stamped else {})
 
 
-def judged_units(recording: Recording) -> dict[str, str]:
+def _judged_units(recording: Recording) -> dict[str, str]:
     """Return the unit of each column of a recording, whose reading has judged them."""
     names = column_names(recording)
     known = [("a", recording.specific_force_unit), ("g", recording.angular_rate_unit)]
@@ -180,7 +175,7 @@ def frame_of(
     ----------
     recording, marks : what is written, and the names of the columns of ones.
     all_units : whether the names tell the plain units too.
-    magnetometer, stamped : whether the magnetometer's samples stand beside, see `field_columns`.
+    magnetometer, stamped : whether the magnetometer's samples stand beside, see `_field_columns`.
     """
     import polars as pl
 
@@ -191,7 +186,7 @@ def frame_of(
     if recording.temperature is not None:
         columns.append(recording.temperature)
     named = dict(zip(column_names(recording, all_units=all_units), columns, strict=True))
-    frame = pl.DataFrame(named | (field_columns(recording, stamped=stamped) if magnetometer else {}))
+    frame = pl.DataFrame(named | (_field_columns(recording, stamped=stamped) if magnetometer else {}))
     return frame.with_columns([pl.lit(1, dtype=pl.Int8).alias(mark) for mark in marks])
 
 
@@ -211,7 +206,7 @@ def _write_parquet(
         try:
             units: dict[str, str] = {}
             for number, block in enumerate(blocks):
-                units = judged_units(block)
+                units = _judged_units(block)
                 part = Path(parts) / f"{number:08d}.parquet"
                 frame_of(block, marks, magnetometer=magnetometer, stamped=stamped).write_parquet(
                     part, compression="lz4"

@@ -175,23 +175,8 @@ def _noted_units(note: bytes) -> dict[str, str]:
     return {str(column): str(unit) for column, unit in by_column.items()}
 
 
-def read_columns(path: Path, footer: Footer, groups: list[list[str]]) -> list[Table]:
-    """Return columns as blocks of (rows, columns).
-
-    Parameters
-    ----------
-    path, footer : the file, and what `read_footer` returned.
-    groups : names of the columns of each block.
-
-    Raises
-    ------
-    Unfamiliar
-        If a page is compressed, or of anything but plain float64 without gaps.
-    Damaged
-        If a page is damaged.
-    OSError
-        If the file cannot be read.
-    """
+def _read_columns(path: Path, footer: Footer, groups: list[list[str]]) -> list[Table]:
+    """Return columns as blocks of (rows, columns)."""
     data = mapped(path)
     if [n for group in groups for n in group] != list(footer.names):
         raise Unfamiliar
@@ -276,7 +261,7 @@ def read_plain(path: Path) -> tuple[Footer, list[Series]] | None:
         footer = read_footer(path)
         if not footer.units or not footer.names:
             return None
-        blocks = read_columns(path, footer, column_groups(footer.names))
+        blocks = _read_columns(path, footer, column_groups(footer.names))
     except Damaged:
         raise
     except Unfamiliar:

@@ -246,11 +246,11 @@ def merge_streams(
     merging.add(force[1], rates[1])
     merged = merging.take(last=True)
     if merged is None:
-        raise RecordingError(no_overlap(name, force, rates))
+        raise RecordingError(_no_overlap(name, force, rates))
     return merged, merging.remarks()
 
 
-def no_overlap(name: str, force: tuple[str, Samples], rates: tuple[str, Samples]) -> str:
+def _no_overlap(name: str, force: tuple[str, Samples], rates: tuple[str, Samples]) -> str:
     """Say that two streams have no time in common."""
     spans = [
         f"{n} from {s.time[0]:.3f} to {s.time[-1]:.3f} s" if len(s) else f"{n} empty"

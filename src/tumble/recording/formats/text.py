@@ -120,7 +120,7 @@ def _decoded(head: bytes) -> str:
 
 
 def _layout_of(body: bytes, name: str) -> TextLayout:
-    refuse_long_lines(body[:_CHUNK], name)
+    _refuse_long_lines(body[:_CHUNK], name)
     head = body[:_HEAD]
     if body.count(b"\n", 0, _HEAD) < _FEWEST_LINES:
         head = body[: _FEWEST_LINES * LONGEST_LINE]
@@ -131,14 +131,8 @@ def _layout_of(body: bytes, name: str) -> TextLayout:
     return find_layout(_decoded(head), name)
 
 
-def refuse_long_lines(body: bytes, name: str) -> None:
-    """Refuse a text with a line that no table has, which takes many times its size to be parsed.
-
-    Raises
-    ------
-    RecordingError
-        If a line is longer than a megabyte.
-    """
+def _refuse_long_lines(body: bytes, name: str) -> None:
+    """Refuse a text with a line that no table has, which takes many times its size to be parsed."""
     start = 0
     while len(body) - start > LONGEST_LINE:
         end = body.rfind(b"\n", start, start + LONGEST_LINE)
@@ -248,7 +242,7 @@ def _read_body(path: Path) -> RawTable:
     """Read a file into memory as a whole, decompress and decode it, and parse it."""
     raw, remarks = _read_all(path)
     body = _plain(raw)
-    refuse_long_lines(body, path.name)
+    _refuse_long_lines(body, path.name)
     layout = _layout_of(body, path.name)
     rows = body[_body_start(body, layout.first_line) :]
     if cut := _truncation(_decoded(rows[-_HEAD:]), layout):
@@ -312,7 +306,7 @@ def _pieces(file: Readable, rest: bytes, name: str) -> Iterator[tuple[bytes, boo
     """Yield pieces of whole lines, and with each whether it is the last one."""
     while rest:
         more = file.read(_CHUNK)
-        refuse_long_lines(rest, name)
+        _refuse_long_lines(rest, name)
         end = rest.rfind(b"\n") + 1 if more else len(rest)
         body = rest[:end]
         if body and not body.isspace():

@@ -62,10 +62,10 @@ class TextLayout:
 
     def cells(self, line: str) -> list[str]:
         """Return the cells of one line, without quotes and surrounding space."""
-        return split_cells(line, self.delimiter)
+        return _split_cells(line, self.delimiter)
 
 
-def split_cells(line: str, delimiter: str | None) -> list[str]:
+def _split_cells(line: str, delimiter: str | None) -> list[str]:
     """Return the cells of one line, without quotes and surrounding space."""
     cells = line.split() if delimiter is None else line.split(delimiter)
     return [cell.strip().strip('"').strip() for cell in cells]
@@ -103,7 +103,7 @@ def _find_delimiter(rows: list[str], before: list[str]) -> tuple[str | None, boo
 
     for candidate in (";", "\t", "|"):
         if all(candidate in row for row in rows):
-            cells = [split_cells(row, candidate) for row in rows]
+            cells = [_split_cells(row, candidate) for row in rows]
             blank = sum(any(not c for c in row[:-1]) for row in cells)
             if candidate == "\t" and 2 * blank > len(cells) and not _are_names(before, len(cells[0])):
                 break  # runs of tabs used to align columns
@@ -145,11 +145,11 @@ def _find_header(before: list[str], delimiter: str | None, columns: int) -> tupl
     units: list[str] | None = None
     for line in reversed(before[-8:]):
         text = line.strip().lstrip("#%!/ ") if is_comment(line) else line.strip()
-        options = [split_cells(text, delimiter)]
+        options = [_split_cells(text, delimiter)]
         if delimiter is None:
-            options += [_joined_brackets(options[0]), split_cells(text, ",")]
+            options += [_joined_brackets(options[0]), _split_cells(text, ",")]
         elif delimiter != ",":
-            options.append(split_cells(text, ","))
+            options.append(_split_cells(text, ","))
         for cells in options:
             if len(cells) != columns or any(is_number(c) for c in cells) or not any(cells):
                 continue
@@ -186,7 +186,7 @@ def find_layout(head: str, name: str) -> TextLayout:
     checksums = all(CHECKSUM.search(row) for row in rows)
     rows = [CHECKSUM.sub("", row) for row in rows] if checksums else rows
     delimiter, decimal_comma = _find_delimiter(rows, lines[: numbers[0]])
-    cells = [split_cells(row, delimiter) for row in rows]
+    cells = [_split_cells(row, delimiter) for row in rows]
     columns = Counter(len(c) for c in cells).most_common(1)[0][0]
     if columns > MOST_COLUMNS:
         raise RecordingError(
@@ -233,7 +233,7 @@ def _are_halves(sample: list[list[str]], before: list[str]) -> bool:
     if not all(cell.isascii() and cell.isdigit() for part in parts for cell in part):
         return False
     padded = sum(any(len(cell) > 1 and cell[0] == "0" for cell in part) for part in parts)
-    names = [split_cells(line, ",") for line in before if not is_comment(line)]
+    names = [_split_cells(line, ",") for line in before if not is_comment(line)]
     halved = any(len(n) == len(parts) and not any(is_number(c) for c in n) for n in names)
     return "-0" in whole or padded >= _PADDED or halved
 
@@ -259,7 +259,7 @@ def _text_columns(
 def _no_rows(lines: list[str], name: str) -> str:
     """Say what a text without rows of numbers seems to be."""
     filled = [line for line in lines if line.strip()]
-    cells = [split_cells(filled[-1], d) for d in (",", ";", "\t", None)]
+    cells = [_split_cells(filled[-1], d) for d in (",", ";", "\t", None)]
     if len(filled) <= 3 and max(len(c) for c in cells) >= 4:
         return f"{name} has a header but no rows of numbers; was the recording started?"
     if all(is_number(line.strip()) for line in filled[:50]):

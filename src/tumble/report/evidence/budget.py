@@ -138,10 +138,10 @@ def _statement(told: UncertaintyStatement | None, estimate: Estimate, rows: list
     if told is None:
         return []
     sigmas = np.array([p.standard_uncertainty for p in estimate.parameters])
-    said = [] if told.test is None else global_test_words(told.test)
+    said = [] if told.test is None else _global_test_words(told.test)
     return [
         *said,
-        *(model_choice_words(choice, sigmas, rows) for choice in told.model_choice),
+        *(_model_choice_words(choice, sigmas, rows) for choice in told.model_choice),
         *told.not_included,
     ]
 
@@ -171,7 +171,7 @@ def _reliability(told: UncertaintyStatement, rows: list[ParameterRow]) -> list[B
     return section(
         "Errors that would go unnoticed",
         Sentences([words], "paragraphs"),
-        Sentences(reliability_sentences(told, rows)),
+        Sentences(_reliability_sentences(told, rows)),
         Table(heads, lines),
     )
 
@@ -188,15 +188,8 @@ def _detectable_row(found: Detectable, rows: list[ParameterRow]) -> list[str]:
     ]
 
 
-def reliability_sentences(told: UncertaintyStatement, rows: list[ParameterRow], most: int = 3) -> list[str]:
-    """Return the most harmful errors that would go unnoticed, as sentences.
-
-    Parameters
-    ----------
-    told : the statement.
-    rows : the parameters for readers.
-    most : sentences at most.
-    """
+def _reliability_sentences(told: UncertaintyStatement, rows: list[ParameterRow], most: int = 3) -> list[str]:
+    """Return the most harmful errors that would go unnoticed, as sentences."""
     said: list[str] = []
     for found in sorted(told.detectable, key=lambda d: -d.effect)[:most]:
         words, factor, unit = _KINDS[found.kind]
@@ -214,13 +207,8 @@ def reliability_sentences(told: UncertaintyStatement, rows: list[ParameterRow], 
     return said
 
 
-def global_test_words(test: GlobalTest) -> list[str]:
-    """Return what the square sum of all residuals says.
-
-    Parameters
-    ----------
-    test : against chi-square.
-    """
+def _global_test_words(test: GlobalTest) -> list[str]:
+    """Return what the square sum of all residuals says."""
     alone = (
         "The noise seen at rest explains all residuals"
         if test.alone > 0.05
@@ -240,15 +228,8 @@ def global_test_words(test: GlobalTest) -> list[str]:
     return said
 
 
-def model_choice_words(choice: ModelChoice, sigmas: np.ndarray, rows: list[ParameterRow]) -> str:
-    """Return what the other model would change, in a sentence.
-
-    Parameters
-    ----------
-    choice : a term near its limit.
-    sigmas : (parameters,) standard uncertainties, in the units of the estimate's own parameters.
-    rows : parameters for readers.
-    """
+def _model_choice_words(choice: ModelChoice, sigmas: np.ndarray, rows: list[ParameterRow]) -> str:
+    """Return what the other model would change, in a sentence."""
     size = np.abs(choice.change) / np.where(sigmas > 0.0, sigmas, np.inf)
     worst = int(np.nanargmax(size))
     row = rows[worst]

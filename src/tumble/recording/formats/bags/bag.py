@@ -111,7 +111,7 @@ def bag_readers(
             If the file cannot be read.
         """
         with opened(path) as bag:
-            return bag_table(bag, topics, source(path))
+            return _bag_table(bag, topics, source(path))
 
     def read_table_blocks(path: Path, topics: Sequence[str] = ()) -> Iterator[RawTable]:
         """Read a bag in blocks of half a million rows (without SHA-256).
@@ -130,7 +130,7 @@ def bag_readers(
             If the file cannot be read.
         """
         with opened(path) as bag:
-            yield from bag_blocks(bag, topics, Source(path.name, ""))
+            yield from _bag_blocks(bag, topics, Source(path.name, ""))
 
     return read_table, read_table_blocks
 
@@ -170,7 +170,7 @@ def choose_topics(bag: Bag, wanted: Sequence[str]) -> Choice:
         names = imus or vectors
         if not names:
             raise RecordingError(
-                f"{bag.path.name} holds no topic of sensor_msgs/Imu; it holds {list_topics(bag.topics)}."
+                f"{bag.path.name} holds no topic of sensor_msgs/Imu; it holds {_list_topics(bag.topics)}."
             )
     return _chosen(bag, known, names, asked=bool(wanted))
 
@@ -181,15 +181,15 @@ def _named(known: dict[str, Topic], name: str, file: str) -> str:
             if known[spelling].kind not in READABLE:
                 raise RecordingError(
                     f"{file}: {spelling} is {known[spelling].kind}; read are {' and '.join(READABLE)}. "
-                    f"The file holds {list_topics(list(known.values()))}."
+                    f"The file holds {_list_topics(list(known.values()))}."
                 )
             return spelling
     raise UsageError(
-        f"--topic {name}: {file} has no such topic; it holds {list_topics(list(known.values()))}."
+        f"--topic {name}: {file} has no such topic; it holds {_list_topics(list(known.values()))}."
     )
 
 
-def list_topics(topics: Sequence[Topic]) -> str:
+def _list_topics(topics: Sequence[Topic]) -> str:
     """Return the topics in words, those of IMUs first."""
     if not topics:
         return "no topic at all"
@@ -221,7 +221,7 @@ def _chosen(bag: Bag, known: dict[str, Topic], names: list[str], *, asked: bool)
     if not found or not (forces or rates):
         raise RecordingError(
             f"{bag.path.name}: {' and '.join(names)} hold(s) no message with an acceleration or a rate; "
-            f"the file holds {list_topics(bag.topics)}."
+            f"the file holds {_list_topics(bag.topics)}."
         )
     several = ", ".join(known[n].words() for n in names)
     advice = "name one of them" if full else "name one accelerometer and one gyro"
@@ -287,26 +287,12 @@ class _Batches:
             yield rest
 
 
-def bag_blocks(bag: Bag, wanted: Sequence[str], source: Source) -> Iterator[RawTable]:
-    """Yield the table of a bag in blocks of half a million rows; its remarks stand on the last one too.
-
-    Parameters
-    ----------
-    bag : opened.
-    wanted : names of topics, or none.
-    source : the file, for provenance.
-
-    Raises
-    ------
-    RecordingError
-        If the bag holds no IMU, several, or damaged messages.
-    UsageError
-        If a wanted topic is not there.
-    """
+def _bag_blocks(bag: Bag, wanted: Sequence[str], source: Source) -> Iterator[RawTable]:
+    """Yield the table of a bag in blocks of half a million rows; its remarks stand on the last one too."""
     choice = choose_topics(bag, split_wanted(bag, wanted)[0])
     batches = _Batches({t.name: t for t in bag.topics}, choice)
     first = [
-        Remark("found", f"{bag.path.name} holds {list_topics(bag.topics)}."),
+        Remark("found", f"{bag.path.name} holds {_list_topics(bag.topics)}."),
         _choice_remark(bag, choice),
         *_misnamed(bag, choice),
     ]
@@ -354,16 +340,8 @@ def _merged(pieces: Iterator[dict[str, Samples]], merging: Merging) -> Iterator[
         yield block
 
 
-def bag_table(bag: Bag, wanted: Sequence[str], source: Source) -> RawTable:
-    """Return the whole table of a bag; the parameters are those of `bag_blocks`.
-
-    Raises
-    ------
-    RecordingError
-        If the bag holds no IMU, several, or damaged messages.
-    UsageError
-        If a wanted topic is not there.
-    """
+def _bag_table(bag: Bag, wanted: Sequence[str], source: Source) -> RawTable:
+    """Return the whole table of a bag; the parameters are those of `_bag_blocks`."""
     import numpy as np
 
     rest, name, said = split_wanted(bag, wanted)
@@ -374,7 +352,7 @@ def bag_table(bag: Bag, wanted: Sequence[str], source: Source) -> RawTable:
         and all(is_field_topic(t) or t.kind not in READABLE for t in bag.topics)
     ):
         return _field_table(bag, magnetic, source, said)
-    tables = list(bag_blocks(bag, rest, source))
+    tables = list(_bag_blocks(bag, rest, source))
     remarks = list(dict.fromkeys(r for t in tables for r in (*t.remarks, *said)))
     if len(tables) == 1:
         return replace(tables[0], remarks=remarks, field=magnetic)
@@ -385,7 +363,7 @@ def bag_table(bag: Bag, wanted: Sequence[str], source: Source) -> RawTable:
 def _field_table(bag: Bag, magnetic: FieldStream, source: Source, said: list[Remark]) -> RawTable:
     """Return the table of a bag that holds a magnetometer alone."""
     samples = Samples(magnetic.time, magnetic_field=magnetic.values)
-    remarks = [Remark("found", f"{bag.path.name} holds {list_topics(bag.topics)}."), *said]
+    remarks = [Remark("found", f"{bag.path.name} holds {_list_topics(bag.topics)}."), *said]
     return table_of_samples(bag.path, samples, Units(magnetic_field=magnetic.unit), source, remarks)
 
 

@@ -50,14 +50,8 @@ def header_fields(header: bytes) -> dict[bytes, bytes]:
     return fields
 
 
-def record_header(file: BinaryIO) -> dict[bytes, bytes] | None:
-    """Read a record's header; None at the end of the file.
-
-    Raises
-    ------
-    CutShort
-        If the file ends inside of it.
-    """
+def _record_header(file: BinaryIO) -> dict[bytes, bytes] | None:
+    """Read a record's header; None at the end of the file."""
     start = file.read(4)
     if not start:
         return None
@@ -66,14 +60,8 @@ def record_header(file: BinaryIO) -> dict[bytes, bytes] | None:
     return header_fields(exactly(file, U32.unpack(start)[0]))
 
 
-def record_size(file: BinaryIO) -> int:
-    """Read how many bytes of data a record has.
-
-    Raises
-    ------
-    CutShort
-        If the file ends before.
-    """
+def _record_size(file: BinaryIO) -> int:
+    """Read how many bytes of data a record has."""
     return int(U32.unpack(exactly(file, 4))[0])
 
 
@@ -126,15 +114,15 @@ class RosbagFile:
 
     def _read_index(self, file: BinaryIO) -> bool:
         """Read connections and chunks from the end of the file; False if there is no index."""
-        header = record_header(file)
+        header = _record_header(file)
         position = 0 if header is None else int(U64.unpack(header[b"index_pos"])[0])
         file.seek(0, 2)
         if not position or position >= file.tell():
             return False
         file.seek(position)
         times: list[bytes] = []
-        while (header := record_header(file)) is not None:
-            data = exactly(file, record_size(file))
+        while (header := _record_header(file)) is not None:
+            data = exactly(file, _record_size(file))
             if header[b"op"][0] == CONNECTION:
                 self._connect(header, data)
             elif header[b"op"][0] == CHUNK_INFO:
@@ -158,10 +146,10 @@ class RosbagFile:
         try:
             while True:
                 position = file.tell()
-                header = record_header(file)
+                header = _record_header(file)
                 if header is None:
                     return
-                size = record_size(file)
+                size = _record_size(file)
                 if header[b"op"][0] == CHUNK:
                     self._scan_chunk(position, header, at_most(file, size))
                     self.chunks.append((position, None))
@@ -278,8 +266,8 @@ class RosbagFile:
         """
         file.seek(position)
         try:
-            header = record_header(file)
-            data = at_most(file, record_size(file))
+            header = _record_header(file)
+            data = at_most(file, _record_size(file))
         except (CutShort, struct.error, OverflowError, MemoryError) as error:
             raise RecordingError(f"{self.path.name}: a chunk is missing.") from error
         if header is None or header.get(b"op") != bytes([CHUNK]):

@@ -47,7 +47,7 @@ class Stream:
         return f"{self.name} ({len(self.samples)} samples, {self.rate:.4g} Hz)"
 
 
-def list_streams(streams: Sequence[Stream]) -> str:
+def _list_streams(streams: Sequence[Stream]) -> str:
     """Return the streams in words."""
     more = f" and {len(streams) - _LISTED} more" if len(streams) > _LISTED else ""
     return ", ".join(s.words() for s in streams[:_LISTED]) + more
@@ -80,7 +80,7 @@ def table_of_streams(
     UsageError
         If a wanted stream is not there, or more than two are wanted.
     """
-    said = [*remarks, Remark("found", f"{path.name} holds {list_streams(streams)}.")]
+    said = [*remarks, Remark("found", f"{path.name} holds {_list_streams(streams)}.")]
     named = [_named(path, streams, name) for name in (wanted or automatic)]
     chosen = [s for s in named if not is_field(s)]
     field = next((s for s in (*named, *streams) if is_field(s)), None)
@@ -138,7 +138,7 @@ def _named(path: Path, streams: Sequence[Stream], name: str) -> Stream:
     for spelling in (plain, f"{plain}:0", f"{plain}:1"):
         if spelling in known:
             return known[spelling]
-    there = f"it holds {list_streams(streams)}" if streams else "it holds none that is read"
+    there = f"it holds {_list_streams(streams)}" if streams else "it holds none that is read"
     raise UsageError(f"--topic {name}: {path.name} has no such message or stream with a triad; {there}.")
 
 
