@@ -66,21 +66,18 @@ class UntoldCombination:
         return int(np.count_nonzero(_leading(self.weights))) == 1
 
 
-def find_untold(
-    directions: Vectors, unknowns: int = 9, limit: float = LARGEST_AMPLIFICATION
-) -> list[UntoldCombination]:
+def find_untold(directions: Vectors, unknowns: int = 9) -> list[UntoldCombination]:
     """Return the combinations that the norms in these poses do not tell, each with as few unknowns as can be.
 
     Parameters
     ----------
     directions : (poses, 3) unit vectors up.
     unknowns : the first so many of `norm_rows`.
-    limit : standard uncertainty, in that of a single norm, above which a combination is not told.
     """
     from scipy.linalg import qr
 
     rows = norm_rows(directions)[:, :unknowns]
-    weak = find_weak_directions(rows.T @ rows, np.ones(unknowns), limit)
+    weak = find_weak_directions(rows.T @ rows, np.ones(unknowns), LARGEST_AMPLIFICATION)
     if not weak:
         return []
     basis = np.array([one.direction for one in weak])

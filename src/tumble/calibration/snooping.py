@@ -17,6 +17,7 @@ import numpy as np
 from tumble.estimation import Adjustment, GroupTest, Reliability
 from tumble.estimation.balance import (
     CHANCE,
+    FALSE_ALARM,
     LARGEST_SHARE_LEFT_OUT,
     MEDIAN_CHI_SQUARE,
     SETTLED,
@@ -24,6 +25,8 @@ from tumble.estimation.balance import (
     Outlier,
     limit_of_largest,
 )
+
+_PASSES = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +64,7 @@ def balance(
     active: np.ndarray,
     *,
     extra: dict[str, float] | None = None,
-    false_alarm: float = 0.01,
     robust: bool = True,
-    passes: int = 12,
 ) -> Balanced:
     """Adjust, add variance where residuals ask for it, and leave out what is no noise.
 
@@ -73,7 +74,6 @@ def balance(
     kinds : the kinds of conditions that may need more variance.
     active : (groups, size) of bool, changed in place: outliers are switched off.
     extra : variances to start from.
-    false_alarm : chance that any good group is left out.
     robust : look for outliers at all.
 
     Raises
@@ -84,9 +84,9 @@ def balance(
     variances = {kind.name: 0.0 for kind in kinds} if extra is None else dict(extra)
     adjustment = solve(variances, active, once=False)
     outliers: list[Outlier] = []
-    for _ in range(passes if robust else 0):
+    for _ in range(_PASSES if robust else 0):
         adjustment, variances = _settle(solve, kinds, active, adjustment, variances, _robust_ratio)
-        found = _gross_errors(adjustment, kinds, outliers, false_alarm)
+        found = _gross_errors(adjustment, kinds, outliers, FALSE_ALARM)
         if not found:
             break
         for outlier, columns in found:

@@ -111,10 +111,10 @@ def _require_all_axes(normal: AnyArray) -> None:
         raise ValueError(f"no turn goes about its {axis} axis, or only while {axis} stands upright")
 
 
-def _huber_weights(design: AnyArray, change: Series, passes: int = 5) -> Series:
+def _huber_weights(design: AnyArray, change: Series) -> Series:
     """Return weights that bound the pull of knocks (a residual beyond 1.5 robust sigma)."""
     weight = np.ones(change.size)
-    for _ in range(passes):
+    for _ in range(5):
         root = np.sqrt(weight)
         solution = np.linalg.lstsq(design * root[:, None], change * root, rcond=None)[0]
         residual = np.abs(change - design @ solution)

@@ -64,20 +64,8 @@ def check_certificate(path: Path, document: Path | None = None) -> CertificateCh
     problems: list[str] = []
     if digest not in plain:
         problems.append("The hash that is printed is not that of the document that the certificate carries.")
-    if document is not None:
-        try:
-            with opened(document) as file:
-                same = hashlib.sha256(file.read()).hexdigest() == digest
-        except OSError as error:
-            raise UsageError(f"{document} cannot be read: {error.strerror or error}.") from error
-        if not same:
-            problems.append(
-                f"The certificate is not of {document}: the document that it carries is another one."
-            )
-    try:
-        calibration = Calibration.model_validate_json(attached)
-    except ValidationError:
-        raise UsageError(f"{path} carries a calibration.json that is damaged.") from None
+    calibration, others = carried_document(path, attached, document)
+    problems += others
     found = [one for one in LANGUAGES if re.sub(r"\s+", "", phrases(one)["title"]) in plain]
     if not found:
         raise UsageError(f"{path} is no certificate of tumble: no title of one is in it.")
@@ -97,6 +85,36 @@ def check_certificate(path: Path, document: Path | None = None) -> CertificateCh
     ]
     problems += _wrong_conformity(plain, content)
     return CertificateCheck(digest, found[0], problems, len(rows))
+
+
+def carried_document(path: Path, attached: bytes, document: Path | None) -> tuple[Calibration, list[str]]:
+    """Return the document that a certificate carries, and a problem if it is not the one of a file.
+
+    Parameters
+    ----------
+    path, attached : of the certificate, and what it carries.
+    document : ``calibration.json`` that it should be of; None for no comparison.
+
+    Raises
+    ------
+    UsageError
+        If a file cannot be read, or what is carried is damaged.
+    """
+    problems: list[str] = []
+    if document is not None:
+        try:
+            with opened(document) as file:
+                same = file.read() == attached
+        except OSError as error:
+            raise UsageError(f"{document} cannot be read: {error.strerror or error}.") from error
+        if not same:
+            problems.append(
+                f"The certificate is not of {document}: the document that it carries is another one."
+            )
+    try:
+        return Calibration.model_validate_json(attached), problems
+    except ValidationError:
+        raise UsageError(f"{path} carries a calibration.json that is damaged.") from None
 
 
 def _is_on(plain: str, words: Sequence[str]) -> bool:

@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
-from tumble.certificate.check import ATTACHED, LARGEST, CertificateCheck
+from tumble.certificate.check import ATTACHED, LARGEST, CertificateCheck, carried_document
 from tumble.certificate.content import PROBABILITY
 from tumble.certificate.languages import phrases
 from tumble.certificate.profile import Profile
@@ -430,21 +429,7 @@ def check_dcc(path: Path, document: Path | None = None) -> CertificateCheck:
     """
     _, attached, numbers = read_dcc(path)
     digest = hashlib.sha256(attached).hexdigest()
-    problems: list[str] = []
-    try:
-        calibration = Calibration.model_validate_json(attached)
-    except ValidationError:
-        raise UsageError(f"{path} carries a calibration.json that is damaged.") from None
-    if document is not None:
-        try:
-            with opened(document) as file:
-                same = hashlib.sha256(file.read()).hexdigest() == digest
-        except OSError as error:
-            raise UsageError(f"{document} cannot be read: {error.strerror or error}.") from error
-        if not same:
-            problems.append(
-                f"The certificate is not of {document}: the document that it carries is another one."
-            )
+    calibration, problems = carried_document(path, attached, document)
     expected_root = ET.fromstring(dcc_text(calibration, _anybody(), "–", "2000-01-01", "en"))
     said = _words(ET.fromstring(_content_of(path)))
     problems += [

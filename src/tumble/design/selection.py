@@ -90,7 +90,6 @@ def find_approximate(
     criterion: Criterion,
     *,
     known: Square | None = None,
-    gap: float = GAP,
     most: int = MOST_ITERATIONS,
 ) -> ApproximateDesign:
     """Return the best shares of a fixed time.
@@ -100,7 +99,6 @@ def find_approximate(
     candidates : with their information for the whole time, each.
     criterion : what is made small.
     known : (p, p) information that is there already; the bound then holds as far as the criterion is convex.
-    gap : share of the value by which it may miss the optimum.
     most : iterations; where they do not suffice, `efficiency` says what was reached.
 
     Raises
@@ -112,7 +110,7 @@ def find_approximate(
     require_told(rows, criterion, known)
     base = np.zeros((rows.shape[2], rows.shape[2])) if known is None else known
     if criterion.name in ("E", "minimax"):
-        return _approximate_with_corners(rows, base, criterion, gap)
+        return _approximate_with_corners(rows, base, criterion, GAP)
     shares = np.full(len(candidates), 1.0 / len(candidates))
     best = 0.0
     for iteration in range(most):
@@ -121,7 +119,7 @@ def find_approximate(
         gains = _gains(rows, covariance, slope)
         value = float(criterion.value(covariance))
         best = max(best, _bound(rows, covariance, criterion, base))
-        if best >= (1.0 - gap) * value:
+        if best >= (1.0 - GAP) * value:
             break
         if iteration % 4 == 3:
             shares = _stepped(rows, shares, base, criterion, int(np.argmax(gains)))

@@ -26,6 +26,8 @@ MEDIAN_CHI_SQUARE = (0.4549, 1.3863, 2.3660, 3.3567, 4.3515, 5.3481)
 LARGEST_SHARE_LEFT_OUT = 0.25
 # At most this share of a kind is left out at a time, so that a large error does not take its neighbours along.
 SHARE_AT_A_TIME = 0.05
+# Chance that any good observation of a kind is left out.
+FALSE_ALARM = 0.01
 # Residuals this likely by chance ask for no added variance.
 CHANCE = 0.025
 # 3 % of a variance is far below what any number of observations can tell.
@@ -200,13 +202,12 @@ class Balanced:
     tests: dict[str, Tests]
 
 
-def balance(task: Balanceable, *, false_alarm: float = 0.01) -> Balanced:
+def balance(task: Balanceable) -> Balanced:
     """Adjust, add variance where residuals ask for it, and leave out what is no noise.
 
     Parameters
     ----------
     task : its noise and what takes part are changed.
-    false_alarm : chance that any good observation of a kind is left out.
 
     Raises
     ------
@@ -217,7 +218,7 @@ def balance(task: Balanceable, *, false_alarm: float = 0.01) -> Balanced:
     outliers: list[Outlier] = []
     for _ in range(PASSES):
         solution = _settle(task, solution, robust=True)
-        found = _gross_errors(task, solution.tests(), outliers, false_alarm)
+        found = _gross_errors(task, solution.tests(), outliers, FALSE_ALARM)
         if not found:
             break
         for outlier in found:

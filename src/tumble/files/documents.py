@@ -102,13 +102,12 @@ def _check(document: Any, *, halves: bool) -> None:
     raise DocumentError("it is nested too deeply")
 
 
-def read_yaml(path: Path, largest: int = LARGEST_YAML) -> Any:
+def read_yaml(path: Path) -> Any:
     """Return what a YAML file holds; OpenCV's first line ``%YAML:1.0`` is let pass.
 
     Parameters
     ----------
     path : of the file, in UTF-8.
-    largest : bytes that it may have.
 
     Raises
     ------
@@ -119,7 +118,7 @@ def read_yaml(path: Path, largest: int = LARGEST_YAML) -> Any:
     """
     import yaml
 
-    text = _text(path, largest)
+    text = _text(path, LARGEST_YAML)
     if text.startswith("%YAML"):
         text = text.partition("\n")[2]
     loader = yaml_loader()

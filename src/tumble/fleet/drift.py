@@ -216,16 +216,17 @@ class Chart:
     baseline: int
 
 
-def ewma_chart(
-    values: Table, sigmas: Table, scatter: Series, *, weight: float = 0.2, baseline: int = 5
-) -> Chart:
+# Weight of the newest calibration, λ.
+_WEIGHT = 0.2
+
+
+def ewma_chart(values: Table, sigmas: Table, scatter: Series, *, baseline: int = 5) -> Chart:
     """Return the exponentially weighted moving average of a check unit's calibrations (Roberts 1959).
 
     Parameters
     ----------
     values, sigmas : (n, p), in the order of time.
     scatter : (p,) standard deviation from one calibration to the next, beyond their own uncertainties.
-    weight : of the newest calibration, λ.
     baseline : calibrations whose weighted mean is the reference.
     """
     from scipy.special import ndtri
@@ -242,10 +243,10 @@ def ewma_chart(
     ewma = np.zeros_like(z)
     state = np.zeros(parameters)
     for k in range(count):
-        state = weight * z[k] + (1.0 - weight) * state
+        state = _WEIGHT * z[k] + (1.0 - _WEIGHT) * state
         ewma[k] = state
     age: Series = np.arange(1.0, count + 1.0)
-    own: Series = weight / (2.0 - weight) * (1.0 - (1.0 - weight) ** (2 * age))
+    own: Series = _WEIGHT / (2.0 - _WEIGHT) * (1.0 - (1.0 - _WEIGHT) ** (2 * age))
     quantile: float = -float(ndtri(0.00135 / parameters))
     limit: Series = quantile * np.sqrt(own + float(np.max(shared)))
     signals: np.ndarray = (np.abs(ewma) > limit[:, None]) & (age > first)[:, None]

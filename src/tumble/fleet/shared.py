@@ -12,9 +12,7 @@ FALSE_ALARM = 0.01
 _MOST_VALUES = 50
 
 
-def find_shared(
-    bad: Sequence[bool], columns: Mapping[str, Sequence[str]], false_alarm: float = FALSE_ALARM
-) -> list[str]:
+def find_shared(bad: Sequence[bool], columns: Mapping[str, Sequence[str]]) -> list[str]:
     """Return sentences about values of columns that bad units have more often than by chance.
 
     Fisher's exact test, one side, over all values that two bad units share (Bonferroni).
@@ -23,7 +21,6 @@ def find_shared(
     ----------
     bad : (n,) whether each unit failed or stands out.
     columns : what the manifest says of each unit, by the column's name.
-    false_alarm : chance that anything is said without a reason.
     """
     from scipy.stats import hypergeom
 
@@ -41,7 +38,7 @@ def find_shared(
     said: list[tuple[float, str]] = []
     for column, value, both, has in cases:
         chance = float(hypergeom.sf(both - 1, total, has, count))
-        if chance < false_alarm / len(cases):
+        if chance < FALSE_ALARM / len(cases):
             words = (
                 f"Of the {count} units that are not accepted or stand out {both} have {column} {value!r}, as "
                 f"{has} of all {total} have (probability by chance {chance:.1g})."

@@ -25,7 +25,7 @@ class Twins:
     chance: float
 
 
-def find_twins(units: Units, false_alarm: float = FALSE_ALARM) -> list[Twins]:
+def find_twins(units: Units) -> list[Twins]:
     """Return the pairs of units that are one.
 
     Of one unit the difference has the covariance of both estimates, D = C_1 + C_2, and d' D^-1 d a chi-square
@@ -40,12 +40,11 @@ def find_twins(units: Units, false_alarm: float = FALSE_ALARM) -> list[Twins]:
     Parameters
     ----------
     units : that can be compared.
-    false_alarm : chance that any two different units are named.
     """
     stable = [k for k, name in enumerate(units.names) if " bias " not in name]
-    found = {(one.first, one.second): one for one in _twins(units, false_alarm / 2)}
+    found = {(one.first, one.second): one for one in _twins(units, FALSE_ALARM / 2)}
     if 0 < len(stable) < len(units.names):
-        found |= {(one.first, one.second): one for one in _twins(_part(units, stable), false_alarm / 2)}
+        found |= {(one.first, one.second): one for one in _twins(_part(units, stable), FALSE_ALARM / 2)}
     return [found[pair] for pair in sorted(found)]
 
 

@@ -234,7 +234,10 @@ def align_in_motion(
     )
 
 
-def find_rest(samples: InertialSamples, track: GnssTrack, *, shortest: float = 2.0) -> tuple[float, float]:
+_SHORTEST_REST = 2.0  # s
+
+
+def find_rest(samples: InertialSamples, track: GnssTrack) -> tuple[float, float]:
     """Return start and stop (s) of the first rest of a track that lies in the samples and is followed by motion.
 
     Rests after which samples are missing before ten seconds of motion are taken only where there is no other.
@@ -243,7 +246,6 @@ def find_rest(samples: InertialSamples, track: GnssTrack, *, shortest: float = 2
     ----------
     samples : in SI.
     track : on the IMU's clock.
-    shortest : s.
 
     Raises
     ------
@@ -269,7 +271,7 @@ def find_rest(samples: InertialSamples, track: GnssTrack, *, shortest: float = 2
     found: list[tuple[float, float]] = []
     moving = np.nan_to_num(np.hypot(velocity[:, 0], velocity[:, 1])) > min(1.0, slowest_course(track))
     for first, last in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1, strict=True):
-        if track.time[last] - track.time[first] < shortest:
+        if track.time[last] - track.time[first] < _SHORTEST_REST:
             continue
         found.append((float(track.time[first]), float(track.time[last])))
         onset = track.time[last:][moving[last:]]
@@ -278,7 +280,8 @@ def find_rest(samples: InertialSamples, track: GnssTrack, *, shortest: float = 2
     if found:
         return found[0]
     raise RecordingError(
-        f"The track {track.name} has no rest of {shortest:g} s inside the IMU's samples to align at: give the attitude."
+        f"The track {track.name} has no rest of {_SHORTEST_REST:g} s inside the IMU's samples to align at: give "
+        "the attitude."
     )
 
 

@@ -22,13 +22,16 @@ class Statistic:
     sigma: float
 
 
-def _drawn_blocks(count: int, block: int, rng: np.random.Generator, resamples: int = 1000) -> Table | None:
+_RESAMPLES = 1000
+
+
+def _drawn_blocks(count: int, block: int, rng: np.random.Generator) -> Table | None:
     """Return (resamples, count) indices of blocks drawn with replacement, or None where one block is all."""
     if count <= block or count < 2:
         return None
     blocks = -(-count // block)
-    starts = rng.integers(0, count - block + 1, (resamples, blocks))
-    return (starts[:, :, None] + np.arange(block)).reshape(resamples, -1)[:, :count].astype(float)
+    starts = rng.integers(0, count - block + 1, (_RESAMPLES, blocks))
+    return (starts[:, :, None] + np.arange(block)).reshape(_RESAMPLES, -1)[:, :count].astype(float)
 
 
 def rms_of(squares: Series, block: int, rng: np.random.Generator) -> Statistic:

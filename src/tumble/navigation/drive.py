@@ -141,9 +141,6 @@ def prepare_drive(
     *,
     setup: FilterSetup | None = None,
     offset: float | None = None,
-    around: float | None = None,
-    reach: float | None = None,
-    rest: float = _REST,
 ) -> Drive:
     """Return a drive with both clocks brought together, checked for swapped axes, and aligned.
 
@@ -158,8 +155,6 @@ def prepare_drive(
     track : on its own clock.
     setup : of the filter that finds the offset; None for one that fits units of any grade.
     offset : s to add to the track's times where it is known; None to estimate it.
-    around, reach : s, where to look for it (`estimate_time_offset`).
-    rest : s of the first rest used for the level, at most.
 
     Raises
     ------
@@ -167,19 +162,19 @@ def prepare_drive(
         If both did not see the same motion, axes are swapped or reversed, or there is no rest to align at.
     """
     track = track.weakened({2: _FLOAT, 5: _FLOAT})
-    clock = estimate_time_offset(samples, track, around=around, reach=reach) if offset is None else None
+    clock = estimate_time_offset(samples, track) if offset is None else None
     given = clock.offset if clock is not None else float(offset or 0.0)
     axes = check_axes(samples, track.shifted(given))
     if axes.problem:
         raise RecordingError(axes.problem)
-    found = _aligned(samples, track.shifted(given), rest)
+    found = _aligned(samples, track.shifted(given), _REST)
     if clock is None:
         clock = TimeAlignment(given, 0.0, axes.about_vertical, 0.0, 0.0, note="; it was given")
         return Drive(samples, track.shifted(given), *found, clock, axes)
     drive = Drive(samples, track.shifted(given), *found, clock, axes)
     own = setup or wide_setup()
     known = bool(own.lever_arm_b.any())
-    moved = sharpen_clock(drive, own, arm_known=known, reaches=_REACHES, rest=rest)
+    moved = sharpen_clock(drive, own, arm_known=known, reaches=_REACHES, rest=_REST)
     if moved is drive:
         return replace(drive, clock=replace(clock, note="; the filter's innovations determine it no better"))
     return moved
@@ -234,13 +229,12 @@ def sharpen_clock(
     return replace(quiet, samples=drive.samples, clock=clock)
 
 
-def wide_setup(lever_arm_b: Vector | None = None, lever_arm_sigma: float = 0.0) -> FilterSetup:
+def wide_setup(lever_arm_b: Vector | None = None) -> FilterSetup:
     """Return a setup for a unit of which nothing is known: errors and noise of a poor consumer grade on a car.
 
     Parameters
     ----------
     lever_arm_b : (3,) m, from the IMU to the antenna; None for zero.
-    lever_arm_sigma : m, how well that is known; above zero the filter finds it too.
     """
     from tumble.navigation.filter.sensor_states import TriadSpread
 
@@ -250,7 +244,6 @@ def wide_setup(lever_arm_b: Vector | None = None, lever_arm_sigma: float = 0.0) 
         accelerometer=TriadSpread(bias=0.2, scale_factor=0.01, non_orthogonality=0.01),
         gyroscope=TriadSpread(bias=0.01, scale_factor=0.01, misalignment=0.01),
         lever_arm_b=lever_arm_b,
-        lever_arm_sigma=lever_arm_sigma,
     )
 
 

@@ -79,7 +79,11 @@ def refuse_wrong_scale(samples: InertialSamples, track: GnssTrack) -> None:
     )
 
 
-def refuse_mirrored(samples: InertialSamples, track: GnssTrack, seconds: float = 90.0) -> None:
+# After the rest, what is compared.
+_LOOKED_AT = 90.0  # s
+
+
+def refuse_mirrored(samples: InertialSamples, track: GnssTrack) -> None:
     """Refuse accelerometers whose level axes are swapped, or one of them reversed.
 
     Freely navigated changes of velocity must be the track's, turned by one angle. With swapped axes they are the
@@ -89,7 +93,6 @@ def refuse_mirrored(samples: InertialSamples, track: GnssTrack, seconds: float =
     ----------
     samples : in SI.
     track : on the IMU's clock.
-    seconds : after the rest that are compared.
 
     Raises
     ------
@@ -111,7 +114,7 @@ def refuse_mirrored(samples: InertialSamples, track: GnssTrack, seconds: float =
     until = min(
         [gap[0] for gap in samples.missing() if gap[0] >= last], default=float(samples.time[-1]) - 1e-3
     )
-    chosen = (track.time >= onset - 2.0) & (track.time <= min(onset + seconds, until))
+    chosen = (track.time >= onset - 2.0) & (track.time <= min(onset + _LOOKED_AT, until))
     chosen &= np.isfinite(speed)
     if chosen.sum() < 10:
         return

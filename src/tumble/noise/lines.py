@@ -110,9 +110,7 @@ class _Spectrum:
     edf: float
 
 
-def find_lines(
-    signal: AnyArray, rate: float, *, gaps: Sequence[int] = (), false_alarm: float = LINE_FALSE_ALARM
-) -> tuple[FoundLine, ...]:
+def find_lines(signal: AnyArray, rate: float, *, gaps: Sequence[int] = ()) -> tuple[FoundLine, ...]:
     """Return the lines of a signal, strongest first, twenty at most.
 
     Lines above half the rate are seen where they fold to. Below 32 periods in the signal none is looked for.
@@ -122,7 +120,6 @@ def find_lines(
     signal : (samples,) at rest, any unit. Values that are not finite part it as gaps do.
     rate : Hz.
     gaps : indices i where samples are missing between i - 1 and i.
-    false_alarm : probability that any line is found where there is none.
     """
     column = np.asarray(signal, dtype=np.float64).reshape(-1, 1)
     pieces = find_pieces(column, gaps)
@@ -133,7 +130,7 @@ def find_lines(
     found: list[FoundLine] = []
     for size in sizes:
         spectrum = _averaged(flat, pieces, _smooth(size))
-        found += _peaks(flat, rate, spectrum, false_alarm / len(sizes))
+        found += _peaks(flat, rate, spectrum, LINE_FALSE_ALARM / len(sizes))
     # A coarser spectrum's line that a finer one shows whole is steady, and the finer one knows it better.
     found = [line for line in found if not any(_is_whole(finer, line) for finer in found)]
     # Of one that wanders a finer spectrum shows splinters.

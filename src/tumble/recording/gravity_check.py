@@ -314,10 +314,13 @@ def _axis_sentence(permutation: Matrix, columns: str | None) -> str:
     )
 
 
-def unit_of_scale(scale: float, tolerance: float = 0.15) -> str | None:
+_SCALE_TOLERANCE = 0.15
+
+
+def unit_of_scale(scale: float) -> str | None:
     """Return the unit of angular rate that a scale in rad/s per raw unit belongs to, or None."""
     for unit in ("rad/s", "deg/s", "mdeg/s"):
         factor = angular_rate_factor(unit)
-        if factor is not None and abs(np.log(scale / factor)) < tolerance:
+        if factor is not None and abs(np.log(scale / factor)) < _SCALE_TOLERANCE:
             return unit
     return None

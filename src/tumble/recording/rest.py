@@ -118,10 +118,10 @@ def sample_pieces(count: int, limit: int = 12 * _PIECE) -> list[slice]:
     return [slice(int(s), int(s) + _PIECE) for s in starts]
 
 
-def count_poses(directions: Vectors, least_angle: float = np.pi / 12.0) -> int:
+def count_poses(directions: Vectors) -> int:
     """Return how many directions differ from each other by more than an angle in rad (greedy, in order)."""
     kept: list[Vector] = []
-    limit = np.cos(least_angle)
+    limit = np.cos(np.pi / 12.0)
     for direction in directions:
         length = float(np.linalg.norm(direction))
         if length == 0.0:

@@ -154,12 +154,12 @@ def _relative_scatter(norms: Series) -> float:
     return 1.4826 * float(np.median(np.abs(norms - middle))) / middle if middle > 0.0 else np.inf
 
 
-def _one_a_direction(vectors: Vectors, least_angle: float = np.pi / 12.0) -> Vectors:
+def _one_a_direction(vectors: Vectors) -> Vectors:
     """Return one vector of each direction (greedy, in order), so that a long rest counts once."""
     lengths = np.linalg.norm(vectors, axis=1)
     vectors, lengths = vectors[lengths > 0.0], lengths[lengths > 0.0]
     units = vectors / lengths[:, None]
-    left, kept, limit = np.arange(len(units)), list[int](), float(np.cos(least_angle))
+    left, kept, limit = np.arange(len(units)), list[int](), float(np.cos(np.pi / 12.0))
     while left.size:
         kept.append(int(left[0]))
         left = left[units[left] @ units[left[0]] < limit]

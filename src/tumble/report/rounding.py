@@ -16,7 +16,10 @@ _MOST_DECIMALS = 6
 _LARGEST_ROUNDED = 1e6
 
 
-def decimals_of(sigma: float, digits: int = 2) -> int:
+_DIGITS = 2
+
+
+def decimals_of(sigma: float) -> int:
     """Return how many decimals `sigma` has when it is rounded to `digits` significant digits.
 
     Negative for tens, hundreds and so on.
@@ -33,9 +36,9 @@ def decimals_of(sigma: float, digits: int = 2) -> int:
     """
     if not (math.isfinite(sigma) and sigma > 0):
         raise ValueError(f"a standard uncertainty of {sigma} has no digits")
-    decimals = digits - 1 - math.floor(math.log10(sigma))
+    decimals = _DIGITS - 1 - math.floor(math.log10(sigma))
     # 0.0996 becomes 0.100, which has a digit more than it should: 0.10.
-    return digits - 1 - math.floor(math.log10(round(sigma, decimals)))
+    return _DIGITS - 1 - math.floor(math.log10(round(sigma, decimals)))
 
 
 def fixed(value: float, decimals: int) -> str:

@@ -258,9 +258,12 @@ def _another_order(case: Case, fit: Fit) -> str:
     return f"; {fitting} of the {len(poses)} poses are among its holds, but in another order: put the steps into it"
 
 
-def _listed(words: list[str], most: int = 8) -> str:
-    shown = ", ".join(words[:most])
-    return shown if len(words) <= most else f"{shown} and {len(words) - most} more"
+_MOST_LISTED = 8
+
+
+def _listed(words: list[str]) -> str:
+    shown = ", ".join(words[:_MOST_LISTED])
+    return shown if len(words) <= _MOST_LISTED else f"{shown} and {len(words) - _MOST_LISTED} more"
 
 
 def find_reversed_turns(case: Case, chosen: list[tuple[int, int]]) -> tuple[list[int], int, bool]:

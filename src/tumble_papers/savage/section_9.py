@@ -196,14 +196,14 @@ def _table(
     )
 
 
-def _formula_row(label: str, unit_name: str, printed: float, value: float, reason: str = "") -> Row:
+def _formula_row(label: str, unit_name: str, printed: float, value: float) -> Row:
     close = to_digits(printed, value)
     return Row(
         label,
         unit_name,
         (printed, value, None, None, None, None),
         INSIDE if close else OUTSIDE,
-        reason if close else f"the formula gives {value:.3g}",
+        "" if close else f"the formula gives {value:.3g}",
     )
 
 

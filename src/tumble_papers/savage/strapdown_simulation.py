@@ -548,7 +548,7 @@ def composed(current: ImuModel, found: SavageErrors) -> ImuModel:
     return ImuModel(parts[0], parts[1])
 
 
-def model_sequences(setting: Setting, variant: Variant, gravity: float = STANDARD) -> Models:
+def model_sequences(setting: Setting, variant: Variant) -> Models:
     """Return the error models of a setting's sequences, with the noise of their measurements.
 
     The noise is that of the random walks, of the pulses, and of what a start attitude that is off makes of the
@@ -557,7 +557,6 @@ def model_sequences(setting: Setting, variant: Variant, gravity: float = STANDAR
     Parameters
     ----------
     setting, variant : of what.
-    gravity : m/s².
     """
     from tumble.attitude import skew
 
@@ -579,7 +578,7 @@ def model_sequences(setting: Setting, variant: Variant, gravity: float = STANDAR
     for sequence in setting.sequences:
         down = start_down(sequence)
         rotations = list(sequence.rotations)
-        model = sequence_model(rotations, down, gravity, rate=setting.rate, seconds=seconds, share=share)
+        model = sequence_model(rotations, down, STANDARD, rate=setting.rate, seconds=seconds, share=share)
         turning = model.angle / setting.rate
         integral = _integral(sequence, setting, share)
         squared = float(np.sum(before**2)) * step
@@ -594,7 +593,7 @@ def model_sequences(setting: Setting, variant: Variant, gravity: float = STANDAR
         off = (3.0 * setting.fixture**2 + heading**2) / 3.0
         size = (EARTH_RATE if setting.earth else 0.0) ** 2 * off
         tilt = grade.angle_random_walk**2 * tilt + pulses + size * earth @ earth.T
-        across = gravity * skew(down)
+        across = STANDARD * skew(down)
         covariance = np.zeros((5, 5))
         covariance[:3, :3] = across @ tilt @ across.T + 2.0 * force * np.eye(3)
         covariance[3, 3] = covariance[4, 4] = down_force

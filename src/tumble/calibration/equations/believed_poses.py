@@ -43,15 +43,12 @@ class BelievedPoses:
         return np.flatnonzero((self.hold >= first) & (self.hold < last))
 
 
-def believed_poses(
-    protocol: Protocol, matching: Matching, *, loosest: float = LOOSEST
-) -> BelievedPoses | None:
+def believed_poses(protocol: Protocol, matching: Matching) -> BelievedPoses | None:
     """Return the poses that can be believed, None where there is none.
 
     Parameters
     ----------
     protocol, matching : what was to be done, and which hold is which step of it.
-    loosest : rad, poses that are less certain are left out.
 
     Notes
     -----
@@ -64,7 +61,7 @@ def believed_poses(
         step = protocol.steps[match.step]
         stays = last_step is not None and _stays(protocol, last_step, match.step)
         last_step = match.step
-        if not isinstance(step, HoldStep) or step.pose is None or stays or step.pose.sigma > loosest:
+        if not isinstance(step, HoldStep) or step.pose is None or stays or step.pose.sigma > LOOSEST:
             continue
         pose = step.pose
         up = np.asarray(pose.up_b, dtype=np.float64) / float(np.linalg.norm(pose.up_b))

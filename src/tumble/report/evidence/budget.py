@@ -188,10 +188,13 @@ def _detectable_row(found: Detectable, rows: list[ParameterRow]) -> list[str]:
     ]
 
 
-def _reliability_sentences(told: UncertaintyStatement, rows: list[ParameterRow], most: int = 3) -> list[str]:
+_MOST_SAID = 3
+
+
+def _reliability_sentences(told: UncertaintyStatement, rows: list[ParameterRow]) -> list[str]:
     """Return the most harmful errors that would go unnoticed, as sentences."""
     said: list[str] = []
-    for found in sorted(told.detectable, key=lambda d: -d.effect)[:most]:
+    for found in sorted(told.detectable, key=lambda d: -d.effect)[:_MOST_SAID]:
         words, factor, unit = _KINDS[found.kind]
         unit = unit if unit == "°" else f" {unit}"
         parameter = f"{rows[found.parameter].group}: {rows[found.parameter].label}"
