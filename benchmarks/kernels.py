@@ -13,13 +13,12 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import time
-from collections.abc import Callable
 
 import numba
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
+from timing import best
 
 from tumble.attitude import integrate_turns
 from tumble.attitude.directions import twenty_six_directions
@@ -29,17 +28,6 @@ from tumble.sensor.conventions.shin import matrix_from_shin
 
 RATE = 100.0
 SAMPLES = 200_000
-
-
-def best(function: Callable[[], object], repeats: int = 7) -> float:
-    """Return the least of several timings, s: what the machine can do when nobody else is on it."""
-    function()
-    seconds = []
-    for _ in range(repeats):
-        started = time.perf_counter()
-        function()
-        seconds.append(time.perf_counter() - started)
-    return min(seconds)
 
 
 @numba.njit(cache=False)

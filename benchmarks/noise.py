@@ -13,11 +13,10 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import time
-from collections.abc import Callable
 
 import numba
 import numpy as np
+from timing import best
 
 from tumble.simulation import TriadNoise, convert_to_digital, simulate_noise
 from tumble.simulation.noise import simulate_output
@@ -30,17 +29,6 @@ CASES = {
     "flicker": TriadNoise(bias_instability=0.005),
     "white, flicker and random walk": TriadNoise(0.01, 0.005, 0.001),
 }
-
-
-def best(function: Callable[[], object], repeats: int = 7) -> float:
-    """Return the least of several timings, s: what the machine can do when nobody else is on it."""
-    function()
-    seconds = []
-    for _ in range(repeats):
-        started = time.perf_counter()
-        function()
-        seconds.append(time.perf_counter() - started)
-    return min(seconds)
 
 
 @numba.njit(cache=False)
