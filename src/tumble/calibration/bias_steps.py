@@ -8,18 +8,26 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vectors
 from tumble.calibration.bias_drift import TIME_CONSTANTS
+from tumble.estimation.wander import covariance_about_the_mean
 
-# Chance of calling a step on any axis where there is none.
+# Chance of calling a step on any axis where holds scatter independently: it is said, and counted.
 FALSE_ALARM = 0.01
+# Chance that what the biases wander by looks like a jump anywhere, which makes the result unfit.
+CONTRADICTION = 0.002
 # Holds needed on either side of a step to tell it from one odd hold.
 SMALLEST_SIDE = 4
-# A jump of a gyro by so many times what holds scatter by is no flicker noise.
-CLEARLY = 8.0
-# Nor is one of accelerometers that explains so many times what it leaves, and is so much likelier than a drift (twice
-# the logarithm). They are looked for from so many holds beyond the unknowns.
-CLEARLY_EXPLAINED, LIKELIER, LEAST_FREEDOM = 2.5, 20.0, 8
+# Jumps of accelerometers are looked for from so many holds beyond the unknowns.
+LEAST_FREEDOM = 8
 # Directions of less than this share of the largest are none.
 RANK = 0.05
+# Of the squares of a course: what is left of it counts as this much less.
+WEAK = 1e-3
+# Variance of what wanders over that of the holds' own noise.
+_SHARES = np.append(0.0, np.geomspace(0.03, 300.0, 9))
+# Kinds of it: 1/f noise, a random walk, and each hold's own.
+WANDERS = 3
+# A jump may be of one axis, or of all three.
+_AXES = ((0,), (1,), (2,), (0, 1, 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,44 +109,183 @@ def _step(values: Series, weight: Series, taken: AnyArray, axis: int, split: int
     return BiasStep(axis, split - 1, size, level / strength**0.5, level / float(np.median(root)))
 
 
-def find_force_step(norms: Series, up: Vectors, *, further: bool = False) -> int | None:
-    """Return the hold after which the accelerometers' biases clearly jump, by the norms of all holds; None without one.
+@dataclass(frozen=True, slots=True)
+class Rests:
+    """When holds are, and what their means are uncertain by: (holds,) s, s, and variances up to a common factor."""
+
+    start: Series
+    stop: Series
+    variance: Series
+
+
+@dataclass(frozen=True, slots=True)
+class BiasCourse:
+    """A jump or a drift of biases.
+
+    Attributes
+    ----------
+    after : hold after which they jump; None of a drift.
+    constant : s, time constant of an exponential; infinite of a jump.
+    since : s, when they jump, or when the drift begins.
+    until : s, the middle of the last hold.
+    size : (axes,) of the jump, or by how much they are off at the beginning of the drift.
+    chance : that biases which only wander show it anywhere.
+    """
+
+    after: int | None
+    constant: float
+    since: float
+    until: float
+    size: Series
+    chance: float
+
+    def departure(self, time: Series) -> AnyArray:
+        """Return (times, axes) by what the biases differ from those of the last hold.
+
+        Parameters
+        ----------
+        time : s.
+        """
+        if self.after is not None:
+            return -self.size * (time < self.since)[:, None]
+        decayed = np.exp(-(np.append(time, self.until) - self.since) / self.constant)
+        return self.size * (decayed[:-1] - decayed[-1])[:, None]
+
+    @property
+    def is_contradiction(self) -> bool:
+        """Whether it is a jump that no wander explains."""
+        return self.after is not None and self.chance < CONTRADICTION
+
+
+def find_force_course(
+    norms: Series, up: Vectors, rests: Rests, *, further: bool = False, chance: float = FALSE_ALARM
+) -> BiasCourse | None:
+    """Return how the accelerometers' biases jump or drift, m/s², by the norms of all holds; None if they only wander.
 
     Parameters
     ----------
     norms : (holds,) corrected norm minus gravity, m/s², in the order of time.
     up : (holds, 3) unit vectors of the corrected specific force.
+    rests : the holds.
     further : asymmetries or quadratic terms were adjusted, too.
+    chance : of finding one where biases only wander.
 
     Notes
     -----
-    To first order nine unknowns of accelerometers change a norm by quadratic polynomials of its direction, and a jump
-    by its part along the direction in all later holds. What the nine took of it is taken off both sides before they
-    are compared (Frisch and Waugh 1933). A unit that warms up has an exponential of time in the jump's place.
+    To first order nine unknowns of accelerometers change a norm by quadratic polynomials of its direction, and a bias
+    by its part along it. What the nine took is taken off before the test (Frisch and Waugh 1933).
     """
-    holds = len(norms)
     pairs = [(i, j) for i in range(3) for j in range(i, 3)]
     products = np.column_stack([up[:, i] * up[:, j] for i, j in pairs])
-    base = _orthonormal(np.hstack([up, products, *([np.abs(up) * up, up**3] if further else [])]))
+    known = np.hstack([up, products, *([np.abs(up) * up, up**3] if further else [])])
+    return _likeliest_course(norms, up, rests, known, chance)
+
+
+def find_rate_course(
+    residual: Series, rests: Rests, known: AnyArray | None = None, *, chance: float = FALSE_ALARM
+) -> BiasCourse | None:
+    """Return how one gyro's bias jumps or drifts; None if it only wanders.
+
+    Parameters
+    ----------
+    residual : (holds,) observed minus predicted mean rate at rest.
+    rests : the holds.
+    known, chance : as for `find_bias_steps`, and as for `find_force_course`.
+    """
+    constant = np.ones((len(residual), 1))
+    taken = constant if known is None else np.hstack([constant, known])
+    return _likeliest_course(residual, constant, rests, taken, chance)
+
+
+def _likeliest_course(
+    seen: Series, shown: AnyArray, rests: Rests, known: AnyArray, chance: float
+) -> BiasCourse | None:
+    """The likeliest course of biases, by a ratio of likelihoods against wander.
+
+    `shown` is (holds, axes), by what a bias shows in each observation. Without a course the noise is that of the holds
+    and a wander of any size, as 1/f noise, a random walk, or each hold's own. With one the size is fitted anew. Of
+    m observations beyond the known, a share of exp(-ratio/m) of the squares is left: a beta variable for each course,
+    set of axes and kind of wander, of which the smallest is judged (Bonferroni).
+    """
+    from scipy.special import betainc
+
+    sigma = np.sqrt(np.maximum(rests.variance, 1e-3 * float(np.median(rests.variance)))) + 1e-300
+    base = _orthonormal(known / sigma[:, None])
+    rest = np.linalg.qr(base, mode="complete")[0][:, base.shape[1] :]
+    holds, freedom = len(seen), rest.shape[1]
     splits = range(SMALLEST_SIDE, holds - SMALLEST_SIDE + 1)
-    freedom = holds - base.shape[1] - 3
-    if freedom < LEAST_FREEDOM or not splits:
+    if freedom < LEAST_FREEDOM + 3 or not splits:
         return None
-    seen = norms - base @ (base.T @ norms)
-    order = np.arange(holds, dtype=float)
+    middle = 0.5 * (rests.start + rests.stop)
+    length = max(float(middle[-1] - middle[0]), 1e-9)
+    courses = [np.where(np.arange(holds) >= split, 1.0, 0.0) for split in splits]
+    courses += [np.exp(-(middle - middle[0]) / (constant * length)) for constant in TIME_CONSTANTS]
+    columns = np.stack(courses)[:, :, None] * (shown / sigma[:, None])
+    ratio = _likelihood_ratios(rest.T @ (seen / sigma), columns, rest, shown, rests, sigma)
+    sets = _sets(shown)
+    numbers = np.array([len(axes) for axes in sets])
+    left = betainc(0.5 * (freedom - numbers), 0.5 * numbers, np.exp(-ratio / freedom))
+    best, axes = np.unravel_index(int(np.argmin(left)), left.shape)
+    jump = bool(best < len(splits))
+    trials = (len(splits) if jump else len(TIME_CONSTANTS)) * len(sets) * WANDERS
+    found = min(1.0, trials * float(left[best, axes]))
+    if found >= chance:
+        return None
+    of_axes = np.array(sets[axes])
+    design = np.hstack([base, columns[best][:, of_axes]])
+    size = np.zeros(shown.shape[1])
+    size[of_axes] = np.linalg.lstsq(design, seen / sigma, rcond=1e-9)[0][base.shape[1] :]
+    if jump:
+        after = splits[best] - 1
+        since = 0.5 * float(rests.stop[after] + rests.start[after + 1])
+        return BiasCourse(after, np.inf, since, float(middle[-1]), size, found)
+    constant = TIME_CONSTANTS[best - len(splits)] * length
+    return BiasCourse(None, constant, float(middle[0]), float(middle[-1]), size, found)
 
-    def left(course: Series) -> float:
-        """Squares that a bias leaves that goes so over time."""
-        columns = course[:, None] * up
-        axes = _orthonormal(columns - base @ (base.T @ columns))
-        return max(float(seen @ seen) - float(np.sum((axes.T @ seen) ** 2)), 1e-300)
 
-    best = min(splits, key=lambda split: left(np.where(order >= split, 1.0, 0.0)))
-    after = left(np.where(order >= best, 1.0, 0.0))
-    drifting = min(left(np.exp(-order / (holds * constant))) for constant in TIME_CONSTANTS)
-    explained = (float(seen @ seen) - after) / holds
-    clearly = explained > CLEARLY_EXPLAINED**2 * after / freedom
-    return best - 1 if clearly and holds * np.log(drifting / after) > LIKELIER else None
+def _sets(shown: AnyArray) -> tuple[tuple[int, ...], ...]:
+    return _AXES if shown.shape[1] == 3 else ((0,),)
+
+
+def _likelihood_ratios(
+    seen: Series, columns: AnyArray, rest: AnyArray, shown: AnyArray, rests: Rests, sigma: Series
+) -> AnyArray:
+    """(courses, sets) twice the logarithm by which each course of a bias is likelier than wander alone."""
+    own, columns = np.einsum("cha,chb->cab", columns, columns), np.einsum("hm,cha->cma", rest, columns)
+    span = float(rests.start.min()), float(rests.stop.max())
+    middle = 0.5 * (rests.start + rests.stop) - span[0]
+    together = (shown @ shown.T) / np.outer(sigma, sigma)
+    flicker = covariance_about_the_mean(rests.start, rests.stop, span)
+    without, best = -np.inf, np.full((len(columns), len(_sets(shown))), -np.inf)
+    for wander in (flicker, np.minimum(middle[:, None], middle), np.eye(len(sigma))):
+        spread = rest.T @ (wander * together) @ rest
+        values, vectors = np.linalg.eigh(spread / max(float(np.trace(spread)) / len(spread), 1e-300))
+        turned, across = vectors.T @ seen, np.einsum("mn,cma->cna", vectors, columns)
+        for share in _SHARES:
+            weight = 1.0 / (1.0 + share * np.maximum(values, 0.0))
+            squares = max(float(np.sum(weight * turned**2)), 1e-300)
+            penalty = -0.5 * float(np.sum(np.log(weight)))
+            without = max(without, -penalty - 0.5 * len(seen) * float(np.log(squares)))
+            left = squares - _explained(weight, turned, across, own, _sets(shown))
+            left = np.maximum(left, 1e-12 * squares)
+            best = np.maximum(best, -penalty - 0.5 * len(seen) * np.log(left))
+    return np.maximum(2.0 * (best - without), 0.0)
+
+
+def _explained(
+    weight: Series, seen: Series, columns: AnyArray, own: AnyArray, sets: tuple[tuple[int, ...], ...]
+) -> AnyArray:
+    """(courses, sets) weighted squares that go; what the known took of a course nearly whole is held back."""
+    pull = np.einsum("cma,m->ca", columns, weight * seen)
+    normal = np.einsum("cma,m,cmb->cab", columns, weight, columns) + WEAK * own * float(weight.min())
+    gone = []
+    for axes in sets:
+        part = np.array(axes)
+        solved = np.linalg.solve(
+            normal[:, part[:, None], part] + 1e-300 * np.eye(len(part)), pull[:, part, None]
+        )
+        gone.append(np.einsum("ca,ca->c", pull[:, part], solved[:, :, 0]))
+    return np.stack(gone, axis=1)
 
 
 def _orthonormal(columns: AnyArray) -> AnyArray:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tumble.arrays import Matrices, Matrix, Series, Vectors, inverted
 from tumble.attitude import angle_between, integrate_turns
 from tumble.attitude.integration import average_at_edge
+from tumble.calibration.bias_steps import BiasCourse, Rests, find_force_course
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.estimate import LeftOut
 from tumble.calibration.evidence import Holds
@@ -61,11 +62,54 @@ def holds_evidence(
     gravity : m/s².
     wander : (m/s²)², the variance that a bias has from hold to hold.
     """
+    length = np.linalg.norm(triad.correct(means), axis=1)
+    return Holds(length - gravity, np.sqrt(hold_norm_variances(triad, means, covariance) + wander))
+
+
+def find_norm_course(
+    triad: Triad,
+    means: Vectors,
+    covariance: Matrices,
+    limits: tuple[Series, Series],
+    norms: Series,
+    left_out: Sequence[int],
+) -> BiasCourse | None:
+    """Return how the accelerometers' biases jump or drift, m/s², by the norms of the holds; None if they only wander.
+
+    Holds that were left out may be all of those before a jump, or odd ones that hide it: both are tried.
+
+    Parameters
+    ----------
+    triad, means, covariance : as for `holds_evidence`.
+    limits : (holds,) and (holds,) s, when the holds begin and end.
+    norms : (holds,) m/s², corrected norm minus gravity; NaN of those without.
+    left_out : their indices.
+    """
+    force = triad.correct(means)
+    up = force / np.linalg.norm(force, axis=1, keepdims=True)
+    variance = hold_norm_variances(triad, means, covariance)
+    further = triad.asymmetry is not None or triad.quadratic is not None
+    every = np.flatnonzero(np.isfinite(norms))
+    found: list[BiasCourse] = []
+    for used in (every, np.setdiff1d(every, left_out))[: 2 if len(left_out) else 1]:
+        rests = Rests(limits[0][used], limits[1][used], variance[used])
+        course = find_force_course(norms[used], up[used], rests, further=further)
+        if course is not None:
+            after = None if course.after is None else int(used[course.after])
+            found.append(replace(course, after=after))
+    return min(found, key=lambda course: course.chance, default=None)
+
+
+def hold_norm_variances(triad: Triad, means: Vectors, covariance: Matrices) -> Series:
+    """Return (holds,) (m/s²)², variances of the corrected means' norms by what the means are uncertain by.
+
+    Parameters
+    ----------
+    triad, means, covariance : as for `holds_evidence`.
+    """
     corrected = triad.correct(means)
-    length = np.linalg.norm(corrected, axis=1)
-    along = (corrected / length[:, None]) @ inverted(triad.matrix)
-    variance = np.einsum("ka,kab,kb->k", along, covariance, along)
-    return Holds(length - gravity, np.sqrt(variance + wander))
+    along = (corrected / np.linalg.norm(corrected, axis=1, keepdims=True)) @ inverted(triad.matrix)
+    return np.einsum("ka,kab,kb->k", along, covariance, along)
 
 
 def left_out_holds(outliers: Iterable[Outlier], norms: Series) -> list[LeftOut]:

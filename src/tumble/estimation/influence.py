@@ -8,12 +8,12 @@ among them: ``G (L^-1 S L^-T) G'`` for each part S of ``L L'``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tumble.arrays import AnyArray, Square, Vector
+from tumble.arrays import AnyArray, Series, Square, Vector
 from tumble.estimation.chain import Spread, Whitened
 from tumble.estimation.equations import Drift, Equations
 from tumble.estimation.gauss_helmert import Prior
@@ -83,6 +83,27 @@ class Influences:
     def shared(self) -> Square:
         """By how much the covariance is that of wanders in common and not of independent ones."""
         return sum(self.neighbours.values(), np.zeros(self.covariance.shape))
+
+    def with_course(self, source: str, name: str, departure: Callable[[Series], AnyArray]) -> Influences:
+        """Return those of an estimate whose biases take another course than it knows of: what it does is uncertain.
+
+        Parameters
+        ----------
+        source : whose terms show it.
+        name : of its share.
+        departure : (times,) s to (times, axes) raw, by what the biases differ from what is stated.
+        """
+        moved = np.zeros(len(self.covariance))
+        for influence in self.each:
+            if source in influence.drifts:
+                drift = influence.drifts[source]
+                away = departure(0.5 * (drift.start + drift.stop))
+                moved += np.einsum("tum,tma,ta->u", influence.gain, drift.by_bias, away)
+        more = np.outer(moved, moved)
+        before = self.neighbours.get(name, 0.0)
+        return replace(
+            self, covariance=self.covariance + more, neighbours={**self.neighbours, name: before + more}
+        )
 
     def shares(self, order: Sequence[str]) -> dict[str, Square]:
         """Return source -> (unknowns, unknowns) share of the covariance, of the sources that there are.

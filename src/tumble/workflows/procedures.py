@@ -224,34 +224,27 @@ def _of_other_rests(session: Session) -> list[str]:
 
 
 def _of_force_step(session: Session, estimate: Estimate) -> list[str]:
-    """What is said of accelerometers whose biases jump between two holds.
+    """What is said of accelerometers whose biases jump between two holds."""
+    from tumble.calibration.bias_steps import switched_on_anew
+    from tumble.calibration.scores import find_norm_course
 
-    Holds that were left out may be all of those before a jump, or odd ones that hide it.
-    """
-    from tumble.calibration.bias_steps import find_force_step, switched_on_anew
-
-    norms, means, triad = estimate.holds.norms, session.means, estimate.model.accelerometer
+    means, triad = session.means, estimate.model.accelerometer
+    force, covariance, norms = means.specific_force, means.specific_force_covariance, estimate.holds.norms
     if (
         triad is None
-        or means.specific_force is None
+        or force is None
+        or covariance is None
         or len(norms) != len(means.time)
         or estimate.thermal is not None
     ):
         return []
-    force = triad.correct(means.specific_force)
-    up = force / np.linalg.norm(force, axis=1, keepdims=True)
-    further = triad.asymmetry is not None or triad.quadratic is not None
-    every = np.flatnonzero(np.isfinite(norms))
     gone = [left.index for left in estimate.left_out if left.kind == "hold"]
-    for used in (every, np.setdiff1d(every, gone)):
-        last = find_force_step(norms[used], up[used], further=further)
-        if last is not None:
-            before, after = used[[last, last + 1]]
-            when = f"at about {means.time[[before, after]].mean():.0f} s"
-            return [
-                switched_on_anew("accelerometers", f"between hold {before + 1} and hold {after + 1}, {when}")
-            ]
-    return []
+    limits = means.time - 0.5 * means.duration, means.time + 0.5 * means.duration
+    course = find_norm_course(triad, force, covariance, limits, norms, gone)
+    if course is None or course.after is None or not course.is_contradiction:
+        return []
+    where = f"between hold {course.after + 1} and hold {course.after + 2}, at about {course.since:.0f} s"
+    return [switched_on_anew("accelerometers", where)]
 
 
 def check_prior(sessions: Sequence[Session], knowledge: StableKnowledge, estimate: Estimate) -> None:

@@ -5,6 +5,7 @@ from tumble.estimation.influence import BENT, OUTLYING, PRIOR
 FORCE_REST = "accelerometers at rest"
 FORCE_TURNING = "accelerometers while turning"
 FORCE_WANDER = "accelerometer biases wander"
+FORCE_COURSE = "accelerometer biases that jump or drift"
 RATE_REST = "gyros at rest"
 RATE_TURNING = "gyros while turning"
 RATE_WANDER = "gyro biases wander"
@@ -20,7 +21,18 @@ SAMPLE_RATE = "sample rate"
 TABLE_RATE = "rate of the table"
 OTHER = "everything else"
 SOURCES = (
-    *(FORCE_REST, FORCE_TURNING, FORCE_WANDER, RATE_REST, RATE_TURNING, RATE_WANDER, SWAY, TURNS, ANGLES),
+    *(
+        FORCE_REST,
+        FORCE_TURNING,
+        FORCE_WANDER,
+        FORCE_COURSE,
+        RATE_REST,
+        RATE_TURNING,
+        RATE_WANDER,
+        SWAY,
+        TURNS,
+        ANGLES,
+    ),
     *(AXIS, PLACEMENT),
     *(LEVER, EARTH_RATE_KNOWN, PRIOR, OUTLYING, BENT, GRAVITY, SAMPLE_RATE, TABLE_RATE, OTHER),
 )

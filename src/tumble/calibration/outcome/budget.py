@@ -11,6 +11,7 @@ from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, inverted
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.causes import (
     AXIS,
+    FORCE_COURSE,
     FORCE_REST,
     FORCE_TURNING,
     FORCE_WANDER,
@@ -120,6 +121,19 @@ def recording_influences(task: JointAdjustment) -> Influences:
     span = float(data.base.time[0]), float(data.base.time[-1])
     settled = settled_at(task)
     return influences_of(settled, task.prior, densities, span, _between(task))
+
+
+def outcome_influences(outcome: JointOutcome) -> Influences:
+    """Return those of a settled outcome, a course of the accelerometers' biases among them.
+
+    Parameters
+    ----------
+    outcome : whose course is known.
+    """
+    influences = recording_influences(outcome.task)
+    if outcome.course is None:
+        return influences
+    return influences.with_course(FORCE_WANDER, FORCE_COURSE, outcome.course.departure)
 
 
 def _between(task: JointAdjustment) -> dict[str, Vector]:

@@ -26,7 +26,7 @@ from tumble.calibration.evidence import Budget
 from tumble.calibration.outcome.budget import (
     NamedParameters,
     gravity_slope,
-    recording_influences,
+    outcome_influences,
     source_degrees,
 )
 from tumble.calibration.uncertainty_statement import DrawnDistributions, coverage_factors
@@ -110,7 +110,7 @@ def _scale(estimate: Estimate) -> float:
 
 def _draw_unknowns(outcome: JointOutcome, runs: int, rng: np.random.Generator, scale: float = 1.0) -> Table:
     """Return (runs, unknowns) draws about the solution."""
-    shares = recording_influences(outcome.task).shares(SOURCES)
+    shares = outcome_influences(outcome).shares(SOURCES)
     degrees = source_degrees(outcome)
     free = outcome.task.unknowns.free
     off = np.zeros((runs, free.size))
@@ -265,7 +265,7 @@ def _spread_ratio(unknowns: Table, outcome: JointOutcome, named: NamedParameters
     """Root mean square of the full adjustments' errors over the first order's sigma, per parameter."""
     if not len(unknowns):
         return np.zeros(0)
-    influences = recording_influences(outcome.task)
+    influences = outcome_influences(outcome)
     linear = np.einsum("pa,ab,pb->p", named.slope, influences.covariance, named.slope)
     centre = named.at(outcome.values)
     off = np.array([named.at(drawn) - centre for drawn in unknowns])

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Square, Vectors, inverted
+from tumble.calibration.bias_steps import BiasCourse
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.equations.adjustment import JointAdjustment, rest_noise
-from tumble.calibration.equations.causes import FORCE_WANDER
+from tumble.calibration.equations.causes import FORCE_COURSE, FORCE_WANDER
 from tumble.calibration.equations.hold_equations import Rate
 from tumble.calibration.equations.imu_unknowns import LAYOUT, gyro_matrix
 from tumble.calibration.equations.observed import Observed
@@ -43,7 +44,7 @@ from tumble.calibration.outcome.contradictions import contradictions
 from tumble.calibration.outcome.description import describe, rotation_of_frame
 from tumble.calibration.outcome.restless import find_restless, restless_remarks
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.scores import hold_norm_errors, score_turns
+from tumble.calibration.scores import find_norm_course, hold_norm_errors, score_turns
 from tumble.calibration.terms import TERMS
 from tumble.calibration.terms.lever_arms import lever_arms_of
 from tumble.earth import Site
@@ -85,6 +86,7 @@ class JointOutcome:
     untried : optional terms that what was recorded does not determine.
     table_sigma : share by which a table's rates are believed to be off, one sigma, zero for exact ones; None if nobody
         says.
+    course : raw, of the accelerometers' biases; None if they only wander.
     """
 
     recording: Recording
@@ -98,6 +100,7 @@ class JointOutcome:
     knowledge: StableKnowledge | None = None
     untried: list[str] = field(default_factory=list[str])
     table_sigma: float | None = None
+    course: BiasCourse | None = None
 
     @property
     def data(self) -> Observed:
@@ -131,6 +134,12 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
     influences = recording_influences(outcome.task)
     described = _describe_joint(outcome, influences)
     norms, sigmas = _norms(outcome, described.model)
+    course = _force_course(outcome, described.model, norms)
+    if course is not None:
+        assert described.model.accelerometer is not None
+        outcome.course = replace(course, size=described.model.accelerometer.matrix @ course.size)
+        influences = influences.with_course(FORCE_WANDER, FORCE_COURSE, outcome.course.departure)
+        described = describe_joint(outcome, influences)
     angles, sizes = _turn_scores(outcome, described.model)
     restless = find_restless(outcome.data, outcome.task.noise, float(outcome.recording.time[0]))
     start = outcome.start
@@ -153,7 +162,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
             *([] if start is None else start.said_of_recording()),
             *said_of(
                 remarks=_remarks(outcome, described.parameters),
-                cautions=_of_clock(outcome),
+                cautions=[*_of_clock(outcome), *_of_course(course)],
                 objections=contradictions(outcome),
                 not_determined=_not_determined(outcome),
             ),
@@ -304,6 +313,30 @@ def _norms(outcome: JointOutcome, model: ImuModel) -> tuple[Series, Series]:
     )
     variance = np.einsum("ka,kab,kb->k", along, base.force_covariance, along) + outcome.task.noise["force"]
     return norms, np.sqrt(variance)
+
+
+def _force_course(outcome: JointOutcome, model: ImuModel, norms: Series) -> BiasCourse | None:
+    """How the accelerometers' biases jump or drift, m/s²; None if they only wander."""
+    base, triad = outcome.data.base, model.accelerometer
+    assert triad is not None
+    limits = base.time[base.head[:, 0]], base.time[base.tail[:, 1] - 1]
+    gone = [outlier.group for outlier in outcome.balanced.outliers if outlier.kind == "force"]
+    return find_norm_course(triad, base.force_mean, base.force_covariance, limits, norms, gone)
+
+
+def _of_course(course: BiasCourse | None) -> list[str]:
+    """What is said of accelerometers that drift; the objection to those that jump is everybody's."""
+    if course is None or course.is_contradiction:
+        return []
+    size = 1e3 * float(np.linalg.norm(course.size))
+    how = f"drift by about {size:.2g} mm/s² (time constant about {course.constant:.2g} s), as of a unit that warms up"
+    if course.after is not None:
+        where = f"between hold {course.after + 1} and hold {course.after + 2}, at about {course.since:.0f} s"
+        how = f"jump by about {size:.2g} mm/s² {where}"
+    return [
+        f"The biases of the accelerometers seem to {how}. The uncertainties count what it does to each number, and how "
+        "far the last biases are off the stated ones. Let the unit warm up, and record again."
+    ]
 
 
 def _turn_sigmas(outcome: JointOutcome) -> Series:

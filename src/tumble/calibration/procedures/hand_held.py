@@ -14,7 +14,7 @@ import numpy as np
 
 from tumble.arrays import Series, Square, Vectors, inverted
 from tumble.calibration.bias_drift import add_bias_drift, count_departure
-from tumble.calibration.bias_steps import CLEARLY, find_bias_steps, switched_on_anew
+from tumble.calibration.bias_steps import Rests, find_bias_steps, find_rate_course, switched_on_anew
 from tumble.calibration.canonical import describe_unknowns
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.norm import NormConditions
@@ -239,7 +239,12 @@ def add_bias_step(
             "both. Its uncertainty counts how far the last one is off it. A knock or the supply can do it; record "
             "again.",
         )
-    if any(abs(step.size) > CLEARLY * step.scatter for step in steps):
+    start, stop = recording.time[data.head[:, 0]], recording.time[data.tail[:, 1] - 1]
+    courses = [
+        find_rate_course(residual[:, step.axis], Rests(start, stop, variance[:, step.axis]), known)
+        for step in steps
+    ]
+    if any(course is not None and course.is_contradiction for course in courses):
         estimate.say("objection", switched_on_anew("gyros", _between(data, recording, steps[0].before)))
 
 
