@@ -224,7 +224,9 @@ def _likeliest_course(
     ratio = _likelihood_ratios(rest.T @ (seen / sigma), columns, rest, shown, rests, sigma)
     sets = _sets(shown)
     numbers = np.array([len(axes) for axes in sets])
-    left = betainc(0.5 * (freedom - numbers), 0.5 * numbers, np.exp(-ratio / freedom))
+    left = np.asarray(
+        betainc(0.5 * (freedom - numbers), 0.5 * numbers, np.exp(-ratio / freedom)), dtype=np.float64
+    )
     best, axes = np.unravel_index(int(np.argmin(left)), left.shape)
     jump = bool(best < len(splits))
     trials = (len(splits) if jump else len(TIME_CONSTANTS)) * len(sets) * WANDERS
@@ -278,11 +280,12 @@ def _explained(
     """(courses, sets) weighted squares that go; what the known took of a course nearly whole is held back."""
     pull = np.einsum("cma,m->ca", columns, weight * seen)
     normal = np.einsum("cma,m,cmb->cab", columns, weight, columns) + WEAK * own * float(weight.min())
-    gone = []
+    gone: list[AnyArray] = []
     for axes in sets:
         part = np.array(axes)
-        solved = np.linalg.solve(
-            normal[:, part[:, None], part] + 1e-300 * np.eye(len(part)), pull[:, part, None]
+        solved = np.asarray(
+            np.linalg.solve(normal[:, part[:, None], part] + 1e-300 * np.eye(len(part)), pull[:, part, None]),
+            dtype=np.float64,
         )
         gone.append(np.einsum("ca,ca->c", pull[:, part], solved[:, :, 0]))
     return np.stack(gone, axis=1)

@@ -36,7 +36,7 @@ def test_a_step_is_found_on_its_axis_between_its_holds_with_its_size(
 
 def test_the_stated_sigma_is_that_of_many_steps() -> None:
     """Errors over sigma of 200 steps: the level is a median (37 % efficient), so that the spread is 0.85 to 1.3."""
-    normalised = []
+    normalised: list[float] = []
     for seed in range(200):
         residual, variance = residuals(seed)
         residual[12:, 1] += 3e-3

@@ -333,10 +333,11 @@ def _of_course(course: BiasCourse | None) -> list[str]:
     if course.after is not None:
         where = f"between hold {course.after + 1} and hold {course.after + 2}, at about {course.since:.0f} s"
         how = f"jump by about {size:.2g} mm/s² {where}"
-    return [
+    said = (
         f"The biases of the accelerometers seem to {how}. The uncertainties count what it does to each number, and how "
         "far the last biases are off the stated ones. Let the unit warm up, and record again."
-    ]
+    )
+    return [said]
 
 
 def _turn_sigmas(outcome: JointOutcome) -> Series:
