@@ -271,3 +271,26 @@ def test_another_unit_from_the_middle_of_a_file_on_is_said() -> None:
     site = tumble.Site.from_latitude(one.place.stated_latitude, one.place.height)
     said = against(tumble.calibrate(pl.DataFrame(joined), site=site).calibration)
     assert re.search("two units are in one recording|another unit's recording", said)
+
+
+def test_accelerometers_that_jump_by_a_milligee_on_one_axis_are_said() -> None:
+    """Scale factors of such recordings were fit and up to 6 of their sigmas off."""
+    for seed in (23, 24, 25):
+        said = against(by_hand(seed, force=[0.0, 1.0, 0.0]))
+        assert re.search(r"The biases of the accelerometers jump between hold 1[234] and hold 1[345]", said)
+
+
+def test_what_accelerometers_that_warm_up_do_to_each_number_is_counted(tmp_path: Path) -> None:
+    """The bias was 5.4 of its stated sigmas off. The simulator's time constant is 60 s."""
+    made = PROCEDURES["by-hand"](GRADES["industrial"], np.random.default_rng(402), "warm-up")
+    found = tumble.calibrate(
+        pl.DataFrame(made.columns()), site=tumble.Site.from_latitude(made.place.stated_latitude)
+    ).calibration
+    (said,) = [word for word in found.verdict.reasons if "accelerometers seem to drift" in word]
+    constant = re.search(r"time constant about (\d+) s", said)
+    assert constant is not None
+    assert 30 < float(constant[1]) < 120
+    assert found.accelerometer is not None
+    true = made.truth.terms(found.frame.name)["accelerometer.bias"]
+    sigma = [p.standard_uncertainty for p in found.parameters if p.name.startswith("accelerometer bias")]
+    assert np.max(np.abs(np.array(found.accelerometer.bias) - true) / np.array(sigma)) < 3.0

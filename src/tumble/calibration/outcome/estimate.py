@@ -139,7 +139,7 @@ def joint_estimate(outcome: JointOutcome) -> Estimate:
         assert described.model.accelerometer is not None
         outcome.course = replace(course, size=described.model.accelerometer.matrix @ course.size)
         influences = influences.with_course(FORCE_WANDER, FORCE_COURSE, outcome.course.departure)
-        described = describe_joint(outcome, influences)
+        described = _describe_joint(outcome, influences)
     angles, sizes = _turn_scores(outcome, described.model)
     restless = find_restless(outcome.data, outcome.task.noise, float(outcome.recording.time[0]))
     start = outcome.start
