@@ -30,6 +30,7 @@ SOURCES = [
     "src/tumble/navigation/filter/kernels.py",
     "src/tumble/navigation/free_runs/kernels.py",
     "src/tumble/noise/kernels.py",
+    "src/tumble/recording/formats/kernels.py",
     "src/tumble/segmentation/kernels.py",
     "src/tumble/sensor/kernels.py",
     "src/tumble/simulation/kernels.py",

@@ -52,10 +52,10 @@ def _both(
 def test_attitude(as_python: Callable[[str], ModuleType]) -> None:
     def turns() -> list[object]:
         rng = np.random.default_rng(1)
-        rate, force = rng.normal(0.0, 8.0, (40, 3)), rng.normal(0.0, 9.0, (40, 3))
+        rate, force = rng.normal(0.0, 20.0, (99, 3)), rng.normal(0.0, 9.0, (99, 3))
         inverse, coupling = np.eye(3) + 0.1 * rng.random((3, 3)), 1e-3 * rng.random((3, 3))
-        ranges = np.array([2, 18]), np.array([17, 40])
-        time = np.cumsum(rng.uniform(0.01, 0.03, 40))
+        ranges = np.array([2, 18]), np.array([17, 99])
+        time = np.cumsum(rng.uniform(0.001, 0.03, 99))
         bias = rng.random(3)
         results = np.zeros((2, 3, 3)), np.zeros((2, 3, 3, 7))
         return [

@@ -10,7 +10,6 @@ import cython
 from cython.cimports.libc.math import atan2, cos, sin, sqrt
 
 
-@cython.locals(v0=cython.double, v1=cython.double, v2=cython.double)
 def integrate_segments(
     time: cython.const[cython.double][::1],
     raw_rate: cython.const[cython.double][:, ::1],
@@ -34,60 +33,99 @@ def integrate_segments(
     plus step^2/12 of the cross product of both rates (the coning term of a linear rate).
     """
     c = cython.declare(cython.double[9])
-    half_way = cython.declare(cython.double[9])
-    # seven regressors, and one place more, so that a row is two wide registers
-    now = cython.declare(cython.double[8])
-    before = cython.declare(cython.double[8])
-    middle = cython.declare(cython.double[8])
+    rotation = cython.declare(cython.double[9])
+    v = cython.declare(cython.double[3])
+    # by regressor: of 32 samples and the next one
+    x = cython.declare(cython.double[231])
+    # of 32 steps: the regressors' integrals (and a zero), half of the rotations by entry, attitudes half-way
+    middle = cython.declare(cython.double[256])
+    turns = cython.declare(cython.double[288])
+    half_way = cython.declare(cython.double[288])
     sums = cython.declare(cython.double[72])
     with cython.nogil:
         for k in range(starts.shape[0]):
             _unit(c)
             for m in range(72):
                 sums[m] = 0.0
-            for j in range(8):
-                now[j] = before[j] = middle[j] = 0.0
-            for i in range(starts[k], stops[k]):
-                for axis in range(3):
-                    now[4 + axis] = (
-                        force_inverse[axis, 0] * (raw_force[i, 0] - force_bias[0])
-                        + force_inverse[axis, 1] * (raw_force[i, 1] - force_bias[1])
-                        + force_inverse[axis, 2] * (raw_force[i, 2] - force_bias[2])
-                    )
-                v0 = raw_rate[i, 0] - gyro_bias[0]
-                v1 = raw_rate[i, 1] - gyro_bias[1]
-                v2 = raw_rate[i, 2] - gyro_bias[2]
-                for j in range(3):
-                    v0 -= g_sensitivity[0, j] * now[4 + j]
-                    v1 -= g_sensitivity[1, j] * now[4 + j]
-                    v2 -= g_sensitivity[2, j] * now[4 + j]
-                for axis in range(3):
-                    now[axis] = (
-                        gyro_inverse[axis, 0] * v0 + gyro_inverse[axis, 1] * v1 + gyro_inverse[axis, 2] * v2
-                    )
-                now[3] = 1.0
-                if i > starts[k]:
-                    step = time[i] - time[i - 1]
-                    half = 0.5 * step
-                    coning = step * step * (1.0 / 12.0)
-                    for j in range(8):
-                        middle[j] = half * (before[j] + now[j])
-                    p = middle[0] + coning * (before[1] * now[2] - before[2] * now[1])
-                    q = middle[1] + coning * (before[2] * now[0] - before[0] * now[2])
-                    r = middle[2] + coning * (before[0] * now[1] - before[1] * now[0])
-                    # the middle of the step, for the sums: half of the rotation vector
-                    _turn(c, 0.5 * p, 0.5 * q, 0.5 * r, half_way)
+            first = starts[k]
+            while first < stops[k] - 1:
+                steps = min(32, stops[k] - 1 - first)
+                for i in range(steps + 1):
+                    s = first + i
+                    for axis in range(3):
+                        x[33 * (4 + axis) + i] = (
+                            force_inverse[axis, 0] * (raw_force[s, 0] - force_bias[0])
+                            + force_inverse[axis, 1] * (raw_force[s, 1] - force_bias[1])
+                            + force_inverse[axis, 2] * (raw_force[s, 2] - force_bias[2])
+                        )
+                    for axis in range(3):
+                        v[axis] = (
+                            raw_rate[s, axis]
+                            - gyro_bias[axis]
+                            - g_sensitivity[axis, 0] * x[132 + i]
+                            - g_sensitivity[axis, 1] * x[165 + i]
+                            - g_sensitivity[axis, 2] * x[198 + i]
+                        )
+                    for axis in range(3):
+                        x[33 * axis + i] = (
+                            gyro_inverse[axis, 0] * v[0]
+                            + gyro_inverse[axis, 1] * v[1]
+                            + gyro_inverse[axis, 2] * v[2]
+                        )
+                _half_turns(time, first, x, steps, middle, turns)
+                for i in range(steps):
                     for m in range(9):
+                        rotation[m] = turns[32 * m + i]
+                    _product(c, 0, rotation, half_way, 9 * i)
+                    _product(half_way, 9 * i, rotation, c, 0)
+                for m in range(9):
+                    for i in range(steps):
                         for j in range(8):
-                            sums[8 * m + j] += half_way[m] * middle[j]
-                    _turn(half_way, 0.5 * p, 0.5 * q, 0.5 * r, c)
-                for j in range(8):
-                    before[j] = now[j]
+                            sums[8 * m + j] += half_way[9 * i + m] * middle[8 * i + j]
+                first += steps
             for m in range(3):
                 for j in range(3):
                     C_start_end[k, m, j] = c[3 * m + j]
                     for axis in range(7):
                         gyro_sums[k, m, j, axis] = sums[8 * (3 * m + j) + axis]
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _half_turns(
+    time: cython.const[cython.double][::1],
+    first: cython.Py_ssize_t,
+    x: cython.p_double,
+    steps: cython.Py_ssize_t,
+    middle: cython.p_double,
+    turns: cython.p_double,
+) -> cython.void:
+    """Fill the regressors' integrals over each step, and its rotation half-way: half of the rotation vector."""
+    vector = cython.declare(cython.double[96])
+    for i in range(steps):
+        step = time[first + i + 1] - time[first + i]
+        half, coning = 0.5 * step, step * step * (1.0 / 12.0)
+        a0, a1, a2, b0, b1, b2 = x[i], x[33 + i], x[66 + i], x[i + 1], x[34 + i], x[67 + i]
+        m0, m1, m2 = half * (a0 + b0), half * (a1 + b1), half * (a2 + b2)
+        vector[i] = 0.5 * (m0 + coning * (a1 * b2 - a2 * b1))
+        vector[32 + i] = 0.5 * (m1 + coning * (a2 * b0 - a0 * b2))
+        vector[64 + i] = 0.5 * (m2 + coning * (a0 * b1 - a1 * b0))
+        middle[8 * i], middle[8 * i + 1], middle[8 * i + 2], middle[8 * i + 3] = m0, m1, m2, step
+        for j in range(4, 7):
+            middle[8 * i + j] = half * (x[33 * j + i] + x[33 * j + i + 1])
+        middle[8 * i + 7] = 0.0
+    for i in range(steps):
+        p, q, r = vector[i], vector[32 + i], vector[64 + i]
+        square = p * p + q * q + r * r
+        _fill_rotation(p, q, r, _sinc(square), _cosc(square), turns, i, 32)
+    for i in range(steps):
+        p, q, r = vector[i], vector[32 + i], vector[64 + i]
+        square = p * p + q * q + r * r
+        if square >= 0.04:
+            angle = sqrt(square)
+            _fill_rotation(p, q, r, sin(angle) / angle, (1.0 - cos(angle)) / square, turns, i, 32)
 
 
 @cython.cfunc
@@ -105,43 +143,90 @@ def _unit(c: cython.p_double) -> cython.void:
 @cython.inline
 @cython.nogil
 @cython.exceptval(check=False)
+def _sinc(square: cython.double) -> cython.double:
+    """Return sin(a) / a of the square of an angle, to 1e-17 below 0.2 rad."""
+    return 1.0 - square * (
+        1.0 / 6.0
+        - square
+        * (1.0 / 120.0 - square * (1.0 / 5040.0 - square * (1.0 / 362880.0 - square * (1.0 / 39916800.0))))
+    )
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _cosc(square: cython.double) -> cython.double:
+    """Return (1 - cos(a)) / a² of the square of an angle, to 1e-17 below 0.2 rad."""
+    return 0.5 - square * (
+        1.0 / 24.0
+        - square
+        * (1.0 / 720.0 - square * (1.0 / 40320.0 - square * (1.0 / 3628800.0 - square * (1.0 / 479001600.0))))
+    )
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _fill_rotation(
+    p: cython.double,
+    q: cython.double,
+    r: cython.double,
+    sinc: cython.double,
+    cosc: cython.double,
+    made: cython.p_double,
+    at: cython.Py_ssize_t,
+    apart: cython.Py_ssize_t,
+) -> cython.void:
+    """Fill the rotation by the vector (p, q, r) rad (Rodrigues): from a place on, its entries so far apart."""
+    d = 1.0 - cosc * (p * p + q * q + r * r)
+    made[at] = d + cosc * p * p
+    made[at + apart] = cosc * p * q - sinc * r
+    made[at + 2 * apart] = cosc * p * r + sinc * q
+    made[at + 3 * apart] = cosc * p * q + sinc * r
+    made[at + 4 * apart] = d + cosc * q * q
+    made[at + 5 * apart] = cosc * q * r - sinc * p
+    made[at + 6 * apart] = cosc * p * r - sinc * q
+    made[at + 7 * apart] = cosc * q * r + sinc * p
+    made[at + 8 * apart] = d + cosc * r * r
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _product(
+    c: cython.p_double,
+    at: cython.Py_ssize_t,
+    by: cython.p_double,
+    made: cython.p_double,
+    to: cython.Py_ssize_t,
+) -> cython.void:
+    """Fill the product of two matrices, the first from a place of `c` on; `made` is another array."""
+    for m in range(0, 9, 3):
+        x, y, z = c[at + m], c[at + m + 1], c[at + m + 2]
+        made[to + m] = x * by[0] + y * by[3] + z * by[6]
+        made[to + m + 1] = x * by[1] + y * by[4] + z * by[7]
+        made[to + m + 2] = x * by[2] + y * by[5] + z * by[8]
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
 def _turn(
     c: cython.p_double, p: cython.double, q: cython.double, r: cython.double, turned: cython.p_double
 ) -> cython.void:
-    """Fill C times the rotation by the vector (p, q, r) rad (Rodrigues); `turned` is another matrix."""
+    """Fill C times the rotation by the vector (p, q, r) rad; `turned` is another matrix."""
+    rotation = cython.declare(cython.double[9])
     square = p * p + q * q + r * r
     if square < 0.04:
-        # to 1e-17 below 0.2 rad
-        sinc = 1.0 - square * (
-            1.0 / 6.0
-            - square
-            * (
-                1.0 / 120.0
-                - square * (1.0 / 5040.0 - square * (1.0 / 362880.0 - square * (1.0 / 39916800.0)))
-            )
-        )
-        cosc = 0.5 - square * (
-            1.0 / 24.0
-            - square
-            * (
-                1.0 / 720.0
-                - square * (1.0 / 40320.0 - square * (1.0 / 3628800.0 - square * (1.0 / 479001600.0)))
-            )
-        )
+        _fill_rotation(p, q, r, _sinc(square), _cosc(square), rotation, 0, 1)
     else:
         angle = sqrt(square)
-        sinc = sin(angle) / angle
-        cosc = (1.0 - cos(angle)) / square
-    d = 1.0 - cosc * square
-    r00, r11, r22 = d + cosc * p * p, d + cosc * q * q, d + cosc * r * r
-    r01, r10 = cosc * p * q - sinc * r, cosc * p * q + sinc * r
-    r02, r20 = cosc * p * r + sinc * q, cosc * p * r - sinc * q
-    r12, r21 = cosc * q * r - sinc * p, cosc * q * r + sinc * p
-    for m in range(3):
-        x, y, z = c[3 * m], c[3 * m + 1], c[3 * m + 2]
-        turned[3 * m] = x * r00 + y * r10 + z * r20
-        turned[3 * m + 1] = x * r01 + y * r11 + z * r21
-        turned[3 * m + 2] = x * r02 + y * r12 + z * r22
+        _fill_rotation(p, q, r, sin(angle) / angle, (1.0 - cos(angle)) / square, rotation, 0, 1)
+    _product(c, 0, rotation, turned, 0)
 
 
 def fill_rotation_vectors(C: cython.const[cython.double][:, :, ::1], vectors: cython.double[:, ::1]) -> None:

@@ -300,7 +300,7 @@ def _beside(base: HoldsAndTurns, rotation: Rotation) -> tuple[int | None, int | 
 def _has_gap(base: HoldsAndTurns, before: int) -> bool:
     """Whether samples are missing between a hold and the next one."""
     steps = np.diff(base.time[base.tail[before, 1] - 1 : base.head[before + 1, 0] + 1])
-    return bool(np.any(steps > max(LONGEST_GAP, 1.5 * float(np.median(np.diff(base.time))))))
+    return bool(np.any(steps > max(LONGEST_GAP, 1.5 * base.step)))
 
 
 def _window_sizes(u: Unknowns, base: HoldsAndTurns, before: int, rate: Series) -> dict[str, float]:

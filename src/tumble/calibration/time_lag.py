@@ -67,7 +67,7 @@ def estimate_time_lag(data: HoldsAndTurns, model: ImuModel) -> TimeLag | None:
     misfit = top[keep] - lag * bottom[keep]
     count = int(np.count_nonzero(keep))
     sigma = float(np.sqrt(np.sum(misfit**2) * count / max(count - 1, 1)) / np.sum(bottom[keep]))
-    truncation = TRUNCATION * float(np.median(np.diff(data.time)))
+    truncation = TRUNCATION * data.step
     return TimeLag(lag, float(np.hypot(sigma, truncation)), count)
 
 

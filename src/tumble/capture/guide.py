@@ -285,7 +285,7 @@ def _wandering(gathered: HoldsAndTurns, noise: PlannedNoise) -> HoldsAndTurns:
     """
     from tumble.design.hold_noise import wander_sigma
 
-    dwell = float(np.median(gathered.hold_samples)) * float(np.median(np.diff(gathered.time)))
+    dwell = float(np.median(gathered.hold_samples)) * gathered.step
     changed: dict[str, np.ndarray] = {}
     for name, triad in (("force", noise.accelerometer), ("rate", noise.gyroscope)):
         floor = getattr(gathered, f"{name}_floor")

@@ -6,7 +6,7 @@ import numpy as np
 
 from tumble.recording.doctor import channels_of
 from tumble.recording.recording import Recording
-from tumble.recording.saturation import find_saturation, noise_of
+from tumble.recording.saturation import find_saturation
 
 
 def find_dead_channels(recording: Recording) -> list[str]:
@@ -22,7 +22,7 @@ def find_saturated_channels(recording: Recording) -> list[str]:
     """Return a sentence for each limit at which a channel sticks."""
     sentences: list[str] = []
     for name, channel in channels_of(recording).items():
-        for found in find_saturation(channel, name, noise_of(channel)):
+        for found in find_saturation(channel, name):
             when = float(recording.time[found.index])
             sentences.append(
                 f"{name} is saturated at {found.value:g} in {found.samples} samples (first for long at {when:.1f} s): "

@@ -24,31 +24,33 @@ class Saturation:
     index: int
 
 
-def find_saturation(channel: Series, name: str, floor: float) -> list[Saturation]:
+def find_saturation(channel: Series, name: str, floor: float | None = None) -> list[Saturation]:
     """Return where a channel sticks at its largest or smallest value.
 
     A sensor at its limit repeats one value, run after run, and has more samples there than in the
     whole twentieth of its range next to it; noise around a level does not.
+
+    Parameters
+    ----------
+    channel, name : (samples,) raw, and what it is called.
+    floor : noise per sample, raw units; None where it is to be found if it matters.
     """
     found: list[Saturation] = []
-    middle = float(np.median(channel))
     for value in (float(channel.max()), float(channel.min())):
-        reach = abs(value - middle)
+        at = np.flatnonzero(channel == value)
+        # Where a run begins, and one past the last: most channels have none, and nothing more is to be looked at.
+        edges = np.concatenate([[0], np.flatnonzero(np.diff(at) > 1) + 1, [at.size]])
+        longest = int(np.argmax(np.diff(edges)))
+        run = int(edges[longest + 1] - edges[longest])
+        if at.size <= _LEAST_RUN or run < _LEAST_RUN:
+            continue
+        floor = noise_of(channel) if floor is None else floor
+        reach = abs(value - float(np.median(channel)))
         if reach <= 20.0 * floor or reach == 0.0:
             continue
-        at = channel == value
-        count = int(at.sum())
-        if count < _LEAST_RUN + 1:
-            continue
-        near = (np.abs(channel - value) < _LEFT * reach) & ~at
-        if count <= int(near.sum()):
-            continue
-        edges = np.diff(np.concatenate([[0], at.astype(np.int8), [0]]))
-        starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-        longest = int(np.argmax(stops - starts))
-        run = int(stops[longest] - starts[longest])
-        if run >= _LEAST_RUN:
-            found.append(Saturation(name, value, count, run, int(starts[longest])))
+        near = np.abs(channel - value) < _LEFT * reach
+        if at.size > np.count_nonzero(near) - at.size:
+            found.append(Saturation(name, value, at.size, run, int(at[edges[longest]])))
     return found
 
 
@@ -69,7 +71,7 @@ def limits_reached(values: Vectors) -> list[Saturation]:
     """
     found: list[Saturation] = []
     for name, channel in zip("xyz", values.T, strict=True):
-        for one in find_saturation(channel, name, noise_of(channel)):
+        for one in find_saturation(channel, name):
             reach = _LEFT * abs(one.value - float(np.median(channel)))
             off = np.abs(channel - one.value)
             # Where a step of the converter is as large, the next number is no other one.

@@ -78,7 +78,7 @@ def mean_covariance(
     if counts.min(initial=2) < 2:
         raise SegmentationError("A hold of fewer than two samples has no mean with an uncertainty.")
     base = _shortest_batch(int(counts.min()))
-    parts = [[_batches(signal, a, b, base) for a, b in item] for item in items]
+    parts = [[batches(signal, a, b, base) for a, b in item] for item in items]
     means = np.array([sum(total for _, total in part) / n for part, n in zip(parts, counts, strict=True)])
     # level of each item: the batch length base * 2**level that leaves 8 to 15 batches
     levels = np.array([_level(int(count), base) for count in counts])
@@ -123,8 +123,14 @@ def _level(count: int, base: int) -> int:
     return max(int(np.floor(np.log2(max(count / (BATCHES * base), 1.0)))), 0)
 
 
-def _batches(signal: Vectors, start: int, stop: int, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Means of the whole batches in a stretch, and the sum of all its samples."""
+def batches(signal: Vectors, start: int, stop: int, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the means of the whole batches in a stretch, and the sum of all its samples.
+
+    Parameters
+    ----------
+    signal, start, stop : (samples, 3), and the half-open range.
+    size : samples of a batch.
+    """
     from tumble.segmentation.kernels import block_moments
 
     count = (stop - start) // size

@@ -16,6 +16,7 @@ import numpy as np
 from tumble.arrays import Series, Square, Table, Vector, Vectors
 from tumble.estimation.wander import covariance_about_the_mean
 from tumble.recording.recording import Recording
+from tumble.segmentation.averages import batches
 from tumble.segmentation.timeline import Timeline
 
 # Of a hold; and of a part, differences of neighbours within which show white noise alone.
@@ -83,10 +84,9 @@ def _averaged(
         return None, np.zeros(3)
     means, densities = np.zeros((len(cuts), 3)), np.zeros((len(cuts), 3))
     for at, (_, a, b) in enumerate(cuts):
-        own = np.asarray(signal[a:b], dtype=np.float64)
         size = (b - a) // PIECES
-        pieces = own[: size * PIECES].reshape(PIECES, size, 3).mean(axis=1)
-        means[at] = own.mean(axis=0)
+        pieces, total = batches(signal, a, b, size)
+        pieces, means[at] = pieces[:PIECES], total / (b - a)
         densities[at] = 0.5 * np.mean(np.diff(pieces, axis=0) ** 2, axis=0) * size * step
     # The median of parts, so that a knock in one does not count; of chi-square with so few degrees it is a little low.
     return means, np.median(densities, axis=0) / _MEDIAN

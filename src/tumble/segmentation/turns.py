@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.arrays import Vectors
+from tumble.arrays import Vectors, extremes
 from tumble.recording.recording import Recording
 from tumble.segmentation.activity import Activity
 from tumble.segmentation.timeline import Hold, Turn
@@ -34,7 +34,7 @@ def _full_scale(rate: Vectors | None, activity: Activity) -> tuple[np.ndarray, n
     """The extreme values per axis (lowest, highest) where they are far from rest, else infinite."""
     if rate is None or activity.rate_bias is None or activity.rate_scale is None:
         return None
-    low, high = rate.min(axis=0), rate.max(axis=0)
+    low, high = extremes(rate)
     fast = 0.5 / activity.rate_scale
     low = np.where(activity.rate_bias - low > fast, low, -np.inf)
     high = np.where(high - activity.rate_bias > fast, high, np.inf)
@@ -85,7 +85,7 @@ def find_saturated_axis(recording: Recording, holds: tuple[Hold, ...], start: in
     rate = recording.angular_rate
     if rate is None:
         return None
-    lowest, highest = rate.min(axis=0), rate.max(axis=0)
+    lowest, highest = extremes(rate)
     for axis in range(3):
         piece = rate[start:stop, axis]
         same = 1e-9 * (highest[axis] - lowest[axis])

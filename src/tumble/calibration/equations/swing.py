@@ -17,7 +17,6 @@ from tumble.estimation.wander import wander_basis
 
 # Cosines over a hold by which the bias's own wander counts: the swing sees the first few.
 _MODES = 8
-_AT_A_TIME = 65_536  # samples
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,26 +47,37 @@ def hold_swings(base: HoldsAndTurns, density: Vector) -> Swings:
     value, share = np.zeros((holds, 3)), np.zeros(holds)
     white, wander = np.zeros(holds), np.zeros(holds)
     step = (base.time[-1] - base.time[0]) / max(base.time.shape[0] - 1, 1)
+    amplitudes = wander_basis(np.zeros(1), _MODES)[1]
     for k in range(holds):
         first, last = int(base.head[k, 0]), int(base.tail[k, 1])
-        weights = _later_share(last - first, int(base.head[k, 1]) - first, int(base.tail[k, 0]) - first)
+        samples, middle = last - first, _middle(base, k)
+        weights = _later_share(samples, *middle)
         share[k] = weights.mean()
         kernel = (weights - share[k]) * step
         value[k] = kernel @ base.raw_rate[first:last]
         white[k] = kernel @ kernel / step
-        places: Series = (np.arange(kernel.size, dtype=np.float64) + 0.5) / kernel.size
-        # A hold of hours has millions of samples: not all cosines of all of them at a time.
-        pieces = [slice(at, at + _AT_A_TIME) for at in range(0, kernel.size, _AT_A_TIME)]
-        seen = sum(kernel[piece] @ wander_basis(places[piece], _MODES)[0] for piece in pieces)
-        wander[k] = np.sum(wander_basis(places[:1], _MODES)[1] * seen**2)
+        wander[k] = np.sum(amplitudes * (step * _cosine_sums(samples, *middle)) ** 2)
     variance = white[:, None] * base.rate_random_walk + wander[:, None] * density
     return Swings(value, variance[:, :, None] * np.eye(3), share)
 
 
-def _later_share(samples: int, head: int, tail: int) -> Series:
+def _middle(base: HoldsAndTurns, k: int) -> tuple[int, int]:
+    """Return from which sample of a hold to which its middle lies; one sample where head and tail leave none."""
+    first, last = int(base.head[k, 0]), int(base.tail[k, 1])
+    start, stop = int(base.head[k, 1]) - first, int(base.tail[k, 0]) - first
+    return (start, stop) if stop > start else ((last - first) // 2, (last - first) // 2 + 1)
+
+
+def _later_share(samples: int, start: int, stop: int) -> Series:
     """Return (samples,) the share of the middle's samples that come after each one."""
-    if tail <= head:
-        head = samples // 2
-        tail = head + 1
-    at = np.arange(samples)
-    return np.clip((tail - 0.5 - at) / (tail - head), 0.0, 1.0)
+    return np.clip((stop - 0.5 - np.arange(samples)) / (stop - start), 0.0, 1.0)
+
+
+def _cosine_sums(samples: int, start: int, stop: int) -> Series:
+    """Return (modes,) the sums of `_later_share`, less its mean, times ``cos(n pi (i + 1/2) / samples)``.
+
+    The share falls evenly over the middle, so that the sums are geometric; a constant has none.
+    """
+    turn = 0.5 * np.pi * np.arange(1, _MODES + 1) / samples
+    apart = 2.0 * np.sin(turn * (stop + start)) * np.sin(turn * (stop - start))
+    return np.cos(turn) * apart / (4.0 * np.sin(turn) ** 2 * (stop - start))

@@ -87,6 +87,11 @@ class HoldsAndTurns:
         """Number of holds."""
         return int(self.force_mean.shape[0])
 
+    @property
+    def step(self) -> float:
+        """Usual time between samples, s: the median of some hundred thousand of them."""
+        return float(np.median(np.diff(self.time)[:: max(1, self.time.size // 200_000)]))
+
 
 @dataclass(slots=True)
 class ExtraVariances:

@@ -1,6 +1,6 @@
 """Text: CSV and its relatives, any delimiter, with or without header, compressed or not.
 
-Small files are read into memory and parsed by numpy, large ones are parsed by polars piece by piece.
+Small files are read into memory, large ones piece by piece.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from tumble.arrays import Series
 from tumble.errors import RecordingError
@@ -27,11 +27,8 @@ from tumble.recording.formats.text_layout import (
     is_comment,
     is_number,
 )
-from tumble.recording.formats.text_parsing import gather, name_bad_cell, parse, parse_frame, prepare, squeeze
+from tumble.recording.formats.text_parsing import Piece, gather, name_bad_cell, parse, parse_piece
 from tumble.recording.recording import Remark, Source
-
-if TYPE_CHECKING:
-    import polars as pl
 
 NAME = "text"
 ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", ".mat", ".gz", ".bz2", ".xz")
@@ -39,7 +36,9 @@ ASKED = 2  # almost anything is text
 SUMMARY = "text with any delimiter, with or without header, also compressed (.gz, .bz2, .xz)"
 
 _HEAD = 64 * 1024
-_NUMPY_LIMIT = 32 * 1024 * 1024
+_IN_MEMORY = 32 * 1024 * 1024
+"""Bytes of a file that is read as a whole; a larger one is read piece by piece."""
+_PIECE = 2 * 1024 * 1024  # of which the numbers stay in the cache until they are in their places
 _PACKED_IN_MEMORY = 1 << 20
 """Bytes of a packed file that is unpacked in memory, to 300 MB at most; a larger one is unpacked to the disk."""
 _CHUNK = 16 * 1024 * 1024
@@ -230,7 +229,7 @@ def read_table(path: Path) -> RawTable:
         from tumble.recording.formats.compressed import read_table as read_unpacked
 
         return read_unpacked(path)
-    if path.stat().st_size > _NUMPY_LIMIT and not packed:
+    if path.stat().st_size > _IN_MEMORY and not packed:
         with opened(path) as file:
             head = file.read(_HEAD)
         if not head.startswith(_MARKS) and b"\n" in head:
@@ -248,20 +247,20 @@ def _read_body(path: Path) -> RawTable:
     if cut := _truncation(_decoded(rows[-_HEAD:]), layout):
         rows = rows[: rows.rfind(b"\n") + 1]
         remarks.append(Remark("mended", f"{path.name}: {cut}."))
-    columns = parse(rows, layout, len(rows) > _NUMPY_LIMIT)
+    columns = parse(rows, layout)
     if columns is None:
         raise RecordingError(name_bad_cell(io.BytesIO(body), layout, path.name))
     return _table(path, layout, columns, remarks, hash_file(path))
 
 
 def _read_large(path: Path, layout: TextLayout) -> RawTable:
-    """Read a large file by polars, piece by piece, while another thread takes its SHA-256."""
+    """Read a large file piece by piece, while another thread takes its SHA-256."""
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(1) as pool:
         hashing = pool.submit(hash_file, path)
-        with closing(_frames(path, layout)) as frames:
-            columns = gather(frames, layout)
+        with closing(_parsed(path, layout)) as pieces:
+            columns = gather(pieces, layout)
         source = hashing.result()
     if columns is None:
         with opened(path) as file:
@@ -276,36 +275,18 @@ def _read_large(path: Path, layout: TextLayout) -> RawTable:
     return _table(path, layout, columns, remarks, source)
 
 
-def _frames(path: Path, layout: TextLayout) -> Generator[pl.DataFrame | None]:
-    """Yield a file piece by piece, None for one with a cell that is no number; one is read while another is parsed.
-
-    A file that polars maps as a whole, and its frame, would take as much memory again as all that is made of them.
-    """
-    from concurrent.futures import Future, ThreadPoolExecutor
-
-    waiting: list[Future[bytes]] = []
-    with opened(path) as file, ThreadPoolExecutor(1) as pool:
-        for body, _ in _pieces(file, _body_rest(file, layout), path.name):
-            waiting.append(pool.submit(_squeezed, body, layout))
-            if len(waiting) > 1:
-                yield parse_frame(waiting.pop(0).result(), layout)
-        yield from (parse_frame(prepared.result(), layout) for prepared in waiting)
+def _parsed(path: Path, layout: TextLayout) -> Generator[Piece | None]:
+    """Yield a file piece by piece, None for one with a cell that is no number."""
+    with opened(path) as file:
+        head = file.read(_PIECE)
+        for body, _ in _pieces(file, head[_body_start(head, layout.first_line) :], path.name, _PIECE):
+            yield parse_piece(body, layout)
 
 
-def _squeezed(body: bytes, layout: TextLayout) -> bytes:
-    return squeeze(prepare(body, layout), layout)
-
-
-def _body_rest(file: io.BufferedIOBase, layout: TextLayout) -> bytes:
-    """Read the first piece of a file and return it from the first row on."""
-    head = file.read(_CHUNK)
-    return head[_body_start(head, layout.first_line) :]
-
-
-def _pieces(file: Readable, rest: bytes, name: str) -> Iterator[tuple[bytes, bool]]:
+def _pieces(file: Readable, rest: bytes, name: str, size: int) -> Iterator[tuple[bytes, bool]]:
     """Yield pieces of whole lines, and with each whether it is the last one."""
     while rest:
-        more = file.read(_CHUNK)
+        more = file.read(size)
         _refuse_long_lines(rest, name)
         end = rest.rfind(b"\n") + 1 if more else len(rest)
         body = rest[:end]
@@ -327,7 +308,6 @@ def read_table_blocks(path: Path) -> Iterator[RawTable]:
         If the file cannot be read.
     """
     opener = _opener(path) or _open_plain
-    by_polars = path.stat().st_size > _NUMPY_LIMIT
     try:
         with opener(path) as stream:
             # What is packed may grow beyond measure; what is not is the file itself.
@@ -342,8 +322,8 @@ def read_table_blocks(path: Path) -> Iterator[RawTable]:
             place = _line_finder(path, layout)
             rest = head[_body_start(head, layout.first_line) :]
             row = 0
-            for body, last in _pieces(file, rest, path.name):
-                table = _block(path, layout, body, last, by_polars)
+            for body, last in _pieces(file, rest, path.name, _CHUNK):
+                table = _block(path, layout, body, last)
                 table.remarks += [] if row else _layout_remarks(path, layout)
                 table.place = lambda r, start=row: place(r + start)
                 row += len(table)
@@ -353,13 +333,13 @@ def read_table_blocks(path: Path) -> Iterator[RawTable]:
         raise RecordingError(message) from error
 
 
-def _block(path: Path, layout: TextLayout, body: bytes, last: bool, by_polars: bool) -> RawTable:
+def _block(path: Path, layout: TextLayout, body: bytes, last: bool) -> RawTable:
     """Parse one piece of a file."""
     remarks: list[Remark] = []
     if last and (cut := _truncation(_decoded(body[-_HEAD:]), layout)):
         body = body[: body.rfind(b"\n") + 1]
         remarks.append(Remark("mended", f"{path.name}: {cut}."))
-    columns = parse(body, layout, by_polars)
+    columns = parse(body, layout)
     if columns is None:
         with (_opener(path) or _open_plain)(path) as file:
             raise RecordingError(name_bad_cell(file, layout, path.name))

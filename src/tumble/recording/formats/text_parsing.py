@@ -1,51 +1,59 @@
-"""Parsing rows of numbers: by numpy where a file is small, by polars where it is large.
-
-numpy reads about 200 MB/s and is there already; polars reads some 600 MB/s on two cores but takes 0.2 s
-to import, which pays from some tens of megabytes on.
-"""
+"""Parsing rows of numbers: compiled where there is nothing else, by polars where there are other cells as well."""
 
 from __future__ import annotations
 
-import io
 import re
 import warnings
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from tumble.arrays import Series
 from tumble.recording.formats.sentences import CHECKSUM
-from tumble.recording.formats.table import as_columns
-from tumble.recording.formats.text_layout import COMMENTS, ISO_TIME, TextLayout, is_comment, is_number
+from tumble.recording.formats.text_layout import ISO_TIME, TextLayout, is_comment, is_number
 
 if TYPE_CHECKING:
     import polars as pl
 
 _MISSING = ["", "NA", "N/A", "na", "null", "NULL", "None", "none", "-", "--", "?"]
-_GATHERED_ROWS = 65_536  # three columns of so many rows stay in the cache while they are put side by side
-
+Piece: TypeAlias = dict[int, Series]
+"""Columns by their index."""
 
 _CHECKSUMS = re.compile(rb"\*[0-9A-Fa-f]{2,4}(?=\s*?$)", re.MULTILINE)
 
 
-def parse(body: bytes, layout: TextLayout, by_polars: bool) -> list[Series] | None:
-    """Parse a piece of a file by numpy where it can be, else by polars.
+def parse(body: bytes, layout: TextLayout) -> list[Series] | None:
+    """Parse a piece of a file.
 
     Returns
     -------
     The columns of numbers, missing cells as NaN; None if a cell is not a number (see `name_bad_cell`).
     """
+    return gather([parse_piece(body, layout)], layout)
+
+
+def parse_piece(body: bytes, layout: TextLayout) -> Piece | None:
+    """Parse whole lines: compiled where all cells are numbers or empty, else by polars; None where neither can."""
+    from tumble.recording.formats.kernels import parse_rows
+
     body = prepare(body, layout)
-    if not by_polars and not layout.iso_columns:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # numpy warns of an empty piece
-            try:
-                return _parsed_by_numpy(body, layout)
-            except ValueError:
-                pass  # missing cells: polars reads them; anything else it refuses too
-    return gather([parse_frame(squeeze(body, layout), layout)], layout)
+    words = layout.text_columns
+    if not layout.iso_columns and not (words and (layout.quoted or layout.delimiter is None)):
+        lines = body if body.endswith(b"\n") else body + b"\n"
+        table = np.empty((lines.count(b"\n"), layout.columns))
+        skipped = np.array([i in words for i in range(layout.columns)], dtype=np.uint8)
+        rows = parse_rows(np.frombuffer(lines, np.uint8), ord(layout.delimiter or "\0"), skipped, table)
+        if rows >= 0:
+            return {i: table[:rows, i] for i in layout.number_columns}
+    frame = _parse_frame(squeeze(body, layout), layout)
+    if frame is None:
+        return None
+    return {
+        i: _iso_seconds(frame[str(i)].to_list()) if i in layout.iso_columns else frame[str(i)].to_numpy()
+        for i in layout.number_columns
+    }
 
 
 def prepare(body: bytes, layout: TextLayout) -> bytes:
@@ -57,25 +65,6 @@ def prepare(body: bytes, layout: TextLayout) -> bytes:
     if layout.quoted and not layout.text_columns:
         body = body.replace(b'"', b"")
     return body
-
-
-def _parsed_by_numpy(body: bytes, layout: TextLayout) -> list[Series]:
-    """Parse with numpy's reader; raises ValueError at the first cell that is not a number."""
-    comment = (
-        next((c for c in COMMENTS if c.encode() in body), None) if layout.comment or b"#" in body else None
-    )
-    every = len(layout.number_columns) == layout.columns
-    matrix = np.loadtxt(
-        io.BytesIO(body),
-        delimiter=layout.delimiter,
-        comments=comment,
-        usecols=None if every else layout.number_columns,
-        ndmin=2,
-        encoding="latin-1",
-    )
-    if matrix.shape[1] != len(layout.number_columns):
-        raise ValueError("number of columns changed")
-    return as_columns(matrix)
 
 
 def squeeze(body: bytes, layout: TextLayout) -> bytes:
@@ -97,7 +86,7 @@ def squeeze(body: bytes, layout: TextLayout) -> bytes:
     return text.replace(b" \n", b"\n") if trailing else text
 
 
-def parse_frame(body: bytes, layout: TextLayout) -> pl.DataFrame | None:
+def _parse_frame(body: bytes, layout: TextLayout) -> pl.DataFrame | None:
     """Parse with polars what has decimal points and single spaces (see `prepare`); None if a cell is not a number."""
     import polars as pl
 
@@ -121,56 +110,35 @@ def parse_frame(body: bytes, layout: TextLayout) -> pl.DataFrame | None:
     return None
 
 
-def gather(frames: Iterable[pl.DataFrame | None], layout: TextLayout) -> list[Series] | None:
-    """Return the columns of consecutive frames; three that follow each other share one (rows, 3) array.
+def gather(pieces: Iterable[Piece | None], layout: TextLayout) -> list[Series] | None:
+    """Return the columns of consecutive pieces; three that follow each other share one (rows, 3) array.
 
-    So triads need no further copy if time comes first or last, as it mostly does. The arrays grow with each frame: all
-    frames together would take the memory of them again. None where a frame is none.
+    So triads need no further copy if time comes first or last, as it mostly does. The arrays grow with each piece: all
+    pieces together would take the memory of them again. None where a piece is none.
     """
-    numbers = [i for i in layout.number_columns if i not in layout.iso_columns]
-    times: dict[int, list[Series]] = {i: [] for i in layout.iso_columns}
     groups, blocks, rows = list[list[int]](), list[npt.NDArray[np.float64]](), 0
-    for frame in frames:
-        if frame is None:
+    for piece in pieces:
+        if piece is None:
             return None
         if not rows:
-            groups = _groups(frame, numbers)
+            groups = _groups(piece, list(layout.number_columns))
             blocks = [np.empty((0, len(group))) for group in groups]
-        start, rows = rows, rows + frame.height
+        start, rows = rows, rows + len(next(iter(piece.values())))
         for block, group in zip(blocks, groups, strict=True):
             block.resize((rows, len(group)), refcheck=False)
-            side_by_side(frame, [str(i) for i in group], block[start:])
-        for i, made in times.items():
-            made.append(_iso_seconds(frame[str(i)].to_list()))
-    columns = {i: np.concatenate(made) for i, made in times.items() if made}
-    columns |= {
-        i: block[:, j] for group, block in zip(groups, blocks, strict=True) for j, i in enumerate(group)
-    }
-    return _without_blank_rows([columns[i] for i in layout.number_columns if i in columns])
+            for j, i in enumerate(group):
+                block[start:, j] = piece[i]
+    return _without_blank_rows([block[:, j] for block in blocks for j in range(block.shape[1])])
 
 
-def side_by_side(frame: pl.DataFrame, names: Sequence[str], block: npt.NDArray[np.float64]) -> None:
-    """Copy columns of a frame into a (rows, columns) array, piece by piece."""
-    for start in range(0, frame.height, _GATHERED_ROWS):
-        piece = frame.slice(start, _GATHERED_ROWS)
-        for j, name in enumerate(names):
-            block[start : start + piece.height, j] = piece[name].to_numpy()
-
-
-def _groups(frame: pl.DataFrame, numbers: list[int]) -> list[list[int]]:
+def _groups(piece: Piece, numbers: list[int]) -> list[list[int]]:
     """Which columns go side by side: by threes, but for one that grows as time does."""
     groups: list[list[int]] = []
     while numbers:
-        alone = len(numbers) < 3 or _seems_time(frame[str(numbers[0])])
+        alone = len(numbers) < 3 or bool(np.all(np.diff(piece[numbers[0]][:50]) > 0.0))
         groups.append(numbers[: 1 if alone else 3])
         numbers = numbers[len(groups[-1]) :]
     return groups
-
-
-def _seems_time(series: pl.Series) -> bool:
-    """Whether a column grows at its beginning: only a hint for `gather`, which columns go together."""
-    beginning = series.head(50).to_numpy()
-    return bool(np.all(np.diff(beginning) > 0.0))
 
 
 def _iso_seconds(cells: list[str | None]) -> Series:
