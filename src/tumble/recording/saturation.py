@@ -44,7 +44,7 @@ def find_saturation(channel: Series, name: str, floor: float | None = None) -> l
         run = int(edges[longest + 1] - edges[longest])
         if at.size <= _LEAST_RUN or run < _LEAST_RUN:
             continue
-        floor = noise_of(channel) if floor is None else floor
+        floor = _noise_of(channel) if floor is None else floor
         reach = abs(value - float(np.median(channel)))
         if reach <= 20.0 * floor or reach == 0.0:
             continue
@@ -54,7 +54,7 @@ def find_saturation(channel: Series, name: str, floor: float | None = None) -> l
     return found
 
 
-def noise_of(channel: Series) -> float:
+def _noise_of(channel: Series) -> float:
     """Return the noise per sample, robustly, from successive differences."""
     if channel.size < 2:
         return 0.0
