@@ -30,8 +30,8 @@ from scipy.spatial.transform import Rotation
 
 from tumble.earth import Site
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
-from tumble.workflows.batch import run_batch
-from tumble.workflows.batch_unit import BatchOptions
+from tumble.workflows.batches.batch import run_batch
+from tumble.workflows.batches.unit import BatchOptions
 
 GRAVITY, RATE, HOLDS = 9.81, 50.0, 20
 LIMITS = """name: the line
@@ -242,7 +242,7 @@ def study_prior(folder: Path) -> None:
     from tumble.registry import open_registry
     from tumble.segmentation import find_timeline, observe_holds
     from tumble.sensor import change_frame
-    from tumble.workflows.data_sheet import find_sheet
+    from tumble.workflows.given.data_sheet import find_sheet
     from tumble.workflows.registry import fleet
 
     make(folder / "units", 40, faulty=False)

@@ -25,7 +25,7 @@ import numpy as np
 from tumble.document.result import read_calibration
 from tumble.errors import TumbleError
 from tumble.simulation import simulate_drive
-from tumble.workflows.drive import verify_drive
+from tumble.workflows.verification.drive import verify_drive
 
 DIAGNOSES = (
     "swapped",

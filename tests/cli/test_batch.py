@@ -18,9 +18,9 @@ import polars as pl
 import pytest
 
 from tumble.errors import UsageError
-from tumble.workflows.batch import run_batch
-from tumble.workflows.batch_source import read_source
-from tumble.workflows.batch_unit import BatchOptions
+from tumble.workflows.batches.batch import run_batch
+from tumble.workflows.batches.source import read_source
+from tumble.workflows.batches.unit import BatchOptions
 
 GRAVITY = 9.81
 RUN = "import sys; from tumble.cli.main import main; sys.argv[0] = 'tumble'; main()"
@@ -220,8 +220,8 @@ def test_a_cluster_that_loses_a_worker_in_the_middle_does_all_units(
 ) -> None:
     """Two workers of Dask as processes of their own, of which one is killed when the first unit is there."""
     distributed = pytest.importorskip("distributed", reason="the extra fleet is not installed")
-    from tumble.workflows.batch import run_batch
-    from tumble.workflows.batch_unit import BatchOptions
+    from tumble.workflows.batches.batch import run_batch
+    from tumble.workflows.batches.unit import BatchOptions
 
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=str(tmp_path / "dask")

@@ -19,8 +19,8 @@ from tumble.document.imported import calibration_from_model
 from tumble.document.result import Calibration, ParameterBlock
 from tumble.errors import RecordingError, TumbleError, UsageError
 from tumble.sensor import ImuModel, Triad
-from tumble.workflows import corrected_bag
 from tumble.workflows.apply import apply
+from tumble.workflows.corrected import bag
 
 rosbag1 = pytest.importorskip("rosbags.rosbag1", reason="rosbags writes and reads the samples")
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
@@ -271,7 +271,7 @@ def test_blocks_of_any_size_give_the_same_bag(tmp_path: Path, monkeypatch: pytes
     apply(UNIT, path, output=tmp_path / "b.bag")
     whole, _ = read_back(tmp_path / "b.bag")
     for size in (1, 7, 599):
-        monkeypatch.setattr(corrected_bag, "_BATCH", size)
+        monkeypatch.setattr(bag, "_BATCH", size)
         apply(UNIT, path, output=tmp_path / "c.bag")
         found, _ = read_back(tmp_path / "c.bag")
         assert found["/words"] == whole["/words"]
@@ -365,7 +365,7 @@ def test_a_lag_is_taken_out_of_the_specific_force(
     true = np.linalg.solve(M_A, (force - B_A).T).T
     expected = np.column_stack([np.interp(time + lag, time, true[:, i]) for i in range(3)])
     for size in (4096, 13):
-        monkeypatch.setattr(corrected_bag, "_BATCH", size)
+        monkeypatch.setattr(bag, "_BATCH", size)
         done = apply(lagging(lag), path, output=tmp_path / "b.bag", shift_lag=True)
         found = read_back(tmp_path / "b.bag")[0]["/imu"]
         made, kept, messages = numbers(found, 1)

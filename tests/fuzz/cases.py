@@ -150,7 +150,7 @@ def _read_foreign(file: Path, case: Case) -> None:
 
 def _read_noise(file: Path, _: Case) -> None:
     from tumble.export.noise import read_noise
-    from tumble.workflows.noise_models import read_noise_models
+    from tumble.workflows.given.noise_models import read_noise_models
 
     for read in (read_noise, read_noise_models):
         try:
@@ -182,7 +182,7 @@ def _read_options(file: Path, case: Case) -> None:
     from tests.fuzz.seeds import HEADER, rows, text
 
     from tumble.recording import read_recording
-    from tumble.workflows.site import choose_site
+    from tumble.workflows.given.site import choose_site
 
     try:
         options: Any = json.loads(case.content)

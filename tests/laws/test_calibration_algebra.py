@@ -254,7 +254,7 @@ def test_one_clock_that_both_assume_is_counted_in_no_difference() -> None:
 
 def test_a_plan_takes_what_is_known_from_a_calibration_in_a_fixture() -> None:
     """What a fixture's axes add is no matter of the thirty parameters: the accelerometers' own frame has the same."""
-    from tumble.workflows.plan_given import information_of
+    from tumble.workflows.planning.given import information_of
 
     task: Any = None
     known = [

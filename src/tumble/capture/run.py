@@ -370,7 +370,7 @@ def _guide_of(order: CaptureOrder) -> Coach | None:
         return RestCoach(patient=not order.source.live)
     if order.protocol is not None:
         from tumble.capture.steps_coach import StepsCoach
-        from tumble.workflows.protocols import read_given_protocol
+        from tumble.workflows.given.protocols import read_given_protocol
 
         return StepsCoach(read_given_protocol(order.protocol).protocol)
     if order.imu is None:

@@ -90,7 +90,7 @@ def diff_command(
     tumble diff truth.json calibration.json says whether a calibration recovers a simulated unit.
     """
     from tumble.workflows.algebra import difference, verdict
-    from tumble.workflows.recovery import is_truth
+    from tumble.workflows.simulated.recovery import is_truth
 
     first, *later = calibrations
     if not later:
@@ -163,7 +163,7 @@ def _say_recovery(truth: Path, calibration: Path, printed: PrintOptions) -> NoRe
     """Print how far a calibration is from the truth, and leave with the status of the answer."""
     from tumble.report.difference import change_table
     from tumble.report.terminal import print_blocks
-    from tumble.workflows.recovery import recovery
+    from tumble.workflows.simulated.recovery import recovery
 
     found = recovery(truth, calibration)
     if printed.as_json:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tumble.cli.completion import complete_procedure
 from tumble.cli.groups import ADVANCED, FIRST, RECORD, detail, option
 from tumble.cli.options import (
     DataSheet,
@@ -20,6 +19,7 @@ from tumble.cli.options import (
     Protocol,
     RegistryName,
     SiteOptions,
+    complete_procedure,
     output_option,
 )
 from tumble.cli.terminal import console, progress, results_stand, say_json, say_written, state
@@ -118,9 +118,9 @@ def batch_command(
     Each unit's calibration.json is written when it is there; run again, only what is new or changed is done, whatever
     ended the last run. A unit that fails stops nothing. Exit status 0: every unit is accepted; 1: not.
     """
-    from tumble.workflows.batch import run_batch
-    from tumble.workflows.batch_unit import BatchOptions
-    from tumble.workflows.notes import notes_of
+    from tumble.workflows.batches.batch import run_batch
+    from tumble.workflows.batches.unit import BatchOptions
+    from tumble.workflows.given.notes import notes_of
 
     notes_of(notes)  # a wrong one is refused before minutes of work
 

@@ -1,4 +1,7 @@
-"""`tumble calibrate`: from recordings to calibrations, reports and a verdict."""
+"""`tumble calibrate`: from recordings to calibrations, reports and a verdict.
+
+`tumble calibrate --array`: several units that were tumbled together.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from tumble.cli.array import default_folder, print_array
-from tumble.cli.completion import complete_procedure
-from tumble.cli.figures import FiguresOption, check_figures, draw_figures
 from tumble.cli.groups import ADVANCED, FIRST, detail, option, refuse_given
 from tumble.cli.options import (
     DataSheet,
@@ -23,18 +23,72 @@ from tumble.cli.options import (
     NoiseFile,
     NoteOption,
     OptionalRecordings,
+    PrintOptions,
     Protocol,
     RegistryName,
     SiteOptions,
     UnitOptions,
+    complete_procedure,
     output_option,
 )
-from tumble.cli.terminal import console, progress, results_stand, say_json_text, say_written
+from tumble.cli.terminal import (
+    FiguresOption,
+    check_figures,
+    console,
+    draw_figures,
+    progress,
+    results_stand,
+    say_json,
+    say_json_text,
+    say_written,
+)
 from tumble.errors import UsageError
 from tumble.procedure_names import KNOWN_PROCEDURES
 
 if TYPE_CHECKING:
     from tumble.workflows.calibrate import CalibrationRun
+    from tumble.workflows.several.array import ArrayRun
+
+
+def print_array(run: ArrayRun, printed: PrintOptions) -> None:
+    """Print how the units sit against one another, what the common poses gain, and each unit's verdict.
+
+    Parameters
+    ----------
+    run : what was made.
+    printed : how to print.
+    """
+    if printed.as_json:
+        say_json(run.document)
+        return
+    from tumble.report.evidence.mountings import mountings
+    from tumble.report.limits import limits_lines
+    from tumble.report.terminal import print_blocks
+
+    screen = console()
+    if not printed.quiet:
+        print_blocks(mountings(run.array), screen)
+    for unit, made in zip(run.array.units, run.runs, strict=True):
+        verdict = made.calibration.verdict
+        screen.print(
+            f"{unit.name}: {'FIT FOR USE' if verdict.fit else 'NOT FIT FOR USE'}",
+            style="bold green" if verdict.fit else "bold red",
+        )
+        for reason in () if verdict.fit else verdict.reasons:
+            screen.print(f"- {reason}")
+        print_blocks(limits_lines(made.calibration), screen)
+    say_written(run.files)
+
+
+def default_folder(recordings: list[Path]) -> Path:
+    """Return where the results of an array go when nobody says.
+
+    Parameters
+    ----------
+    recordings : as typed.
+    """
+    return Path(f"{recordings[0].stem}-array" if recordings else "array")
+
 
 _SEVERAL = "Several recordings"
 
@@ -193,8 +247,8 @@ def calibrate_command(
     report.html, prints the parameters with their standard uncertainties, and says whether the result
     is fit for use (exit status 0) or not (1). With --limits the unit has to be within them, too.
     """
-    from tumble.workflows.notes import notes_of
-    from tumble.workflows.site import choose_site
+    from tumble.workflows.given.notes import notes_of
+    from tumble.workflows.given.site import choose_site
 
     given = recordings or []
     check_figures(figures, output or _default_folder(given, done_to_it.protocol))
@@ -213,7 +267,7 @@ def calibrate_command(
         "imu": unit.imu,
     }
     if several.turn_ons:
-        from tumble.workflows.turn_ons import calibrate_turn_ons
+        from tumble.workflows.several.turn_ons import calibrate_turn_ons
 
         _refuse(context, "--turn-ons", procedure, [OneOptions])
         _calibrate(partial(calibrate_turn_ons, given, **shared), printed, registry, figures)
@@ -276,7 +330,7 @@ def _calibrate_array(
     printed: LongPrintOptions,
     figures: str | None,
 ) -> NoReturn:
-    from tumble.workflows.array import calibrate_array
+    from tumble.workflows.several.array import calibrate_array
 
     folder = output or default_folder(recordings)
     with progress(printed.silent) as tell:

@@ -1,18 +1,28 @@
-"""`tumble capture`: record a unit while it is in the hand, with a guide."""
+"""`tumble capture`: record a unit while it is in the hand, with a guide.
+
+The live view of a capture in a terminal of 80 columns.
+"""
 
 from __future__ import annotations
 
 import signal
 import sys
 import time
+from collections import deque
+from collections.abc import Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.console import Console, Group
+from rich.live import Live
+from rich.text import Text
 
-from tumble.cli.completion import complete_protocol
+from tumble.capture.events import BELLS, Event
+from tumble.capture.targets import SHOWN
 from tumble.cli.groups import ADVANCED, FIRST, PRINTED, detail, option
 from tumble.cli.options import (
     FileOptions,
@@ -21,9 +31,10 @@ from tumble.cli.options import (
     RegistryName,
     SiteOptions,
     UnitOptions,
+    complete_protocol,
     output_option,
 )
-from tumble.cli.terminal import results_stand, say, say_aside, say_json_text, say_written
+from tumble.cli.terminal import plain, results_stand, say, say_aside, say_json_text, say_written, table
 from tumble.errors import UsageError
 from tumble.sample_rates import sample_rate
 
@@ -34,6 +45,115 @@ if TYPE_CHECKING:
     from tumble.capture.machine import Capture
     from tumble.capture.run import CaptureOrder, CaptureRun, Listener
     from tumble.web.hub import Hub
+
+
+# Hz, signs of a bar, and lines of what was said last.
+RATE, BAR, LINES = 10.0, 24, 6
+_STYLES = {
+    "hold_refused": "red",
+    "caution": "yellow",
+    "silence": "bold red",
+    "enough": "bold green",
+    "calibrated": "bold green",
+}
+
+
+class LiveView:
+    """Redraws some lines as a capture goes on, and rings.
+
+    Parameters
+    ----------
+    targets : wished-for standard uncertainties, SI, by group.
+    bell : whether to ring.
+    """
+
+    def __init__(self, targets: dict[str, float], *, bell: bool) -> None:
+        self._targets, self._bell = targets, bell
+        self._said: deque[Event] = deque(maxlen=LINES)
+        self._next = ""
+        self._drawn = 0.0
+        self._live = Live(console=Console(), auto_refresh=False, transient=False)
+
+    def __enter__(self) -> LiveView:
+        self._live.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._live.__exit__(kind, error, trace)
+
+    def __call__(self, events: Sequence[Event], capture: Capture) -> None:
+        """Take what happened; a listener of `run_capture`."""
+        for event in events:
+            if event.kind == "next_pose":
+                self._next = event.words
+            elif event.kind != "sigma":
+                self._said.append(event)
+            if self._bell and event.kind in BELLS:
+                sys.stdout.write("\a" * BELLS[event.kind])
+        now = time.monotonic()
+        if events or now - self._drawn > 1.0 / RATE:
+            self._drawn = now
+            self._live.update(self.drawn(capture), refresh=True)
+
+    def drawn(self, capture: Capture) -> Group:
+        """Return the view of a capture.
+
+        Parameters
+        ----------
+        capture : that goes on.
+        """
+        resting, still = capture.search.resting, capture.search.stillness
+        parts: list[object] = [
+            Text(
+                f"{capture.time:7.1f} s   {len(capture.holds)} holds   {capture.channels.rate:.4g} Hz", "bold"
+            ),
+            _bar(
+                "movement",
+                min(still, 2.0) / 2.0,
+                "still" if still < 1.0 else "moving",
+                "green" if still < 1 else "red",
+            ),
+        ]
+        held = 0.0 if resting is None else resting.duration
+        words = "turn, then keep still" if resting is None else _held_words(held, capture.hold_seconds)
+        parts.append(_bar("this hold", min(held / capture.hold_seconds, 1.0), words, "cyan"))
+        parts += [Text(plain(self._next), "bold yellow"), self._table(capture)]
+        parts += [Text(f"{e.time:7.1f} s  {plain(e.words)}", _STYLES.get(e.kind, "")) for e in self._said]
+        return Group(*parts)  # type: ignore[arg-type]  # rich's own union of what can be drawn
+
+    def _table(self, capture: Capture) -> object:
+        """The worst uncertainty of each group of parameters, against its target."""
+        from tumble.design.joint_information import GROUPS, NAMES
+
+        rows: list[list[str]] = []
+        sigmas = capture.progress.sigmas
+        for group, part in GROUPS.items():
+            names = [name for name in NAMES[part] if name in sigmas]
+            told = [sigma for name in names if (sigma := sigmas[name]) is not None]
+            if not names:
+                continue
+            unit, size = SHOWN[group]
+            worst = (
+                f"{max(told) / size:.3g} {unit}"
+                if len(told) == len(names)
+                else f"{len(told)} of {len(names)} determined"
+            )
+            target = self._targets.get(group)
+            reached = target is not None and len(told) == len(names) and max(told) <= target
+            wish = "" if target is None else f"{target / size:.3g} {unit}{' reached' if reached else ''}"
+            rows.append([group, worst, wish])
+        return table(("parameters", "uncertainty", "target"), rows, right=(1, 2), box=None)
+
+
+def _bar(name: str, share: float, words: str, style: str) -> Text:
+    full = round(BAR * max(min(share, 1.0), 0.0))
+    return Text.assemble(f"{name:<10}", ("█" * full + "░" * (BAR - full), style), f"  {words}")
+
+
+def _held_words(held: float, wanted: float) -> str:
+    return f"{held:.1f} of {wanted:g} s" if wanted < float("inf") else f"{held:.0f} s"
 
 
 @dataclass(frozen=True)
@@ -142,7 +262,7 @@ def capture_command(
     if source is None and what.replay is None:
         _list_sources()
         return
-    from tumble.workflows.notes import notes_of
+    from tumble.workflows.given.notes import notes_of
 
     order = replace(_order(source, what, file, place, output), unit=unit.imu, notes=notes_of(notes))
     if registry is not None:
@@ -216,8 +336,6 @@ def _wait_for_viewers(*, quiet: bool) -> None:
 def _terminal(order: CaptureOrder, printed: CapturePrintOptions) -> Generator[Listener, None, None]:
     """Show what happens: as a live view where somebody looks at a terminal, else as lines."""
     if sys.stdout.isatty() and not (printed.plain or printed.as_json or printed.quiet):
-        from tumble.cli.capture_view import LiveView
-
         with LiveView(order.targets, bell=not printed.no_bell) as view:
             yield view
     else:
@@ -232,8 +350,8 @@ def _order(
     from tumble.capture.targets import read_targets
     from tumble.protocol.library import REST
     from tumble.simulation.grades import find_grade
-    from tumble.workflows.protocols import read_given_protocol
-    from tumble.workflows.site import choose_site
+    from tumble.workflows.given.protocols import read_given_protocol
+    from tumble.workflows.given.site import choose_site
 
     if source is not None and what.replay is not None:
         raise UsageError("Give a source or --replay FILE, not both.")

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tumble.cli.completion import complete_target
 from tumble.cli.groups import ADVANCED, FIRST, detail, option
-from tumble.cli.options import NoiseFile, PrintOptions, output_option
+from tumble.cli.options import NoiseFile, PrintOptions, complete_target, output_option
 from tumble.cli.terminal import console, results_stand, say, say_json, say_written, table
 from tumble.errors import UsageError
 

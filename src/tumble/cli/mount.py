@@ -50,8 +50,8 @@ def mount_command(
     A calibration corrects the sensors in the unit's own axes; what uses them knows the mount's. Level the
     mount (shims), record ten seconds; pitch it by 90° about its y axis until x is up, record ten more.
     """
+    from tumble.workflows.given.site import choose_site
     from tumble.workflows.mount import mount
-    from tumble.workflows.site import choose_site
 
     place = choose_site(**asdict(site))
     with progress(printed.silent) as tell:

@@ -6,10 +6,18 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
-from tumble.cli.figures import FiguresOption, check_figures, draw_figures
 from tumble.cli.groups import ADVANCED, FIRST, detail, option
 from tumble.cli.options import FileOptions, PrintOptions, Recordings, output_option
-from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
+from tumble.cli.terminal import (
+    FiguresOption,
+    check_figures,
+    draw_figures,
+    progress,
+    results_stand,
+    say,
+    say_json,
+    say_written,
+)
 
 _LETTERS = (
     "Letters as in IEEE Std 952. B: flicker of two-sided density B²/(2πf); the curve's floor is 0.664 B. "

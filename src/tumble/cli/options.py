@@ -1,7 +1,11 @@
-"""Options that several commands share, each declared once, and the groups in which commands take them."""
+"""Options that several commands share, each declared once, and the groups in which commands take them.
+
+What the shell completes after `tumble`: names from the registries, read when they are asked for.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from glob import glob
 from pathlib import Path
@@ -9,9 +13,72 @@ from typing import Annotated, Any, TypeAlias
 
 import typer
 
-from tumble.cli.completion import complete_grade, complete_protocol
 from tumble.cli.groups import ADVANCED, FILE, FIRST, PLACE, PRINTED, RECORD, option
 from tumble.errors import UsageError
+
+
+def _beginning(names: Iterable[str], incomplete: str) -> list[str]:
+    return [name for name in names if name.startswith(incomplete)]
+
+
+def complete_procedure(incomplete: str) -> list[str]:
+    """Return the procedures that begin so.
+
+    Parameters
+    ----------
+    incomplete : what was typed.
+    """
+    from tumble.procedure_names import KNOWN_PROCEDURES
+
+    return _beginning(KNOWN_PROCEDURES, incomplete)
+
+
+def complete_protocol(incomplete: str) -> list[str]:
+    """Return the named protocols that begin so; the shell completes files where there is none.
+
+    Parameters
+    ----------
+    incomplete : what was typed.
+    """
+    from tumble.protocol.library import PROTOCOLS
+
+    return _beginning(PROTOCOLS, incomplete)
+
+
+def complete_grade(incomplete: str) -> list[str]:
+    """Return the grades of units that begin so.
+
+    Parameters
+    ----------
+    incomplete : what was typed.
+    """
+    from tumble.simulation.grades import GRADES
+
+    return _beginning(GRADES, incomplete)
+
+
+def complete_target(incomplete: str) -> list[str]:
+    """Return the forms of other tools that begin so.
+
+    Parameters
+    ----------
+    incomplete : what was typed.
+    """
+    from tumble.export.registry import TARGETS
+
+    return _beginning(TARGETS, incomplete)
+
+
+def complete_study(incomplete: str) -> list[str]:
+    """Return the papers' tables and figures that begin so.
+
+    Parameters
+    ----------
+    incomplete : what was typed.
+    """
+    from tumble.reproduction.items import all_items
+
+    return _beginning(all_items(), incomplete)
 
 
 def _matched(paths: list[Path] | None) -> list[Path] | None:

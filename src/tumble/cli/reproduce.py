@@ -8,9 +8,8 @@ from typing import Annotated
 
 import typer
 
-from tumble.cli.completion import complete_study
 from tumble.cli.groups import ADVANCED, FIRST, option
-from tumble.cli.options import PrintOptions, Seed, output_option
+from tumble.cli.options import PrintOptions, Seed, complete_study, output_option
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
 
 

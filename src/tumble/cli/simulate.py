@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tumble.cli.completion import complete_protocol
 from tumble.cli.groups import ADVANCED, FIRST, detail, in_si, option
-from tumble.cli.options import Imu, PrintOptions, Seed, SiteOptions, output_option
+from tumble.cli.options import Imu, PrintOptions, Seed, SiteOptions, complete_protocol, output_option
 from tumble.cli.simulate_options import (
     ChainOptions,
     ErrorOptions,
@@ -20,7 +19,7 @@ from tumble.cli.simulate_options import (
     TableOptions,
 )
 from tumble.cli.terminal import progress, results_stand, say, say_json, say_written
-from tumble.cli.verify_drive import turn_on_of
+from tumble.cli.verify import turn_on_of
 
 if TYPE_CHECKING:
     from tumble.workflows.simulate import Simulated
@@ -133,8 +132,8 @@ def simulate_command(
     DIR/protocol.yaml` needs nothing else; the truth, with the keys of calibration.json, is for you to
     compare. The same seed gives the same files, bit for bit.
     """
+    from tumble.workflows.given.site import choose_site
     from tumble.workflows.simulate import simulate
-    from tumble.workflows.site import choose_site
 
     if live.serve is not None or live.guide is not None:
         _serve(protocol, session, live)

@@ -30,7 +30,7 @@ def units_command(
 
     tumble units 0.15 deg/√h --sample-rate 100
     """
-    from tumble.workflows.unit_words import explain_unit
+    from tumble.workflows.given.data_sheet import explain_unit
 
     answer = explain_unit(*_value_and_unit(number), sample_rate)
     if as_json:

@@ -1,15 +1,19 @@
-"""`tumble verify`: judge a calibration on recordings that it has not seen."""
+"""`tumble verify`: judge a calibration on recordings that it has not seen.
+
+`tumble verify --gnss`: judge a calibration by a drive with satellite positions.
+"""
 
 from __future__ import annotations
 
 import math
+import shlex
+import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from tumble.cli.figures import FiguresOption, check_figures
 from tumble.cli.groups import detail, numbers, option, refuse_given
 from tumble.cli.options import (
     CalibrationArgument,
@@ -25,15 +29,110 @@ from tumble.cli.options import (
     TurnOnBias,
     output_option,
 )
-from tumble.cli.terminal import console, progress, say_json, table
-from tumble.cli.verify_drive import show_drive, turn_on_of
+from tumble.cli.terminal import (
+    FiguresOption,
+    check_figures,
+    console,
+    draw_figures,
+    progress,
+    results_stand,
+    say_json,
+    say_written,
+    table,
+)
 from tumble.errors import UsageError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from tumble.arrays import Series
+    from tumble.workflows.verification.drive_verification import DriveVerification
     from tumble.workflows.verify import Verification
+
+
+GRAVITY = 9.80665e-3  # m/s² a mg
+
+
+def turn_on_of(text: str) -> tuple[float, float]:
+    """Return m/s² and rad/s of mg and °/h as typed.
+
+    Parameters
+    ----------
+    text : as typed.
+
+    Raises
+    ------
+    UsageError
+        If it is not two numbers.
+    """
+    force, rate = numbers(text, "--turn-on-bias", 2)
+    return force * GRAVITY, math.radians(rate) / 3600.0
+
+
+def show_drive(
+    found: DriveVerification, output: Path | None, figures: str | None, printed: PrintOptions
+) -> NoReturn:
+    """Write what was asked for, and print the rest; leaves with the verdict's status.
+
+    Parameters
+    ----------
+    found : what was found.
+    output : folder, or None.
+    figures : form of the figures for a paper, or None.
+    printed : how to print.
+
+    Raises
+    ------
+    typer.Exit
+        Always: 0 if it serves, 1 if not.
+    """
+    from tumble.workflows.verification.drive_document import drive_document, write_drive
+
+    document = drive_document(found)
+    files: list[Path] = []
+    if output is not None:
+        files = write_drive(document, output, shlex.join(["tumble", *sys.argv[1:]]))
+        files += draw_figures(figures, files)
+        results_stand()
+    if printed.as_json:
+        say_json(document, indent=1)
+    else:
+        _print_drive(document, printed.quiet)
+        say_written(files)
+    raise typer.Exit(0 if found.fit else 1)
+
+
+def _print_drive(document: dict[str, Any], quiet: bool) -> None:
+    screen = console()
+    if not quiet:
+        for sentence in (document["time_offset"]["words"], document["alignment"], *document["remarks"]):
+            screen.print(f"• {sentence}")
+        for title, key in (
+            ("Free drift from known starts, horizontal rms, m", "drift"),
+            ("Outages one by one, m", "outages_sliding"),
+            ("Outages again and again, m", "outages_repeated"),
+        ):
+            screen.print(_errors_table(document["variants"], title, key))
+        for sentence in document["setting"]:
+            screen.print(f"• {sentence}")
+    fit = document["fit"]
+    screen.print("SERVES" if fit else "DOES NOT SERVE", style="bold green" if fit else "bold red")
+    for reason in document["reasons"]:
+        screen.print(f"• {reason}")
+
+
+def _errors_table(variants: list[dict[str, Any]], title: str, key: str) -> object:
+    from tumble.report.drive import metres
+
+    chosen = {one["seconds"] for one in variants[0]["outages_sliding"]}
+    rows = [[one for one in variant[key] if one["seconds"] in chosen] for variant in variants]
+    heads = ["corrected by", *(f"{one['seconds']:g} s" for one in rows[0])]
+    cells = [
+        [variant["name"], *(metres(one["horizontal_rms"], "") for one in row)]
+        for variant, row in zip(variants, rows, strict=True)
+    ]
+    return table(heads, cells, right=range(1, len(heads)), title=title, box=None)
+
 
 _DRIVE = "A drive with satellite positions"
 
@@ -107,9 +206,8 @@ def verify_command(
         refuse_given(context, [SiteOptions, HoldOptions], sentence)
         _verify_drive(calibration, recordings, gnss, drive, read, printed)
     refuse_given(context, [DriveOptions], "{} is for a drive: give its satellite positions with --gnss.")
-    from tumble.workflows.limits import limits_of
-    from tumble.workflows.site import choose_site
-    from tumble.workflows.verify import verify
+    from tumble.workflows.given.site import choose_site
+    from tumble.workflows.verify import limits_of, verify
 
     place = choose_site(**asdict(site))
     held = None if holds.limits is None else limits_of(calibration, holds.limits)
@@ -144,7 +242,7 @@ def _verify_drive(
     arm = None if drive.lever_arm is None else numbers(drive.lever_arm, "--lever-arm", 3)
     lengths = None if drive.outages is None else numbers(drive.outages, "--outages")
     moved = None if drive.turn_on_bias is None else turn_on_of(drive.turn_on_bias)
-    from tumble.workflows.drive import verify_drive
+    from tumble.workflows.verification.drive import verify_drive
 
     if drive.gnss_time is not None and not math.isfinite(drive.gnss_time):
         raise UsageError(f"--gnss-time {drive.gnss_time}: give seconds.")

@@ -26,12 +26,10 @@ from tumble.recording.range_check import find_steps_of_two
 from tumble.recording.temperature import TemperatureColumn
 from tumble.sensor.thermal import Outside
 from tumble.units import angular_rate_factor, specific_force_factor
-from tumble.workflows.corrected_bag import BagCorrection
-from tumble.workflows.corrected_field import CorrectedField, corrects_field
-from tumble.workflows.corrected_form import Destination, destination
-from tumble.workflows.lag_shift import ForceShift, lag_of, shifted
-from tumble.workflows.progress import public
-from tumble.workflows.temperature import (
+from tumble.workflows.corrected.bag import BagCorrection
+from tumble.workflows.corrected.form import CorrectedField, Destination, corrects_field, destination
+from tumble.workflows.corrected.lag_shift import ForceShift, lag_of, shifted
+from tumble.workflows.corrected.temperature import (
     about_temperature,
     check_column,
     check_outside,
@@ -39,6 +37,7 @@ from tumble.workflows.temperature import (
     needs_temperature,
     refuse_twice,
 )
+from tumble.workflows.progress import public
 
 if TYPE_CHECKING:
     from tumble.export.noise import SensorNoise

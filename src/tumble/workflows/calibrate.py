@@ -27,8 +27,11 @@ from tumble.limits import read_limits, with_limits
 from tumble.recording import Recording, read_recordings
 from tumble.recording.frames import Frame
 from tumble.recording.reading import Paths, recording_inputs
-from tumble.workflows.data_sheet import find_sheet
-from tumble.workflows.joining import NamedSpan, check_files, join_recordings, named_spans
+from tumble.workflows.given.data_sheet import find_sheet
+from tumble.workflows.given.noise_models import NoiseOfHolds
+from tumble.workflows.given.notes import Notes, notes_of
+from tumble.workflows.given.protocols import GivenProtocol, read_given_protocol
+from tumble.workflows.given.site import given_site
 from tumble.workflows.magnetometer import (
     add_magnetometer,
     field_alone,
@@ -37,8 +40,6 @@ from tumble.workflows.magnetometer import (
     refuse_field_of_none,
     with_own_parameters,
 )
-from tumble.workflows.noise_models import NoiseOfHolds
-from tumble.workflows.notes import Notes, notes_of
 from tumble.workflows.procedures import (
     add_objections,
     check_prior,
@@ -46,8 +47,7 @@ from tumble.workflows.procedures import (
     run_procedure,
 )
 from tumble.workflows.progress import public, silent
-from tumble.workflows.protocols import GivenProtocol, read_given_protocol
-from tumble.workflows.site import given_site
+from tumble.workflows.several.joining import NamedSpan, check_files, join_recordings, named_spans
 
 if TYPE_CHECKING:
     from tumble.calibration import Estimate

@@ -23,9 +23,9 @@ from tumble.recording import read_recordings
 from tumble.recording.corrections import corrections_of
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.workflows.apply import in_calibration_units, raw_factors
+from tumble.workflows.corrected.temperature import FAR_FROM_CALIBRATION, recorded_span, refuse_twice
+from tumble.workflows.given.site import given_site
 from tumble.workflows.progress import silent
-from tumble.workflows.site import given_site
-from tumble.workflows.temperature import FAR_FROM_CALIBRATION, recorded_span, refuse_twice
 
 FORMAT = "tumble mount"
 # Rests of one recording whose gravity is farther apart are of different poses, rad.

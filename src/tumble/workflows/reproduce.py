@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tumble.errors import OutputError, UsageError
-from tumble.workflows.executors import Hands, hands
+from tumble.workflows.batches.executors import Hands, hands
 from tumble.workflows.progress import silent
 
 if TYPE_CHECKING:

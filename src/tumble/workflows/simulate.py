@@ -16,11 +16,11 @@ from tumble.earth import Site
 from tumble.errors import UsageError
 from tumble.protocol.steps import SpinStep
 from tumble.sample_rates import SampleRate
+from tumble.workflows.given.protocols import read_played
+from tumble.workflows.given.site import given_site
 from tumble.workflows.progress import public, silent
-from tumble.workflows.protocols import read_played
-from tumble.workflows.simulated_files import require_place, write_simulation
-from tumble.workflows.site import given_site
-from tumble.workflows.truth import (
+from tumble.workflows.simulated.files import require_place, write_simulation
+from tumble.workflows.simulated.truth import (
     Settings,
     case_columns,
     magnetometer_truth,
@@ -202,7 +202,7 @@ def _play(
     """The recording, what was true, and the document that says so."""
     from tumble.simulation import find_thermal_grade, simulate_protocol
     from tumble.simulation.thermal_steps import has_chamber
-    from tumble.workflows.thermal_truth import thermal_truth
+    from tumble.workflows.simulated.files import thermal_truth
 
     inside = None
     if has_chamber(played.protocol):

@@ -1,4 +1,4 @@
-"""Judging a calibration on recordings that it has not seen: hold norms and turn angles."""
+"""Judging a calibration: on recordings that it has not seen, by hold norms and turn angles, and by limits."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from tumble.calibration.verdict import two_digits
 from tumble.document import Calibration, read_calibration
 from tumble.earth import Site
 from tumble.errors import CalibrationFileError, RecordingError
+from tumble.limits import decide, read_limits
 from tumble.recording import Recording, read_recordings
 from tumble.recording.corrections import corrections_of
 from tumble.recording.range_check import find_steps_of_two
@@ -24,16 +26,41 @@ from tumble.recording.reading import Paths, recording_inputs
 from tumble.segmentation import Timeline, find_timeline, observe_holds, read_intervals
 from tumble.sensor import ImuModel
 from tumble.workflows.apply import in_calibration_units, raw_factors
-from tumble.workflows.expected_norms import conditions, corrected_whole, hold_noise, norm_covariance
-from tumble.workflows.progress import public, silent
-from tumble.workflows.site import given_site
-from tumble.workflows.temperature import (
+from tumble.workflows.corrected.temperature import (
     about_temperature,
     check_outside,
     needs_temperature,
     recorded_span,
     refuse_twice,
 )
+from tumble.workflows.given.site import given_site
+from tumble.workflows.progress import public, silent
+from tumble.workflows.verification.expected_norms import (
+    conditions,
+    corrected_whole,
+    hold_noise,
+    norm_covariance,
+)
+
+if TYPE_CHECKING:
+    from tumble.document.limits_block import LimitsBlock
+
+
+def limits_of(calibration: str | os.PathLike[str], limits: str | os.PathLike[str]) -> LimitsBlock:
+    """Return how a calibration's parameters stand to limits.
+
+    Parameters
+    ----------
+    calibration : a ``calibration.json``, or its folder.
+    limits : file of limits.
+
+    Raises
+    ------
+    CalibrationFileError, UsageError
+        If one of the two cannot be read.
+    """
+    return decide(read_calibration(calibration), read_limits(Path(limits)))
+
 
 # Residuals of as small a probability contradict the calibration: four sigmas of a single normal one,
 BY_CHANCE = 6.3e-5

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tumble.workflows.drive import verify_drive
-from tumble.workflows.drive_verification import DriveVerification
+from tumble.workflows.verification.drive import verify_drive
+from tumble.workflows.verification.drive_verification import DriveVerification
 
 HERE = Path(__file__).parent
 

@@ -12,7 +12,7 @@ from tumble.document import read_calibration
 from tumble.document.predictions import answers
 from tumble.document.soundness import covariance_fault
 from tumble.errors import CalibrationFileError
-from tumble.workflows.predict_navigation import predict_navigation
+from tumble.workflows.predict import predict_navigation
 
 NAMES = ["bias x", "bias y", "bias z"]
 ROOT = np.array([[1.0, 0.0, 0.0], [0.3, 2e-6, 0.0], [-0.5, 1e-6, 3e4]])

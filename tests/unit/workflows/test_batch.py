@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from tumble.errors import UsageError
-from tumble.workflows.batch_source import read_source, unit_name
-from tumble.workflows.executors import hands
+from tumble.workflows.batches.executors import hands
+from tumble.workflows.batches.source import read_source, unit_name
 
 
 def manifest(folder: Path, text: str) -> str:

@@ -14,7 +14,7 @@ from tumble.errors import ObservabilityError, OutputError, UsageError
 from tumble.recording import Recording, write_recording
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording
 from tumble.workflows.calibrate import calibrate
-from tumble.workflows.joining import PAUSE
+from tumble.workflows.several.joining import PAUSE
 
 SITE = Site.from_gravity(9.81)
 

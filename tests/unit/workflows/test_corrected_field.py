@@ -28,9 +28,9 @@ from tumble.recording import Recording
 from tumble.recording.formats.output import write_recording
 from tumble.recording.magnetic_field import MagneticField
 from tumble.sensor import ImuModel, Triad
-from tumble.workflows.corrected_field import CorrectedField
+from tumble.workflows.corrected.form import CorrectedField
 from tumble.workflows.magnetometer import field_reasons, left_out_of
-from tumble.workflows.recovery import Recovery
+from tumble.workflows.simulated.recovery import Recovery
 
 M = np.array([[1.07, 0.031, -0.052], [-0.083, 0.94, 0.047], [0.021, -0.066, 1.12]])
 H = np.array([12.5, -31.0, 47.25])

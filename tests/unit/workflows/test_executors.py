@@ -9,7 +9,7 @@ import time
 
 BEGIN = """
 import os, time
-from tumble.workflows.executors import processes
+from tumble.workflows.batches.executors import processes
 if __name__ == "__main__":
     pool = processes(1)
     print(pool.submit(os.getpid).result(), flush=True)

@@ -14,7 +14,7 @@ from tumble.noise.terms import NoiseModel
 from tumble.recording import Recording
 from tumble.segmentation import Hold, NoiseFloor, Timeline, observe_holds
 from tumble.segmentation.modelled_means import model_means
-from tumble.workflows.noise_models import models_of_recording, read_noise_models
+from tumble.workflows.given.noise_models import models_of_recording, read_noise_models
 
 RATE = 50.0
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tumble.errors import UsageError
-from tumble.workflows.notes import notes_of
+from tumble.workflows.given.notes import notes_of
 
 
 def test_notes_keep_their_order_and_their_values_and_names_are_small_letters() -> None:

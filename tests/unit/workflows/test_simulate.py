@@ -21,7 +21,7 @@ from tumble.sensor.conventions.savage import savage_from_model
 from tumble.simulation import FixtureErrors, Imperfections, TableErrors
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.simulate import Simulated, simulate
-from tumble.workflows.truth import case_columns
+from tumble.workflows.simulated.truth import case_columns
 
 RATE = 20.0
 SITE = Site.from_latitude(0.8)

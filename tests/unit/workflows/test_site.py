@@ -7,7 +7,7 @@ import math
 import pytest
 
 from tumble.errors import SiteError, UsageError
-from tumble.workflows.site import choose_site
+from tumble.workflows.given.site import choose_site
 
 
 def test_a_latitude_gives_normal_gravity_there() -> None:

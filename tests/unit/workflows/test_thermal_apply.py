@@ -29,7 +29,7 @@ from tumble.sensor import ImuModel, Triad
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel
 from tumble.simulation.protocols import simulate_protocol
 from tumble.workflows.apply import apply
-from tumble.workflows.expected_norms import HoldConditions, norm_covariance
+from tumble.workflows.verification.expected_norms import HoldConditions, norm_covariance
 from tumble.workflows.verify import verify
 
 SITE = Site(gravity=9.8, gravity_sigma=1e-5)

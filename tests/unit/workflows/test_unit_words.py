@@ -7,7 +7,7 @@ from math import isnan, log, pi, sqrt
 import pytest
 
 from tumble.errors import UsageError
-from tumble.workflows.unit_words import UnitExplanation, explain_unit
+from tumble.workflows.given.data_sheet import UnitExplanation, explain_unit
 
 
 def of(answer: UnitExplanation, name: str, unit: str) -> list[float]:

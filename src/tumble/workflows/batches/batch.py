@@ -1,0 +1,372 @@
+"""Many units: each calibrated by itself, then all of them as one table, and what only many of them tell.
+
+A unit's result is written when it is there, whole, under ``units/NAME``, with a key of everything that it depends on:
+whatever ends a run, the next one does only what is new. The tables are made of these results.
+
+The table of a batch, a row a unit: for spreadsheets (CSV) and for data frames (Parquet).
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tumble.files import make_folder, read_json, read_text, write_text, write_texts
+from tumble.fleet import UnitVector, find_outlying, find_shared, find_twins, stack
+from tumble.fleet.outcome import ACCELEROMETER, GYRO, Batch, UnitOutcome
+from tumble.fleet.outlying import FALSE_ALARM, loud_or_dead
+from tumble.recording.formats.output import write_table
+from tumble.workflows.batches.executors import hands
+from tumble.workflows.batches.source import UnitTask, read_source
+from tumble.workflows.batches.unit import (
+    BatchOptions,
+    Job,
+    calibrate_unit,
+    check_options,
+    failed,
+)
+from tumble.workflows.calibrate import require_writable
+from tumble.workflows.progress import silent
+
+if TYPE_CHECKING:
+    from tumble.fleet.outcome import Batch
+
+
+Cell = str | float | None
+# What a spreadsheet would take for a formula.
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+
+
+def rows_of(batch: Batch) -> tuple[list[str], list[list[Cell]]]:
+    """Return heads and rows of the table.
+
+    First unit, files, verdict, limits and reasons; then what the manifest says, the temperature, and each parameter
+    with its unit in brackets, followed by its standard uncertainty (``sigma of ...``).
+
+    Parameters
+    ----------
+    batch : of units.
+    """
+    more = list(dict.fromkeys(name for unit in batch.units for name in unit.more))
+    names = list(dict.fromkeys((p[0], p[3]) for unit in batch.units for p in unit.parameters))
+    heads = ["unit", "files", "verdict", "limits", "reasons", *more, "temperature [degC]"]
+    for name, unit in names:
+        heads += [f"{name} [{unit}]", f"sigma of {name} [{unit}]"]
+    rows: list[list[Cell]] = []
+    for one in batch.units:
+        known = {(p[0], p[3]): (p[1], p[2]) for p in one.parameters}
+        row: list[Cell] = [
+            one.unit,
+            ";".join(one.files),
+            one.verdict,
+            one.limits,
+            " ".join(batch.reasons(one)),
+        ]
+        row += [one.more.get(name, "") for name in more]
+        row.append(one.temperature)
+        for name in names:
+            row += list(known.get(name, (None, None)))
+        rows.append(row)
+    return heads, rows
+
+
+def csv_text(heads: list[str], rows: list[list[Cell]]) -> str:
+    """Return the table as CSV; a text that a spreadsheet would run as a formula has an apostrophe in front.
+
+    Parameters
+    ----------
+    heads, rows : of the table.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([_harmless(head) for head in heads])
+    for row in rows:
+        writer.writerow(
+            ["" if cell is None else _harmless(cell) if isinstance(cell, str) else repr(cell) for cell in row]
+        )
+    return text.getvalue()
+
+
+def _harmless(text: str) -> str:
+    return f"'{text}" if text.startswith(_FORMULA) else text
+
+
+def write_parquet(path: Path, heads: list[str], rows: list[list[Cell]]) -> Path:
+    """Write the table as Parquet; return its place.
+
+    Parameters
+    ----------
+    path, heads, rows : where, and what.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written; an earlier one is then intact.
+    """
+    text = {"unit", "files", "verdict", "limits", "reasons"}
+    columns: dict[str, list[Cell]] = {}
+    for place, head in enumerate(heads):
+        column = [row[place] for row in rows]
+        is_text = head in text or any(isinstance(cell, str) for cell in column)
+        columns[head] = [str(cell or "") for cell in column] if is_text else column
+    write_table(
+        path, columns, numbers={head for head in heads if not any(isinstance(c, str) for c in columns[head])}
+    )
+    return path
+
+
+FORMAT, VERSION = "tumble batch unit", 1
+UNITS = "units"
+
+
+def run_batch(
+    sources: str | Sequence[str],
+    output: str | Path,
+    options: BatchOptions | None = None,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    executor: Executor | None = None,
+    registry: str | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Batch:
+    """Calibrate many units, and write a table of them.
+
+    Parameters
+    ----------
+    sources : a folder, a pattern, a manifest, or recordings.
+    output : folder for ``table.csv``, ``table.parquet``, ``table.html`` and ``units/NAME/calibration.json``.
+    options : that hold for all units.
+    workers : processes; None for one a processor.
+    scheduler : address of a Dask cluster that does the work instead.
+    executor : any `concurrent.futures.Executor` instead; it is left open.
+    registry : URL or file of a registry that the calibrations are added to.
+    progress : called with a sentence on what is being done.
+
+    Raises
+    ------
+    UsageError
+        If the source, a limit or an option is wrong; nothing is done then.
+    OutputError
+        If results cannot be written; what was there is intact.
+    """
+    say = progress or silent
+    options = options or BatchOptions()
+    folder = Path(output)
+    check_options(options)
+    tasks = read_source([sources] if isinstance(sources, str) else list(sources))
+    require_writable(folder)
+    make_folder(folder / UNITS)
+    if options.reports != "none":
+        _write_library(folder)
+    known = {task.unit: _lean(earlier) for task in tasks if (earlier := _earlier(folder, task)) is not None}
+    done: dict[str, UnitOutcome] = {}
+    kept = 0
+    with _registry(registry) as store, hands(workers, scheduler, executor) as crew:
+        jobs = _jobs(tasks, known, folder, options)
+        for outcome in crew.run(
+            calibrate_unit, jobs, lambda job, why: failed(job.task, f"It is lost: {why}.")
+        ):
+            if outcome.unchanged:
+                kept += 1
+                store(replace(outcome, calibration=_document_of(folder, outcome.unit)))
+                done[outcome.unit] = known[outcome.unit]
+            elif outcome.verdict == "error" and not outcome.key and outcome.unit in known:
+                outcome.reasons.append("The calibration of an earlier run is left as it is.")
+                done[outcome.unit] = outcome
+            else:
+                _write_unit(folder, outcome)
+                store(outcome)
+                done[outcome.unit] = _lean(outcome)
+            say(f"{len(done)} of {len(tasks)} units")
+    say("the table")
+    batch = _summarised([done[task.unit] for task in tasks])
+    batch.worked, batch.kept = len(tasks) - kept, kept
+    _write_tables(folder, batch)
+    return batch
+
+
+@contextmanager
+def _registry(name: str | None) -> Generator[Callable[[UnitOutcome], None], None, None]:
+    """Give what adds a unit's calibration to a registry, where there is one."""
+    if name is None:
+        yield lambda _: None
+        return
+    from tumble.document.result import Calibration
+    from tumble.registry.store import add
+    from tumble.workflows.registry import registry_at
+
+    with registry_at(name, make=True) as registry:
+
+        def store(outcome: UnitOutcome) -> None:
+            if outcome.calibration is not None:
+                add(registry, Calibration.model_validate_json(outcome.calibration), unit=outcome.unit)
+
+        yield store
+
+
+def _jobs(
+    tasks: Sequence[UnitTask], known: dict[str, UnitOutcome], folder: Path, options: BatchOptions
+) -> Iterator[Job]:
+    for task in tasks:
+        earlier = known.get(task.unit)
+        if earlier is not None:
+            wanted = options.reports == "all" or (options.reports == "failed" and not earlier.accepted)
+            if wanted and not (folder / UNITS / task.unit / "report.html").is_file():
+                earlier = None
+        yield Job(task, options, None if earlier is None else earlier.key)
+
+
+def _earlier(folder: Path, task: UnitTask) -> UnitOutcome | None:
+    """What an earlier run found of a unit, where it is whole."""
+    place = folder / UNITS / task.unit
+    try:
+        document: Any = read_json(place / "unit.json")
+        if document.pop("format") != FORMAT or document.pop("version") != VERSION:
+            return None
+        written = document.pop("calibration_sha256")
+        outcome = UnitOutcome(**document)
+        whole = outcome.verdict != "error" and written == _hash(read_text(place / "calibration.json"))
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        return None
+    return outcome if whole and outcome.key else None
+
+
+def _lean(outcome: UnitOutcome) -> UnitOutcome:
+    """What stays in memory of each of thousands of units."""
+    told = outcome.vector
+    vector = None if told is None else told | {"covariance": np.array(told["covariance"])}
+    return replace(outcome, calibration=None, report=None, vector=vector)
+
+
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", errors="replace")).hexdigest()
+
+
+def _document_of(folder: Path, unit: str) -> str:
+    return read_text(folder / UNITS / unit / "calibration.json")
+
+
+def _write_unit(folder: Path, outcome: UnitOutcome) -> None:
+    place = folder / UNITS / outcome.unit
+    told = asdict(replace(outcome, calibration=None, report=None))
+    for name in ("calibration", "report", "unchanged"):
+        told.pop(name)
+    told["calibration_sha256"] = _hash(outcome.calibration or "")
+    # It says that the others are of this key; the first to be written is the last to take its place.
+    texts = {
+        place / "unit.json": json.dumps({"format": FORMAT, "version": VERSION, **told}, ensure_ascii=False)
+        + "\n"
+    }
+    if outcome.calibration is not None:
+        texts[place / "calibration.json"] = outcome.calibration
+    if outcome.report is not None:
+        texts[place / "report.html"] = outcome.report
+    for begun in place.glob(".*.part"):
+        begun.unlink(missing_ok=True)  # of a run that was killed
+    write_texts(texts)
+    for name in ("calibration.json", "report.html"):
+        if place / name not in texts:
+            (place / name).unlink(missing_ok=True)  # of an earlier run, which this one contradicts
+
+
+def _write_library(folder: Path) -> None:
+    from tumble.report.html import LIBRARY, plotting_library
+
+    text = plotting_library()
+    place = folder / LIBRARY
+    if not place.is_file() or place.stat().st_size != len(text.encode()):
+        write_text(place, text)
+
+
+def _summarised(units: list[UnitOutcome]) -> Batch:
+    """Return units with what only many of them tell."""
+    vectors = [_vector(unit) for unit in units]
+    comparable = stack(vectors)
+    said: dict[str, list[str]] = {}
+    remarks: list[str] = []
+    if comparable is not None:
+        share = FALSE_ALARM / 2
+        for one in find_outlying(comparable, share):
+            said.setdefault(units[one.unit].unit, []).append(
+                f"It stands out from the other units by {one.what}: {one.worst} is {one.sigmas:+.1f} of their standard "
+                f"deviations off (a good unit is as far off with a probability of {one.chance:.1g})."
+            )
+        for pair in find_twins(comparable):
+            _say_twins(units[pair.first], units[pair.second], said, "agree as no two units of this batch do")
+        others = sum(vector is not None for vector in vectors) - len(comparable.which)
+        if others:
+            remarks.append(
+                f"{others} of {len(units)} units were left out of the comparison: their parameters or raw units are "
+                f"not those of the other {len(comparable.which)} (mixed units?)."
+            )
+    _say_noise(units, said)
+    _say_same_files(units, said)
+    bad = [not unit.accepted or unit.unit in said for unit in units]
+    columns = sorted({name for unit in units for name in unit.more})
+    shared = find_shared(bad, {name: [unit.more.get(name, "") for unit in units] for name in columns})
+    return Batch(units, said, shared, remarks)
+
+
+def _vector(unit: UnitOutcome) -> UnitVector | None:
+    told = unit.vector
+    if told is None:
+        return None
+    names, words = tuple(told["names"]), tuple(told["units"])
+    return UnitVector(names, words, np.array(told["values"]), np.array(told["covariance"]))
+
+
+def _say_twins(one: UnitOutcome, two: UnitOutcome, said: dict[str, list[str]], why: str) -> None:
+    for first, second in ((one, two), (two, one)):
+        sentence = f"It is probably the same unit as {second.unit}: their {_what(why)} {why}."
+        already = said.setdefault(first.unit, [])
+        if not any(f"same unit as {second.unit}:" in words for words in already):
+            already.append(sentence)
+
+
+def _what(why: str) -> str:
+    return "recordings" if "content" in why else "parameters"
+
+
+def _say_same_files(units: list[UnitOutcome], said: dict[str, list[str]]) -> None:
+    seen: dict[tuple[str, ...], UnitOutcome] = {}
+    for unit in units:
+        key = tuple(unit.hashes)
+        if key and key in seen:
+            _say_twins(seen[key], unit, said, "have the same content")
+        elif key:
+            seen[key] = unit
+
+
+def _say_noise(units: list[UnitOutcome], said: dict[str, list[str]]) -> None:
+    for triad in (ACCELEROMETER, GYRO):
+        noise = [np.array(unit.noise[triad]) if triad in unit.noise else None for unit in units]
+        for unit, channel, factor in loud_or_dead(noise, FALSE_ALARM / 4):
+            name = f"{triad} {'xyz'[channel] if channel < 3 else channel}"
+            words = (
+                "has no noise at all: the channel is dead"
+                if factor == 0.0
+                else (f"has {factor:.2g} times the noise at rest of the other units")
+            )
+            said.setdefault(units[unit].unit, []).append(f"Its {name} {words}.")
+
+
+def _write_tables(folder: Path, batch: Batch) -> None:
+    from tumble.report.batch import batch_page
+    from tumble.report.html import LIBRARY, render_page
+
+    heads, rows = rows_of(batch)
+    _write_library(folder)
+    page = render_page(batch_page(batch), None, LIBRARY)
+    batch.files = write_texts({folder / "table.csv": csv_text(heads, rows), folder / "table.html": page})
+    batch.files.insert(1, write_parquet(folder / "table.parquet", heads, rows))

@@ -1,0 +1,170 @@
+"""The protocol that a calibration or a simulation was told: its file or its name, its recordings, its clock."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tumble.errors import UsageError
+from tumble.files import read_json
+from tumble.recording import Recording
+
+if TYPE_CHECKING:
+    from tumble.protocol import Protocol, Step
+    from tumble.workflows.several.joining import Span
+
+
+@dataclass(frozen=True, slots=True)
+class GivenProtocol:
+    """A protocol and the folder that its files are relative to; None for a named one."""
+
+    protocol: Protocol
+    folder: Path | None
+
+    def files(self) -> list[Path]:
+        """Return the recordings that the protocol names, in order; steps' own files in theirs."""
+        named = list(self.protocol.recordings) or _distinct(
+            [step.file for step in self.protocol.steps if step.file is not None]
+        )
+        folder = self.folder or Path()
+        return [folder / name for name in named]
+
+    def predicted(self) -> dict[str, float]:
+        """Return the standard uncertainties (SI) of the ``plan.json`` beside the protocol; empty without one."""
+        if self.folder is None:
+            return {}
+        try:
+            plan: Any = read_json(self.folder / "plan.json")
+            if plan["format"] == "tumble plan of a protocol" and plan["protocol"] != self.protocol.name:
+                return {}
+            parameters: Any = plan.get("both_triads") or plan["parameters"]
+            return {
+                one["name"]: float(one["standard_uncertainty"])
+                for one in parameters
+                if one["standard_uncertainty"] and float(one["standard_uncertainty"]) > 0.0
+            }
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return {}
+
+    def on_clock_of(self, recordings: list[Recording], spans: list[Span]) -> Protocol:
+        """Return the protocol with every step's own file or interval on the joined recording's clock.
+
+        Parameters
+        ----------
+        recordings, spans : as they were joined.
+
+        Raises
+        ------
+        UsageError
+            If a step names a file that was not given.
+        """
+        if len(recordings) == 1 and all(step.file is None for step in self.protocol.steps):
+            return self.protocol
+        place = {
+            source.name: (recording, span)
+            for recording, span in zip(recordings, spans, strict=True)
+            for source in recording.sources
+        }
+        own = _distinct([step.file for step in self.protocol.steps if step.file is not None])
+        if len(own) == len(recordings) and [Path(name).name for name in own] == [*_names(recordings)]:
+            # In their order, because files of two folders may share a name.
+            place = dict(zip(own, zip(recordings, spans, strict=True), strict=True))
+        steps = tuple(_placed(step, number, place) for number, step in enumerate(self.protocol.steps, 1))
+        return replace(self.protocol, steps=steps)
+
+
+def _names(recordings: list[Recording]) -> list[str]:
+    return [recording.sources[0].name for recording in recordings]
+
+
+def _distinct(names: list[str]) -> list[str]:
+    return list(dict.fromkeys(names))
+
+
+def _placed(step: Step, number: int, place: dict[str, tuple[Recording, Span]]) -> Step:
+    if step.file is None:
+        return step
+    name = step.file if step.file in place else Path(step.file).name
+    if name not in place:
+        raise UsageError(
+            f"Step {number} of the protocol names the recording {step.file}, which is not among those given: "
+            f"{', '.join(place)}. Give no recordings, and those of the protocol are read."
+        )
+    recording, (start, stop) = place[name]
+    if step.interval is None:
+        return replace(step, interval=(start, stop))
+    shift = start - float(recording.time[0])
+    return replace(step, interval=(step.interval[0] + shift, step.interval[1] + shift))
+
+
+def read_given_protocol(given: str | os.PathLike[str]) -> GivenProtocol:
+    """Return the protocol of a file, or the named one where there is no such file.
+
+    Parameters
+    ----------
+    given : path of a protocol file, a folder that holds a ``protocol.yaml``, or a name.
+
+    Raises
+    ------
+    ProtocolError
+        If the file is not a protocol, or something in it is wrong; the message names the line.
+    UsageError
+        If there is neither such a file nor such a name.
+    """
+    from tumble.protocol import PROTOCOLS, named_protocol, read_protocol
+
+    path = Path(given)
+    if path.is_dir():
+        path = path / "protocol.yaml"
+    if path.exists():
+        return GivenProtocol(read_protocol(path), path.parent)
+    if str(given) in PROTOCOLS:
+        return GivenProtocol(named_protocol(str(given)), None)
+    raise UsageError(
+        f"There is no protocol file {path}, and no protocol of that name: give a file, or one of "
+        f"{', '.join(PROTOCOLS)}."
+    )
+
+
+REST_SECONDS = 600.0
+"""What a unit at rest is recorded where nobody says how long."""
+
+
+def read_played(protocol: str | os.PathLike[str], duration: float | None = None) -> Protocol:
+    """Return the protocol that is to be played: a named one, a file's, or a unit that lies still.
+
+    Parameters
+    ----------
+    protocol : a file, or a name; "rest" lies still for its noise.
+    duration : s, of a rest; None takes ten minutes.
+
+    Raises
+    ------
+    UsageError, ProtocolError
+        If there is no such protocol, or a duration is given that is none or not a rest's.
+    """
+    from tumble.protocol import PROTOCOLS
+    from tumble.protocol.library import REST, rest_protocol
+
+    name = str(protocol)
+    # A folder of that name is what an earlier simulation wrote, and no protocol.
+    if name == REST and not Path(name).is_file():
+        seconds = REST_SECONDS if duration is None else duration
+        if not 1.0 <= seconds < math.inf:
+            raise UsageError(f"--duration {seconds:g}: give at least one second.")
+        return rest_protocol(seconds)
+    if duration is not None:
+        raise UsageError(
+            f"--duration is for a unit at rest: `tumble simulate {REST} --duration {duration:g}`."
+        )
+    if name not in PROTOCOLS and not Path(name).exists() and Path(name).suffix not in (".yaml", ".yml"):
+        near = difflib.get_close_matches(name.lower(), [*PROTOCOLS, REST], 1)
+        meant = f" Did you mean {near[0]}?" if near else ""
+        raise UsageError(
+            f"There is no protocol {name!r}: give a protocol file, or one of {', '.join(PROTOCOLS)}, {REST}.{meant}"
+        )
+    return read_given_protocol(protocol).protocol

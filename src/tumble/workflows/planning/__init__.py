@@ -1,0 +1,1 @@
+"""Planning a test before it is done: poses, rotations, any protocol."""

@@ -1,0 +1,375 @@
+"""Planning a test of poses: from what a user says to a plan, its protocol, its pages."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tumble.earth import Site
+from tumble.errors import UsageError
+from tumble.workflows.planning.given import read_known
+from tumble.workflows.planning.plan import (
+    document_text,
+    finite,
+    plan_folder,
+    planned_place,
+    read_targets,
+)
+from tumble.workflows.planning.pose_order import LEVELLED, PoseOrder, choose_reach, pose_grade, pose_task
+from tumble.workflows.planning.words import (
+    MICRO_G,
+    SECOND,
+    UNITS,
+    describe_poses,
+    efficiency_words,
+    group_means,
+    parameter_rows,
+    pose_names,
+    scheme_rows,
+)
+from tumble.workflows.progress import silent
+
+if TYPE_CHECKING:
+    from tumble.arrays import Series, Square
+    from tumble.design.next_pose import NextPose
+    from tumble.design.pose_plan import PosePlan, PoseTask, Reach
+    from tumble.protocol import Protocol
+    from tumble.simulation import Grade
+    from tumble.workflows.planning.protocol import ProtocolPlanned
+
+FILES = ("protocol.yaml", "plan.json", "plan.html", "sheet.html")
+BY_HAND = math.radians(5.0)
+_TARGET_SIZES = {"bias": MICRO_G, "scale": 1e-6, "misalignment": SECOND}
+_TARGET_REFUSAL = (
+    "write bias=50,scale=100,misalignment=20 or some of them, in µg, ppm and arc-seconds, each positive."
+)
+_ASSUMED = "is assumed, and written into the protocol: give --site, or correct it there before anything is calibrated."
+
+
+@dataclass(frozen=True, slots=True)
+class Predicted:
+    """A parameter with its predicted standard uncertainty, SI: of the noise alone, and with gravity's."""
+
+    name: str
+    group: str
+    noise: float
+    total: float
+    unit: str
+
+
+@dataclass(slots=True)
+class PosesPlanned:
+    """What `plan_pose_test` found.
+
+    Attributes
+    ----------
+    procedure, grade, place : what was planned, with what, where.
+    task, plan : the design room's.
+    predicted : parameter by parameter.
+    schemes : the papers', in the same time, or in words why not.
+    protocol : the plan to do.
+    given : sentences about what was recorded already; `following` the poses to record next, `stop` whether to.
+    remarks : what was assumed.
+    files : what was written.
+    joint : of a hand-held test, what holds and turns together tell of both triads.
+    """
+
+    procedure: str
+    grade: Grade
+    place: Site
+    task: PoseTask
+    reach: Reach
+    plan: PosePlan
+    predicted: list[Predicted]
+    schemes: dict[str, PosePlan | str]
+    protocol: Protocol
+    given: list[str] = field(default_factory=list[str])
+    following: list[NextPose] = field(default_factory=list[Any])
+    sigmas_given: Series | None = None
+    stop: bool = False
+    remarks: list[str] = field(default_factory=list[str])
+    files: list[Path] = field(default_factory=list[Path])
+    joint: ProtocolPlanned | None = None
+
+
+def plan_poses(
+    order: PoseOrder,
+    *,
+    output: str | os.PathLike[str] | None = None,
+    progress: Callable[[str], None] = silent,
+) -> PosesPlanned:
+    """Find the best poses for a test, and say what they will be worth.
+
+    Parameters
+    ----------
+    order : what is asked.
+    output : folder for protocol, plan and sheets; None writes nothing.
+    progress : called with a sentence on what is being done.
+
+    Raises
+    ------
+    UsageError, ObservabilityError, ProtocolError, CalibrationFileError, RecordingError
+        If an option is wrong, or the poses that can be reached do not tell what is wanted.
+    OutputError
+        If the files cannot be written; earlier ones are intact.
+    """
+    folder = plan_folder(output, FILES)
+    order.check()
+    if order.rate is not None and (order.procedure != "hand-held" or order.given is not None):
+        raise UsageError("--rate is for a whole hand-held test or a protocol: leave it out.")
+    from tumble.design.pose_plan import plan_schemes
+
+    grade, remarks = pose_grade(order)
+    place, assumed = planned_place(order.site, _ASSUMED)
+    wished = read_targets(order.targets, _TARGET_SIZES, _TARGET_REFUSAL)
+    task = pose_task(order, grade, place)
+    reach = _faces() if order.is_six_position else choose_reach(order.reach, order.outer, order.inner)
+    known = Known()
+    if order.given is not None:
+        progress("reading what is there already")
+        known = _with_given(task, reach, order.given, order.dwell, wished)
+        task = replace(task, known=known.information)
+    progress("searching")
+    plan = _search(order, task, reach, np.random.default_rng(order.seed), progress)
+    progress("comparing")
+    schemes = plan_schemes(replace(task, placement=0.0, shortening=0.0), plan.duration)
+    if order.is_six_position:
+        del schemes["six faces"]
+    made, predicted = _protocol(order, plan, place), predict(plan, place)
+    done = PosesPlanned(order.procedure, grade, place, task, reach, plan, predicted, schemes, made)
+    done.given, done.following, done.stop = known.said, known.following, known.stop
+    done.sigmas_given = known.sigmas
+    done.remarks = [*remarks, *assumed, *describe_poses(done), *_unmet(plan, place, wished)]
+    if order.procedure == "hand-held" and order.given is None:
+        from tumble.workflows.planning.protocol import judge_protocol, of_clock
+
+        progress("holds and turns together")
+        done.joint = judge_protocol(done.protocol, grade, place, order.seed, progress, order.rate)
+        done.remarks.append(of_clock(done.joint.plan))
+    if folder is not None:
+        progress("writing")
+        done.files = _write(done, folder)
+    return done
+
+
+@dataclass(slots=True)
+class Known:
+    """What is there already: sentences, its information, which poses come next, and whether to stop."""
+
+    said: list[str] = field(default_factory=list[str])
+    information: Square | None = None
+    following: list[NextPose] = field(default_factory=list[Any])
+    stop: bool = False
+    sigmas: Series | None = None
+
+
+def predict(plan: PosePlan, place: Site) -> list[Predicted]:
+    """Return every parameter's predicted standard uncertainty, without those that the plan does not tell.
+
+    Parameters
+    ----------
+    plan, place : with gravity's uncertainty, which every scale factor shares.
+    """
+    from tumble.design.candidates import GROUPS, PARAMETERS
+
+    relative = place.gravity_sigma / place.gravity
+    found: list[Predicted] = []
+    for group, members in GROUPS.items():
+        for index in members:
+            noise = float(plan.sigmas[index])
+            if noise > 0.3:
+                continue
+            total = math.hypot(noise, relative) if group == "scale" else noise
+            size = place.gravity if group == "bias" else 1.0
+            unit = {"scale": "1", "misalignment": "rad", "bias": "m/s²"}[group]
+            found.append(Predicted(PARAMETERS[index], group, noise * size, total * size, unit))
+    return found
+
+
+def document_of_poses(done: PosesPlanned) -> dict[str, Any]:
+    """Return everything as plain data for a file, SI and one sigma.
+
+    Parameters
+    ----------
+    done : what was planned.
+    """
+    from tumble.workflows.planning.protocol import joint_parameters
+
+    plan = done.plan
+
+    def scheme(one: PosePlan | str) -> dict[str, Any]:
+        if isinstance(one, str):
+            return {"not_possible": one}
+        return {"poses": len(one.dwells), "dwell_s": float(one.dwells[0]), "rms": _finite(group_means(one))}
+
+    return {
+        "format": "tumble plan",
+        "version": 1,
+        "procedure": done.procedure,
+        "imu": done.grade.name,
+        "criterion": done.task.criterion.name,
+        "reach": done.reach.words,
+        "duration_s": plan.duration,
+        "efficiency": plan.efficiency,
+        "gravity": {"value": done.place.gravity, "standard_uncertainty": done.place.gravity_sigma},
+        "poses": [
+            {"up": [float(v) for v in up], "seconds": float(dwell), "name": name}
+            for up, dwell, name in zip(plan.directions, plan.dwells, pose_names(plan), strict=True)
+        ],
+        "parameters": [
+            {
+                "name": one.name,
+                "unit": one.unit,
+                "standard_uncertainty": one.total,
+                "of_noise_alone": one.noise,
+            }
+            for one in done.predicted
+        ],
+        "units_of_rms": {group: unit for group, (unit, _) in UNITS.items()},
+        "plan_rms": _finite(group_means(plan)),
+        "schemes": {name: scheme(one) for name, one in done.schemes.items()},
+        "given": done.given,
+        "both_triads": None if done.joint is None else joint_parameters(done.joint),
+        "stop": done.stop,
+        "next": [
+            {"up": [float(v) for v in one.up_b], "name": one.name, "criterion_gain": one.gain}
+            for one in done.following
+        ],
+        "remarks": done.remarks,
+    }
+
+
+def _search(
+    order: PoseOrder,
+    task: PoseTask,
+    reach: Reach,
+    rng: np.random.Generator,
+    say: Callable[[str], None],
+) -> PosePlan:
+    from tumble.design import pose_plan
+
+    if order.is_six_position:
+        return _levelled(order, task, reach)
+    if order.minutes is not None:
+        return pose_plan.plan_time(task, reach, 60.0 * order.minutes, rng, say)
+    count = order.poses if order.poses is not None else order.usual[2]
+    return pose_plan.plan_poses(task, reach, count, order.dwell, rng)
+
+
+def _levelled(order: PoseOrder, task: PoseTask, reach: Reach) -> PosePlan:
+    """The six faces, in their best order."""
+    from tumble.design.pose_order import best_order
+    from tumble.design.pose_plan import plan_of
+
+    if order.poses not in (None, 6):
+        raise UsageError(f"--poses {order.poses}: a six-position test has its six faces.")
+    whole = order.minutes
+    dwell = order.dwell if whole is None else (60.0 * whole + task.turn) / 6 - task.turn
+    if dwell < 1.0:
+        raise UsageError(f"--time {whole:g}: that leaves no time for six poses and the turns between them.")
+    ordered = reach.directions[best_order(task, reach.directions, dwell)]
+    return plan_of("six faces", task, ordered, np.full(6, dwell))
+
+
+def _with_given(
+    task: PoseTask, reach: Reach, given: str | os.PathLike[str], dwell: float, targets: dict[str, float]
+) -> Known:
+    """What is there already, which poses come next, and whether to stop."""
+    from tumble.design.next_pose import find_next_poses, judge_stop, sigmas_so_far
+
+    known, words = read_known(given)
+    if task.known is not None:
+        known = known + task.known
+    following = find_next_poses(known, reach, task.dwell_sigma(dwell, 10.0 * dwell), task.criterion)
+    so_far = sigmas_so_far(known)
+    stop, said = judge_stop(so_far, following, targets, task.noise, task.gravity, task.criterion.wanted)
+    return Known([*words, *said], known, following, stop, so_far)
+
+
+def _faces() -> Reach:
+    from tumble.attitude.directions import twenty_six_directions
+    from tumble.design.pose_plan import Reach
+
+    return Reach("the six faces", twenty_six_directions()[[0, 5, 1, 4, 2, 3]])
+
+
+def _protocol(order: PoseOrder, plan: PosePlan, place: Site) -> Protocol:
+    from tumble.protocol import HoldStep, Pose, Protocol, TurnStep
+
+    levelled = LEVELLED if order.placement is None else order.placement
+    hand = levelled if order.is_six_position else BY_HAND
+    steps: list[Any] = []
+    for up, dwell, name in zip(plan.directions, plan.dwells, pose_names(plan), strict=True):
+        if steps:
+            steps.append(TurnStep(plan.turn))
+        steps.append(HoldStep(float(dwell), Pose(np.asarray(up, dtype=float), None, hand), name))
+    words = f"{len(plan.dwells)} poses, {plan.name}, as tumble plan found them."
+    return Protocol(f"{order.procedure}-plan", order.procedure, tuple(steps), site=place, description=words)
+
+
+def _unmet(plan: PosePlan, place: Site, targets: dict[str, float]) -> list[str]:
+    """Say which targets the plan misses, and how much longer it would have to last for white noise."""
+    off: list[str] = []
+    worst = 0.0
+    for one in predict(plan, place):
+        target = targets.get(one.group)
+        if target is not None and one.total > target:
+            off.append(one.name)
+            worst = max(worst, one.total / target)
+    if not off:
+        return ["The plan reaches all targets."] if targets else []
+    return [
+        (
+            f"The plan misses the target of {', '.join(off)} by up to {worst:.2g} times: white noise alone asks for "
+            f"{worst**2:.2g} times the time, and gravity and wander do not fall with it."
+        )
+    ]
+
+
+def _write(done: PosesPlanned, folder: Path) -> list[Path]:
+    """Write all files beside their places, then rename them all."""
+    from tumble.files import write_texts
+    from tumble.protocol import protocol_to_yaml
+    from tumble.report.operator_sheet import render_sheet
+
+    texts = (
+        protocol_to_yaml(done.protocol),
+        document_text(document_of_poses(done)),
+        _page(done),
+        render_sheet(done.protocol, done.plan.name),
+    )
+    return write_texts({folder / name: text for name, text in zip(FILES, texts, strict=True)})
+
+
+def _page(done: PosesPlanned) -> str:
+    from tumble.report.plan import render_plan
+
+    plan = done.plan
+    drawn = [one for one in done.schemes.values() if not isinstance(one, str)]
+    facts = [
+        ("Procedure", done.procedure),
+        ("Unit", done.grade.name),
+        ("Poses", f"{len(plan.dwells)}, of {done.reach.words}, {done.task.criterion.name}-optimal"),
+        ("Time", f"{plan.duration / 60.0:.1f} min, {plan.turn:g} s of them for each turn"),
+        ("Gravity", f"{done.place.gravity:.5f} ± {done.place.gravity_sigma:.5f} m/s²"),
+    ]
+    return render_plan(
+        title=f"Plan of a {done.procedure} test",
+        facts=facts,
+        parameters=parameter_rows(done),
+        plan=plan,
+        names=pose_names(plan),
+        others=drawn[:1] + drawn[-1:] if len(drawn) > 1 else drawn,
+        schemes=scheme_rows(done),
+        sentences=[*done.given, *efficiency_words(plan), *done.remarks],
+    )
+
+
+def _finite(values: dict[str, float]) -> dict[str, float | None]:
+    return {name: finite(value) for name, value in values.items()}

@@ -1,0 +1,1 @@
+"""Several recordings, turn-ons or units that are calibrated together."""

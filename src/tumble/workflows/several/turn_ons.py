@@ -1,0 +1,283 @@
+"""From several recordings of one unit, each a turn-on of its own, to one calibration."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tumble.calibration.procedures.joint import run_joint
+from tumble.calibration.session import Options, Session
+from tumble.calibration.unseen import state_unseen_clock
+from tumble.earth import Site
+from tumble.errors import TumbleError, UsageError
+from tumble.limits import read_limits
+from tumble.recording import Recording
+from tumble.workflows.calibrate import (
+    CalibrationRun,
+    Clock,
+    completed,
+    corrected_by_before,
+    find_holds,
+    finish_run,
+    read_as_told,
+    read_prior,
+    say_gravity,
+    writable_folder,
+)
+from tumble.workflows.given.notes import Notes, notes_of
+from tumble.workflows.given.protocols import GivenProtocol, read_given_protocol
+from tumble.workflows.magnetometer import left_out_of
+from tumble.workflows.procedures import add_objections, check_prior
+from tumble.workflows.progress import silent
+from tumble.workflows.several.joining import join_recordings, join_timelines, require_one_unit
+
+if TYPE_CHECKING:
+    from tumble.calibration import Estimate
+    from tumble.calibration.outcome.estimate import JointOutcome
+    from tumble.calibration.turn_ons.estimate import SeveralEstimate
+    from tumble.document import Calibration
+    from tumble.protocol import Protocol
+    from tumble.segmentation import HoldMeans, Timeline
+
+ProtocolName = str | os.PathLike[str] | None
+SUFFIXES = (".yaml", ".yml")
+REASON = "Procedure joint: {count} recordings of one unit, each a turn-on of its own, in one adjustment."
+
+
+@dataclass(frozen=True, slots=True)
+class _Named:
+    """A recording as it was named: its files, what was done, and a name for words."""
+
+    files: tuple[Path, ...]
+    given: GivenProtocol | None
+    name: str
+
+
+def calibrate_turn_ons(
+    recordings: Sequence[str | os.PathLike[str]],
+    *,
+    output: str | os.PathLike[str] | None = None,
+    protocol: ProtocolName = None,
+    site: Site | None = None,
+    columns: str | None = None,
+    units: str | None = None,
+    rate: float | str | None = None,
+    topics: Sequence[str] | None = None,
+    optional_terms: bool = True,
+    confirm_scale: bool = False,
+    prior: str | os.PathLike[str] | None = None,
+    imu: tuple[str | None, str | None] = (None, None),
+    notes: Notes = None,
+    limits: str | os.PathLike[str] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> CalibrationRun:
+    """Calibrate one unit from several recordings of it, by the joint estimator.
+
+    What is stable is common to all recordings; biases are each recording's own, and how they scatter is told.
+
+    Parameters
+    ----------
+    recordings : two or more; each a file, two files with one triad each (``acc.csv,gyro.csv``), or a protocol file
+        that names its recording.
+    output : folder for ``calibration.json`` and ``report.html``; None writes nothing.
+    protocol : what was done in the recordings that are no protocol files themselves; None for tumbling by hand.
+    site, columns, units, rate, topics, optional_terms, confirm_scale, imu, notes, progress : as for `calibrate`, for
+        all recordings.
+    limits : file of acceptance limits, which the calibration is held against.
+    prior : an earlier calibration of the unit, whose non-orthogonalities count once, as if the first recording told
+        them, too.
+
+    Raises
+    ------
+    RecordingError, SegmentationError, ObservabilityError, ConvergenceError
+        If a recording cannot serve; the message names it.
+    UsageError, ProtocolError, CalibrationFileError
+        If the recordings are not of one unit, or an option is wrong.
+    OutputError
+        If the results cannot be written; earlier ones are intact.
+    """
+    say, noted = progress or silent, notes_of(notes)
+    folder = writable_folder(output)
+    acceptance = None if limits is None else read_limits(Path(limits))
+    named = _named(recordings, protocol)
+    knowledge = None if prior is None else read_prior(prior, imu[1])
+    clock = Clock()
+    read = [(one, *_read(one, columns, units, rate, topics)) for one in named]
+    require_one_unit([recording for _, recording, _ in read])
+    clock.lap("reading")
+    options = Options(optional_terms=optional_terms, confirm_scale=confirm_scale)
+    sessions: list[Session] = []
+    settled: list[tuple[Estimate, JointOutcome]] = []
+    for one, recording, told in read:
+        session = Session(recording, told, site, options=options, say=_saying(say, one.name))
+        session.prior = None if sessions else knowledge
+        session.say("reading")
+        try:
+            find_holds(session, None, clock)
+            settled.append(_settle(session))
+        except TumbleError as error:
+            raise type(error)(f"{one.name} cannot take part: {error}") from error
+        sessions.append(session)
+        clock.lap("solving")
+    say("all recordings together")
+    several = _together(
+        [one.name for one in named], settled, _one_site(sessions), optional_terms=optional_terms
+    )
+    # One unit samples all its recordings.
+    state_unseen_clock(max((s.clock for s in sessions), key=lambda one: one.sigma), several.estimate)
+    if knowledge is not None:
+        check_prior(sessions, knowledge, several.estimate)
+    say_gravity(sessions, several.estimate)
+    several.estimate.say("remark", *left_out_of([s.recording for s in sessions], "several turn-ons"))
+    clock.lap("solving")
+    run = _run(sessions, several, imu)
+    run.calibration = run.calibration.model_copy(update={"notes": noted})
+    before = corrected_by_before([file for one in named for file in one.files], None)
+    run.calibration = completed(run.calibration, before, acceptance)
+    return finish_run(run, folder, clock, say)
+
+
+def _named(recordings: Sequence[str | os.PathLike[str]], protocol: ProtocolName) -> list[_Named]:
+    """Resolve what was named: files, pairs of files, and protocol files with their own recordings."""
+    if len(recordings) < 2:
+        count = "one recording was" if recordings else "none was"
+        raise UsageError(
+            f"--turn-ons takes two recordings of the unit or more, each made after it was switched on anew; {count} "
+            "given. Without --turn-ons a single one is calibrated."
+        )
+    default = None if protocol is None else read_given_protocol(protocol)
+    made: list[_Named] = []
+    for text, label in zip(recordings, labels_of([str(r) for r in recordings]), strict=True):
+        path = Path(text)
+        if path.suffix.lower() in SUFFIXES or (path / "protocol.yaml").is_file():
+            given = read_given_protocol(path)
+            files = given.files()
+            if not files:
+                raise UsageError(f"The protocol {path} names no recording: list it in the file.")
+            made.append(_Named(tuple(files), given, label))
+            continue
+        pair = str(text).split(",")
+        files = [path] if path.exists() or len(pair) != 2 else [Path(part.strip()) for part in pair]
+        made.append(_Named(tuple(files), default, label))
+    return made
+
+
+def labels_of(names: Sequence[str]) -> list[str]:
+    """Return the shortest names that tell recordings apart: file names, or with folders before them.
+
+    A folder's ``protocol.yaml`` goes by the folder's name.
+
+    Parameters
+    ----------
+    names : as they were typed.
+    """
+    paths = [Path(name) for name in names]
+    parts = [p.parent.parts if p.name == "protocol.yaml" and p.parent.name else p.parts for p in paths]
+    for length in range(1, max(len(own) for own in parts) + 1):
+        short = ["/".join(own[-length:]) for own in parts]
+        if len(set(short)) == len(short):
+            return short
+    return [f"{name} ({number})" for number, name in enumerate(names, 1)]
+
+
+def _read(
+    one: _Named,
+    columns: str | None,
+    units: str | None,
+    rate: float | str | None,
+    topics: Sequence[str] | None,
+) -> tuple[Recording, Protocol | None]:
+    return read_as_told([str(file) for file in one.files], one.given, columns, units, rate, topics)[:2]
+
+
+def _settle(session: Session) -> tuple[Estimate, JointOutcome]:
+    """Adjust a recording by itself, as far as it goes."""
+    kept: list[JointOutcome] = []
+    estimate = run_joint(session, keep=kept.append, clocked=False)
+    add_objections(session, estimate, "joint", "")
+    if session.matching is not None:
+        estimate.say("remark", *(r for r in session.matching.remarks if r not in estimate.remarks))
+    return estimate, kept[0]
+
+
+def _together(
+    names: Sequence[str],
+    settled: Sequence[tuple[Estimate, JointOutcome]],
+    site: Site,
+    *,
+    optional_terms: bool,
+) -> SeveralEstimate:
+    from tumble.calibration.turn_ons.estimate import several_estimate
+    from tumble.calibration.turn_ons.outcome import adjust_several
+
+    outcome = adjust_several(names, [kept for _, kept in settled], optional_terms=optional_terms)
+    return several_estimate(outcome, [estimate for estimate, _ in settled], site)
+
+
+def _one_site(sessions: Sequence[Session]) -> Site:
+    """The site whose gravity is least certain: its error is taken to be the same in all recordings."""
+    return max((session.site for session in sessions), key=lambda site: site.gravity_sigma / site.gravity)
+
+
+def _run(
+    sessions: Sequence[Session], several: SeveralEstimate, imu: tuple[str | None, str | None]
+) -> CalibrationRun:
+    recording, timeline, means = _joined(sessions)
+    reason = REASON.format(count=len(sessions))
+    confirm_scale = sessions[0].options.confirm_scale
+    calibration = _document(recording, several, _one_site(sessions), reason, imu, confirm_scale)
+    return CalibrationRun(calibration, several.estimate, recording, timeline, means, reason)
+
+
+def _joined(sessions: Sequence[Session]) -> tuple[Recording, Timeline, HoldMeans]:
+    recording, _ = join_recordings([session.recording for session in sessions])
+    starts = np.cumsum([0, *(len(session.recording) for session in sessions)])
+    timeline, means = join_timelines(
+        recording,
+        [session.timeline for session in sessions],
+        [session.means for session in sessions],
+        starts[:-1].tolist(),
+    )
+    return recording, timeline, means
+
+
+def _document(
+    recording: Recording,
+    several: SeveralEstimate,
+    site: Site,
+    reason: str,
+    imu: tuple[str | None, str | None],
+    confirm_scale: bool,
+) -> Calibration:
+    """The document: judged by what was measured, with the biases' uncertainty that of the next turn-on."""
+    from tumble.document import calibration_from_estimate
+    from tumble.document.turn_ons_block import turn_ons_block
+
+    estimate, measured = several.estimate, {b.parameter: b.mean_sigma for b in several.turn_ons.biases}
+    judged = replace(
+        estimate,
+        parameters=[
+            replace(p, standard_uncertainty=measured.get(p.name, p.standard_uncertainty))
+            for p in estimate.parameters
+        ],
+    )
+    remarks = (reason, *dict.fromkeys(remark.text for remark in recording.remarks))
+    made = calibration_from_estimate(
+        judged, recording, site, remarks=remarks, imu=imu, confirm_scale=confirm_scale
+    )
+    parameters = [
+        block.model_copy(update={"standard_uncertainty": p.standard_uncertainty, "coverage_factor": factor})
+        for block, p, factor in zip(
+            made.parameters, estimate.parameters, several.coverage_factors, strict=True
+        )
+    ]
+    return made.model_copy(update={"parameters": parameters, "turn_ons": turn_ons_block(several.turn_ons)})
+
+
+def _saying(say: Callable[[str], None], name: str) -> Callable[[str], None]:
+    return lambda words: say(f"{name}: {words}")

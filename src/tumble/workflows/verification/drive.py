@@ -1,0 +1,451 @@
+"""Judging a calibration by a drive with satellite positions: free drift, outages, and what the filter says."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tumble.arrays import Series
+from tumble.calibration.verdict import two_digits
+from tumble.document import Calibration, read_calibration
+from tumble.errors import RecordingError, UsageError
+from tumble.navigation import (
+    Drive,
+    FilterRun,
+    FilterSetup,
+    GnssTrack,
+    check_axes,
+    estimate_time_offset,
+    find_rest,
+    outages,
+    prepare_drive,
+    read_track,
+    smooth,
+)
+from tumble.navigation.drive import sharpen_clock, wide_setup
+from tumble.navigation.filter.stretches import LONGEST_BRIDGED
+from tumble.navigation.free_drift import FreeDrift, free_drift
+from tumble.navigation.gnss.outliers import fit_velocities
+from tumble.navigation.plausibility import (
+    about_clocks,
+    refuse_mirrored,
+    refuse_no_overlap,
+    refuse_wrong_scale,
+    why_no_agreement,
+)
+from tumble.recording import Recording, read_recordings
+from tumble.recording.corrections import corrections_of
+from tumble.simulation.grades import Grade, find_grade
+from tumble.workflows.apply import in_calibration_units, raw_factors
+from tumble.workflows.corrected.temperature import check_outside, refuse_twice
+from tumble.workflows.progress import silent
+from tumble.workflows.verification.calibration_parts import (
+    AT_REST,
+    WHOLE,
+    CorrectedBy,
+    corrected_by_parts,
+    start_covariance,
+    without_rest_rate,
+)
+from tumble.workflows.verification.drive_filter import about_innovations, drive_filter
+from tumble.workflows.verification.drive_verification import (
+    DriveVerification,
+    PartResult,
+    judge_drive,
+    no_proof,
+)
+
+_FEWEST_FIXES = 30
+OUTAGES = (2.0, 10.0, 30.0, 60.0)
+# How far biases move from one power cycle to the next, where nothing is told: no more than consumer units.
+TURN_ON = (0.05, 0.005)  # m/s², rad/s
+# How far biases are looked for, whatever they may have moved: more is no calibration of this unit.
+_FREE = (0.2, 0.02)  # m/s², rad/s
+
+
+def verify_drive(
+    calibration: str | os.PathLike[str] | Calibration,
+    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    gnss: str | os.PathLike[str],
+    *,
+    lever_arm_b: Sequence[float] | None = None,
+    offset: float | None = None,
+    durations: Sequence[float] | None = None,
+    data_sheet: str = "consumer-mems",
+    turn_on: tuple[float, float] | None = None,
+    noise: str | os.PathLike[str] | None = None,
+    columns: str | None = None,
+    units: str | None = None,
+    rate: float | str | None = None,
+    topics: Sequence[str] | None = None,
+    temperature: float | None = None,
+    outside: str = "refuse",
+    progress: Callable[[str], None] | None = None,
+) -> DriveVerification:
+    """Judge a calibration by a drive: what navigation is with it, with parts of it, and without.
+
+    Every variant has the same clock, lever arm, filter, process noise, fixes and instants. Its samples are
+    corrected by its part of the calibration, and its filter starts from the calibration's covariance for the
+    sensor states that this part knows, and from the data sheet's spread for the others.
+
+    Parameters
+    ----------
+    calibration : a ``calibration.json``, its folder, or a `Calibration`.
+    paths, columns, units, rate, topics : the recording of the drive, as for `tumble.read_recording`.
+    gnss : file of satellite positions (`tumble.navigation.read_track`).
+    lever_arm_b : m, from the IMU to the antenna, in b; None where it is not known: zero is taken, and the clock is
+        known the worse.
+    offset : s to add to the positions' times; None to find it.
+    durations : s of the outages; None for 2, 10, 30 and 60 s, as far as the drive has room for them.
+    data_sheet : kind of unit, whose spread the uncalibrated states start with.
+    turn_on : m/s² and rad/s, by how much biases may have moved since the calibration; None for a quarter of the
+        data sheet's spread, at most 0.05 m/s² and 0.005 rad/s.
+    noise : what `tumble noise` wrote for this unit; None for the data sheet's.
+    temperature, outside : as for `tumble.workflows.apply.apply`.
+
+    Raises
+    ------
+    CalibrationFileError, RecordingError, UsageError
+        If an input is wrong, files do not belong together, units, axes or clocks do not fit.
+    ThermalSpanError
+        If the temperature leaves the calibrated span and `outside` is ``refuse``.
+    """
+    say = progress or silent
+    document = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
+    grade = find_grade(data_sheet)
+    beyond = check_outside(outside)
+    known = lever_arm_b is not None
+    arm = np.array(lever_arm_b if known else (0.0, 0.0, 0.0), dtype=float)
+    _refuse_bad_numbers(arm.tolist(), durations, turn_on)
+    files = [Path(paths)] if isinstance(paths, str | os.PathLike) else [Path(path) for path in paths]
+    for file in files:
+        refuse_twice(document, corrections_of([file], topics))
+    say("reading")
+    read = _one(read_recordings(paths, columns=columns, units=units, rate=rate, topics=topics))
+    recording = in_calibration_units(read, raw_factors(document, read))
+    track, left_out, about_fixes = _plausible_fixes(Path(gnss))
+    parts, remarks = corrected_by_parts(document, recording, files, temperature=temperature, outside=beyond)
+    given = [remark.text for remark in (*read.remarks, *track.remarks) if remark.kind != "unchecked"]
+    say("comparing the clocks")
+    drive, words = _prepared(parts, track, offset, arm)
+    remarks = [*given, *remarks, *words, *about_fixes]
+    setup, setting = drive_filter(parts[-1], grade, noise, arm)
+    moved, words = _moved(turn_on, grade)
+    setting.append(words)
+    task = _Task(document, parts, drive, setup, grade, moved, arm)
+    if offset is None and known:
+        task.drive = sharpen_clock(drive, _free_biases(task.knowing(parts[-1]), grade))
+    found = _navigated(task, durations, say)
+    found.track, found.setting, found.left_out = track.name, setting, left_out
+    found.recording = ", ".join(source.name for source in recording.sources)
+    found.remarks = remarks + found.remarks
+    hashes = {name.sha256 for name in document.recordings}
+    judge_drive(found, any(source.sha256 in hashes for source in recording.sources))
+    return found
+
+
+@dataclass(slots=True)
+class _Task:
+    """What every part of a calibration has in common: the drive, the filter, and how far biases may have moved."""
+
+    document: Calibration
+    parts: list[CorrectedBy]
+    drive: Drive
+    setup: FilterSetup
+    grade: Grade
+    moved: tuple[float, float]
+    arm: Series
+
+    def knowing(self, part: CorrectedBy, moved: tuple[float, float] | None = None) -> FilterSetup:
+        """The filter that starts from what a part of the calibration knows of the sensors."""
+        given = start_covariance(part, self.setup.states, self.document, moved or self.moved)
+        return self.setup.with_sensor_covariance(given)
+
+
+def _navigated(
+    task: _Task, durations: Sequence[float] | None, say: Callable[[str], None]
+) -> DriveVerification:
+    """What navigation is with each part, and what a filter that may find the biases says of them."""
+    parts, drive = task.parts, task.drive
+    whole, own = parts[-1], task.knowing(parts[-1])
+    gaps = whole.samples.missing()
+    lengths = _lengths(drive, durations)
+    parts.insert(1, without_rest_rate(parts[0], *find_rest(parts[0].samples, drive.track)))
+    say("smoothing")
+    reference = smooth(drive.run(own, keep_covariances=True)).trajectory
+    seconds = _seconds(lengths, float(reference.time[-1] - reference.time[0]))
+    results: list[PartResult] = []
+    why = ""
+    for part in parts:
+        say(part.part)
+        told = task.knowing(part)
+        mine = drive if part.part == WHOLE else drive.with_samples(part.samples)
+        run = mine.run(told, interval=1.0)
+        drift = free_drift(part.samples, reference, seconds.tolist(), every=_every(drive), gaps=gaps)
+        results.append(_result(part.part, mine, told, run, drift, lengths))
+        why = about_innovations(mine, run)
+    free = drive.run(_free_biases(own, task.grade), interval=1.0)
+    lost = no_proof(free) and next(result for result in results if result.part == AT_REST).no_proof
+    if lost:
+        _refuse_swapped(parts[0], drive.track, task.arm)
+    strict = _departures(free, task.knowing(whole, (0.0, 0.0)))
+    return DriveVerification(
+        offset=drive.clock.offset,
+        offset_sigma=drive.clock.sigma,
+        clock=str(drive.clock),
+        alignment=str(drive.alignment),
+        parts=results,
+        contradictions=_departures(free, own),
+        moved={name: far for name, far in strict.items() if "bias" in name},
+        no_proof=lost,
+        why_innovations=why,
+        refused_free=len(free.refused),
+        turn_on=task.moved,
+        seconds=seconds,
+        duration=float(drive.track.time[-1] - drive.start.time),
+        remarks=[_gap_words(gaps)] if gaps else [],
+    )
+
+
+def _one(recordings: Sequence[Recording]) -> Recording:
+    if len(recordings) != 1:
+        raise UsageError(
+            f"A drive is one recording, and {len(recordings)} were given: verify them one by one."
+        )
+    return recordings[0]
+
+
+def _plausible_fixes(path: Path) -> tuple[GnssTrack, int, list[str]]:
+    """Fixes that fit the receiver's own velocities, how many do not, and what is to be said of those."""
+    track = read_track(path)
+    if len(track) < _FEWEST_FIXES:
+        raise RecordingError(
+            f"{track.name} has {len(track)} position{'s' if len(track) != 1 else ''}: a drive takes some minutes of "
+            "them, one a second or more."
+        )
+    fitting = fit_velocities(track)
+    left_out = int(np.count_nonzero(~fitting))
+    words = (
+        f"{left_out} of {len(fitting)} positions do not fit the receiver's own velocities between them and were "
+        "left out as outliers."
+    )
+    return track.rows(fitting), left_out, [words] if left_out else []
+
+
+def _moved(turn_on: tuple[float, float] | None, grade: Grade) -> tuple[tuple[float, float], str]:
+    """By how much biases may have moved since the calibration, m/s² and rad/s, and this in words."""
+    moved = turn_on or (
+        min(TURN_ON[0], grade.accelerometer.bias / 4.0),
+        min(TURN_ON[1], grade.gyroscope.bias / 4.0),
+    )
+    return moved, (
+        f"Biases may have moved since the calibration by {two_digits(moved[0] / 9.80665e-3)} mg and "
+        f"{two_digits(float(np.degrees(moved[1])) * 3600.0)} °/h (one sigma; --turn-on-bias says otherwise)."
+    )
+
+
+def _prepared(
+    parts: Sequence[CorrectedBy], track: GnssTrack, offset: float | None, arm: Series
+) -> tuple[Drive, list[str]]:
+    """The drive by the whole calibration, its clocks, axes and units checked, and what is to be said."""
+    part = parts[-1]
+    if offset is not None:
+        refuse_no_overlap(part.samples, track, offset)
+    try:
+        drive = prepare_drive(part.samples, track, setup=wide_setup(arm), offset=offset)
+    except RecordingError as error:
+        _refuse_unit(part, track, offset)
+        reason = _why(part, track, offset)
+        if reason:
+            raise RecordingError(reason) from error
+        raise
+    refuse_wrong_scale(part.samples, drive.track)
+    try:
+        refuse_mirrored(part.samples, drive.track)
+    except RecordingError as error:
+        _refuse_swapped(parts[0], drive.track, arm, error)
+        raise
+    apart = about_clocks(drive.clock.offset, drive.clock.sigma, track, part.samples)
+    if offset is not None:
+        return drive, _beside_the_given(part, track, offset)
+    words = [f"{apart} The offset was taken out."] if apart else []
+    if drive.clock.second_best > 0.9 * drive.clock.correlation:
+        words.append(
+            "The offset of the clocks is not the only one that fits (correlations of "
+            f"{drive.clock.correlation:.2f} and {drive.clock.second_best:.2f}): give it with --gnss-time."
+        )
+    return drive, words
+
+
+def _refuse_unit(part: CorrectedBy, track: GnssTrack, offset: float | None) -> None:
+    """Refuse gyros of another unit, whose course still determines the clock when nothing else fits."""
+    try:
+        shift = estimate_time_offset(part.samples, track).offset if offset is None else offset
+    except RecordingError:
+        return
+    if check_axes(part.samples, track.shifted(shift)).problem:
+        return
+    refuse_wrong_scale(part.samples, track.shifted(shift))
+
+
+def _refuse_swapped(part: CorrectedBy, track: GnssTrack, arm: Series, cause: Exception | None = None) -> None:
+    """Refuse uncalibrated samples whose level axes are swapped or reversed, where the drive shows it."""
+    from tumble.navigation.axis_trials import swapped_axes
+
+    first, last = find_rest(part.samples, track)
+    still = without_rest_rate(part, first, last).samples
+    words = swapped_axes(still, track, wide_setup(arm))
+    if words:
+        raise RecordingError(f"IMU and positions do not describe one motion. {words}") from cause
+
+
+def _beside_the_given(part: CorrectedBy, track: GnssTrack, offset: float) -> list[str]:
+    """A sentence where the course fits the gyros at another offset than the one that was given."""
+    try:
+        found = estimate_time_offset(part.samples, track, around=offset, reach=5.0)
+    except RecordingError:
+        return []
+    if abs(found.offset - offset) < max(3.0 * found.sigma, 0.2):
+        return []
+    return [
+        (
+            f"The course fits the gyros at {found.offset:.2f} s (standard uncertainty {found.sigma:.2f} s), and "
+            f"--gnss-time {offset:g} was given: leave it out to have the offset found."
+        )
+    ]
+
+
+def _why(part: CorrectedBy, track: GnssTrack, offset: float | None) -> str:
+    """A better reason for files that do not agree: swapped axes, or clocks that are apart."""
+    if offset is not None:
+        try:
+            found = estimate_time_offset(part.samples, track)
+        except RecordingError:
+            found = None
+        if found is not None and found.correlation > 0.8 and abs(found.offset - offset) > 0.5:
+            apart = about_clocks(found.offset, found.sigma, track, part.samples)
+            return (
+                f"With --gnss-time {offset:g} course and gyros do not agree; with {found.offset:.2f} s they do "
+                f"(correlation {found.correlation:.2f}). {apart + ' ' if apart else ''}Leave --gnss-time out to have "
+                "the offset found."
+            )
+    return why_no_agreement(part.samples, track)
+
+
+def _lengths(drive: Drive, durations: Sequence[float] | None) -> list[float]:
+    """Lengths of the outages that the drive has room for."""
+    room = float(drive.track.time[-1]) - drive.start.time - _settle(drive)
+    if durations is not None:
+        return sorted(float(d) for d in durations)
+    fitting = [duration for duration in OUTAGES if duration < 0.5 * room]
+    if not fitting:
+        raise RecordingError(
+            f"The drive lasts {room + _settle(drive):.0f} s, too short to cut outages out: record some minutes with "
+            "turns."
+        )
+    return fitting
+
+
+def _settle(drive: Drive) -> float:
+    return min(120.0, 0.3 * (float(drive.track.time[-1]) - drive.start.time))
+
+
+def _every(drive: Drive) -> float:
+    return max(3.0, (float(drive.track.time[-1]) - drive.start.time) / 150.0)
+
+
+def _seconds(lengths: Sequence[float], drive: float) -> Series:
+    """Lengths of the free drift: to a minute where the drive has some, whatever the outages."""
+    longest = max(*lengths, 61.0 if drive > 90.0 else 0.0)
+    usual = [1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0, 60.0]
+    return np.array(sorted({*(t for t in usual if t < longest), *lengths}), dtype=float)
+
+
+def _result(
+    name: str,
+    drive: Drive,
+    setup: FilterSetup,
+    run: FilterRun,
+    drift: FreeDrift,
+    lengths: Sequence[float],
+) -> PartResult:
+    settle = _settle(drive)
+    every = max(2.0, round((float(drive.track.time[-1]) - drive.start.time) / 150.0))
+    found = [
+        outages(drive, setup, lengths, every=every, settle=settle, repeated=again, before=run)
+        for again in (False, True)
+    ]
+    distances: Series = run.distances[:, 0]
+    seen = np.isfinite(distances)
+    taken = seen & run.taken[:, 0]
+    return PartResult(
+        name,
+        drift,
+        found[0],
+        found[1],
+        float(np.mean(distances[taken])) / 3.0,
+        len(run.refused),
+        int(seen.sum()),
+        no_proof(run),
+    )
+
+
+def _free_biases(setup: FilterSetup, grade: Grade) -> FilterSetup:
+    """The filter with biases that the drive may find by itself; the calibration's covariance would hold them back."""
+    covariance = setup.sensor_covariance.copy()
+    for at, state in enumerate(setup.states):
+        triad = 0 if state.kind == "accelerometer" else 1
+        if state.column < 0:
+            sheet = (grade.accelerometer.bias, grade.gyroscope.bias)[triad]
+            covariance[at, at] += min(sheet, _FREE[triad]) ** 2
+    return setup.with_sensor_covariance(covariance)
+
+
+def _departures(run: FilterRun, allowed: FilterSetup) -> dict[str, tuple[float, float]]:
+    """Sensor states that the drive determines, and how far they are from the calibration's in what both allow."""
+    found: dict[str, tuple[float, float]] = {}
+    span = float(run.time[-1] - run.time[0])
+    for at, state in enumerate(allowed.states):
+        after = float(run.sigmas[-1, 9 + at]) ** 2
+        before = float(run.setup.sensor_covariance[at, at]) + state.drive * span
+        known = float(allowed.sensor_covariance[at, at]) + state.drive * span
+        if known <= 0.0 or after > 0.5 * before:
+            continue
+        estimate = float(run.sensors[-1, at])
+        # a bias is determined by the drive alone, a matrix by both: what its prior leaves is before less after
+        spread = known + after if state.column < 0 else before - after
+        found[state.name] = (estimate, estimate / float(np.sqrt(spread)))
+    return found
+
+
+def _gap_words(gaps: Sequence[tuple[float, float]]) -> str:
+    longest = max(gaps, key=lambda gap: gap[1] - gap[0])
+    missing = sum(last - first for first, last in gaps)
+    anew = sum(last - first > LONGEST_BRIDGED for first, last in gaps)
+    how = "the filter bridges them by a straight line"
+    if anew:
+        which = "it" if len(gaps) == 1 else f"{anew} of them"
+        how = f"the filter starts anew after {which}, keeping what it knows of the sensors"
+    return (
+        f"IMU samples are missing in {len(gaps)} stretch{'es' if len(gaps) > 1 else ''} of "
+        f"{missing:.2f} s in all (longest {longest[1] - longest[0]:.2f} s at {longest[0]:.1f} s): "
+        f"{how}. No free drift or outage that touches one is counted, so that they do not change what "
+        "is said of the calibration."
+    )
+
+
+def _refuse_bad_numbers(
+    lever_arm_b: Sequence[float], durations: Sequence[float] | None, turn_on: tuple[float, float] | None
+) -> None:
+    if len(lever_arm_b) != 3 or not np.all(np.abs(lever_arm_b) < 100.0):
+        raise UsageError(
+            "--lever-arm takes three numbers X,Y,Z in metres, below 100 each, from the IMU to the antenna."
+        )
+    if durations is not None and not (len(durations) and all(0.5 <= d <= 600.0 for d in durations)):
+        raise UsageError("--outages takes lengths in seconds from 0.5 to 600, as 2,10,30,60.")
+    if turn_on is not None and not (turn_on[0] >= 0.0 and turn_on[1] >= 0.0):
+        raise UsageError("--turn-on-bias takes two numbers that are not negative: mg and °/h.")
