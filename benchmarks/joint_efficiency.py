@@ -83,7 +83,7 @@ def coloured_piece(task: tuple[str, int, int]) -> tuple[np.ndarray, np.ndarray]:
 def report_coloured(table: str, runs: int, jobs: int) -> None:
     """Print what the stated covariance is worth where biases wander."""
     started = time.perf_counter()
-    tasks = [(table, size, 2000 + k) for k, size in enumerate(_shares(runs, 4 * jobs))]
+    tasks = [(table, size, 2000 + k) for k, size in enumerate(_shares(runs))]
     with ProcessPoolExecutor(jobs) as pool:
         made = list(pool.map(coloured_piece, tasks))
     over_sigma, nees = np.concatenate([m[0] for m in made]), np.concatenate([m[1] for m in made])
@@ -109,8 +109,9 @@ def report_coloured(table: str, runs: int, jobs: int) -> None:
     print(f"NEES over {size}: {nees.mean() / size:.4f}; by chance {together[0]:.4f} to {together[1]:.4f}")
 
 
-def _shares(runs: int, parts: int) -> list[int]:
-    return [len(part) for part in np.array_split(np.arange(runs), parts) if len(part)]
+def _shares(runs: int) -> list[int]:
+    """Return pieces of at most a hundred runs, whose seeds do not depend on how many processes there are."""
+    return [min(100, runs - first) for first in range(0, runs, 100)]
 
 
 def main() -> None:
@@ -129,8 +130,7 @@ def main() -> None:
     truth = paper_truth(plan)
     limits = np.abs(in_paper_units(truth + bound(plan, np.random.default_rng(0)), truth))
     started = time.perf_counter()
-    share = -(-asked.runs // (4 * asked.jobs))
-    tasks = [(asked.table, share, 1000 + k) for k in range(4 * asked.jobs)]
+    tasks = [(asked.table, size, 1000 + k) for k, size in enumerate(_shares(asked.runs))]
     with ProcessPoolExecutor(asked.jobs) as pool:
         made = list(pool.map(piece, tasks))
     seconds = time.perf_counter() - started
