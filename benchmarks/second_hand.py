@@ -25,6 +25,7 @@ the stated value while recording is not counted as wrong.
 
 A long study is left running with ``--store DIR``: each run's outcome is a file there, a run that has one is not made
 again, and what is printed is of all that are there. ``--shard 0/2`` and ``--shard 1/2`` share the runs of one command.
+``--table`` then prints a line of each test, grades together, of what is there and makes nothing.
 """
 
 from __future__ import annotations
@@ -572,6 +573,48 @@ def report(title: str, outcomes: list[Outcome]) -> None:
         print(f"    not fit --seed {o.seed}: {o.words[0][:160]}")
 
 
+def table(procedures: list[str], grades: list[str], store: Path) -> None:
+    """Print a line of each test of all its stored runs without a fault, and what went wrong in them.
+
+    Parameters
+    ----------
+    procedures, grades, store : what is printed, and where it is stored.
+    """
+    rng = np.random.default_rng(0)
+    print(
+        "| test | runs | settled | fit | numbers inside 95 % | rms z | NEES | largest abs. z | for nothing |"
+    )
+    print("|---|---:|---:|---:|---:|---:|---:|---:|---:|")
+    for procedure in procedures:
+        files = [
+            f for grade in grades for f in sorted(store.glob(f"{procedure}, {grade}, default [0-9]*.json"))
+        ]
+        every = [Outcome.load(file) for file in files]
+        done = [o for o in every if not o.error]
+        if not done:
+            continue
+        rows = [np.concatenate(list(o.groups.values()), axis=1) for o in done]
+        inside = [np.abs(row[0]) <= row[2] for row in rows]
+        z = [row[0] / row[1] for row in rows]
+        nees = [np.array([o.nees / o.freedom]) for o in done if o.freedom]
+        cells = [
+            _bracketed(inside, lambda v: 100 * float(np.mean(v)), rng, 1),
+            _bracketed(z, lambda v: float(np.sqrt(np.mean(v**2))), rng, 2),
+            _bracketed(nees, lambda v: float(np.mean(v)), rng, 2),
+        ]
+        fit = [o for o in done if o.fit]
+        largest = max((o.largest[0] for o in fit), default=np.nan)
+        print(
+            f"| {procedure} | {len(every)} | {len(done)} | {len(fit)} | {' | '.join(cells)} | {largest:.1f} | "
+            f"{sum(bool(o.extra) for o in done)} |"
+        )
+
+
+def _bracketed(values: list[np.ndarray], statistic: Any, rng: np.random.Generator, digits: int) -> str:
+    low, high = bootstrap(values, statistic, rng)
+    return f"{statistic(np.concatenate(values)):.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+
+
 def is_named(outcome: Outcome, fault: str) -> bool:
     """Say whether a remark names the fault.
 
@@ -661,12 +704,18 @@ def main() -> None:
     parser.add_argument(
         "--shard", default="0/1", help="of the runs of this command those that are this one's, as 1/4"
     )
+    parser.add_argument(
+        "--table", action="store_true", help="with --store: a line of each test, of all grades"
+    )
     parser.add_argument("--verbose", action="store_true")
     arguments = parser.parse_args()
     if arguments.store is not None:
         arguments.store.mkdir(parents=True, exist_ok=True)
     procedures = list(PROCEDURES) if "all" in arguments.procedure else arguments.procedure
     grades = list(GRADES) if "all" in arguments.grade else arguments.grade
+    if arguments.table:
+        table(procedures, grades, arguments.store)
+        return
     for procedure in procedures:
         faults: list[str | None] = list(arguments.fault) or [None]
         if "all" in arguments.fault:

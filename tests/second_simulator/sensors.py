@@ -93,6 +93,15 @@ GRADES = {
                    1000 / 65536 * DEGREE, 500 * DEGREE, 0.1 * DEGREE, 0.008 * DEGREE, 60e-6),
         4e-2, 0.02 * DEGREE / 9.8, "g,deg/s", False,
     ),
+    # A robot's unit: coarse accelerometers beside gyros that are better than they. Nothing was tuned on it.
+    "robot": Grade(
+        "robot",
+        TriadSheet(110 * MICRO_G, 22 * MICRO_G, 0.06 * MICRO_G, 18e-3 * 9.8, 6e-3, 4e-3, 1e-3,
+                   12 * STANDARD_GRAVITY / 32768, 12 * STANDARD_GRAVITY, 4e-3 * 9.8, 0.12e-3 * 9.8, 40e-6),
+        TriadSheet(0.003 * DEGREE, 2.2 * DEGREE_PER_HOUR, 6e-8, 0.35 * DEGREE, 7e-3, 4e-3, 6e-4,
+                   500 / 32768 * DEGREE, 500 * DEGREE, 0.08 * DEGREE, 0.005 * DEGREE, 50e-6),
+        5e-3, 0.008 * DEGREE / 9.8, "g,deg/s", False,
+    ),
     # Fibre-optic gyros and quartz accelerometers; numbers in SI with fine steps.
     "tactical": Grade(
         "tactical",
