@@ -22,8 +22,8 @@ from timing import best
 
 from tumble.attitude import integrate_turns
 from tumble.attitude.directions import twenty_six_directions
+from tumble.calibration.closed_forms.start_values import rough_triad
 from tumble.calibration.procedures.multi_position import fit_norms
-from tumble.calibration.start_values import rough_triad
 from tumble.sensor.conventions.shin import matrix_from_shin
 
 RATE = 100.0

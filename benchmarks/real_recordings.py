@@ -25,12 +25,12 @@ import numpy as np
 
 from tumble.calibration import calibrate_hand_held
 from tumble.calibration.canonical import named_values
+from tumble.calibration.checks.scores import hold_norm_errors, score_turns
+from tumble.calibration.closed_forms.start_values import rough_triad
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.triad_unknowns import triad_from_unknowns, unknowns_from_triad
 from tumble.calibration.joint import calibrate_joint
 from tumble.calibration.procedures.multi_position import fit_norms
-from tumble.calibration.scores import hold_norm_errors, score_turns
-from tumble.calibration.start_values import rough_triad
 from tumble.earth import Site
 from tumble.recording import read_recording
 from tumble.segmentation import find_timeline, observe_holds

@@ -25,9 +25,9 @@ from scipy.stats import f as fisher
 
 from tumble.attitude import integrate_turns
 from tumble.calibration import Estimate, calibrate_hand_held
+from tumble.calibration.checks.scores import hold_norm_errors, score_turns
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.turn import HoldsAndTurns
-from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.earth import Site
 from tumble.recording import Recording, read_recording
 from tumble.segmentation import Timeline, find_timeline, observe_holds

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from tumble.document.result import calibration_schema
 from tumble.protocol import protocol_schema
-from tumble.report.filter_document import filter_schema
 from tumble.report.noise_document import noise_schema
+from tumble.report.predictions import filter_schema
 
 FOLDER = Path(__file__).resolve().parent
 # Name -> what makes it, and the page that explains it.

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tumble.earth import curvature_radii
-from tumble.report.filter_document import FilterDocument
+from tumble.report.predictions import FilterDocument
 from tumble.simulation import find_grade, simulate_drive
 
 GNSS = "gpstime,latitude,longitude,height,sdn,sde,sdu,vn,ve,vd,q"

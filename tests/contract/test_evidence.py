@@ -15,6 +15,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from tumble.calibration.checks.uncertainty_statement import (
+    Detectable,
+    GlobalTest,
+    ModelChoice,
+    UncertaintyStatement,
+)
 from tumble.calibration.estimate import Beside, LeftOut
 from tumble.calibration.evidence import (
     Budget,
@@ -38,7 +44,6 @@ from tumble.calibration.magnetometer.estimate import (
 from tumble.calibration.magnetometer.verdict import judge_magnetometer
 from tumble.calibration.thermal.evidence import BiasCurve, Candidate, SeparateBias, ThermalCurves
 from tumble.calibration.turn_ons.biases import Agreement, BiasScatter, RecordingOfUnit, TurnOns
-from tumble.calibration.uncertainty_statement import Detectable, GlobalTest, ModelChoice, UncertaintyStatement
 from tumble.document.magnetometer_block import magnetometer_block
 from tumble.document.turn_ons_block import turn_ons_block
 from tumble.earth import Site

@@ -124,8 +124,8 @@ def test_the_scores_on_the_page_of_real_recordings_are_those_of_today(
     recording: str, paths: list[Path], gravity: float, options: dict[str, object], what: str, terms: bool
 ) -> None:
     """5 %: another machine's arithmetic moves the third figure; a change of the method moves the first."""
+    from tumble.calibration.checks.scores import hold_norm_errors, score_turns
     from tumble.calibration.equations.gathering import gather
-    from tumble.calibration.scores import hold_norm_errors, score_turns
     from tumble.earth import Site
 
     stated = scores_on_the_page().get((recording, what))

@@ -16,10 +16,10 @@ import pytest
 
 from tumble.calibration import Estimate, calibrate_hand_held
 from tumble.calibration.canonical import named_values
+from tumble.calibration.checks.scores import hold_norm_errors, score_turns
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.triad_unknowns import unknowns_from_triad
 from tumble.calibration.estimate import Beside
-from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.document import read_calibration
 from tumble.earth import Site
 from tumble.sensor import ImuModel, Triad, change_frame

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
-from tumble.calibration.uncertainty_statement import UncertaintyStatement
+from tumble.calibration.checks.uncertainty_statement import UncertaintyStatement
 
 
 class Evidence:

@@ -18,6 +18,14 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import Series, inverted
+from tumble.calibration.checks.observability import (
+    Untold,
+    angle_prior,
+    find_untold,
+    name_plate_prior,
+    together,
+)
+from tumble.calibration.checks.unseen import add_common_scale, rest_rate
 from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording, solve_recording
 from tumble.calibration.equations.believed_poses import BelievedPoses
 from tumble.calibration.equations.imu_unknowns import (
@@ -36,13 +44,6 @@ from tumble.calibration.equations.observed import TableRotation, observe, table_
 from tumble.calibration.equations.pose_equations import mounting_prior
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.estimate import Estimate, TermTest
-from tumble.calibration.observability import (
-    Untold,
-    angle_prior,
-    find_untold,
-    name_plate_prior,
-    together,
-)
 from tumble.calibration.optional_terms import (
     determined_terms,
     gives_way,
@@ -60,7 +61,6 @@ from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.procedures.hand_held import add_bias_step, add_time_lag
 from tumble.calibration.start import gather_what_there_is, rough_start, rough_variances, start_adjustment
 from tumble.calibration.terms import TERMS
-from tumble.calibration.unseen import add_common_scale, rest_rate
 from tumble.earth import Site
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.estimation.balance import Balanced

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square
+from tumble.calibration.checks.observability import TOLD
+from tumble.calibration.checks.snooping import NEEDLESS, wald_test
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.causes import FORCE_WANDER
 from tumble.calibration.equations.imu_unknowns import force_matrix, name_plate, term_unknowns
 from tumble.calibration.estimate import TermTest
-from tumble.calibration.observability import TOLD
 from tumble.calibration.procedures.hand_held import LAG_LIMIT
-from tumble.calibration.term_tests import NEEDLESS, wald_test
 from tumble.calibration.terms import TERMS
 from tumble.estimation.balance import Balanced
 from tumble.estimation.equations import Drift

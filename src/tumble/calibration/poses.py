@@ -1,11 +1,355 @@
-"""Poses in words: how many differ, what the 26 attitudes are called, which one would tell more."""
+"""Poses in words: how many differ, what the 26 attitudes are called, which one would tell more.
+
+What a set of poses cannot tell, in words, and which poses would mend it.
+
+The norm in a pose tells one number, a polynomial of second degree in the direction up:
+``u . Q u + l . u`` with the scale factors on the diagonal of Q, the non-orthogonalities beside it and the
+biases in l. A combination of the nine unknowns is untold exactly if its polynomial vanishes in all poses:
+if they lie where the unit sphere meets one quadric. Two planes are the quadric to beware of: six
+directions in one plane and three in any other leave a combination untold, for three directions always
+lie in a plane.
+
+Whether there are enough poses, and different enough; if not, which one is missing.
+
+The six positions recognised in a recording without a protocol: which face is up in each hold.
+"""
 
 from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tumble.arrays import Series, Square, Table, Vector, Vectors, inverted
 from tumble.attitude.directions import twenty_six_directions
+from tumble.calibration.equations.triad_unknowns import BIAS, SCALE
+from tumble.earth import Site
+from tumble.errors import ObservabilityError
+from tumble.estimation import find_weak_directions
+from tumble.protocol import HoldStep, Pose, Protocol, named_protocol
+
+if TYPE_CHECKING:
+    from tumble.segmentation import HoldMeans
+    from tumble.segmentation.matching import Matching
+
+
+# Farther than this from every face, a hold is none of the six positions.
+FACE_ANGLE = np.radians(20.0)
+
+
+def match_faces(means: HoldMeans, site: Site) -> tuple[Protocol, Matching]:
+    """Return a six-position protocol in the order of the recording, and each hold's step in it.
+
+    Parameters
+    ----------
+    means : of the holds that were found.
+    site : gravity, for the rough scale.
+
+    Raises
+    ------
+    ObservabilityError
+        If there is no accelerometer to tell the faces.
+    """
+    from tumble.calibration.closed_forms.start_values import rough_triad
+    from tumble.calibration.equations.triad_unknowns import triad_from_unknowns
+    from tumble.segmentation.matching import MatchedHold, Matching
+
+    if means.specific_force is None:
+        raise ObservabilityError("The recording has no accelerometer: nothing shows which face is up.")
+    named = named_protocol("six-position")
+    sigma = next(step.pose.sigma for step in named.steps if isinstance(step, HoldStep) and step.pose)
+    rough = triad_from_unknowns(rough_triad(means.specific_force, site.gravity))
+    up_b = rough.correct(means.specific_force)
+    up_b = up_b / np.linalg.norm(up_b, axis=1, keepdims=True)
+    faces = twenty_six_directions()[:6]
+    nearest = np.argmax(up_b @ faces.T, axis=1)
+    angle = np.arccos(np.clip(np.max(up_b @ faces.T, axis=1), -1.0, 1.0))
+    is_face = angle < FACE_ANGLE
+    steps = tuple(
+        HoldStep(float(means.duration[k]), Pose(faces[nearest[k]], None, sigma), _name(faces[nearest[k]]))
+        for k in np.flatnonzero(is_face)
+    )
+    holds = tuple(MatchedHold(step, int(hold)) for step, hold in enumerate(np.flatnonzero(is_face)))
+    extra = tuple(int(hold) for hold in np.flatnonzero(~is_face))
+    assumed = (
+        f"No protocol was given: {len(steps)} holds were taken for the face that is nearest to up. "
+        f"They are believed level within {np.degrees(sigma):.2g}° (one standard deviation). A "
+        "protocol file can state how level they were."
+    )
+    remarks = [assumed]
+    if extra:
+        listed = ", ".join(str(hold + 1) for hold in extra[:10])
+        remarks.append(
+            f"Holds more than {np.degrees(FACE_ANGLE):.0f}° from every face were left out: {listed}."
+        )
+    protocol = Protocol("six-position", "six-position", steps, site, description=named.description)
+    return protocol, Matching(holds=holds, spins=(), missing=(), extra=extra, remarks=remarks)
+
+
+def _name(up_b: np.ndarray) -> str:
+    axis = int(np.argmax(np.abs(up_b)))
+    return f"{'xyz'[axis]} {'up' if up_b[axis] > 0 else 'down'}"
+
+
+# Of a rough solution in SI units: a sphere fitted to one pose, laid down again and again, is beyond these.
+LARGEST_SCALE_ERROR = 0.3
+LARGEST_BIAS = 3.0  # m/s²
+WANTED = {
+    9: "nine unknowns (bias, scale factor, non-orthogonality)",
+    6: "biases and scale factors",
+    3: "biases",
+}
+
+
+def require_poses(
+    means: Vectors,
+    force_unknowns: Series,
+    *,
+    has_prior: bool,
+    unknowns: int = 9,
+    factor: float | None = None,
+) -> None:
+    """Refuse poses that do not determine the accelerometers, and say what to record instead.
+
+    Parameters
+    ----------
+    means : (holds, 3) mean raw specific force.
+    force_unknowns : (12,) rough unknowns of the accelerometer triad.
+    has_prior : the non-orthogonalities are known from an earlier calibration.
+    unknowns : how many are to be estimated from the norms.
+    factor : m/s² per raw unit, or None for counts, of which neither zero nor size is known.
+
+    Raises
+    ------
+    ObservabilityError
+        With the number of poses found and needed, or the combination that no pose determines.
+    """
+    needed = min(6, unknowns) if has_prior else unknowns
+    up = _directions(means, force_unknowns, factor)
+    held = up[distinct_poses(up)]
+    if held.shape[0] < needed:
+        raise ObservabilityError(_too_few(held, needed, has_prior))
+    untold = describe_untold(held, needed)
+    if untold:
+        raise ObservabilityError(
+            f"The {held.shape[0]} different poses {untold}. "
+            f"Record again and hold the unit also with {describe_mending(held, needed)}{_serves(held, needed)}."
+        )
+
+
+def _directions(means: Vectors, force_unknowns: Series, factor: float | None) -> Vectors:
+    """Return unit vectors up; a rough solution that no sensor has is none, and the raw numbers serve."""
+    bias, scale = force_unknowns[BIAS], force_unknowns[SCALE]
+    if factor is not None:
+        off = max(
+            np.max(np.abs(scale * factor - 1.0)) / LARGEST_SCALE_ERROR,
+            np.max(np.abs(bias * factor)) / LARGEST_BIAS,
+        )
+        if not off < 1.0:
+            bias, scale = np.zeros(3), np.full(3, 1.0 / factor)
+    up = (means - bias) / scale
+    return up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-300)
+
+
+def _too_few(held: Vectors, needed: int, has_prior: bool) -> str:
+    found = held.shape[0]
+    poses = f"{found} different pose{'s' if found != 1 else ''}"
+    verb = "was" if found == 1 else "were"
+    text = (
+        f"{poses} {verb} found and {needed} are needed for "
+        f"{WANTED[needed]}: "
+        f"hold the unit also with {describe_mending(held, needed)}"
+    )
+    if needed == 9 and found >= 6:
+        text += "; or give an earlier calibration of this unit with --prior, and six poses suffice"
+    return f"{text}{_serves(held, needed)}."
+
+
+def _serves(held: Vectors, needed: int) -> str:
+    """Which option gets something out of these poses as they are; empty where none does."""
+    if needed < 9 or held.shape[0] < 6:
+        return ""
+    options: list[str] = []
+    if not describe_untold(held, 6):
+        options.append(
+            "--procedure multi-position --unknowns 6 takes the non-orthogonalities as nominal and gives biases and "
+            "scale factors"
+        )
+    if np.all(np.max(held @ twenty_six_directions()[:6].T, axis=0) > np.cos(FACE_ANGLE)):
+        options.append("--procedure six-position gives these and believes that the faces were levelled")
+    return f"; or {', and '.join(options)}" if options else ""
+
+
+# A combination of unknowns whose sigma is this many times that of a single hold's norm is not told.
+# The 26 attitudes give at most 1.2, nine well-chosen ones 2.6.
+LARGEST_AMPLIFICATION = 30.0
+# Dwells in one pose again and again are one pose in what is said of planes; rad.
+ALIKE = 1e-3
+# Up is in a plane if its part along the plane's normal is that of the others to 4°: hands are no better.
+IN_PLANE = 0.07
+# Planes are sought by all triples of poses, of so many at most: 10,000 triples, some milliseconds.
+MANY = 40
+# More poses than this are never needed: the 26 without the corners tell all.
+MOST_NAMED = 18
+# A part of a combination below this share of its largest is round-off and placement.
+PART = 0.25
+NAMES = (
+    "the bias of x",
+    "the bias of y",
+    "the bias of z",
+    "the scale factor of x",
+    "the scale factor of y",
+    "the scale factor of z",
+    "the non-orthogonality of x to y",
+    "the non-orthogonality of y to z",
+    "the non-orthogonality of x to z",
+)
+"""The unknowns of `norm_rows` for a user."""
+GROUPS = ("the biases", "the scale factors", "the non-orthogonalities")
+
+
+@dataclass(frozen=True, slots=True)
+class UntoldCombination:
+    """A combination of unknowns that no pose of a set determines.
+
+    Attributes
+    ----------
+    weights : (unknowns,) over those of `norm_rows`; its polynomial vanishes in every pose.
+    words : its unknowns, listed.
+    """
+
+    weights: Series
+    words: str
+
+    @property
+    def is_one(self) -> bool:
+        """Whether it is a single unknown."""
+        return int(np.count_nonzero(_leading(self.weights))) == 1
+
+
+def find_untold(directions: Vectors, unknowns: int = 9) -> list[UntoldCombination]:
+    """Return the combinations that the norms in these poses do not tell, each with as few unknowns as can be.
+
+    Parameters
+    ----------
+    directions : (poses, 3) unit vectors up.
+    unknowns : the first so many of `norm_rows`.
+    """
+    from scipy.linalg import qr
+
+    rows = norm_rows(directions)[:, :unknowns]
+    weak = find_weak_directions(rows.T @ rows, np.ones(unknowns), LARGEST_AMPLIFICATION)
+    if not weak:
+        return []
+    basis = np.array([one.direction for one in weak])
+    # One unknown for each combination that the others of them do without.
+    pivots = np.sort(qr(basis, mode="r", pivoting=True)[1][: len(weak)])
+    plain = np.linalg.solve(basis[:, pivots], basis)
+    plain /= np.max(np.abs(plain), axis=1, keepdims=True)
+    return [UntoldCombination(weights, _words(weights)) for weights in plain]
+
+
+def find_two_planes(directions: Vectors) -> tuple[list[int], list[int]] | None:
+    """Return the poses in one plane and the rest in another, larger plane first, or None if two do not do.
+
+    Parameters
+    ----------
+    directions : (poses, 3) unit vectors up, of poses that differ.
+    """
+    count = directions.shape[0]
+    if not 3 < count <= MANY:
+        return None
+    first, second, third = directions[np.array(list(itertools.combinations(range(count), 3))).T]
+    normals = np.cross(second - first, third - first)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    there = np.abs(np.einsum("pti,ti->tp", directions[:, None] - first, normals)) < IN_PLANE
+    best = there[int(np.argmax(there.sum(axis=1)))]
+    # A plane that holds all the rest; three and fewer always have one.
+    holds_rest = np.all(there | best, axis=1)
+    if np.count_nonzero(~best) > 3 and not np.any(holds_rest):
+        return None
+    return np.flatnonzero(best).tolist(), np.flatnonzero(~best).tolist()
+
+
+def describe_untold(directions: Vectors, unknowns: int = 9) -> str:
+    """Return the clause that says what poses do not tell and why, or nothing if they tell all.
+
+    Parameters
+    ----------
+    directions : (poses, 3) unit vectors up.
+    unknowns : the first so many of `norm_rows`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> faces = np.vstack([np.eye(3), -np.eye(3)])
+    >>> describe_untold(np.vstack([faces, [[0.6, 0.8, 0.0], [0.0, 0.6, 0.8], [0.0, 0.6, -0.8]]]))
+    'do not determine the non-orthogonality of x to z'
+    """
+    untold = find_untold(directions, unknowns)
+    if not untold:
+        return ""
+    alone = [one.weights for one in untold if one.is_one]
+    together = [f"separate {one.words}" for one in untold if not one.is_one]
+    lone = [f"determine {_words(np.sum(np.abs(alone), axis=0))}"] if alone else []
+    said = "do not " + "; nor ".join([*lone, *together])
+    # Of a single unknown, or of a single plane, the names of the unknowns say enough.
+    different = directions[distinct_poses(directions, ALIKE)]
+    planes = find_two_planes(different) if unknowns == 9 and len(untold) == 1 and not alone else None
+    if planes is None or not planes[1]:
+        return said
+    first, second = (len(plane) for plane in planes)
+    reason = f"in {first} of them up lies in one plane, in the other {second} in another"
+    return f"{said} ({reason}, and two planes never determine all)"
+
+
+def _mending_poses(directions: Vectors, unknowns: int = 9) -> list[Vector]:
+    """Return the directions up that, added to a set, make it tell all: as few of the 26 as can be."""
+    rows = norm_rows(directions)
+    information = rows.T @ rows
+    if unknowns < 9:
+        information[unknowns:] = information[:, unknowns:] = 0.0
+        information[unknowns:, unknowns:] = np.eye(9 - unknowns) * max(float(np.trace(information)), 1.0)
+    missing = len(find_untold(directions, unknowns))
+    named: list[Vector] = []
+    for count in range(missing, MOST_NAMED) if missing else ():
+        named = most_telling_poses(information, count, directions)
+        if not find_untold(np.vstack([directions, *named]), unknowns):
+            break
+    return named
+
+
+def describe_mending(directions: Vectors, unknowns: int = 9) -> str:
+    """Return the poses of `_mending_poses` in words.
+
+    Parameters
+    ----------
+    directions : (poses, 3) unit vectors up.
+    unknowns : the first so many of `norm_rows`.
+    """
+    return "; ".join(describe_direction(up) for up in _mending_poses(directions, unknowns))
+
+
+def _leading(weights: Series) -> Series:
+    return np.where(np.abs(weights) > PART * np.max(np.abs(weights)), weights, 0.0)
+
+
+def _words(weights: Series) -> str:
+    """The unknowns of a combination; a group that is in it whole by its own name."""
+    there = np.flatnonzero(_leading(weights)).tolist()
+    words: list[str] = []
+    # What a sensor is first judged by comes first.
+    for group in (1, 0, 2):
+        members = [i for i in there if i // 3 == group]
+        words += [GROUPS[group]] if len(members) == 3 else [NAMES[i] for i in members]
+    return _listed(words)
+
+
+def _listed(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
+
 
 # Poses closer than this are one pose: placement by hand repeats to a few degrees.
 SAME_POSE = np.radians(10.0)

@@ -3,6 +3,13 @@
 Biases and scale factors change with every power cycle and with temperature; the angles between the
 sensing axes are set by the assembly and stay (Hayal, chapter 6). An earlier calibration therefore
 gives its non-orthogonalities, with their covariance, and nothing else.
+
+What a data sheet knows of a triad before any recording: the stochastic constraint P of Shin and El-Sheimy.
+
+The sheet's one-sigma spreads are a prior of the nine unknowns (Hayal 2010, after 3.38: N = A' C^-1 A + P).
+It lets few poses, or a gyro that hardly sees the Earth's rate, tell what they can; the rest stays what the
+sheet says, and that is said. A maker who has calibrated many units knows more than a sheet: their mean, and how they
+differ (`FleetSheet`).
 """
 
 from __future__ import annotations
@@ -12,11 +19,182 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tumble.arrays import Square, Vector, inverted
-from tumble.errors import CalibrationFileError
+from tumble.arrays import Matrix, Series, Square, Vector, inverted
+from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, SCALE
+from tumble.errors import CalibrationFileError, UsageError
+from tumble.estimation import Prior
+from tumble.estimation.gauss_helmert import invert_normal_matrix
 from tumble.sensor import propagate
 from tumble.sensor.conventions.shin import shin_from_matrix
 from tumble.sensor.gauge import lower_factor
+from tumble.simulation import Grade, TriadGrade
+from tumble.units import angular_rate_factor, specific_force_factor
+
+# Of a prior's sigma: more than this left, and the recording has told next to nothing of the parameter.
+TOLD = 0.9
+# The estimate is off the sheet by more than this: one in 150,000 of its units.
+LARGEST_NORMALISED = 4.5
+NAMES = [
+    *(f"bias {axis}" for axis in "xyz"),
+    *(f"scale factor {axis}" for axis in "xyz"),
+    *(f"non-orthogonality {angle}" for angle in ("yz", "zx", "zy")),
+]
+
+
+def sheet_prior(spread: TriadGrade, factor: float, *, knowledge: StableKnowledge | None = None) -> Prior:
+    """Return the prior of a triad's nine unknowns from its data sheet.
+
+    Parameters
+    ----------
+    spread : one-sigma spreads, SI.
+    factor : SI per raw unit.
+    knowledge : angles of an earlier calibration, which are known better and take the sheet's place.
+
+    Notes
+    -----
+    An angle between two sensing axes has twice the variance of each axis' misalignment about one
+    direction.
+    """
+    mean, sigma = np.zeros(9), np.empty(9)
+    mean[SCALE] = 1.0 / factor
+    sigma[BIAS] = spread.bias / factor
+    sigma[SCALE] = spread.scale_factor / factor
+    sigma[ANGLE] = np.sqrt(2.0) * spread.misalignment
+    precision = np.diag(sigma**-2)
+    if knowledge is not None:
+        mean[ANGLE] = knowledge.angles
+        precision[ANGLE, ANGLE] = np.linalg.inv(knowledge.angle_covariance)
+    return Prior(mean, precision)
+
+
+@dataclass(frozen=True, slots=True)
+class TriadFleet:
+    """How triads of a fleet differ.
+
+    Attributes
+    ----------
+    unit : of raw numbers.
+    mean, covariance : (9,), (9, 9) of a next unit's biases, scale factors and angles, raw.
+    """
+
+    unit: str
+    mean: Series
+    covariance: Square
+
+    @staticmethod
+    def of(unit: str, matrix: Matrix, bias: Vector, covariance: Square) -> TriadFleet:
+        """Return it from a mean matrix and bias, and the covariance (12, 12) of the matrix, row by row, and the bias.
+
+        Parameters
+        ----------
+        unit, matrix, bias, covariance : raw units; in whatever frame: what counts is how the axes lie to one another.
+        """
+
+        def unknowns(x: np.ndarray) -> np.ndarray:
+            scale, angles = shin_from_matrix(lower_factor(x[:9].reshape(3, 3)))
+            return np.concatenate([x[9:], scale, angles])
+
+        mean, spread = propagate(unknowns, np.concatenate([matrix.ravel(), bias]), covariance)
+        return TriadFleet(unit, np.real(mean), spread)
+
+
+@dataclass(frozen=True, slots=True)
+class FleetSheet:
+    """What a fleet's own calibrations say of its next unit; a triad that they know nothing of is None."""
+
+    accelerometer: TriadFleet | None
+    gyroscope: TriadFleet | None
+
+    def prior(self, kind: str, unit: str, *, knowledge: StableKnowledge | None = None) -> Prior | None:
+        """Return the prior of a triad's nine unknowns; None where the fleet says nothing of it.
+
+        Parameters
+        ----------
+        kind : "accelerometer" or "gyroscope".
+        unit : of the recording's raw numbers.
+        knowledge : angles of an earlier calibration of the unit, which take the fleet's place.
+
+        Raises
+        ------
+        UsageError
+            If the fleet's raw unit cannot be told in the recording's.
+        """
+        fleet: TriadFleet | None = getattr(self, kind)
+        if fleet is None:
+            return None
+        raw = np.ones(9)
+        if fleet.unit != unit:
+            factor_of = specific_force_factor if kind == "accelerometer" else angular_rate_factor
+            here, there = factor_of(unit), factor_of(fleet.unit)
+            if here is None or there is None:
+                raise UsageError(
+                    f"The fleet's {kind}s are in {fleet.unit} and the recording's in {unit}: a fleet serves "
+                    "recordings in its own raw units."
+                )
+            raw[:6] = there / here
+        mean, covariance = raw * fleet.mean, fleet.covariance * np.outer(raw, raw)
+        if knowledge is not None:
+            mean[ANGLE] = knowledge.angles
+            covariance[ANGLE, :] = covariance[:, ANGLE] = 0.0
+            covariance[ANGLE, ANGLE] = knowledge.angle_covariance
+        return Prior(mean, invert_normal_matrix(covariance))
+
+
+def prior_of_sheet(
+    sheet: Grade | FleetSheet, kind: str, unit: str, *, knowledge: StableKnowledge | None = None
+) -> Prior | None:
+    """Return the prior of a triad's nine unknowns, from a data sheet or from a fleet; None where it says nothing.
+
+    Parameters
+    ----------
+    sheet : the one or the other.
+    kind, unit, knowledge : as for `FleetSheet.prior`.
+
+    Raises
+    ------
+    UsageError
+        If a data sheet is to speak of raw counts, or a fleet of other raw units than its own.
+    """
+    if isinstance(sheet, FleetSheet):
+        return sheet.prior(kind, unit, knowledge=knowledge)
+    factor = (specific_force_factor if kind == "accelerometer" else angular_rate_factor)(unit)
+    if factor is None:
+        raise UsageError(
+            "A data sheet speaks of SI units, and the recording is in counts: declare its units with --units, "
+            "or leave --data-sheet out."
+        )
+    return sheet_prior(getattr(sheet, kind), factor, knowledge=knowledge)
+
+
+def about_sheet(name: str, values: Series, sigmas: Series, prior: Prior) -> tuple[list[str], list[str]]:
+    """Return what the recording left to the sheet, and what contradicts it, as sentences.
+
+    Parameters
+    ----------
+    name : "accelerometer" or "gyro".
+    values, sigmas : (9,) estimates with the prior in them, and their standard uncertainties.
+    prior : as `sheet_prior` has it.
+    """
+    before = np.sqrt(np.diag(np.linalg.inv(prior.precision)))
+    untold = [NAMES[i] for i in np.flatnonzero(sigmas > TOLD * before)]
+    remarks: list[str] = []
+    if untold:
+        remarks.append(
+            f"Of the {name}s the recording determines next to nothing of {', '.join(untold)}: the "
+            "values and their uncertainties are the data sheet's."
+        )
+    # What the data add makes the estimate differ from the prior with the variance that they took away.
+    spread = np.sqrt(np.maximum(before**2 - sigmas**2, (1e-6 * before) ** 2))
+    off = np.abs(values - prior.mean) / spread
+    worst = int(np.argmax(np.where(sigmas > TOLD * before, 0.0, off)))
+    objections: list[str] = []
+    if off[worst] > LARGEST_NORMALISED and sigmas[worst] <= TOLD * before[worst]:
+        objections.append(
+            f"The recording contradicts the data sheet: the {name}'s {NAMES[worst]} is {off[worst]:.0f} of the sheet's "
+            "standard deviations off. It is another kind of unit, or a unit or column is wrong: calibrate without "
+            "--data-sheet."
+        )
+    return remarks, objections
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,10 +12,9 @@ from tumble.errors import UsageError
 from tumble.recording.recording import Recording
 
 if TYPE_CHECKING:
-    from tumble.calibration.data_sheet import FleetSheet
     from tumble.calibration.equations.believed_poses import BelievedPoses
     from tumble.calibration.outcome.estimate import JointOutcome
-    from tumble.calibration.prior import StableKnowledge
+    from tumble.calibration.prior import FleetSheet, StableKnowledge
     from tumble.protocol import Protocol
     from tumble.recording.clock import Clock
     from tumble.segmentation import HoldMeans, SpinMeans, Timeline

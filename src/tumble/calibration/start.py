@@ -8,6 +8,7 @@ import numpy as np
 
 from tumble.arrays import Matrices, Matrix, Square, Vectors, inverted
 from tumble.attitude.rotations import matrix_from_rotation_vector
+from tumble.calibration.closed_forms.start_values import rough_gyro_matrix, rough_triad
 from tumble.calibration.equations.adjustment import JointAdjustment, Section
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.imu_unknowns import gyro_matrix, imu_unknowns
@@ -17,7 +18,6 @@ from tumble.calibration.equations.rotation_equations import RotationState, start
 from tumble.calibration.equations.triad_unknowns import COUNT, triad_from_unknowns
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.equations.turn_equations import integrate_links
-from tumble.calibration.start_values import rough_gyro_matrix, rough_triad
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.estimation.balance import Noise

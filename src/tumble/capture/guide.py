@@ -308,7 +308,7 @@ def _advice(following: NextStep, left: float) -> Advice:
 def _missing_poses(means: Vectors) -> str:
     """What `tumble calibrate` will say against the poses so far; nothing if they suffice."""
     from tumble.calibration.equations.triad_unknowns import SCALE
-    from tumble.calibration.requirements import require_poses
+    from tumble.calibration.poses import require_poses
 
     unknowns = np.zeros(12)
     unknowns[SCALE] = 1.0

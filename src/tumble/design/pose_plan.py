@@ -10,7 +10,7 @@ import numpy as np
 
 from tumble.arrays import Series, Square, Vectors, inverted
 from tumble.attitude.directions import twenty_six_directions
-from tumble.calibration.singular_poses import describe_mending, describe_untold
+from tumble.calibration.poses import describe_mending, describe_untold
 from tumble.design.candidates import PARAMETERS, pose_candidates, pose_rows, prediction_weights
 from tumble.design.criteria import Criterion
 from tumble.design.hold_noise import (

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import Series, Square, Vectors, inverted
-from tumble.calibration.poses import norm_rows
-from tumble.calibration.singular_poses import describe_mending, describe_untold
+from tumble.calibration.poses import describe_mending, describe_untold, norm_rows
 from tumble.errors import ObservabilityError
 from tumble.units import STANDARD_GRAVITY
 

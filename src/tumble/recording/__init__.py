@@ -8,8 +8,7 @@ turns in body axes.
 
 from __future__ import annotations
 
-from tumble.recording.doctor import Findings, inspect_recording
-from tumble.recording.faults import find_dead_channels, find_saturated_channels
+from tumble.recording.doctor import Findings, find_dead_channels, find_saturated_channels, inspect_recording
 from tumble.recording.formats.output import write_recording
 from tumble.recording.gravity_check import (
     AxisAgreement,

@@ -12,8 +12,7 @@ import numpy as np
 from tumble.arrays import Table, Vectors
 from tumble.errors import RecordingError
 from tumble.recording.columns import renamed
-from tumble.recording.gravity_check import gyro_scale_from_gravity, unit_of_scale
-from tumble.recording.range_check import gyro_step_words
+from tumble.recording.gravity_check import gyro_scale_from_gravity, gyro_step_words, unit_of_scale
 from tumble.recording.recording import Recording, Remark
 from tumble.recording.rest import QuietStretches, find_quiet_stretches, sample_pieces, smallest_step
 from tumble.recording.unit_change import two_force_levels

@@ -2,6 +2,8 @@
 
 Rest and poses come from the reader's own rough rule (`tumble.recording.rest`), not from the
 segmentation that a calibration uses.
+
+Faults of single channels that a calibration must not pass over: dead ones, saturated ones.
 """
 
 from __future__ import annotations
@@ -24,6 +26,29 @@ from tumble.recording.rest import (
 )
 from tumble.recording.saturation import Saturation, find_saturation
 from tumble.units import COUNTS, STANDARD_GRAVITY, specific_force_factor
+
+
+def find_dead_channels(recording: Recording) -> list[str]:
+    """Return a sentence for each channel that never changes."""
+    return [
+        f"{name} never changes ({float(channel[0]):g} throughout): a dead sensor or a wrong column."
+        for name, channel in channels_of(recording).items()
+        if channel.size and float(np.ptp(channel)) == 0.0
+    ]
+
+
+def find_saturated_channels(recording: Recording) -> list[str]:
+    """Return a sentence for each limit at which a channel sticks."""
+    sentences: list[str] = []
+    for name, channel in channels_of(recording).items():
+        for found in find_saturation(channel, name):
+            when = float(recording.time[found.index])
+            sentences.append(
+                f"{name} is saturated at {found.value:g} in {found.samples} samples (first for long at {when:.1f} s): "
+                "turns with a saturated gyro are left out."
+            )
+    return sentences
+
 
 _POSES_FOR_NINE = 9  # unknowns: three biases, three scales, three non-orthogonalities
 _POSES_FOR_SIX = 6

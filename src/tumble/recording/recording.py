@@ -3,18 +3,48 @@
 The signals are **raw**: exactly the numbers of the file, in the file's units. A unit's factor to SI
 stands beside them, or None where the file holds counts; nothing is rescaled on reading, because a
 calibration maps raw numbers to true ones.
+
+A recording as a notebook shows it: what it holds, and what was found on reading.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from tumble.arrays import Series, Vectors
+from tumble.files.markup import notebook_html
 from tumble.recording.clock import Clock, clock_of_stamps
 from tumble.recording.magnetic_field import MagneticField
+
+if TYPE_CHECKING:
+    pass
+
+
+def recording_html(recording: Recording) -> str:
+    """Return a table of what a recording holds, and its remarks as a list."""
+    sources = ", ".join(source.name for source in recording.sources) or "made in memory"
+    rows = [
+        ("from", sources),
+        ("samples", f"{len(recording):,} in {recording.duration:,.1f} s, {recording.rate:g} Hz"),
+        ("specific force", _signal(recording.specific_force is not None, recording.specific_force_unit)),
+        ("angular rate", _signal(recording.angular_rate is not None, recording.angular_rate_unit)),
+        ("magnetic field", _field(recording)),
+        ("temperature", "°C" if recording.temperature is not None else "none"),
+        ("gaps", str(len(recording.gaps))),
+    ]
+    return notebook_html((), rows, notes=[remark.text for remark in recording.remarks])
+
+
+def _signal(there: bool, unit: str) -> str:
+    return f"three axes, {unit}" if there else "none"
+
+
+def _field(recording: Recording) -> str:
+    field = recording.magnetic_field
+    return "none" if field is None else f"three axes, {field.unit}, {len(field):,} at {field.rate:.4g} Hz"
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,8 +133,6 @@ class Recording:
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
-        from tumble.recording.display import recording_html
-
         return recording_html(self)
 
     def between(self, start: int, stop: int) -> Recording:

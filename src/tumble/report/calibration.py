@@ -1,4 +1,7 @@
-"""The report of a calibration: verdict, parameters, figures of the evidence, formulas, what to do next."""
+"""The report of a calibration: verdict, parameters, figures of the evidence, formulas, what to do next.
+
+The report of a magnetometer that was calibrated by itself.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,11 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tumble.calibration.magnetometer.estimate import Magnetometer
 from tumble.calibration.thermal.evidence import ThermalCurves
 from tumble.report.advice import next_steps
 from tumble.report.evidence import RENDERERS, render_evidence
+from tumble.report.evidence.magnetometer import magnetometer_blocks
 from tumble.report.figures.parameters import correlations, intervals
 from tumble.report.figures.poses import poses
 from tumble.report.figures.timeline import timeline
@@ -18,9 +23,8 @@ from tumble.report.html import render_page
 from tumble.report.limits import limits_section
 from tumble.report.page import Block, Code, Facts, Footer, Page, Sentences, Table, Verdict, section
 from tumble.report.parameters import GROUPS, ParameterRow, plain_unit
-from tumble.report.planned import planned
+from tumble.report.planned import planned, protocol
 from tumble.report.predictions import predictions
-from tumble.report.protocol import protocol
 from tumble.report.subject import Subject
 from tumble.report.words import (
     chance,
@@ -32,7 +36,40 @@ from tumble.report.words import (
 )
 
 if TYPE_CHECKING:
+    from tumble.arrays import Vectors
     from tumble.document.result import Calibration
+
+
+def render_field_report(
+    calibration: Calibration, found: Magnetometer, samples: Vectors, library: str | None = None
+) -> str:
+    """Return the report as one HTML page that works offline.
+
+    Parameters
+    ----------
+    calibration, found : the document, and what it is from.
+    samples : (samples, 3) raw.
+    library : where the plotting library lies, seen from the page; None puts it into the page.
+    """
+    verdict, block = calibration.verdict, calibration.magnetometer
+    words = "fit for use" if verdict.fit else "not fit for use"
+    facts = [
+        ("Recording", ", ".join(r.name for r in calibration.recordings) or "not from a file"),
+        ("Samples of the magnetometer", str(len(samples))),
+        ("Frame", calibration.frame.description),
+        ("Made", f"{calibration.created} by {calibration.software}"),
+    ]
+    blocks: list[Block] = [Facts(facts), Verdict(verdict.fit, words, verdict.reasons)]
+    if block is not None:
+        blocks += section("Magnetometer", *magnetometer_blocks(found, block, samples))
+    if calibration.remarks:
+        blocks += section("How it was made", Sentences(calibration.remarks))
+    blocks.append(
+        Footer(f"{calibration.software}, {calibration.created}. This page works without a network.")
+    )
+    document = calibration.model_dump(mode="json")
+    return render_page(Page(title(calibration), blocks), {"calibration": document}, library)
+
 
 # Of a thermal calibration the curves come before the parameters, which hold at one temperature alone.
 FIRST = (ThermalCurves,)

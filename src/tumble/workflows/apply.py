@@ -22,7 +22,7 @@ from tumble.recording.formats.euroc_writing import PLACE, write_euroc
 from tumble.recording.formats.folder import euroc_file
 from tumble.recording.formats.hdf5_writing import write_hdf5
 from tumble.recording.formats.output import write_blocks
-from tumble.recording.range_check import find_steps_of_two
+from tumble.recording.gravity_check import find_steps_of_two
 from tumble.recording.temperature import TemperatureColumn
 from tumble.sensor.thermal import Outside
 from tumble.units import angular_rate_factor, specific_force_factor

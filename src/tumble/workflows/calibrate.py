@@ -645,7 +645,7 @@ def report_of(run: CalibrationRun, library: str | None = None) -> str:
 
     alone, field = run.estimate.shown(Magnetometer), run.recording.magnetic_field
     if run.calibration.procedure == FIELD_ALONE and alone is not None and field is not None:
-        from tumble.report.field import render_field_report
+        from tumble.report.calibration import render_field_report
 
         return render_field_report(run.calibration, alone, field.values, library)
     return render_report(

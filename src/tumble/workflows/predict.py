@@ -211,7 +211,7 @@ def states_document(found: NavigationPrediction, trajectory: str) -> dict[str, A
     found : the prediction.
     trajectory : it is for.
     """
-    from tumble.report.filter_document import FORMAT, MODEL, VERSION, FilterDocument, StateBlock
+    from tumble.report.predictions import FORMAT, MODEL, VERSION, FilterDocument, StateBlock
 
     units = {"accelerometer": "m/s²", "gyroscope": "rad/s", "g-sensitivity": "(rad/s)/(m/s²)"}
     states = [

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tumble.calibration.checks.unseen import state_unseen
 from tumble.calibration.procedure import FIRST_TRIED, Procedure, all_procedures, find_procedure
 from tumble.calibration.session import Options, Session
-from tumble.calibration.unseen import state_unseen
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
 from tumble.recording import find_axis_contradiction, find_dead_channels, find_saturated_channels
 
@@ -225,8 +225,8 @@ def _of_other_rests(session: Session) -> list[str]:
 
 def _of_force_step(session: Session, estimate: Estimate) -> list[str]:
     """What is said of accelerometers whose biases jump between two holds."""
-    from tumble.calibration.bias_steps import switched_on_anew
-    from tumble.calibration.scores import find_norm_course
+    from tumble.calibration.checks.bias_steps import switched_on_anew
+    from tumble.calibration.checks.scores import find_norm_course
 
     means, triad = session.means, estimate.model.accelerometer
     force, covariance, norms = means.specific_force, means.specific_force_covariance, estimate.holds.norms

@@ -112,8 +112,13 @@ def _lost(task: _Task, reason: str) -> Outcome:
 def _write(folder: Path, outcomes: list[Outcome]) -> list[Path]:
     """Write everything into a folder inside the folder, then rename it all into place."""
     from tumble.files import filled_folder, put_text
-    from tumble.report.reproduction import outcome_csv, outcome_json, outcome_lines, outcome_pictures
-    from tumble.report.reproduction_page import render_outcome
+    from tumble.report.reproduction import (
+        outcome_csv,
+        outcome_json,
+        outcome_lines,
+        outcome_pictures,
+        render_outcome,
+    )
 
     files: dict[str, str] = {}
     for outcome in outcomes:

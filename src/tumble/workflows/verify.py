@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series
+from tumble.calibration.checks.scores import hold_norm_errors, score_turns
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.poses import distinct_poses
-from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.calibration.verdict import two_digits
 from tumble.document import Calibration, read_calibration
 from tumble.earth import Site
@@ -21,7 +21,7 @@ from tumble.errors import CalibrationFileError, RecordingError
 from tumble.limits import decide, read_limits
 from tumble.recording import Recording, read_recordings
 from tumble.recording.corrections import corrections_of
-from tumble.recording.range_check import find_steps_of_two
+from tumble.recording.gravity_check import find_steps_of_two
 from tumble.recording.reading import Paths, recording_inputs
 from tumble.segmentation import Timeline, find_timeline, observe_holds, read_intervals
 from tumble.sensor import ImuModel

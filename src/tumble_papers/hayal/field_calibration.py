@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tumble.arrays import Series, Vector, Vectors
+from tumble.calibration.closed_forms.start_values import rough_triad
 from tumble.calibration.equations.triad_unknowns import BIAS, COUNT, SCALE, triad_from_unknowns
 from tumble.calibration.procedures.multi_position import fit_norms
-from tumble.calibration.start_values import rough_triad
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError, SegmentationError
 from tumble.recording.recording import Recording

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from tumble.calibration.closed_forms.start_values import rough_triad
 from tumble.calibration.equations.norm import NormConditions
 from tumble.calibration.equations.triad_unknowns import triad_from_unknowns
-from tumble.calibration.start_values import rough_triad
 from tumble.estimation import Adjustment, adjust
 
 Array = npt.NDArray[np.float64]

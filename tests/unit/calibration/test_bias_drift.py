@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tumble.calibration.bias_drift import find_bias_drift
+from tumble.calibration.checks.bias_drift import find_bias_drift
 from tumble.document import Calibration, read_calibration
 from tumble.workflows.calibrate import calibrate
 from tumble.workflows.simulate import simulate

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.bias_steps import (
+from tumble.calibration.checks.bias_steps import (
     CONTRADICTION,
     FALSE_ALARM,
     Rests,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tumble.calibration.ceilings import beyond_ceilings
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.evidence import Holds
+from tumble.calibration.verdict import beyond_ceilings
 from tumble.sensor import ImuModel
 
 

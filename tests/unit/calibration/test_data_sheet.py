@@ -7,8 +7,7 @@ import pytest
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration import Estimate, calibrate_multi_position
-from tumble.calibration.data_sheet import NAMES, FleetSheet, TriadFleet, about_sheet, sheet_prior
-from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.prior import NAMES, FleetSheet, StableKnowledge, TriadFleet, about_sheet, sheet_prior
 from tumble.earth import Site
 from tumble.errors import ObservabilityError, UsageError
 from tumble.recording import Recording

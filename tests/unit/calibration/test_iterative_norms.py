@@ -13,8 +13,8 @@ from tumble.calibration.closed_forms.iterative_norms import (
     minimise_norm_cost,
 )
 from tumble.calibration.closed_forms.separate_norms import ellipsoid_from_norms
+from tumble.calibration.closed_forms.start_values import rough_triad
 from tumble.calibration.equations.triad_unknowns import triad_from_unknowns
-from tumble.calibration.start_values import rough_triad
 from tumble.errors import ConvergenceError
 
 G = 9.81

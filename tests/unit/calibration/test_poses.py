@@ -9,13 +9,13 @@ import pytest
 
 from tumble.calibration.poses import (
     describe_direction,
+    describe_untold,
     distinct_poses,
     most_telling_poses,
     norm_rows,
+    require_poses,
     twenty_six_directions,
 )
-from tumble.calibration.requirements import require_poses
-from tumble.calibration.singular_poses import describe_untold
 from tumble.errors import ObservabilityError
 
 FORCE = np.array([0.1, -0.2, 0.3, 1.02, 0.98, 1.05, 0.01, -0.02, 0.03, 0.0, 0.0, 0.0])

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from tumble.calibration.checks.scores import score_turns
 from tumble.calibration.equations.gathering import gather
-from tumble.calibration.scores import score_turns
 from tumble.earth import Site
 from tumble.segmentation import find_timeline, observe_holds
 from tumble.simulation import Motion, find_grade, poses_26, simulate_recording

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tumble.calibration.handedness import refuse_contradicting_axes
+from tumble.calibration.checks.scores import hold_norm_errors, score_turns
+from tumble.calibration.checks.triad_agreement import estimate_time_lag, refuse_contradicting_axes
+from tumble.calibration.closed_forms.start_values import rough_gyro_matrix, rough_triad
 from tumble.calibration.poses import twenty_six_directions
 from tumble.calibration.prior import stable_knowledge
-from tumble.calibration.scores import hold_norm_errors, score_turns
-from tumble.calibration.start_values import rough_gyro_matrix, rough_triad
-from tumble.calibration.time_lag import estimate_time_lag
 from tumble.errors import CalibrationFileError, RecordingError
 
 SCALE, BIAS = np.array([1.3, 0.7, 1.1]), np.array([0.5, -1.2, 2.0])

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tumble.calibration.outcome.draws import numerical_tolerance, shortest_intervals
-from tumble.calibration.uncertainty_statement import (
+from tumble.calibration.checks.uncertainty_statement import (
     chi_square_probability,
     coverage_factors,
     effective_degrees,
 )
+from tumble.calibration.outcome.draws import numerical_tolerance, shortest_intervals
 from tumble.estimation.undetected import noncentrality, undetected
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from second_simulator import GRADES, PROCEDURES
+from tumble.calibration.checks.unseen import add_common_scale, rest_rate, state_unseen
 from tumble.calibration.estimate import Estimate
 from tumble.calibration.procedures.hand_held import calibrate_hand_held
 from tumble.calibration.session import Session
-from tumble.calibration.unseen import add_common_scale, rest_rate, state_unseen
 from tumble.earth import Site
 from tumble.protocol import read_protocol
 from tumble.protocol.steps import ASSUMED_RATE, SpinStep

@@ -9,8 +9,7 @@ import pytest
 
 from tumble.attitude.directions import twenty_six_directions
 from tumble.calibration.closed_forms.separate_norms import ellipsoid_from_norms
-from tumble.calibration.poses import norm_rows
-from tumble.calibration.singular_poses import find_two_planes, find_untold
+from tumble.calibration.poses import find_two_planes, find_untold, norm_rows
 from tumble.design.pose_sets import (
     OTHER_EDGE_NUMBERS,
     chatfield_orientations,

@@ -11,7 +11,7 @@ import pytest
 
 from tumble.errors import RecordingError, UsageError
 from tumble.recording import read_recording
-from tumble.recording.chips import CHIPS, units_of_chip
+from tumble.recording.declared import CHIPS, units_of_chip
 from tumble.recording.formats.lines import row_of, without_clock
 from tumble.units import angular_rate_factor, specific_force_factor
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from second_simulator import GRADES, PROCEDURES
-from tumble.recording.range_check import find_steps_of_two, gyro_step_words, step_of_two
+from tumble.recording.gravity_check import find_steps_of_two, gyro_step_words, step_of_two
 from tumble.recording.recording import Recording
 
 

@@ -17,8 +17,8 @@ from tumble.report.reproduction import (
     outcome_json,
     outcome_lines,
     outcome_pictures,
+    render_outcome,
 )
-from tumble.report.reproduction_page import render_outcome
 from tumble.reproduction.outcome import INSIDE, OUTSIDE, Curve, Marks, Outcome, Plot, Row
 
 X = np.array([1.0, 10.0, 100.0])

@@ -11,12 +11,12 @@ from tumble.arrays import Matrix, Vector
 from tumble.attitude.rotations import rotation_vector_from_matrix
 from tumble.calibration.arrays.adjustment import ArraySolution
 from tumble.calibration.arrays.slips import Slip, find_slips
+from tumble.calibration.checks.scores import hold_norm_errors, score_turns
 from tumble.calibration.equations.imu_unknowns import LAYOUT
 from tumble.calibration.estimate import Beside, Estimate, coverage_factor
 from tumble.calibration.evidence import Budget, Holds, Turns
 from tumble.calibration.outcome.budget import wander_factors
 from tumble.calibration.outcome.description import describe
-from tumble.calibration.scores import hold_norm_errors, score_turns
 from tumble.calibration.terms.lever_arms import lever_arms_of
 from tumble.earth import Site
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from tumble.arrays import inverted
+from tumble.calibration.closed_forms.start_values import rough_triad
 from tumble.calibration.equations.triad_unknowns import ANGLE
+from tumble.calibration.poses import require_poses
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.procedures.multi_position import TriadFit, fit_norms
-from tumble.calibration.requirements import require_poses
-from tumble.calibration.start_values import rough_triad
 from tumble.earth import Site
 from tumble.errors import ObservabilityError
 from tumble.estimation import Prior

@@ -15,9 +15,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square, Table, Vector, Vectors, inverted
+from tumble.calibration.checks.snooping import wald_test
 from tumble.calibration.equations.placement import find_added_sigma, is_excessive
 from tumble.calibration.estimate import TermTest
-from tumble.calibration.term_tests import wald_test
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
 from tumble.estimation import Adjustment, Linearisation, adjust

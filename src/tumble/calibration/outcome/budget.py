@@ -8,6 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Table, Vector, inverted
+from tumble.calibration.checks.hold_wander import placed_density
+from tumble.calibration.checks.uncertainty_statement import (
+    Detectable,
+    GlobalTest,
+    ModelChoice,
+    UncertaintyStatement,
+    chi_square_probability,
+    coverage_factors,
+    effective_degrees,
+)
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.causes import (
     AXIS,
@@ -29,18 +39,8 @@ from tumble.calibration.equations.causes import (
 from tumble.calibration.equations.hold_equations import Rate
 from tumble.calibration.equations.imu_unknowns import force_matrix, gyro_matrix, term_unknowns
 from tumble.calibration.evidence import Budget
-from tumble.calibration.hold_wander import placed_density
 from tumble.calibration.outcome.description import named_function
 from tumble.calibration.terms import TERMS
-from tumble.calibration.uncertainty_statement import (
-    Detectable,
-    GlobalTest,
-    ModelChoice,
-    UncertaintyStatement,
-    chi_square_probability,
-    coverage_factors,
-    effective_degrees,
-)
 from tumble.estimation.equations import Tests
 from tumble.estimation.influence import PRIOR, Influences, influences_of
 from tumble.estimation.solve import settled_at, solve

@@ -18,6 +18,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square, Table, inverted
 from tumble.attitude.rotations import matrices_from_rotation_vectors
+from tumble.calibration.checks.uncertainty_statement import DrawnDistributions, coverage_factors
 from tumble.calibration.equations.adjustment import JointAdjustment
 from tumble.calibration.equations.causes import SOURCES
 from tumble.calibration.equations.hold_equations import Force, Rate, Swing
@@ -29,7 +30,6 @@ from tumble.calibration.outcome.budget import (
     outcome_influences,
     source_degrees,
 )
-from tumble.calibration.uncertainty_statement import DrawnDistributions, coverage_factors
 from tumble.errors import ConvergenceError, UsageError
 from tumble.estimation.solve import solve
 

@@ -7,8 +7,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Square, Vectors, inverted
-from tumble.calibration.bias_steps import BiasCourse
 from tumble.calibration.canonical import describe_unknowns
+from tumble.calibration.checks.bias_steps import BiasCourse
+from tumble.calibration.checks.observability import Untold
+from tumble.calibration.checks.scores import find_norm_course, hold_norm_errors, score_turns
 from tumble.calibration.equations.adjustment import JointAdjustment, rest_noise
 from tumble.calibration.equations.causes import FORCE_COURSE, FORCE_WANDER
 from tumble.calibration.equations.hold_equations import Rate
@@ -37,14 +39,12 @@ from tumble.calibration.estimate import (
     said_of,
 )
 from tumble.calibration.evidence import Holds, Rotations, Sequences, Spins, Turns
-from tumble.calibration.observability import Untold
 from tumble.calibration.optional_terms import OF_FORCE, implausible_words, untried_words
 from tumble.calibration.outcome.budget import recording_influences, state_uncertainty
 from tumble.calibration.outcome.contradictions import contradictions
 from tumble.calibration.outcome.description import describe, rotation_of_frame
 from tumble.calibration.outcome.restless import find_restless, restless_remarks
 from tumble.calibration.prior import StableKnowledge
-from tumble.calibration.scores import find_norm_course, hold_norm_errors, score_turns
 from tumble.calibration.terms import TERMS
 from tumble.calibration.terms.lever_arms import lever_arms_of
 from tumble.earth import Site

@@ -13,9 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tumble.arrays import Series, Square, Vectors, inverted
-from tumble.calibration.bias_drift import add_bias_drift, count_departure
-from tumble.calibration.bias_steps import Rests, find_bias_steps, find_rate_course, switched_on_anew
 from tumble.calibration.canonical import describe_unknowns
+from tumble.calibration.checks.bias_drift import add_bias_drift, count_departure
+from tumble.calibration.checks.bias_steps import Rests, find_bias_steps, find_rate_course, switched_on_anew
+from tumble.calibration.checks.scores import score_turns
+from tumble.calibration.checks.snooping import NEEDLESS, Kind, Outlier, balance, wald_test
+from tumble.calibration.checks.triad_agreement import estimate_time_lag, refuse_contradicting_axes
+from tumble.calibration.closed_forms.start_values import rough_gyro_matrix, rough_triad
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.norm import NormConditions
 from tumble.calibration.equations.triad_unknowns import BIAS, QUADRATIC, triad_from_unknowns
@@ -43,17 +47,10 @@ from tumble.calibration.estimate import (
     estimate_of,
 )
 from tumble.calibration.evidence import Budget, Holds, Turns
-from tumble.calibration.handedness import refuse_contradicting_axes
-from tumble.calibration.poses import distinct_poses
+from tumble.calibration.poses import distinct_poses, require_poses
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.procedure import Procedure, Suits
-from tumble.calibration.requirements import require_poses
-from tumble.calibration.scores import score_turns
 from tumble.calibration.session import Session
-from tumble.calibration.snooping import Kind, Outlier, balance
-from tumble.calibration.start_values import rough_gyro_matrix, rough_triad
-from tumble.calibration.term_tests import NEEDLESS, wald_test
-from tumble.calibration.time_lag import estimate_time_lag
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError
 from tumble.estimation import Adjustment, Prior, adjust

@@ -33,8 +33,8 @@ def run_joint(
     keep : is handed the settled solution, see `calibrate_joint`.
     clocked : adjust what clock and table may be off by; else whoever goes on from the solution states it.
     """
+    from tumble.calibration.checks.unseen import unseen_table
     from tumble.calibration.joint import calibrate_joint
-    from tumble.calibration.unseen import unseen_table
 
     table = None if session.protocol is None else unseen_table(session.protocol)
     alike = {"clock": session.clock.sigma, "table_rate": 0.0 if table is None else table.sigma}

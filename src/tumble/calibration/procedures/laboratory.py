@@ -22,6 +22,10 @@ from tumble.calibration.canonical import (
     describe_apart,
     describe_fixture_triad,
 )
+from tumble.calibration.checks.hold_wander import HoldWander, wander_of_rate
+from tumble.calibration.checks.placement import beyond_statement, moved_while_held, poses_apart
+from tumble.calibration.checks.rotations import about_ways, compare_ways, slipped
+from tumble.calibration.checks.scores import holds_evidence
 from tumble.calibration.closed_forms.rotation_pairs import (
     EarthParts,
     RotationPair,
@@ -38,12 +42,8 @@ from tumble.calibration.estimate import (
     said_of,
 )
 from tumble.calibration.evidence import Budget, RotationFit, Rotations
-from tumble.calibration.hold_wander import HoldWander, wander_of_rate
-from tumble.calibration.placement_words import beyond_statement, moved_while_held, poses_apart
 from tumble.calibration.procedure import Procedure
 from tumble.calibration.procedures.six_position import KnownPoses, force_of_poses, known_poses
-from tumble.calibration.rotation_checks import about_ways, compare_ways, slipped
-from tumble.calibration.scores import holds_evidence
 from tumble.calibration.session import Session
 from tumble.calibration.turntable.rotations import spins_evidence, turned_angles
 from tumble.calibration.verdict import two_digits

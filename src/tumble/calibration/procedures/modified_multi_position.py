@@ -18,6 +18,8 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Square, Vectors, inverted
 from tumble.calibration.canonical import describe_unknowns
+from tumble.calibration.checks.scores import holds_evidence, left_out_holds
+from tumble.calibration.checks.snooping import wald_test
 from tumble.calibration.closed_forms.accelerometers import fit_accelerometers
 from tumble.calibration.equations.placement import find_added_sigma, is_excessive
 from tumble.calibration.equations.spin import combined_mean, padded, spin_covariance
@@ -37,9 +39,7 @@ from tumble.calibration.evidence import Spins
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.procedure import Procedure
 from tumble.calibration.procedures.multi_position import TriadFit, fit_norms
-from tumble.calibration.scores import holds_evidence, left_out_holds
 from tumble.calibration.session import Session
-from tumble.calibration.term_tests import wald_test
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError

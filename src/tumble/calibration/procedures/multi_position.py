@@ -19,7 +19,9 @@ import numpy as np
 from tumble.arrays import AnyArray, Matrices, Matrix, Series, Square, Vectors, inverted
 from tumble.attitude import skew
 from tumble.calibration.canonical import Complex, describe_unknowns
-from tumble.calibration.data_sheet import FleetSheet, about_sheet, prior_of_sheet
+from tumble.calibration.checks.scores import left_out_holds
+from tumble.calibration.checks.snooping import Kind, Outlier, balance, wald_test
+from tumble.calibration.closed_forms.start_values import rough_triad
 from tumble.calibration.equations.norm import NormConditions
 from tumble.calibration.equations.triad_unknowns import ANGLE, BIAS, COUNT, SCALE, triad_from_unknowns
 from tumble.calibration.equations.turn import FORCE, G_SENSITIVITY, GYRO_BIAS, GYRO_MATRIX, TOTAL
@@ -32,14 +34,10 @@ from tumble.calibration.estimate import (
     said_of,
 )
 from tumble.calibration.evidence import Holds
-from tumble.calibration.prior import StableKnowledge
+from tumble.calibration.poses import require_poses
+from tumble.calibration.prior import FleetSheet, StableKnowledge, about_sheet, prior_of_sheet
 from tumble.calibration.procedure import Procedure
-from tumble.calibration.requirements import require_poses
-from tumble.calibration.scores import left_out_holds
 from tumble.calibration.session import Session
-from tumble.calibration.snooping import Kind, Outlier, balance
-from tumble.calibration.start_values import rough_triad
-from tumble.calibration.term_tests import wald_test
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
 from tumble.estimation import Adjustment, Prior, adjust

@@ -18,6 +18,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square
 from tumble.calibration.canonical import FIXTURE_UNKNOWNS, DescribedTriad, describe_fixture_triad
+from tumble.calibration.checks.snooping import wald_test
 from tumble.calibration.equations.placement import LARGEST_PLACEMENT, find_added_sigma, is_excessive
 from tumble.calibration.equations.placement_bias import PlacementBiases, fit_placement_biases
 from tumble.calibration.equations.spin import (
@@ -52,7 +53,6 @@ from tumble.calibration.estimate import (
 from tumble.calibration.evidence import Spins
 from tumble.calibration.procedure import Procedure
 from tumble.calibration.session import Session
-from tumble.calibration.term_tests import wald_test
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ObservabilityError

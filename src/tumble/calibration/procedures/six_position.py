@@ -30,6 +30,14 @@ from tumble.calibration.canonical import (
     describe_bias,
     describe_fixture_triad,
 )
+from tumble.calibration.checks.hold_wander import (
+    HoldWander,
+    wander_of_force,
+    wander_of_placed,
+    wander_of_rate,
+)
+from tumble.calibration.checks.placement import beyond_statement, moved_while_held, poses_apart
+from tumble.calibration.checks.scores import holds_evidence
 from tumble.calibration.equations.placement import PlacedFit, PlacedReadings, fit_placed, up_down_pair
 from tumble.calibration.estimate import (
     Estimate,
@@ -38,11 +46,8 @@ from tumble.calibration.estimate import (
     estimate_of,
     said_of,
 )
-from tumble.calibration.faces import match_faces
-from tumble.calibration.hold_wander import HoldWander, wander_of_force, wander_of_placed, wander_of_rate
-from tumble.calibration.placement_words import beyond_statement, moved_while_held, poses_apart
+from tumble.calibration.poses import match_faces
 from tumble.calibration.procedure import Procedure
-from tumble.calibration.scores import holds_evidence
 from tumble.calibration.session import Session
 from tumble.calibration.verdict import two_digits
 from tumble.earth import EARTH_RATE, Site

@@ -24,6 +24,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square, Vector, Vectors, inverted
 from tumble.attitude import skew
+from tumble.calibration.checks.snooping import wald_test
 from tumble.calibration.closed_forms.rest_rates import SENSITIVITY, RestSolution, solve_rests
 from tumble.calibration.closed_forms.rotation_sequences import SequenceModel, sequence_model
 from tumble.calibration.closed_forms.sequence_inversion import SequenceSolution, solve_measurements
@@ -40,7 +41,6 @@ from tumble.calibration.strapdown.estimate import (
 )
 from tumble.calibration.strapdown.recorded_sequences import RecordedSequence, check_rotations, cut_sequences
 from tumble.calibration.strapdown.start_earth import earth_as_sensitivity, find_earth
-from tumble.calibration.term_tests import wald_test
 from tumble.earth import EARTH_RATE, Site
 from tumble.errors import ConvergenceError, ObservabilityError
 from tumble.protocol import Protocol

@@ -23,6 +23,9 @@ from dataclasses import replace
 import numpy as np
 
 from tumble.arrays import AnyArray, Matrix, Series, Square, Vector, inverted
+from tumble.calibration.checks.hold_wander import wander_of_rate
+from tumble.calibration.checks.snooping import wald_test
+from tumble.calibration.checks.triad_agreement import refuse_contradicting_axes
 from tumble.calibration.closed_forms.accelerometers import fit_accelerometers
 from tumble.calibration.closed_forms.inter_triad import wahba_rotation
 from tumble.calibration.closed_forms.rest_rates import SENSITIVITY as REST_SENSITIVITY
@@ -35,13 +38,10 @@ from tumble.calibration.estimate import (
     Estimate,
     TermTest,
 )
-from tumble.calibration.handedness import refuse_contradicting_axes
-from tumble.calibration.hold_wander import wander_of_rate
 from tumble.calibration.prior import StableKnowledge
 from tumble.calibration.procedure import Procedure
 from tumble.calibration.procedures.multi_position import TriadFit
 from tumble.calibration.session import Session
-from tumble.calibration.term_tests import wald_test
 from tumble.calibration.turntable.estimate import turntable_estimate
 from tumble.calibration.turntable.solution import (
     BIAS,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tumble.arrays import Series, Square, Table
+from tumble.calibration.checks.scores import holds_evidence
 from tumble.calibration.closed_forms.rotation_sequences import SequenceModel
 from tumble.calibration.closed_forms.sequence_inversion import SequenceSolution
 from tumble.calibration.closed_forms.sequence_measurements import SequenceMeasurement
@@ -23,7 +24,6 @@ from tumble.calibration.estimate import (
     said_of,
 )
 from tumble.calibration.evidence import SequenceFit, Sequences
-from tumble.calibration.scores import holds_evidence
 from tumble.calibration.strapdown.errors import apply_errors
 from tumble.calibration.strapdown.recorded_sequences import RecordedSequence
 from tumble.calibration.strapdown.start_earth import SeenEarth, earth_as_sensitivity

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tumble.arrays import Series, Square
-from tumble.calibration.snooping import Kind, Outlier, balance
+from tumble.calibration.checks.snooping import Kind, Outlier, balance
 from tumble.calibration.thermal.conditions import LEAST_WIDTH, ThermalConditions
 from tumble.calibration.thermal.evidence import Candidate
 from tumble.calibration.thermal.layout import Layout, ThermalTerms

@@ -16,12 +16,11 @@ from functools import partial
 import numpy as np
 
 from tumble.arrays import Series, Square
+from tumble.calibration.checks.snooping import wald_test
+from tumble.calibration.closed_forms.start_values import rough_triad
 from tumble.calibration.equations.triad_unknowns import BIAS, SCALE
 from tumble.calibration.estimate import Estimate, TermTest
-from tumble.calibration.poses import distinct_poses
-from tumble.calibration.singular_poses import describe_untold
-from tumble.calibration.start_values import rough_triad
-from tumble.calibration.term_tests import wald_test
+from tumble.calibration.poses import describe_untold, distinct_poses
 from tumble.calibration.thermal.conditions import LEAST_WIDTH
 from tumble.calibration.thermal.coverage import Coverage, find_coverage, require_time_base
 from tumble.calibration.thermal.doubt import (

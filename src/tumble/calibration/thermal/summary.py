@@ -6,6 +6,7 @@ import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vectors
 from tumble.calibration.canonical import describe_unknowns
+from tumble.calibration.closed_forms.start_values import rough_triad
 from tumble.calibration.equations.triad_unknowns import BIAS
 from tumble.calibration.estimate import (
     Described,
@@ -21,7 +22,6 @@ from tumble.calibration.estimate import (
 )
 from tumble.calibration.evidence import Holds
 from tumble.calibration.procedures.multi_position import fit_norms
-from tumble.calibration.start_values import rough_triad
 from tumble.calibration.thermal.coverage import Coverage
 from tumble.calibration.thermal.doubt import Doubts
 from tumble.calibration.thermal.evidence import BiasCurve, SeparateBias, ThermalCurves

@@ -19,10 +19,9 @@ import numpy as np
 from tumble.arrays import AnyArray, Matrices, Series, Square, Table, Vectors
 from tumble.attitude import integrate_turns
 from tumble.attitude.integration import average_at_edge
+from tumble.calibration.checks.snooping import Kind, Outlier, balance, wald_test
 from tumble.calibration.equations.gathering import gather
 from tumble.calibration.equations.turn import HoldsAndTurns, tangent_bases
-from tumble.calibration.snooping import Kind, Outlier, balance
-from tumble.calibration.term_tests import wald_test
 from tumble.calibration.thermal.layout import ENTRIES, Layout
 from tumble.earth import EARTH_RATE
 from tumble.errors import ConvergenceError, ObservabilityError, SegmentationError

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tumble.arrays import Series, Square
+from tumble.calibration.checks.observability import angle_prior
+from tumble.calibration.checks.observability import together as both_priors
 from tumble.calibration.equations.adjustment import JointAdjustment, balance_recording
 from tumble.calibration.equations.imu_unknowns import LAYOUT, terms_prior
 from tumble.calibration.equations.pose_equations import mounting_prior
-from tumble.calibration.observability import angle_prior
-from tumble.calibration.observability import together as both_priors
 from tumble.errors import ConvergenceError
 from tumble.estimation import Prior
 from tumble.estimation.balance import Balanced, Outlier

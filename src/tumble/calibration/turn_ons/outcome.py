@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tumble.arrays import Series, Square, inverted
+from tumble.calibration.checks.observability import TOLD, find_untold
 from tumble.calibration.equations.imu_unknowns import (
     FORCE_ALONE,
     LAYOUT,
@@ -17,7 +18,6 @@ from tumble.calibration.equations.imu_unknowns import (
     term_unknowns,
 )
 from tumble.calibration.estimate import TermTest
-from tumble.calibration.observability import TOLD, find_untold
 from tumble.calibration.optional_terms import (
     OF_FORCE,
     ON_TABLES,

@@ -9,12 +9,12 @@ import numpy as np
 from tumble.arrays import Series, Square, Table, Vector, inverted
 from tumble.attitude import skew
 from tumble.calibration.canonical import describe_unknowns
+from tumble.calibration.checks.scores import left_out_holds
 from tumble.calibration.equations.triad_unknowns import triad_from_unknowns
 from tumble.calibration.equations.turn import FORCE, G_SENSITIVITY, GYRO_MATRIX, TOTAL
 from tumble.calibration.estimate import Estimate, Figures, coverage_factor, estimate_of, said_of
 from tumble.calibration.evidence import Budget, Holds, RotationFit, Rotations
 from tumble.calibration.procedures.multi_position import ROTATION_SIGMA
-from tumble.calibration.scores import left_out_holds
 from tumble.calibration.turntable.rotations import spins_evidence, turned_angles
 from tumble.calibration.turntable.solution import (
     BIAS,

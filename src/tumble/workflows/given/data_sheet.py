@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tumble.calibration.data_sheet import FleetSheet, TriadFleet
+from tumble.calibration.prior import FleetSheet, TriadFleet
 from tumble.document.result import Calibration, read_calibration
 from tumble.errors import UsageError
 from tumble.noise.units import ACCELEROMETER, GYRO, NoiseUnit, find_noise_unit, random_walk_of, sample_sigma

@@ -284,7 +284,7 @@ def _sheet(name: str | None, gravity: float) -> Any:
     """The information of a data sheet's spreads."""
     if name is None:
         return None
-    from tumble.calibration.data_sheet import prior_of_sheet
+    from tumble.calibration.prior import prior_of_sheet
     from tumble.workflows.given.data_sheet import find_sheet
 
     prior = prior_of_sheet(find_sheet(name), "accelerometer", "m/s^2")

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tumble.calibration.checks.unseen import state_unseen_clock
 from tumble.calibration.procedures.joint import run_joint
 from tumble.calibration.session import Options, Session
-from tumble.calibration.unseen import state_unseen_clock
 from tumble.earth import Site
 from tumble.errors import TumbleError, UsageError
 from tumble.limits import read_limits, with_limits

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import AnyArray, Series, Vectors
-from tumble.calibration.bias_drift import TIME_CONSTANTS
+from tumble.calibration.checks.bias_drift import TIME_CONSTANTS
 from tumble.estimation.wander import covariance_about_the_mean
 
 # Chance of calling a step on any axis where holds scatter independently: it is said, and counted.

@@ -10,11 +10,11 @@ import numpy as np
 from tumble.arrays import Matrices, Matrix, Series, Vectors, inverted
 from tumble.attitude import angle_between, integrate_turns
 from tumble.attitude.integration import average_at_edge
-from tumble.calibration.bias_steps import BiasCourse, Rests, find_force_course
+from tumble.calibration.checks.bias_steps import BiasCourse, Rests, find_force_course
+from tumble.calibration.checks.snooping import Outlier
 from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.calibration.estimate import LeftOut
 from tumble.calibration.evidence import Holds
-from tumble.calibration.snooping import Outlier
 from tumble.sensor import ImuModel, Triad
 
 # A turn smaller than this says nothing of scale factors.

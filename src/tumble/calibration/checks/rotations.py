@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import Matrices, Matrix, Vector, Vectors, inverted
+from tumble.calibration.checks.hold_wander import HoldWander
 from tumble.calibration.closed_forms.rotation_pairs import RotationPair
-from tumble.calibration.hold_wander import HoldWander
 from tumble.calibration.verdict import two_digits
 from tumble.estimation.wander import covariance_about_the_mean
 from tumble.segmentation import HoldMeans
