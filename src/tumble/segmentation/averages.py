@@ -8,6 +8,7 @@ import numpy as np
 
 from tumble.arrays import Matrices, Series, Vector, Vectors
 from tumble.errors import SegmentationError
+from tumble.segmentation.rounding import rounding_variance
 
 # Batches of a hold: at least this many, so that its own variance has seven degrees of freedom or more.
 BATCHES = 8
@@ -22,11 +23,15 @@ DIGITS = 1e-8
 
 @dataclass(frozen=True, slots=True)
 class MeanCovariance:
-    """Means of several stretches (items, 3) with covariances (items, 3, 3) and degrees of freedom."""
+    """Means of several stretches (items, 3) with covariances (items, 3, 3) and degrees of freedom.
+
+    `rounding` (items, 3) is what of the variances rounding leaves: no wander of the signal.
+    """
 
     mean: Vectors
     covariance: Matrices
     dof: Series
+    rounding: Vectors
 
 
 def mean_covariance(
@@ -35,10 +40,11 @@ def mean_covariance(
     *,
     span: int | None = None,
     least_floor: Vector | None = None,
+    rounding: Vectors | None = None,
 ) -> MeanCovariance:
     """Average a signal over each item's stretches and find the covariance of each average.
 
-    Two things are added. *Batch means*: an item of n samples is cut into 8 to 15 batches of equal
+    Three things are added. *Batch means*: an item of n samples is cut into 8 to 15 batches of equal
     length B (a power of two times the shortest); the variance of batch means about their item's mean,
     times B / n, is the variance of the item's mean, whatever the correlation of the noise within B.
     It is pooled over all items at the same B, which gives it many degrees of freedom (batches less
@@ -47,7 +53,8 @@ def mean_covariance(
     only. *A flicker floor*: where the pooled Allan variance at the longest batches lies significantly
     above white noise, N²/τ + F, the means of items wander against one another by more than batches
     within one can tell; for 1/f noise by F ln(T/n) / (2 ln 2), T the samples from the first item to
-    the last. A floor much below the white noise of an item's mean is not seen, and hardly matters.
+    the last. A floor much below the white noise of an item's mean is not seen, and hardly matters. *Rounding*: what the
+    converter's step leaves where noise does not dither it (`tumble.segmentation.rounding`).
 
     The covariance is diagonal: what the sensors themselves add is independent per axis, and the few
     batches of one item could not support a full matrix. What correlates the axes of one hold (a
@@ -61,6 +68,8 @@ def mean_covariance(
     span : samples from the first item to the end of the last on the recording's clock, where `signal`
         holds the items alone.
     least_floor : (3,) floor of the Allan variance that is known from elsewhere, raw units squared.
+    rounding : (items, 3) what rounding leaves, raw units squared, where `signal` is no longer as the converter
+        wrote it; None finds it.
 
     Raises
     ------
@@ -100,8 +109,11 @@ def mean_covariance(
     wander = np.maximum(np.log(span / counts), 0.0)[:, None] * floor / (2.0 * np.log(2.0))
     # A signal without any noise (simulated, or a sensor that stands still) is still written in digits.
     digits = (DIGITS * float(np.max(np.abs(means)))) ** 2
-    covariance = np.maximum(variances / counts[:, None] + wander, digits)[:, :, None] * np.eye(3)
-    return MeanCovariance(means, covariance, dof)
+    if rounding is None:
+        rounding = rounding_variance(signal, items, means)
+    variances = np.maximum(variances / counts[:, None] + wander + rounding, digits)
+    covariance = variances[:, :, None] * np.eye(3)
+    return MeanCovariance(means, covariance, dof, rounding)
 
 
 def batch_length(count: int, least: int) -> int:

@@ -29,6 +29,7 @@ class HoldMeans:
     temperature : (holds,) degrees Celsius, or None.
     specific_force_between, angular_rate_between : (3, holds, holds) covariance of the means of different
         holds for each axis, where a noise model determines it (`tumble.segmentation.modelled_means`), or None.
+    specific_force_rounding, angular_rate_rounding : (holds, 3) raw², what of the covariances rounding leaves.
     parts : means of the parts of the holds, which show how biases wander; None where that is not asked for.
     """
 
@@ -44,6 +45,8 @@ class HoldMeans:
     temperature: Series | None
     specific_force_between: AnyArray | None = None
     angular_rate_between: AnyArray | None = None
+    specific_force_rounding: Vectors | None = None
+    angular_rate_rounding: Vectors | None = None
     parts: RestParts | None = None
 
     def __repr__(self) -> str:
@@ -82,6 +85,8 @@ def observe_holds(recording: Recording, timeline: Timeline) -> HoldMeans:
         time=np.array([0.5 * (recording.time[h.start] + recording.time[h.stop - 1]) for h in holds]),
         count=counts,
         temperature=_temperatures(recording.temperature, holds),
+        specific_force_rounding=force.rounding if force else None,
+        angular_rate_rounding=rate.rounding if rate else None,
         parts=observe_parts(recording, timeline),
     )
 

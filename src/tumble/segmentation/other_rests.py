@@ -11,6 +11,7 @@ from tumble.recording.recording import Recording
 from tumble.segmentation.activity import change_sizes_of, find_activity
 from tumble.segmentation.blocks import Blocks, TriadBlocks, cut_blocks, find_runs
 from tumble.segmentation.creep import in_other_poses_too
+from tumble.segmentation.rounding import step_at_rests
 from tumble.segmentation.stretches import median
 from tumble.segmentation.timeline import Timeline
 
@@ -58,6 +59,10 @@ def find_other_rests(recording: Recording, timeline: Timeline) -> OtherRests | N
     assert activity.force_bias is not None
     levels = np.array([median(rate.smooth[a:b]) for a, b in find_runs(inside)])
     scatter = 1.4826 * float(np.linalg.norm(median(np.abs(levels - median(levels)))))
+    assert recording.angular_rate is not None
+    # Levels of a gyro whose steps are coarser than its noise agree to the last digit, or differ by a step.
+    step = step_at_rests(recording.angular_rate, [hold.stretches() for hold in timeline.holds])
+    scatter = max(scatter, float(np.linalg.norm(step)) / np.sqrt(12.0))
     least = min(LEVEL_SIGMAS * scatter, OTHER_LEVEL * activity.threshold / activity.rate_scale)
     steady = ~inside & _steady(blocks, force, inside) & _steady(blocks, rate, inside)
     spans: list[tuple[int, int]] = []

@@ -17,6 +17,7 @@ from tumble.arrays import Series, Square, Table, Vector, Vectors
 from tumble.estimation.wander import covariance_about_the_mean
 from tumble.recording.recording import Recording
 from tumble.segmentation.averages import batches
+from tumble.segmentation.rounding import rounding_of_each
 from tumble.segmentation.timeline import Timeline
 
 # Of a hold; and of a part, differences of neighbours within which show white noise alone.
@@ -89,7 +90,10 @@ def _averaged(
         pieces, means[at] = pieces[:PIECES], total / (b - a)
         densities[at] = 0.5 * np.mean(np.diff(pieces, axis=0) ** 2, axis=0) * size * step
     # The median of parts, so that a knock in one does not count; of chi-square with so few degrees it is a little low.
-    return means, np.median(densities, axis=0) / _MEDIAN
+    white = np.median(densities, axis=0) / _MEDIAN
+    # A bias that drifts over the edge of a step makes parts differ by as much as rounding may do anywhere.
+    rounding = np.max(rounding_of_each(signal, [[(a, b)] for _, a, b in cuts], means), axis=0)
+    return means, np.maximum(white, rounding * step * float(np.median([b - a for _, a, b in cuts])))
 
 
 # Median over mean of the mean square of seven differences of neighbours: 4.7 degrees of freedom.

@@ -26,6 +26,7 @@ from tumble.arrays import AnyArray, Matrices, Matrix, Series, Table, Vectors
 from tumble.errors import SegmentationError
 from tumble.recording.recording import Recording
 from tumble.segmentation.averages import batch_length, mean_covariance
+from tumble.segmentation.rounding import rounding_variance
 
 # Of a revolution, the least at which the harmonic and the mean are told apart: their fit has there
 # 5.3 times the variance of a plain mean, and 110 times at a quarter.
@@ -251,7 +252,9 @@ def _means(signal: Vectors | None, windows: list[_Window]) -> tuple[Vectors, Mat
     edges = np.concatenate([[0], np.cumsum([len(piece) for piece in still])])
     items = [[(int(a), int(b))] for a, b in pairwise(edges)]
     span = max(w.stop for w in windows) - min(w.start for w in windows)
-    observed = mean_covariance(np.concatenate(still), items, span=span)
+    own = [[(w.start, w.stop)] for w in windows]
+    left = rounding_variance(signal, own, np.array([piece.mean(axis=0) for piece in still]))
+    observed = mean_covariance(np.concatenate(still), items, span=span, rounding=left)
     counts = [len(piece) for piece in still]
     kept = np.array([_noise_kept(w.columns, batch_length(len(w.columns), min(counts))) for w in windows])
     raised = np.array([w.inflation for w in windows]) / kept

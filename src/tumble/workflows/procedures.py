@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tumble.calibration.checks.unseen import state_unseen
+from tumble.calibration.checks.unseen import state_rounding, state_unseen
 from tumble.calibration.procedure import FIRST_TRIED, Procedure, all_procedures, find_procedure
 from tumble.calibration.session import Options, Session
 from tumble.errors import ConvergenceError, ObservabilityError, UsageError
@@ -62,6 +62,7 @@ def run_procedure(session: Session, procedure: str | None) -> tuple[Estimate, st
     """
     estimate, reason = _evaluated(session, procedure)
     state_unseen(session, estimate)
+    state_rounding(session, estimate)
     return estimate, reason
 
 

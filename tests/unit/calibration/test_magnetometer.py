@@ -27,7 +27,7 @@ from tumble.calibration.magnetometer.field_equations import (
     FieldAdjustment,
     FieldSeen,
 )
-from tumble.calibration.magnetometer.field_means import field_means, resolution
+from tumble.calibration.magnetometer.field_means import field_means
 from tumble.calibration.magnetometer.field_start import start_field
 from tumble.calibration.magnetometer.parameters import nearest_axes
 from tumble.calibration.magnetometer.verdict import judge_magnetometer
@@ -355,13 +355,6 @@ def test_without_holds_the_magnetometer_is_calibrated_by_itself() -> None:
     )
     assert judge_magnetometer(made).use == "fit with reservations"
     assert "not determined" in judge_magnetometer(made).reasons[0]
-
-
-def test_a_resolution_is_found_and_numbers_without_one_have_none() -> None:
-    rng = np.random.default_rng(3)
-    fine = rng.standard_normal((500, 3))
-    np.testing.assert_array_equal(resolution(fine), np.zeros(3))
-    np.testing.assert_allclose(resolution(np.round(10.0 * fine / 0.3) * 0.3)[0], 0.3)
 
 
 def test_a_hold_without_samples_takes_no_part() -> None:

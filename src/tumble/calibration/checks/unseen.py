@@ -102,6 +102,46 @@ def state_unseen(session: Session, estimate: Estimate) -> None:
             _say(estimate, one, share)
 
 
+def state_rounding(session: Session, estimate: Estimate) -> None:
+    """Say where a converter's steps, and not noise, decide what the means of holds are worth.
+
+    Parameters
+    ----------
+    session, estimate : what was recorded, and its estimate.
+    """
+    from tumble.segmentation.rounding import step_at_rests
+
+    recording, means = session.recording, session.means
+    rests = [hold.stretches() for hold in session.timeline.holds]
+    for name, signal, unit, rounding, covariance in (
+        (
+            "accelerometer",
+            recording.specific_force,
+            recording.specific_force_unit,
+            means.specific_force_rounding,
+            means.specific_force_covariance,
+        ),
+        (
+            "gyro",
+            recording.angular_rate,
+            recording.angular_rate_unit,
+            means.angular_rate_rounding,
+            means.angular_rate_covariance,
+        ),
+    ):
+        if signal is None or rounding is None or covariance is None or not np.any(rounding):
+            continue
+        share = np.median(rounding / np.diagonal(covariance, axis1=1, axis2=2), axis=0)
+        if np.max(share) > DECIDES:
+            step = float(np.max(step_at_rests(signal, rests)))
+            estimate.say(
+                "remark",
+                f"The {name}'s output goes in steps of {step:.2g} {unit}, coarser than its noise: a mean at rest is "
+                "off by up to half a step, however long the hold. It is in the uncertainties. A smaller measuring "
+                "range, a wider filter or more decimals in the file make it less.",
+            )
+
+
 def state_unseen_clock(clock: Clock, estimate: Estimate) -> None:
     """Put the clock into an estimate whose gyro scale factors all come from turns.
 

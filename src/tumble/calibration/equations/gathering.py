@@ -9,6 +9,7 @@ from tumble.calibration.equations.turn import HoldsAndTurns
 from tumble.errors import ObservabilityError
 from tumble.recording.recording import Recording
 from tumble.segmentation import Hold, HoldMeans, NoiseFloor, Timeline
+from tumble.segmentation.rounding import step_at_rests
 
 # A turn joins a hold over its last or first two seconds: long enough to average the accelerometer's
 # noise below the gyro's, short enough that a creeping pose does not matter.
@@ -37,9 +38,10 @@ def gather(recording: Recording, timeline: Timeline, means: HoldMeans) -> HoldsA
         raise ObservabilityError("The holds' means lack a triad.")
     head, tail = _edge_windows(timeline.holds, means, recording.rate)
     turn_start, turn_stop = _turn_ranges(timeline, head, tail)
+    rests = [hold.stretches() for hold in timeline.holds]
     floor = NoiseFloor(
-        _least(timeline.noise_floor.specific_force, recording.specific_force),
-        _least(timeline.noise_floor.angular_rate, recording.angular_rate),
+        _least(timeline.noise_floor.specific_force, recording.specific_force, rests),
+        _least(timeline.noise_floor.angular_rate, recording.angular_rate, rests),
         timeline.noise_floor.threshold,
         timeline.noise_floor.statistic,
     )
@@ -58,20 +60,26 @@ def gather(recording: Recording, timeline: Timeline, means: HoldMeans) -> HoldsA
         turn_stop=turn_stop,
         force_sample_variance=floor.specific_force**2,
         rate_random_walk=floor.angular_rate**2 / recording.rate,
-        force_floor=_floor(means.specific_force_covariance, floor.specific_force, means),
-        rate_floor=_floor(means.angular_rate_covariance, floor.angular_rate, means),
+        force_floor=_floor(
+            means.specific_force_covariance, floor.specific_force, means, means.specific_force_rounding
+        ),
+        rate_floor=_floor(
+            means.angular_rate_covariance, floor.angular_rate, means, means.angular_rate_rounding
+        ),
+        rate_rounding=means.angular_rate_rounding,
         parts=means.parts,
     )
 
 
-def _least(sigma: Vector, signal: Vectors) -> Vector:
-    """Return a sample's sigma, or what its digits leave uncertain where there is no noise at all."""
-    return np.maximum(sigma, SAMPLE_DIGITS * max(float(signal.max()), -float(signal.min())))
+def _least(sigma: Vector, signal: Vectors, rests: list[list[tuple[int, int]]]) -> Vector:
+    """Return a sample's sigma, or what rounding and its digits leave uncertain where there is no noise at all."""
+    digits = SAMPLE_DIGITS * max(float(signal.max()), -float(signal.min()))
+    return np.maximum(sigma, np.maximum(step_at_rests(signal, rests) / np.sqrt(12.0), digits))
 
 
-def _floor(covariance: Matrices, sigma: Vector, means: HoldMeans) -> Vector:
-    """Return the variance of a hold's mean beyond white noise, the median over the holds."""
-    variance = np.diagonal(covariance, axis1=1, axis2=2)
+def _floor(covariance: Matrices, sigma: Vector, means: HoldMeans, rounding: Vectors | None) -> Vector:
+    """Return the variance of a hold's mean beyond white noise and rounding, the median over the holds."""
+    variance = np.diagonal(covariance, axis1=1, axis2=2) - (0.0 if rounding is None else rounding)
     white = sigma**2 / means.count[:, None]
     return np.median(np.maximum(variance - white, 0.0), axis=0)
 

@@ -166,10 +166,12 @@ class Rate(HoldEquations):
         return "hold", f"the gyro's output at rest is off by {times}: did it really rest?"
 
     def _floors(self, data: Observed) -> AnyArray:
-        """Return (holds, 3, 3) of each hold's mean rate what white noise does not explain."""
+        """Return (holds, 3, 3) of each hold's mean rate what white noise and rounding do not explain."""
         base, k = data.base, self.place
         step = (base.time[-1] - base.time[0]) / max(base.time.shape[0] - 1, 1)
         white = base.rate_random_walk / (base.hold_samples[k, None] * step)
+        if base.rate_rounding is not None:
+            white = white + base.rate_rounding[k]
         beyond = np.maximum(np.diagonal(base.rate_covariance[k], axis1=1, axis2=2) - white, 0.0)
         return beyond[:, :, None] * np.eye(3)
 

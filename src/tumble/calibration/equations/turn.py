@@ -62,6 +62,7 @@ class HoldsAndTurns:
     rate_random_walk : (3,) N² of each gyro, raw² s, from the holds.
     force_floor, rate_floor : (3,) raw², what no averaging takes away: a bias that wanders.
     parts : means of the parts of the holds, which show how biases wander; None where nobody asks.
+    rate_rounding : (holds, 3) raw², what of the gyro's covariance rounding leaves; None where nothing is known.
     """
 
     time: Series
@@ -81,6 +82,7 @@ class HoldsAndTurns:
     force_floor: Vector
     rate_floor: Vector
     parts: RestParts | None = None
+    rate_rounding: Vectors | None = None
 
     @property
     def holds(self) -> int:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tumble.arrays import Matrix, Series, Square, Vector, Vectors, inverted
-from tumble.calibration.magnetometer.field_means import resolution
 from tumble.errors import ObservabilityError
+from tumble.segmentation.rounding import converter_step
 
 # Samples beyond so many robust sigmas count for nothing; so many rounds.
 CUT, ROUNDS, ITERATIONS = 5.0, 6, 50
@@ -98,7 +98,7 @@ def fit_ellipsoid(values: Vectors) -> Ellipsoid:
         if np.array_equal(now, taken):
             break
         taken = now
-    return _described(scaled, taken, x, centre, size, float(np.max(resolution(values))) / size)
+    return _described(scaled, taken, x, centre, size, float(np.max(converter_step(values))) / size)
 
 
 def _described(

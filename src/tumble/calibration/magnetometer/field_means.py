@@ -8,6 +8,7 @@ import numpy as np
 
 from tumble.arrays import Matrices, Series, Vector, Vectors
 from tumble.calibration.equations.turn import HoldsAndTurns
+from tumble.segmentation.rounding import rounding_variance, step_at_rests
 
 # A hold with fewer samples of the magnetometer takes no part.
 FEWEST_SAMPLES = 3
@@ -46,8 +47,8 @@ def field_means(time: Series, values: Vectors, base: HoldsAndTurns) -> FieldMean
 
     Notes
     -----
-    White noise falls with the root of the samples, by the scatter within the holds, the same for all of them. Where
-    the scatter is below half a step of the converter nothing averages the rounding: its variance stays.
+    White noise falls with the root of the samples, by the scatter within the holds, the same for all of them. What
+    rounding leaves stays (`tumble.segmentation.rounding`).
     """
     finite = np.isfinite(time) & np.all(np.isfinite(values), axis=1)
     time, values = time[finite], values[finite]
@@ -57,34 +58,18 @@ def field_means(time: Series, values: Vectors, base: HoldsAndTurns) -> FieldMean
     count = last - first
     mean = np.zeros((base.holds, 3))
     scatter: list[Vector] = []
-    for k in np.flatnonzero(count >= FEWEST_SAMPLES).tolist():
+    some = count >= FEWEST_SAMPLES
+    for k in np.flatnonzero(some).tolist():
         rows = values[first[k] : last[k]]
         mean[k] = rows.mean(axis=0)
         # Of neighbours: what drifts slowly is no noise of a sample.
         scatter.append(0.5 * np.mean(np.diff(rows, axis=0) ** 2, axis=0))
     variance = np.median(scatter, axis=0) if scatter else np.ones(3)
-    step = resolution(values)
-    white = np.maximum(variance, step**2 / 12.0)
-    stays = np.where(variance < (0.5 * step) ** 2, step**2 / 12.0, 0.0)
+    rests = [[(int(a), int(b))] for a, b in zip(first[some], last[some], strict=True)]
+    white = np.maximum(variance, step_at_rests(values, rests) ** 2 / 12.0)
+    stays = np.zeros((base.holds, 3))
+    stays[some] = rounding_variance(values, rests, mean[some])
     samples = np.maximum(count, 1)[:, None]
     spread = np.maximum(white / samples + stays, (1e-9 * max(float(np.max(np.abs(mean))), 1e-300)) ** 2)
-    spread = np.where((count >= FEWEST_SAMPLES)[:, None], spread, 1.0)
+    spread = np.where(some[:, None], spread, 1.0)
     return FieldMeans(mean, spread[:, :, None] * np.eye(3), count, edges.mean(axis=1))
-
-
-def resolution(values: Vectors) -> Vector:
-    """Return (3,) the converter's step: the least difference of values that are not equal; 0 of numbers without one.
-
-    Parameters
-    ----------
-    values : (samples, 3) raw.
-    """
-    made = np.zeros(3)
-    for axis in range(3):
-        steps = np.diff(np.unique(values[:, axis]))
-        size = float(np.max(np.abs(values[:, axis]), initial=0.0))
-        steps = steps[steps > 1e-7 * size]
-        # A quantised signal has few values: each is seen several times.
-        if steps.size and steps.size < len(values) / 3:
-            made[axis] = float(steps.min())
-    return made

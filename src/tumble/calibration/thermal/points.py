@@ -11,6 +11,7 @@ from tumble.errors import ObservabilityError
 from tumble.recording.recording import Recording
 from tumble.segmentation import Timeline
 from tumble.segmentation.averages import mean_covariance
+from tumble.segmentation.rounding import rounding_variance
 from tumble.sensor.thermal import TemperatureBasis, ThermalModel, follow_temperature
 
 # A rest is cut where its temperature changes by more than this, or where it lasts longer.
@@ -19,7 +20,6 @@ CUT_KELVINS, CUT_SECONDS = 1.0, 600.0
 LEAST_SECONDS = 2.0
 # The path is followed on means of the thermometer over this long: finer is nothing to a unit with a mass.
 GRID = 1.0  # s
-STEPS_SEEN = 20_000
 # A rest whose means scatter by so many times the usual variance was disturbed.
 UNQUIET = 10.0
 
@@ -242,13 +242,17 @@ def _means(signal: Vectors | None, stretches: list[tuple[int, int]]) -> tuple[Ve
         size += last - first
     # White noise alone: what neighbouring rests have in common is found from their residuals, and what of it is inside
     # a rest, where batch means see it, would be taken for noise that they have not in common.
-    batches = np.diagonal(mean_covariance(np.concatenate(parts), items, span=1).covariance, axis1=1, axis2=2)
+    none = np.zeros_like(means)
+    batches = np.diagonal(
+        mean_covariance(np.concatenate(parts), items, span=1, rounding=none).covariance, axis1=1, axis2=2
+    )
     count = np.array([last - first for first, last in stretches])
     usual = np.median(batches * count[:, None], axis=0)
     # A rest that is far less quiet than the others keeps its own.
     unquiet = batches * count[:, None] > UNQUIET * usual
     white = np.where(unquiet, batches, np.minimum(white_variance(parts) / count[:, None], batches))
-    return means, (white + _rounding(signal) ** 2)[:, :, None] * np.eye(3)
+    rounding = rounding_variance(signal, [[rest] for rest in stretches], means)
+    return means, (white + rounding)[:, :, None] * np.eye(3)
 
 
 def white_variance(parts: list[AnyArray]) -> Series:
@@ -289,23 +293,3 @@ def white_variance(parts: list[AnyArray]) -> Series:
         white[axis] = line[0] if line[1] > 0.0 else np.sum(scaled**2 * level[:, axis]) / np.sum(scaled**2)
     least = 0.1 * level.min(axis=0)
     return np.maximum(white, least)
-
-
-def _rounding(signal: Vectors) -> Series:
-    """Return one sigma of what the converter's step leaves in a mean, on each axis.
-
-    Noise of σ dithers a step Δ: the mean of a rounded signal is off by no more than Δ/π exp(-2π² (σ/Δ)²) (Widrow
-    and Kollár, Quantization Noise, 2008), which is nothing from half a step of noise on.
-    """
-    moved = np.diff(signal[:STEPS_SEEN], axis=0)
-    sigma = np.zeros(3)
-    for axis in range(3):
-        size = np.abs(moved[:, axis])
-        other = size[size > 1e-9 * np.max(np.abs(signal[:, axis]))]
-        if other.size:
-            step = float(other.min())
-            # Turns move more than noise does: half of all differences at rest tell the noise.
-            calm = size[size <= 5.0 * max(float(np.median(size)), step)]
-            noise = max(0.5 * float(np.mean(calm**2)) - step**2 / 12.0, 0.0)
-            sigma[axis] = step / np.sqrt(12.0) * np.exp(-2.0 * np.pi**2 * noise / step**2)
-    return sigma

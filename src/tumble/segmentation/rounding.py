@@ -1,0 +1,121 @@
+"""What a converter's step leaves in a mean: rounding averages out only as far as noise dithers it.
+
+Samples are rounded to multiples of a step Δ. The mean of many samples is off by as much as half a step where noise does
+not dither it, and by nothing from half a step of noise on (Widrow and Kollár, Quantization Noise, 2008). How the
+samples of a rest lie on the steps determines what can be known: with noise of standard deviation σ before the rounding
+a share Φ(((j + 1/2)Δ - x) / σ) - Φ(((j - 1/2)Δ - x) / σ) of them is jΔ, and their mean is off x by so much. σ is that
+of all rests together, x of each: over what the samples leave possible of both, the mean square of what the mean is off
+is the variance. Rests that show the same number are off by the same: together they know no more than one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tumble.arrays import AnyArray, Series, Vector, Vectors
+
+Item = Sequence[tuple[int, int]]
+# So many rests, samples of each and samples before it, where the unit may move, show the step.
+_RESTS, _SEEN, _BEFORE = 40, 500, 100
+# So many samples of a rest show how they lie: more, and that neighbours are alike would matter.
+_SAMPLES = 64
+# In steps squared: samples that scatter by more are dithered.
+_DITHERED = 0.5
+# In steps: the noise that may be there, each share of it as likely as any, and where the true value may be.
+_NOISE = np.geomspace(0.01, 0.8, 20)
+_PLACES = np.linspace(-0.75, 0.75, 61)
+# Steps beyond those seen that noise may reach.
+_BEYOND = 3
+
+
+def converter_step(values: Vectors) -> Vector:
+    """Return (3,) the converter's step: the least difference of values that are not equal; 0 of numbers without one.
+
+    Parameters
+    ----------
+    values : (samples, 3) raw.
+    """
+    made = np.zeros(3)
+    for axis in range(3):
+        steps = np.diff(np.unique(values[:, axis]))
+        size = float(np.max(np.abs(values[:, axis]), initial=0.0))
+        steps = steps[steps > 1e-7 * size]
+        # A quantised signal has few values: each is seen several times.
+        if steps.size and steps.size < len(values) / 3:
+            made[axis] = float(steps.min())
+    return made
+
+
+def step_at_rests(signal: Vectors, items: Sequence[Item]) -> Vector:
+    """Return (3,) the converter's step, raw, from samples of some rests and of what comes before each.
+
+    Parameters
+    ----------
+    signal : (samples, 3) raw.
+    items : half-open index ranges of each rest.
+    """
+    pieces = [signal[max(a - _BEFORE, 0) : min(a + _SEEN, b)] for a, b in _some(items)]
+    return converter_step(np.concatenate(pieces)) if pieces else np.zeros(3)
+
+
+def rounding_variance(signal: Vectors, items: Sequence[Item], means: Vectors) -> Vectors:
+    """Return (items, 3) raw², what rounding leaves in the means of rests, for an adjustment that takes each by itself.
+
+    Parameters
+    ----------
+    signal : (samples, 3) raw, as the converter wrote it.
+    items : half-open index ranges of each rest.
+    means : (items, 3) of the rests.
+    """
+    step = step_at_rests(signal, items)
+    apart = np.abs(means[:, None] - means[None])
+    return np.einsum("kja,ja->ka", apart < 0.5 * step, rounding_of_each(signal, items, means))
+
+
+def rounding_of_each(signal: Vectors, items: Sequence[Item], means: Vectors) -> Vectors:
+    """Return (items, 3) raw², variance of what rounding leaves in the mean of each rest alone.
+
+    Parameters
+    ----------
+    signal, items, means : as for `rounding_variance`.
+    """
+    left = np.zeros((len(items), 3))
+    step = step_at_rests(signal, items)
+    chosen = [np.concatenate([np.arange(a, b) for a, b in item]) for item in items]
+    chosen = [at[np.linspace(0, at.size - 1, min(at.size, _SAMPLES)).astype(int)] for at in chosen]
+    for axis in np.flatnonzero(step > 0.0).tolist():
+        own = step[axis]
+        seen = [np.asarray(signal[at, axis], dtype=float) / own for at in chosen]
+        if np.median([np.var(values) for values in seen]) <= _DITHERED:
+            left[:, axis] = own**2 * _mean_square(seen, means[:, axis] / own)
+    return left
+
+
+def _some(items: Sequence[Item]) -> list[tuple[int, int]]:
+    """The first stretches of some of the rests."""
+    chosen = np.unique(np.linspace(0, len(items) - 1, min(len(items), _RESTS)).astype(int))
+    return [items[k][0] for k in chosen.tolist()]
+
+
+def _mean_square(rests: list[AnyArray], means: AnyArray) -> AnyArray:
+    """(rests,) mean square of what rounding puts a mean off by, in steps, over what the samples leave possible."""
+    from scipy.special import ndtr
+
+    likely, squares = np.empty((2, len(rests), _NOISE.size, _PLACES.size))
+    half = 0.5 / _NOISE[:, None, None]
+    for k, values in enumerate(rests):
+        # Multiples are counted from some sample of the rest: a zero of the converter need not be one.
+        first, last = round(float(values.min() - values[0])), round(float(values.max() - values[0]))
+        numbers: Series = np.arange(first - _BEYOND, last + _BEYOND + 1, dtype=np.float64)
+        counts = np.bincount(np.rint(values - values[0] - numbers[0]).astype(int), minlength=numbers.size)
+        away = numbers - (means[k] - values[0]) - _PLACES[:, None]
+        shares = ndtr(away / _NOISE[:, None, None] + half) - ndtr(away / _NOISE[:, None, None] - half)
+        likely[k] = np.log(np.maximum(shares, 1e-12)) @ counts
+        squares[k] = np.sum(shares * away, axis=2) ** 2
+    highest = likely.max(axis=2, keepdims=True)
+    of_place = np.exp(likely - highest)
+    of_noise = np.sum(highest[:, :, 0] + np.log(of_place.sum(axis=2)), axis=0)
+    weight = np.exp(of_noise - of_noise.max())
+    return (np.sum(of_place * squares, axis=2) / of_place.sum(axis=2)) @ (weight / weight.sum())
