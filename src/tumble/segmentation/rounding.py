@@ -19,6 +19,8 @@ from tumble.arrays import AnyArray, Series, Vector, Vectors
 Item = Sequence[tuple[int, int]]
 # So many rests, samples of each and samples before it, where the unit may move, show the step.
 _RESTS, _SEEN, _BEFORE = 40, 500, 100
+# In steps: decimals that were cut off; so many of the differences are multiples to that.
+_WHOLE, _MOST = 0.2, 0.9
 # So many samples of a rest show how they lie: more, and that neighbours are alike would matter.
 _SAMPLES = 64
 # In steps squared: samples that scatter by more are dithered.
@@ -31,7 +33,7 @@ _BEYOND = 3
 
 
 def converter_step(values: Vectors) -> Vector:
-    """Return (3,) the converter's step: the least difference of values that are not equal; 0 of numbers without one.
+    """Return (3,) the converter's step, of which all differences of values are multiples; 0 of numbers without one.
 
     Parameters
     ----------
@@ -42,9 +44,11 @@ def converter_step(values: Vectors) -> Vector:
         steps = np.diff(np.unique(values[:, axis]))
         size = float(np.max(np.abs(values[:, axis]), initial=0.0))
         steps = steps[steps > 1e-7 * size]
-        # A quantised signal has few values: each is seen several times.
+        # A quantised signal has few values: each is seen several times. So is a signal without any noise at rest.
         if steps.size and steps.size < len(values) / 3:
-            made[axis] = float(steps.min())
+            least = float(np.mean(steps[steps < 1.5 * steps.min()]))
+            whole = np.abs(steps / least - np.rint(steps / least)) < _WHOLE
+            made[axis] = least if np.mean(whole) > _MOST else 0.0
     return made
 
 

@@ -63,3 +63,13 @@ def test_noise_of_more_than_a_step_dithers() -> None:
     rng = np.random.default_rng(2)
     signal, ranges, means = rests(0.9, rng.uniform(-0.5, 0.5, (5, 3)), rng)
     np.testing.assert_array_equal(rounding_variance(signal, ranges, means), np.zeros((5, 3)))
+
+
+def test_decimals_that_were_cut_off_leave_a_step_and_rests_without_noise_have_none() -> None:
+    rng = np.random.default_rng(4)
+    counts = rng.integers(-300, 300, (3000, 3))
+    np.testing.assert_allclose(
+        converter_step(np.round(counts * 0.06103515625, 3)), np.full(3, 0.061035), rtol=2e-3
+    )
+    still = np.repeat(rng.standard_normal((40, 3)), 50, axis=0)
+    np.testing.assert_array_equal(converter_step(still), np.zeros(3))
