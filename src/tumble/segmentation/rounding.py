@@ -73,9 +73,14 @@ def rounding_variance(signal: Vectors, items: Sequence[Item], means: Vectors) ->
     items : half-open index ranges of each rest.
     means : (items, 3) of the rests.
     """
-    step = step_at_rests(signal, items)
-    apart = np.abs(means[:, None] - means[None])
-    return np.einsum("kja,ja->ka", apart < 0.5 * step, rounding_of_each(signal, items, means))
+    left = rounding_of_each(signal, items, means)
+    half = 0.5 * step_at_rests(signal, items) * (1.0 - 1e-6)
+    for axis in np.flatnonzero(np.any(left > 0.0, axis=0)).tolist():
+        order = np.argsort(means[:, axis])
+        value, sums = means[order, axis], np.concatenate([[0.0], np.cumsum(left[order, axis])])
+        alike = np.searchsorted(value, [value - half[axis], value + half[axis]])
+        left[order, axis] = sums[alike[1]] - sums[alike[0]]
+    return left
 
 
 def rounding_of_each(signal: Vectors, items: Sequence[Item], means: Vectors) -> Vectors:
@@ -87,8 +92,7 @@ def rounding_of_each(signal: Vectors, items: Sequence[Item], means: Vectors) -> 
     """
     left = np.zeros((len(items), 3))
     step = step_at_rests(signal, items)
-    chosen = [np.concatenate([np.arange(a, b) for a, b in item]) for item in items]
-    chosen = [at[np.linspace(0, at.size - 1, min(at.size, _SAMPLES)).astype(int)] for at in chosen]
+    chosen = [_evenly(item) for item in items] if np.any(step > 0.0) else []
     for axis in np.flatnonzero(step > 0.0).tolist():
         own = step[axis]
         seen = [np.asarray(signal[at, axis], dtype=float) / own for at in chosen]
@@ -103,6 +107,16 @@ def _some(items: Sequence[Item]) -> list[tuple[int, int]]:
     return [items[k][0] for k in chosen.tolist()]
 
 
+def _evenly(item: Item) -> np.ndarray:
+    """Some samples of a rest, evenly from all its stretches."""
+    stops = np.array([b for _, b in item])
+    ends = np.cumsum(np.array([b - a for a, b in item]))
+    total = int(ends[-1])
+    at = np.linspace(0, total - 1, min(total, _SAMPLES)).astype(int)
+    stretch = np.searchsorted(ends, at, side="right")
+    return at - ends[stretch] + stops[stretch]
+
+
 def _mean_square(rests: list[AnyArray], means: AnyArray) -> AnyArray:
     """(rests,) mean square of what rounding puts a mean off by, in steps, over what the samples leave possible."""
     from scipy.special import ndtr
@@ -114,8 +128,9 @@ def _mean_square(rests: list[AnyArray], means: AnyArray) -> AnyArray:
         first, last = round(float(values.min() - values[0])), round(float(values.max() - values[0]))
         numbers: Series = np.arange(first - _BEYOND, last + _BEYOND + 1, dtype=np.float64)
         counts = np.bincount(np.rint(values - values[0] - numbers[0]).astype(int), minlength=numbers.size)
-        away = numbers - (means[k] - values[0]) - _PLACES[:, None]
-        shares = ndtr(away / _NOISE[:, None, None] + half) - ndtr(away / _NOISE[:, None, None] - half)
+        away: AnyArray = numbers - (means[k] - values[0]) - _PLACES[:, None]
+        to = away / _NOISE[:, None, None]
+        shares: AnyArray = np.asarray(ndtr(to + half) - ndtr(to - half))
         likely[k] = np.log(np.maximum(shares, 1e-12)) @ counts
         squares[k] = np.sum(shares * away, axis=2) ** 2
     highest = likely.max(axis=2, keepdims=True)
